@@ -1,0 +1,3 @@
+#include <Python.h>
+static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "_cells", NULL, -1, NULL, NULL, NULL, NULL, NULL};
+PyMODINIT_FUNC PyInit__cells(void) { return PyModule_Create(&module); }

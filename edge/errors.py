@@ -1,0 +1,47 @@
+"""What can go wrong on the edge, and whose fault it is.
+
+    EdgeError
+    ├── UsageError           the user's mistake: one line, exit code 2
+    │   ├── ConfigError          edge.toml: unknown key, wrong type, out of range
+    │   ├── CalibrationError     calibration file: unreadable, wrong version, another sensor's
+    │   ├── SourceError          no such camera, recording or image
+    │   └── SinkError            no such bus or serial port
+    ├── NoPins               the image shows no pin pattern (black, white, out of focus, not a tip)
+    └── DegenerateLayout     fewer than 3 visible pins, or all on a line
+
+Every message says what is wrong, where (file and key, argument, device) and what would be right.
+Faults of a running system (camera stalled, bus off, pins lost) are not exceptions: they are status
+bits and counters, and the loop goes on.
+"""
+
+
+class EdgeError(Exception):
+    """Root of what this package raises on purpose."""
+
+
+class UsageError(EdgeError):
+    """Input that the user can put right."""
+
+
+class ConfigError(UsageError):
+    """The configuration file cannot be used."""
+
+
+class CalibrationError(UsageError):
+    """The calibration file cannot be used."""
+
+
+class SourceError(UsageError):
+    """The camera, recording or image cannot be used."""
+
+
+class SinkError(UsageError):
+    """The bus or serial port cannot be used."""
+
+
+class NoPins(EdgeError):
+    """The image shows no pattern of pins."""
+
+
+class DegenerateLayout(EdgeError):
+    """The pins do not span a plane: fewer than three, or all on a line."""

@@ -1,0 +1,291 @@
+"""What flows between the stages; the only thing that stages know of each other.
+
+    FrameSource -> Frame -> [pins] Pins -> [track] Tracks -> [tessellate] Cells
+                -> [features] Features -> [calibration] Reading -> [pack] hostlink.wire.State
+
+Rules
+- Row i is pin i for ever, from the rest frame on. A lost pin is NaN and `seen[i] == False`, never a
+  missing row. (`Pins` fresh from full-frame detection are unordered: they have no identity yet.)
+- Frames of reference stand in names. `xy_img`: px, x right, y down, pixel centres on integers.
+  `xy_tip`: mm, same axes, origin on the tip's axis, z out of the skin. Images are `[row, col]`, points
+  `(n, 2)` x,y; `pins` alone converts.
+- Arrays handed on are not written to afterwards: neither by the stage that made them nor by one that
+  got them. A stage that reuses a buffer says so in its docstring and says how long it stays good.
+- Units stand in names: _px _px2 _mm _n _kpa _rad _deg _us _ns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import Enum, StrEnum
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hostlink.wire import State
+
+__all__ = [
+    "Array",
+    "Cells",
+    "Clock",
+    "ContactRegion",
+    "Feature",
+    "Features",
+    "Frame",
+    "FrameSource",
+    "Image",
+    "PinPattern",
+    "Pins",
+    "Reading",
+    "Rest",
+    "State",
+    "Tracks",
+]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Index = NDArray[np.int32]
+Image = NDArray[np.uint8] | NDArray[np.uint16]
+
+
+class Clock(StrEnum):
+    """Which clock stamped a frame."""
+
+    DEVICE = "device"  # the camera module's own
+    DRIVER = "driver"  # the kernel's or the vendor library's, host monotonic
+    HOST = "host"  # our own, taken when the frame was handed to us
+    RECORDED = "recorded"  # as stored in a recording
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One camera image.
+
+    image       (h, w) uint8, or uint16 for 10- and 12-bit sensors; grey. `bits` says how many count.
+    capture_ns  int, start of exposure on `clock`
+    sequence    int, the camera's own counter: a gap is a frame that never reached us
+    truth       what a simulator or rig knows of this frame (JSON-able), else None
+    """
+
+    image: Image
+    capture_ns: int
+    sequence: int
+    clock: Clock = Clock.HOST
+    bits: int = 8
+    truth: dict[str, Any] | None = None
+
+
+class FrameSource(Protocol):
+    """An iterator of frames that gives the newest one and counts what it had to drop.
+
+    Ends with StopIteration at the end of a recording; a live source ends only on `close`.
+    Raises SourceError when it cannot be opened; a device lost in flight is `faults`, not an exception.
+    """
+
+    name: str
+    size_px: tuple[int, int]  # width, height
+    rate_hz: float  # nominal; 0 where unknown
+    live: bool  # True: frames come when the world makes them; False: as fast as they are read
+    dropped_n: int  # frames that came and were thrown away because the reader was slow
+
+    def __iter__(self) -> Iterator[Frame]: ...
+
+    def close(self) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Pins:
+    """Bright blobs that fit the pin pattern, or one row a pin where identities are known.
+
+    xy_img      (n, 2) float64, px; centroid; NaN where a known pin was not found
+    sigma_px    (n,) float64 > 0, one-sigma noise of one coordinate of the centroid
+    radius_px   (n,) float64, radius of the disc of equal area
+    brightness  (n,) float64, mean grey level of the disc over its surroundings
+    """
+
+    xy_img: Array
+    sigma_px: Array
+    radius_px: Array
+    brightness: Array
+
+    def __len__(self) -> int:
+        return len(self.xy_img)
+
+
+@dataclass(frozen=True, slots=True)
+class PinPattern:
+    """What the pins of this tip look like to this camera; learnt from one image, never configured.
+
+    pin_radius_px    typical radius of a pin's disc
+    pitch_px         median distance of neighbouring pins
+    centre_img       (2,) centre of the circle round the pins
+    tip_radius_px    radius of the smallest circle round all pin centres, plus one pin radius
+    background       grey level between the pins
+    brightness       grey level of a pin over the background
+    noise            standard deviation of the grey level between the pins, after removal of gradients
+    size_px          (width, height) of the image it was learnt from
+    """
+
+    pin_radius_px: float
+    pitch_px: float
+    centre_img: Array
+    tip_radius_px: float
+    background: float
+    brightness: float
+    noise: float
+    size_px: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """The untouched tip: the frame of reference of everything after it.
+
+    pins     row i defines pin i
+    pattern  how they look
+    """
+
+    pins: Pins
+    pattern: PinPattern
+
+    @property
+    def xy_img(self) -> Array:
+        """(n, 2) px, rest position of each pin."""
+        return self.pins.xy_img
+
+    def __len__(self) -> int:
+        return len(self.pins)
+
+
+@dataclass(frozen=True, slots=True)
+class Tracks:
+    """Where each pin of the rest frame is now.
+
+    xy_img       (n, 2) float64 px; NaN where lost
+    sigma_px     (n,) float64; NaN where lost
+    seen         (n,) bool
+    confidence   0..1; how sure the identities are. Below `LOW_CONFIDENCE` they must not be used.
+    """
+
+    xy_img: Array
+    sigma_px: Array
+    seen: Mask
+    confidence: float
+
+    LOW_CONFIDENCE = 0.5
+
+    @property
+    def n_seen(self) -> int:
+        return int(np.count_nonzero(self.seen))
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """Bounded Voronoi cells of the pins.
+
+    area_px2       (n,) float64; NaN where the pin is lost
+    rest_area_px2  (n,) float64; the same boundary rule on the rest frame
+    xy_img         (n, 2) float64 px; the points tessellated: seen pins, and predictions for lost ones
+    triangles      (m, 3) int32; Delaunay triangles; indices >= n are boundary points
+    boundary_img   (b, 2) float64 px; the artificial points of the paper, moving with the rim
+    """
+
+    area_px2: Array
+    rest_area_px2: Array
+    xy_img: Array
+    triangles: Index
+    boundary_img: Array
+
+
+class Feature(StrEnum):
+    """What can be asked for. The demand is a `frozenset[Feature]`; nothing outside it is computed."""
+
+    DISPLACEMENT = "displacement"
+    FORCE = "force"
+    PRESSURE = "pressure"
+    CONTACT_AREA = "contact_area"
+    CONTACTS = "contacts"
+    SHEAR = "shear"
+    TORSION = "torsion"
+    TILT = "tilt"
+    SLIP = "slip"
+    ORIENTATION = "orientation"
+    SURFACE = "surface"  # the grid itself, for viewers and recorders
+
+
+@dataclass(frozen=True, slots=True)
+class ContactRegion:
+    """One contact: a regional maximum of the compression surface, and the region that belongs to it.
+
+    xy_img           (2,) px, refined below the grid's step
+    peak             relative area change at the maximum
+    area_px2         area over the contact threshold that belongs to this maximum
+    orientation_rad  direction of the long axis, in (-pi/2, pi/2], from x towards y; NaN when round
+    elongation       long over short axis, >= 1
+    ridge_img        (k, 2) px, the chain of maxima merged into this contact (k >= 1)
+    """
+
+    xy_img: Array
+    peak: float
+    area_px2: float
+    orientation_rad: float
+    elongation: float
+    ridge_img: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Features:
+    """What the geometry says, in image units. Fields that were not asked for are None.
+
+    area_change     (n,) float64, (A - A_rest) / A_rest per pin; NaN where lost
+    displacement_px (n, 2) float64, local shear: motion of each pin since rest; NaN where lost
+    shear_px        (2,) float64, the paper's global shear: plain mean of the seen pins' motion
+    modes_px        (2, k) float64, coefficients of the motion field's vector polynomial on the unit
+                    disc of the tip; order of terms: `features.MODE_TERMS`
+    area_modes      (k,) float64, coefficients of the area change's polynomial, same terms
+    volume_px2      float, integral of the compressed (positive) part of the surface over the tip
+    surface         (g, g) float64, area change on a regular grid over the tip's circle; NaN outside
+    grid_img        (g,) x and (g,) y of the grid, px
+    contacts        strongest first
+    touched         False: nothing above the noise; surface and contacts were not even looked for
+    torsion_rad     rotation of the motion field about the contact
+    slip_px         float, mean motion of the skin since the last frame that the load does not explain
+    """
+
+    area_change: Array
+    displacement_px: Array
+    touched: bool
+    shear_px: Array | None = None
+    modes_px: Array | None = None
+    area_modes: Array | None = None
+    volume_px2: float | None = None
+    surface: Array | None = None
+    grid_img: tuple[Array, Array] | None = None
+    contacts: tuple[ContactRegion, ...] | None = None
+    torsion_rad: float | None = None
+    slip_px: float | None = None
+
+
+class Validity(Enum):
+    """Why a value may not be used as it stands."""
+
+    OK = "ok"
+    SATURATED = "saturated"  # outside of the calibrated range; the value is the range's end
+    INVALID = "invalid"  # not calibrated, not asked for, or not to be trusted in this frame
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """Calibrated values of one frame. NaN where not calibrated, not asked for or not trusted.
+
+    values     by name of the wire's state field (`hostlink.wire`): displacement_mm, shear_x_mm, ...
+    contacts   (k, 3) float64: x_mm, y_mm (tip frame), depth_mm; strongest first
+    saturated  names of values that lie outside of the calibrated range
+    calibrated whether a calibration that belongs to this tip was applied
+    """
+
+    values: dict[str, float]
+    contacts: Array
+    saturated: frozenset[str] = field(default_factory=frozenset)
+    calibrated: bool = False

@@ -1,0 +1,1 @@
+"""Decoder for voronoi-touch fingertips: bytes or CAN frames in, samples out."""

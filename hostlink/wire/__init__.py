@@ -1,0 +1,1 @@
+"""The definition of what goes over the wire."""
