@@ -1,0 +1,25 @@
+"""Shared fixtures: where the published recordings are, and the bundled ones."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def real_dir() -> Path:
+    """Folder of the published recordings; the test is skipped where they are not."""
+    folder = Path(os.environ.get("VORONOI_TOUCH_REAL", ROOT.parent / "shared" / "real"))
+    if not (folder / "README.md").is_file():
+        pytest.skip(f"no recordings at {folder}; set VORONOI_TOUCH_REAL to their folder")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """Folder of the bundled recordings."""
+    return ROOT / "tests" / "data"
