@@ -24,8 +24,6 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hostlink.wire import State
-
 __all__ = [
     "Array",
     "Cells",
@@ -40,7 +38,6 @@ __all__ = [
     "Pins",
     "Reading",
     "Rest",
-    "State",
     "Tracks",
 ]
 
