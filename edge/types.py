@@ -277,12 +277,14 @@ class Reading:
     """Calibrated values of one frame. NaN where not calibrated, not asked for or not trusted.
 
     values     by name of the wire's state field (`hostlink.wire`): displacement_mm, shear_x_mm, ...
+    sigmas     by the same names: one-sigma error of the value, in its unit
     contacts   (k, 3) float64: x_mm, y_mm (tip frame), depth_mm; strongest first
     saturated  names of values that lie outside of the calibrated range
     calibrated whether a calibration that belongs to this tip was applied
     """
 
     values: dict[str, float]
+    sigmas: dict[str, float]
     contacts: Array
     saturated: frozenset[str] = field(default_factory=frozenset)
     calibrated: bool = False
