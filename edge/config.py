@@ -1,0 +1,125 @@
+"""The configuration of one finger: a TOML file, checked against the tables below before anything starts.
+
+Every key has a default that works, so an empty file is a valid one. Command-line options override keys.
+An unknown key, a wrong type or a number out of its range is one line that names file, key and what would
+be right; nothing is silently ignored.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+from edge.errors import ConfigError
+from edge.types import Feature
+
+Count = Annotated[int, msgspec.Meta(ge=1, le=10_000)]
+Rate = Annotated[float, msgspec.Meta(ge=0, le=2000)]
+
+
+class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A table of the file: immutable, and closed to keys that it does not name."""
+
+
+class SensorTable(_Table, frozen=True, kw_only=True):
+    """[sensor] which finger this is."""
+
+    serial: Annotated[str, msgspec.Meta(max_length=32)] = "unnamed"
+    node_id: Annotated[int, msgspec.Meta(ge=1, le=127)] = 1
+
+
+class SourceTable(_Table, frozen=True, kw_only=True):
+    """[source] where frames come from: see `python -m edge run --help` for the forms of `spec`."""
+
+    spec: str = "v4l2:0"
+    width: Annotated[int, msgspec.Meta(ge=64, le=8192)] = 640
+    height: Annotated[int, msgspec.Meta(ge=64, le=8192)] = 480
+    rate_hz: Rate = 0.0  # 0: the camera's own
+    exposure_us: Annotated[int, msgspec.Meta(ge=0, le=1_000_000)] = 0  # 0: leave as it is
+    gain: Annotated[int, msgspec.Meta(ge=0, le=100_000)] = 0  # 0: leave as it is
+
+
+class LinkTable(_Table, frozen=True, kw_only=True):
+    """[link] where samples go, and how often."""
+
+    sinks: tuple[str, ...] = ()
+    divider: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 1  # every n-th frame goes out
+    heartbeat_ms: Annotated[int, msgspec.Meta(ge=0, le=60_000)] = 500  # 0: none
+
+
+class TareTable(_Table, frozen=True, kw_only=True):
+    """[tare] the rest frame, taken at start-up while nothing touches the tip."""
+
+    frames_n: Count = 8
+    steady_px: Annotated[float, msgspec.Meta(gt=0)] = 0.5  # largest motion of a pin while taring
+
+
+class CalibrationTable(_Table, frozen=True, kw_only=True):
+    """[calibration] the file that turns geometry into mechanical units."""
+
+    file: str = ""  # empty: none; values that need one are sent as invalid
+
+
+class FeaturesTable(_Table, frozen=True, kw_only=True):
+    """[features] what is computed and sent; nothing else costs time."""
+
+    demand: tuple[Feature, ...] = tuple(f for f in Feature if f is not Feature.SURFACE)
+
+
+class StateTable(_Table, frozen=True, kw_only=True):
+    """[state] the one folder that is written to."""
+
+    directory: str = ""  # empty: settings live in memory only
+
+
+class Config(_Table, frozen=True, kw_only=True):
+    """The whole file."""
+
+    sensor: SensorTable = SensorTable()
+    source: SourceTable = SourceTable()
+    link: LinkTable = LinkTable()
+    tare: TareTable = TareTable()
+    calibration: CalibrationTable = CalibrationTable()
+    features: FeaturesTable = FeaturesTable()
+    state: StateTable = StateTable()
+
+
+def load_config(path: str | Path | None) -> Config:
+    """Read and check a file; without one, the defaults.
+
+    Raises  ConfigError, one line: file, key, what would be right
+    """
+    if path is None:
+        return Config()
+    path = Path(path)
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not TOML: {error}") from None
+    return check_config(table, str(path))
+
+
+def check_config(table: dict[str, object], where: str) -> Config:
+    """Check a table of keys as it comes from TOML. Raises ConfigError."""
+    try:
+        return msgspec.convert(table, Config)
+    except msgspec.ValidationError as error:
+        raise ConfigError(f"{where}: {_explain(str(error), table)}") from None
+
+
+def _explain(message: str, table: dict[str, object]) -> str:
+    """msgspec's message, with the keys that would have been right where one is unknown."""
+    if "unknown field" not in message:
+        return message
+    section = message.partition("`$.")[2].rstrip("`")
+    known = Config.__struct_fields__
+    if section and section in known:
+        known = type(getattr(Config(), section)).__struct_fields__
+    place = f"[{section}]" if section else "the top level"
+    key = message.partition("`")[2].partition("`")[0]
+    return f"unknown key '{key}' in {place}; known keys: {', '.join(known)}"
