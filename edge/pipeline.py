@@ -1,0 +1,129 @@
+"""All stages composed: one frame in, one result out. No input, no output, no threads.
+
+    Frame -> pins -> track -> tessellate -> features -> calibrate -> Result
+
+While identities are held, only the windows round the predicted pins are read. On loss the whole frame is
+searched and the pins are identified anew, in the same frame. What the demand does not ask for is not
+computed, and a frame whose identities are in doubt yields no values at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from edge.calibration import Calibration, uncalibrated
+from edge.errors import CalibrationError, NoPins
+from edge.features import FeatureExtractor
+from edge.pins import Refiner, detect, take_rest
+from edge.tessellate import Tessellator
+from edge.track import Tracker
+from edge.types import Cells, Feature, Features, Frame, Image, Pins, Reading, Rest, Tracks
+
+#: Features that are made of cell areas; the others need only the pins' motion.
+OF_CELLS = frozenset(Feature) - {Feature.SHEAR, Feature.TORSION}
+ALL = frozenset(Feature)
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What one frame gave.
+
+    cells, features  None where identities were not sure, or nobody asked
+    reading          empty where nothing is calibrated or sure
+    searched         True: the whole frame was searched, not only the windows
+    """
+
+    frame: Frame
+    tracks: Tracks
+    cells: Cells | None
+    features: Features | None
+    reading: Reading
+    searched: bool
+
+
+class Pipeline:
+    """The computing stages of one tip, with their state."""
+
+    def __init__(
+        self, rest: Rest, calibration: Calibration | None = None, demand: frozenset[Feature] = ALL
+    ) -> None:
+        self.rest = rest
+        self.calibration = calibration
+        self.demand = demand
+        self._refiner = Refiner(rest)
+        self.tracker = Tracker(rest)
+        self._tessellator = Tessellator(rest)
+        still = Tracks(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_), 1.0)
+        self._extractor = FeatureExtractor(rest, self._tessellator.cells(still).rest_area_px2)
+
+    def process(self, frame: Frame) -> Result:
+        """Everything that is in demand, from one frame."""
+        tracks, searched = self._locate(frame.image)
+        if tracks.confidence < Tracks.LOW_CONFIDENCE:
+            return Result(frame, tracks, None, None, uncalibrated(), searched)
+        cells = self._tessellator.cells(tracks) if self.demand & OF_CELLS else None
+        features = self._extractor.extract(tracks, cells, self.demand)
+        if self.calibration is None:
+            reading = uncalibrated()
+        else:
+            reading = self.calibration.apply(features, self.rest.pattern)
+        return Result(frame, tracks, cells, features, reading, searched)
+
+    def _locate(self, image: Image) -> tuple[Tracks, bool]:
+        predicted = self.tracker.predict()
+        if predicted is not None:
+            tracks = self.tracker.follow(self._refiner.refine(image, predicted))
+            if tracks.confidence >= Tracks.LOW_CONFIDENCE:
+                return tracks, False
+        return self.tracker.identify(detect(image, self.rest.pattern)), True
+
+
+def tare(images: Sequence[Image], steady_px: float, calibration: Calibration | None = None) -> Rest:
+    """The rest frame from a few images of the untouched tip.
+
+    With a calibration its pins' order is kept, and the tip must be the one that it belongs to.
+
+    steady_px  largest motion of a pin from the first to the last image
+    Raises     NoPins: no pins in view, or they move; CalibrationError: another tip, another image size
+    """
+    rest = take_rest(images)
+    drift = np.hypot(*(_positions(images[-1], rest) - _positions(images[0], rest)).T)
+    if np.nanpercentile(drift, 90) > steady_px:
+        raise NoPins(
+            f"tare: the pins moved by {np.nanpercentile(drift, 90):.1f} px while the rest frame was taken; "
+            f"leave the tip untouched (limit {steady_px:g} px, key [tare] steady_px)"
+        )
+    return rest if calibration is None else _in_order_of(calibration, rest)
+
+
+def _positions(image: Image, rest: Rest) -> np.ndarray:
+    return Refiner(rest).refine(image, rest.xy_img).xy_img
+
+
+def _in_order_of(calibration: Calibration, rest: Rest) -> Rest:
+    """The rest frame with row i being pin i of the calibration file."""
+    made_with = calibration.rest
+    if rest.pattern.size_px != made_with.pattern.size_px:
+        raise CalibrationError(
+            f"the calibration was made at {made_with.pattern.size_px[0]}x{made_with.pattern.size_px[1]}, "
+            f"the camera gives {rest.pattern.size_px[0]}x{rest.pattern.size_px[1]}: set the camera's size"
+        )
+    tracks = Tracker(made_with).identify(rest.pins)
+    moved = tracks.xy_img - made_with.xy_img
+    shift = np.nanmedian(np.hypot(*moved.T)) if tracks.n_seen else np.inf
+    if tracks.confidence < Tracks.LOW_CONFIDENCE or tracks.n_seen < 0.9 * len(made_with):
+        raise CalibrationError(
+            f"the calibration belongs to another tip: {tracks.n_seen} of its {len(made_with)} pins were found"
+        )
+    if shift > made_with.pattern.pitch_px / 3:
+        raise CalibrationError(
+            f"the pins are {shift:.1f} px off the calibration's: something touches the tip, or it is another"
+        )
+    # A pin that this tare missed stands where the calibration's pin moved with its neighbours.
+    xy = np.where(tracks.seen[:, None], tracks.xy_img, made_with.xy_img + np.nanmedian(moved, axis=0))
+    sigma = np.where(tracks.seen, tracks.sigma_px, made_with.pattern.pin_radius_px)
+    pins = Pins(xy, sigma, made_with.pins.radius_px, made_with.pins.brightness)
+    return Rest(pins, rest.pattern)

@@ -1,0 +1,206 @@
+"""The calibration file: round trip, every kind of damage one line, values with range and sigma."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from edge.calibration import Calibration, frame_inputs
+from edge.errors import CalibrationError
+from edge.types import ContactRegion, Features, PinPattern
+
+PATTERN = PinPattern(4.0, 20.0, np.array([320.0, 240.0]), 200.0, 10.0, 180.0, 2.0, (640, 480))
+
+
+def content() -> dict[str, Any]:
+    """A small valid file as plain data, to be damaged."""
+    return {
+        "format": "voronoi-touch-calibration",
+        "version": 1,
+        "sensor": {
+            "serial": "A1",
+            "size_px": [640, 480],
+            "pin_radius_px": 4.0,
+            "pitch_px": 20.0,
+            "centre_px": [320.0, 240.0],
+            "tip_radius_px": 200.0,
+            "background": 10.0,
+            "brightness": 180.0,
+            "noise": 2.0,
+            "rest_xy_px": [[300.0, 240.0], [320.0, 240.0], [310.0, 260.0], [330.0, 260.0]],
+        },
+        "mm_per_px": 0.1,
+        "models": [
+            {
+                "type": "curve",
+                "output": "displacement_mm",
+                "input": "volume",
+                "knots": [[0.0, 0.0], [0.1, 2.0], [0.4, 5.0]],
+                "sigma": 0.02,
+            },
+            {
+                "type": "regression",
+                "outputs": ["shear_x_mm", "shear_y_mm"],
+                "terms": [[], ["shear_x"], ["shear_y"], ["shear_x", "volume"]],
+                "weights": [[0.1, 50.0, 0.0, 3.0], [0.0, 0.0, 50.0, 0.0]],
+                "valid": [[-2.0, 2.0], [-2.0, 2.0]],
+                "sigma": [0.03, 0.04],
+                "leverage": [[0.0, 30.0, 0.0, 0.0]],
+            },
+        ],
+        "data": {"source": "test", "sha256": "", "n_frames": 0, "created": "2026-01-01"},
+    }
+
+
+def parse(table: dict[str, Any]) -> Calibration:
+    return Calibration.parse(msgspec.json.encode(table), "cal.json")
+
+
+def features(
+    volume: float, shear_px: tuple[float, float], contacts: tuple[ContactRegion, ...] = ()
+) -> Features:
+    return Features(
+        area_change=np.zeros(4),
+        displacement_px=np.zeros((4, 2)),
+        touched=True,
+        shear_px=np.array(shear_px),
+        volume_px2=volume * math.pi * 200.0**2,
+        contacts=contacts,
+    )
+
+
+def test_values_follow_the_models() -> None:
+    reading = parse(content()).apply(features(0.05, (4.0, -2.0)), PATTERN)
+    assert reading.calibrated
+    assert reading.values["displacement_mm"] == pytest.approx(1.0)
+    # shear_x = 0.1 + 50 * 4/200 + 3 * (4/200) * 0.05
+    assert reading.values["shear_x_mm"] == pytest.approx(0.1 + 1.0 + 3 * 0.02 * 0.05)
+    assert reading.values["shear_y_mm"] == pytest.approx(-0.5)
+    assert reading.sigmas["displacement_mm"] == pytest.approx(0.02)
+    assert reading.sigmas["shear_x_mm"] == pytest.approx(0.03 * math.sqrt(1 + 0.6**2))
+    assert reading.saturated == frozenset()
+
+
+def test_out_of_range_is_the_end_of_the_range_and_named() -> None:
+    reading = parse(content()).apply(features(0.9, (20.0, 0.0)), PATTERN)
+    assert reading.values["displacement_mm"] == 5.0
+    assert reading.values["shear_x_mm"] == 2.0
+    assert reading.saturated == {"displacement_mm", "shear_x_mm"}
+
+
+def test_a_missing_feature_is_invalid_not_zero() -> None:
+    bare = Features(area_change=np.zeros(4), displacement_px=np.zeros((4, 2)), touched=True)
+    reading = parse(content()).apply(bare, PATTERN)
+    assert math.isnan(reading.values["displacement_mm"])
+    assert math.isnan(reading.values["shear_x_mm"])
+    assert reading.saturated == frozenset()
+
+
+def test_untouched_reads_zero() -> None:
+    bare = Features(area_change=np.zeros(4), displacement_px=np.zeros((4, 2)), touched=False)
+    reading = parse(content()).apply(bare, PATTERN)
+    assert reading.values == {"displacement_mm": 0.0, "shear_x_mm": 0.0, "shear_y_mm": 0.0}
+
+
+def test_contact_places_are_in_the_tip_frame() -> None:
+    contact = ContactRegion(np.array([340.0, 230.0]), 0.3, 100.0, math.nan, 1.0, np.zeros((1, 2)))
+    reading = parse(content()).apply(features(0.1, (0.0, 0.0), (contact,)), PATTERN)
+    np.testing.assert_allclose(reading.contacts[0, :2], [2.0, -1.0])
+
+
+def test_inputs_are_free_of_resolution() -> None:
+    f = features(0.05, (4.0, -2.0))
+    doubled = Features(
+        area_change=f.area_change,
+        displacement_px=f.displacement_px,
+        touched=True,
+        shear_px=2 * f.shear_px if f.shear_px is not None else None,
+        volume_px2=4 * f.volume_px2 if f.volume_px2 is not None else None,
+    )
+    np.testing.assert_allclose(frame_inputs(f, 200.0), frame_inputs(doubled, 400.0))
+
+
+def test_saved_and_loaded_is_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "cal.json"
+    made = parse(content())
+    made.save(path)
+    loaded = Calibration.load(path)
+    assert loaded.content == made.content
+    assert loaded.content_id == made.content_id
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def _damage(*path: str | int, value: Any) -> dict[str, Any]:
+    table = content()
+    place: Any = table
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    return table
+
+
+@pytest.mark.parametrize(
+    ("table", "expected"),
+    [
+        (_damage("format", value="something"), "format is 'something'"),
+        (_damage("version", value=2), "version 2, this program reads version 1"),
+        (_damage("mm_per_px", value=0), "`$.mm_per_px`"),
+        (_damage("extra", value=1), "unknown field `extra`"),
+        (_damage("models", 0, "input", value="smell"), "unknown input 'smell'"),
+        (_damage("models", 0, "output", value="taste"), "unknown output 'taste'"),
+        (_damage("models", 0, "knots", value=[[0, 0], [1, 2], [2, 1]]), "monotone"),
+        (_damage("models", 0, "knots", value=[[0, 0], [0, 1]]), "must increase"),
+        (_damage("models", 1, "weights", value=[[1.0]]), "2 rows of 4 numbers"),
+        (_damage("models", 1, "outputs", value=["displacement_mm", "shear_y_mm"]), "second model for"),
+        (_damage("models", 1, "valid", value=[[2, -2], [-2, 2]]), "[low, high]"),
+        (_damage("models", 1, "sigma", value=[0.1, -0.1]), "sigma"),
+        (_damage("sensor", "rest_xy_px", value=[]), "at least three"),
+    ],
+)
+def test_damage_is_one_line_that_names_the_key(table: dict[str, Any], expected: str) -> None:
+    with pytest.raises(CalibrationError) as caught:
+        parse(table)
+    message = str(caught.value)
+    assert message.startswith("cal.json")
+    assert expected in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize("raw", [b"", b"a note to self", b"[1, 2]", b"\xff\xfe", b'{"format": '])
+def test_text_that_is_no_calibration(tmp_path: Path, raw: bytes) -> None:
+    path = tmp_path / "cal.json"
+    path.write_bytes(raw)
+    with pytest.raises(CalibrationError, match="not a calibration file"):
+        Calibration.load(path)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match=r"absent\.json: cannot be read"):
+        Calibration.load(tmp_path / "absent.json")
+
+
+def test_a_kill_while_writing_leaves_a_whole_file(tmp_path: Path) -> None:
+    path = tmp_path / "cal.json"
+    made = parse(content())
+    made.save(path)
+    script = (
+        "import sys; from edge.calibration import Calibration\n"
+        "cal = Calibration.load(sys.argv[1]); print('ready', flush=True)\n"
+        "while True: cal.save(sys.argv[1])\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", script, str(path)], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        for _ in range(50):
+            assert Calibration.load(path).content == made.content
+        os.kill(process.pid, signal.SIGKILL)
+    assert Calibration.load(path).content == made.content

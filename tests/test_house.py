@@ -1,0 +1,110 @@
+"""Who may import whom, and what must stay out of a process that does not need it."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = ("edge", "hostlink", "calib", "tests")
+STDLIB = frozenset(sys.stdlib_module_names)
+
+#: Which of the project's own packages a room may import.
+MAY_IMPORT = {
+    "hostlink/wire": ("hostlink.wire",),
+    "hostlink": ("hostlink",),
+    "edge": ("edge", "hostlink.wire"),
+    "calib": ("calib", "edge", "hostlink"),
+}
+#: A stage's modules; stages know `edge.types` and `edge.errors`, never each other.
+STAGES = (
+    "pins",
+    "track",
+    "tessellate",
+    "features",
+    "calibration",
+    "pack",
+    "transport",
+    "sources",
+    "recording",
+    "draw",
+)
+SHARED = ("edge.types", "edge.errors")
+
+
+def imports(path: Path) -> set[str]:
+    """Full names of the modules that a file imports, at any depth of its code."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import; write the full name"
+            if node.module in PACKAGES:
+                names.update(f"{node.module}.{alias.name}" for alias in node.names)
+            elif node.module:
+                names.add(node.module)
+    return names
+
+
+def room_of(path: Path) -> str:
+    relative = path.relative_to(ROOT).as_posix()
+    return next(room for room in MAY_IMPORT if relative.startswith(room + "/"))
+
+
+SOURCES = sorted(path for room in ("edge", "hostlink", "calib") for path in (ROOT / room).rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_rooms_import_only_what_they_may(path: Path) -> None:
+    room = room_of(path)
+    for name in imports(path):
+        if name.split(".")[0] in PACKAGES:
+            allowed = MAY_IMPORT[room]
+            assert any(name == a or name.startswith(a + ".") for a in allowed), f"{path} imports {name}"
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_stages_know_only_the_types(stage: str) -> None:
+    single = ROOT / "edge" / f"{stage}.py"
+    files = [single] if single.is_file() else sorted((ROOT / "edge" / stage).glob("*.py"))
+    assert files, f"no stage {stage}"
+    own = (f"edge.{stage}", f"edge._{stage}", "edge._centroid" if stage == "pins" else "", "edge._cells")
+    for path in files:
+        for name in imports(path):
+            if name.startswith("edge."):
+                known = name in SHARED or any(o and (name == o or name.startswith(o + ".")) for o in own)
+                known = known or any(name.startswith(s + ".") for s in SHARED)
+                assert known, f"{path} imports {name}: stages know edge.types and edge.errors alone"
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "hostlink" / "wire").glob("*.py")), ids=lambda p: p.name)
+def test_the_wire_is_standard_library_only(path: Path) -> None:
+    if path.name == "generate.py":  # a developer's tool, never imported by the package
+        return
+    for name in imports(path):
+        top = name.split(".")[0]
+        assert top in STDLIB or name == "hostlink.wire" or name.startswith("hostlink.wire."), (
+            f"{path}: {name}"
+        )
+
+
+def loaded_by(statement: str) -> set[str]:
+    """Top-level modules in a fresh interpreter after a statement."""
+    code = f"{statement}\nimport sys; print(' '.join(sorted({{m.split('.')[0] for m in sys.modules}})))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    return set(run.stdout.split())
+
+
+def test_the_host_side_is_light() -> None:
+    loaded = loaded_by("import hostlink")
+    assert not loaded & {"numpy", "cv2", "scipy", "edge", "calib", "can", "serial", "rich", "click"}
+
+
+def test_the_edge_leaves_heavy_libraries_alone() -> None:
+    loaded = loaded_by("import edge.pipeline")
+    assert not loaded & {"matplotlib", "skimage", "depthai", "aiohttp", "mcap", "pandas"}
