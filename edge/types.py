@@ -247,7 +247,8 @@ class Features:
     contacts        strongest first
     touched         False: nothing above the noise; surface and contacts were not even looked for
     torsion_rad     rotation of the motion field about the contact
-    slip_px         float, mean motion of the skin since the last frame that the load does not explain
+    slip_px         float, rms motion within the contact since the last frame that no load explains
+    slip_probability 0..1, that there was any such motion beyond the noise
     """
 
     area_change: Array
@@ -262,6 +263,7 @@ class Features:
     contacts: tuple[ContactRegion, ...] | None = None
     torsion_rad: float | None = None
     slip_px: float | None = None
+    slip_probability: float | None = None
 
 
 class Validity(Enum):
