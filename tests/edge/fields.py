@@ -1,0 +1,95 @@
+"""Hexagonal and square tips, motion fields with known truth, and plain scipy Voronoi areas of them."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import Voronoi
+
+from edge.types import Array, Cells, PinPattern, Pins, Rest, Tracks
+
+SIZE = (640, 480)
+CENTRE = np.array([319.3, 241.7])
+
+
+def hexagon(rings: int, pitch: float) -> Array:
+    """Centred hexagonal numbers: 6 rings 127 pins, 10 rings 331."""
+    q, r = (a.ravel() for a in np.mgrid[-rings : rings + 1, -rings : rings + 1])
+    keep = np.abs(q + r) <= rings
+    q, r = q[keep], r[keep]
+    return pitch * np.column_stack([q + 0.5 * r, np.sqrt(0.75) * r])
+
+
+def make_rest(xy: Array, pitch: float, sigma: float = 0.05) -> Rest:
+    n = len(xy)
+    radius = 0.3 * pitch
+    reach = float(np.hypot(*(xy - CENTRE).T).max()) + radius
+    pattern = PinPattern(radius, pitch, CENTRE.copy(), reach, 20.0, 150.0, 2.0, SIZE)
+    # Rest positions are means of many frames.
+    return Rest(Pins(xy, np.full(n, 0.1 * sigma), np.full(n, radius), np.full(n, 150.0)), pattern)
+
+
+def tip(pins: int = 331, sigma: float = 0.05) -> Rest:
+    rings, pitch = {127: (6, 32.0), 331: (10, 19.0), 61: (4, 45.0)}[pins]
+    return make_rest(hexagon(rings, pitch) + CENTRE, pitch, sigma)
+
+
+def areas(xy: Array, rest: Rest) -> Array:
+    """Voronoi cells bounded by three dense rings of fixed points outside of the tip."""
+    p = rest.pattern
+    reach = p.tip_radius_px - p.pin_radius_px
+    turn = np.linspace(0.0, 2.0 * np.pi, int(2.0 * np.pi * reach / (0.5 * p.pitch_px)), endpoint=False)
+    ring = np.column_stack([np.cos(turn), np.sin(turn)])
+    hull = np.vstack([CENTRE + (reach + k * 0.9 * p.pitch_px) * ring for k in (1, 2, 3)])
+    voronoi = Voronoi(np.vstack([xy, hull]))
+    out = np.empty(len(xy))
+    for i in range(len(xy)):
+        corner = voronoi.vertices[voronoi.regions[voronoi.point_region[i]]]
+        turn = np.arctan2(*(corner - corner.mean(axis=0)).T[::-1])
+        x, y = corner[np.argsort(turn)].T
+        out[i] = 0.5 * abs(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    return out
+
+
+def frame(rest: Rest, xy: Array, lost: Array | None = None, sigma: float = 0.05) -> tuple[Tracks, Cells]:
+    """Tracks and cells of pins at xy; lost pins are tessellated where they are but reported as NaN."""
+    seen = np.ones(len(xy), dtype=np.bool_)
+    if lost is not None:
+        seen[lost] = False
+    gone = np.where(seen, 0.0, np.nan)
+    tracks = Tracks(xy + gone[:, None], np.full(len(xy), sigma) + gone, seen, 1.0)
+    none = np.empty((0, 3), dtype=np.int32)
+    cells = Cells(areas(xy, rest) + gone, areas(rest.xy_img, rest), xy, none, np.empty((0, 2)))
+    return tracks, cells
+
+
+def clamp(rest: Rest) -> Array:
+    """1 in the middle of the tip, falling to 0 at its rim: the skin is held there."""
+    r = np.hypot(*(rest.xy_img - CENTRE).T) / rest.pattern.tip_radius_px
+    return 1.0 - r**4
+
+
+def push(rest: Rest, at: tuple[float, float], width: float, height: float) -> Array:
+    """Motion away from a point: u = height r exp(-r^2 / 2 width^2); its divergence, the area change, is
+    2 height at the point and falls off smoothly. at, width in px from the centre."""
+    d = rest.xy_img - CENTRE - np.array(at)
+    g = height * np.exp(-0.5 * (d**2).sum(axis=1) / width**2)
+    return d * g[:, None]
+
+
+def plane(rest: Rest, radius: float, height: float, soft: float) -> Array:
+    """A flat contact: cells grow in a ring of this radius. Radial motion with slope only there."""
+    d = rest.xy_img - CENTRE
+    r = np.hypot(*d.T)
+    # Divergence of a radial field f(r) is f' + f/r; f = height r^3 / radius^2 inside, falling outside.
+    f = height * r * (r / radius) ** 2 / (1.0 + np.exp((r - radius) / soft))
+    return d / np.maximum(r, 1e-9)[:, None] * f[:, None]
+
+
+def bar(rest: Rest, angle: float, length: float, width: float, height: float) -> Array:
+    """A long contact through the centre: motion away from its line, fading beyond its ends."""
+    d = rest.xy_img - CENTRE
+    along = np.array([np.cos(angle), np.sin(angle)])
+    across = np.array([-along[1], along[0]])
+    s, t = d @ along, d @ across
+    fade = 1.0 / (1.0 + np.exp((np.abs(s) - 0.5 * length) / width))
+    return np.outer(height * t * np.exp(-0.5 * t**2 / width**2) * fade, across)
