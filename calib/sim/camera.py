@@ -1,0 +1,70 @@
+"""Where a point of the tip falls in the image: a pinhole on the tip's axis, and a lens that bends.
+
+Rules
+- `xy_img`: px, x right, y down, pixel centres on integers. Radial distortion is Brown's, in ray units:
+  ray' = ray (1 + k1 r2 + k2 r4), r2 = |ray|^2. Negative k1 is a barrel, as of a wide-angle lens.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calib.sim.tip import Tip
+from edge.types import Array
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera behind one tip.
+
+    tip             what it looks at
+    size_px         (width, height)
+    pins_radius_px  radius of the outermost pins' circle; 0: 0.38 of the image's smaller side, as in the
+                    published 640x480 frames
+    centre_px       offset of the tip's axis from the image's middle
+    roll_deg        image turned about the axis
+    k1, k2          radial distortion
+    """
+
+    tip: Tip = field(default_factory=Tip)
+    size_px: tuple[int, int] = (640, 480)
+    pins_radius_px: float = 0.0
+    centre_px: tuple[float, float] = (0.0, 0.0)
+    roll_deg: float = 0.0
+    k1: float = -0.08
+    k2: float = 0.0
+
+    @property
+    def centre_img(self) -> Array:
+        """(2,) px, where the tip's axis meets the image."""
+        w, h = self.size_px
+        return np.array([(w - 1) / 2 + self.centre_px[0], (h - 1) / 2 + self.centre_px[1]])
+
+    @property
+    def radius_px(self) -> float:
+        """Of the circle of the outermost pins."""
+        return self.pins_radius_px or 0.38 * min(self.size_px)
+
+    @property
+    def focal_px(self) -> float:
+        widest = float(np.hypot(*self.tip.rays.T).max())
+        return self.radius_px / (widest * self._bend(widest**2))
+
+    def _bend(self, r2: float | Array) -> float | Array:  # type: ignore[misc]
+        return 1 + self.k1 * r2 + self.k2 * r2 * r2
+
+    def project(self, xyz_mm: Array) -> Array:
+        """(n, 2) px of points in the tip's frame."""
+        ray = xyz_mm[:, :2] / (xyz_mm[:, 2:] + self.tip.camera_distance_mm)
+        ray = ray * np.asarray(self._bend((ray**2).sum(axis=1)))[:, None]
+        a = np.deg2rad(self.roll_deg)
+        turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
+        return np.asarray(self.focal_px * ray @ turn.T + self.centre_img)
+
+    def scale_px(self, xyz_mm: Array) -> Array:
+        """(n,) px per mm across the line of sight, at each point."""
+        depth = xyz_mm[:, 2] + self.tip.camera_distance_mm
+        r2 = (xyz_mm[:, :2] ** 2).sum(axis=1) / depth**2
+        return np.asarray(self.focal_px * self._bend(r2) / depth)

@@ -1,0 +1,308 @@
+"""Indenters against the dome: which part touches, what moves, where each pin ends up.
+
+The gel is incompressible and clear, the skin a thin cover. For an incompressible half-space the surface
+displacement by a surface force (Boussinesq, Cerruti at Poisson's ratio 1/2) is exactly twice Stokes'
+kernel, so that kernel, taken between points of the dome and smoothed over the skin's thickness as
+Cortez' regularised Stokeslet, is the tip's compliance: u = K f, symmetric and positive. Clamping the rim
+multiplies rows and columns by `Tip.mobility`, which keeps it so.
+
+    normal      find p >= 0 with  n.K n p = penetration where p > 0   (Signorini's problem, active set)
+    tangential  find q with  t.K t q = shear + twist where |q| < mu p (friction with the bound of p known)
+    pins        u at the root, and the skin's new normal there: the pin is a lever along it
+
+What follows without being put in: pins move radially outward from the contact's place wherever that
+place is, the flanks bulge, cells widen where the dome is flattened and narrow around it, shear carries
+the contact's patch along and slips from its edge inwards.
+
+Rules and limits
+- Displacements superpose linearly; what is geometrically nonlinear (spheres' sag, turning normals,
+  perspective) is kept. Normal and tangential contact are solved one after the other.
+- In directions in which a tool is flat, only its tilt says where it touches; in directions in which it
+  is curved, its position does.
+Sources  Johnson, "Contact Mechanics", 3.2, 3.6; Cortez, SIAM J. Sci. Comput. 23 (2001) eq. 11.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from calib.sim.tip import Tip
+from edge.types import Array
+
+TOOLS = ("flat", "sphere", "edge", "two")
+GRID = 22  # cells across a patch; pins move < 0.01 px against 44 cells (tests/calib/test_simulator.py)
+ACTIVE_SET_ROUNDS = 40  # a press settles in 3..8
+
+
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """What presses.
+
+    kind         "flat", "sphere", "edge" (a straight bar) or "two" (spheres side by side)
+    radius_mm    of the sphere(s), or of the bar's rounded edge
+    angle_deg    direction of the bar, or from the first sphere to the second; from x towards y
+    distance_mm  between the two spheres' centres of contact
+    """
+
+    kind: str = "flat"
+    radius_mm: float = 3.0
+    angle_deg: float = 0.0
+    distance_mm: float = 8.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in TOOLS:
+            raise ValueError(f"tool {self.kind!r} is unknown; one of {', '.join(TOOLS)}")
+        if not self.radius_mm > 0:
+            raise ValueError(f"tool {self.kind}: radius_mm = {self.radius_mm}; must be > 0")
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """One tool at one pose, in the tip's frame.
+
+    x_mm, y_mm          where the tool touches (without meaning in directions in which it is flat)
+    depth_mm            how far it is pushed in along its normal, from first touch; <= 0: no contact
+    tilt_x/y_deg        rotation of the tool about the tip's x and y axes
+    shear_x/y_mm        move of the tool across its normal after the press
+    twist_deg           turn of the tool about its normal after the press, from x towards y
+    """
+
+    tool: Tool = Tool()
+    x_mm: float = 0.0
+    y_mm: float = 0.0
+    depth_mm: float = 0.0
+    tilt_x_deg: float = 0.0
+    tilt_y_deg: float = 0.0
+    shear_x_mm: float = 0.0
+    shear_y_mm: float = 0.0
+    twist_deg: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Deformation:
+    """The tip under load.
+
+    tips_mm     (n, 3) where each pin's cap is now
+    axes        (n, 3) unit, from the cap towards the pin's root
+    places_mm   (k, 2) x, y of each place of contact on the untouched skin
+    forces_n    (k,) normal force of each
+    areas_mm2   (k,) area of each
+    slip        (k,) share of the contact's area that slides under the shear
+    """
+
+    tips_mm: Array
+    axes: Array
+    places_mm: Array
+    forces_n: Array
+    areas_mm2: Array
+    slip: Array
+
+
+@dataclass(frozen=True, slots=True)
+class _Patch:
+    """Cells of one possible contact: points on the dome, frame, penetration, prescribed motion."""
+
+    xyz: Array  # (m, 3)
+    frame: Array  # (3, 3) rows: two tangents and the outward normal, at the place of contact
+    depth: Array  # (m,) penetration of the undeformed surfaces, mm; negative outside
+    motion: Array  # (m, 3) tangential move of the tool there, mm
+    cell_mm2: float
+    place: Array  # (2,)
+
+
+def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
+    """Where the pins are when these tools press all at once.
+
+    Raises  ValueError: a tool that touches below the rim, or past the dome
+    """
+    patches = [p for c in contacts if c.depth_mm > 0 for p in _patches(tip, c)]
+    if not patches:
+        none = np.empty(0)
+        return Deformation(tip.tips_mm, tip.normals, np.empty((0, 2)), none, none, none)
+    xyz = np.concatenate([p.xyz for p in patches])
+    owner = np.repeat(np.arange(len(patches)), [len(p.xyz) for p in patches])
+    frames = np.stack([p.frame for p in patches])[owner]
+    cell = np.array([p.cell_mm2 for p in patches])[owner]
+    # A cell must not be sharper than the grid that it stands for, or the skin would show the grid.
+    smooth = np.maximum(tip.skin_mm, 0.7 * np.sqrt(cell))
+    kernel = _kernel(tip, xyz, xyz, np.sqrt((smooth[:, None] ** 2 + smooth**2) / 2))
+
+    normal = frames[:, 2]
+    p_n = _press(
+        np.einsum("ia,ijab,jb->ij", normal, kernel, normal, optimize=True),
+        np.concatenate([p.depth for p in patches]),
+    )
+    force = -p_n[:, None] * normal
+    sliding = np.zeros(len(xyz), dtype=bool)
+    motion = np.concatenate([p.motion for p in patches])
+    if motion.any():
+        q_n, sliding = _drag(kernel, frames[:, :2], motion, tip.friction * p_n)
+        force += q_n
+
+    # Skin's displacement at the pins' roots and a little way along two tangents, for its new normal.
+    first, second = _tangents(tip.normals)
+    step = 0.25 * tip.skin_mm
+    probes = np.concatenate([tip.roots_mm, tip.roots_mm + step * first, tip.roots_mm + step * second])
+    live = p_n > 0
+    moved = _displace(tip, probes, xyz[live], force[live], smooth[live])
+    root, one, two = moved.reshape(3, -1, 3)
+    axis = np.cross(first + (one - root) / step, second + (two - root) / step)
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    tips = tip.roots_mm + root - tip.pin_length_mm * axis
+
+    k = len(patches)
+    area = np.bincount(owner, weights=np.where(live, cell, 0), minlength=k)
+    slid = np.bincount(owner, weights=np.where(live & sliding, cell, 0), minlength=k)
+    return Deformation(
+        tips_mm=tips,
+        axes=axis,
+        places_mm=np.stack([p.place for p in patches]),
+        forces_n=np.bincount(owner, weights=p_n, minlength=k) * tip.shear_modulus_kpa * 1e-3,
+        areas_mm2=area,
+        slip=slid / np.maximum(area, 1e-12),
+    )
+
+
+def _patches(tip: Tip, contact: Contact) -> list[_Patch]:
+    tool = contact.tool
+    if tool.kind != "two":
+        return [_patch(tip, contact, np.zeros(2))]
+    angle = np.deg2rad(tool.angle_deg)
+    half = 0.5 * tool.distance_mm * np.array([np.cos(angle), np.sin(angle)])
+    single = replace(tool, kind="sphere")
+    return [
+        _patch(
+            tip,
+            replace(contact, tool=single, x_mm=contact.x_mm + way[0], y_mm=contact.y_mm + way[1]),
+            way,
+        )
+        for way in (-half, half)
+    ]
+
+
+def _patch(tip: Tip, contact: Contact, from_pivot_mm: Array) -> _Patch:
+    """Cells over the ellipse in which the undeformed surfaces intersect, with a margin."""
+    r, tool, depth = tip.dome_radius_mm, contact.tool, contact.depth_mm
+    tx, ty = np.deg2rad([contact.tilt_x_deg, contact.tilt_y_deg])
+    by_tilt = r * np.array([np.sin(ty) * np.cos(tx), -np.sin(tx)])
+    by_place = np.array([contact.x_mm, contact.y_mm])
+    angle = np.deg2rad(tool.angle_deg)
+    along = np.array([np.cos(angle), np.sin(angle)])
+    across = np.array([-along[1], along[0]])
+    place = {
+        "flat": by_tilt,
+        "sphere": by_place,
+        "edge": along * (by_tilt @ along) + across * (by_place @ across),
+    }[tool.kind]
+    if np.hypot(*place) > r * np.sin(np.deg2rad(tip.rim_deg)) - 1.0:
+        raise ValueError(f"contact at ({place[0]:.1f}, {place[1]:.1f}) mm is at the tip's rim or past it")
+
+    frame = _turn_z_to(np.array([*place, np.sqrt(r * r - place @ place)]) / r)
+    if tool.kind == "edge":  # first tangent along the bar
+        u = frame[:2].T @ along
+        frame = np.stack([u, np.cross(frame[2], u), frame[2]])
+    # Radii of the ellipse: sag of dome and tool together reach the depth there.
+    sag = {"flat": (0.0, 0.0), "sphere": (1.0, 1.0), "edge": (0.0, 1.0)}[tool.kind]
+    curvature = np.array([1 / r + s / tool.radius_mm for s in sag])
+    reach = np.minimum(1.1 * np.sqrt(2 * depth / curvature), 0.9 * r)
+    line = (np.arange(GRID) + 0.5) / GRID * 2 - 1
+    uv = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    ab = uv[(uv**2).sum(axis=1) < 1] * reach
+    rho2 = (ab**2).sum(axis=1)
+    bent = np.minimum((ab**2 * sag).sum(axis=1), tool.radius_mm**2)
+    hanging = np.sqrt(r * r - rho2)
+    penetration = depth - (r - hanging) - (tool.radius_mm - np.sqrt(tool.radius_mm**2 - bent))
+    xyz = np.column_stack([ab, hanging]) @ frame
+    # Shear and twist in the tool's plane; axes there are the tip's, turned with the normal.
+    upright = _turn_z_to(frame[2])
+    flat = (xyz - r * frame[2]) @ upright[:2].T + from_pivot_mm
+    phi = np.deg2rad(contact.twist_deg)
+    turn = np.array([[np.cos(phi) - 1, -np.sin(phi)], [np.sin(phi), np.cos(phi) - 1]])
+    motion = (flat @ turn.T + [contact.shear_x_mm, contact.shear_y_mm]) @ upright[:2]
+    cell = float(4 * reach[0] * reach[1] / GRID**2)
+    keep = xyz[:, 2] > r * np.cos(np.deg2rad(tip.rim_deg))
+    return _Patch(xyz[keep], frame, penetration[keep], motion[keep], cell, place)
+
+
+def _kernel(tip: Tip, at: Array, source: Array, smooth: Array | float) -> Array:
+    """(i, j, 3, 3) displacement at `at` by unit force at `source`; modulus 1 (forces in units of G mm2)."""
+    gap = at[:, None] - source
+    r2 = (gap**2).sum(axis=-1)
+    e2 = np.square(smooth)
+    weight = np.outer(tip.mobility(at), tip.mobility(source)) / (4 * np.pi * (r2 + e2) ** 1.5)
+    weight *= np.exp(-np.sqrt(r2) / tip.reach_mm)
+    out = gap[..., :, None] * gap[..., None, :]
+    out[..., range(3), range(3)] += (r2 + 2 * e2)[..., None]
+    out *= weight[..., None, None]
+    return np.asarray(out)
+
+
+def _displace(tip: Tip, at: Array, source: Array, force: Array, smooth: Array) -> Array:
+    """(i, 3) displacement by all forces; `_kernel @ force` without the (i, j, 3, 3) array.
+
+    Expanded so that everything of size i x j but r2 itself is a matrix product.
+    """
+    r2 = ((at**2).sum(axis=1)[:, None] + (source**2).sum(axis=1)) - 2 * at @ source.T
+    np.maximum(r2, 0, out=r2)
+    e2 = smooth**2
+    dot = at @ force.T - (source * force).sum(axis=1)  # gap . force
+    fade = np.exp(np.sqrt(r2) / -tip.reach_mm)
+    r2 += e2
+    w = fade * tip.mobility(source) / (4 * np.pi * r2 * np.sqrt(r2))
+    direct = (w * r2) @ force + w @ (force * e2[:, None])  # (r2 + 2 e2) f, where r2 holds r2 + e2
+    w *= dot
+    out = direct + at * w.sum(axis=1)[:, None] - w @ source
+    return np.asarray(out * tip.mobility(at)[:, None])
+
+
+def _press(stiff: Array, depth: Array) -> Array:
+    """Forces p >= 0 with stiff @ p = depth where p > 0 and stiff @ p >= depth elsewhere."""
+    p = np.zeros(len(depth))
+    live = depth > 0
+    for _ in range(ACTIVE_SET_ROUNDS):
+        p[:] = 0
+        p[live] = cho_solve(cho_factor(stiff[np.ix_(live, live)]), depth[live])
+        pulling = p < 0
+        pierced = ~live & (stiff @ p < depth - 1e-9)
+        if not pulling.any() and not pierced.any():
+            break
+        live = (live & ~pulling) | pierced
+    return np.maximum(p, 0)
+
+
+def _drag(kernel: Array, tangents: Array, motion: Array, bound: Array) -> tuple[Array, Array]:
+    """Tangential forces (m, 3) that carry the skin along, at most `bound`; and which cells slide."""
+    m = len(bound)
+    stick = bound > 0
+    slide = np.zeros(m, dtype=bool)
+    full = np.einsum("iua,ijab,jvb->iujv", tangents, kernel, tangents, optimize=True)
+    want = np.einsum("iua,ia->iu", tangents, motion)
+    q = np.zeros((m, 2))
+    for _ in range(ACTIVE_SET_ROUNDS):
+        if stick.any():
+            rest = want - np.einsum("iujv,jv->iu", full[:, :, slide], q[slide])
+            inner = full[stick][:, :, stick].reshape(2 * stick.sum(), -1)
+            q[stick] = cho_solve(cho_factor(inner), rest[stick].ravel()).reshape(-1, 2)
+        size = np.hypot(q[:, 0], q[:, 1])
+        over = stick & (size > bound * (1 + 1e-9))
+        if not over.any():
+            break
+        q[over] *= (bound[over] / size[over])[:, None]
+        slide |= over
+        stick &= ~over
+    return np.einsum("iua,iu->ia", tangents, q), slide
+
+
+def _turn_z_to(n: Array) -> Array:
+    """(3, 3) rows x', y', z' of the frame turned by the shortest way from z to the unit vector n."""
+    x, y, z = n
+    c = 1 / (1 + z)
+    return np.array([[1 - c * x * x, -c * x * y, -x], [-c * x * y, 1 - c * y * y, -y], [x, y, z]])
+
+
+def _tangents(normals: Array) -> tuple[Array, Array]:
+    frames = np.stack([_turn_z_to(n) for n in normals])
+    return frames[:, 0], frames[:, 1]

@@ -1,0 +1,129 @@
+"""Geometry of a fingertip: a dome of skin with pins on its inside, looked at by a camera on its axis.
+
+                 z out of the skin
+                      ^   .-'''-.      skin: sphere of radius `dome_radius_mm`, centre at the origin
+                        .'  |||  '.    pins: levers of `pin_length_mm` along the skin's inner normal
+                       / \     / \
+            rim ------|-----------|--- clamped at polar angle `rim_deg`
+                            o          camera at z = -camera_distance_mm, looking along +z
+
+Rules
+- `xyz_mm` is the tip's frame: x right and y down as in the image, z out of the skin, origin at the
+  centre of the dome's sphere (on the tip's axis).
+- Layouts are regular as the camera sees them ("hexagonal projection" of the paper), so the pins sit
+  where the camera's rays through a regular pattern meet the sphere of the pins' tips.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from edge.types import Array
+
+LAYOUTS = ("hex", "rings", "square")
+
+
+def layout(kind: str, n_pins: int) -> Array:
+    """Regular pattern of pins, scaled so that the outermost lies on the unit circle.
+
+    kind     "hex": hexagonal lattice; "rings": 1 + 6 + 12 + ... on concentric circles; "square": grid
+    n_pins   hex and rings: 1 + 3 k (k + 1), thus 127 (k = 6) and 331 (k = 10); square: a square number
+    Returns  (n, 2) float64, row 0 nearest to the centre, then by radius and angle
+    Raises   ValueError: no such kind, or a number that makes no whole pattern
+    """
+    if kind == "square":
+        side = round(n_pins**0.5)
+        if side * side != n_pins or side < 2:
+            raise ValueError(f"layout square: {n_pins} pins is no square number; try {max(side, 2) ** 2}")
+        line = np.arange(side) - (side - 1) / 2
+        xy = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    elif kind in ("hex", "rings"):
+        k = round((-3 + (9 + 12 * (n_pins - 1)) ** 0.5) / 6)
+        if 1 + 3 * k * (k + 1) != n_pins or k < 1:
+            k = max(k, 1)
+            raise ValueError(f"layout {kind}: {n_pins} pins makes no whole rings; try {1 + 3 * k * (k + 1)}")
+        if kind == "hex":
+            i, j = (a.ravel() for a in np.mgrid[-k : k + 1, -k : k + 1])
+            keep = np.abs(i + j) <= k
+            xy = np.stack([i + 0.5 * j, j * 3**0.5 / 2], axis=1)[keep]
+        else:
+            rings = [np.zeros((1, 2))]
+            for ring in range(1, k + 1):
+                angle = 2 * np.pi * np.arange(6 * ring) / (6 * ring)
+                rings.append(ring * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+            xy = np.concatenate(rings)
+    else:
+        raise ValueError(f"layout {kind!r} is unknown; one of {', '.join(LAYOUTS)}")
+    radius = np.hypot(xy[:, 0], xy[:, 1])
+    angle = np.arctan2(xy[:, 1], xy[:, 0])
+    order = np.lexsort((np.round(angle, 9), np.round(radius, 9)))
+    return np.asarray(xy[order] / radius.max(), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Tip:
+    """One fingertip. Defaults: the 40 mm dome of the TacTip family, pins of 2 mm (paper, "Methods").
+
+    n_pins, kind        see `layout`
+    dome_radius_mm      radius of the skin's sphere
+    rim_deg             polar angle at which the skin is clamped
+    pins_deg            polar angle of the outermost pins
+    pin_length_mm       lever from the skin to the white cap that the camera sees
+    pin_radius_mm       radius of the cap
+    camera_distance_mm  from the dome's centre back to the camera
+    skin_mm             length below which the skin's own stiffness smooths the surface
+    shear_modulus_kpa   of gel and skin together; sets force only, not shape
+    friction            Coulomb's coefficient between skin and tool
+    """
+
+    n_pins: int = 331
+    kind: str = "rings"
+    dome_radius_mm: float = 20.0
+    rim_deg: float = 82.0
+    pins_deg: float = 68.0
+    pin_length_mm: float = 2.0
+    pin_radius_mm: float = 0.6
+    camera_distance_mm: float = 40.0
+    skin_mm: float = 1.0
+    reach_mm: float = 8.0
+    shear_modulus_kpa: float = 20.0
+    friction: float = 1.0
+
+    @cached_property
+    def rays(self) -> Array:
+        """(n, 2) direction of each pin's tip as seen from the camera, (x/z, y/z)."""
+        theta = np.deg2rad(self.pins_deg)
+        r = self.dome_radius_mm - self.pin_length_mm
+        widest = r * np.sin(theta) / (self.camera_distance_mm + r * np.cos(theta))
+        return np.asarray(layout(self.kind, self.n_pins) * widest)
+
+    @cached_property
+    def normals(self) -> Array:
+        """(n, 3) outward normal of the skin at each pin's root."""
+        m2 = (self.rays**2).sum(axis=1)
+        d, r = self.camera_distance_mm, self.dome_radius_mm - self.pin_length_mm
+        along = (d + np.sqrt(d * d - (1 + m2) * (d * d - r * r))) / (1 + m2)
+        tips = np.column_stack([self.rays * along[:, None], along - d])
+        return np.asarray(tips / r)
+
+    @cached_property
+    def roots_mm(self) -> Array:
+        """(n, 3) where each pin is rooted in the skin."""
+        return np.asarray(self.normals * self.dome_radius_mm)
+
+    @cached_property
+    def tips_mm(self) -> Array:
+        """(n, 3) white cap of each pin, untouched."""
+        return np.asarray(self.normals * (self.dome_radius_mm - self.pin_length_mm))
+
+    def mobility(self, xyz_mm: Array) -> Array:
+        """(n,) 0 at the clamped rim and below, towards 1 on top: how free the skin is to move there.
+
+        The length over which the clamp is felt, 0.15 of the dome's radius, makes the outermost ring of
+        the default tip move 0.5 mm at 3 mm depth; on the published 331-pin frames it is 0.5 mm.
+        """
+        height = (xyz_mm[..., 2] / self.dome_radius_mm - np.cos(np.deg2rad(self.rim_deg))) / 0.15
+        return np.asarray(1 - np.exp(-np.maximum(height, 0)))
