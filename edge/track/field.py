@@ -1,0 +1,128 @@
+"""The rest lattice and smooth motion fields over it.
+
+Idea: pins sit on one skin, so their motion is a smooth function of the rest position. Two views of it:
+a vector polynomial over the whole tip (coarse, needs no neighbours), and a local affine map a pin from
+its neighbours (fine, reaches as far as there are neighbours). Both are linear in the motion, so the
+designs are made once a rest frame and each fit is a few small matrix products, for many hypotheses at
+once: every array here carries a leading axis h of hypotheses.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay, QhullError, cKDTree
+
+from edge.errors import DegenerateLayout
+from edge.types import Array, Mask
+
+__all__ = ["Lattice", "Polynomial"]
+
+# Edges of the rest Delaunay longer than this many pitches bridge the hull's bays and tie pins that are
+# no neighbours: a hexagonal lattice has edges of 1, a square one of 1 and 1.41.
+LONGEST_EDGE = 1.7
+# Two rings of a hexagonal lattice: enough that an affine map survives a third of them lost.
+N_NEAR = 18
+# Reach of the second ring, and the width of the Gaussian weight, in pitches.
+NEAR_REACH = 2.6
+NEAR_WIDTH = 1.6
+# Ridge on the local gradient, in neighbours' weights: below three neighbours the map turns into a shift.
+GRADIENT_RIDGE = 0.05
+
+
+class Lattice:
+    """Neighbours of each pin at rest, and local affine prediction from them.
+
+    edge    (e, 2) int, Delaunay edges, each once, none longer than LONGEST_EDGE pitches
+    ring    (n, k) int, Delaunay neighbours, filled up with n
+    near    (n, N_NEAR) int, nearest pins
+    rim     (n,) bool, pins whose neighbours do not surround them
+    """
+
+    def __init__(self, rest_xy: Array, pitch_px: float) -> None:
+        """Raises DegenerateLayout: fewer than 4 pins, or all on a line."""
+        n = len(rest_xy)
+        if n < 4:
+            raise DegenerateLayout(f"{n} pins in the rest frame; tracking needs at least 4")
+        try:
+            corners = Delaunay(rest_xy).simplices
+        except QhullError:
+            raise DegenerateLayout("all pins of the rest frame lie on one line") from None
+        edge = np.unique(
+            np.sort(np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])), axis=0
+        )
+        length = np.hypot(*(rest_xy[edge[:, 0]] - rest_xy[edge[:, 1]]).T)
+        self.edge = edge[length < LONGEST_EDGE * pitch_px]
+        self.rest_xy = rest_xy
+        self.pitch_px = pitch_px
+        both = np.vstack([self.edge, self.edge[:, ::-1]])
+        both = both[np.argsort(both[:, 0], kind="stable")]
+        degree = np.bincount(both[:, 0], minlength=n)
+        self.ring = np.full((n, max(1, int(degree.max()))), n)
+        column = np.arange(len(both)) - np.repeat(np.cumsum(degree) - degree, degree)
+        self.ring[both[:, 0], column] = both[:, 1]
+
+        distance, near = cKDTree(rest_xy).query(rest_xy, k=min(N_NEAR, n - 1) + 1)
+        self.near = near[:, 1:]
+        distance = distance[:, 1:] / pitch_px
+        self.weight = np.where(distance < NEAR_REACH, np.exp(-0.5 * (distance / NEAR_WIDTH) ** 2), 0.0)
+        offset = (rest_xy[self.near] - rest_xy[:, None]) / pitch_px
+        design = np.concatenate([np.ones_like(offset[..., :1]), offset], axis=-1)
+        self._right = np.ascontiguousarray((design * self.weight[..., None]).transpose(0, 2, 1))
+        normal = design[..., :, None] * design[..., None, :] * self.weight[..., None, None]
+        self._normal = normal.reshape(n, self.near.shape[1], 9)
+        # The neighbours of an inner pin lie all round it; the sum of their directions is small.
+        towards = offset / np.linalg.norm(offset, axis=-1, keepdims=True)
+        close = (distance < LONGEST_EDGE)[..., None]
+        self.rim: Mask = np.linalg.norm((towards * close).sum(1), axis=1) > 0.3 * close.sum(1)[:, 0]
+
+    def predict(self, motion: Array, known: Mask) -> tuple[Array, Array, Array]:
+        """Motion of each pin as its known neighbours have it; the pin itself has no say.
+
+        motion (h, n, 2) px, whatever where not known; known (h, n) bool
+        Returns (h, n, 2) motion, (h, n) sum of the neighbours' weights, (h, n, 2, 2) gradient per pitch
+        """
+        h, n = known.shape
+        seen = known[:, self.near].astype(np.float64)
+        normal = (seen[:, :, None, :] @ self._normal).reshape(h, n, 3, 3)
+        normal += np.diag([1e-9, GRADIENT_RIDGE, GRADIENT_RIDGE])
+        value = np.where(known[..., None], motion, 0.0)[:, self.near]
+        solution = np.linalg.solve(normal, self._right @ value)
+        return solution[..., 0, :], (seen * self.weight).sum(-1), solution[..., 1:, :]
+
+    def disagreement(self, motion: Array, known: Mask) -> Array:
+        """(h, n) px, how far each motion is off the mean of its known Delaunay neighbours'; inf: unknown."""
+        pad = np.zeros((len(motion), 1, 2))
+        value = np.concatenate([np.where(known[..., None], motion, 0.0), pad], axis=1)[:, self.ring]
+        count = np.concatenate([known, np.zeros((len(known), 1), bool)], axis=1)[:, self.ring].sum(-1)
+        mean = value.sum(2) / np.maximum(count, 1)[..., None]
+        off = np.where(known & (count > 0), np.linalg.norm(motion - mean, axis=-1), np.inf)
+        return np.asarray(off, np.float64)
+
+
+class Polynomial:
+    """Least-squares vector polynomials of the rest position, Legendre products up to a total degree."""
+
+    def __init__(self, rest_xy: Array, degree: int) -> None:
+        centre = (rest_xy.min(0) + rest_xy.max(0)) / 2
+        unit = (rest_xy - centre) / np.abs(rest_xy - centre).max()
+        x = legendre.legvander(unit[:, 0], degree)
+        y = legendre.legvander(unit[:, 1], degree)
+        terms = [(d - j, j) for d in range(degree + 1) for j in range(d + 1)]
+        self._basis = np.stack([x[:, i] * y[:, j] for i, j in terms], axis=1)
+        # A light ridge that grows with the degree: rim pins without a match must not let it swing.
+        self._ridge = np.array([0.01 * (1 + i + j) ** 1.5 if i + j > 1 else 1e-6 for i, j in terms])
+        self._outer: dict[int, NDArray[np.float64]] = {}
+        for d in range(1, degree + 1):
+            b = self._basis[:, : (d + 1) * (d + 2) // 2]
+            self._outer[d] = (b[:, :, None] * b[:, None, :]).reshape(len(b), -1)
+
+    def smooth(self, motion: Array, weight: Array, degree: int) -> Array:
+        """motion (h, n, 2) px, weight (h, n) >= 0 -> (h, n, 2) the fitted polynomial at every pin."""
+        p = (degree + 1) * (degree + 2) // 2
+        basis: Array = self._basis[:, :p]
+        normal = (weight @ self._outer[degree]).reshape(-1, p, p) + np.diag(self._ridge[:p])
+        solution: Array = np.linalg.solve(normal, basis.T @ (motion * weight[..., None]))
+        fitted: Array = basis @ solution
+        return fitted

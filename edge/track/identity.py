@@ -1,0 +1,160 @@
+"""Pin identity after a jump: which blob is which pin of the rest frame, and how sure that is.
+
+The hard case is not noise but the lattice itself: pins move by more than a pitch, and a field that is
+one row off looks as tidy as the right one. Nearest neighbour from rest fails on most loaded frames.
+
+1. From several shifts of the rest frame, fit a motion field that gains freedom while its gate closes:
+   affine, then polynomials up to degree 4 (match one-to-one, fit, match again).
+2. Such a field is right over most of the tip and one row off elsewhere, with a seam between. Cut the
+   neighbour graph along the seam and keep the largest piece: the seed.
+3. Grow the seed outwards: each pin is predicted by the local affine map of its matched neighbours,
+   and takes the nearest blob; every sweep judges every pin anew.
+4. The hypothesis with most pins that agree with their neighbours wins, unless another one, or the
+   winner shifted by one lattice step, comes near it: then nobody knows, and confidence says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from edge.track.field import Lattice, Polynomial
+from edge.types import Array, Mask, Rest
+
+__all__ = ["Identifier", "Identity"]
+
+Blob = NDArray[np.intp]
+
+# Degree and gate (in pitches) of each round of the coarse fit.
+SCHEDULE = ((1, 0.6), (1, 0.5), (2, 0.5), (2, 0.45), (3, 0.4), (3, 0.4), (4, 0.35), (4, 0.35))
+# Shifts to start from: hexagonal grid with this step in pitches, out to this many steps.
+START_STEP, START_RINGS = 0.5, 2
+# Hypotheses that are grown before the search gives up.
+N_GROWN = 4
+SWEEPS = 24
+GROW_GATE = 0.38  # pitches, how far from its prediction a blob may be while growing
+GROW_SUPPORT = 1.2  # sum of neighbours' weights that carries a prediction: two near ones
+SEAM = 0.35  # pitches, difference in motion of two neighbours that cuts the graph
+AGREE = 0.22  # pitches, 4 px on the published 331-pin set
+RASTER_PX = 2.0  # cell of the nearest-blob table; coarse fits need no more
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """blob (n,) index of the blob that is pin i, -1 where none; agreeing pins; 0..1"""
+
+    blob: Blob
+    n_agree: int
+    confidence: float
+
+
+class _Nearest:
+    """Nearest blob to a point from a table: exact to RASTER_PX, constant time."""
+
+    def __init__(self, xy: Array, low: Array, high: Array) -> None:
+        self.xy = xy
+        self._low = np.minimum(xy.min(0), low) - RASTER_PX
+        size = np.ceil((np.maximum(xy.max(0), high) - self._low) / RASTER_PX).astype(int) + 2
+        empty = np.ones((size[1], size[0]), np.uint8)
+        cell = self._cell(xy, size)
+        empty[cell[:, 1], cell[:, 0]] = 0
+        _, label = cv2.distanceTransformWithLabels(empty, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+        blob = np.zeros(int(label.max()) + 1, np.intp)
+        blob[label[cell[:, 1], cell[:, 0]]] = np.arange(len(xy))
+        self._table = blob[label]
+        self._size = size
+
+    def _cell(self, at: Array, size: NDArray[np.int_]) -> NDArray[np.int_]:
+        cell: NDArray[np.int_] = np.rint((at - self._low) / RASTER_PX).astype(int)
+        return np.clip(cell, 0, size - 1)
+
+    def match(self, at: Array, gate_px: float, usable: Mask | None = None) -> tuple[Blob, Array, Mask]:
+        """at (h, n, 2) -> nearest blob (h, n), squared distance, whether it is ours: within the gate,
+        and no other pin of the hypothesis is nearer to it."""
+        cell = self._cell(at, self._size)
+        blob = self._table[cell[..., 1], cell[..., 0]]
+        square = ((self.xy[blob] - at) ** 2).sum(-1)
+        square = np.where(square < gate_px**2, square, np.inf)
+        if usable is not None:
+            square = np.where(usable, square, np.inf)
+        key = blob + np.arange(len(blob))[:, None] * len(self.xy)
+        best = np.full(len(blob) * len(self.xy), np.inf)
+        np.minimum.at(best, key.ravel(), square.ravel())
+        return blob, square, np.isfinite(square) & (square <= best[key])
+
+
+class Identifier:
+    """Finds identities from one unordered set of blobs, with nothing known but the rest frame."""
+
+    def __init__(self, rest: Rest, lattice: Lattice) -> None:
+        self._rest_xy = rest.xy_img
+        self._pitch_px = rest.pattern.pitch_px
+        self._lattice = lattice
+        self._polynomial = Polynomial(rest.xy_img, max(degree for degree, _ in SCHEDULE))
+        k = range(-START_RINGS, START_RINGS + 1)
+        step = START_STEP * self._pitch_px
+        shift = [(a + b / 2, b * np.sqrt(0.75)) for a in k for b in k if abs(a + b) <= START_RINGS]
+        self._shifts = np.array(shift)[:, None, :] * step
+        margin = 2 * self._pitch_px
+        self._low, self._high = rest.xy_img.min(0) - margin, rest.xy_img.max(0) + margin
+
+    def identify(self, blob_xy: Array, guesses: list[Array] | None = None) -> Identity:
+        """blob_xy (m, 2) px, unordered; guesses: (n, 2) px, where the pins may be, tried as well."""
+        n, m = len(self._rest_xy), len(blob_xy)
+        if m < 4:
+            return Identity(np.full(n, -1), 0, 0.0)
+        nearest = _Nearest(blob_xy, self._low, self._high)
+        start = self._rest_xy + self._shifts
+        if guesses:
+            start = np.concatenate([np.stack(guesses), start])
+        motion, known = self._coarse(nearest, start)
+        score = np.sum(self._lattice.disagreement(motion, known) < AGREE * self._pitch_px, axis=1)
+        best: Identity | None = None
+        for h in np.argsort(-score, kind="stable")[:N_GROWN]:
+            found = self._grow(nearest, motion[h], self._largest_piece(motion[h], known[h]))
+            if best is None or found.n_agree > best.n_agree:
+                best = found
+            if best.confidence > 0.9:
+                break
+        assert best is not None
+        return best
+
+    def _coarse(self, nearest: _Nearest, start: Array) -> tuple[Array, Mask]:
+        at = start
+        for degree, gate in SCHEDULE:
+            gate_px = gate * self._pitch_px
+            blob, square, ours = nearest.match(at, 2.5 * gate_px)
+            weight = np.where(ours, np.exp(np.where(ours, -0.5 * square / gate_px**2, 0.0)), 0.0)
+            at = self._rest_xy + self._polynomial.smooth(nearest.xy[blob] - self._rest_xy, weight, degree)
+        blob, _, ours = nearest.match(at, SEAM * self._pitch_px)
+        return nearest.xy[blob] - self._rest_xy, ours
+
+    def _largest_piece(self, motion: Array, known: Mask) -> Mask:
+        a, b = self._lattice.edge.T
+        tie = known[a] & known[b] & (np.hypot(*(motion[a] - motion[b]).T) < SEAM * self._pitch_px)
+        n = len(known)
+        graph = coo_matrix((np.ones(int(tie.sum()), bool), (a[tie], b[tie])), shape=(n, n))
+        label: NDArray[np.intp] = connected_components(graph, directed=False)[1]
+        return label == np.bincount(label[known], minlength=1).argmax() if known.any() else known
+
+    def _grow(self, nearest: _Nearest, motion: Array, seed: Mask) -> Identity:
+        known, value = seed[None], motion[None]
+        before = np.full(len(seed), -1)
+        for _ in range(SWEEPS):
+            predicted, support, _ = self._lattice.predict(value, known)
+            blob, _, known = nearest.match(
+                self._rest_xy + predicted, GROW_GATE * self._pitch_px, support > GROW_SUPPORT
+            )
+            value = nearest.xy[blob] - self._rest_xy
+            now = np.where(known[0], blob[0], -1)
+            if np.array_equal(now, before):
+                break
+            before = now
+        n_agree = int(np.sum(self._lattice.disagreement(value, known) < AGREE * self._pitch_px))
+        share = n_agree / min(len(seed), len(nearest.xy))
+        return Identity(before, n_agree, float(np.clip((share - 0.75) / 0.2, 0, 1)))
