@@ -1,0 +1,31 @@
+"""Recordings: what the camera saw, what the stages made of it, what went onto the bus; one MCAP file.
+
+    with Recorder("press.mcap", tip={"serial": "T-0042"}) as recorder:
+        for frame in source:
+            recorder.frame(frame)
+
+    for frame in RecordingSource("press.mcap"):
+        ...
+
+- The file is plain MCAP with Foxglove's schemas, so that Foxglove, Lichtblick and PlotJuggler open it
+  without a plug-in, and the `mcap` library's own reader validates it.
+- The writer never blocks the loop and never raises into it: a bounded queue, a thread of its own, and
+  counts of what did not fit.
+- A file that ends in the middle reads back up to its last complete chunk.
+"""
+
+from __future__ import annotations
+
+from edge.recording.messages import TOPICS, cloud_to_array
+from edge.recording.reader import RecordingSource, read_attachments, read_messages, read_metadata
+from edge.recording.writer import Recorder
+
+__all__ = [
+    "TOPICS",
+    "Recorder",
+    "RecordingSource",
+    "cloud_to_array",
+    "read_attachments",
+    "read_messages",
+    "read_metadata",
+]
