@@ -1,10 +1,10 @@
 """The simulated fingertip: known truth for everything that reads it.
 
-    tip        geometry and pin layout
-    mechanics  indenters against the tip -> where each pin is, what the contact is
-    camera     where a pin falls in the image
-    render     the image: discs, light, noise
-    simulator  all of it together: contacts in, `edge.types.Frame` with truth out
+tip        geometry and pin layout
+mechanics  indenters against the tip -> where each pin is, what the contact is
+camera     where a pin falls in the image
+render     the image: discs, light, noise
+simulator  all of it together: contacts in, `edge.types.Frame` with truth out
 """
 
 from calib.sim.camera import Camera
@@ -13,4 +13,16 @@ from calib.sim.render import Blob, Look, render
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip, layout
 
-__all__ = ["Blob", "Camera", "Contact", "Deformation", "Look", "Simulator", "Tip", "Tool", "deform", "layout", "render"]
+__all__ = [
+    "Blob",
+    "Camera",
+    "Contact",
+    "Deformation",
+    "Look",
+    "Simulator",
+    "Tip",
+    "Tool",
+    "deform",
+    "layout",
+    "render",
+]

@@ -25,6 +25,7 @@ Sources  Johnson, "Contact Mechanics", 3.2, 3.6; Cortez, SIAM J. Sci. Comput. 23
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -130,16 +131,19 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
     smooth = np.maximum(tip.skin_mm, 0.7 * np.sqrt(cell))
     kernel = _kernel(tip, xyz, xyz, np.sqrt((smooth[:, None] ** 2 + smooth**2) / 2))
 
+    gel = _gel(tip)
+    swell = gel.swell(xyz)
+    kernel -= np.einsum("ia,jb->ijab", swell, swell) / gel.volume_per_pressure
+    layer = tip.layer_mm / cell
+
     normal = frames[:, 2]
-    p_n = _press(
-        np.einsum("ia,ijab,jb->ij", normal, kernel, normal, optimize=True),
-        np.concatenate([p.depth for p in patches]),
-    )
+    stiff = np.einsum("ia,ijab,jb->ij", normal, kernel, normal, optimize=True)
+    p_n = _press(stiff + np.diag(layer), np.concatenate([p.depth for p in patches]))
     force = -p_n[:, None] * normal
     sliding = np.zeros(len(xyz), dtype=bool)
     motion = np.concatenate([p.motion for p in patches])
     if motion.any():
-        q_n, sliding = _drag(kernel, frames[:, :2], motion, tip.friction * p_n)
+        q_n, sliding = _drag(kernel, layer, frames[:, :2], motion, tip.friction * p_n)
         force += q_n
 
     # Skin's displacement at the pins' roots and a little way along two tangents, for its new normal.
@@ -148,6 +152,7 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
     probes = np.concatenate([tip.roots_mm, tip.roots_mm + step * first, tip.roots_mm + step * second])
     live = p_n > 0
     moved = _displace(tip, probes, xyz[live], force[live], smooth[live])
+    moved -= gel.swell(probes) * (swell * force).sum() / gel.volume_per_pressure
     root, one, two = moved.reshape(3, -1, 3)
     axis = np.cross(first + (one - root) / step, second + (two - root) / step)
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
@@ -164,6 +169,41 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
         areas_mm2=area,
         slip=slid / np.maximum(area, 1e-12),
     )
+
+
+@dataclass(frozen=True)
+class _Gel:
+    """Answer of the closed tip to a uniform pressure of the gel, tabulated over the polar angle."""
+
+    z_mm: Array  # increasing
+    outward: Array  # displacement away from the axis, per unit pressure
+    upward: Array  # and along z
+    volume_per_pressure: float
+
+    def swell(self, xyz: Array) -> Array:
+        """(n, 3) displacement by unit pressure."""
+        rho = np.maximum(np.hypot(xyz[:, 0], xyz[:, 1]), 1e-9)
+        height = xyz[:, 2] / np.linalg.norm(xyz, axis=1)
+        out = np.interp(height, self.z_mm, self.outward) / rho
+        return np.column_stack([xyz[:, :2] * out[:, None], np.interp(height, self.z_mm, self.upward)])
+
+
+@lru_cache(maxsize=8)
+def _gel(tip: Tip) -> _Gel:
+    r, lowest = tip.dome_radius_mm, np.cos(np.deg2rad(tip.rim_deg))
+    # Equal-area points on the dome (Fibonacci's spiral).
+    m = 1500
+    z = 1 - (1 - lowest) * (np.arange(m) + 0.5) / m
+    a = np.pi * (3 - 5**0.5) * np.arange(m)
+    normal = np.column_stack([np.sqrt(1 - z * z) * np.cos(a), np.sqrt(1 - z * z) * np.sin(a), z])
+    area = 2 * np.pi * r * r * (1 - lowest) / m
+    smooth = np.full(m, max(tip.skin_mm, 0.7 * area**0.5))
+    push = _displace(tip, r * normal, r * normal, area * normal, smooth)
+    heights = np.linspace(lowest, 1, 80)
+    side = np.sqrt(1 - heights**2)
+    line = r * np.column_stack([side, 0 * side, heights])
+    table = _displace(tip, line, r * normal, area * normal, smooth)
+    return _Gel(heights, table[:, 0], table[:, 2], float((push * normal).sum() * area) / tip.closed)
 
 
 def _patches(tip: Tip, contact: Contact) -> list[_Patch]:
@@ -273,12 +313,14 @@ def _press(stiff: Array, depth: Array) -> Array:
     return np.maximum(p, 0)
 
 
-def _drag(kernel: Array, tangents: Array, motion: Array, bound: Array) -> tuple[Array, Array]:
+def _drag(kernel: Array, layer: Array, tangents: Array, motion: Array, bound: Array) -> tuple[Array, Array]:
     """Tangential forces (m, 3) that carry the skin along, at most `bound`; and which cells slide."""
     m = len(bound)
     stick = bound > 0
     slide = np.zeros(m, dtype=bool)
     full = np.einsum("iua,ijab,jvb->iujv", tangents, kernel, tangents, optimize=True)
+    full[np.arange(m), 0, np.arange(m), 0] += layer
+    full[np.arange(m), 1, np.arange(m), 1] += layer
     want = np.einsum("iua,ia->iu", tangents, motion)
     q = np.zeros((m, 2))
     for _ in range(ACTIVE_SET_ROUNDS):

@@ -107,7 +107,9 @@ class Renderer:
         out = np.full((h, w), self.look.skin, dtype=np.float32)
         edge = 1.13 * self.camera.radius_px + 2  # where the skin ends, just outside of the last pins
         if self.look.rim > 0:
-            out += self.look.rim * ndtr((r - 1.06 * edge) / 3) * np.exp(-np.maximum(r - 1.25 * edge, 0) / edge)
+            out += (
+                self.look.rim * ndtr((r - 1.06 * edge) / 3) * np.exp(-np.maximum(r - 1.25 * edge, 0) / edge)
+            )
         for i in range(self.look.leds):
             a = 2 * np.pi * (i + 0.3) / self.look.leds
             spot = Blob((cx + 1.08 * edge * np.cos(a), cy + 1.08 * edge * np.sin(a)), 0.06 * edge, 260)
@@ -165,7 +167,12 @@ class Renderer:
         shifts = ((np.arange(MOTION_STEPS) + 0.5) / MOTION_STEPS - 0.5) if moving else np.zeros(1)
         half = int(np.ceil(radius.max() + 4 * look.blur_px + np.abs(step).max(initial=0) / 2 + 0.5))
         near = np.rint(xy).astype(np.intp)
-        lit = (self._pin_level > 0) & (near > -half).all(axis=1) & (near[:, 0] < w + half) & (near[:, 1] < h + half)
+        lit = (
+            (self._pin_level > 0)
+            & (near > -half).all(axis=1)
+            & (near[:, 0] < w + half)
+            & (near[:, 1] < h + half)
+        )
         near = near[lit]
         offsets = np.arange(-half, half + 1)
         total: Array | float = 0.0

@@ -67,6 +67,11 @@ def layout(kind: str, n_pins: int) -> Array:
 class Tip:
     """One fingertip. Defaults: the 40 mm dome of the TacTip family, pins of 2 mm (paper, "Methods").
 
+    The elastic figures were set so that a flat press moves the pins as on the published 420x420 frames
+    (mean outward motion of rings 20..50..80..110..140..170 px from the centre, frame of 2.8 mm depth
+    and < 3 deg tilt: 3.9 8.3 10.8 10.3 7.7 4.9 px; here 3.5 8.4 8.8 5.5 4.2 3.5 px), and 2 mm of shear
+    at 3 mm depth moves the mean of all pins by 6 px (there: 5 px for 2.3 mm).
+
     n_pins, kind        see `layout`
     dome_radius_mm      radius of the skin's sphere
     rim_deg             polar angle at which the skin is clamped
@@ -75,6 +80,10 @@ class Tip:
     pin_radius_mm       radius of the cap
     camera_distance_mm  from the dome's centre back to the camera
     skin_mm             length below which the skin's own stiffness smooths the surface
+    layer_mm            thickness of an elastic layer (of the gel's modulus) through which tools are felt
+    reach_mm            distance over which the finite gel lets a force fade
+    clamp_mm            height above the rim over which the clamp is felt
+    closed              share of the pressed-in volume that comes out elsewhere on the dome; 1: sealed
     shear_modulus_kpa   of gel and skin together; sets force only, not shape
     friction            Coulomb's coefficient between skin and tool
     """
@@ -87,8 +96,11 @@ class Tip:
     pin_length_mm: float = 2.0
     pin_radius_mm: float = 0.6
     camera_distance_mm: float = 40.0
-    skin_mm: float = 1.0
-    reach_mm: float = 8.0
+    skin_mm: float = 1.5
+    layer_mm: float = 0.3
+    reach_mm: float = 20.0
+    clamp_mm: float = 2.0
+    closed: float = 0.95
     shear_modulus_kpa: float = 20.0
     friction: float = 1.0
 
@@ -120,10 +132,6 @@ class Tip:
         return np.asarray(self.normals * (self.dome_radius_mm - self.pin_length_mm))
 
     def mobility(self, xyz_mm: Array) -> Array:
-        """(n,) 0 at the clamped rim and below, towards 1 on top: how free the skin is to move there.
-
-        The length over which the clamp is felt, 0.15 of the dome's radius, makes the outermost ring of
-        the default tip move 0.5 mm at 3 mm depth; on the published 331-pin frames it is 0.5 mm.
-        """
-        height = (xyz_mm[..., 2] / self.dome_radius_mm - np.cos(np.deg2rad(self.rim_deg))) / 0.15
-        return np.asarray(1 - np.exp(-np.maximum(height, 0)))
+        """(n,) 0 at the clamped rim and below, towards 1 on top: how free the skin is to move there."""
+        height = xyz_mm[..., 2] - self.dome_radius_mm * np.cos(np.deg2rad(self.rim_deg))
+        return np.asarray(1 - np.exp(-np.maximum(height, 0) / self.clamp_mm))
