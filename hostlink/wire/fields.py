@@ -1,0 +1,254 @@
+"""THE table: what a sample holds, and how it lies in the frame. Everything else is generated from it.
+
+    STATE FRAME, 64 bytes, little-endian, on CAN FD and serial alike
+
+     0        2      3       4        6        8            12       14   15
+    +--------+------+-------+--------+--------+------------+--------+----+----+
+    | CRC-16 | cntr | versn | sample | status | time  (us) | latency|pins|cont|   E2E profile 5, header
+    +--------+------+-------+--------+--------+------------+--------+----+----+
+    16       18       20       22       24       26       28       30       32
+    +--------+--------+--------+--------+--------+--------+--------+--------+
+    | displ. | sigma  | force  | press. | area   | shear x| shear y| sigma  |
+    +--------+--------+--------+--------+--------+--------+--------+--------+
+    32       34       36       38       40   41          46          51          56          61       63
+    +--------+--------+--------+--------+----+-----------+-----------+-----------+-----------+--------+----+
+    | torsion| tilt x | tilt y | slip   |prob| contact 0 | contact 1 | contact 2 | contact 3 | orient.|temp|
+    +--------+--------+--------+--------+----+-----------+-----------+-----------+-----------+--------+----+
+
+Rules
+- A finite value saturates at the field's range. NaN is the type's most negative value, or the largest
+  of an unsigned one; it means "not measured, not calibrated, not asked for or not to be trusted".
+- `raw = round(value / scale)`, half to even; `value = raw * scale`. There are no offsets.
+- The range is narrower than the type where classic CAN has fewer bits, so that both carry the same.
+- The first four bytes (CRC, counter, version) stay where they are in every future version.
+- A change of any table here changes `SCHEMA_HASH`, and with it the CRC of every frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from hashlib import sha256
+from itertools import chain
+from struct import calcsize
+from typing import Final
+
+from hostlink.wire.status import STATUS
+
+__all__ = [
+    "CONTACTS_MAX",
+    "CONTACT_FIELDS",
+    "DATA_ID",
+    "DATA_ID_CLASSIC",
+    "FIELDS",
+    "HEADER_SIZE",
+    "PARTS",
+    "SCHEMA_HASH",
+    "SCHEMA_TEXT",
+    "STATE_LAYOUT",
+    "STATE_SIZE",
+    "VERSION",
+    "Field",
+    "Part",
+    "field_named",
+]
+
+VERSION: Final = 1  # of the layout; at most 255. Its low 4 bits travel in every classic part.
+HEADER_SIZE: Final = 4  # E2E profile 5 (3 bytes) and the version
+STATE_SIZE: Final = 64  # the largest CAN FD frame
+CONTACTS_MAX: Final = 4
+
+# struct's type code -> (lowest raw value, highest raw value, NaN)
+_TYPES: Final = {
+    "b": (-0x7F, 0x7F, -0x80),
+    "B": (0, 0xFE, 0xFF),
+    "h": (-0x7FFF, 0x7FFF, -0x8000),
+    "H": (0, 0xFFFE, 0xFFFF),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One value of the state frame.
+
+    name       of the attribute of `State` (or `Contact`), with its unit
+    code       struct's letter of its type in the 64-byte frame
+    scale      value of one step, in `unit`; 0 for plain integers (counters, bits), which have no NaN
+    low, high  range in `unit`; beyond it the value saturates (plain integers: see `state`)
+    bits       width on classic CAN
+    meaning    quantity, frame of reference, sign
+    why        why this type, scale and range
+    """
+
+    name: str
+    code: str
+    scale: float
+    unit: str
+    low: float
+    high: float
+    bits: int
+    meaning: str
+    why: str
+
+    @property
+    def signed(self) -> bool:
+        return self.code.islower()
+
+    @property
+    def plain(self) -> bool:
+        """A counter or a set of bits rather than a measured value."""
+        return self.scale == 0
+
+    @property
+    def size(self) -> int:
+        """Bytes in the 64-byte frame."""
+        return calcsize("<" + self.code)
+
+    @property
+    def raw_low(self) -> int:
+        return int(self.low) if self.plain else round(self.low / self.scale)
+
+    @property
+    def raw_high(self) -> int:
+        return int(self.high) if self.plain else round(self.high / self.scale)
+
+    def raw_nan(self, bits: int) -> int:
+        """The raw value that means NaN in a representation of this width."""
+        return -(1 << bits - 1) if self.signed else (1 << bits) - 1
+
+
+_F = Field
+
+# Frame of reference `tip`: mm, x right and y down in the camera's image, origin on the tip's axis,
+# z out of the skin.
+FIELDS: Final = (
+    _F("sample", "H", 0, "", 0, 0xFFFF, 16,
+       "sample number; counts up by one with every measurement, wraps to 0",
+       "a gap is a loss, whatever the reason; 16 bits are 4.5 minutes at 240 Hz"),
+    _F("status", "H", 0, "", 0, 0xFFFF, 16, "status bits, see the table of status bits",
+       "one look tells a controller whether to trust the sample"),
+    _F("capture_time_us", "I", 0, "us", 0, 0xFFFF_FFFF, 32,
+       "start of exposure on the sensor's monotonic clock; wraps to 0 after 71.6 minutes",
+       "capture, not sending: a controller needs the age of what it sees"),
+    _F("latency_us", "H", 10, "us", 0, 655_340, 16, "time from capture to sending of this sample",
+       "steps of 10 us resolve 1 ms well and still hold a camera at 2 Hz"),
+    _F("pins_tracked", "B", 0.004, "", 0, 1, 8, "share of the pins whose place is known, 0..1",
+       "a share, as tips differ in their number of pins; 250 steps: about one pin of 331"),
+    _F("contact_n", "B", 0, "", 0, 14, 4, "number of separate contacts; up to 4 of them are listed below",
+       "more than are listed may exist, and a controller should know"),
+    _F("displacement_mm", "h", 0.002, "mm", -16, 16, 14,
+       "depth by which the skin is pressed in, along z; positive is into the tip",
+       "signed, so that noise about zero stays unbiased; 2 um is 1/20 of the sensor's noise"),
+    _F("displacement_sigma_mm", "H", 0.002, "mm", 0, 8, 12, "standard deviation of the displacement",
+       "lets a filter weigh the value"),
+    _F("force_n", "h", 0.002, "N", -65, 65, 16, "normal force on the tip; positive presses the tip",
+       "needs a calibration with a force gauge"),
+    _F("pressure_kpa", "h", 0.05, "kPa", -1600, 1600, 16, "force over contact area",
+       "fingertips: 10..1000 kPa"),
+    _F("contact_area_mm2", "H", 0.02, "mm2", 0, 1310, 16, "area of skin in contact, all contacts together",
+       "the whole face of a 40 mm tip is 1257 mm2"),
+    _F("shear_x_mm", "h", 0.002, "mm", -16, 16, 14, "motion of the contact along x (tip frame) since contact",
+       "same step as the displacement: a grasp controller compares the two"),
+    _F("shear_y_mm", "h", 0.002, "mm", -16, 16, 14, "motion of the contact along y (tip frame) since contact",
+       "see shear_x_mm"),
+    _F("shear_sigma_mm", "H", 0.002, "mm", 0, 8, 12, "standard deviation of each axis of the shear",
+       "see displacement_sigma_mm"),
+    _F("torsion_deg", "h", 0.01, "deg", -180, 180, 16, "twist of the contact about z, positive from x to y",
+       "one type for all angles"),
+    _F("tilt_x_deg", "h", 0.01, "deg", -180, 180, 16, "tilt of the touched surface about x, right-handed",
+       "what tactile servoing steers by"),
+    _F("tilt_y_deg", "h", 0.01, "deg", -180, 180, 16, "tilt of the touched surface about y, right-handed",
+       "see tilt_x_deg"),
+    _F("slip_speed_mm_s", "H", 0.01, "mm/s", 0, 655, 16, "speed of the skin beyond what the load explains",
+       "holds an object falling for 67 ms"),
+    _F("slip_probability", "B", 0.004, "", 0, 1, 8, "probability that the contact slips, 0..1",
+       "a threshold on it is the controller's choice"),
+    _F("orientation_deg", "h", 0.01, "deg", -90, 90, 16,
+       "direction of the long axis of the contact (edge), from x towards y, in (-90, 90]",
+       "an axis has no head: 180 degrees hold it all"),
+    _F("temperature_degc", "b", 1.0, "degC", -40, 125, 8, "temperature of the board",
+       "explains drift and faults; one degree is enough for that"),
+)  # fmt: skip
+
+CONTACT_FIELDS: Final = (
+    _F("x_mm", "h", 0.002, "mm", -65, 65, 16, "place of the contact, x (tip frame)",
+       "65 mm holds every fingertip"),
+    _F("y_mm", "h", 0.002, "mm", -65, 65, 16, "place of the contact, y (tip frame)", "see x_mm"),
+    _F("depth_mm", "B", 0.025, "mm", 0, 6.35, 8, "depth by which the skin is pressed in at this place",
+       "tells strong from weak contacts; the displacement field has the resolution"),
+)  # fmt: skip
+
+# Order in the 64-byte frame: names of fields, or the index of a contact.
+STATE_LAYOUT: Final[tuple[str | int, ...]] = (
+    "sample", "status", "capture_time_us", "latency_us", "pins_tracked", "contact_n",
+    "displacement_mm", "displacement_sigma_mm", "force_n", "pressure_kpa", "contact_area_mm2",
+    "shear_x_mm", "shear_y_mm", "shear_sigma_mm", "torsion_deg", "tilt_x_deg", "tilt_y_deg",
+    "slip_speed_mm_s", "slip_probability", 0, 1, 2, 3, "orientation_deg", "temperature_degc",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One 8-byte message of the classic layout: 2 bytes E2E, 5 bits of sample number, [3 bits page], fields.
+
+    index   of the part in the sample; part of its data id, so that none is taken for another
+    tpdo    which TPDO's CAN id carries it, 1..4
+    page    value of the multiplexer; None: the message has none, and 43 bits for fields
+    fields  low bits first
+    always  sent with every sample; others only when one of their values is valid
+    contact index of the contact it carries, or None
+    """
+
+    index: int
+    tpdo: int
+    page: int | None
+    fields: tuple[str, ...]
+    always: bool = False
+    contact: int | None = None
+
+
+SAMPLE_LOW_BITS: Final = 5
+PAGE_BITS: Final = 3
+
+# `sample_high` is the sample number without its low 5 bits, `part_n` the number of parts of this sample.
+PARTS: Final = (
+    Part(0, 1, None, ("displacement_mm", "shear_x_mm", "shear_y_mm"), always=True),
+    Part(1, 2, None, ("status", "sample_high", "pins_tracked", "contact_n", "part_n"), always=True),
+    Part(2, 3, 0, ("capture_time_us", "temperature_degc"), always=True),
+    Part(3, 3, 1, ("displacement_sigma_mm", "shear_sigma_mm", "latency_us"), always=True),
+    Part(4, 3, 2, ("force_n", "pressure_kpa")),
+    Part(5, 3, 3, ("contact_area_mm2", "orientation_deg")),
+    Part(6, 3, 4, ("tilt_x_deg", "tilt_y_deg")),
+    Part(7, 3, 5, ("torsion_deg", "slip_speed_mm_s", "slip_probability")),
+    *(Part(8 + i, 4, i, ("x_mm", "y_mm", "depth_mm"), contact=i) for i in range(CONTACTS_MAX)),
+)
+
+# Widths of what only the classic layout has; plain integers.
+CLASSIC_BITS: Final = {"sample_high": 16 - SAMPLE_LOW_BITS, "part_n": 4}
+
+_BY_NAME: Final = {f.name: f for f in chain(FIELDS, CONTACT_FIELDS)}
+
+
+def field_named(name: str) -> Field:
+    """The row of the table with this name. Raises KeyError."""
+    return _BY_NAME[name]
+
+
+def _schema_text() -> str:
+    """All that decides how bits become values, in a canonical form."""
+    lines = [f"version {VERSION} size {STATE_SIZE} layout {' '.join(map(str, STATE_LAYOUT))}"]
+    lines += [
+        f"{f.name} {f.code} {f.scale!r} {f.unit} {f.low!r} {f.high!r} {f.bits}"
+        for f in chain(FIELDS, CONTACT_FIELDS)
+    ]
+    lines += [f"part {p.index} {p.tpdo} {p.page} {' '.join(p.fields)} {p.always}" for p in PARTS]
+    lines += [f"status {s.bit.value:#06x} {s.bit.name}" for s in STATUS]
+    return "\n".join(lines) + "\n"
+
+
+SCHEMA_TEXT: Final = _schema_text()
+SCHEMA_HASH: Final = int.from_bytes(sha256(SCHEMA_TEXT.encode()).digest()[:4], "big")
+
+# E2E data ids. Profile 5: 16 bits of the hash. Profile 11C: version (the nibble that is sent) and 8 bits
+# of the hash, of which the low 4 are left free for the part's index.
+DATA_ID: Final = SCHEMA_HASH & 0xFFFF
+DATA_ID_CLASSIC: Final = (VERSION & 0xF) << 8 | SCHEMA_HASH >> 16 & 0xF0
