@@ -49,16 +49,16 @@ class Camera:
 
     @property
     def focal_px(self) -> float:
-        widest = float(np.hypot(*self.tip.rays.T).max())
-        return self.radius_px / (widest * self._bend(widest**2))
+        widest = np.hypot(*self.tip.rays.T).max(keepdims=True)
+        return float(self.radius_px / (widest * self._bend(widest**2))[0])
 
-    def _bend(self, r2: float | Array) -> float | Array:  # type: ignore[misc]
+    def _bend(self, r2: Array) -> Array:
         return 1 + self.k1 * r2 + self.k2 * r2 * r2
 
     def project(self, xyz_mm: Array) -> Array:
         """(n, 2) px of points in the tip's frame."""
         ray = xyz_mm[:, :2] / (xyz_mm[:, 2:] + self.tip.camera_distance_mm)
-        ray = ray * np.asarray(self._bend((ray**2).sum(axis=1)))[:, None]
+        ray = ray * self._bend((ray**2).sum(axis=1))[:, None]
         a = np.deg2rad(self.roll_deg)
         turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
         return np.asarray(self.focal_px * ray @ turn.T + self.centre_img)

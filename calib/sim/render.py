@@ -149,14 +149,15 @@ class Renderer:
         light *= top / 255
         np.rint(light, out=light)
         np.clip(light, 0, top, out=light)
-        return light.astype(np.uint8 if look.bits == 8 else np.uint16), xy
+        image: Image = light.astype(np.uint8) if look.bits == 8 else light.astype(np.uint16)
+        return image, xy
 
     def _add_pins(self, light: NDArray[np.float32], now: Deformation, xy: Array, step: Array) -> None:
         cam, look = self.camera, self.look
         h, w = light.shape
         radius = cam.tip.pin_radius_mm * cam.scale_px(now.tips_mm)
         # Askew by the angle between the pin's axis and the line of sight: short radially.
-        sight = now.tips_mm + [0, 0, cam.tip.camera_distance_mm]
+        sight = now.tips_mm + np.array([0, 0, cam.tip.camera_distance_mm])
         cos = np.abs((sight * now.axes).sum(axis=1)) / np.linalg.norm(sight, axis=1)
         short = CAP_ROUNDNESS + (1 - CAP_ROUNDNESS) * cos
         flat = now.axes[:, :2]

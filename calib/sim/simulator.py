@@ -77,7 +77,7 @@ class Simulator:
         visible        [bool, ...]
         """
         w, h = self.camera.size_px
-        visible = ((xy > -0.5) & (xy < [w - 0.5, h - 0.5])).all(axis=1)
+        visible = np.asarray(((xy > -0.5) & (xy < [w - 0.5, h - 0.5])).all(axis=1))
         visible[sorted(self.look.dead)] = False
         first = contacts[0] if contacts and contacts[0].depth_mm > 0 else Contact()
         return {

@@ -1,4 +1,4 @@
-"""Geometry of a fingertip: a dome of skin with pins on its inside, looked at by a camera on its axis.
+r"""Geometry of a fingertip: a dome of skin with pins on its inside, looked at by a camera on its axis.
 
                  z out of the skin
                       ^   .-'''-.      skin: sphere of radius `dome_radius_mm`, centre at the origin
