@@ -123,6 +123,7 @@ class PinPattern:
     brightness       grey level of a pin over the background
     noise            standard deviation of the grey level between the pins, after removal of gradients
     size_px          (width, height) of the image it was learnt from
+    edge_px          standard deviation of the blur that a pin's edge shows, pixel included
     """
 
     pin_radius_px: float
@@ -133,6 +134,7 @@ class PinPattern:
     brightness: float
     noise: float
     size_px: tuple[int, int]
+    edge_px: float = 0.8
 
 
 @dataclass(frozen=True, slots=True)
