@@ -1,0 +1,117 @@
+"""From where the pins are to the areas of their cells: triangulation kept, areas from `_cells.c`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from edge._cells import Mesh
+from edge.errors import DegenerateLayout
+from edge.tessellate.boundary import carry_matrix, make_boundary
+from edge.tessellate.layout import must_span, pitch_of
+from edge.tessellate.lost import LostPins
+from edge.types import Array, Cells, Index, Rest, Tracks
+
+__all__ = ["Tessellator", "cell_polygons"]
+
+
+class Tessellator:
+    """Cells of the pins of one tip; keeps the triangulation of the last frame.
+
+    rest.xy_img  (n, 2) px, n >= 3, finite, not all on a line
+    Raises       DegenerateLayout
+    """
+
+    def __init__(self, rest: Rest) -> None:
+        xy = np.ascontiguousarray(rest.xy_img, dtype=np.float64)
+        must_span(xy, "rest frame")
+        pitch_px = pitch_of(xy)
+        boundary, rim = make_boundary(xy, pitch_px)
+        n, b = len(xy), len(boundary)
+        self._rest_img = xy
+        self._boundary_rest_img = boundary
+        self._rim = rim
+        self._rim_rest_img = xy[rim]
+        self._carry = carry_matrix(self._rim_rest_img, boundary, pitch_px)
+        self._lost = LostPins(xy, pitch_px)
+        self._mesh = Mesh(n + b, n)
+        self._points = np.concatenate([xy, boundary])  # rewritten every frame
+        self._rest_area_px2 = np.empty(n)
+        self._mesh.update(self._points, self._rest_area_px2)
+        self._rest_area_px2.flags.writeable = False
+        self._changes = -1
+        self._triangles: Index = np.empty((0, 3), dtype=np.int32)
+
+    @property
+    def rest_area_px2(self) -> Array:
+        """(n,) px2, area of each pin's cell on the rest frame."""
+        return self._rest_area_px2
+
+    def cells(self, tracks: Tracks) -> Cells:
+        """Area of each pin's bounded cell in this frame.
+
+        tracks.xy_img  (n, 2) px, row i is pin i; NaN where lost
+        Returns        new arrays; but `rest_area_px2` and `triangles` are shared by frames and read-only,
+                       and `xy_img` is that of `tracks` where no pin is lost
+        Raises         DegenerateLayout: fewer than 3 visible pins, or all on a line
+        """
+        n = len(self._rest_img)
+        all_seen = bool(tracks.seen.all())
+        xy = tracks.xy_img if all_seen else self._lost.fill(tracks.xy_img, tracks.seen)
+        boundary = self._boundary(xy)
+        self._points[:n] = xy
+        self._points[n:] = boundary
+        area = np.empty(n)
+        try:
+            changes = self._mesh.update(self._points, area)
+        except ValueError as error:
+            raise DegenerateLayout(f"{n} pins, {tracks.n_seen} of them seen: {error}") from error
+        if changes != self._changes:
+            self._triangles = np.frombuffer(self._mesh.triangles(), dtype=np.int32).reshape(-1, 3)
+            self._changes = changes
+        if not all_seen:
+            area[~tracks.seen] = np.nan
+        return Cells(
+            area_px2=area,
+            rest_area_px2=self._rest_area_px2,
+            xy_img=xy,
+            triangles=self._triangles,
+            boundary_img=boundary,
+        )
+
+    def _boundary(self, xy: Array) -> Array:
+        """(b, 2) px, the artificial points for pins at `xy`."""
+        motion = xy[self._rim] - self._rim_rest_img
+        shift = motion[0].copy()  # taken out, so that a far origin costs no digits
+        motion -= shift
+        out: Array = self._carry @ motion
+        out += self._boundary_rest_img
+        out += shift
+        return out
+
+
+def cell_polygons(cells: Cells) -> list[Array]:
+    """Corners of each pin's cell, for drawings.
+
+    Returns  one (k, 2) px array a pin, going round the pin; (0, 2) where the area is NaN
+    """
+    points = np.concatenate([cells.xy_img, cells.boundary_img])
+    a, b, c = (points[cells.triangles[:, k]] for k in range(3))
+    u, v = b - a, c - a
+    cross = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    u2, v2 = (u * u).sum(axis=1), (v * v).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        centre = a + np.stack([v[:, 1] * u2 - u[:, 1] * v2, u[:, 0] * v2 - v[:, 0] * u2], axis=1) / (
+            2 * cross[:, None]
+        )
+    pin = cells.triangles.ravel()
+    corner = np.repeat(centre, 3, axis=0)
+    arm = corner - points[pin]
+    # A cell is convex and holds its pin: the angle about the pin puts the corners in order.
+    order = np.lexsort((np.arctan2(arm[:, 1], arm[:, 0]), pin))
+    n = len(cells.xy_img)
+    starts = np.searchsorted(pin[order], np.arange(n + 1))
+    corner = corner[order]
+    return [
+        corner[starts[i] : starts[i + 1]] if np.isfinite(cells.area_px2[i]) else np.empty((0, 2))
+        for i in range(n)
+    ]

@@ -1,0 +1,91 @@
+"""Where a lost pin is, as far as its neighbours know.
+
+The displacement field is completed so that it bends least: the sum over all pins of the squared
+difference between a pin's motion and what an affine fit to its neighbours' motion says. Affine motion
+bends nothing and is continued exactly; a gap is closed smoothly.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from edge.tessellate.layout import affine_terms, must_span
+from edge.types import Array, Mask
+
+__all__ = ["LostPins"]
+
+# Neighbours that predict a pin: within this many pitches. Two rings of a hexagonal lattice.
+NEIGHBOUR_PITCHES = 2.1
+# Motion is called affine-predictable from this many neighbours on; fewer, and their mean is taken.
+NEIGHBOURS_MIN = 4
+# Share of the mean stiffness; affine motion of a tip is continued to 1e-8 of it.
+RIDGE = 1e-12
+
+
+class LostPins:
+    """Predicts lost pins of one tip; keeps the operator for the last set of lost ones.
+
+    rest_img  (n, 2) px
+    pitch_px  distance of neighbours
+    """
+
+    def __init__(self, rest_img: Array, pitch_px: float) -> None:
+        self._rest_img = rest_img
+        self._pitch_px = pitch_px
+        self._bending: Array | None = None  # (n, n), made when the first pin is lost
+        self._key = b""  # the set that `_operator` is for
+        self._operator: Array = np.empty((0, 0))  # (lost, seen): motion of the seen pins to the lost ones'
+
+    def fill(self, xy: Array, seen: Mask) -> Array:
+        """A copy of `xy` with the lost pins put in.
+
+        xy       (n, 2) px; rows that are not seen are not read
+        Raises   DegenerateLayout: fewer than 3 pins seen, or all on a line
+        """
+        lost = ~seen
+        key = seen.tobytes()
+        if key != self._key:
+            self._operator = self._solve(seen, lost)
+            self._key = key
+        motion = xy[seen] - self._rest_img[seen]
+        shift = motion[0].copy()  # taken out, so that a far origin costs no digits
+        motion -= shift
+        full = np.array(xy)
+        full[lost] = self._operator @ motion + self._rest_img[lost] + shift
+        return full
+
+    def _solve(self, seen: Mask, lost: Mask) -> Array:
+        must_span(self._rest_img[seen], "seen pins")
+        if self._bending is None:
+            self._bending = _bending_matrix(self._rest_img, self._pitch_px)
+        inner, outer = self._bending[np.ix_(lost, lost)], self._bending[np.ix_(lost, seen)]
+        return -np.linalg.solve(inner, outer).astype(np.float64, copy=False)
+
+
+def _bending_matrix(xy: Array, pitch_px: float) -> Array:
+    """(n, n) symmetric, positive on every set of pins that leaves three others that span a plane.
+
+    u^T B u is the sum over pins of (u_i - what its neighbours predict)^2: the prediction is an affine
+    fit, so that any affine motion costs nothing.
+    """
+    n = len(xy)
+    residual = np.eye(n)
+    for i in range(n):
+        to_other = xy - xy[i]
+        distance = np.hypot(to_other[:, 0], to_other[:, 1])
+        distance[i] = np.inf
+        reach = max(NEIGHBOUR_PITCHES * pitch_px, float(np.partition(distance, min(n, 6) - 1)[min(n, 6) - 1]))
+        near = np.flatnonzero(distance <= reach)
+        near = near[near != i]
+        weight = np.exp(-0.5 * (distance[near] / pitch_px) ** 2)
+        terms = affine_terms(xy[near], xy[i], pitch_px)
+        root = np.sqrt(weight)[:, None]
+        if len(near) >= NEIGHBOURS_MIN:
+            residual[i, near] -= np.linalg.pinv(terms * root, rcond=1e-6)[0] * root[:, 0]
+        else:
+            residual[i, near] -= weight / weight.sum()
+    # The faintest pull to the first seen pin's motion keeps the solution unique where a whole
+    # separate group of pins is lost.
+    bending: Array = residual.T @ residual
+    bending += RIDGE * np.trace(bending) / n * np.eye(n)
+    return bending
