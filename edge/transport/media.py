@@ -1,0 +1,188 @@
+"""Open buses and lines, and what their failures mean: MediumFull (drop, go on), MediumError (open anew).
+
+python-can and pyserial report a dead medium in many ways: their own errors, OSError, ValueError for a
+file number that is gone, TypeError for a handle that became None. All of them end here.
+"""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Protocol
+
+import can
+import serial
+
+from hostlink.wire.address import Address
+
+__all__ = ["CanMedium", "Medium", "MediumError", "MediumFull", "SerialMedium", "open_bus", "open_line"]
+
+WRITE_S = 0.2  # a line that takes nothing for this long is full
+INSTANT = frozenset({"socketcan", "virtual", "udp_multicast"})  # interfaces whose send(timeout=0) returns
+FULL = frozenset({errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK})
+FD_CLOCK_HZ = 80_000_000  # CiA 601-3's recommended CAN FD clock
+FD_SAMPLE_POINT = 80.0  # percent, both phases; CiA 601-3
+READ_CHUNK = 4096
+
+# Error frames of SocketCAN: class bits in the identifier (linux/can/error.h).
+CAN_ERR_BUSOFF = 0x40
+CAN_ERR_RESTARTED = 0x100
+
+for _library in ("can", "canopen"):
+    # They log what they also raise; without a handler of its own that would be a second line on stderr.
+    logging.getLogger(_library).addHandler(logging.NullHandler())
+
+
+class MediumError(Exception):
+    """The medium failed and must be opened anew."""
+
+
+class MediumFull(Exception):
+    """The medium takes nothing now; it may in a moment."""
+
+
+class Medium(Protocol):
+    """An open bus or line. What it carries: can.Message on a bus, bytes on a line."""
+
+    instant: bool  # whether a write returns at once, come what may
+    bus_off: bool
+
+    def write(self, item: Any) -> None:
+        """Raises MediumFull, MediumError."""
+        ...
+
+    def read(self, timeout_s: float) -> Any:
+        """What came in, or None. Raises MediumError."""
+        ...
+
+    def close(self) -> None: ...
+
+
+_BROKEN = (can.CanError, OSError, ValueError, TypeError)  # serial.SerialException is an OSError
+
+
+class CanMedium:
+    """A python-can bus.
+
+    instant  whether its `send(timeout=0)` returns at once
+    """
+
+    def __init__(self, bus: can.BusABC, instant: bool) -> None:
+        self.instant = instant
+        self.bus_off = False
+        self._bus = bus
+        self._timeout_s = 0.0 if instant else WRITE_S
+
+    def write(self, item: can.Message) -> None:
+        try:
+            self._bus.send(item, timeout=self._timeout_s)
+        except _BROKEN as error:
+            if _means_full(error):
+                raise MediumFull(str(error)) from error
+            raise MediumError(_words(error)) from error
+        self.bus_off = False
+
+    def read(self, timeout_s: float) -> can.Message | None:
+        try:
+            message = self._bus.recv(timeout_s)
+        except _BROKEN as error:
+            raise MediumError(_words(error)) from error
+        if message is not None and message.is_error_frame:
+            if message.arbitration_id & CAN_ERR_BUSOFF:
+                self.bus_off = True
+            elif message.arbitration_id & CAN_ERR_RESTARTED:
+                self.bus_off = False
+            return None
+        return message
+
+    def close(self) -> None:
+        with suppress(*_BROKEN):  # a dead bus cannot be told goodbye
+            self._bus.shutdown()
+
+
+class SerialMedium:
+    """A pyserial port."""
+
+    instant = False
+    bus_off = False
+
+    def __init__(self, port: Any) -> None:
+        self._port = port
+
+    def write(self, item: bytes) -> None:
+        try:
+            self._port.write(item)
+        except serial.SerialTimeoutException as error:
+            with suppress(*_BROKEN):
+                self._port.reset_output_buffer()  # what is stuck in there is old by now
+            raise MediumFull(str(error)) from error
+        except _BROKEN as error:
+            raise MediumError(_words(error)) from error
+
+    def read(self, timeout_s: float) -> bytes | None:
+        try:
+            self._port.timeout = timeout_s
+            first = self._port.read(1)
+            return bytes(first + self._port.read(min(self._port.in_waiting, READ_CHUNK))) if first else None
+        except _BROKEN as error:
+            raise MediumError(_words(error)) from error
+
+    def close(self) -> None:
+        with suppress(*_BROKEN):
+            self._port.close()
+
+
+def open_bus(address: Address) -> Callable[[], CanMedium]:
+    """What opens the bus of an address, time after time. It raises MediumError."""
+
+    def opener() -> CanMedium:
+        arguments = address.bus_arguments()
+        if address.fd and address.dbitrate and address.interface not in INSTANT:
+            arguments["timing"] = can.BitTimingFd.from_sample_point(
+                f_clock=FD_CLOCK_HZ,
+                nom_bitrate=arguments.pop("bitrate", 1_000_000),
+                nom_sample_point=FD_SAMPLE_POINT,
+                data_bitrate=address.dbitrate,
+                data_sample_point=FD_SAMPLE_POINT,
+            )
+        try:
+            return CanMedium(can.Bus(**arguments), address.interface in INSTANT)
+        except (*_BROKEN, ImportError, AttributeError) as error:
+            raise MediumError(
+                f"cannot open CAN interface {address.channel!r} ({address.interface}): {_words(error)}"
+            ) from error
+
+    return opener
+
+
+def open_line(address: Address) -> Callable[[], SerialMedium]:
+    """What opens the serial port of an address, time after time. It raises MediumError."""
+
+    def opener() -> SerialMedium:
+        try:
+            port = serial.serial_for_url(address.channel, baudrate=address.baud, write_timeout=WRITE_S)
+        except _BROKEN as error:
+            raise MediumError(f"cannot open serial port {address.channel!r}: {_words(error)}") from error
+        return SerialMedium(port)
+
+    return opener
+
+
+def _means_full(error: BaseException) -> bool:
+    number = getattr(error, "error_code", None) or getattr(error.__cause__, "errno", None)
+    if number is None:
+        # SocketCAN and slcan raise "Transmit buffer full" and a timeout without a number.
+        timed_out = isinstance(error.__cause__, TimeoutError | serial.SerialTimeoutException)
+        return timed_out or isinstance(error, TimeoutError) or "buffer full" in str(error)
+    return number in FULL
+
+
+def _words(error: BaseException) -> str:
+    """One line of what went wrong, without the libraries' wrapping."""
+    number = getattr(error, "errno", None)
+    if isinstance(error, OSError) and number:
+        return os.strerror(number)
+    return str(error).splitlines()[0] if str(error) else type(error).__name__
