@@ -115,7 +115,7 @@ def _pack(part: Part, raws: dict[str, int], counter: int) -> bytes:
 def pack_parts(state: State, counter: int) -> tuple[tuple[int, bytes], ...]:
     """The classic messages of a sample, in the order to send them: (TPDO number 1..4, 8 bytes).
 
-    counter  of samples sent on this link, taken modulo 15; +1 for every sample sent
+    counter  of samples due on this link, as in `pack_state`; taken modulo 15
     """
     values, contacts = quantise(state)
     raws = dict(zip(_NAMES, values, strict=True))

@@ -1,9 +1,13 @@
-"""What goes over a serial line: COBS blocks between 0x00, one type byte, an E2E profile 5 payload.
+r"""What goes over a serial line: COBS blocks between 0x00, one type byte, an E2E profile 5 payload.
 
-    0x00 | COBS( type | CRC-16 | counter | version | body ) | 0x00
+    0x00 | COBS( type | CRC-16 | counter | version | body | CRC-32 ) | 0x00
+                      \____________ payload ____________/
 
 Rules
 - A payload of type STATE is the CAN FD state frame as it is, one of type DETAIL a detail segment.
+- The CRC-32 (of `zlib`, little-endian) covers type and payload. It stands in for what CAN's controllers
+  do below the frame: a bare line has no check of its own, and 16 bits alone let one in 32768 of the
+  frames with four or more flipped bits pass.
 - The data id of a payload is `DATA_ID + type`: a frame never passes for one of another type.
 - The counter runs per type and direction; a response repeats the counter of its request.
 - A sender begins with 0x00 too: noise on an idle line ends there and costs no frame.
@@ -19,6 +23,7 @@ import struct
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
+from zlib import crc32
 
 from hostlink.wire import cobs
 from hostlink.wire.e2e import check_p5, protect_p5
@@ -28,10 +33,13 @@ from hostlink.wire.fields import DATA_ID, HEADER_SIZE, VERSION
 __all__ = [
     "BODY_MAX",
     "CHUNK_MAX",
+    "FRAME_MAX",
     "Message",
     "ObjectReply",
     "ObjectRequest",
     "Op",
+    "data_id_of",
+    "decode_frame",
     "encode_frame",
     "pack_emergency",
     "pack_message",
@@ -40,6 +48,8 @@ __all__ = [
 ]
 
 BODY_MAX: Final = 255
+_TRAILER: Final = 4  # CRC-32
+FRAME_MAX: Final = 1 + HEADER_SIZE + BODY_MAX + _TRAILER + 2  # COBS adds 2 to so long a frame
 CHUNK_MAX: Final = 192  # bytes of object data in one request or reply
 
 
@@ -63,7 +73,18 @@ def data_id_of(kind: Message) -> int:
 
 def encode_frame(kind: Message, payload: bytes) -> bytes:
     """The bytes to write for a protected payload (a state frame, a detail segment, `pack_message`)."""
-    return b"\0" + cobs.encode(bytes((kind,)) + payload) + b"\0"
+    frame = bytes((kind,)) + payload
+    return b"\0" + cobs.encode(frame + crc32(frame).to_bytes(4, "little")) + b"\0"
+
+
+def decode_frame(block: bytes) -> tuple[int, bytes]:
+    """(type byte, payload) of what stood between two separators. Raises CorruptFrame."""
+    frame = cobs.decode(block)
+    if len(frame) < 1 + HEADER_SIZE + _TRAILER or crc32(frame[:-_TRAILER]) != int.from_bytes(
+        frame[-_TRAILER:], "little"
+    ):
+        raise CorruptFrame("serial frame with a wrong length or CRC-32")
+    return frame[0], frame[1:-_TRAILER]
 
 
 def pack_message(kind: Message, body: bytes, counter: int) -> bytes:

@@ -165,7 +165,8 @@ def restore(raws: Sequence[int], contacts: Sequence[Sequence[int]]) -> State:
 def pack_state(state: State, counter: int) -> bytes:
     """The 64-byte frame of a sample.
 
-    counter  of frames sent on this link, taken modulo 256; +1 for every frame, sample or not skipped
+    counter  of samples due on this link, taken modulo 256: +1 for each, also for one that the link then
+             refused (that is a loss); not for one that the divider left out (that is none)
     """
     raws, contacts = quantise(state)
     listed = [raw for contact in contacts for raw in contact]
