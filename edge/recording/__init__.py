@@ -17,7 +17,13 @@
 from __future__ import annotations
 
 from edge.recording.messages import TOPICS, cloud_to_array
-from edge.recording.reader import RecordingSource, read_attachments, read_messages, read_metadata
+from edge.recording.reader import (
+    RecordingSource,
+    open_recording,
+    read_attachments,
+    read_messages,
+    read_metadata,
+)
 from edge.recording.writer import Recorder
 
 __all__ = [
@@ -25,6 +31,7 @@ __all__ = [
     "Recorder",
     "RecordingSource",
     "cloud_to_array",
+    "open_recording",
     "read_attachments",
     "read_messages",
     "read_metadata",

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import IO, Any, Literal, NamedTuple
+from typing import IO, Any, Literal, NamedTuple, Protocol
 
 import msgspec
 import numpy as np
@@ -26,7 +26,7 @@ from edge.recording import messages
 from edge.recording.messages import TOPICS
 from edge.types import Clock, Frame, Image
 
-__all__ = ["RecordingSource", "read_attachments", "read_messages", "read_metadata"]
+__all__ = ["RecordingSource", "open_recording", "read_attachments", "read_messages", "read_metadata"]
 
 _RATE_FRAMES = 16  # intervals that the rate is taken from where the file does not name it
 _LIMIT = 1 << 30  # bytes of one record; ours stay near 1 MiB, and a damaged length must not eat the memory
@@ -298,3 +298,18 @@ def _frame(
         truth=truth,
     )
     return frame, Clock(about.get("clock", Clock.RECORDED))
+
+
+class _Options(Protocol):
+    """What `open_recording` wants of the settings of a source."""
+
+    @property
+    def extra(self) -> Mapping[str, str]: ...
+
+
+def open_recording(where: str, options: _Options) -> RecordingSource:
+    """The scheme `mcap:FILE?topic=...`, and files that end in .mcap. Raises SourceError."""
+    for key in options.extra:
+        if key != "topic":
+            raise SourceError(f"recording {where}: unknown key {key!r}; known: topic")
+    return RecordingSource(where, options.extra.get("topic"))

@@ -1,0 +1,116 @@
+"""Where frames come from. One door: `open_source(spec)`.
+
+    press.mcap                  a recording
+    north.avi, frames/, a.png   a video, a folder of images, one image
+    v4l2:0, /dev/video0         a UVC or other V4L2 camera; also v4l2:SERIAL and /dev/v4l/by-id/...
+    oak:, oak:MXID              an OAK module, through depthai
+    sim:...                     the simulator
+
+Further schemes come from installed packages through the entry point group `voronoi_touch.sources`: a
+callable `(where, options) -> FrameSource`, named as the scheme. The recording reader and the simulator
+come in that way too, so that this package knows neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+from edge.errors import SourceError
+from edge.sources.files import IMAGE_SUFFIXES, FolderSource, VideoSource
+from edge.sources.live import LiveSource
+from edge.sources.options import Options, Spec, parse_spec
+from edge.sources.paced import Paced
+from edge.types import FrameSource
+
+__all__ = [
+    "FolderSource",
+    "LiveSource",
+    "Options",
+    "Paced",
+    "VideoSource",
+    "known_schemes",
+    "open_source",
+]
+
+GROUP = "voronoi_touch.sources"
+Opener = Callable[[str, Options], FrameSource]
+
+
+def _images(where: str, options: Options) -> FrameSource:
+    return FolderSource(where, options.without_extra(where).rate_hz)
+
+
+def _video(where: str, options: Options) -> FrameSource:
+    return VideoSource(where, options.without_extra(where).rate_hz)
+
+
+def _later(module: str, name: str) -> Opener:
+    """An opener whose module is loaded when it is wanted."""
+
+    def open_it(where: str, options: Options) -> FrameSource:
+        source: FrameSource = getattr(import_module(module), name)(where, options)
+        return source
+
+    return open_it
+
+
+_BUILT_IN: dict[str, Opener] = {
+    "images": _images,
+    "video": _video,
+    "v4l2": _later("edge.sources.v4l2", "open_v4l2"),
+    "oak": _later("edge.sources.oak", "open_oak"),
+}
+_FROM_EXTRA = {"sim": "voronoi-touch[calib]", "mcap": "voronoi-touch[edge]"}
+
+
+def known_schemes() -> list[str]:
+    """Every scheme that `open_source` takes here."""
+    return sorted({*_BUILT_IN, *(point.name for point in entry_points(group=GROUP))})
+
+
+def _opener(spec: Spec) -> Opener:
+    if spec.scheme in _BUILT_IN:
+        return _BUILT_IN[spec.scheme]
+    for point in entry_points(group=GROUP, name=spec.scheme):
+        try:
+            opener: Opener = point.load()
+        except ImportError as error:
+            hint = _FROM_EXTRA.get(spec.scheme, f"the package of {point.value}")
+            raise SourceError(f"source {spec.text}: {error}; install {hint}") from error
+        return opener
+    if spec.scheme in _FROM_EXTRA:
+        raise SourceError(f"source {spec.text}: not installed here; install {_FROM_EXTRA[spec.scheme]}")
+    raise SourceError(f"source {spec.text}: no scheme {spec.scheme!r}; known: {', '.join(known_schemes())}")
+
+
+def _scheme_of(where: str) -> str:
+    """What a plain path is. Raises SourceError: it is not there."""
+    path = Path(where)
+    if where.startswith(("/dev/video", "/dev/v4l/")):
+        return "v4l2"
+    if not path.exists():
+        raise SourceError(
+            f"source {where}: no such file or folder; give a recording, a folder or e.g. v4l2:0"
+        )
+    if path.is_dir() or path.suffix.lower() in IMAGE_SUFFIXES:
+        return "images"
+    return "mcap" if path.suffix.lower() == ".mcap" else "video"
+
+
+def open_source(spec: str, **settings: Any) -> FrameSource:
+    """Open whatever `spec` names.
+
+    settings  fields of `Options`: width, height, rate_hz, exposure_us, gain, focus, format, ...
+    Raises    SourceError: one line with what, where, and what would be right
+    """
+    parsed = parse_spec(spec, Options(**settings))
+    if not parsed.scheme or Path(spec).exists():  # a file may have a colon in its name
+        plain = Spec(
+            spec, _scheme_of(spec), spec, parsed.options if not parsed.scheme else Options(**settings)
+        )
+        return _opener(plain)(plain.where, plain.options)
+    return _opener(parsed)(parsed.where, parsed.options)

@@ -1,0 +1,211 @@
+"""Recordings as videos and as folders of images.
+
+- Colour becomes grey here. All images of a recording have one size.
+- Opening reads the first image, so that a bad file is one clear line before anything starts. Damage
+  further on is counted in `faults` and carried on.
+- Iterating again starts again.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from cv2.utils import logging
+
+from edge.errors import SourceError
+from edge.types import Clock, Frame, Image
+
+__all__ = ["IMAGE_SUFFIXES", "FolderSource", "VideoSource", "to_grey"]
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
+STILLS_HZ = 30.0  # stills have no rate; replayed as if live they come like this
+_TRIES = 8  # damaged frames in a row before a video counts as ended
+
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # damage is counted here, not printed by FFmpeg
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """OpenCV prints what it cannot read; what is wrong is ours to say, in one line."""
+    level = logging.getLogLevel()
+    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        logging.setLogLevel(level)
+
+
+def to_grey(image: np.ndarray[Any, Any]) -> Image:
+    """Grey of the same depth. Raises ValueError for what is not an image of 8 or 16 bits."""
+    if image.dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"pixels of type {image.dtype}")
+    if image.ndim == 2:
+        return image
+    conversions = {1: None, 3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
+    if image.ndim != 3 or image.shape[2] not in conversions:
+        raise ValueError(f"shape {image.shape}")
+    code = conversions[image.shape[2]]
+    grey: Any = image[:, :, 0] if code is None else cv2.cvtColor(image, code)
+    return np.asarray(grey)
+
+
+def _natural(path: Path) -> list[tuple[int, int, str]]:
+    """frame_2 before frame_10."""
+    parts = re.split(r"(\d+)", path.name.lower())
+    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts if part]
+
+
+def _read_image(path: Path) -> Image:
+    """Raises ValueError: not an image."""
+    try:
+        data = np.fromfile(path, np.uint8)
+    except OSError as error:
+        raise ValueError(str(error.strerror)) from error
+    with _quiet():
+        try:
+            image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+        except cv2.error as error:
+            raise ValueError("damaged") from error
+    if image is None:
+        raise ValueError("not an image")
+    return to_grey(image)
+
+
+class FolderSource:
+    """A folder of images in natural order, or one image.
+
+    rate_hz  nominal rate of the stills
+    Raises   SourceError: not there, empty, the first file is not an image
+    """
+
+    live = False
+
+    def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
+        self.path = Path(path)
+        self.name = f"images {self.path}"
+        self.rate_hz = rate_hz or STILLS_HZ
+        self.dropped_n = 0
+        self.faults: Counter[str] = Counter()
+        self._closed = False
+        if self.path.is_dir():
+            found = [p for p in self.path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
+            self.paths = sorted(found, key=_natural)
+        elif self.path.is_file():
+            self.paths = [self.path]
+        else:
+            raise SourceError(f"{self.name}: no such file or folder; give a folder of images or a recording")
+        if not self.paths:
+            raise SourceError(f"{self.name}: no images in it; give a folder with {', '.join(IMAGE_SUFFIXES)}")
+        try:
+            height, width = _read_image(self.paths[0]).shape
+        except ValueError as error:
+            raise SourceError(
+                f"{self.name}: {self.paths[0].name}: {error}; give {', '.join(IMAGE_SUFFIXES)}"
+            ) from error
+        self.size_px = (width, height)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Raises SourceError in the middle where an image has another size: one tip has one camera."""
+        self.faults = Counter()
+        for n, path in enumerate(self.paths):
+            if self._closed:
+                return
+            try:
+                image = _read_image(path)
+            except ValueError:
+                self.faults["damaged frame"] += 1
+                continue
+            if image.shape[::-1] != self.size_px:
+                raise SourceError(
+                    f"{self.name}: {path.name} is {image.shape[1]}x{image.shape[0]}, the first one "
+                    f"{self.size_px[0]}x{self.size_px[1]}; keep one size in a folder"
+                )
+            bits = 16 if image.dtype == np.uint16 else 8
+            yield Frame(image, round(n * 1e9 / self.rate_hz), n, Clock.RECORDED, bits)
+
+    def close(self) -> None:
+        self._closed = True
+
+
+class VideoSource:
+    """A video file, through OpenCV's FFmpeg.
+
+    rate_hz  0: as the file says
+    Raises   SourceError: not there, not a video, no frame in it
+    """
+
+    live = False
+
+    def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
+        self.path = Path(path)
+        self.name = f"video {self.path}"
+        self.dropped_n = 0
+        self.faults: Counter[str] = Counter()
+        self._closed = False
+        self._own_rate = not rate_hz
+        capture = self._open()
+        try:
+            self.frames_n = max(0, int(capture.get(cv2.CAP_PROP_FRAME_COUNT)))
+            told_hz = float(capture.get(cv2.CAP_PROP_FPS))
+            ok, image = capture.read()
+        finally:
+            capture.release()
+        if not ok:
+            raise SourceError(f"{self.name}: no frame can be decoded; give a complete video")
+        self.rate_hz = rate_hz or (told_hz if 0 < told_hz < 100_000 else STILLS_HZ)
+        self.size_px = (image.shape[1], image.shape[0])
+
+    def _open(self) -> Any:
+        if not self.path.is_file():
+            what = "a folder" if self.path.is_dir() else "no such file"
+            raise SourceError(f"{self.name}: {what}; give a video file or a recording")
+        with _quiet():
+            capture = cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG)
+        if not capture.isOpened():
+            raise SourceError(f"{self.name}: not a video; give avi, mp4, mkv, or an MCAP recording")
+        return capture
+
+    def __iter__(self) -> Iterator[Frame]:
+        faults: Counter[str] = Counter()
+        self.faults = faults
+        capture = self._open()
+        n = bad_n = 0
+        last_ns = -1
+        try:
+            while not self._closed:
+                ok, image = capture.read()
+                at = n + faults["damaged frame"]
+                if not ok:
+                    if at + 1 >= self.frames_n or bad_n >= _TRIES:
+                        if at + 1 < self.frames_n:
+                            faults["damaged frame"] -= bad_n  # they were not there at all
+                            faults["truncated"] = 1
+                        return
+                    bad_n += 1
+                    faults["damaged frame"] += 1
+                    continue
+                bad_n = 0
+                own_ns = round(float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e6)
+                # Files with variable rate carry times; some carry none, and then the index has to do.
+                capture_ns = own_ns if self._own_rate and own_ns > last_ns else round(at * 1e9 / self.rate_hz)
+                last_ns = capture_ns = max(capture_ns, last_ns + 1)
+                n += 1
+                yield Frame(to_grey(image), capture_ns, at, Clock.RECORDED)
+        finally:
+            capture.release()
+
+    @property
+    def truncated(self) -> bool:
+        """The file ended before its header says; known once it has been read to its end."""
+        return self.faults["truncated"] > 0
+
+    def close(self) -> None:
+        self._closed = True

@@ -1,0 +1,182 @@
+"""What all live sources share: a thread that reads, one slot for the newest frame, and an eye on faults.
+
+- The slot holds one frame. A slow reader finds the newest one and `dropped_n` says what it missed;
+  nothing ever queues.
+- A device that is lost, stalls, freezes or goes dark is not an exception: `faults` counts how often
+  each appeared, `condition` says what holds now ("" when all is well), and the iterator waits until
+  frames come back or `close` is called.
+- `read(timeout_s)` is for a loop that has to do more than wait: None when no frame came in time.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+import zlib
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+
+from edge.errors import SourceError
+from edge.types import Frame
+
+__all__ = ["LiveSource", "Watch"]
+
+STALL_S = 0.1  # faults are to be announced within this time
+STALL_PERIODS = 3.0  # a slow camera is stalled only after this many frames were due
+FROZEN_FRAMES = 10  # sensor noise never repeats an image this often; 42 ms at 240 frames/s
+_BLACK_SHARE = 1 / 32  # of the full scale; pins under a lit LED ring stand far above
+_ROWS = 8  # every 8th row stands for the image in both checks: 40 us for 640x480
+_RATE_FRAMES = 24  # intervals of the rate check: 0.1 s at 240 frames/s
+_SLOW = 0.8  # share of the asked rate below which the camera counts as slow
+
+
+class Watch:
+    """Notices frozen and black images, frame by frame."""
+
+    def __init__(self) -> None:
+        self._last = 0
+        self._same_n = 0
+        self.condition = ""
+
+    def look(self, frame: Frame) -> str:
+        """ "" or the fault that this frame shows: "frozen", "black"."""
+        rows = np.ascontiguousarray(frame.image[::_ROWS])
+        digest = zlib.crc32(rows.data)
+        self._same_n = self._same_n + 1 if digest == self._last else 0
+        self._last = digest
+        if int(rows.max(initial=0)) < (1 << frame.bits) * _BLACK_SHARE:
+            self.condition = "black"
+        else:
+            self.condition = "frozen" if self._same_n >= FROZEN_FRAMES else ""
+        return self.condition
+
+
+class LiveSource:
+    """Base of live sources; a subclass gives `_work`, which runs in the thread and calls `_offer`."""
+
+    live = True
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.size_px = (0, 0)
+        self.rate_hz = 0.0
+        self.dropped_n = 0
+        self.received_n = 0
+        self.faults: Counter[str] = Counter()
+        self._slot: Frame | None = None
+        self._news = threading.Condition()
+        self._closing = threading.Event()
+        self._ended = False
+        self._last_s = 0.0
+        self._condition = ""
+        self._failure: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    # -- for the subclass ---------------------------------------------------------------------
+
+    def _work(self) -> None:
+        """Read until `_closing` is set or there is nothing more."""
+        raise NotImplementedError
+
+    def _offer(self, frame: Frame) -> None:
+        """Hand over a frame; an older one that no one took is dropped."""
+        with self._news:
+            if self._slot is not None:
+                self.dropped_n += 1
+            self._slot = frame
+            self.received_n += 1
+            self._last_s = time.monotonic()
+            self._news.notify_all()
+
+    def _say(self, condition: str) -> None:
+        """What holds now; each appearance of a fault counts once."""
+        if condition != self._condition:
+            if condition:
+                self.faults[condition] += 1
+            self._condition = condition
+
+    def _run(self) -> None:
+        try:
+            self._work()
+        except Exception as error:  # noqa: BLE001  (raised again in the loop's thread, by `read`)
+            self._failure = error
+        finally:
+            with self._news:
+                self._ended = True
+                self._news.notify_all()
+
+    # -- for the loop ---------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Start reading; a source is started by `open_source`."""
+        self._last_s = time.monotonic()
+        self._thread.start()
+
+    @property
+    def condition(self) -> str:
+        """ "" or what is wrong now: lost, stalled, frozen, black."""
+        if not self._condition and not self._ended:
+            patience_s = max(STALL_S, STALL_PERIODS / self.rate_hz if self.rate_hz else 0.0)
+            if time.monotonic() - self._last_s > patience_s:
+                return "stalled"
+        return self._condition
+
+    @property
+    def ended(self) -> bool:
+        """No further frame will come."""
+        return self._ended and self._slot is None
+
+    def read(self, timeout_s: float | None = None) -> Frame | None:
+        """The newest frame that was not read yet; None: none came in time, or the source has ended."""
+        with self._news:
+            self._news.wait_for(lambda: self._slot is not None or self._ended, timeout_s)
+            frame, self._slot = self._slot, None
+        if frame is None and self._failure is not None:
+            failure, self._failure = self._failure, None
+            raise failure
+        return frame
+
+    def __iter__(self) -> Iterator[Frame]:
+        while (frame := self.read()) is not None:
+            yield frame
+
+    def close(self) -> None:
+        self._closing.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(
+                2.0
+            )  # a driver that hangs in the kernel must not hang us; the thread is a daemon
+        with self._news:
+            self._slot = None
+            self._ended = True
+            self._news.notify_all()
+
+    def measure_rate(self, asked_hz: float, patience_s: float, advice: str) -> float:
+        """Measured frames a second at the start-up; the first frames are taken and thrown away.
+
+        Raises SourceError: no frame in time, or clearly slower than asked
+        """
+        times: list[int] = []
+        deadline_s = time.monotonic() + patience_s
+        while len(times) <= _RATE_FRAMES and (left_s := deadline_s - time.monotonic()) > 0:
+            frame = self.read(left_s)
+            if frame is None:
+                break
+            times.append(frame.capture_ns)
+        self.dropped_n = 0
+        if not times:
+            raise SourceError(
+                f"{self.name}: no frame within {patience_s:g} s; check the cable and who else uses it"
+            )
+        steps = np.diff(times)
+        steps = steps[steps > 0]
+        if not len(steps):
+            return asked_hz
+        measured_hz = 1e9 / float(np.median(steps))
+        if asked_hz and measured_hz < _SLOW * asked_hz:
+            raise SourceError(
+                f"{self.name}: asked for {asked_hz:g} frames/s, measured {measured_hz:.1f}; {advice}"
+            )
+        return measured_hz

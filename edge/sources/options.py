@@ -1,0 +1,95 @@
+"""What a source is asked for: a specification, and settings that every kind of source understands.
+
+    v4l2:0?exposure_us=2000&format=GREY
+    ----  - ---------------------------
+    scheme where  keys; they win over the settings given in code or configuration
+
+A setting of 0 or None means: leave it as it is. Sources ignore settings that have no meaning for them
+(a recording has no exposure), but a key that no one knows is an error.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+from urllib.parse import parse_qsl
+
+from edge.errors import SourceError
+
+__all__ = ["Options", "Spec", "parse_spec"]
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """width, height  px; 0: the camera's own
+    rate_hz        frames a second; 0: the camera's own, or the recording's
+    exposure_us    manual exposure; 0: leave it
+    gain           in the camera's own unit (V4L2 control, ISO for OAK); 0: leave it
+    focus          lens position in the camera's own unit; None: leave it
+    format         pixel format: GREY, Y10, Y12, Y16, MJPG, YUYV; "": the best that the camera has
+    buffers        kernel buffers of a V4L2 camera
+    check_rate     measure the rate at the start, and refuse a camera that is slower than asked
+    extra          keys of the specification that are the source's own
+    """
+
+    width: int = 0
+    height: int = 0
+    rate_hz: float = 0.0
+    exposure_us: int = 0
+    gain: int = 0
+    focus: int | None = None
+    format: str = ""
+    buffers: int = 1
+    check_rate: bool = True
+    extra: Mapping[str, str] = field(default_factory=dict)
+
+    def without_extra(self, name: str) -> Options:
+        """Self; raises SourceError where the specification has a key that this source does not know."""
+        for key in self.extra:
+            known = ", ".join(f.name for f in fields(self) if f.name != "extra")
+            raise SourceError(f"source {name}: unknown key {key!r}; known keys: {known}")
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """scheme is "" where the specification is a plain path."""
+
+    text: str
+    scheme: str
+    where: str
+    options: Options
+
+
+_SCHEME = re.compile(r"^([a-z][a-z0-9_+-]*):(.*)$", re.DOTALL)
+_TRUE = {"1": True, "true": True, "yes": True, "0": False, "false": False, "no": False}
+
+
+def _convert(name: str, text: str, spec: str) -> Any:
+    kind = {f.name: f.type for f in fields(Options)}[name]
+    try:
+        if kind == "bool":
+            return _TRUE[text.lower()]
+        if kind == "float":
+            return float(text)
+        return text if kind == "str" else int(text)
+    except (ValueError, KeyError) as error:
+        raise SourceError(f"source {spec}: {name}={text} is not {kind}; give e.g. {name}=1") from error
+
+
+def parse_spec(text: str, options: Options) -> Spec:
+    """Split a specification; its keys go over `options`. Raises SourceError."""
+    match = _SCHEME.match(text)
+    scheme, rest = match.groups() if match else ("", text)
+    # A plain path may hold a question mark; only a scheme brings keys.
+    where, _, query = rest.partition("?") if scheme else (rest, "", "")
+    changes: dict[str, Any] = {}
+    extra = dict(options.extra)
+    for key, value in parse_qsl(query, keep_blank_values=True):
+        if key in {f.name for f in fields(Options)} - {"extra"}:
+            changes[key] = _convert(key, value, text)
+        else:
+            extra[key] = value
+    return Spec(text, scheme, where, replace(options, extra=extra, **changes))

@@ -1,0 +1,83 @@
+"""Replays a recording as if it were live.
+
+- Deadlines are absolute: frame n leaves at start + its own time, so that rounding and late wake-ups
+  never add up.
+- Waiting is on the closing event: `close` ends a replay at once.
+- Frames get the time of their deadline on the host's monotonic clock, so that latency means what it
+  means with a camera. Sequence, truth and pixels stay.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from edge.sources.live import LiveSource
+from edge.types import Clock, Frame, FrameSource
+
+__all__ = ["Paced"]
+
+
+class Paced(LiveSource):
+    """A live source over a recording.
+
+    source     iterated from its start; closed with this
+    rate_hz    0: the recording's own times
+    loop       start again at the end, for ever; times and sequence numbers go on
+    clock_ns   the host's monotonic clock
+    """
+
+    def __init__(
+        self,
+        source: FrameSource,
+        rate_hz: float = 0.0,
+        *,
+        loop: bool = False,
+        clock_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        super().__init__(source.name)
+        self.source = source
+        self.size_px = source.size_px
+        self.rate_hz = rate_hz or source.rate_hz
+        self._own_times = not rate_hz
+        self._loop = loop
+        self._clock_ns = clock_ns
+
+    def _due(self) -> Iterator[tuple[int, Frame]]:
+        """(ns since the start, frame with the sequence number it gets)."""
+        period_ns = 1e9 / self.rate_hz if self.rate_hz else 1e9 / 30
+        due_ns = -period_ns
+        sequence_shift = 0
+        n = 0
+        while True:
+            previous: Frame | None = None
+            for frame in self.source:
+                step_ns = float(frame.capture_ns - previous.capture_ns) if previous else 0.0
+                if not self._own_times:
+                    due_ns = n * period_ns
+                else:
+                    due_ns += step_ns if step_ns > 0 else period_ns  # a recording's clock may stand still
+                n += 1
+                previous = frame
+                yield round(due_ns), replace(frame, sequence=frame.sequence + sequence_shift)
+            if not self._loop or previous is None:
+                return
+            sequence_shift += previous.sequence + 1
+
+    def _work(self) -> None:
+        start_ns = self._clock_ns()
+        period_ns = 1e9 / self.rate_hz if self.rate_hz else 0.0
+        for due_ns, frame in self._due():
+            wait_ns = start_ns + due_ns - self._clock_ns()
+            if wait_ns > 0:
+                self._closing.wait(wait_ns / 1e9)
+            elif period_ns and -wait_ns > period_ns:
+                self.faults["late"] += 1  # reading the recording takes longer than its own rate allows
+            if self._closing.is_set():
+                return
+            self._offer(replace(frame, capture_ns=start_ns + due_ns, clock=Clock.HOST))
+
+    def close(self) -> None:
+        super().close()
+        self.source.close()
