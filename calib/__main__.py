@@ -1,0 +1,55 @@
+"""`python -m calib`: capture, fit, evaluate, report.
+
+Each command's module is imported when it is called, so that `--help` is quick and one command's missing
+library does not stop the others.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+
+import click
+
+from edge.errors import EdgeError
+
+# name: (module, attribute, what it does)
+COMMANDS: dict[str, tuple[str, str, str]] = {
+    "capture": ("calib.commands", "capture_command", "Run a protocol on a rig and record it with its truth."),
+}
+
+
+class LazyGroup(click.Group):
+    """A group that knows its commands' names and first lines, and imports them on use."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        module, attribute, _ = COMMANDS[cmd_name]
+        command = getattr(import_module(module), attribute)
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, _, text) in COMMANDS.items()])
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+def cli() -> None:
+    """Calibrate a fingertip: capture on a rig, fit, evaluate, report."""
+
+
+def main() -> None:
+    try:
+        cli.main(prog_name="python -m calib")
+    except EdgeError as error:
+        click.echo(f"Error: {error}", err=True)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

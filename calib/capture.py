@@ -1,0 +1,224 @@
+"""Runs a protocol on a rig and writes what it saw: MCAP with the truth beside each frame, and a table.
+
+    press.mcap    images, times, truth (what the rig knows, and the step's pose)
+    press.2.mcap  the second part, where a capture was resumed; and so on
+    press.csv     one row a frame: where it is stored, its role, its pose
+
+Rules
+- The recording is what counts; the table is made from it when the capture ends. A killed capture loses
+  at most the last half second, never the table's agreement with the frames.
+- Resuming starts at the first step that is not complete on disk. Frames of a step that was broken off
+  stay in their part and out of the table.
+- Pose columns are named as those of the published sets: pose_x/y/z mm, pose_Rx/Ry deg, shear_x/y mm,
+  shear_Rz deg.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from calib.errors import CaptureError
+from calib.protocols import Plan, Step
+from calib.rig.base import Pose, Rig
+from edge.recording import TOPICS, Recorder, RecordingSource, read_messages, read_metadata
+from edge.types import Frame
+
+# column of the table: field of the pose
+POSE_COLUMNS = {
+    "pose_x": "x_mm",
+    "pose_y": "y_mm",
+    "pose_z": "depth_mm",
+    "pose_Rx": "tilt_x_deg",
+    "pose_Ry": "tilt_y_deg",
+    "shear_x": "shear_x_mm",
+    "shear_y": "shear_y_mm",
+    "shear_Rz": "twist_deg",
+}
+COLUMNS = (
+    "recording", "sequence", "step", "role", *POSE_COLUMNS,
+    "tool", "tool_radius_mm", "tool_angle_deg", "tool_distance_mm", "force_n", "place_x", "place_y",
+)  # fmt: skip
+QUEUE_MB = 1024.0  # the recorder drops what does not fit; a calibration may not lose a frame
+
+
+def parts(path: Path) -> list[Path]:
+    """The recordings of a capture that exist, in order."""
+    found = [path] if path.exists() else []
+    while (following := _part(path, len(found) + 1)).exists() and found:
+        found.append(following)
+    return found
+
+
+def _part(path: Path, number: int) -> Path:
+    return path if number == 1 else path.with_suffix(f".{number}{path.suffix}")
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a capture is: complete steps and frames, and the next frame's number."""
+
+    steps: int
+    frames: int
+    next_sequence: int
+
+
+def progress_of(path: Path, plan: Plan) -> Progress:
+    """What is on disk. Raises CaptureError: the recording belongs to another protocol."""
+    counts = [0] * len(plan.steps)
+    for part in parts(path):
+        told = read_metadata(part).get("capture", {})
+        if told.get("digest") != plan.digest:
+            was = told.get("protocol", "none")
+            raise CaptureError(
+                f"{part}: holds protocol {was!r}, not this {plan.name!r}; give another name for the recording"
+            )
+        in_part = [0] * len(plan.steps)
+        for _, truth in _truths(part):
+            in_part[truth["step"]] += 1
+        counts = [max(a, b) for a, b in zip(counts, in_part, strict=True)]
+    done = 0
+    while done < len(plan.steps) and counts[done] >= plan.steps[done].frames:
+        done += 1
+    # Passing steps right before the break are walked again: the rig comes from anywhere.
+    while 0 < done < len(plan.steps) and plan.steps[done - 1].frames == 0:
+        done -= 1
+    frames = sum(step.frames for step in plan.steps[:done])
+    return Progress(done, frames, frames)
+
+
+def capture(
+    rig_at: Callable[[int], Rig],
+    plan: Plan,
+    path: Path,
+    *,
+    resume: bool = False,
+    on_frame: Callable[[Step, int], None] | None = None,
+) -> int:
+    """Run a protocol, or what is left of it.
+
+    rig_at    opens the rig, given the number of the next frame
+    on_frame  called with the step and the number of frames done
+    Returns   number of frames taken now
+    Raises    CaptureError, RigError; what was recorded before stays and can be resumed
+    """
+    existing = parts(path)
+    if existing and not resume:
+        raise CaptureError(f"{path}: exists; continue it with --resume, or give another name")
+    done = progress_of(path, plan)
+    if done.steps == len(plan.steps):
+        write_table(path, plan)
+        return 0
+    rig = rig_at(done.next_sequence)
+    taken = 0
+    try:
+        about = {"protocol": plan.name, "digest": plan.digest, "rig": rig.name}
+        recorder = Recorder(_part(path, len(existing) + 1), image="png", buffer_mb=QUEUE_MB)
+        with recorder:
+            recorder.metadata("capture", about)
+            tool = None
+            for number in range(done.steps, len(plan.steps)):
+                step = plan.steps[number]
+                if step.tool != tool:
+                    rig.mount(step.tool)
+                    tool = step.tool
+                rig.move(step.pose)
+                for _ in range(step.frames):
+                    frame = _with_truth(rig.frame(), number, step)
+                    if not recorder.frame(frame):
+                        raise CaptureError(
+                            f"{recorder.path}: {recorder.fault or 'the disk is too slow'}; resume"
+                        )
+                    taken += 1
+                    if on_frame is not None:
+                        on_frame(step, done.frames + taken)
+    finally:
+        rig.close()
+    if recorder.fault is not None or recorder.dropped_n:
+        raise CaptureError(f"{recorder.path}: {recorder.fault or 'messages were lost'}; make room and resume")
+    write_table(path, plan)
+    return taken
+
+
+def _with_truth(frame: Frame, number: int, step: Step) -> Frame:
+    asked = {"step": number, "role": step.role, "pose": asdict(step.pose), "tool": asdict(step.tool)}
+    return replace(frame, truth={**(frame.truth or {}), **asked})
+
+
+def _truths(part: Path) -> Iterator[tuple[int, dict[str, Any]]]:
+    """(sequence, truth) of each frame whose image is on disk too: truth comes first in the file."""
+    images = {TOPICS["image"].name, TOPICS["image_png"].name}
+    held: tuple[int, int, dict[str, Any]] | None = None
+    for topic, log_ns, message in read_messages(part, [TOPICS["truth"].name, *images]):
+        if topic not in images:
+            held = (log_ns, int(message["sequence"]), message["truth"])
+        elif held is not None and held[0] == log_ns:
+            yield held[1], held[2]
+            held = None
+
+
+def write_table(path: Path, plan: Plan) -> Path:
+    """Write the table of a capture from its recordings; atomically."""
+    rows: dict[int, list[dict[str, Any]]] = {}
+    for part in parts(path):
+        in_part: dict[int, list[dict[str, Any]]] = {}
+        for sequence, truth in _truths(part):
+            row = _row(part.name, sequence, truth)
+            in_part.setdefault(truth["step"], []).append(row)
+        rows |= {k: v for k, v in in_part.items() if len(v) >= plan.steps[k].frames}
+    table = path.with_suffix(".csv")
+    fresh = table.with_suffix(".csv.part")
+    with fresh.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS, restval="")
+        writer.writeheader()
+        for step in sorted(rows):
+            writer.writerows(rows[step])
+        file.flush()
+        os.fsync(file.fileno())
+    fresh.replace(table)
+    return table
+
+
+def _row(recording: str, sequence: int, truth: dict[str, Any]) -> dict[str, Any]:
+    pose, tool = truth["pose"], truth["tool"]
+    row: dict[str, Any] = {"recording": recording, "sequence": sequence}
+    row |= {"step": truth["step"], "role": truth["role"]}
+    row |= {column: pose[name] for column, name in POSE_COLUMNS.items()}
+    if truth["role"] == "rest":  # clear of the tip: no depth, and the rest of the pose says nothing
+        row |= dict.fromkeys(POSE_COLUMNS, 0.0)
+    row |= {"tool": tool["kind"], "tool_radius_mm": tool["radius_mm"]}
+    row |= {"tool_angle_deg": tool["angle_deg"], "tool_distance_mm": tool["distance_mm"]}
+    if "forces_n" in truth:
+        row["force_n"] = sum(truth["forces_n"])
+    if len(truth.get("places_mm", ())) == 1:
+        row["place_x"], row["place_y"] = truth["places_mm"][0]
+    return row
+
+
+def read_capture(path: Path) -> Iterator[tuple[Frame, dict[str, str]]]:
+    """Frames of a capture with their rows of the table, in the table's order within each part.
+
+    Raises  CaptureError: no table, or no recording
+    """
+    table = path.with_suffix(".csv")
+    try:
+        with table.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    except OSError as error:
+        raise CaptureError(f"{table}: {error.strerror}; finish the capture with --resume") from None
+    by_part: dict[str, dict[int, dict[str, str]]] = {}
+    for row in rows:
+        by_part.setdefault(row["recording"], {})[int(row["sequence"])] = row
+    for name, wanted in by_part.items():
+        for frame in RecordingSource(path.parent / name):
+            if frame.sequence in wanted:
+                yield frame, wanted[frame.sequence]
+
+
+def pose_of(row: dict[str, str]) -> Pose:
+    """The pose in a row of the table."""
+    return Pose(**{name: float(row[column]) for column, name in POSE_COLUMNS.items()})

@@ -1,0 +1,58 @@
+"""`python -m calib capture`: options in, a recording and a table out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from calib.capture import capture, progress_of
+from calib.protocols import PROTOCOLS, Step, load_protocol
+from calib.rig import open_rig
+
+
+@click.command(name="capture")
+@click.option(
+    "--rig",
+    "rig",
+    required=True,
+    metavar="SPEC",
+    help="sim, sim:FILE.toml, gcode:PORT, gcode:FILE.toml or manual.",
+)
+@click.option("--protocol", required=True, metavar="NAME", help=f"{', '.join(PROTOCOLS)} or FILE.toml.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Recording to write (.mcap); the table goes beside it (.csv).",
+)
+@click.option(
+    "--camera",
+    default="v4l2:0",
+    show_default=True,
+    metavar="SPEC",
+    help="Source of frames, for rigs that have none of their own.",
+)
+@click.option("--resume", is_flag=True, help="Continue a recording that was broken off.")
+def capture_command(rig: str, protocol: str, output: Path, camera: str, resume: bool) -> None:
+    """Run a calibration protocol on a rig and record it with its truth."""
+    plan = load_protocol(protocol)
+    if output.suffix != ".mcap":
+        raise click.BadParameter(f"{output}: give a name that ends in .mcap", param_hint="--output")
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task(plan.name, total=plan.n_frames)
+        if resume:
+            bar.update(task, completed=progress_of(output, plan).frames)
+
+        def on_frame(step: Step, done: int) -> None:
+            bar.update(task, completed=done)
+
+        taken = capture(
+            lambda first: open_rig(rig, camera, first), plan, output, resume=resume, on_frame=on_frame
+        )
+    click.echo(f"{output}: {taken} frames of protocol {plan.name}; table {output.with_suffix('.csv')}")

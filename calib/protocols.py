@@ -1,0 +1,220 @@
+"""What is measured: sequences of poses, as data.
+
+The paper's ("Experimental Procedure"): displacement 0..5 mm by 0.1 mm and shear 0..2 mm by 0.1 mm, 10
+frames a step, on a flat surface; direction: press 3 mm, shear 2 mm, in 36 directions.
+
+Rules
+- A protocol starts with frames of the untouched tip (role "rest"): they are the frame of reference.
+- A step without frames only moves: it lifts the tool clear so that what follows starts from a fresh
+  contact, without the history of friction.
+- Files (TOML) say the same with ranges:
+
+      name = "corner"
+      rest_frames = 10
+      frames = 10                      # of a step, unless it says otherwise
+      tool = { kind = "sphere", radius_mm = 3.0 }
+
+      [[step]]                         # every combination of the listed values, last key fastest
+      x_mm = [0.0, 2.0, 4.0]
+      depth_mm = { from = 0.5, to = 3.0, by = 0.5 }
+      lift = true                      # clear of the tip before each pose (false)
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import math
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import msgspec
+
+from calib.errors import ProtocolError
+from calib.rig.base import CLEAR, Pose
+from calib.sim.mechanics import Tool
+
+SHEAR_DEPTH_MM = 3.0  # paper: "pressing the sensor into a flat level object approximately 3 mm"
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One pose.
+
+    frames  how many are taken there; 0: only pass
+    role    "rest": untouched, reference; "sample"
+    """
+
+    pose: Pose
+    tool: Tool
+    frames: int
+    role: str = "sample"
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A protocol's name and steps."""
+
+    name: str
+    steps: tuple[Step, ...]
+
+    @property
+    def n_frames(self) -> int:
+        return sum(step.frames for step in self.steps)
+
+    @property
+    def digest(self) -> str:
+        """Of all steps: tells whether a recording belongs to this protocol."""
+        return hashlib.sha256(msgspec.json.encode([asdict(s) for s in self.steps])).hexdigest()[:16]
+
+
+def _rest(tool: Tool, frames: int = 10) -> list[Step]:
+    return [Step(CLEAR, tool, frames, "rest")]
+
+
+def displacement() -> Plan:
+    """0..5 mm by 0.1 mm, flat, 10 frames a step (paper)."""
+    flat = Tool("flat")
+    presses = [Step(Pose(depth_mm=i / 10), flat, 10) for i in range(51)]
+    return Plan("displacement", tuple(_rest(flat) + presses))
+
+
+def shear() -> Plan:
+    """0..2 mm by 0.1 mm along x at 3 mm depth, flat, 10 frames a step (paper)."""
+    flat = Tool("flat")
+    steps = [Step(Pose(depth_mm=SHEAR_DEPTH_MM, shear_x_mm=i / 10), flat, 10) for i in range(21)]
+    return Plan("shear", tuple(_rest(flat) + steps))
+
+
+def direction() -> Plan:
+    """Press 3 mm, shear 2 mm, every 10 degrees, flat, 10 frames each (paper)."""
+    flat = Tool("flat")
+    steps = _rest(flat)
+    for i in range(36):
+        a = math.radians(10 * i)
+        x, y = round(2 * math.cos(a), 12), round(2 * math.sin(a), 12)
+        steps += [
+            Step(CLEAR, flat, 0),
+            Step(Pose(depth_mm=SHEAR_DEPTH_MM), flat, 0),
+            Step(Pose(depth_mm=SHEAR_DEPTH_MM, shear_x_mm=x, shear_y_mm=y), flat, 10),
+        ]
+    return Plan("direction", tuple(steps))
+
+
+def contacts() -> Plan:
+    """Single places on a 3 mm grid out to 12 mm, then pairs 4..10 mm apart in six directions.
+
+    Probes of 1.5 mm radius, 2 mm deep; 3 frames each. The paper resolves probes about 4 mm apart.
+    """
+    probe = Tool("sphere", radius_mm=1.5)
+    steps = _rest(probe)
+    for y in range(-12, 13, 3):
+        for x in range(-12, 13, 3):
+            if math.hypot(x, y) <= 12:
+                here = Pose(x_mm=x, y_mm=y, depth_mm=2.0)
+                clear = Pose(x_mm=x, y_mm=y, depth_mm=CLEAR.depth_mm)
+                steps += [Step(clear, probe, 0), Step(here, probe, 3)]
+    for distance in (4, 5, 6, 8, 10):
+        for angle in range(0, 180, 30):
+            pair = Tool("two", radius_mm=1.0, angle_deg=angle, distance_mm=distance)
+            steps += [Step(CLEAR, pair, 0), Step(Pose(depth_mm=2.0), pair, 3)]
+    return Plan("contacts", tuple(steps))
+
+
+PROTOCOLS: dict[str, Callable[[], Plan]] = {
+    "displacement": displacement,
+    "shear": shear,
+    "direction": direction,
+    "contacts": contacts,
+}
+
+
+def load_protocol(spec: str) -> Plan:
+    """A protocol by name, or from a TOML file. Raises ProtocolError: one line, file and key."""
+    if spec in PROTOCOLS:
+        return PROTOCOLS[spec]()
+    path = Path(spec)
+    if path.suffix != ".toml":
+        raise ProtocolError(f"protocol {spec!r} is unknown; one of {', '.join(PROTOCOLS)}, FILE.toml")
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        return _plan(msgspec.convert(table, _File), path.stem)
+    except OSError as error:
+        raise ProtocolError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ValueError, msgspec.ValidationError) as error:
+        raise ProtocolError(f"{path}: {error}") from None
+
+
+class _Range(msgspec.Struct, forbid_unknown_fields=True, rename={"start": "from"}):
+    start: float
+    to: float
+    by: float
+
+
+_Values = float | list[float] | _Range
+
+
+class _ToolTable(msgspec.Struct, forbid_unknown_fields=True):
+    kind: str = "flat"
+    radius_mm: float = 3.0
+    angle_deg: float = 0.0
+    distance_mm: float = 8.0
+
+    def tool(self) -> Tool:
+        return Tool(self.kind, self.radius_mm, self.angle_deg, self.distance_mm)
+
+
+class _StepTable(msgspec.Struct, forbid_unknown_fields=True):
+    x_mm: _Values = 0.0
+    y_mm: _Values = 0.0
+    depth_mm: _Values = 0.0
+    tilt_x_deg: _Values = 0.0
+    tilt_y_deg: _Values = 0.0
+    shear_x_mm: _Values = 0.0
+    shear_y_mm: _Values = 0.0
+    twist_deg: _Values = 0.0
+    frames: int | None = None
+    tool: _ToolTable | None = None
+    lift: bool = False
+
+
+class _File(msgspec.Struct, forbid_unknown_fields=True):
+    step: list[_StepTable]
+    name: str = ""
+    rest_frames: int = 10
+    frames: int = 10
+    tool: _ToolTable = msgspec.field(default_factory=_ToolTable)
+
+
+def _plan(file: _File, stem: str) -> Plan:
+    if not file.step:
+        raise ValueError("no [[step]]; give at least one")
+    if file.rest_frames < 1:
+        raise ValueError(f"rest_frames = {file.rest_frames}; the untouched tip is needed, >= 1")
+    usual = file.tool.tool()
+    steps = _rest(usual, file.rest_frames)
+    axes = Pose.__dataclass_fields__
+    for i, table in enumerate(file.step, 1):
+        tool = table.tool.tool() if table.tool else usual
+        frames = file.frames if table.frames is None else table.frames
+        if frames < 0:
+            raise ValueError(f"step {i}: frames = {frames}; must be >= 0")
+        for values in itertools.product(*(_listed(getattr(table, axis), i, axis) for axis in axes)):
+            pose = Pose(*values)
+            if table.lift:
+                steps.append(Step(Pose(x_mm=pose.x_mm, y_mm=pose.y_mm, depth_mm=CLEAR.depth_mm), tool, 0))
+            steps.append(Step(pose, tool, frames))
+    return Plan(file.name or stem, tuple(steps))
+
+
+def _listed(values: _Values, step: int, axis: str) -> Iterator[float]:
+    if isinstance(values, _Range):
+        n = math.floor((values.to - values.start) / values.by + 1e-9) if values.by else -1
+        if n < 0:
+            raise ValueError(
+                f"step {step}: {axis} from {values.start} to {values.to} by {values.by} never arrives"
+            )
+        return iter([round(values.start + k * values.by, 9) for k in range(n + 1)])
+    return iter(values if isinstance(values, list) else [values])

@@ -1,0 +1,98 @@
+"""The simulator as a rig.
+
+Rules
+- The frames depend on the simulation's file and on their number only: a capture that is resumed gives
+  the same bytes as one that ran through.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import msgspec
+
+from calib.errors import RigError
+from calib.rig.base import Pose
+from calib.sim import Camera, Contact, Look, Simulator, Tip, Tool
+from edge.types import Frame
+
+
+@dataclass(frozen=True)
+class CameraTable:
+    """[camera] as `calib.sim.Camera`, without the tip."""
+
+    size_px: tuple[int, int] = (640, 480)
+    pins_radius_px: float = 0.0
+    centre_px: tuple[float, float] = (0.0, 0.0)
+    roll_deg: float = 0.0
+    k1: float = -0.08
+    k2: float = 0.0
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Everything that defines a simulated rig; a TOML file of these tables and keys."""
+
+    tip: Tip = field(default_factory=Tip)
+    camera: CameraTable = field(default_factory=CameraTable)
+    look: Look = field(default_factory=Look)
+    seed: int = 0
+    rate_hz: float = 60.0
+
+    def simulator(self) -> Simulator:
+        camera = Camera(tip=self.tip, **asdict(self.camera))
+        return Simulator(camera, self.look, self.seed, self.rate_hz)
+
+
+def load_simulation(path: Path | None) -> Simulation:
+    """Read a simulation; without a file, the defaults. Raises RigError: one line, file and key."""
+    if path is None:
+        return Simulation()
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        known = msgspec.convert(table, Simulation)
+        _refuse_unknown(table, known)
+        return known
+    except OSError as error:
+        raise RigError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ValueError, msgspec.ValidationError) as error:
+        raise RigError(f"{path}: {error}") from None
+
+
+def _refuse_unknown(table: dict[str, object], known: object) -> None:
+    """Dataclasses take unknown keys in silence; a user's typing error must not."""
+    fields = getattr(type(known), "__dataclass_fields__", {})
+    for key, value in table.items():
+        if key not in fields:
+            raise ValueError(f"key {key!r} is unknown; one of {', '.join(fields)}")
+        if isinstance(value, dict):
+            _refuse_unknown(value, getattr(known, key))
+
+
+class SimulatedRig:
+    """A tip that exists as equations only."""
+
+    def __init__(self, simulation: Simulation | None = None, first_sequence: int = 0) -> None:
+        self.name = "sim"
+        self.simulator = (simulation or Simulation()).simulator()
+        self.simulator.sequence = first_sequence
+        self._tool = Tool()
+        self._contacts: tuple[Contact, ...] = ()
+
+    def mount(self, tool: Tool) -> None:
+        self._tool = tool
+        self._contacts = ()
+
+    def move(self, pose: Pose) -> None:
+        self._contacts = (Contact(tool=self._tool, **asdict(pose)),) if pose.depth_mm > 0 else ()
+
+    def frame(self) -> Frame:
+        try:
+            return self.simulator.frame(self._contacts)
+        except ValueError as error:
+            raise RigError(f"sim: {error}") from None
+
+    def close(self) -> None:
+        self._contacts = ()
