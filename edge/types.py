@@ -124,6 +124,7 @@ class PinPattern:
     noise            standard deviation of the grey level between the pins, after removal of gradients
     size_px          (width, height) of the image it was learnt from
     edge_px          standard deviation of the blur that a pin's edge shows, pixel included
+    radius_range_px  smallest and largest radius (2nd and 98th percentile); (0, 0) means as pin_radius_px
     """
 
     pin_radius_px: float
@@ -135,6 +136,7 @@ class PinPattern:
     noise: float
     size_px: tuple[int, int]
     edge_px: float = 0.8
+    radius_range_px: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,10 @@
-"""All pins of a whole image, with no prior but (at most) how they look."""
+"""All pins of a whole image, with no prior but (at most) how they look.
+
+Idea
+- Spots of all sizes are gathered (`_blobs`); the size that most of the light in spots has is the pins'. What
+  does not fit its neighbours is thrown out, what fills a gap is taken in (`_pattern`).
+- With a pattern at hand only its own size is looked for. Its absolute brightness is not used: light changes.
+"""
 
 from __future__ import annotations
 
@@ -11,49 +17,71 @@ import numpy as np
 from edge.errors import NoPins
 from edge.pins import _blobs, _pattern
 from edge.pins._refine import Refiner
-from edge.types import Image, PinPattern, Pins, Rest
+from edge.types import Array, Image, PinPattern, Pins, Rest
 
 # Radii looked at when nothing is known, px: from the smallest that has an inside to the largest of which a
 # hundred fit the image. Steps of 1.3: each disc is seen at two scales at least.
 _RADIUS_MIN_PX = 1.7
 _RADIUS_STEP = 1.3
 _RADIUS_MAX_OF_SIDE = 1 / 22
+# What one scale sees well: radii within these factors of it.
+_SCALE_RANGE = (0.7, 1.4)
 _PINS_MIN = 12
-_NOISE_SIGMAS = 6.0
-_DEPTH_FLOOR_OF_RANGE = 0.03  # of the image's own range: fainter spots are texture
+# A spot's depth is a mean over tens of pixels: twice the noise of one pixel is a dozen of its own sigmas.
+_DEPTH_OF_NOISE = 2.0
+_DEPTH_OF_RANGE = 0.03  # of the image's own range: fainter spots are texture
+_DEPTH_OF_PINS = 0.3  # of the pins' median depth
 
 
 def learn_pattern(image: Image) -> PinPattern:
-    """Radius, pitch, circle and brightness of the pins in one image of the untouched tip."""
+    """Size, pitch, circle, brightness and blur of the pins in one image of the untouched tip.
+
+    image   (h, w) uint8 or uint16, or (h, w, 3) BGR
+    Raises  NoPins: nothing in it looks like a tip's pins
+    """
     return _learn(to_grey(image))[0]
 
 
 def detect(image: Image, pattern: PinPattern | None = None) -> Pins:
-    """All pins of the image, in no order. Without a pattern it is learnt from this very image."""
+    """All pins of the image, in no order.
+
+    With a pattern an image without pins gives no rows. Without one the pattern is learnt from this very image,
+    and NoPins is raised where there is none.
+    """
     grey = to_grey(image)
     if pattern is None:
         pattern, spots = _learn(grey)
-    spots = _find(grey, pattern)
+    else:
+        spots = _find(grey, pattern)
     return _centroids(grey, spots, pattern)
-
-
-def take_rest(images: Sequence[Image]) -> Rest:
-    """Several images of the untouched tip make its rest: what stands in most of them, averaged."""
-    greys = [to_grey(image) for image in images]
-    if not greys:
-        raise NoPins("no image given to take the rest from; give one or more of the untouched tip")
-    mean = np.zeros(greys[0].shape, np.float64)
-    for grey in greys:
-        mean += grey
-    mean /= len(greys)
-    average = np.rint(mean).astype(greys[0].dtype)
-    pattern, _ = _learn(average)
-    return Rest(_centroids(average, _find(average, pattern), pattern), pattern)
 
 
 def inspect_image(image: Image) -> Pins:
     """The pins of a single image of which nothing is known; raises NoPins where there are none."""
     return detect(image)
+
+
+def take_rest(images: Sequence[Image]) -> Rest:
+    """The rest frame from one or more images of the untouched tip: found on their mean, row i defines pin i.
+
+    Raises  NoPins: no image, images of different size, or no pins in them
+    """
+    greys = [to_grey(image) for image in images]
+    if not greys:
+        raise NoPins("no image to take the rest from; give one or more of the untouched tip")
+    if len({grey.shape for grey in greys}) > 1:
+        raise NoPins("images of different size cannot make one rest; give images of one camera setting")
+    mean = np.zeros(greys[0].shape, np.float64)
+    for grey in greys:
+        mean += grey
+    average = np.rint(mean / len(greys)).astype(greys[0].dtype)
+    pattern, spots = _learn(average)
+    # The noise is that of one image, as they will come, not that of the mean.
+    pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])))
+    pins = _centroids(average, spots, pattern)
+    order = np.lexsort((pins.xy_img[:, 0], np.rint(pins.xy_img[:, 1] / pattern.pitch_px)))
+    pins = Pins(pins.xy_img[order], pins.sigma_px[order], pins.radius_px[order], pins.brightness[order])
+    return Rest(pins, pattern)
 
 
 def to_grey(image: Image) -> Image:
@@ -72,39 +100,26 @@ def noise_of(grey: Image) -> float:
 
 
 def _learn(grey: Image) -> tuple[PinPattern, _blobs.Spots]:
-    low, high = np.percentile(grey[::4, ::4], (1.0, 99.0))
     noise = noise_of(grey)
-    depth_min = max(_NOISE_SIGMAS * noise / 3.0, _DEPTH_FLOOR_OF_RANGE * float(high - low), 4.0)
-    parts, misfits = [], []
-    radius = _RADIUS_MIN_PX
-    while radius < max(3.0, _RADIUS_MAX_OF_SIDE * min(grey.shape)):
-        spots = _blobs.find_spots(grey, radius, depth_min)
-        scale = spots.radius_px / radius
-        good = (spots.share >= _pattern.SHARE_MIN) & (spots.spread < _pattern.SPREAD_MAX)
-        good &= (scale > 0.7) & (scale < 1.4)
-        parts.append(spots[good])
-        misfits.append((np.abs(np.log(scale)) + spots.spread)[good])
-        radius *= _RADIUS_STEP
-    spots = _pattern.one_of_each(_blobs.join(parts), np.concatenate(misfits))
+    low, high = np.percentile(grey[::4, ::4], (1.0, 99.0))
+    depth_min = max(_DEPTH_OF_NOISE * noise, _DEPTH_OF_RANGE * float(high - low), 2.0)
+    radius_max = max(3.0, _RADIUS_MAX_OF_SIDE * min(grey.shape))
+    scales = _RADIUS_MIN_PX * _RADIUS_STEP ** np.arange(
+        np.log(radius_max / _RADIUS_MIN_PX) / np.log(_RADIUS_STEP)
+    )
+    found = _at_scales(grey, scales, depth_min)
+    spots = found[_well_shaped(found)]
     if len(spots) < _PINS_MIN:
         raise NoPins(_complaint(grey, len(spots)))
     size = _common_radius(spots)
-    alike = (spots.radius_px > 0.55 * size) & (spots.radius_px < 1.8 * size)
-    alike &= spots.depth > _pattern.DEPTH_MIN * np.median(
-        spots.depth[np.abs(np.log(spots.radius_px / size)) < 0.2]
-    )
-    spots = spots[alike]
-    if len(spots) >= _PINS_MIN:
-        spots = spots[_pattern.belongs(spots, _pattern.pitch_of(spots.xy_img))]
+    core = np.median(spots.depth[np.abs(np.log(spots.radius_px / size)) < 0.2])
+    spots = _settle(grey, found, size, _DEPTH_OF_PINS * float(core))
     if len(spots) < _PINS_MIN:
         raise NoPins(_complaint(grey, len(spots)))
-    radius, edge_px = _blobs.measure_discs(grey, spots)
-    spots = replace(spots, radius_px=radius)
     (x, y), reach = cv2.minEnclosingCircle(spots.xy_img.astype(np.float32))
-    radius_px = float(np.median(spots.radius_px))
-    brightness = float(np.median(spots.depth))
+    radius_px, brightness = float(np.median(spots.radius_px)), float(np.median(spots.depth))
     at = np.rint(spots.xy_img).astype(np.intp)
-    background = float(np.median(grey[at[:, 1], at[:, 0]].astype(np.float64) - spots.depth))
+    background = float(np.median(grey[at[:, 1], at[:, 0]] - spots.depth))
     pattern = PinPattern(
         pin_radius_px=radius_px,
         pitch_px=_pattern.pitch_of(spots.xy_img),
@@ -114,31 +129,65 @@ def _learn(grey: Image) -> tuple[PinPattern, _blobs.Spots]:
         brightness=brightness,
         noise=noise,
         size_px=(grey.shape[1], grey.shape[0]),
-        edge_px=edge_px,
+        edge_px=_blobs.measure_discs(grey, spots)[1],
+        radius_range_px=(
+            float(np.quantile(spots.radius_px, 0.02)),
+            float(np.quantile(spots.radius_px, 0.98)),
+        ),
     )
     return pattern, spots
 
 
+def _find(grey: Image, pattern: PinPattern) -> _blobs.Spots:
+    small, large = pattern.radius_range_px
+    if small <= 0.0:
+        small = large = pattern.pin_radius_px
+    count = max(1, int(np.ceil(np.log(large / small) / np.log(_SCALE_RANGE[1] / _SCALE_RANGE[0]))))
+    scales = small * (large / small) ** ((np.arange(count) + 0.5) / count)
+    found = _at_scales(grey, scales, max(_DEPTH_OF_NOISE * pattern.noise, 0.15 * pattern.brightness))
+    found = found[np.hypot(*(found.xy_img - pattern.centre_img).T) < 1.1 * pattern.tip_radius_px]
+    spots = found[_well_shaped(found)]
+    if len(spots) == 0:
+        return spots
+    return _settle(grey, found, pattern.pin_radius_px, _DEPTH_OF_PINS * float(np.median(spots.depth)))
+
+
+def _at_scales(grey: Image, scales: Array, depth_min: float) -> _blobs.Spots:
+    """Spots of all scales, each once, at the scale that suits it best."""
+    parts, misfits = [], []
+    for radius in scales:
+        spots = _blobs.find_spots(grey, float(radius), depth_min)
+        scale = spots.radius_px / radius
+        fits = (scale > _SCALE_RANGE[0]) & (scale < _SCALE_RANGE[1])
+        fits &= (spots.share >= _pattern.GAP_SHARE_MIN) & (spots.spread < _pattern.GAP_SPREAD_MAX)
+        parts.append(spots[fits])
+        misfits.append((np.abs(np.log(scale)) + spots.spread + (1.0 - spots.share))[fits])
+    return _pattern.one_of_each(_blobs.join(parts), np.concatenate(misfits))
+
+
+def _well_shaped(spots: _blobs.Spots) -> Array:
+    return (spots.share >= _pattern.SHARE_MIN) & (spots.spread < _pattern.SPREAD_MAX)
+
+
+def _settle(grey: Image, found: _blobs.Spots, radius_px: float, depth_min: float) -> _blobs.Spots:
+    """Of all spots found the pins: about the given size, fitting each other; then what fills their gaps."""
+    scale = found.radius_px / radius_px
+    found = found[(found.depth > depth_min) & (scale > 0.45) & (scale < 2.0)]
+    if len(found) == 0:
+        return found
+    found = replace(found, radius_px=_blobs.measure_discs(grey, found)[0])
+    good = _well_shaped(found)
+    pins, others = found[good], found[~good]
+    pins = pins[_pattern.belongs(pins)]
+    return _blobs.join([pins, others[_pattern.fills_gap(others, pins)]])
+
+
 def _common_radius(spots: _blobs.Spots) -> float:
-    """The radius that most of the light in spots has: mode over log radius, weighted with depth and radius."""
+    """The radius that most light in spots has: mode over log radius, weighted with depth and radius."""
     log_r = np.log(spots.radius_px)
     weight = spots.depth * spots.radius_px
     kernel = np.exp(-0.5 * ((log_r[:, None] - log_r[None, :]) / 0.12) ** 2)
     return float(spots.radius_px[(kernel @ weight).argmax()])
-
-
-def _find(grey: Image, pattern: PinPattern) -> _blobs.Spots:
-    radius = pattern.pin_radius_px
-    depth_min = max(_NOISE_SIGMAS * pattern.noise / 3.0, 0.15 * pattern.brightness)
-    spots = _blobs.find_spots(grey, radius, depth_min)
-    scale = spots.radius_px / radius
-    good = (spots.share >= _pattern.SHARE_MIN) & (spots.spread < _pattern.SPREAD_MAX)
-    good &= (scale > 0.55) & (scale < 1.8)
-    good &= np.hypot(*(spots.xy_img - pattern.centre_img).T) < 1.1 * pattern.tip_radius_px
-    spots, scale = spots[good], scale[good]
-    spots = _pattern.one_of_each(spots, np.abs(np.log(scale)) + spots.spread)
-    spots = spots[_pattern.belongs(spots, pattern.pitch_px)]
-    return replace(spots, radius_px=_blobs.measure_discs(grey, spots)[0]) if len(spots) else spots
 
 
 def _centroids(grey: Image, spots: _blobs.Spots, pattern: PinPattern) -> Pins:
@@ -161,5 +210,5 @@ def _complaint(grey: Image, n: int) -> str:
     low, high = float(grey.min()), float(grey.max())
     return (
         f"no pattern of pins in the image: {n} spots alike, grey levels {low:g} to {high:g}; "
-        "an image of the tip in focus, with its light on, would show a dozen or more"
+        "an image of the tip in focus with its light on would show a dozen or more"
     )

@@ -1,9 +1,12 @@
 """What makes a set of spots a pattern of pins: neighbours of the same size and brightness at an even pitch.
 
 Rules
-- A pin is judged by its neighbours, not by the whole: a fisheye or a tilted tip shows pins of very different
-  size, vignetting of very different brightness, but never a small one among large ones.
-- Pins hang together: everything that the chain of neighbours does not reach is outside of the skin.
+- A spot is judged against its neighbours, not against the whole: a fisheye or a tilted tip shows pins of very
+  different size, vignetting of very different brightness, but never a small one among large ones.
+- How much neighbours may differ is learnt from the image: tight on a tip that is even, wide on one that is not.
+- Pins hang together: what the chain of neighbours does not reach is outside of the skin.
+- A gap inside the pattern may be filled with a spot of poor shape: a pin that leans on a reflection, or on
+  another pin, is still a pin.
 """
 
 from __future__ import annotations
@@ -14,18 +17,23 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from edge.pins._blobs import Spots
-from edge.types import Array, Mask
+from edge.types import Array, Index, Mask
 
 NEIGHBOURS = 6
-# Shape of a single spot. A straight ridge as wide as a pin falls on two thirds of the rays and a step on half,
-# so 0.7 refuses both and still lets a pin lean on one neighbour or on a reflection.
-SHARE_MIN = 0.7
-SPREAD_MAX = 0.6
-# Against the median of the neighbours. Measured on the five real tips: true pins lie within 0.62..1.6 of their
-# neighbours' radius and over 0.35 of their brightness; specks on the skin's border are under half as large.
-SIZE_RANGE = (0.6, 1.7)
-DEPTH_MIN = 0.35
-LINK_PITCHES = 1.9
+# Shape of a single spot. A straight ridge as wide as a pin falls on two thirds of the rays, a step on half:
+# 0.7 refuses both and still lets a pin lean on one neighbour or on a reflection.
+SHARE_MIN, SPREAD_MAX = 0.7, 0.6
+# Shape that will do for a spot that fills a gap of the pattern.
+GAP_SHARE_MIN, GAP_SPREAD_MAX = 0.5, 1.5
+# Differences between neighbours are log ratios of size, depth and spacing, in units of the tip's own scatter but
+# of no less than these, sum of squares at most _ODD_MAX. On the 331-pin tips true pins reach 21 and false spots
+# begin at 48.
+_SCATTER_MIN = np.array([0.06, 0.10, 0.10])
+_ODD_MAX = 36.0
+# Whatever the scatter: half the size of its neighbours, or a quarter of their depth, is no pin.
+_SIZE_MIN, _SIZE_MAX, _DEPTH_MIN = 0.5, 2.0, 0.25
+_LINK_PITCHES = 1.9
+_GAP_MIN = 0.7  # of the local pitch, to the nearest pin
 
 
 def one_of_each(spots: Spots, misfit: Array) -> Spots:
@@ -48,26 +56,56 @@ def pitch_of(xy_img: Array) -> float:
     return float(np.median(distance[:, 1:].mean(axis=1)))
 
 
-def belongs(spots: Spots, pitch_px: float) -> Mask:
+def belongs(spots: Spots) -> Mask:
     """Which spots fit their neighbours and hang together with the largest group."""
     keep = np.ones(len(spots), bool)
-    for _ in range(3):  # removing one false spot can clear or spoil its neighbours; it settles in two rounds
+    for _ in range(4):  # each false spot that goes clears its neighbours' medians; it settles in two rounds
         index = np.flatnonzero(keep)
         if len(index) <= NEIGHBOURS:
             return np.zeros(len(spots), bool)
         fits = _fits_neighbours(spots[index])
-        fits &= _largest_group(spots.xy_img[index], fits, LINK_PITCHES * pitch_px)
+        fits &= _largest_group(spots.xy_img[index], fits, _LINK_PITCHES * pitch_of(spots.xy_img[index]))
         keep[index[~fits]] = False
         if fits.all():
             break
     return keep
 
 
+def fills_gap(spots: Spots, pins: Spots) -> Mask:
+    """Which of the spots stand where a pin of the pattern is missing, and are as large and bright as it would be."""
+    if len(spots) == 0 or len(pins) <= NEIGHBOURS:
+        return np.zeros(len(spots), bool)
+    tree = cKDTree(pins.xy_img)
+    distance, near = tree.query(spots.xy_img, k=NEIGHBOURS)
+    pitch = np.median(tree.query(pins.xy_img, k=3)[0][:, 1:].mean(axis=1)[near], axis=1)
+    size = spots.radius_px / np.median(pins.radius_px[near], axis=1)
+    depth = spots.depth / np.median(pins.depth[near], axis=1)
+    # Inside of the pattern the neighbours stand all round: their mean is near the spot.
+    lean = np.hypot(*(pins.xy_img[near].mean(axis=1) - spots.xy_img).T) / pitch
+    fits = (distance[:, 0] > _GAP_MIN * pitch) & (distance[:, 2] < 1.6 * pitch) & (lean < 0.6)
+    return fits & (size > 0.7) & (size < 1.5) & (depth > 0.6) & (depth < 1.7)
+
+
 def _fits_neighbours(spots: Spots) -> Mask:
-    _, near = cKDTree(spots.xy_img).query(spots.xy_img, k=NEIGHBOURS + 1)
-    size = spots.radius_px / np.median(spots.radius_px[near[:, 1:]], axis=1)
-    depth = spots.depth / np.median(spots.depth[near[:, 1:]], axis=1)
-    return (size > SIZE_RANGE[0]) & (size < SIZE_RANGE[1]) & (depth > DEPTH_MIN)
+    distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=NEIGHBOURS + 1)
+    near = near[:, 1:]
+    odd = np.stack(
+        [
+            _against(spots.radius_px, near),
+            _against(spots.depth, near),
+            _against(distance[:, 1:3].mean(axis=1), near),
+        ]
+    )
+    scatter = 1.4826 * np.median(np.abs(odd), axis=1)
+    odd_sum = ((odd / np.maximum(scatter, _SCATTER_MIN)[:, None]) ** 2).sum(axis=0)
+    size, depth = np.exp(odd[0]), np.exp(odd[1])
+    return (odd_sum < _ODD_MAX) & (size > _SIZE_MIN) & (size < _SIZE_MAX) & (depth > _DEPTH_MIN)
+
+
+def _against(value: Array, near: Index) -> Array:
+    """Log ratio of each value to the median of its neighbours'."""
+    ratio: Array = np.log(value / np.median(value[near], axis=1))
+    return ratio
 
 
 def _largest_group(xy_img: Array, among: Mask, reach_px: float) -> Mask:

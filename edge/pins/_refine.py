@@ -13,7 +13,10 @@ Rules
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import erfc
 
 from edge import _centroid
@@ -31,6 +34,9 @@ _REACH_PITCHES = 0.6
 _CLASH_RADII = 1.1
 
 
+Floats = NDArray[np.float32]
+
+
 class Refiner:
     """Reads the pins of `rest` in image after image, each near where it is predicted."""
 
@@ -38,11 +44,10 @@ class Refiner:
         n = len(rest)
         pattern = rest.pattern
         radius = np.asarray(rest.pins.radius_px, np.float64)
-        kind = np.rint(np.log(radius / radius.min()) / np.log(_KIND_STEP)).astype(np.int32)
-        used, self._kind_of = np.unique(kind, return_inverse=True)
-        self._kind_of = np.ascontiguousarray(self._kind_of, np.int32)
+        kinds, kind_of = np.unique(np.rint(np.log(radius) / np.log(_KIND_STEP)), return_inverse=True)
+        self._kind_of = np.ascontiguousarray(kind_of, np.int32)
         self._kinds, self._templates, self._norms = _tables(
-            radius.min() * _KIND_STEP**used, pattern.edge_px, pattern.pitch_px
+            tuple(_KIND_STEP**kinds), pattern.edge_px, pattern.pitch_px
         )
         self._radius = radius
         self._rest_amplitude = np.ascontiguousarray(rest.pins.brightness, np.float64)
@@ -82,62 +87,60 @@ class Refiner:
         return self._out[:, 4].copy()
 
 
-def _tables(radii: Array, edge_px: float, pitch_px: float) -> tuple[Array, Array, Array]:
+@lru_cache(maxsize=8)  # recovery detects frame after frame with the same pattern
+def _tables(
+    radii: tuple[float, ...], edge_px: float, pitch_px: float
+) -> tuple[NDArray[np.int64], Floats, Array]:
     """Kinds (k, 4) int64, templates float32 and norms (k, 16, 12) as `_centroid.refine` wants them."""
     kinds, parts, norms = [], [], []
     first = 0
     for radius in radii:
-        support = min(radius + 3.0 * edge_px + 0.5, max(radius + 1.5 * edge_px, pitch_px - radius - edge_px))
-        half = min(int(np.ceil(support + 0.5)), _HALF_MAX)
-        size = 2 * half + 1
-        stride = -(-size // _LANES) * _LANES
-        for phase in range(PHASES * PHASES):
-            centre = (np.array([phase % PHASES, phase // PHASES]) + 0.5) / PHASES - 0.5
-            planes, norm = _templates(radius, edge_px, support, half, centre)
-            norms.append(norm)
-            padded = np.zeros((4, size, stride), np.float32)
-            padded[:, :, :size] = planes
-            parts.append(padded.ravel())
-        step = 4 * size * stride
-        kinds.append((half, stride, first, step))
-        first += step * PHASES * PHASES
-    return (
-        np.array(kinds, np.int64),
-        np.concatenate(parts),
-        np.ascontiguousarray(np.array(norms).reshape(len(radii), PHASES * PHASES, 12)),
-    )
+        half, stride, planes, norm = _templates(radius, edge_px, pitch_px)
+        kinds.append((half, stride, first, planes[0].size))
+        first += planes.size
+        parts.append(planes.ravel())
+        norms.append(norm)
+    return np.array(kinds, np.int64), np.concatenate(parts), np.array(norms)
 
 
-def _templates(
-    radius: float, edge_px: float, support: float, half: int, centre: Array
-) -> tuple[Array, Array]:
-    """Support, disc, and its slopes for one subpixel offset, and their norms."""
+@lru_cache(maxsize=64)
+def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int, Floats, Array]:
+    """Half width, row stride, planes (16, 4, rows, stride) and norms (16, 12) of one radius at all phases.
+
+    The planes are the support, the disc freed of a constant, and its slopes in x and y freed of both.
+    """
+    support = min(radius + 3.0 * edge_px + 0.5, max(radius + 1.5 * edge_px, pitch_px - radius - edge_px))
+    half = min(int(np.ceil(support + 0.5)), _HALF_MAX)
+    size = 2 * half + 1
+    stride = -(-size // _LANES) * _LANES
+    offset = (np.arange(PHASES) + 0.5) / PHASES - 0.5
     grid = np.arange(-half, half + 1, dtype=np.float64)
-    u, v = np.meshgrid(grid - centre[0], grid - centre[1])
-    r = np.hypot(u, v)
-    inside = (r <= support).astype(np.float64)
-    disc = 0.5 * erfc((r - radius) / (np.sqrt(2.0) * edge_px))
-    slope = (
-        np.exp(-0.5 * ((r - radius) / edge_px) ** 2) / (edge_px * np.sqrt(2.0 * np.pi)) / np.maximum(r, 1e-9)
-    )
-    d = _without(disc * inside, inside)
-    tx = _without(slope * u * inside, inside, d)
-    ty = _without(slope * v * inside, inside, d)
     columns, rows = np.meshgrid(grid, grid)
-    planes = [_without(p * inside, inside, d) for p in (columns, rows)]
-    n, dd = inside.sum(), (d * d).sum()
-    norm = np.array(
-        [
-            n, dd, (tx * tx).sum(), (ty * ty).sum(),
-            (tx * planes[0]).sum(), (ty * planes[1]).sum(), (planes[0] ** 2).sum(), (planes[1] ** 2).sum(),
-            (columns * inside).sum() / n, (rows * inside).sum() / n, (columns * d).sum() / dd, (rows * d).sum() / dd,
-        ]
-    )  # fmt: skip
-    return np.stack([inside, d, tx, ty]), norm
+    u = columns - np.tile(offset, PHASES)[:, None, None]
+    v = rows - np.repeat(offset, PHASES)[:, None, None]
+    r = np.hypot(u, v)
+    one = (r <= support).astype(np.float64)
+    disc = one * 0.5 * erfc((r - radius) / (np.sqrt(2.0) * edge_px))
+    slope = one * np.exp(-0.5 * ((r - radius) / edge_px) ** 2) / np.maximum(r, 1e-9)
+    slope /= edge_px * np.sqrt(2.0 * np.pi)
+    d = disc - one * _dot(disc, one) / _dot(one, one)
+    tx, ty, px, py = (_freed(p, one, d) for p in (slope * u, slope * v, columns * one, rows * one))
+    norm = [
+        _dot(one, one), _dot(d, d), _dot(tx, tx), _dot(ty, ty),
+        _dot(tx, px), _dot(ty, py), _dot(px, px), _dot(py, py),
+        _dot(columns, one) / _dot(one, one), _dot(rows, one) / _dot(one, one),
+        _dot(columns, d) / _dot(d, d), _dot(rows, d) / _dot(d, d),
+    ]  # fmt: skip
+    planes = np.zeros((PHASES * PHASES, 4, size, stride), np.float32)
+    planes[:, :, :, :size] = np.stack([one, d, tx, ty], axis=1)
+    return half, stride, planes, np.concatenate(norm, axis=1)[:, :, 0]
 
 
-def _without(plane: Array, *others: Array) -> Array:
-    """`plane` less what the others explain of it, by least squares; all are zero outside of the support."""
-    basis = np.stack([o.ravel() for o in others], axis=1)
-    weight, *_ = np.linalg.lstsq(basis, plane.ravel(), rcond=None)
-    return plane - (basis @ weight).reshape(plane.shape)
+def _freed(plane: Array, one: Array, d: Array) -> Array:
+    """`plane` less its share of `one` and of `d`, which are orthogonal."""
+    return plane - one * _dot(plane, one) / _dot(one, one) - d * _dot(plane, d) / _dot(d, d)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    product: Array = (a * b).sum(axis=(1, 2), keepdims=True)
+    return product
