@@ -1,0 +1,99 @@
+"""A frame's result as the wire's sample: `to_state`. No units change here, only names and validity.
+
+Rules
+- A value that is not known is NaN, never 0; what may be trusted was decided before (calibration, pipeline).
+- Contacts: the strongest that have a place on the wire are listed, all of them are counted.
+- With pins in doubt, or without a result, the sample still goes out: status bits, time, no values.
+"""
+
+from __future__ import annotations
+
+from math import nan
+from typing import Any, Protocol
+
+from edge.types import Reading, Tracks
+from hostlink.wire import FIELDS, Contact, State, Status
+from hostlink.wire.fields import CONTACTS_MAX
+
+__all__ = ["Measured", "to_state"]
+
+#: Fields that the calibration fills in; the others are the frame's own.
+VALUES = frozenset(f.name for f in FIELDS) - {
+    "sample",
+    "status",
+    "capture_time_us",
+    "latency_us",
+    "pins_tracked",
+    "contact_n",
+    "displacement_sigma_mm",
+    "shear_sigma_mm",
+    "temperature_degc",
+}
+
+#: Which values' standard deviations go out; two axes share the larger one.
+SIGMAS = {
+    "displacement_sigma_mm": ("displacement_mm",),
+    "shear_sigma_mm": ("shear_x_mm", "shear_y_mm"),
+}
+
+
+class Measured(Protocol):
+    """What of a result goes over the wire."""
+
+    @property
+    def tracks(self) -> Tracks: ...
+
+    @property
+    def reading(self) -> Reading: ...
+
+
+def to_state(
+    measured: Measured | None,
+    *,
+    sample: int,
+    status: Status,
+    capture_time_us: int,
+    latency_us: float = nan,
+    temperature_degc: float = nan,
+) -> State:
+    """The sample of one frame.
+
+    measured          tracks and reading; None: there is no rest frame, or no image
+    sample            number of the measurement; counts on over gaps, wraps on the wire
+    status            bits known so far; SATURATED, UNCALIBRATED and TRACKER_LOST are added from the result
+    capture_time_us   start of exposure on this device's monotonic clock
+    latency_us        from capture to sending
+    Raises            KeyError: a value that the wire has no field for (a programming error)
+    """
+    frame: dict[str, Any] = {
+        "sample": sample,
+        "capture_time_us": capture_time_us,
+        "latency_us": latency_us,
+        "temperature_degc": temperature_degc,
+    }
+    if measured is None:
+        return State(status=status, **frame)
+    reading, tracks = measured.reading, measured.tracks
+    unknown = (reading.values.keys() | reading.sigmas.keys()) - VALUES
+    if unknown:
+        raise KeyError(f"the state frame has no field {', '.join(sorted(unknown))}")
+    if not reading.calibrated:
+        status |= Status.UNCALIBRATED
+    if reading.saturated:
+        status |= Status.SATURATED
+    if tracks.confidence < Tracks.LOW_CONFIDENCE:
+        status |= Status.TRACKER_LOST
+    contacts = tuple(Contact(*row) for row in reading.contacts[:CONTACTS_MAX].tolist())
+    return State(
+        status=status,
+        pins_tracked=tracks.n_seen / len(tracks.seen) if len(tracks.seen) else nan,
+        contact_n=len(reading.contacts),
+        contacts=contacts,
+        **frame,
+        **{name: _worst(reading.sigmas, of) for name, of in SIGMAS.items()},
+        **reading.values,
+    )
+
+
+def _worst(sigmas: dict[str, float], of: tuple[str, ...]) -> float:
+    return max((sigmas[name] for name in of if name in sigmas), default=nan)
