@@ -1,0 +1,315 @@
+"""`python -m edge`: the finger's own program.
+
+    run      frames from a camera, samples onto the bus
+    replay   a recording instead of a camera
+    inspect  what the pin detection sees in an image
+
+A user's mistake is one line on stderr and exit code 2. Heavy modules load with the command that needs them.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import signal
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from edge.errors import EdgeError, SourceError, UsageError
+
+if TYPE_CHECKING:
+    from edge.app import App, Statistics
+    from edge.calibration import Calibration
+    from edge.config import Config
+    from edge.types import FrameSource
+
+log = logging.getLogger("edge")
+
+SINK_HELP = (
+    "Where samples go; may be given more than once. can:can0, can:can0?fd=0, virtual:NAME, "
+    "udp:239.0.0.1, serial:/dev/ttyACM0?baud=921600, slcan:/dev/ttyACM0, memory:"
+)
+SOURCE_HELP = "v4l2:0, /dev/video0, oak:, sim:press, or a file. Default: the configuration's, else v4l2:0."
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.option("-v", "--verbose", is_flag=True, help="Say more about what goes on.")
+@click.version_option(package_name="voronoi-touch")
+def cli(verbose: bool) -> None:
+    """Reads touch from the pins of a camera-based fingertip and sends it over CAN, CAN FD or serial.
+
+    \b
+    First steps without hardware:
+      python -m edge inspect IMAGE                    which pins are seen in a picture of a tip
+      python -m edge replay RECORDING --sink memory:  a recording through the whole chain
+    With a camera and a bus:
+      python -m edge run --source v4l2:0 --sink can:can0 --calibration tip.json
+    """
+    logging.basicConfig(
+        level=logging.INFO if verbose else logging.WARNING, format="%(levelname)s %(name)s: %(message)s"
+    )
+
+
+@cli.command()
+@click.option(
+    "-c", "--config", "config_path", type=click.Path(path_type=Path), help="TOML file; see deploy/."
+)
+@click.option("--source", "source_spec", help=SOURCE_HELP)
+@click.option("--sink", "sink_specs", multiple=True, help=SINK_HELP)
+@click.option("--calibration", "calibration_path", type=click.Path(path_type=Path), help="Calibration file.")
+@click.option(
+    "--record", "record_path", type=click.Path(path_type=Path), help="Write images and values to MCAP."
+)
+@click.option("--frames", "frames_max", type=click.IntRange(min=1), help="Stop after so many frames.")
+@click.option("--json", "as_json", is_flag=True, help="Print the closing statistics as JSON.")
+def run(
+    config_path: Path | None,
+    source_spec: str | None,
+    sink_specs: Sequence[str],
+    calibration_path: Path | None,
+    record_path: Path | None,
+    frames_max: int | None,
+    as_json: bool,
+) -> None:
+    """Run the finger: camera in, bus out, until stopped.
+
+    Leave the tip untouched at the start: the first frames are its rest frame (tare). Stop with Ctrl-C
+    or SIGTERM; what was measured and lost is then printed.
+    """
+    from edge.config import load_config
+    from edge.sources import open_source
+
+    config = load_config(config_path)
+    with ExitStack() as stack:
+        s = config.source
+        source = open_source(
+            source_spec or s.spec,
+            width=s.width,
+            height=s.height,
+            rate_hz=s.rate_hz,
+            exposure_us=s.exposure_us,
+            gain=s.gain,
+        )
+        stack.callback(source.close)
+        app = _app(stack, source, config, sink_specs, calibration_path, record_path)
+        _finish(app.run(frames_max), app, as_json)
+
+
+@cli.command()
+@click.argument("recording")
+@click.option(
+    "-c", "--config", "config_path", type=click.Path(path_type=Path), help="TOML file; see deploy/."
+)
+@click.option("--sink", "sink_specs", multiple=True, help=SINK_HELP)
+@click.option("--calibration", "calibration_path", type=click.Path(path_type=Path), help="Calibration file.")
+@click.option(
+    "--speed", default="1", show_default=True, metavar="FACTOR|max", help="1 as recorded, 2 twice as fast."
+)
+@click.option(
+    "--record", "record_path", type=click.Path(path_type=Path), help="Write images and values to MCAP."
+)
+@click.option("--samples", is_flag=True, help="Print every sample as a line of JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the closing summary as JSON.")
+def replay(
+    recording: str,
+    config_path: Path | None,
+    sink_specs: Sequence[str],
+    calibration_path: Path | None,
+    speed: str,
+    record_path: Path | None,
+    samples: bool,
+    as_json: bool,
+) -> None:
+    """Send RECORDING (MCAP, video, folder of images) as if it were live.
+
+    The first frames must show the untouched tip: they are the rest frame. At the end stands what was
+    held and seen: pins, identities lost, shear in px and, with a calibration, in mm.
+    """
+    from edge.config import load_config
+    from edge.sources import open_source
+    from edge.summary import Summary
+
+    factor = _speed(speed)
+    config = load_config(config_path)
+    with ExitStack() as stack:
+        source: FrameSource = open_source(recording)
+        if factor is not None:
+            from edge.sources import Paced
+
+            source = Paced(source, (source.rate_hz or 30.0) * factor if factor != 1 else 0.0)
+        stack.callback(source.close)
+        app = _app(stack, source, config, sink_specs, calibration_path, record_path)
+        summary = Summary()
+        app.watchers.append(summary.add)
+        if samples:
+            app.watchers.append(lambda result, state: click.echo(_line(asdict(state))))
+        statistics = app.run()
+        _finish(statistics, app, as_json, summary.report())
+
+
+@cli.command()
+@click.argument("images", nargs=-1, required=True, metavar="IMAGE...", type=click.Path(path_type=Path))
+@click.option(
+    "--json", "as_json", is_flag=True, help='Print [{"image":..., "n_pins":..., "xy_px":[[x,y],...]}].'
+)
+@click.option("--overlay", type=click.Path(path_type=Path), help="Folder for pictures with the pins marked.")
+def inspect(images: Sequence[Path], as_json: bool, overlay: Path | None) -> None:
+    """Find the pins in each IMAGE, with nothing known beforehand, and list them.
+
+    Use it to judge focus, light and exposure: every pin should be found, and nothing else.
+    """
+    from edge.pins import detect
+    from edge.sources import read_image
+
+    if overlay is not None:
+        overlay.mkdir(parents=True, exist_ok=True)
+    found: list[dict[str, Any]] = []
+    failed = False
+    for path in images:
+        entry: dict[str, Any] = {"image": str(path), "n_pins": 0, "xy_px": []}
+        try:
+            image = read_image(path)
+            pins = detect(image)
+        except EdgeError as error:
+            failed = True
+            message = str(error) if str(path) in str(error) else f"{path}: {error}"
+            click.echo(f"error: {message}", err=True)
+            entry["error"] = message
+        else:
+            entry["n_pins"] = len(pins)
+            entry["xy_px"] = [[round(float(x), 3), round(float(y), 3)] for x, y in pins.xy_img]
+            if overlay is not None:
+                from edge.draw import save_pins_overlay
+
+                save_pins_overlay(overlay / f"{path.stem}_pins.png", image, pins)
+        found.append(entry)
+        if not as_json and "error" not in entry:
+            click.echo(f"{path}: {entry['n_pins']} pins")
+    if as_json:
+        click.echo(json.dumps(found))
+    if failed:
+        raise SystemExit(2)
+
+
+def _app(
+    stack: ExitStack,
+    source: FrameSource,
+    config: Config,
+    sink_specs: Sequence[str],
+    calibration_path: Path | None,
+    record_path: Path | None,
+) -> App:
+    """The app with everything that the options ask for; the stack closes it all."""
+    from edge.app import App
+    from edge.transport import open_sink
+
+    calibration = _calibration(calibration_path or config.calibration.file or None)
+    sinks = []
+    for spec in sink_specs or config.link.sinks:
+        sink = open_sink(spec)
+        stack.callback(sink.close)
+        sinks.append(sink)
+    app = App(
+        source,
+        sinks,
+        calibration,
+        frozenset(config.features.demand),
+        config.tare.frames_n,
+        config.tare.steady_px,
+    )
+    app.divider = config.link.divider
+    if record_path is not None:
+        from edge.recording import Recorder
+
+        recorder = Recorder(record_path, tip={"serial": config.sensor.serial}, rate_hz=source.rate_hz)
+        stack.callback(recorder.close)
+        if calibration is not None:
+            recorder.attach("calibration.json", calibration.encoded)
+        app.recorder = recorder
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: app.stop())
+    return app
+
+
+def _calibration(path: str | Path | None) -> Calibration | None:
+    if path is None:
+        return None
+    from edge.calibration import Calibration
+
+    return Calibration.load(path)
+
+
+def _speed(text: str) -> float | None:
+    """The factor; None for as fast as possible."""
+    if text == "max":
+        return None
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = math.nan
+    if not 0.01 <= factor <= 100:
+        raise SourceError(f"--speed {text}: give a factor from 0.01 to 100, or max")
+    return factor
+
+
+def _finish(statistics: Statistics, app: App, as_json: bool, extra: dict[str, Any] | None = None) -> None:
+    """Print what happened."""
+    table = {**asdict(statistics), **(extra or {})}
+    table["sinks"] = {
+        f"{i} {sink.name}": {"sent": sink.counters.sent, "dropped": sink.counters.dropped}
+        for i, sink in enumerate(app.sinks)
+    }
+    if as_json:
+        click.echo(_line(table))
+        return
+    for key, value in table.items():
+        if isinstance(value, tuple):
+            value = " / ".join(f"{v:.0f}" for v in value)
+        elif isinstance(value, dict):
+            value = ", ".join(f"{k} {v}" for k, v in value.items()) or "none"
+        elif isinstance(value, float):
+            value = f"{value:.3g}"
+        click.echo(f"{key:24s} {value}")
+
+
+def _line(table: dict[str, Any]) -> str:
+    """One line of JSON; NaN, which JSON does not have, is null."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, float):
+            return value if math.isfinite(value) else None
+        if isinstance(value, dict):
+            return {k: plain(v) for k, v in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(v) for v in value]
+        return value
+
+    return json.dumps(plain(table))
+
+
+def main() -> None:
+    """Entry point: the user's mistakes become one line and exit code 2."""
+    try:
+        cli.main(prog_name="python -m edge", standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(2)
+    except (click.Abort, KeyboardInterrupt):
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(0)
+    except UsageError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()
