@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from edge.errors import SourceError
-from edge.sources.files import IMAGE_SUFFIXES, FolderSource, VideoSource
+from edge.sources.files import IMAGE_SUFFIXES, FolderSource, VideoSource, read_image
 from edge.sources.live import LiveSource
 from edge.sources.options import Options, Spec, parse_spec
 from edge.sources.paced import Paced
@@ -34,6 +34,7 @@ __all__ = [
     "VideoSource",
     "known_schemes",
     "open_source",
+    "read_image",
 ]
 
 GROUP = "voronoi_touch.sources"

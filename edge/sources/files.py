@@ -23,7 +23,7 @@ from cv2.utils import logging
 from edge.errors import SourceError
 from edge.types import Clock, Frame, Image
 
-__all__ = ["IMAGE_SUFFIXES", "FolderSource", "VideoSource", "to_grey"]
+__all__ = ["IMAGE_SUFFIXES", "FolderSource", "VideoSource", "read_image", "to_grey"]
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
 STILLS_HZ = 30.0  # stills have no rate; replayed as if live they come like this
@@ -63,7 +63,7 @@ def _natural(path: Path) -> list[tuple[int, int, str]]:
     return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts if part]
 
 
-def _read_image(path: Path) -> Image:
+def read_image(path: Path) -> Image:
     """Raises ValueError: not an image."""
     try:
         data = np.fromfile(path, np.uint8)
@@ -105,7 +105,7 @@ class FolderSource:
         if not self.paths:
             raise SourceError(f"{self.name}: no images in it; give a folder with {', '.join(IMAGE_SUFFIXES)}")
         try:
-            height, width = _read_image(self.paths[0]).shape
+            height, width = read_image(self.paths[0]).shape
         except ValueError as error:
             raise SourceError(
                 f"{self.name}: {self.paths[0].name}: {error}; give {', '.join(IMAGE_SUFFIXES)}"
@@ -119,7 +119,7 @@ class FolderSource:
             if self._closed:
                 return
             try:
-                image = _read_image(path)
+                image = read_image(path)
             except ValueError:
                 self.faults["damaged frame"] += 1
                 continue
