@@ -28,7 +28,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from hashlib import sha256
-from itertools import chain
 from struct import calcsize
 from typing import Final
 
@@ -36,15 +35,14 @@ from hostlink.wire.status import STATUS
 
 __all__ = [
     "CONTACTS_MAX",
-    "CONTACT_FIELDS",
     "DATA_ID",
     "DATA_ID_CLASSIC",
     "FIELDS",
     "HEADER_SIZE",
+    "LAYOUT",
     "PARTS",
     "SCHEMA_HASH",
     "SCHEMA_TEXT",
-    "STATE_LAYOUT",
     "STATE_SIZE",
     "VERSION",
     "Field",
@@ -70,7 +68,7 @@ _TYPES: Final = {
 class Field:
     """One value of the state frame.
 
-    name       of the attribute of `State` (or `Contact`), with its unit
+    name       of the attribute of `State`, with its unit; contact<i>_<name> is one of `contacts[i]`
     code       struct's letter of its type in the 64-byte frame
     scale      value of one step, in `unit`; 0 for plain integers (counters, bits), which have no NaN
     low, high  range in `unit`; beyond it the value saturates (plain integers: see `state`)
@@ -99,6 +97,11 @@ class Field:
         return self.scale == 0
 
     @property
+    def contact(self) -> bool:
+        """Belongs to one of the listed contacts."""
+        return self.name[:7] == "contact" and self.name[7].isdigit()
+
+    @property
     def size(self) -> int:
         """Bytes in the 64-byte frame."""
         return calcsize("<" + self.code)
@@ -118,9 +121,21 @@ class Field:
 
 _F = Field
 
+
+def _contact(i: int) -> tuple[Field, ...]:
+    why = "the displacement field has the resolution; this tells strong from weak contacts"
+    return (
+        _F(f"contact{i}_x_mm", "h", 0.002, "mm", -65, 65, 16, f"place of contact {i}, x (tip frame)",
+           "65 mm holds every fingertip; contacts come strongest first"),
+        _F(f"contact{i}_y_mm", "h", 0.002, "mm", -65, 65, 16, f"place of contact {i}, y (tip frame)",
+           "see x; NaN in both: no such contact"),
+        _F(f"contact{i}_depth_mm", "B", 0.025, "mm", 0, 6.35, 8, f"depth of contact {i} into the skin", why),
+    )  # fmt: skip
+
+
 # Frame of reference `tip`: mm, x right and y down in the camera's image, origin on the tip's axis,
-# z out of the skin.
-FIELDS: Final = (
+# z out of the skin. In the order of the frame, behind the header.
+LAYOUT: Final = (
     _F("sample", "H", 0, "", 0, 0xFFFF, 16,
        "sample number; counts up by one with every measurement, wraps to 0",
        "a gap is a loss, whatever the reason; 16 bits are 4.5 minutes at 240 Hz"),
@@ -162,27 +177,12 @@ FIELDS: Final = (
        "holds an object falling for 67 ms"),
     _F("slip_probability", "B", 0.004, "", 0, 1, 8, "probability that the contact slips, 0..1",
        "a threshold on it is the controller's choice"),
+    *_contact(0), *_contact(1), *_contact(2), *_contact(3),
     _F("orientation_deg", "h", 0.01, "deg", -90, 90, 16,
        "direction of the long axis of the contact (edge), from x towards y, in (-90, 90]",
        "an axis has no head: 180 degrees hold it all"),
     _F("temperature_degc", "b", 1.0, "degC", -40, 125, 8, "temperature of the board",
        "explains drift and faults; one degree is enough for that"),
-)  # fmt: skip
-
-CONTACT_FIELDS: Final = (
-    _F("x_mm", "h", 0.002, "mm", -65, 65, 16, "place of the contact, x (tip frame)",
-       "65 mm holds every fingertip"),
-    _F("y_mm", "h", 0.002, "mm", -65, 65, 16, "place of the contact, y (tip frame)", "see x_mm"),
-    _F("depth_mm", "B", 0.025, "mm", 0, 6.35, 8, "depth by which the skin is pressed in at this place",
-       "tells strong from weak contacts; the displacement field has the resolution"),
-)  # fmt: skip
-
-# Order in the 64-byte frame: names of fields, or the index of a contact.
-STATE_LAYOUT: Final[tuple[str | int, ...]] = (
-    "sample", "status", "capture_time_us", "latency_us", "pins_tracked", "contact_n",
-    "displacement_mm", "displacement_sigma_mm", "force_n", "pressure_kpa", "contact_area_mm2",
-    "shear_x_mm", "shear_y_mm", "shear_sigma_mm", "torsion_deg", "tilt_x_deg", "tilt_y_deg",
-    "slip_speed_mm_s", "slip_probability", 0, 1, 2, 3, "orientation_deg", "temperature_degc",
 )  # fmt: skip
 
 
@@ -195,7 +195,6 @@ class Part:
     page    value of the multiplexer; None: the message has none, and 43 bits for fields
     fields  low bits first
     always  sent with every sample; others only when one of their values is valid
-    contact index of the contact it carries, or None
     """
 
     index: int
@@ -203,7 +202,6 @@ class Part:
     page: int | None
     fields: tuple[str, ...]
     always: bool = False
-    contact: int | None = None
 
 
 SAMPLE_LOW_BITS: Final = 5
@@ -219,13 +217,19 @@ PARTS: Final = (
     Part(5, 3, 3, ("contact_area_mm2", "orientation_deg")),
     Part(6, 3, 4, ("tilt_x_deg", "tilt_y_deg")),
     Part(7, 3, 5, ("torsion_deg", "slip_speed_mm_s", "slip_probability")),
-    *(Part(8 + i, 4, i, ("x_mm", "y_mm", "depth_mm"), contact=i) for i in range(CONTACTS_MAX)),
+    *(
+        Part(8 + i, 4, i, (f"contact{i}_x_mm", f"contact{i}_y_mm", f"contact{i}_depth_mm"))
+        for i in range(CONTACTS_MAX)
+    ),
 )
 
 # Widths of what only the classic layout has; plain integers.
 CLASSIC_BITS: Final = {"sample_high": 16 - SAMPLE_LOW_BITS, "part_n": 4}
 
-_BY_NAME: Final = {f.name: f for f in chain(FIELDS, CONTACT_FIELDS)}
+# Those that are attributes of `State`; the contacts are tuples there.
+FIELDS: Final = tuple(f for f in LAYOUT if not f.contact)
+
+_BY_NAME: Final = {f.name: f for f in LAYOUT}
 
 
 def field_named(name: str) -> Field:
@@ -235,11 +239,8 @@ def field_named(name: str) -> Field:
 
 def _schema_text() -> str:
     """All that decides how bits become values, in a canonical form."""
-    lines = [f"version {VERSION} size {STATE_SIZE} layout {' '.join(map(str, STATE_LAYOUT))}"]
-    lines += [
-        f"{f.name} {f.code} {f.scale!r} {f.unit} {f.low!r} {f.high!r} {f.bits}"
-        for f in chain(FIELDS, CONTACT_FIELDS)
-    ]
+    lines = [f"version {VERSION} size {STATE_SIZE}"]
+    lines += [f"{f.name} {f.code} {f.scale!r} {f.unit} {f.low!r} {f.high!r} {f.bits}" for f in LAYOUT]
     lines += [f"part {p.index} {p.tpdo} {p.page} {' '.join(p.fields)} {p.always}" for p in PARTS]
     lines += [f"status {s.bit.value:#06x} {s.bit.name}" for s in STATUS]
     return "\n".join(lines) + "\n"

@@ -31,9 +31,8 @@ from hostlink.wire.e2e import P11_HEADER, check_p11, protect_p11
 from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.fields import (
     CLASSIC_BITS,
-    CONTACT_FIELDS,
     DATA_ID_CLASSIC,
-    FIELDS,
+    LAYOUT,
     PAGE_BITS,
     PARTS,
     SAMPLE_LOW_BITS,
@@ -90,9 +89,8 @@ def _slots(part: Part) -> tuple[_Slot, ...]:
 _SLOTS: Final = tuple(_slots(part) for part in PARTS)
 _PAGED: Final = {(p.tpdo, p.page): p for p in PARTS}
 _UNPAGED: Final = {p.tpdo for p in PARTS if p.page is None}
-_NAMES: Final = tuple(f.name for f in FIELDS)
-_CONTACT_NAMES: Final = tuple(f.name for f in CONTACT_FIELDS)
-_NAN_WIDE: Final = {f.name: f.raw_nan(8 * f.size) for f in FIELDS if not f.plain}
+_NAMES: Final = tuple(f.name for f in LAYOUT)
+_NAN_WIDE: Final = {f.name: f.raw_nan(8 * f.size) for f in LAYOUT if not f.plain}
 
 
 def tpdo_of(index: int) -> int:
@@ -117,26 +115,11 @@ def pack_parts(state: State, counter: int) -> tuple[tuple[int, bytes], ...]:
 
     counter  of samples due on this link, as in `pack_state`; taken modulo 15
     """
-    values, contacts = quantise(state)
-    raws = dict(zip(_NAMES, values, strict=True))
-    chosen = [
-        p
-        for p in PARTS
-        if p.always
-        or (
-            p.contact < len(contacts)
-            if p.contact is not None
-            else any(raws[name] != _NAN_WIDE[name] for name in p.fields)
-        )
-    ]
+    raws = dict(zip(_NAMES, quantise(state), strict=True))
+    chosen = [p for p in PARTS if p.always or any(raws[name] != _NAN_WIDE[name] for name in p.fields)]
     raws["sample_high"] = raws["sample"] >> SAMPLE_LOW_BITS
     raws["part_n"] = len(chosen)
-    frames = []
-    for part in chosen:
-        if part.contact is not None:
-            raws.update(zip(_CONTACT_NAMES, contacts[part.contact], strict=True))
-        frames.append((part.tpdo, _pack(part, raws, counter)))
-    return tuple(frames)
+    return tuple((part.tpdo, _pack(part, raws, counter)) for part in chosen)
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +179,6 @@ class Assembler:
         self.dropped_n = 0
         self.stray_n = 0
         self._raws: dict[str, int] = {}
-        self._contacts: list[tuple[int, ...]] = []
         self._key: tuple[int, int] | None = None  # counter, low bits of the sample; None: no sample begun
         self._taken_n = 0
         self._last = -1
@@ -206,7 +188,7 @@ class Assembler:
         key = (frame.counter, frame.sample_low)
         if frame.part.index == 0:
             self.drop()
-            self._raws, self._contacts = dict(_NAN_WIDE), []
+            self._raws = dict(_NAN_WIDE)
             self._key, self._taken_n, self._last = key, 0, -1
         elif key != self._key or frame.part.index <= self._last:
             self.drop()
@@ -214,10 +196,7 @@ class Assembler:
             return None
         self._taken_n += 1
         self._last = frame.part.index
-        if frame.part.contact is None:
-            self._raws.update(frame.raws)
-        else:
-            self._contacts.append(tuple(frame.raws[name] for name in _CONTACT_NAMES))
+        self._raws.update(frame.raws)
         if self._taken_n != self._raws.get("part_n"):
             return None
         self._key = None
@@ -232,4 +211,4 @@ class Assembler:
     def _state(self, sample_low: int) -> State:
         raws = self._raws
         raws["sample"] = raws["sample_high"] << SAMPLE_LOW_BITS | sample_low
-        return restore([raws[name] for name in _NAMES], self._contacts)
+        return restore([raws[name] for name in _NAMES])

@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from math import nan
 from operator import attrgetter
 from typing import Any, Final
@@ -16,20 +17,16 @@ from typing import Any, Final
 from hostlink.wire.e2e import check_p5, protect_p5
 from hostlink.wire.errors import CorruptFrame, VersionMismatch
 from hostlink.wire.fields import (
-    CONTACT_FIELDS,
     CONTACTS_MAX,
     DATA_ID,
-    FIELDS,
     HEADER_SIZE,
-    STATE_LAYOUT,
+    LAYOUT,
     STATE_SIZE,
     VERSION,
-    Field,
-    field_named,
 )
 from hostlink.wire.status import Status
 
-__all__ = ["Contact", "Raws", "State", "pack_state", "quantise", "restore", "unpack_state"]
+__all__ = ["Contact", "State", "pack_state", "quantise", "restore", "unpack_state"]
 
 NO_STATUS: Final = Status(0)
 
@@ -43,9 +40,9 @@ class Contact:
     depth_mm: float = nan
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class State:
-    """One sample of one fingertip. Meaning, unit, frame and range of each field: `fields.FIELDS`.
+    """One sample of one fingertip; give the fields by name. Meaning, unit, frame, range: `fields.LAYOUT`.
 
     Floats are NaN where not measured, not calibrated, not asked for or not to be trusted.
     sample and capture_time_us are counters that wrap (16 and 32 bits); `pack_state` takes larger ones
@@ -80,86 +77,72 @@ class State:
             raise ValueError(f"{len(self.contacts)} contacts, at most {CONTACTS_MAX} fit: give the strongest")
 
 
-# The frame's struct: CRC, counter, version, then STATE_LAYOUT.
-_CONTACT_CODES: Final = "".join(f.code for f in CONTACT_FIELDS)
-_CODES: Final = {f.name: f.code for f in FIELDS}
-FRAME: Final = struct.Struct(
-    "<HBB" + "".join(_CODES[k] if isinstance(k, str) else _CONTACT_CODES for k in STATE_LAYOUT)
-)
+FRAME: Final = struct.Struct("<HBB" + "".join(f.code for f in LAYOUT))  # CRC, counter, version, fields
 assert FRAME.size == STATE_SIZE
 
-# Raw values in the order of FIELDS; then, contact by contact, those of the listed contacts.
-_NAMES: Final = tuple(f.name for f in FIELDS)
-_BEFORE: Final = next(i for i, k in enumerate(STATE_LAYOUT) if isinstance(k, int))  # fields before contacts
-_BEHIND: Final = _BEFORE + CONTACTS_MAX * len(CONTACT_FIELDS)
-_VALUES: Final = attrgetter(*_NAMES)
-_SAMPLE: Final = _NAMES.index("sample")
-_STATUS: Final = _NAMES.index("status")
-_TIME: Final = _NAMES.index("capture_time_us")
-_COUNT: Final = _NAMES.index("contact_n")
+# LAYOUT turned into columns, and where the contacts lie among them.
+_NAMES: Final = tuple(f.name for f in LAYOUT)
+_CONTACT_SIZE: Final = 3
+_FIRST: Final = _NAMES.index("contact0_x_mm")
+_BEHIND: Final = _FIRST + CONTACTS_MAX * _CONTACT_SIZE
+_BEFORE_CONTACTS: Final = attrgetter(*_NAMES[:_FIRST])
+_BEHIND_CONTACTS: Final = attrgetter(*_NAMES[_BEHIND:])
+_SAMPLE, _STATUS, _TIME, _COUNT = map(_NAMES.index, ("sample", "status", "capture_time_us", "contact_n"))
+_COUNT_MAX: Final = int(LAYOUT[_COUNT].high)
 
-# Columns: (scale, low, high, raw_low, raw_high, raw_nan); plain integers have scale 0.
-_Column = tuple[float, float, float, int, int, int]
+# A plain integer is scaled by 1, and none of its raw values is NaN.
+_SCALES: Final = tuple(f.scale or 1 for f in LAYOUT)
+_NANS: Final = tuple(-1 if f.plain else f.raw_nan(8 * f.size) for f in LAYOUT)
+_LIMITS: Final = tuple(
+    (f.scale or 1, f.low, f.high, f.raw_low, f.raw_high, n) for f, n in zip(LAYOUT, _NANS, strict=True)
+)
 
-
-def _column(field: Field) -> _Column:
-    nan_raw = -1 if field.plain else field.raw_nan(8 * field.size)  # plain: no raw value is NaN
-    return (field.scale, field.low, field.high, field.raw_low, field.raw_high, nan_raw)
-
-
-_COLUMNS: Final = tuple(_column(f) for f in FIELDS)
-_CONTACT_COLUMNS: Final = tuple(_column(f) for f in CONTACT_FIELDS)
-_NO_CONTACT: Final = tuple(c[5] for c in _CONTACT_COLUMNS)
-_COUNT_MAX: Final = int(field_named("contact_n").high)
-
-Raws = tuple[list[int], list[tuple[int, ...]]]
+_status = cache(Status)  # making a flag from its bits costs more than the rest of a field
 
 
-def _quantise(values: Sequence[float], columns: Sequence[_Column]) -> list[int]:
+def quantise(state: State) -> list[int]:
+    """Raw integers of all fields, in the order of LAYOUT.
+
+    Finite values saturate, NaN becomes the 64-byte frame's NaN; sample number and capture time wrap.
+    A contact without a place is left out.
+    """
+    places: list[float] = []
+    for contact in state.contacts:
+        if contact.x_mm == contact.x_mm and contact.y_mm == contact.y_mm:
+            places += (contact.x_mm, contact.y_mm, contact.depth_mm)
+    contact_n = len(places) // _CONTACT_SIZE
+    places += (nan,) * (_BEHIND - _FIRST - len(places))
+    values = (*_BEFORE_CONTACTS(state), *places, *_BEHIND_CONTACTS(state))
     raws = []
-    for value, (scale, low, high, raw_low, raw_high, raw_nan) in zip(values, columns, strict=True):
+    for value, (scale, low, high, raw_low, raw_high, raw_nan) in zip(values, _LIMITS, strict=True):
         if low < value < high:
-            raws.append(round(value / scale) if scale else int(value))
+            raws.append(round(value / scale))
         elif value >= high:
             raws.append(raw_high)
         elif value <= low:
             raws.append(raw_low)
         else:
             raws.append(raw_nan)
-    return raws
-
-
-def quantise(state: State) -> Raws:
-    """Raw integers of all fields in the order of FIELDS, and of the contacts that have a place.
-
-    Finite values saturate, NaN becomes the 64-byte frame's NaN; sample number and capture time wrap.
-    """
-    raws = _quantise(_VALUES(state), _COLUMNS)
-    contacts = [
-        tuple(_quantise((c.x_mm, c.y_mm, c.depth_mm), _CONTACT_COLUMNS))
-        for c in state.contacts
-        if c.x_mm == c.x_mm and c.y_mm == c.y_mm
-    ]
     raws[_SAMPLE] = state.sample & 0xFFFF
     raws[_STATUS] = int(state.status) & 0xFFFF
     raws[_TIME] = state.capture_time_us & 0xFFFF_FFFF
-    raws[_COUNT] = min(max(state.contact_n, len(contacts)), _COUNT_MAX)
-    return raws, contacts
+    raws[_COUNT] = min(max(state.contact_n, contact_n), _COUNT_MAX)
+    return raws
 
 
-def _restore(raws: Sequence[int], columns: Sequence[_Column]) -> list[Any]:
-    return [
-        nan if raw == column[5] else raw * column[0] if column[0] else raw
-        for raw, column in zip(raws, columns, strict=True)
-    ]
-
-
-def restore(raws: Sequence[int], contacts: Sequence[Sequence[int]]) -> State:
+def restore(raws: Sequence[int]) -> State:
     """The inverse of `quantise`."""
-    values = dict(zip(_NAMES, _restore(raws, _COLUMNS), strict=True))
-    values["status"] = Status(raws[_STATUS])
-    values["contacts"] = tuple(Contact(*_restore(c, _CONTACT_COLUMNS)) for c in contacts)
-    return State(**values)
+    values: list[Any] = [
+        raw * scale if raw != raw_nan else nan
+        for raw, scale, raw_nan in zip(raws, _SCALES, _NANS, strict=True)
+    ]
+    values[_STATUS] = _status(raws[_STATUS])
+    contacts = tuple(
+        Contact(values[i], values[i + 1], values[i + 2])
+        for i in range(_FIRST, _BEHIND, _CONTACT_SIZE)
+        if raws[i] != _NANS[_FIRST]
+    )
+    return State(*values[:_FIRST] + values[_BEHIND:] + [contacts])
 
 
 def pack_state(state: State, counter: int) -> bytes:
@@ -168,10 +151,7 @@ def pack_state(state: State, counter: int) -> bytes:
     counter  of samples due on this link, taken modulo 256: +1 for each, also for one that the link then
              refused (that is a loss); not for one that the divider left out (that is none)
     """
-    raws, contacts = quantise(state)
-    listed = [raw for contact in contacts for raw in contact]
-    listed += _NO_CONTACT * (CONTACTS_MAX - len(contacts))
-    frame = bytearray(FRAME.pack(0, 0, VERSION, *raws[:_BEFORE], *listed, *raws[_BEFORE:]))
+    frame = bytearray(FRAME.pack(0, 0, VERSION, *quantise(state)))
     protect_p5(frame, counter, DATA_ID)
     return bytes(frame)
 
@@ -189,7 +169,4 @@ def unpack_state(frame: bytes) -> State:
         raise CorruptFrame("state frame with a wrong CRC")
     if frame[HEADER_SIZE - 1] != VERSION:
         raise VersionMismatch(VERSION, frame[HEADER_SIZE - 1], DATA_ID, DATA_ID)
-    fields = FRAME.unpack(frame)[3:]
-    n = len(CONTACT_FIELDS)
-    listed = [fields[i : i + n] for i in range(_BEFORE, _BEHIND, n) if fields[i] != _NO_CONTACT[0]]
-    return restore(fields[:_BEFORE] + fields[_BEHIND:], listed)
+    return restore(FRAME.unpack(frame)[3:])
