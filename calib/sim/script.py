@@ -1,0 +1,99 @@
+"""Scenes in time: what presses when, as tables.
+
+A scene is a row of moves. A move takes so many frames and ends at a pose; between two moves of the same
+tool every field goes linearly from one to the next, so nothing jumps. A tool appears and leaves at depth
+0, untouched.
+
+Rules
+- Every scene starts with REST_FRAMES untouched frames: whoever reads it takes its frame of reference.
+- No move carries a pin further in one frame than a third of the pitch (tests/calib/test_simulator.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+
+from calib.sim.mechanics import Contact, Tool
+
+REST_FRAMES = 8  # what edge's configuration takes as a tare
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """So many frames, at the last of which these contacts hold."""
+
+    frames: int
+    contacts: tuple[Contact, ...] = ()
+
+
+_FLAT = Contact(Tool("flat"))
+_BALL = Contact(Tool("sphere", radius_mm=3.0), x_mm=4.0, y_mm=-3.0)
+_LEFT = Contact(Tool("sphere", radius_mm=1.5), x_mm=-5.0, y_mm=1.0)
+_RIGHT = Contact(Tool("sphere", radius_mm=1.5), x_mm=4.5, y_mm=-2.0)
+_BAR = Contact(Tool("edge", radius_mm=1.5, angle_deg=30.0))
+
+
+def _press(contact: Contact, depth_mm: float, frames: int, hold: int = 4) -> tuple[Move, ...]:
+    """Touch, go down, stay."""
+    down = replace(contact, depth_mm=depth_mm)
+    return (Move(0, (contact,)), Move(frames, (down,)), Move(hold, (down,)))
+
+
+def _shear(contact: Contact, depth_mm: float) -> tuple[Move, ...]:
+    pressed = replace(contact, depth_mm=depth_mm)
+    moved = replace(pressed, shear_x_mm=1.2, shear_y_mm=-0.9)
+    return (*_press(contact, depth_mm, 14, 2), Move(12, (moved,)), Move(6, (moved,)))
+
+
+_PAIR = (
+    Move(0, (_LEFT, _RIGHT)),
+    Move(14, (replace(_LEFT, depth_mm=2.0), replace(_RIGHT, depth_mm=1.6))),
+    Move(6, (replace(_LEFT, depth_mm=2.0), replace(_RIGHT, depth_mm=1.6))),
+)
+_REST = (Move(REST_FRAMES),)
+
+SCENES: dict[str, tuple[Move, ...]] = {
+    "nothing": (Move(24),),
+    "press": (*_REST, *_press(_BALL, 3.0, 18, 6)),
+    "press-shear": (*_REST, *_shear(_FLAT, 3.0)),
+    "two": (*_REST, *_PAIR),
+    "edge": (*_REST, *_press(_BAR, 2.0, 16)),
+    # Everything in turn, back to untouched at the end: can be looped.
+    "tour": (
+        *_REST,
+        *_press(_BALL, 3.0, 24),
+        Move(16, (_BALL,)),
+        Move(6),
+        *_shear(_FLAT, 3.0),
+        Move(12, (replace(_FLAT, depth_mm=3.0),)),
+        Move(16, (_FLAT,)),
+        Move(6),
+        *_PAIR,
+        Move(14, (_LEFT, _RIGHT)),
+        Move(6),
+        *_press(_BAR, 2.0, 16),
+        Move(12, (_BAR,)),
+        Move(6),
+    ),
+}
+
+
+def play(moves: tuple[Move, ...]) -> Iterator[tuple[Contact, ...]]:
+    """The contacts of each frame."""
+    before: tuple[Contact, ...] = ()
+    for move in moves:
+        same = [c.tool for c in before] == [c.tool for c in move.contacts]
+        for k in range(1, move.frames + 1):
+            yield _between(before, move.contacts, k / move.frames) if same else move.contacts
+        before = move.contacts
+
+
+def _between(a: tuple[Contact, ...], b: tuple[Contact, ...], share: float) -> tuple[Contact, ...]:
+    names = [f.name for f in fields(Contact) if f.name != "tool"]
+    out = []
+    for one, two in zip(a, b, strict=True):
+        # Rounded so that what stands still is the same pose in every frame, and cached as such.
+        values = {n: round((1 - share) * getattr(one, n) + share * getattr(two, n), 9) for n in names}
+        out.append(replace(two, **values))
+    return tuple(out)

@@ -1,0 +1,85 @@
+"""The simulator as a source of frames for the app: `sim:SCENE?key=value`.
+
+    sim:                        the tour: press, shear, two contacts, an edge, over and over, 60 frames/s
+    sim:two?rate_hz=240         one scene, paced
+    sim:press?paced=0           once, as fast as it is read
+    sim:tour?pins=127&layout=hex&seed=7
+
+Rules
+- Paced frames are rendered before the first one is due, then looped: a scene of the tour's length at
+  640x480 costs two to three seconds at the start and 300 kB a frame, and then any rate is possible.
+- Unpaced frames are rendered when they are read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from calib.sim.camera import Camera
+from calib.sim.render import Look
+from calib.sim.script import SCENES, play
+from calib.sim.simulator import Simulator
+from calib.sim.tip import Tip
+from edge.errors import SourceError
+from edge.sources import Options, Paced
+from edge.types import Frame, FrameSource
+
+RATE_HZ = 60.0
+_KEYS = {"pins": "331", "layout": "rings", "seed": "0", "paced": "1", "noise": "1"}
+
+
+class SceneSource:
+    """Frames of a scene; iterating again plays it again, with other noise unless `keep`."""
+
+    live = False
+
+    def __init__(self, simulator: Simulator, scene: str, keep: bool = False) -> None:
+        self.name = f"sim:{scene}"
+        self.size_px = simulator.camera.size_px
+        self.rate_hz = simulator.rate_hz
+        self.dropped_n = 0
+        self._simulator = simulator
+        self._moves = SCENES[scene]
+        self._kept: list[Frame] | None = list(self._render()) if keep else None
+        self._closed = False
+
+    def _render(self) -> Iterator[Frame]:
+        for contacts in play(self._moves):
+            yield self._simulator.frame(contacts)
+
+    def __iter__(self) -> Iterator[Frame]:
+        for frame in self._render() if self._kept is None else self._kept:
+            if self._closed:
+                return
+            yield frame
+
+    def close(self) -> None:
+        self._closed = True
+
+
+def open_sim(where: str, options: Options) -> FrameSource:
+    """Open `sim:where?...`; the entry point of sources. Raises SourceError."""
+    scene = where or "tour"
+    if scene not in SCENES:
+        raise SourceError(f"source sim:{where}: no scene {scene!r}; one of {', '.join(SCENES)}")
+    for key in options.extra:
+        if key not in _KEYS:
+            raise SourceError(f"source sim:{where}: unknown key {key!r}; known keys: {', '.join(_KEYS)}")
+    values = {**_KEYS, **options.extra}
+    try:
+        tip = Tip(n_pins=int(values["pins"]), kind=values["layout"])
+        size = (options.width or 640, options.height or 480)
+        noise = float(values["noise"])
+        look = Look(read_noise=noise * Look.read_noise, shot_noise=noise**2 * Look.shot_noise)
+        camera = Camera(tip=tip, size_px=size)
+        simulator = Simulator(camera, look, int(values["seed"]), options.rate_hz or RATE_HZ)
+        paced = bool(int(values["paced"]))
+        tip.rays  # noqa: B018  (a layout that cannot be made says so here)
+    except ValueError as error:
+        raise SourceError(f"source sim:{where}: {error}") from None
+    source = SceneSource(simulator, scene, keep=paced)
+    if not paced:
+        return source
+    live = Paced(source, simulator.rate_hz, loop=True)
+    live.start()
+    return live

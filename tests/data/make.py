@@ -1,0 +1,73 @@
+"""Make the bundled recordings again: `python tests/data/make.py [FOLDER]`.
+
+Small images and a quiet sensor keep them under 5 MB in all; they are lossless. The table below is all
+there is to them: same table, same code, same pixels.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from calib.sim import Camera, Look, Simulator, Tip
+from calib.sim.script import SCENES, play
+from edge.recording import Recorder
+
+_QUIET = {"read_noise": 0.6, "shot_noise": 0.01}
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """A recording: which tip sees which scene, how."""
+
+    scene: str
+    tip: Tip
+    size_px: tuple[int, int]
+    look: Look
+    seed: int
+
+
+_HEX = Tip(127, "hex", pin_radius_mm=0.8)
+_RINGS = Tip(331, "rings")
+RECIPES: dict[str, Recipe] = {
+    "press": Recipe("press", _RINGS, (400, 400), Look(**_QUIET), 1),
+    "press_shear": Recipe("press-shear", _HEX, (320, 240), Look(**_QUIET, rim=120.0, leds=5), 2),
+    "two_contacts": Recipe("two", _RINGS, (400, 400), Look(**_QUIET), 3),
+    "nothing": Recipe("nothing", _HEX, (320, 240), Look(**_QUIET), 4),
+}
+RATE_HZ = 60.0
+
+
+def make(folder: Path, name: str) -> Path:
+    """Write one recording."""
+    recipe = RECIPES[name]
+    camera = Camera(tip=recipe.tip, size_px=recipe.size_px)
+    simulator = Simulator(camera, recipe.look, recipe.seed, RATE_HZ)
+    path = folder / f"{name}.mcap"
+    about = {
+        "serial": f"SIM-{recipe.tip.n_pins}",
+        "pins": str(recipe.tip.n_pins),
+        "layout": recipe.tip.kind,
+        "seed": str(recipe.seed),
+    }
+    with Recorder(
+        path, image="png", compression="zstd", tip=about, rate_hz=RATE_HZ, offset_ns=0, overwrite=True
+    ) as recorder:
+        for contacts in play(SCENES[recipe.scene]):
+            if not recorder.frame(simulator.frame(contacts)):
+                raise SystemExit(f"{path}: {recorder.fault or 'the disk is too slow'}")
+    if recorder.fault:
+        raise SystemExit(recorder.fault)
+    return path
+
+
+def main() -> None:
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent
+    for name in RECIPES:
+        path = make(folder, name)
+        print(f"{path.name:20} {path.stat().st_size / 1e6:5.2f} MB")
+
+
+if __name__ == "__main__":
+    main()
