@@ -131,30 +131,38 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
     cell = np.array([p.cell_mm2 for p in patches])[owner]
     # A cell must not be sharper than the grid that it stands for, or the skin would show the grid.
     smooth = np.maximum(tip.skin_mm, 0.7 * np.sqrt(cell))
-    kernel = _kernel(tip, xyz, xyz, np.sqrt((smooth[:, None] ** 2 + smooth**2) / 2))
-
+    pairs = _Pairs.of(tip, xyz, smooth)
     gel = _gel(tip)
-    swell = gel.swell(xyz)
-    kernel -= np.einsum("ia,jb->ijab", swell, swell) / gel.volume_per_pressure
+    swell = gel.swell(xyz) / np.sqrt(gel.volume_per_pressure)
     layer = tip.layer_mm / cell
 
     normal = frames[:, 2]
-    stiff = np.einsum("ia,ijab,jb->ij", normal, kernel, normal, optimize=True)
-    p_n = _press(stiff + np.diag(layer), np.concatenate([p.depth for p in patches]))
+    stiff = pairs.along(normal, normal)
+    push = (swell * normal).sum(axis=1)
+    stiff -= push[:, None] * push
+    stiff[np.diag_indices_from(stiff)] += layer
+    p_n = _press(stiff, np.concatenate([p.depth for p in patches]))
     force = -p_n[:, None] * normal
+    live = p_n > 0
     sliding = np.zeros(len(xyz), dtype=bool)
-    motion = np.concatenate([p.motion for p in patches])
+    motion = np.concatenate([p.motion for p in patches])[live]
     if motion.any():
-        q_n, sliding = _drag(kernel, layer, frames[:, :2], motion, tip.friction * p_n)
-        force += q_n
+        q_n, sliding[live] = _drag(
+            _Pairs.of(tip, xyz[live], smooth[live]),
+            swell[live],
+            layer[live],
+            frames[live, :2],
+            motion,
+            tip.friction * p_n[live],
+        )
+        force[live] += q_n
 
     # Skin's displacement at the pins' roots and a little way along two tangents, for its new normal.
     first, second = _tangents(tip.normals)
     step = 0.25 * tip.skin_mm
     probes = np.concatenate([tip.roots_mm, tip.roots_mm + step * first, tip.roots_mm + step * second])
-    live = p_n > 0
     moved = _displace(tip, probes, xyz[live], force[live], smooth[live])
-    moved -= gel.swell(probes) * (swell * force).sum() / gel.volume_per_pressure
+    moved -= gel.swell(probes) * (swell * force).sum() / np.sqrt(gel.volume_per_pressure)
     root, one, two = moved.reshape(3, -1, 3)
     axis = np.cross(first + (one - root) / step, second + (two - root) / step)
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
@@ -269,21 +277,36 @@ def _patch(tip: Tip, contact: Contact, from_pivot_mm: Array) -> _Patch:
     return _Patch(xyz[keep], frame, penetration[keep], motion[keep], cell, place)
 
 
-def _kernel(tip: Tip, at: Array, source: Array, smooth: Array | float) -> Array:
-    """(i, j, 3, 3) displacement at `at` by unit force at `source`; modulus 1 (forces in units of G mm2)."""
-    gap = at[:, None] - source
-    r2 = (gap**2).sum(axis=-1)
-    e2 = np.square(smooth)
-    weight = np.outer(tip.mobility(at), tip.mobility(source)) / (4 * np.pi * (r2 + e2) ** 1.5)
-    weight *= np.exp(-np.sqrt(r2) / tip.reach_mm)
-    out = gap[..., :, None] * gap[..., None, :]
-    out[..., range(3), range(3)] += (r2 + 2 * e2)[..., None]
-    out *= weight[..., None, None]
-    return np.asarray(out)
+@dataclass(frozen=True, slots=True)
+class _Pairs:
+    """The kernel between all pairs of cells: K_ij = (near_ij I + w_ij gap gap') for unit modulus."""
+
+    xyz: Array  # (m, 3)
+    w: Array  # (m, m)
+    near: Array  # (m, m)
+
+    @staticmethod
+    def of(tip: Tip, xyz: Array, smooth: Array) -> _Pairs:
+        square = (xyz**2).sum(axis=1)
+        r2 = np.maximum(square[:, None] + square - 2 * xyz @ xyz.T, 0)
+        e2 = (smooth[:, None] ** 2 + smooth**2) / 2
+        free = tip.mobility(xyz)
+        both = r2 + e2
+        w = free[:, None] * free * np.exp(np.sqrt(r2) / -tip.reach_mm) / (4 * np.pi * both * np.sqrt(both))
+        return _Pairs(xyz, w, w * (both + e2))
+
+    def along(self, a: Array, b: Array) -> Array:
+        """(m, m) displacement of cell i along a_i by unit force on cell j along b_j; a, b are (m, 3)."""
+        gap_a = (self.xyz * a).sum(axis=1)[:, None] - a @ self.xyz.T
+        gap_b = self.xyz @ b.T - (self.xyz * b).sum(axis=1)
+        gap_a *= gap_b
+        gap_a *= self.w
+        gap_a += self.near * (a @ b.T)
+        return np.asarray(gap_a)
 
 
 def _displace(tip: Tip, at: Array, source: Array, force: Array, smooth: Array) -> Array:
-    """(i, 3) displacement by all forces; `_kernel @ force` without the (i, j, 3, 3) array.
+    """(i, 3) displacement by all forces; the same kernel between two sets of points.
 
     Expanded so that everything of size i x j but r2 itself is a matrix product.
     """
@@ -316,30 +339,29 @@ def _press(stiff: Array, depth: Array) -> Array:
 
 
 def _drag(
-    kernel: Array, layer: Array, tangents: Array, motion: Array, bound: Array
+    pairs: _Pairs, swell: Array, layer: Array, tangents: Array, motion: Array, bound: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Tangential forces (m, 3) that carry the skin along, at most `bound`; and which cells slide."""
     m = len(bound)
-    stick = bound > 0
+    t = [tangents[:, 0], tangents[:, 1]]
+    push = np.concatenate([(swell * u).sum(axis=1) for u in t])
+    stiff = np.block([[pairs.along(u, v) for v in t] for u in t]) - push[:, None] * push
+    stiff[np.diag_indices_from(stiff)] += np.tile(layer, 2)
+    want = np.concatenate([(motion * u).sum(axis=1) for u in t])
+    q = np.zeros(2 * m)
     slide = np.zeros(m, dtype=bool)
-    full = np.einsum("iua,ijab,jvb->iujv", tangents, kernel, tangents, optimize=True)
-    full[np.arange(m), 0, np.arange(m), 0] += layer
-    full[np.arange(m), 1, np.arange(m), 1] += layer
-    want = np.einsum("iua,ia->iu", tangents, motion)
-    q = np.zeros((m, 2))
     for _ in range(ACTIVE_SET_ROUNDS):
+        stick, slip = np.tile(~slide, 2), np.tile(slide, 2)
         if stick.any():
-            rest = want - np.einsum("iujv,jv->iu", full[:, :, slide], q[slide])
-            inner = full[stick][:, :, stick].reshape(2 * stick.sum(), -1)
-            q[stick] = cho_solve(cho_factor(inner), rest[stick].ravel()).reshape(-1, 2)
-        size = np.hypot(q[:, 0], q[:, 1])
-        over = stick & (size > bound * (1 + 1e-9))
+            rest = want[stick] - stiff[np.ix_(stick, slip)] @ q[slip]
+            q[stick] = cho_solve(cho_factor(stiff[np.ix_(stick, stick)]), rest)
+        size = np.hypot(q[:m], q[m:])
+        over = ~slide & (size > bound * (1 + 1e-9))
         if not over.any():
             break
-        q[over] *= (bound[over] / size[over])[:, None]
+        q[np.tile(over, 2)] *= np.tile(bound[over] / size[over], 2)
         slide |= over
-        stick &= ~over
-    return np.einsum("iua,iu->ia", tangents, q), slide
+    return q[:m, None] * t[0] + q[m:, None] * t[1], slide
 
 
 def _sum_by(owner: NDArray[np.intp], values: Array, k: int) -> Array:
