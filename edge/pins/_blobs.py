@@ -86,18 +86,24 @@ def find_spots(image: Image, radius_px: float, depth_min: float) -> Spots:
         h, w = image.shape[0] // k, image.shape[1] // k
         grey = cv2.resize(grey[: h * k, : w * k], (w, h), interpolation=cv2.INTER_AREA)
     r = radius_px / k
+    # Outside of the image it is dark: a pin that the border cuts still falls on all sides.
+    margin = int(np.ceil(1.5 * r))
+    dark = float(np.percentile(grey[::4, ::4], 1.0))
+    grey = cv2.copyMakeBorder(grey, margin, margin, margin, margin, cv2.BORDER_CONSTANT, value=dark)
     s = r / np.sqrt(2.0)  # the Laplacian of Gaussian answers a disc of radius r best at this sigma
     fine = cv2.GaussianBlur(grey, (0, 0), 0.7 * s)
     band = fine - cv2.GaussianBlur(grey, (0, 0), 1.25 * s)
     size = 2 * max(1, int(0.7 * r)) + 1
     top = cv2.dilate(band, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)))
     # A disc of contrast c answers with 0.2 c or more at this pair of sigmas, for radii 0.6..1.7 of the scale.
-    ys, xs = np.nonzero((band >= top) & (band > 0.1 * depth_min))
+    inside = np.s_[margin:-margin, margin:-margin]
+    ys, xs = np.nonzero((band[inside] >= top[inside]) & (band[inside] > 0.1 * depth_min))
+    ys, xs = ys + margin, xs + margin
     if len(xs) > _CANDIDATES_MAX:
         best = np.argpartition(band[ys, xs], -_CANDIDATES_MAX)[-_CANDIDATES_MAX:]
         ys, xs = ys[best], xs[best]
     spots = _measure(_rays(grey, r, xs, ys), r)
-    xy = np.stack([(xs + 0.5) * k - 0.5, (ys + 0.5) * k - 0.5], axis=1)
+    xy = (np.stack([xs, ys], axis=1) - margin + 0.5) * k - 0.5
     found = Spots(xy, spots[0], spots[1], spots[2] * k, spots[3])
     return found[found.depth >= depth_min]
 

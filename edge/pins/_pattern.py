@@ -25,14 +25,16 @@ NEIGHBOURS = 6
 SHARE_MIN, SPREAD_MAX = 0.7, 0.6
 # Shape that will do for a spot that fills a gap of the pattern.
 GAP_SHARE_MIN, GAP_SPREAD_MAX = 0.5, 1.5
-# Differences between neighbours are log ratios of size, depth and spacing, in units of the tip's own scatter but
-# of no less than these, sum of squares at most _ODD_MAX. On the 331-pin tips true pins reach 21 and false spots
-# begin at 48.
-_SCATTER_MIN = np.array([0.06, 0.10, 0.10])
-_ODD_MAX = 36.0
+# Differences between neighbours are log ratios of size, depth and spacing, in units of the tip's own scatter
+# within these bounds; sum of squares at most _ODD_MAX. On the 331-pin tips true pins reach 15 (a dim one) and
+# false spots begin at 35; where a tip is uneven and glare abounds the upper bounds keep texture out.
+_SCATTER_MIN = np.array([0.08, 0.13, 0.13])
+_SCATTER_MAX = np.array([0.11, 0.20, 0.20])
+_ODD_MAX = 25.0
 # Whatever the scatter: half the size of its neighbours, or a quarter of their depth, is no pin.
 _SIZE_MIN, _SIZE_MAX, _DEPTH_MIN = 0.5, 2.0, 0.25
 _LINK_PITCHES = 1.9
+_TOUCH_RADII, _TOUCH_PITCHES = 1.15, 0.7
 _GAP_MIN = 0.7  # of the local pitch, to the nearest pin
 
 
@@ -80,26 +82,32 @@ def fills_gap(spots: Spots, pins: Spots) -> Mask:
     pitch = np.median(tree.query(pins.xy_img, k=3)[0][:, 1:].mean(axis=1)[near], axis=1)
     size = spots.radius_px / np.median(pins.radius_px[near], axis=1)
     depth = spots.depth / np.median(pins.depth[near], axis=1)
-    # Inside of the pattern the neighbours stand all round: their mean is near the spot.
+    # In the pattern the neighbours stand all round, on its rim over half of it: their mean is near the spot.
     lean = np.hypot(*(pins.xy_img[near].mean(axis=1) - spots.xy_img).T) / pitch
-    fits = (distance[:, 0] > _GAP_MIN * pitch) & (distance[:, 2] < 1.6 * pitch) & (lean < 0.6)
+    fits = (distance[:, 0] > _GAP_MIN * pitch) & (distance[:, 1] < 1.4 * pitch) & (distance[:, 2] < 1.6 * pitch)
+    fits &= lean < 1.0
     return fits & (size > 0.7) & (size < 1.5) & (depth > 0.6) & (depth < 1.7)
 
 
 def _fits_neighbours(spots: Spots) -> Mask:
     distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=NEIGHBOURS + 1)
-    near = near[:, 1:]
-    odd = np.stack(
+    distance, near = distance[:, 1:], near[:, 1:]
+    difference = np.stack(
         [
             _against(spots.radius_px, near),
             _against(spots.depth, near),
-            _against(distance[:, 1:3].mean(axis=1), near),
+            np.maximum(_against(distance[:, :2].mean(axis=1), near), 0.0),
         ]
     )
-    scatter = 1.4826 * np.median(np.abs(odd), axis=1)
-    odd_sum = ((odd / np.maximum(scatter, _SCATTER_MIN)[:, None]) ** 2).sum(axis=0)
-    size, depth = np.exp(odd[0]), np.exp(odd[1])
-    return (odd_sum < _ODD_MAX) & (size > _SIZE_MIN) & (size < _SIZE_MAX) & (depth > _DEPTH_MIN)
+    scatter = np.clip(1.4826 * np.median(np.abs(difference), axis=1), _SCATTER_MIN, _SCATTER_MAX)
+    odd = ((difference / scatter[:, None]) ** 2).sum(axis=0)
+    size, depth = np.exp(difference[0]), np.exp(difference[1])
+    fits = (odd < _ODD_MAX) & (size > _SIZE_MIN) & (size < _SIZE_MAX) & (depth > _DEPTH_MIN)
+    # Two that touch where the others keep their distance: one is a reflection on or beside the other.
+    closest = near[:, 0]
+    touching = distance[:, 0] < _TOUCH_RADII * (spots.radius_px + spots.radius_px[closest])
+    touching &= distance[:, 0] < _TOUCH_PITCHES * np.median(distance[near, 0], axis=1)
+    return fits & ~(touching & (odd > odd[closest]))
 
 
 def _against(value: Array, near: Index) -> Array:
