@@ -88,12 +88,19 @@ def _opener(spec: Spec) -> Opener:
     raise SourceError(f"source {spec.text}: no scheme {spec.scheme!r}; known: {', '.join(known_schemes())}")
 
 
+def _exists(where: str) -> bool:
+    try:
+        return bool(where) and Path(where).exists()
+    except (OSError, ValueError):  # longer than a path may be, or with a zero byte
+        return False
+
+
 def _scheme_of(where: str) -> str:
     """What a plain path is. Raises SourceError: it is not there."""
     path = Path(where)
     if where.startswith(("/dev/video", "/dev/v4l/")):
         return "v4l2"
-    if not path.exists():
+    if not _exists(where):
         raise SourceError(
             f"source {where}: no such file or folder; give a recording, a folder or e.g. v4l2:0"
         )
@@ -109,7 +116,7 @@ def open_source(spec: str, **settings: Any) -> FrameSource:
     Raises    SourceError: one line with what, where, and what would be right
     """
     parsed = parse_spec(spec, Options(**settings))
-    if not parsed.scheme or Path(spec).exists():  # a file may have a colon in its name
+    if not parsed.scheme or _exists(spec):  # a file may have a colon in its name
         plain = Spec(
             spec, _scheme_of(spec), spec, parsed.options if not parsed.scheme else Options(**settings)
         )

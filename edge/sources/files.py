@@ -168,7 +168,8 @@ class VideoSource:
             what = "a folder" if self.path.is_dir() else "no such file"
             raise SourceError(f"{self.name}: {what}; give a video file or a recording")
         with _quiet():
-            capture = cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG)
+            # absolute: FFmpeg takes the start of a name with a colon for a protocol
+            capture = cv2.VideoCapture(str(self.path.absolute()), cv2.CAP_FFMPEG)
         if not capture.isOpened():
             raise SourceError(f"{self.name}: not a video; give avi, mp4, mkv, or an MCAP recording")
         return capture

@@ -1,0 +1,443 @@
+"""V4L2 cameras on a fake capture: formats, times, loss and return, settings that do not take."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from edge.errors import SourceError
+from edge.sources.options import Options
+from edge.sources.v4l2 import V4l2Source, find_device, list_cameras
+from edge.types import Clock, Frame, Image
+
+W, H = 64, 48
+FAR = 1 << 60
+
+
+def grey_image(n: int, bits: int = 8) -> np.ndarray[Any, Any]:
+    dtype = np.uint8 if bits == 8 else np.uint16
+    return np.random.default_rng(n).integers(0, 1 << bits, (H, W), dtype=dtype)
+
+
+def encode(fourcc: str, n: int) -> np.ndarray[Any, Any]:
+    """Bytes of frame n as OpenCV hands them over without conversion."""
+    if fourcc == "GREY":
+        return grey_image(n)
+    if fourcc == "MJPG":
+        smooth = cv2.GaussianBlur(grey_image(n), (0, 0), 3)
+        return np.asarray(cv2.imencode(".jpg", smooth)[1]).reshape(1, -1)
+    if fourcc == "YUYV":
+        return np.stack([grey_image(n), np.full((H, W), 128, np.uint8)], axis=2)
+    return grey_image(n, {"Y10 ": 10, "Y12 ": 12, "Y16 ": 16}[fourcc])
+
+
+class FakeCapture:
+    """cv2.VideoCapture over a camera that exists in the test alone.
+
+    Time is the camera's: each grab moves the clock on by a period. `script` says what happens at a grab:
+    "ok", "skip" (a frame never came), "freeze", "black", "damage", "lost".
+    """
+
+    def __init__(self, camera: FakeCamera) -> None:
+        self.camera = camera
+        self.values: dict[int, float] = {
+            cv2.CAP_PROP_FRAME_WIDTH: W,
+            cv2.CAP_PROP_FRAME_HEIGHT: H,
+            cv2.CAP_PROP_FPS: 120.0,
+            cv2.CAP_PROP_FOURCC: int.from_bytes(b"YUYV", "little"),
+        }
+        self.what = "ok"
+        self.released = False
+        camera.captures.append(self)
+
+    def isOpened(self) -> bool:  # noqa: N802  (OpenCV's name)
+        return self.camera.present
+
+    def set(self, prop: int, value: float) -> bool:
+        if prop in self.camera.no_such:
+            return False
+        if (
+            prop == cv2.CAP_PROP_FOURCC
+            and int(value).to_bytes(4, "little").decode() not in self.camera.formats
+        ):
+            return False
+        if prop in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT) and self.camera.fixed_size:
+            return True  # the driver says yes and keeps its own
+        self.values[prop] = self.camera.clamp.get(prop, value)
+        return True
+
+    def get(self, prop: int) -> float:
+        if prop == cv2.CAP_PROP_POS_MSEC:
+            return self.camera.stamp_ns / 1e6 if self.camera.stamps else 0.0
+        return self.values.get(prop, 0.0)
+
+    def grab(self) -> bool:
+        camera = self.camera
+        camera.gate.acquire()
+        self.what = camera.script.pop(0) if camera.script else "ok"
+        period_ns = camera.period_ns(self)
+        steps = 3 if self.what == "skip" else 1
+        camera.n += steps
+        camera.stamp_ns += steps * period_ns
+        camera.clock_ns = camera.stamp_ns + 2_000_000
+        if self.what == "lost":
+            camera.present = False
+        return self.what != "lost"
+
+    def retrieve(self) -> tuple[bool, Any]:
+        fourcc = int(self.values[cv2.CAP_PROP_FOURCC]).to_bytes(4, "little").decode()
+        if self.what == "black":
+            return True, np.zeros((H, W), np.uint8)
+        if self.what == "damage":
+            return True, np.zeros((1, 7), np.uint8)
+        return True, encode(fourcc, 5 if self.what == "freeze" else self.camera.n)
+
+    def release(self) -> None:
+        self.released = True
+
+
+class FakeCamera:
+    def __init__(self, formats: tuple[str, ...] = ("GREY", "YUYV"), rate_hz: float = 120.0) -> None:
+        self.formats = formats
+        self.rate_hz = rate_hz
+        self.halves_with_one_buffer = False
+        self.stamps = True
+        self.fixed_size = False
+        self.no_such: set[int] = set()
+        self.clamp: dict[int, float] = {}
+        self.present = True
+        self.script: list[str] = []
+        self.captures: list[FakeCapture] = []
+        self.n = 0
+        self.stamp_ns = 5_000_000_000_000
+        self.clock_ns = self.stamp_ns
+        self.gate = threading.Semaphore(0)
+
+    def period_ns(self, capture: FakeCapture) -> int:
+        half = self.halves_with_one_buffer and capture.values.get(cv2.CAP_PROP_BUFFERSIZE) == 1
+        return round(1e9 / self.rate_hz * (2 if half else 1))
+
+    def find(self, where: str) -> str:
+        if not self.present:
+            raise SourceError(f"source v4l2:{where}: no such camera")
+        return "/dev/video7"
+
+
+class Opened:
+    """A source whose every frame is taken in lock-step with the test."""
+
+    def __init__(self, camera: FakeCamera, **options: Any) -> None:
+        self.camera = camera
+        self.source: V4l2Source
+        # While the rate is measured, every frame that the reader takes lets the next one come.
+        original = V4l2Source.read
+
+        def pumped(source: V4l2Source, timeout_s: float | None = None) -> Frame | None:
+            camera.gate.release()
+            return original(source, timeout_s)
+
+        self.patch = pytest.MonkeyPatch()
+        self.patch.setattr(V4l2Source, "read", pumped)
+        ending = V4l2Source.close
+
+        def close(source: V4l2Source) -> None:
+            source._closing.set()
+            camera.gate.release(4)
+            ending(source)
+
+        self.patch.setattr(V4l2Source, "close", close)
+        try:
+            self.source = V4l2Source(
+                "0",
+                Options(**options),
+                make_capture=lambda path: FakeCapture(camera),
+                find=camera.find,
+                clock_ns=lambda: camera.clock_ns,
+                retry_s=0.001,
+            )
+        finally:
+            self.patch.undo()
+
+    def next(self) -> Frame:
+        self.camera.gate.release()
+        frame = self.source.read(10)
+        assert frame is not None
+        return frame
+
+    def __enter__(self) -> Opened:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.source._closing.set()
+        for _ in range(4):
+            self.camera.gate.release()
+        self.source.close()
+        assert not self.source._thread.is_alive()
+        assert all(capture.released for capture in self.camera.captures)
+
+
+def expected(fourcc: str, n: int) -> Image:
+    raw = encode(fourcc, n)
+    if fourcc == "MJPG":
+        return np.asarray(cv2.imdecode(raw.reshape(-1), cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
+    return raw[:, :, 0] if fourcc == "YUYV" else raw
+
+
+@pytest.mark.parametrize(
+    ("name", "fourcc", "bits"),
+    [
+        ("GREY", "GREY", 8),
+        ("Y10", "Y10 ", 10),
+        ("Y12", "Y12 ", 12),
+        ("y16", "Y16 ", 16),
+        ("MJPG", "MJPG", 8),
+        ("YUYV", "YUYV", 8),
+    ],
+)
+def test_formats_become_grey(name: str, fourcc: str, bits: int) -> None:
+    camera = FakeCamera(formats=(fourcc,))
+    with Opened(camera, format=name) as opened:
+        frame = opened.next()
+        assert frame.bits == bits
+        assert frame.image.dtype == (np.uint8 if bits == 8 else np.uint16)
+        assert np.array_equal(frame.image, expected(fourcc, camera.n))
+        assert camera.captures[-1].values[cv2.CAP_PROP_CONVERT_RGB] == 0
+        assert opened.source.size_px == (W, H)
+
+
+@pytest.mark.parametrize(
+    ("formats", "taken"),
+    [(("GREY", "MJPG", "YUYV"), "GREY"), (("MJPG", "YUYV"), "MJPG"), (("YUYV",), "YUYV")],
+)
+def test_the_best_format_is_taken_unasked(formats: tuple[str, ...], taken: str) -> None:
+    camera = FakeCamera(formats=formats)
+    with Opened(camera):
+        assert camera.captures[-1].values[cv2.CAP_PROP_FOURCC] == int.from_bytes(taken.encode(), "little")
+
+
+def test_times_are_the_drivers() -> None:
+    camera = FakeCamera()
+    with Opened(camera) as opened:
+        frame = opened.next()
+        assert frame.clock is Clock.DRIVER
+        assert frame.capture_ns == pytest.approx(camera.stamp_ns, abs=1000)
+        assert opened.source.rate_hz == pytest.approx(120, rel=1e-3)
+
+
+def test_without_driver_times_ours_stand_in() -> None:
+    camera = FakeCamera()
+    camera.stamps = False
+    with Opened(camera) as opened:
+        frame = opened.next()
+        assert frame.clock is Clock.HOST
+        assert frame.capture_ns == camera.clock_ns
+
+
+def test_frames_that_never_came_are_gaps_in_the_sequence() -> None:
+    camera = FakeCamera()
+    with Opened(camera) as opened:
+        first = opened.next()
+        camera.script = ["ok", "skip", "ok"]
+        steps = np.diff([first.sequence] + [opened.next().sequence for _ in range(3)])
+        assert steps.tolist() == [1, 3, 1]
+        assert opened.source.faults["missed frame"] == 2
+
+
+def test_a_lost_camera_comes_back() -> None:
+    camera = FakeCamera()
+    with Opened(camera) as opened:
+        before = opened.next()
+        camera.script = ["lost"]
+        camera.gate.release()
+        assert opened.source.read(0.2) is None
+        assert opened.source.condition == "lost"
+        camera.present = True
+        after = opened.next()
+        assert opened.source.condition == ""
+        assert after.sequence > before.sequence
+        assert opened.source.faults["lost"] == 1
+        assert len(camera.captures) == 2
+
+
+def test_a_lost_camera_that_returns_with_another_size_stays_lost() -> None:
+    camera = FakeCamera()
+    with Opened(camera) as opened:
+        opened.next()
+        opened.source.size_px = (W + 2, H)  # as if it had been another camera
+        camera.script = ["lost"]
+        camera.gate.release()
+        assert opened.source.read(0.1) is None
+        camera.present = True
+        assert opened.source.read(0.1) is None
+        assert opened.source.condition == "lost"
+        opened.source.size_px = (W, H)
+        opened.next()
+
+
+def test_frozen_black_and_damaged_frames_are_noticed() -> None:
+    camera = FakeCamera()
+    with Opened(camera) as opened:
+        opened.next()
+        camera.script = ["freeze"] * 11
+        for _ in range(11):
+            opened.next()
+        assert opened.source.condition == "frozen"
+        camera.script = ["black"]
+        opened.next()
+        assert opened.source.condition == "black"
+        camera.script = ["damage", "ok"]
+        camera.gate.release()
+        opened.next()
+        assert opened.source.condition == ""
+        assert opened.source.faults == {"frozen": 1, "black": 1, "damaged frame": 1, "missed frame": 1}
+
+
+def test_settings_reach_the_camera() -> None:
+    camera = FakeCamera()
+    with Opened(camera, width=W, height=H, rate_hz=120, exposure_us=2050, gain=12, focus=30) as opened:
+        values = camera.captures[-1].values
+        assert values[cv2.CAP_PROP_AUTO_EXPOSURE] == 1
+        assert values[cv2.CAP_PROP_EXPOSURE] == 20  # units of 100 us
+        assert values[cv2.CAP_PROP_GAIN] == 12
+        assert values[cv2.CAP_PROP_AUTOFOCUS] == 0
+        assert values[cv2.CAP_PROP_FOCUS] == 30
+        assert values[cv2.CAP_PROP_FPS] == 120
+        assert values[cv2.CAP_PROP_BUFFERSIZE] == 1
+        assert opened.source.refused == []
+
+
+def test_nothing_is_set_that_was_not_asked_for() -> None:
+    camera = FakeCamera()
+    with Opened(camera):
+        touched = {cv2.CAP_PROP_AUTO_EXPOSURE, cv2.CAP_PROP_EXPOSURE, cv2.CAP_PROP_GAIN, cv2.CAP_PROP_FOCUS}
+        assert not touched & camera.captures[-1].values.keys()
+
+
+def test_refused_controls_are_named() -> None:
+    camera = FakeCamera()
+    camera.no_such = {cv2.CAP_PROP_GAIN}
+    camera.clamp = {cv2.CAP_PROP_EXPOSURE: 156}
+    with Opened(camera, exposure_us=2000, gain=12) as opened:
+        assert opened.source.refused == [
+            "exposure_us: set to 20, camera says 156",
+            "gain: camera has no such control",
+        ]
+
+
+def test_two_buffers_where_one_halves_the_rate() -> None:
+    camera = FakeCamera()
+    camera.halves_with_one_buffer = True
+    with Opened(camera, rate_hz=120) as opened:
+        assert camera.captures[-1].values[cv2.CAP_PROP_BUFFERSIZE] == 2
+        assert opened.source.rate_hz == pytest.approx(120, rel=1e-3)
+
+
+def test_a_camera_that_is_too_slow_is_refused() -> None:
+    with pytest.raises(SourceError, match=r"asked for 120 frames/s, measured 60\.0"):
+        Opened(FakeCamera(rate_hz=60), rate_hz=120)
+    with Opened(FakeCamera(rate_hz=60), rate_hz=120, check_rate=False) as opened:
+        assert opened.source.rate_hz == pytest.approx(60, rel=1e-3)
+
+
+def test_a_camera_without_the_size_or_the_format_is_refused() -> None:
+    camera = FakeCamera()
+    camera.fixed_size = True
+    with pytest.raises(SourceError, match=f"asked for 128x96, camera gives {W}x{H} as GREY"):
+        Opened(camera, width=128, height=96)
+    assert camera.captures[-1].released
+    with pytest.raises(SourceError, match="does not give MJPG"):
+        Opened(FakeCamera(), format="MJPG")
+    with pytest.raises(SourceError, match="no pixel format 'RGB'"):
+        Opened(FakeCamera(), format="RGB")
+
+
+def test_a_camera_that_gives_no_frames() -> None:
+    camera = FakeCamera()
+    with pytest.raises(SourceError, match=r"no frame within 0\.05 s"):
+        V4l2Source(
+            "0",
+            Options(),
+            make_capture=lambda path: Mute(camera),
+            find=camera.find,
+            retry_s=0.001,
+            patience_s=0.05,
+        )
+
+
+class Mute(FakeCapture):
+    """Opens, and then nothing comes."""
+
+    def grab(self) -> bool:
+        return False
+
+
+# -- finding -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> tuple[Path, Path]:
+    """/sys and /dev of a machine with two cameras; the first has a metadata node besides."""
+    sys_root, dev_root = tmp_path / "sys", tmp_path / "dev"
+    (dev_root / "v4l/by-id").mkdir(parents=True)
+    for number, index, usb, serial in ((0, 0, "1-1", "AB12"), (1, 1, "1-1", "AB12"), (10, 0, "1-2", "")):
+        node = sys_root / f"class/video4linux/video{number}"
+        interface = sys_root / f"devices/usb1/{usb}/{usb}:1.0"
+        interface.mkdir(parents=True, exist_ok=True)
+        node.mkdir(parents=True)
+        (node / "device").symlink_to(interface)
+        (node / "index").write_text(f"{index}\n")
+        (node / "name").write_text(f"Global Shutter {usb}\n")
+        if serial:
+            (interface.parent / "serial").write_text(f"{serial}\n")
+        (dev_root / f"video{number}").write_text("")
+    (dev_root / "v4l/by-id/usb-Maker_Cam_XY99-video-index0").symlink_to(dev_root / "video10")
+    return sys_root, dev_root
+
+
+def test_cameras_of_a_machine(machine: tuple[Path, Path]) -> None:
+    found = list_cameras(*machine)
+    assert [(Path(d.path).name, d.serial, d.label) for d in found] == [
+        ("video0", "AB12", "Global Shutter 1-1"),
+        ("video10", "", "Global Shutter 1-2"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("where", "node"), [("0", "video0"), ("10", "video10"), ("AB12", "video0"), ("XY99", "video10")]
+)
+def test_a_camera_by_number_or_serial(machine: tuple[Path, Path], where: str, node: str) -> None:
+    assert Path(find_device(where, *machine)).name == node
+
+
+def test_a_camera_by_path(machine: tuple[Path, Path]) -> None:
+    link = machine[1] / "v4l/by-id/usb-Maker_Cam_XY99-video-index0"
+    assert Path(find_device(str(link), *machine)).name == "video10"
+
+
+@pytest.mark.parametrize("where", ["5", "NONE", "", "/dev/no/such/camera"])
+def test_no_such_camera_names_those_there_are(machine: tuple[Path, Path], where: str) -> None:
+    with pytest.raises(
+        SourceError, match=r"no such camera; cameras here: .*video0 Global Shutter 1-1 serial AB12"
+    ):
+        find_device(where, *machine)
+
+
+def test_no_permission(machine: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("edge.sources.v4l2.os.access", lambda path, mode: False)
+    with pytest.raises(SourceError, match="join the group video"):
+        find_device("0", *machine)
+
+
+@pytest.mark.hardware
+def test_a_camera_of_this_machine() -> None:
+    if not list_cameras():
+        pytest.skip("no V4L2 camera on this machine")
+    source = V4l2Source("0", Options())
+    frames = [source.read(2.0) for _ in range(30)]
+    source.close()
+    assert all(frame is not None and frame.image.shape[::-1] == source.size_px for frame in frames)
