@@ -24,6 +24,7 @@ from calib.sim.camera import Camera
 from calib.sim.mechanics import Deformation
 from edge.types import Array, Image
 
+EDGE_SIGMAS = 3.5  # further out a disc's edge is under 0.0003 of its brightness
 MOTION_STEPS = 7  # discs drawn along the path during the exposure
 CAP_ROUNDNESS = 0.5  # caps are domed: this much of a cap's tilt does not show as flattening
 
@@ -166,7 +167,7 @@ class Renderer:
         flat = flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-9)
         moving = float(np.abs(step).max(initial=0)) > 0.05
         shifts = ((np.arange(MOTION_STEPS) + 0.5) / MOTION_STEPS - 0.5) if moving else np.zeros(1)
-        half = int(np.ceil(radius.max() + 4 * look.blur_px + np.abs(step).max(initial=0) / 2 + 0.5))
+        half = int(np.ceil(radius.max() + EDGE_SIGMAS * look.blur_px + np.abs(step).max(initial=0) / 2 + 0.5))
         near = np.rint(xy).astype(np.intp)
         lit = (
             (self._pin_level > 0)
@@ -176,23 +177,33 @@ class Renderer:
         )
         near = near[lit]
         offsets = np.arange(-half, half + 1)
-        total: Array | float = 0.0
+        c, s = flat[lit, 0, None], flat[lit, 1, None]
+        stretch = (short[lit] ** -2 - 1)[:, None, None].astype(np.float32)
+        size = (radius[lit] / look.blur_px)[:, None, None].astype(np.float32)
+        cover = np.zeros((len(near), len(offsets), len(offsets)), dtype=np.float32)
         for shift in shifts:
             centre = xy[lit] + shift * step[lit] - near
-            dx = offsets - centre[:, 0:1]
-            dy = offsets - centre[:, 1:2]
-            c, s = flat[lit, 0], flat[lit, 1]
-            u = c[:, None, None] * dx[:, None, :] + s[:, None, None] * dy[:, :, None]
-            d2 = (dx**2)[:, None, :] + (dy**2)[:, :, None]
-            # Distance in the ellipse's own measure, times its mean radius.
-            rho = np.sqrt(d2 + u * u * (short[lit] ** -2 - 1)[:, None, None])
-            total = total + ndtr((radius[lit][:, None, None] - rho) / look.blur_px)
-        cover = np.asarray(total) * (self._pin_level[lit] / len(shifts))[:, None, None]
+            dx = (offsets - centre[:, 0:1]) / look.blur_px
+            dy = (offsets - centre[:, 1:2]) / look.blur_px
+            # Distance in the ellipse's own measure: the axis' direction counts more.
+            rho = _outer_sum(c * dx, s * dy)
+            rho *= rho
+            rho *= stretch
+            rho += _outer_sum(dx * dx, dy * dy)
+            np.sqrt(rho, out=rho)
+            np.subtract(size, rho, out=rho)
+            cover += ndtr(rho, out=rho)
+        cover *= (self._pin_level[lit] / len(shifts))[:, None, None].astype(np.float32)
         cols = near[:, 0:1] + offsets
         rows = near[:, 1:2] + offsets
         inside = ((cols >= 0) & (cols < w))[:, None, :] & ((rows >= 0) & (rows < h))[:, :, None]
         flat_index = rows[:, :, None] * w + cols[:, None, :]
-        np.add.at(light.reshape(-1), flat_index[inside], cover[inside].astype(np.float32))
+        np.add.at(light.reshape(-1), flat_index[inside], cover[inside])
+
+
+def _outer_sum(x: Array, y: Array) -> NDArray[np.float32]:
+    """(n, k, k) x_j + y_i of each row."""
+    return np.asarray(x.astype(np.float32)[:, None, :] + y.astype(np.float32)[:, :, None])
 
 
 def render(camera: Camera, look: Look, now: Deformation, seed: int = 0) -> tuple[Image, Array]:

@@ -43,19 +43,19 @@ def _press(contact: Contact, depth_mm: float, frames: int, hold: int = 4) -> tup
 def _shear(contact: Contact, depth_mm: float) -> tuple[Move, ...]:
     pressed = replace(contact, depth_mm=depth_mm)
     moved = replace(pressed, shear_x_mm=1.2, shear_y_mm=-0.9)
-    return (*_press(contact, depth_mm, 14, 2), Move(12, (moved,)), Move(6, (moved,)))
+    return (*_press(contact, depth_mm, 14, 2), Move(12, (moved,)), Move(4, (moved,)))
 
 
 _PAIR = (
     Move(0, (_LEFT, _RIGHT)),
-    Move(14, (replace(_LEFT, depth_mm=2.0), replace(_RIGHT, depth_mm=1.6))),
-    Move(6, (replace(_LEFT, depth_mm=2.0), replace(_RIGHT, depth_mm=1.6))),
+    Move(12, (replace(_LEFT, depth_mm=2.0), replace(_RIGHT, depth_mm=1.6))),
+    Move(4, (replace(_LEFT, depth_mm=2.0), replace(_RIGHT, depth_mm=1.6))),
 )
 _REST = (Move(REST_FRAMES),)
 
 SCENES: dict[str, tuple[Move, ...]] = {
-    "nothing": (Move(24),),
-    "press": (*_REST, *_press(_BALL, 3.0, 18, 6)),
+    "nothing": (Move(16),),
+    "press": (*_REST, *_press(_BALL, 3.0, 14, 4)),
     "press-shear": (*_REST, *_shear(_FLAT, 3.0)),
     "two": (*_REST, *_PAIR),
     "edge": (*_REST, *_press(_BAR, 2.0, 16)),

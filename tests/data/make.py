@@ -14,7 +14,7 @@ from calib.sim import Camera, Look, Simulator, Tip
 from calib.sim.script import SCENES, play
 from edge.recording import Recorder
 
-_QUIET = {"read_noise": 0.6, "shot_noise": 0.01}
+_QUIET = {"read_noise": 0.4, "shot_noise": 0.008}
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,10 +31,10 @@ class Recipe:
 _HEX = Tip(127, "hex", pin_radius_mm=0.8)
 _RINGS = Tip(331, "rings")
 RECIPES: dict[str, Recipe] = {
-    "press": Recipe("press", _RINGS, (400, 400), Look(**_QUIET), 1),
-    "press_shear": Recipe("press-shear", _HEX, (320, 240), Look(**_QUIET, rim=120.0, leds=5), 2),
-    "two_contacts": Recipe("two", _RINGS, (400, 400), Look(**_QUIET), 3),
-    "nothing": Recipe("nothing", _HEX, (320, 240), Look(**_QUIET), 4),
+    "press": Recipe("press", _RINGS, (320, 320), Look(**_QUIET), 1),
+    "press_shear": Recipe("press-shear", _HEX, (280, 210), Look(**_QUIET, rim=60.0, leds=5), 2),
+    "two_contacts": Recipe("two", _RINGS, (320, 320), Look(**_QUIET), 3),
+    "nothing": Recipe("nothing", _HEX, (280, 210), Look(**_QUIET), 4),
 }
 RATE_HZ = 60.0
 
