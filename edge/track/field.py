@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from edge.errors import DegenerateLayout
@@ -29,6 +30,9 @@ NEAR_REACH = 2.6
 NEAR_WIDTH = 1.6
 # Ridge on the local gradient, in neighbours' weights: below three neighbours the map turns into a shift.
 GRADIENT_RIDGE = 0.05
+# No two tracks come nearer than half a pitch, or half their distance at rest where that is less.
+APART = 0.5
+N_CLOSE = 8
 
 
 class Lattice:
@@ -37,7 +41,8 @@ class Lattice:
     edge    (e, 2) int, Delaunay edges, each once, none longer than LONGEST_EDGE pitches
     ring    (n, k) int, Delaunay neighbours, filled up with n
     near    (n, N_NEAR) int, nearest pins
-    rim     (n,) bool, pins whose neighbours do not surround them
+    mean    (n, n) sparse: `predict` where every pin is known, as one product
+    close, apart_px   (n, N_CLOSE) nearest pins and the least distance to them that a track keeps
     """
 
     def __init__(self, rest_xy: Array, pitch_px: float) -> None:
@@ -76,10 +81,15 @@ class Lattice:
         pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
         normal = np.stack([design[..., i] * design[..., j] for i, j in pairs], axis=-1)
         self._normal = normal * self.weight[..., None]
-        # The neighbours of an inner pin lie all round it; the sum of their directions is small.
-        towards = offset / np.linalg.norm(offset, axis=-1, keepdims=True)
-        close = (distance < LONGEST_EDGE)[..., None]
-        self.rim: Mask = np.linalg.norm((towards * close).sum(1), axis=1) > 0.3 * close.sum(1)[:, 0]
+        # The local map of a full neighbourhood, read at the pin itself, is a constant weighted mean.
+        seen = np.ones((1, n), bool)
+        row = np.stack(
+            [self.predict(np.eye(n)[None, :, k, None], seen)[0][0, :, 0] for k in range(n)], axis=1
+        )
+        self.mean = csr_array(row)
+        # Nearest neighbours, and how near they may come: pins that are close at rest may stay so.
+        self.close = near[:, 1 : 1 + N_CLOSE]
+        self.apart_px = np.minimum(APART, APART * distance[:, :N_CLOSE]) * pitch_px
 
     def predict(self, motion: Array, known: Mask) -> tuple[Array, Array, Array]:
         """Motion of each pin as its known neighbours have it; the pin itself has no say.

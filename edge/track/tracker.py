@@ -1,8 +1,9 @@
 """Identity from frame to frame, and the decision when it is lost.
 
 Held: each pin is looked for where the last frames say it will be (`predict`), and `follow` judges what
-was found there: a pin whose motion is not its neighbours' motion is lost, not somewhere else, and is
-predicted from them until it comes back. Not held: `predict` is None until `identify` finds the
+was found there: a pin's motion since rest must be near that of its neighbours (their local affine map),
+and off it no otherwise than in the last frame. A pin that fails is lost, not somewhere else: it moves
+with its neighbours until it is found again. Not held: `predict` is None until `identify` finds the
 identities again with high confidence.
 """
 
@@ -17,8 +18,14 @@ from edge.types import Array, Mask, Pins, Rest, Tracks
 __all__ = ["Tracker"]
 
 VELOCITY_DAMPING = 0.7  # share of the last motion that is expected again
-ODD = 0.35  # pitches off the neighbours' local map at which a pin is no longer believed
-APART = 0.5  # pitches; no two tracks come closer
+# Pitches. How far a pin's motion may be off its neighbours' local map: the skin bends under a contact, by
+# 0.34 pitches at the most on the published 331-pin set; from frame to frame that bend changes slowly. A
+# pin that was lost has no bend of its own and must fit closely.
+ODD_MOTION = 0.5
+ODD_CHANGE = 0.25
+ODD_RETURN = 0.35
+# A common surprise of this much is as near to the next pin as to the own one: look at the whole frame.
+JUMP = 0.35
 HELD_SHARE = 0.4  # of all pins seen; below it, the identities are given up
 
 
@@ -33,6 +40,8 @@ class Tracker:
         self._identifier = Identifier(rest, self._lattice)
         self._xy = rest.xy_img.copy()
         self._velocity = np.zeros_like(self._xy)
+        self._seen: Mask = np.zeros(len(rest), bool)
+        self._bend = np.zeros_like(self._xy)  # how far each pin is off its neighbours' map
         self._held = False
 
     def predict(self) -> Array | None:
@@ -43,56 +52,71 @@ class Tracker:
         """Judge what was found at the predicted places.
 
         pins  row i is pin i; NaN where nothing was found
+        Low confidence: too few pins, or all of them too far off; identify the whole frame then.
         """
-        xy = pins.xy_img
-        seen = np.isfinite(xy[:, 0])
-        motion = np.where(seen[:, None], xy - self._rest_xy, 0.0)
-        expected, support, _ = self._lattice.predict(motion[None], seen[None])
-        odd = np.hypot(*(motion - expected[0]).T) > ODD * self._pitch_px
-        if np.any(odd & seen):
-            expected, support, _ = self._lattice.predict(motion[None], (seen & ~odd)[None])
-            odd = np.hypot(*(motion - expected[0]).T) > ODD * self._pitch_px
-        seen = seen & ~odd
-        return self._settle(pins, seen, xy, expected[0], support[0])
+        predicted = self._xy + self._velocity
+        found = np.isfinite(pins.xy_img[:, 0])
+        motion = pins.xy_img - self._rest_xy
+        seen, common = self._judge(motion, predicted - self._rest_xy, found)
+        bend = motion - common
+        seen = self._keep_apart(pins.xy_img, bend - self._bend, seen)
+        hidden = ~seen
+        now = pins.xy_img.copy()
+        now[hidden] = (self._rest_xy + common)[hidden]
+        bend[hidden] = 0.0
+        share = float(np.count_nonzero(seen)) / len(seen)
+        surprise = now - predicted
+        jump = float(np.median(np.hypot(surprise[:, 0], surprise[:, 1]))) / self._pitch_px
+        confidence = min(1.0, share / (2 * HELD_SHARE), 1 - jump / (2 * JUMP))
+        self._velocity = VELOCITY_DAMPING * (now - self._xy)
+        self._xy, self._seen, self._bend = now, seen, bend
+        self._held = confidence >= Tracks.LOW_CONFIDENCE
+        xy, sigma = now.copy(), pins.sigma_px.copy()
+        xy[hidden] = np.nan
+        sigma[hidden] = np.nan
+        return Tracks(xy, sigma, seen, confidence)
 
     def identify(self, pins: Pins) -> Tracks:
         """Find the identities of unordered pins, from rest or from where they were last seen."""
-        guesses = [self._xy]
-        identity = self._identifier.identify(pins.xy_img, guesses)
-        found = identity.blob >= 0
-        blob = np.where(found, identity.blob, 0)
-        held = identity.confidence >= Tracks.LOW_CONFIDENCE
-        xy = (
-            np.where(found[:, None], pins.xy_img[blob], np.nan)
-            if len(pins)
-            else np.full_like(self._xy, np.nan)
-        )
-        sigma = np.where(found, pins.sigma_px[blob], np.nan) if len(pins) else np.full(len(found), np.nan)
-        self._held = held
-        if held:
-            motion = np.where(found[:, None], xy - self._rest_xy, 0.0)
-            expected, _, _ = self._lattice.predict(motion[None], found[None])
-            self._xy = np.where(found[:, None], xy, self._rest_xy + expected[0])
+        n = len(self._rest_xy)
+        identity = self._identifier.identify(pins.xy_img, [self._xy])
+        seen = identity.blob >= 0
+        xy, sigma = np.full((n, 2), np.nan), np.full(n, np.nan)
+        xy[seen] = pins.xy_img[identity.blob[seen]]
+        sigma[seen] = pins.sigma_px[identity.blob[seen]]
+        self._held = identity.confidence >= Tracks.LOW_CONFIDENCE
+        if self._held:
+            expected, _, _ = self._lattice.predict((xy - self._rest_xy)[None], seen[None])
+            self._xy = np.where(seen[:, None], xy, self._rest_xy + expected[0])
+            self._bend = self._xy - self._rest_xy - expected[0]
             self._velocity = np.zeros_like(self._xy)
-        return Tracks(xy, sigma, found, identity.confidence)
+            self._seen = seen
+        return Tracks(xy, sigma, seen, identity.confidence)
 
-    def _settle(self, pins: Pins, seen: Mask, xy: Array, expected: Array, support: Array) -> Tracks:
-        near = self._lattice.near
-        place = np.where(seen[:, None], xy, np.nan)
-        gap = place[near] - place[:, None]
-        close = (gap**2).sum(-1) < (APART * self._pitch_px) ** 2
-        if close.any():
-            off = np.hypot(*(place - self._rest_xy - expected).T)
-            seen = seen & ~(close & (off[near] <= off[:, None])).any(1)
-        guess = np.where((support > 1.0)[:, None], self._rest_xy + expected, self._xy + self._velocity)
-        now = np.where(seen[:, None], xy, guess)
-        self._velocity = VELOCITY_DAMPING * (now - self._xy)
-        self._xy = now
-        share = float(seen.mean())
-        self._held = share >= HELD_SHARE
-        return Tracks(
-            np.where(seen[:, None], xy, np.nan),
-            np.where(seen, pins.sigma_px, np.nan),
-            seen,
-            min(1.0, share / (2 * HELD_SHARE)),
-        )
+    def _judge(self, motion: Array, predicted: Array, found: Mask) -> tuple[Mask, Array]:
+        """Which found pins are believed, and the motion (n, 2) that the neighbours expect of each."""
+        limit = np.where(self._seen, ODD_CHANGE, ODD_RETURN) * self._pitch_px
+        seen, common = found, predicted
+        for _ in range(2):  # the second round without those that the first one threw out
+            # A lost pin moves as its neighbours, which may be lost pins that move as theirs.
+            for _ in range(2):
+                common = self._lattice.mean @ np.where(seen[:, None], motion, common)
+            bend = motion - common
+            change = bend - self._bend
+            good = (change**2).sum(1) < limit**2
+            good &= (bend**2).sum(1) < (ODD_MOTION * self._pitch_px) ** 2
+            seen = found & good
+        return seen, common
+
+    def _keep_apart(self, xy: Array, off: Array, seen: Mask) -> Mask:
+        """Of two tracks that came too near to each other, the one that surprised more is lost."""
+        near = self._lattice.close
+        place = np.where(seen[:, None], xy, np.inf)
+        x, y = place[:, 0], place[:, 1]
+        with np.errstate(invalid="ignore"):  # inf - inf: both lost, compares as False
+            clash = (x[near] - x[:, None]) ** 2 + (y[near] - y[:, None]) ** 2 < self._lattice.apart_px**2
+        if not clash.any():
+            return seen
+        worse = (off**2).sum(1)
+        loser: Mask = (clash & (worse[near] <= worse[:, None])).any(1)
+        return seen & ~loser
