@@ -128,14 +128,22 @@ class FeatureExtractor:
         picture: Array | None = None
         contacts: tuple[ContactRegion, ...] | None = None
         if need & _FROM_GRID:
+            assert cells is not None
             surface = self.surface
-            heights = surface.heights(surface.fill(change))
-            if Quantity.VOLUME in need:
-                volume = surface.volume_px2(heights, threshold)
+            growth = surface.fill(change)
+            if Quantity.VOLUME in need or Quantity.SURFACE in need:
+                heights = surface.heights(growth)
+                if Quantity.VOLUME in need:
+                    volume = surface.volume_px2(heights, threshold)
+                if Quantity.SURFACE in need:
+                    picture = surface.spread(heights, np.nan).astype(np.float64)
             if Quantity.CONTACTS in need:
-                contacts = find_contacts(surface.spread(heights, -np.inf), surface, threshold)
-            if Quantity.SURFACE in need:
-                picture = surface.spread(heights, np.nan).astype(np.float64)
+                moved = (cells.xy_img - self._xy_rest).astype(np.float32)
+                least = np.maximum(
+                    surface.stretch_noise * np.float32(THRESHOLD * self._gate.sigma_px(tracks)),
+                    np.float32(THRESHOLD_MIN),
+                )
+                contacts = find_contacts(surface.stretch(moved), surface, least, growth, cells.xy_img)
         turn = slip = probability = None
         if Quantity.TORSION in need or Quantity.SLIP in need:
             compression = np.where(change > threshold, change, 0.0)

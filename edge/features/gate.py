@@ -54,7 +54,7 @@ class Gate:
 
     def noise(self, tracks: Tracks) -> float:
         """One-sigma noise of a single cell's relative area change in this frame."""
-        return CELL_NOISE / self._pitch_px * self._sigma_px(tracks) * self._learnt
+        return CELL_NOISE / self._pitch_px * self.sigma_px(tracks) * self._learnt
 
     def touched_by_area(self, change: Array, tracks: Tracks) -> bool:
         """Decide on one frame's area changes, and learn from it if nothing touches.
@@ -70,7 +70,7 @@ class Gate:
         # Fewer cells average less noise away; a mean of fewer than four is not listened to.
         score = mean * np.sqrt(weight / self._ring.shape[1])
         score[weight < min(4, self._ring.shape[1])] = 0.0
-        predicted = self._sigma_px(tracks) / self._pitch_px
+        predicted = self.sigma_px(tracks) / self._pitch_px
         level = float(score.max()) / (MEAN_NOISE * predicted * self._learnt)
         self._touched = level > (OFF if self._touched else ON)
         if not self._touched:
@@ -92,11 +92,11 @@ class Gate:
         u[~seen] = 0.0
         weight = seen[self._ring].sum(axis=1)
         mean = u[self._ring].sum(axis=1) / np.maximum(weight, 1)[:, None]
-        level = float(np.sqrt((mean * mean).sum(axis=1) * weight).max()) / self._sigma_px(tracks)
+        level = float(np.sqrt((mean * mean).sum(axis=1) * weight).max()) / self.sigma_px(tracks)
         self._touched = level > (OFF if self._touched else ON)
         return self._touched
 
-    def _sigma_px(self, tracks: Tracks) -> float:
+    def sigma_px(self, tracks: Tracks) -> float:
         """Noise of one coordinate of a pin's motion since rest."""
         seen = tracks.seen
         now = float(np.median(tracks.sigma_px[seen])) if seen.any() else 0.0
