@@ -28,8 +28,11 @@
  *   - Areas carry a running error bound; a cell whose bound exceeds AREA_TOLERANCE of its area is
  *     summed again from exact expansions, where each term is good to a few ulp whatever the input.
  *   - Only differences of coordinates enter: no origin, no scale. -ffp-contract=off is needed.
- *   - Four guard points far outside make a hull that never changes. A cell that touches a guard is not
- *     bounded; its area is NaN.
+ *   - Points come in this order: pins, whose areas are wanted; boundary points, that bound their cells;
+ *     fence points, that stand round the boundary. A cell that reaches the fence is not bounded; its
+ *     area is NaN. Four guard points far outside, added here, make a hull that never changes.
+ *   - Why a fence: without it, boundary points that lie nearly on a line have flat triangles on their
+ *     outer side, which turn over at the least motion. With a fence nearby these are never Delaunay.
  *   - Points at the same place share one vertex and one cell: each gets an equal part of its area.
  *   - All memory is taken when the object is made; the GIL is released while it works.
  *
@@ -51,6 +54,7 @@
 #define AREA_TOLERANCE 1e-12           /* relative error bound beyond which a cell is summed exactly */
 #define GUARD 16.0                     /* distance of the guards, in half-widths of the point set */
 #define N_GUARD 4
+#define MANY 1000000                   /* points of a kind; keeps every index within 32 bits */
 #define EXACT_TERMS 640                /* a nonadjacent expansion spans >= 2 bits a term; see SNAP */
 #define SNAP 0x1p-160                  /* coordinates smaller than this share of the extent count as 0 */
 #define FLIPS_PER_TRIANGLE 32          /* more than any motion needs that does not call for a new mesh */
@@ -178,11 +182,12 @@ static double incircle(Point a, Point b, Point c, Point d)
 /* ---------------------------------------------------------------- the mesh */
 
 typedef struct {
-    int n_points, n_pins;  /* guards are points n_points .. n_points + 3; areas are for the first n_pins */
+    int n_pins, n_bounded; /* areas are for the first n_pins; from n_bounded on it is fence and guards */
+    int n_points;          /* guards are points n_points .. n_points + 3 */
     int n_triangles;       /* 0: not built */
     int n_stack;
     int n_twins;           /* points that share their place with another, and its vertex */
-    long flips, builds;    /* since the beginning */
+    long flips, builds;    /* since the beginning; flips of the kept mesh, not those within a build */
     long changes;          /* how often the triangles changed */
     int busy;
     Point *point;
@@ -388,6 +393,7 @@ static int insert(Mesh *m, int i, int hint)
 static int build(Mesh *m)
 {
     int n = m->n_points, hint = 0;
+    long flips = m->flips; /* those made here do not count */
     clear_stack(m);
     m->n_triangles = 0;
     m->n_twins = 0;
@@ -405,6 +411,7 @@ static int build(Mesh *m)
     }
     for (int t = 0; t < m->n_triangles; t++)
         measure(m, t);
+    m->flips = flips;
     m->builds++;
     m->changes++;
     return 1;
@@ -448,10 +455,10 @@ static int mend(Mesh *m)
 /* Checks every edge and sums the areas; edges that are not Delaunay go onto the stack. */
 static void sweep(Mesh *m)
 {
-    int n = m->n_points, n_half_edges = 3 * m->n_triangles;
+    int n = m->n_bounded, n_half_edges = 3 * m->n_triangles;
     const int32_t *tail = m->tail, *twin = m->twin;
-    memset(m->area, 0, sizeof(double) * (size_t)(n + N_GUARD));
-    memset(m->bound, 0, sizeof(double) * (size_t)(n + N_GUARD));
+    memset(m->area, 0, sizeof(double) * (size_t)(m->n_points + N_GUARD));
+    memset(m->bound, 0, sizeof(double) * (size_t)(m->n_points + N_GUARD));
     for (int h = 0; h < n_half_edges; h++) {
         int g = twin[h];
         if (g < h) /* seen from the other side, or the hull */
@@ -594,22 +601,24 @@ typedef struct {
 
 static PyObject *mesh_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
-    static char *names[] = {"n_points", "n_pins", NULL};
-    int n_points, n_pins;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "ii", names, &n_points, &n_pins))
+    static char *names[] = {"n_pins", "n_boundary", "n_fence", NULL};
+    int n_pins, n_boundary, n_fence = 0;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "ii|i", names, &n_pins, &n_boundary, &n_fence))
         return NULL;
-    if (n_points < 3 || n_points > 1000000 || n_pins < 0 || n_pins > n_points) {
-        PyErr_Format(PyExc_ValueError, "need 3 <= n_points <= 1000000 and 0 <= n_pins <= n_points, got %d and %d",
-                     n_points, n_pins);
+    if (n_pins < 1 || n_boundary < 0 || n_fence < 0 || n_pins > MANY || n_boundary > MANY || n_fence > MANY) {
+        PyErr_Format(PyExc_ValueError, "need 1 <= n_pins, 0 <= n_boundary, n_fence <= %d, got %d, %d, %d", MANY,
+                     n_pins, n_boundary, n_fence);
         return NULL;
     }
+    int n_points = n_pins + n_boundary + n_fence;
     allocfunc alloc = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
     MeshObject *self = (MeshObject *)alloc(type, 0);
     if (self == NULL)
         return NULL;
     Mesh *m = &self->mesh;
-    m->n_points = n_points;
     m->n_pins = n_pins;
+    m->n_bounded = n_pins + n_boundary;
+    m->n_points = n_points;
     size_t n = (size_t)n_points + N_GUARD, triangles = 2 * (size_t)n_points + 2, half_edges = 3 * triangles;
     size_t bytes = n * (sizeof(Point) + 2 * sizeof(double) + sizeof(int32_t) + 1) +
                    half_edges * (2 * sizeof(double) + 3 * sizeof(int32_t) + 1) + triangles * sizeof(double);
@@ -706,8 +715,8 @@ static PyObject *mesh_triangles(MeshObject *self, PyObject *unused)
     for (int t = 0; t < m->n_triangles; t++) {
         const int32_t *v = m->tail + 3 * t;
         int pins = (v[0] < m->n_pins) + (v[1] < m->n_pins) + (v[2] < m->n_pins);
-        int guards = (v[0] >= m->n_points) + (v[1] >= m->n_points) + (v[2] >= m->n_points);
-        if (pins == 0 || guards > 0)
+        int outer = (v[0] >= m->n_bounded) + (v[1] >= m->n_bounded) + (v[2] >= m->n_bounded);
+        if (pins == 0 || outer > 0)
             continue;
         memcpy(out + used, v, 3 * sizeof(int32_t));
         used += 3 * (Py_ssize_t)sizeof(int32_t);
@@ -728,7 +737,7 @@ static PyMethodDef mesh_methods[] = {
      "update(points, areas) -> int: moves the points, writes the pins' cell areas, returns how often the "
      "triangles have changed so far."},
     {"triangles", (PyCFunction)mesh_triangles, METH_NOARGS,
-     "triangles() -> bytes: int32 triples, the triangles that touch a pin and no guard."},
+     "triangles() -> bytes: int32 triples, the triangles that touch a pin and not the fence."},
     {"counts", (PyCFunction)mesh_counts, METH_NOARGS, "counts() -> (changes, flips, builds) so far."},
     {NULL, NULL, 0, NULL},
 };
@@ -737,7 +746,7 @@ static PyType_Slot mesh_slots[] = {
     {Py_tp_new, (void *)mesh_new},
     {Py_tp_dealloc, (void *)mesh_dealloc},
     {Py_tp_methods, mesh_methods},
-    {Py_tp_doc, "Mesh(n_points, n_pins): kept Delaunay triangulation of moving points."},
+    {Py_tp_doc, "Mesh(n_pins, n_boundary, n_fence=0): kept Delaunay triangulation of moving points."},
     {0, NULL},
 };
 

@@ -4,7 +4,9 @@ Rules
 - On the rest frame the boundary is the outline of the union of discs of one pitch radius round all pins:
   no hull, no fitted circle, so any layout will do (hexagonal, rings, square, non-convex, in parts).
 - It is sampled by arcs, symmetrically, so that it turns, shifts and scales with the pins.
-- It moves by a constant matrix on the rim pins' motion: an affine fit to all of them, plus what the
+- A fence stands round it, for the triangulation's sake only (`_cells.c` says why); it moves by the affine
+  fit alone and so stays convex.
+- The boundary moves by a constant matrix on the rim pins' motion: an affine fit to all of them, plus what the
   nearest rim pins do beside that fit. It follows translation, rotation, scaling and shearing of the tip
   exactly, local motion of the rim smoothly.
 """
@@ -16,7 +18,7 @@ import numpy as np
 from edge.tessellate.layout import affine_terms
 from edge.types import Array, Index, Mask
 
-__all__ = ["carry_matrix", "make_boundary"]
+__all__ = ["carry_matrix", "make_boundary", "make_fence"]
 
 # Distance of the artificial points from the rim pins, in pitches: the rim cell then ends half a pitch
 # outside of its pin, as an inner cell does. Every hole between regular neighbours is covered, too.
@@ -28,6 +30,9 @@ ARC_STEP = np.pi / 6
 ARC_MIN = 0.1
 # Outlines that fit into a square of this many pitches are holes: a single pin's outline spans 2.
 HOLE_PITCHES = 1.9
+# Distance of the fence from the farthest artificial point, and of its points from each other. Boundary
+# points half a pitch apart then need to be 0.1 pitches off a line to change their triangles.
+FENCE_PITCHES = 2.5
 # Reach of a rim pin's own motion along the boundary, in pitches (Gaussian sigma).
 RIM_REACH_PITCHES = 1.0
 
@@ -55,6 +60,17 @@ def make_boundary(xy: Array, pitch_px: float) -> tuple[Array, Index]:
     boundary = np.concatenate(points)
     keep = _without_holes(boundary, radius)
     return boundary[keep], np.unique(np.array(owners)[keep]).astype(np.int32)
+
+
+def make_fence(boundary: Array, pitch_px: float) -> Array:
+    """(f, 2) px, a circle of points round the boundary."""
+    centre = boundary.min(axis=0) + np.ptp(boundary, axis=0) / 2
+    gap = FENCE_PITCHES * pitch_px
+    radius = float(np.hypot(*(boundary - centre).T).max()) + gap
+    steps = int(np.ceil(2 * np.pi * radius / gap))
+    angle = 2 * np.pi * np.arange(steps) / steps
+    fence: Array = centre + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return fence
 
 
 def _exposed(middle: Array, half: Array) -> list[tuple[float, float]]:
@@ -89,8 +105,8 @@ def _without_holes(boundary: Array, radius: float) -> Mask:
     return keep
 
 
-def carry_matrix(rim: Array, boundary: Array, pitch_px: float) -> Array:
-    """(b, r): motion of the rim pins to motion of the artificial points; every row sums to 1."""
+def carry_matrix(rim: Array, boundary: Array, fence: Array, pitch_px: float) -> Array:
+    """(b + f, r): motion of the rim pins to motion of boundary and fence; every row sums to 1."""
     centre = rim.mean(axis=0)
     scale = float(np.abs(rim - centre).max())
     terms = affine_terms(rim, centre, scale)
@@ -100,6 +116,6 @@ def carry_matrix(rim: Array, boundary: Array, pitch_px: float) -> Array:
     distance2 -= distance2.min(axis=1, keepdims=True)  # far from every pin, the nearest still counts
     weight = np.exp(-0.5 * distance2 / (RIM_REACH_PITCHES * pitch_px) ** 2)
     weight /= weight.sum(axis=1, keepdims=True)
-    affine = affine_terms(boundary, centre, scale) @ fit
-    matrix: Array = affine + weight - weight @ terms @ fit
-    return np.ascontiguousarray(matrix)
+    matrix: Array = affine_terms(np.concatenate([boundary, fence]), centre, scale) @ fit
+    matrix[: len(boundary)] += weight - weight @ terms @ fit
+    return matrix

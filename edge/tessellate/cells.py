@@ -6,7 +6,7 @@ import numpy as np
 
 from edge._cells import Mesh
 from edge.errors import DegenerateLayout
-from edge.tessellate.boundary import carry_matrix, make_boundary
+from edge.tessellate.boundary import carry_matrix, make_boundary, make_fence
 from edge.tessellate.layout import must_span, pitch_of
 from edge.tessellate.lost import LostPins
 from edge.types import Array, Cells, Index, Rest, Tracks
@@ -26,15 +26,17 @@ class Tessellator:
         must_span(xy, "rest frame")
         pitch_px = pitch_of(xy)
         boundary, rim = make_boundary(xy, pitch_px)
-        n, b = len(xy), len(boundary)
+        fence = make_fence(boundary, pitch_px)
+        n, b, f = len(xy), len(boundary), len(fence)
         self._rest_img = xy
-        self._boundary_rest_img = boundary
         self._rim = rim
         self._rim_rest_img = xy[rim]
-        self._carry = carry_matrix(self._rim_rest_img, boundary, pitch_px)
+        self._around_rest_img = np.concatenate([boundary, fence])
+        self._carry = carry_matrix(self._rim_rest_img, boundary, fence, pitch_px)
+        self._n_boundary = b
         self._lost = LostPins(xy, pitch_px)
-        self._mesh = Mesh(n + b, n)
-        self._points = np.concatenate([xy, boundary])  # rewritten every frame
+        self._mesh = Mesh(n, b, f)
+        self._points = np.concatenate([xy, boundary, fence])  # rewritten every frame
         self._rest_area_px2 = np.empty(n)
         self._mesh.update(self._points, self._rest_area_px2)
         self._rest_area_px2.flags.writeable = False
@@ -57,9 +59,9 @@ class Tessellator:
         n = len(self._rest_img)
         all_seen = bool(tracks.seen.all())
         xy = tracks.xy_img if all_seen else self._lost.fill(tracks.xy_img, tracks.seen)
-        boundary = self._boundary(xy)
+        around = self._around(xy)
         self._points[:n] = xy
-        self._points[n:] = boundary
+        self._points[n:] = around
         area = np.empty(n)
         try:
             changes = self._mesh.update(self._points, area)
@@ -75,16 +77,16 @@ class Tessellator:
             rest_area_px2=self._rest_area_px2,
             xy_img=xy,
             triangles=self._triangles,
-            boundary_img=boundary,
+            boundary_img=around[: self._n_boundary],
         )
 
-    def _boundary(self, xy: Array) -> Array:
-        """(b, 2) px, the artificial points for pins at `xy`."""
+    def _around(self, xy: Array) -> Array:
+        """(b + f, 2) px, the artificial points and the fence for pins at `xy`."""
         motion = xy[self._rim] - self._rim_rest_img
         shift = motion[0].copy()  # taken out, so that a far origin costs no digits
         motion -= shift
         out: Array = self._carry @ motion
-        out += self._boundary_rest_img
+        out += self._around_rest_img
         out += shift
         return out
 
