@@ -4,12 +4,14 @@ The file is JSON, versioned, validated on load against the structures below, and
 calibration belongs to one tip: it holds the rest pins it was made with, and the tare must find them again.
 It holds models as data, never code:
 
-    Curve        y = piecewise linear in one input              the paper's displacement curve
-    Regression   y_o = sum_k weight_ok * prod_j input[term_kj]  several outputs from the same terms
+    Curve     y = piecewise linear in one real input            the paper's displacement curve
+    Moments   Y = sum_k weight_k * prod_j input[term_kj]        polynomial in complex inputs, complex weights;
+              one output is its real part, two outputs (x, y) are its real and imaginary part
 
 Rules
-- Inputs are named and dimensionless (`input_names`): lengths are divided by the tip's radius, areas by
-  its square, so that a weight does not depend on the camera's resolution.
+- Inputs are named and dimensionless: lengths are divided by the tip's radius, areas by its square, so that
+  a weight does not depend on the camera's resolution. A star behind a name means the complex conjugate.
+- Vectors are complex numbers x + i y: motion modes `c_ab` (`edge.features.modes`), place `p` on the disc.
 - A value outside of the range that the data supported is set to the range's end and named in `saturated`.
 - What the file has no model for is NaN: no raw number goes out in disguise.
 - An untouched tip reads zero: that is what the tare defines.
@@ -33,12 +35,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge.errors import CalibrationError
-from edge.types import Array, ContactRegion, Features, PinPattern, Pins, Reading, Rest
+from edge.types import Array, Complex, ContactRegion, Features, Mask, PinPattern, Pins, Reading, Rest
 
 FORMAT = "voronoi-touch-calibration"
 VERSION = 1
 MAX_BYTES = 8 << 20  # a 1000-pin tip with every model takes about 0.5 MB
-N_MODES = 10  # terms of a cubic polynomial in two variables
+MODES = tuple(f"c{a}{d - a}" for d in range(6) for a in range(d, -1, -1))  # as `edge.features.modes` has them
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Point = tuple[float, float]
@@ -59,18 +61,11 @@ UNTOUCHED: dict[str, float] = {
 #: Outputs of models that are evaluated once a contact, from the contact's own inputs.
 CONTACT_OUTPUTS = ("contact_x_mm", "contact_y_mm", "contact_depth_mm")
 
-_MODE = [f"{i}" for i in range(N_MODES)]
-#: Inputs made of a frame's features; the order is that of `frame_inputs`.
-FRAME_INPUTS: tuple[str, ...] = (
-    "volume",
-    "shear_x",
-    "shear_y",
-    *(f"mx{k}" for k in _MODE),
-    *(f"my{k}" for k in _MODE),
-    *(f"a{k}" for k in _MODE),
-)
+#: Inputs made of a frame's features; the order is that of `frame_inputs`. `volume` is real, `shear` the
+#: plain mean of the pins' motion, `c_ab` the modes of motion.
+FRAME_INPUTS: tuple[str, ...] = ("volume", "shear", *MODES)
 #: Inputs made of one contact: place on the tip's unit disc, height of the maximum.
-CONTACT_INPUTS: tuple[str, ...] = ("u", "v", "peak")
+CONTACT_INPUTS: tuple[str, ...] = ("p", "peak")
 
 
 class Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="curve"):
@@ -82,22 +77,23 @@ class Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="curve"
     sigma: Positive
 
 
-class Regression(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="regression"):
-    """A polynomial regression of several outputs on the same terms.
+class Moments(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="moments"):
+    """A polynomial in complex inputs: one output (real part) or two (real and imaginary part).
 
     terms     each a list of input names, multiplied; [] is the constant
-    weights   one row an output, one column a term
+    weights   one (real, imaginary) pair a term
     valid     [low, high] of each output in the data it was fitted to
-    sigma     residual of each output on held-out frames
-    leverage  (r, n_terms) factor L with variance = sigma^2 (1 + |L psi|^2); empty: none known
+    sigma     of each output, from held-out frames
+    spread    how the sigma widens away from the data: rows (real, imaginary) of a factor L over the terms,
+              variance = sigma^2 (1 + |L psi|^2); empty: not known
     """
 
     outputs: list[str]
     terms: list[list[str]]
-    weights: list[list[float]]
+    weights: list[Point]
     valid: list[Point]
     sigma: list[Positive]
-    leverage: list[list[float]] = []
+    spread: list[list[Point]] = []
 
 
 class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -131,108 +127,129 @@ class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     version: int
     sensor: Sensor
     mm_per_px: Positive
-    models: list[Curve | Regression]
+    models: list[Curve | Moments]
     data: Data
 
 
-def frame_inputs(features: Features, tip_radius_px: float) -> Array:
+def frame_inputs(features: Features, tip_radius_px: float) -> Complex:
     """The inputs `FRAME_INPUTS` of one frame, NaN where a feature was not computed.
 
-    Returns  (33,) float64, dimensionless
+    Returns  (23,) complex128, dimensionless
     """
-    z = np.full(len(FRAME_INPUTS), np.nan)
+    z = np.full(len(FRAME_INPUTS), np.nan, dtype=np.complex128)
     r = tip_radius_px
     if features.volume_px2 is not None:
         z[0] = features.volume_px2 / (math.pi * r * r)
     if features.shear_px is not None:
-        z[1:3] = features.shear_px / r
+        z[1] = complex(*features.shear_px) / r
     if features.modes_px is not None:
-        z[3 : 3 + 2 * N_MODES] = features.modes_px.ravel() / r
-    if features.area_modes is not None:
-        z[3 + 2 * N_MODES :] = features.area_modes
+        z[2:] = features.modes_px / r
     return z
 
 
-def contact_inputs(contact: ContactRegion, centre_img: Array, tip_radius_px: float) -> Array:
+def contact_inputs(contact: ContactRegion, centre_img: Array, tip_radius_px: float) -> Complex:
     """The inputs `CONTACT_INPUTS` of one contact.
 
-    Returns  (3,) float64, dimensionless
+    Returns  (2,) complex128, dimensionless
     """
     u, v = (contact.xy_img - centre_img) / tip_radius_px
-    return np.array([u, v, contact.peak])
+    return np.array([complex(u, v), contact.peak])
 
 
-class _Compiled:
-    """A model ready to run: names resolved to columns, lists to arrays."""
+class _Curve:
+    """A curve ready to run."""
 
-    def __init__(self, model: Curve | Regression, inputs: Sequence[str], where: str) -> None:
-        self.outputs: tuple[str, ...]
-        if isinstance(model, Curve):
-            self.outputs = (model.output,)
-            self._column = _columns([[model.input]], inputs, where)[0, 0]
-            knots = np.array(model.knots, dtype=np.float64).reshape(-1, 2)
-            if len(knots) < 2 or not np.all(np.isfinite(knots)):
-                raise CalibrationError(f"{where}.knots: at least two finite points are needed")
-            if np.any(np.diff(knots[:, 0]) <= 0):
-                raise CalibrationError(f"{where}.knots: inputs must increase from knot to knot")
-            slopes = np.diff(knots[:, 1])
-            if np.any(slopes < 0) and np.any(slopes > 0):
-                raise CalibrationError(f"{where}.knots: outputs must rise or fall all the way (monotone)")
-            self._x, self._y = knots[:, 0].copy(), knots[:, 1].copy()
-            self.sigma = np.array([model.sigma])
-            self._psi = None
-            return
-        self.outputs = tuple(model.outputs)
+    def __init__(self, model: Curve, inputs: Sequence[str], where: str) -> None:
+        self.outputs: tuple[str, ...] = (model.output,)
+        self._column = int(term_columns([[model.input]], inputs, where)[0, 0])
+        knots = np.array(model.knots, dtype=np.float64).reshape(-1, 2)
+        if len(knots) < 2 or not np.all(np.isfinite(knots)):
+            raise CalibrationError(f"{where}.knots: at least two finite points are needed")
+        if np.any(np.diff(knots[:, 0]) <= 0):
+            raise CalibrationError(f"{where}.knots: inputs must increase from knot to knot")
+        slopes = np.diff(knots[:, 1])
+        if np.any(slopes < 0) and np.any(slopes > 0):
+            raise CalibrationError(f"{where}.knots: outputs must rise or fall all the way (monotone)")
+        self._x, self._y = knots[:, 0].copy(), knots[:, 1].copy()
+        self.sigma = np.array([model.sigma])
+
+    def run(self, z: Complex) -> tuple[Array, Array, Mask]:
+        """Value, sigma, and whether the input lies outside of the calibrated range."""
+        x = float(z[self._column].real)
+        outside = np.array([not self._x[0] <= x <= self._x[-1]])
+        return np.interp([x], self._x, self._y), self.sigma, outside
+
+
+class _Moments:
+    """A polynomial ready to run."""
+
+    def __init__(self, model: Moments, inputs: Sequence[str], where: str) -> None:
+        self.outputs: tuple[str, ...] = tuple(model.outputs)
         n_out, n_terms = len(model.outputs), len(model.terms)
-        self._psi = _columns(model.terms, inputs, where)
-        self._weights = _matrix(model.weights, (n_out, n_terms), f"{where}.weights")
-        valid = _matrix([list(v) for v in model.valid], (n_out, 2), f"{where}.valid")
-        if np.any(valid[:, 0] > valid[:, 1]):
-            raise CalibrationError(f"{where}.valid: each range must be [low, high]")
-        self._low, self._high = valid[:, 0], valid[:, 1]
-        self.sigma = _matrix([model.sigma], (1, n_out), f"{where}.sigma")[0]
-        self._leverage = (
-            _matrix(model.leverage, (len(model.leverage), n_terms), f"{where}.leverage")
-            if model.leverage
-            else None
-        )
+        if n_out not in (1, 2):
+            raise CalibrationError(f"{where}.outputs: one name, or two for x and y")
+        self._terms = term_columns(model.terms, inputs, where)
+        self._weights = _complex_rows([model.weights], n_terms, f"{where}.weights")[0]
+        valid = np.array(model.valid, dtype=np.float64).reshape(-1, 2)
+        if len(valid) != n_out or not np.all(valid[:, 0] <= valid[:, 1]):
+            raise CalibrationError(
+                f"{where}.valid: one range [low, high] for each of {n_out} outputs is needed"
+            )
+        if len(model.sigma) != n_out:
+            raise CalibrationError(f"{where}.sigma: one for each of {n_out} outputs is needed")
+        self._low, self._high = valid.T.copy()
+        self.sigma = np.array(model.sigma)
+        self._spread = _complex_rows(model.spread, n_terms, f"{where}.spread") if model.spread else None
 
-    def run(self, z: Array) -> tuple[Array, Array, Array]:
-        """Values, sigmas and whether each lies outside of the calibrated range."""
-        if self._psi is None:
-            x = z[self._column]
-            outside = np.array([not self._x[0] <= x <= self._x[-1]])
-            return np.interp([x], self._x, self._y), self.sigma, outside
-        psi = np.append(z, 1.0)[self._psi].prod(axis=1)
+    def run(self, z: Complex) -> tuple[Array, Array, Mask]:
+        """Values, sigmas, and whether each lies outside of the calibrated range."""
+        psi = evaluate_terms(z[None, :], self._terms)[0]
         y = self._weights @ psi
+        values = np.array([y.real, y.imag])[: len(self.outputs)]
         sigma = self.sigma
-        if self._leverage is not None:
-            spread = self._leverage @ psi
-            sigma = sigma * math.sqrt(1.0 + float(spread @ spread))
-        outside = (y < self._low) | (y > self._high)
-        return np.clip(y, self._low, self._high), sigma, outside
+        if self._spread is not None:
+            away = self._spread @ psi
+            sigma = sigma * math.sqrt(1.0 + float(np.vdot(away, away).real))
+        outside = (values < self._low) | (values > self._high)
+        return np.clip(values, self._low, self._high), sigma, outside
 
 
-def _columns(terms: list[list[str]], inputs: Sequence[str], where: str) -> NDArray[np.intp]:
-    """Terms as columns of the input vector; the column behind the last is the constant 1."""
-    order = {name: i for i, name in enumerate(inputs)}
-    width = max([1, *map(len, terms)])
-    table = np.full((len(terms), width), len(inputs), dtype=np.intp)
-    for row, term in enumerate(terms):
-        for col, name in enumerate(term):
+def term_columns(terms: list[list[str]], inputs: Sequence[str], where: str) -> NDArray[np.intp]:
+    """Terms as columns of the row (inputs, conjugates of inputs, 1), padded with the 1's column.
+
+    Returns  (n_terms, longest term) intp
+    """
+    names = (*inputs, *(f"{name}*" for name in inputs))
+    order = {name: i for i, name in enumerate(names)}
+    table = np.full((len(terms), max([1, *map(len, terms)])), len(names), dtype=np.intp)
+    for row, term in zip(table, terms, strict=True):
+        for i, name in enumerate(term):
             if name not in order:
                 raise CalibrationError(f"{where}: unknown input '{name}'; known: {', '.join(inputs)}")
-            table[row, col] = order[name]
+            row[i] = order[name]
     return table
 
 
-def _matrix(rows: list[list[float]], shape: tuple[int, int], where: str) -> Array:
-    if len(rows) != shape[0] or any(len(row) != shape[1] for row in rows):
-        raise CalibrationError(f"{where}: {shape[0]} rows of {shape[1]} numbers are needed")
-    matrix = np.array(rows, dtype=np.float64).reshape(shape)
+def evaluate_terms(z: Complex, terms: NDArray[np.intp]) -> Complex:
+    """Products of inputs.
+
+    z        (n, k) complex128, one row a frame
+    terms    from `term_columns`
+    Returns  (n, n_terms) complex128
+    """
+    row = np.hstack([z, z.conj(), np.ones((len(z), 1))])
+    result: Complex = row[:, terms].prod(axis=2)
+    return result
+
+
+def _complex_rows(rows: list[list[Point]], width: int, where: str) -> Complex:
+    if any(len(row) != width for row in rows):
+        raise CalibrationError(f"{where}: a pair of numbers for each of {width} terms is needed")
+    matrix = np.array(rows, dtype=np.float64).reshape(len(rows), width, 2)
     if not np.all(np.isfinite(matrix)):
         raise CalibrationError(f"{where}: every number must be finite")
-    return matrix
+    result: Complex = matrix.view(np.complex128)[..., 0]
+    return result
 
 
 class Calibration:
@@ -255,8 +272,8 @@ class Calibration:
         self.content_id = int.from_bytes(hashlib.sha256(msgspec.json.encode(content)).digest()[:4], "little")
         self.mm_per_px = content.mm_per_px
         self.rest = _rest(content.sensor, f"{where}: sensor")
-        self._frame: list[_Compiled] = []
-        self._contact: list[_Compiled] = []
+        self._frame: list[_Curve | _Moments] = []
+        self._contact: list[_Curve | _Moments] = []
         seen: set[str] = set()
         for i, model in enumerate(content.models):
             at = f"{where}: models[{i}]"
@@ -270,7 +287,8 @@ class Calibration:
                     raise CalibrationError(f"{at}: a second model for '{name}'")
                 seen.add(name)
             inputs = CONTACT_INPUTS if per_contact else FRAME_INPUTS
-            (self._contact if per_contact else self._frame).append(_Compiled(model, inputs, at))
+            ready = _Curve(model, inputs, at) if isinstance(model, Curve) else _Moments(model, inputs, at)
+            (self._contact if per_contact else self._frame).append(ready)
         self.outputs = frozenset(seen)
 
     @classmethod

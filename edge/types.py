@@ -42,6 +42,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 Index = NDArray[np.int32]
 Image = NDArray[np.uint8] | NDArray[np.uint16]

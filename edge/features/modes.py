@@ -23,13 +23,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edge.types import Array, Mask, Rest
+from edge.types import Array, Complex, Mask, Rest
 
 __all__ = ["DEGREE", "MODE_NAMES", "MODE_POWERS", "Modes"]
-
-Complex = NDArray[np.complex128]
 
 #: Highest degree; 5 is where depth and tilt on real recordings stop gaining.
 DEGREE = 5

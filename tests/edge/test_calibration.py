@@ -48,13 +48,13 @@ def content() -> dict[str, Any]:
                 "sigma": 0.02,
             },
             {
-                "type": "regression",
+                "type": "moments",
                 "outputs": ["shear_x_mm", "shear_y_mm"],
-                "terms": [[], ["shear_x"], ["shear_y"], ["shear_x", "volume"]],
-                "weights": [[0.1, 50.0, 0.0, 3.0], [0.0, 0.0, 50.0, 0.0]],
+                "terms": [[], ["shear"], ["shear*", "volume"]],
+                "weights": [[0.1, 0.0], [50.0, 0.0], [0.0, 3.0]],
                 "valid": [[-2.0, 2.0], [-2.0, 2.0]],
                 "sigma": [0.03, 0.04],
-                "leverage": [[0.0, 30.0, 0.0, 0.0]],
+                "spread": [[[0.0, 0.0], [30.0, 0.0], [0.0, 0.0]]],
             },
         ],
         "data": {"source": "test", "sha256": "", "n_frames": 0, "created": "2026-01-01"},
@@ -82,11 +82,11 @@ def test_values_follow_the_models() -> None:
     reading = parse(content()).apply(features(0.05, (4.0, -2.0)), PATTERN)
     assert reading.calibrated
     assert reading.values["displacement_mm"] == pytest.approx(1.0)
-    # shear_x = 0.1 + 50 * 4/200 + 3 * (4/200) * 0.05
-    assert reading.values["shear_x_mm"] == pytest.approx(0.1 + 1.0 + 3 * 0.02 * 0.05)
-    assert reading.values["shear_y_mm"] == pytest.approx(-0.5)
+    # 0.1 + 50 s + 3i conj(s) volume, with s = (4 - 2i)/200
+    assert reading.values["shear_x_mm"] == pytest.approx(0.1 + 1.0 - 3 * 0.01 * 0.05)
+    assert reading.values["shear_y_mm"] == pytest.approx(-0.5 + 3 * 0.02 * 0.05)
     assert reading.sigmas["displacement_mm"] == pytest.approx(0.02)
-    assert reading.sigmas["shear_x_mm"] == pytest.approx(0.03 * math.sqrt(1 + 0.6**2))
+    assert reading.sigmas["shear_x_mm"] == pytest.approx(0.03 * math.sqrt(1 + 900 * (0.02**2 + 0.01**2)))
     assert reading.saturated == frozenset()
 
 
@@ -159,7 +159,7 @@ def _damage(*path: str | int, value: Any) -> dict[str, Any]:
         (_damage("models", 0, "output", value="taste"), "unknown output 'taste'"),
         (_damage("models", 0, "knots", value=[[0, 0], [1, 2], [2, 1]]), "monotone"),
         (_damage("models", 0, "knots", value=[[0, 0], [0, 1]]), "must increase"),
-        (_damage("models", 1, "weights", value=[[1.0]]), "2 rows of 4 numbers"),
+        (_damage("models", 1, "weights", value=[[1.0, 0.0]]), "a pair of numbers for each of 3 terms"),
         (_damage("models", 1, "outputs", value=["displacement_mm", "shear_y_mm"]), "second model for"),
         (_damage("models", 1, "valid", value=[[2, -2], [-2, 2]]), "[low, high]"),
         (_damage("models", 1, "sigma", value=[0.1, -0.1]), "sigma"),
