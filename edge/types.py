@@ -243,9 +243,8 @@ class Features:
     area_change     (n,) float64, (A - A_rest) / A_rest per pin; NaN where lost
     displacement_px (n, 2) float64, local shear: motion of each pin since rest; NaN where lost
     shear_px        (2,) float64, the paper's global shear: plain mean of the seen pins' motion
-    modes_px        (2, k) float64, coefficients of the motion field's vector polynomial on the unit
-                    disc of the tip; order of terms: `features.MODE_TERMS`
-    area_modes      (k,) float64, coefficients of the area change's polynomial, same terms
+    modes_px        (21,) complex128, coefficients of the motion field's polynomial on the unit disc of
+                    the tip; order of terms: `features.MODE_NAMES`
     volume_px2      float, integral of the compressed (positive) part of the surface over the tip
     surface         (g, g) float64, area change on a regular grid over the tip's circle; NaN outside
     grid_img        (g,) x and (g,) y of the grid, px
@@ -260,8 +259,7 @@ class Features:
     displacement_px: Array
     touched: bool
     shear_px: Array | None = None
-    modes_px: Array | None = None
-    area_modes: Array | None = None
+    modes_px: Complex | None = None
     volume_px2: float | None = None
     surface: Array | None = None
     grid_img: tuple[Array, Array] | None = None

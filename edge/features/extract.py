@@ -22,7 +22,8 @@ import numpy as np
 
 from edge.features.contacts import find_contacts
 from edge.features.gate import Gate
-from edge.features.motion import Modes, Slip, contact_pins, mean_motion, torsion
+from edge.features.modes import Modes
+from edge.features.motion import Slip, contact_pins, mean_motion, torsion
 from edge.features.surface import Surface
 from edge.types import Array, Cells, ContactRegion, Feature, Features, Rest, Tracks
 
@@ -34,7 +35,6 @@ class Quantity(Enum):
 
     SHEAR = auto()
     MODES = auto()
-    AREA_MODES = auto()
     VOLUME = auto()
     SURFACE = auto()
     CONTACTS = auto()
@@ -42,22 +42,22 @@ class Quantity(Enum):
     SLIP = auto()
 
 
-#: The calibrated outputs are regressions on modes, area modes and volume (`edge.calibration`).
-_LOAD = frozenset({Quantity.MODES, Quantity.AREA_MODES, Quantity.VOLUME})
+#: The calibrated outputs are polynomials in modes and volume (`edge.calibration`).
+_LOAD = frozenset({Quantity.MODES, Quantity.VOLUME})
 NEEDS: dict[Feature, frozenset[Quantity]] = {
     Feature.DISPLACEMENT: _LOAD,
     Feature.FORCE: _LOAD,
     Feature.PRESSURE: _LOAD | {Quantity.CONTACTS},
     Feature.CONTACT_AREA: _LOAD | {Quantity.CONTACTS},
     Feature.CONTACTS: frozenset({Quantity.CONTACTS}),
-    Feature.SHEAR: frozenset({Quantity.SHEAR, Quantity.MODES, Quantity.AREA_MODES}),
-    Feature.TORSION: frozenset({Quantity.TORSION, Quantity.MODES, Quantity.AREA_MODES}),
-    Feature.TILT: frozenset({Quantity.MODES, Quantity.AREA_MODES}),
+    Feature.SHEAR: frozenset({Quantity.SHEAR, Quantity.MODES}),
+    Feature.TORSION: frozenset({Quantity.TORSION, Quantity.MODES}),
+    Feature.TILT: frozenset({Quantity.MODES}),
     Feature.SLIP: frozenset({Quantity.SLIP}),
     Feature.ORIENTATION: frozenset({Quantity.CONTACTS}),
     Feature.SURFACE: frozenset({Quantity.SURFACE}),
 }
-_FROM_AREAS = frozenset({Quantity.AREA_MODES, Quantity.VOLUME, Quantity.SURFACE, Quantity.CONTACTS})
+_FROM_AREAS = frozenset({Quantity.VOLUME, Quantity.SURFACE, Quantity.CONTACTS})
 _FROM_GRID = frozenset({Quantity.VOLUME, Quantity.SURFACE, Quantity.CONTACTS})
 
 #: Contact threshold and the volume's threshold, in sigmas of one cell's noise.
@@ -106,8 +106,7 @@ class FeatureExtractor:
             change = cells.area_px2 * self._inverse_area - 1.0
             touched = self._gate.touched_by_area(change, tracks)
         shear = mean_motion(motion, seen) if Quantity.SHEAR in need else None
-        modes = self._modes.fit(motion, seen).T if Quantity.MODES in need else None
-        area_modes = self._modes.fit(change, np.isfinite(change)) if Quantity.AREA_MODES in need else None
+        modes = self._modes.fit(motion, seen) if Quantity.MODES in need else None
         if not touched:
             self._slip.forget()
             return Features(
@@ -116,7 +115,6 @@ class FeatureExtractor:
                 touched=False,
                 shear_px=shear,
                 modes_px=modes,
-                area_modes=area_modes,
                 volume_px2=0.0 if Quantity.VOLUME in need else None,
                 contacts=() if Quantity.CONTACTS in need else None,
                 torsion_rad=0.0 if Quantity.TORSION in need else None,
@@ -160,7 +158,6 @@ class FeatureExtractor:
             touched=True,
             shear_px=shear,
             modes_px=modes,
-            area_modes=area_modes,
             volume_px2=volume,
             surface=picture,
             grid_img=(self.surface.x_img, self.surface.y_img) if picture is not None else None,

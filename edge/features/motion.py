@@ -1,9 +1,4 @@
-"""What the pins' motion says: shear, polynomial modes, torsion, slip.
-
-Modes. The motion of the pins as a vector polynomial over the tip's unit disc, terms `MODE_TERMS`, made
-orthonormal over the rest pins (Gram-Schmidt in that order, mean square 1): well-conditioned, each
-coefficient keeps its meaning when higher terms are left out, and coefficient 0 is the plain mean, the
-paper's global shear. All pins seen: one constant matrix product; else a 10 x 10 solve over the seen ones.
+"""What the pins' motion says: shear, torsion, slip. (Polynomial modes: `modes`.)
 
 Torsion. The rotation that best carries the contact's rest pins onto the current ones (weighted Procrustes),
 exact for a rigid turn of any size and blind to translation and to uniform growth.
@@ -24,64 +19,7 @@ import numpy as np
 
 from edge.types import Array, Mask, Rest
 
-__all__ = ["MODE_TERMS", "Modes", "Slip", "SlipState", "contact_pins", "mean_motion", "torsion"]
-
-#: Powers (i, j) of x^i y^j, x and y on the unit disc.
-MODE_TERMS: tuple[tuple[int, int], ...] = (
-    (0, 0),
-    (1, 0),
-    (0, 1),
-    (2, 0),
-    (1, 1),
-    (0, 2),
-    (3, 0),
-    (2, 1),
-    (1, 2),
-    (0, 3),
-)  # fmt: skip
-
-
-class Modes:
-    """The polynomial basis of one tip.
-
-    basis  (n, 10) float64; columns orthonormal in the mean over the rest pins. A term that the layout
-           cannot tell from those before it (fewer pins than terms, all on few lines) is a zero column.
-    """
-
-    def __init__(self, rest: Rest) -> None:
-        xy = (rest.xy_img - rest.pattern.centre_img) / rest.pattern.tip_radius_px
-        monomials = np.column_stack([xy[:, 0] ** i * xy[:, 1] ** j for i, j in MODE_TERMS])
-        n, k = monomials.shape
-        basis = np.zeros((n, k))
-        for column in range(k):
-            v = monomials[:, column].copy()
-            size = float(np.linalg.norm(v))
-            for _ in range(2):  # twice is enough (Giraud et al. 2005)
-                v -= basis[:, :column] @ (basis[:, :column].T @ v) / n
-            left = float(np.linalg.norm(v))
-            if left > 1e-6 * size:
-                basis[:, column] = v * (math.sqrt(n) / left)
-        self.basis = basis
-        self._project = np.ascontiguousarray(basis.T) / n
-        self._gram = basis.T @ basis
-
-    def fit(self, values: Array, seen: Mask) -> Array:
-        """Coefficients of the seen pins' values.
-
-        values   (n,) or (n, 2), finite where seen
-        Returns  (10,) or (10, 2), unit of the values
-        """
-        lost = np.flatnonzero(~seen)
-        if not len(lost):
-            return self._project @ values
-        value = values.copy()
-        value[lost] = 0.0
-        gone = self.basis[lost]
-        n = len(seen)
-        # A ridge of 1e-6 pins: nothing where the seen pins say something, zero where they do not.
-        gram = self._gram - gone.T @ gone + 1e-6 * n * np.eye(len(MODE_TERMS))
-        solved: Array = np.linalg.solve(gram, self.basis.T @ value)
-        return solved
+__all__ = ["Slip", "SlipState", "contact_pins", "mean_motion", "torsion"]
 
 
 def mean_motion(motion_px: Array, seen: Mask) -> Array:
