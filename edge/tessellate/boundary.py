@@ -80,8 +80,8 @@ def _exposed(middle: Array, half: Array) -> list[tuple[float, float]]:
     start = np.mod(middle - half, 2 * np.pi)
     order = np.argsort(start)
     start, end = start[order], start[order] + 2 * half[order]
-    reach = np.maximum.accumulate(end)
-    reach = np.concatenate([[reach[-1] - 2 * np.pi], reach[:-1]])  # covered so far, once round
+    wrapped = end.max() - 2 * np.pi  # what the intervals before this turn cover of it
+    reach = np.maximum.accumulate(np.concatenate([[wrapped], end[:-1]]))
     return [(float(r), float(s - r)) for r, s in zip(reach, start, strict=True) if s - r > ARC_MIN]
 
 

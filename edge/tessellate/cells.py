@@ -13,6 +13,10 @@ from edge.types import Array, Cells, Index, Rest, Tracks
 
 __all__ = ["Tessellator", "cell_polygons"]
 
+# Cells that together are smaller than this share of their rest areas: the pins fell onto a line or a
+# point, and the boundary with them. Loads seen on real tips leave more than 0.8.
+COLLAPSED = 1e-6
+
 
 class Tessellator:
     """Cells of the pins of one tip; keeps the triangulation of the last frame.
@@ -40,6 +44,7 @@ class Tessellator:
         self._rest_area_px2 = np.empty(n)
         self._mesh.update(self._points, self._rest_area_px2)
         self._rest_area_px2.flags.writeable = False
+        self._collapsed_px2 = COLLAPSED * float(self._rest_area_px2.sum())
         self._changes = -1
         self._triangles: Index = np.empty((0, 3), dtype=np.int32)
 
@@ -67,6 +72,8 @@ class Tessellator:
             changes = self._mesh.update(self._points, area)
         except ValueError as error:
             raise DegenerateLayout(f"{n} pins, {tracks.n_seen} of them seen: {error}") from error
+        if area.sum() < self._collapsed_px2:
+            raise DegenerateLayout(f"{n} pins, {tracks.n_seen} of them seen: all on a line or at one place")
         if changes != self._changes:
             self._triangles = np.frombuffer(self._mesh.triangles(), dtype=np.int32).reshape(-1, 3)
             self._changes = changes
