@@ -72,7 +72,10 @@ class Tessellator:
             changes = self._mesh.update(self._points, area)
         except ValueError as error:
             raise DegenerateLayout(f"{n} pins, {tracks.n_seen} of them seen: {error}") from error
-        if area.sum() < self._collapsed_px2:
+        total_px2 = area.sum()
+        if np.isnan(total_px2):  # rare: a cell is not bounded
+            total_px2 = np.nansum(area)
+        if total_px2 < self._collapsed_px2:
             raise DegenerateLayout(f"{n} pins, {tracks.n_seen} of them seen: all on a line or at one place")
         if changes != self._changes:
             self._triangles = np.frombuffer(self._mesh.triangles(), dtype=np.int32).reshape(-1, 3)
