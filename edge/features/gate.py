@@ -24,7 +24,7 @@ from edge.types import Array, Index, Rest, Tracks
 CELL_NOISE = 0.83
 MEAN_NOISE = 0.33
 #: 331 pins at 240 frames/s: one false touch in some 20 hours of Gaussian noise at 6 sigma.
-ON, OFF = 6.0, 4.0
+ON, OFF = 6.0, 5.0
 #: Learnt noise may leave the predicted one by this factor up and down.
 TRUST = 3.0
 #: Weight of one untouched frame in the learnt noise: 64 frames, a quarter of a second at 240 frames/s.

@@ -99,6 +99,7 @@ class Surface:
     size           g, points of the grid along x and y
     x_img, y_img   (g,) px: places of the grid's columns and rows
     step_px        distance of neighbouring grid points
+    rest_img       (n, 2) px, the pins at rest
     inside         (g, g) bool: within the tip's circle; "the k points" are these, row by row
     points_img     (k, 2) px
     stretch_noise  (k,) float32, noise of `stretch` per px of a pin's
@@ -112,6 +113,7 @@ class Surface:
             size = min(max(wanted, GRID_MIN), GRID_MAX)
         self.size = size
         self.pitch_px = pattern.pitch_px
+        self.rest_img = rest.xy_img
         line = np.linspace(-radius, radius, size)
         self.step_px = float(line[1] - line[0])
         self.x_img, self.y_img = line + pattern.centre_img[0], line + pattern.centre_img[1]
