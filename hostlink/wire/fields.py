@@ -138,7 +138,8 @@ def _contact(i: int) -> tuple[Field, ...]:
 LAYOUT: Final = (
     _F("sample", "H", 0, "", 0, 0xFFFF, 16,
        "sample number; counts up by one with every measurement, wraps to 0",
-       "a gap is a loss, whatever the reason; 16 bits are 4.5 minutes at 240 Hz"),
+       "ties state, detail and classic parts together; 16 bits are 4.5 minutes at 240 Hz. Loss is where it "
+       "and the E2E counter jump; with a divider only it does"),
     _F("status", "H", 0, "", 0, 0xFFFF, 16, "status bits, see the table of status bits",
        "one look tells a controller whether to trust the sample"),
     _F("capture_time_us", "I", 0, "us", 0, 0xFFFF_FFFF, 32,

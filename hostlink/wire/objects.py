@@ -20,8 +20,20 @@ from typing import Final
 from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.fields import SCHEMA_HASH, VERSION
 
-__all__ = ["ABORTS", "FEATURE_BITS", "OBJECTS", "Abort", "Object", "object_at", "object_named"]
-__all__ += ["pack_value", "unpack_value"]
+__all__ = [
+    "ABORTS",
+    "FEATURE_BITS",
+    "GROUPS",
+    "OBJECTS",
+    "TYPES",
+    "Abort",
+    "Object",
+    "Value",
+    "object_at",
+    "object_named",
+    "pack_value",
+    "unpack_value",
+]
 
 Value = int | float | str | bytes
 
@@ -215,6 +227,18 @@ OBJECTS: Final = (
     _O(0x2040, 8, "latency_p99_us", "unsigned32", "ro", 0, "us", "capture to sending, 99th percentile"),
     _O(0x2040, 9, "detail_dropped_n", "unsigned32", "ro", 0, "", "detail frames that gave way to samples"),
 )  # fmt: skip
+
+# Indexes with sub-indexes: name, CiA 301 object code (8 array, 9 record). All others are one variable.
+GROUPS: Final = {
+    0x1003: ("error_history", 8),
+    0x1018: ("identity", 9),
+    0x1200: ("sdo_server", 9),
+    **{0x1800 + i: (f"tpdo{i + 1}_communication", 9) for i in range(4)},
+    **{0x1A00 + i: (f"tpdo{i + 1}_mapping", 9) for i in range(4)},
+    0x2000: ("info", 9),
+    0x2020: ("settings", 9),
+    0x2040: ("statistics", 9),
+}
 
 _AT: Final = {(o.index, o.sub): o for o in OBJECTS}
 _NAMED: Final = {o.name: o for o in OBJECTS}

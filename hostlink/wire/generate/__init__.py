@@ -1,0 +1,39 @@
+"""Files for other people's tools, written from the tables of `hostlink.wire`.
+
+    python -m hostlink.wire.generate [--check] [--node N] [--out FOLDER]
+
+    dbc   DBC of the FD and of the classic frames      eds   CANopen electronic data sheet
+    c     C99 codec (cantools, from the DBC) and E2E   doc   WIRE.md
+
+Needs cantools for the C codec (extra `dev`); the rest is standard library. Nothing else imports this.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from hostlink.wire.generate import c, dbc, doc, eds
+
+__all__ = ["ROOT", "generate"]
+
+ROOT: Final = Path(__file__).resolve().parents[2]  # of the package `hostlink`
+
+
+def generate(node: int = 1) -> dict[str, str]:
+    """Every generated file: path relative to `hostlink` -> text.
+
+    node  node id that DBC identifiers are for
+    Raises ImportError: cantools is not installed
+    """
+    fd, classic = dbc.fd(node), dbc.classic(node)
+    return {
+        "dbc/voronoi_touch_fd.dbc": fd,
+        "dbc/voronoi_touch_classic.dbc": classic,
+        "eds/voronoi_touch.eds": eds.eds(),
+        **{f"c/{name}": text for name, text in c.codec("vt_fd", fd).items()},
+        **{f"c/{name}": text for name, text in c.codec("vt_classic", classic).items()},
+        "c/vt_e2e.h": c.e2e_header(),
+        "c/vt_e2e.c": c.e2e_source(),
+        "WIRE.md": doc.markdown(),
+    }

@@ -1,0 +1,364 @@
+"""WIRE.md: layout, fields, protection, identifiers, objects and faults, for who implements the other end."""
+# ruff: noqa: E501 - the document's own lines and rows stay whole
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from hostlink.wire.canid import CanIds
+from hostlink.wire.fields import (
+    CLASSIC_BITS,
+    DATA_ID,
+    DATA_ID_CLASSIC,
+    LAYOUT,
+    PARTS,
+    SCHEMA_HASH,
+    STATE_SIZE,
+    VERSION,
+    field_named,
+)
+from hostlink.wire.generate.dbc import Signal, classic_signals, state_signals
+from hostlink.wire.generate.residual import undetected_p5, undetected_p11
+from hostlink.wire.objects import ABORTS, OBJECTS
+from hostlink.wire.serial import BODY_MAX, CHUNK_MAX, Message
+from hostlink.wire.status import FAULTS, STATUS
+
+__all__ = ["markdown"]
+
+_WHY: Final = (
+    ("One frame of 64 bytes, not several", "it is the largest CAN FD frame: a sample is whole or not there, "
+     "and a controller never sees half of one"),
+    ("Fixed-point integers", "a controller without a floating-point unit reads them; the step is finer than "
+     "the sensor's noise, so nothing is lost"),
+    ("NaN is one raw value", "an invalid value cannot be mistaken for zero. The DBC names it `invalid`, and "
+     "the C codec's `_is_in_range` is false for it"),
+    ("Saturation", "a value that wraps reverses its sign; one at the range's end is wrong in size only, and a "
+     "status bit says so"),
+    ("CRC and counter first", "E2E profile 5 has them there, and the first four bytes never move, so that "
+     "every version can tell the version of every other"),
+    ("The data id is a hash of the tables", "a frame of another layout has a wrong CRC: it cannot be decoded by "
+     "accident, even when someone forgot to raise the version"),
+    ("Capture time, not sending time", "control needs the age of what was seen; the latency says the rest"),
+    ("Sample number beside the counter", "the counter tells losses on the link, the sample number survives "
+     "long gaps and joins state, detail stream and classic parts"),
+    ("Counter and sample number in every classic part", "with them no receiver ever joins two samples"),
+    ("Displacement and shear alone in part 1", "a grasp controller needs one 8-byte frame, the first of the "
+     "sample, and no reassembly"),
+    ("Classic pages only where a value is valid", "a bus of five fingers at 1 Mbit/s has no room for pages of "
+     "invalid values"),
+    ("A CRC-32 on serial lines only", "CAN's controllers check and repeat frames below ours; a bare line does "
+     "not"),
+    ("Little-endian", "as CANopen has it"),
+    ("No compression, no optional fields in the state frame", "a receive interrupt reads it with fixed "
+     "offsets"),
+)  # fmt: skip
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    lines += ["| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |" for row in rows]
+    return [*lines, ""]
+
+
+def _number(value: float) -> str:
+    return f"{value:.6g}"
+
+
+def _byte_map(signals: list[Signal], size: int, width: int = 8) -> list[str]:
+    """ASCII picture, `width` bytes a line; a name is cut where its cell is too narrow."""
+    owner = ["?"] * size
+    for s in signals:
+        for byte in range(s.start // 8, (s.start + s.bits + 7) // 8):
+            owner[byte] = s.name
+    cell = 11
+    rule = "      +" + "+".join("-" * cell for _ in range(width)) + "+"
+    lines = ["       " + " ".join(f"+{i}".center(cell) for i in range(width)), rule]
+    for row in range(0, size, width):
+        line, at = f"{row:5d} |", row
+        while at < min(row + width, size):
+            end = at
+            while end < min(row + width, size) and owner[end] == owner[at]:
+                end += 1
+            room = (end - at) * (cell + 1) - 1
+            begun = at > 0 and owner[at - 1] == owner[at]
+            line += ("" if begun else owner[at])[:room].center(room) + "|"
+            at = end
+        lines += [line, rule]
+    return ["```", *lines, "```", ""]
+
+
+def _bit_rows(signals: list[Signal]) -> list[Sequence[object]]:
+    return [
+        (s.mux[1:] if s.mux.startswith("m") else "", s.start, s.bits, f"`{s.name}`",
+         _number(s.scale) if s.nan is not None else "", s.unit, "" if s.nan is None else s.nan, s.meaning)
+        for s in signals
+    ]  # fmt: skip
+
+
+def _state() -> list[str]:
+    rows, at = [], 4
+    for f in LAYOUT:
+        kind = ("i" if f.signed else "u") + str(8 * f.size)
+        nan = "" if f.plain else f.raw_nan(8 * f.size)
+        span = f"{_number(f.low)} .. {_number(f.high)}" if not f.plain else f"0 .. {_number(f.high)}"
+        rows.append(
+            (
+                at,
+                f"`{f.name}`",
+                kind,
+                _number(f.scale) if f.scale else "",
+                f.unit,
+                span,
+                nan,
+                f.meaning,
+                f.why,
+            )
+        )
+        at += f.size
+    assert at == STATE_SIZE
+    return [
+        "## State frame",
+        "",
+        f"{STATE_SIZE} bytes, little-endian; on CAN FD under identifier 0x180 + node, on serial lines as type 0.",
+        "`value = raw * scale`; a raw value equal to `invalid` means not measured, not calibrated, not asked",
+        "for or not to be trusted. Frame of reference `tip`: mm, x right and y down in the camera's image,",
+        "origin on the tip's axis, z out of the skin.",
+        "",
+        *_byte_map(state_signals(), STATE_SIZE),
+        *_table(("byte", "field", "type", "scale", "unit", "range", "invalid", "meaning", "why"), rows),
+    ]
+
+
+def _classic() -> list[str]:
+    lines = [
+        "## Classic CAN",
+        "",
+        "The same sample in 4 to 12 messages of 8 bytes, in this order, on the identifiers of TPDO1..4. Part",
+        "1 alone is enough to control a grasp. TPDO3 and TPDO4 are multiplexed by `page`; pages that are not",
+        "sent hold invalid values only. `part_n` says how many messages the sample has.",
+        "",
+    ]
+    rows = [
+        (p.index, f"TPDO{p.tpdo}", "" if p.page is None else p.page, "always" if p.always else "if one is valid",
+         ", ".join(f"`{name}`" for name in p.fields), f"0x{DATA_ID_CLASSIC | p.index:03X}")
+        for p in PARTS
+    ]  # fmt: skip
+    lines += _table(("part", "on", "page", "sent", "fields", "data id"), rows)
+    lines += [
+        "A receiver joins parts of ascending index whose `counter` and `sample_low` agree, begins anew at",
+        "part 0 and delivers when `part_n` messages came. The two together repeat after 480 samples.",
+        "The full sample number is `sample_high << 5 | sample_low`. In standard receivers each page is a",
+        "protected message of its own, with the data id above.",
+        "",
+    ]
+    for tpdo in range(1, 5):
+        lines += [f"### TPDO{tpdo}", ""]
+        lines += _table(
+            ("page", "bit", "bits", "signal", "scale", "unit", "invalid", "meaning"),
+            _bit_rows(classic_signals(tpdo)),
+        )
+    return lines
+
+
+def _protection() -> list[str]:
+    p5, p11 = undetected_p5(), undetected_p11()
+    block = STATE_SIZE + 8  # type, CRC-32, COBS and the separators
+    damaged_hz = 921_600 / (10 * block) * (8 * block * 1e-6)
+    years = 1 / (damaged_hz * 2**-47 * 365 * 86400)
+    rows: list[Sequence[object]] = [
+        (flips, f"{p5[flips]:.3g}" if p5[flips] else "0", f"{p11[flips]:.3g}" if p11[flips] else "0")
+        for flips in p5
+    ]
+    rows.append(("5 and more, odd", "0", f"{2**-8:.3g}"))
+    rows.append(("6 and more, even; bursts > 16 (8)", f"{2**-15:.3g} (bursts: {2**-16:.3g})", f"{2**-8:.3g}"))
+    return [
+        "## Protection",
+        "",
+        "AUTOSAR E2E profile 5 on frames of 64 bytes and on all serial frames: CRC-16/CCITT-FALSE (polynomial",
+        "0x1021, start 0xFFFF) over bytes 2.. and then the data id, low byte first, which is not sent. Profile",
+        "11C on classic parts: CRC-8 (polynomial 0x1D) over the data id's low byte, a zero byte and bytes 1.. ;",
+        "the data id's upper nibble, the version, is sent.",
+        "",
+        *_table(
+            ("frame", "data id"),
+            [
+                ("state", f"0x{DATA_ID:04X}"),
+                *((f"serial type {m.value}, {m.name}", f"0x{DATA_ID + m & 0xFFFF:04X}") for m in Message),
+                ("classic part i", f"0x{DATA_ID_CLASSIC:03X} + i"),
+            ],
+        ),
+        "### Residual error probability",
+        "",
+        "Share of patterns of flipped bits, anywhere in the frame, that the E2E CRC alone lets pass. One to four",
+        "flips are counted exactly: a CRC is linear, so a pattern passes when the syndromes of its bits cancel,",
+        "and pairs of equal sum count the quadruples. Above, the share is that of a random CRC; the polynomial",
+        "0x11021 has the factor x + 1, so that every odd number of flips is found.",
+        "",
+        *_table(("flipped bits", "64 bytes, profile 5", "8 bytes, profile 11C"), rows),
+        "So the CRC-16 alone would let one in about 33000 of the frames with 4, 6 or 8 flips pass, and the CRC-8",
+        "alone one in 200 to 260 of the parts with 3 and more. Neither ever stands alone:",
+        "",
+        "- *CAN* adds the controllers' CRC-15 (classic), CRC-17 or CRC-21 (FD, with counted stuff bits), bit",
+        "  monitoring and repetition. Of damaged frames at most 4.7e-11 (Bosch, CAN Specification 2.0) reach the",
+        "  software. E2E is there for what CAN cannot see: memory, drivers, gateways, another sender on the same",
+        f"  identifier. With both, an undetected error has 4.7e-11 * {2**-15:.2g} = {4.7e-11 * 2**-15:.1g} of the",
+        f"  rate of damaged frames, in classic parts 4.7e-11 * {p11[3]:.2g} = {4.7e-11 * p11[3]:.1g}.",
+        "- *Serial* adds a CRC-32 over type and payload. Its polynomial finds all patterns of up to 4 flips at",
+        "  this length (Koopman, DSN 2002). For what is left: 2^-32 * 2^-15 =",
+        f"  {2**-47:.1g} of the damaged frames. A 921600 baud line with a bit error rate of 1e-6, full of state",
+        f"  frames, has {damaged_hz:.1g} damaged frames a second: an undetected one in {years:.0e} years.",
+        "",
+        "The counter finds what a CRC cannot, as the frame itself is intact: loss, repetition, insertion, wrong",
+        "order. A stale frame passes only if its 8-bit counter and its 16-bit sample number both look new: after",
+        "32768 samples (2.3 minutes at 240 Hz) of delay. A frame of another type, part or version must have the",
+        "right CRC by chance: 2^-16, or 2^-8 in classic parts (of the same node: identifiers differ).",
+        "",
+        "### Another version",
+        "",
+        "A receiver tells it from noise so: for each frame with a wrong CRC there is exactly one data id that",
+        "would make it right. Noise implies another one each time; three frames that imply the same one, with",
+        "the same version byte, are another version (chance of noise: 2^-48). The error names both.",
+        "",
+    ]
+
+
+def _serial() -> list[str]:
+    return [
+        "## Serial lines",
+        "",
+        "```",
+        "0x00 | COBS( type 1 | payload | CRC-32 4 ) | 0x00",
+        "payload = CRC-16 2 | counter 1 | version 1 | body          (type 0, 1: the CAN FD frame as it is)",
+        "```",
+        "",
+        f"Bodies of at most {BODY_MAX} bytes. CRC-32 as in zlib, over type and payload, little-endian.",
+        "",
+        *_table(
+            ("type", "name", "direction", "body"),
+            [
+                (0, "STATE", "to host", "as above"),
+                (1, "DETAIL", "to host", "as below"),
+                (2, "REQUEST", "to node", "op 1 (1 read, 2 write), index 2, sub 1, offset 4, total 4, data"),
+                (3, "REPLY", "to host", "index 2, sub 1, abort 4, offset 4, total 4, data; counter as the request's"),
+                (4, "HEARTBEAT", "to host", "NMT state 1"),
+                (5, "EMERGENCY", "to host", "as on CAN"),
+                (6, "NMT", "to node", "NMT command 1: 1 start, 2 stop, 128 pre-operational, 129 reset node, 130 "
+                 "reset communication"),
+                (7, "SYNC", "to node", "empty"),
+            ],
+        ),
+        f"Objects longer than {CHUNK_MAX} bytes go in segments by offset; a write takes effect with its last one,",
+        "when offset + length = total. Every request may be repeated.",
+        "",
+    ]  # fmt: skip
+
+
+def _detail() -> list[str]:
+    return [
+        "## Detail stream",
+        "",
+        "Every pin's displacement and relative area change; off by default (object `detail_divider`). Segments",
+        "of 64 bytes with 12 pins each, on CAN FD under 0x480 + node, on serial lines as type 1:",
+        "",
+        "```",
+        "0        2      3       4        6         7           8      10                          64",
+        "+--------+------+-------+--------+---------+-----------+------+---------------------------+",
+        "| CRC-16 | cntr | versn | sample | segment | segment_n | pins | 12 x (dx 14, dy 14, da 8) |",
+        "+--------+------+-------+--------+---------+-----------+------+---------------------------+",
+        "```",
+        "",
+        "dx, dy in steps of 0.02 px, da in steps of 0.01; the most negative value is a lost pin. Segment k holds",
+        "pins 12 k and on. The counter counts segments. It yields to the state frames whenever the bus is short.",
+        "",
+    ]
+
+
+def _canopen() -> list[str]:
+    ids = CanIds()
+    objects = [
+        (f"0x{o.index:04X}", o.sub, f"`{o.name}`", o.type, o.access + (", stored" if o.stored else ""),
+         "" if o.default is None else (f"0x{o.default:X} + node" if o.node_id and isinstance(o.default, int) else o.default), o.unit, o.meaning)
+        for o in OBJECTS
+    ]  # fmt: skip
+    return [
+        "## Identifiers",
+        "",
+        "CiA 301's, all bases can be moved in the configuration of both ends.",
+        "",
+        *_table(
+            ("identifier", "what"),
+            [
+                (f"0x{ids.nmt:03X}", "NMT commands, accepted"),
+                (
+                    f"0x{ids.sync:03X}",
+                    "SYNC, accepted: latches a sample where `tpdo1_transmission` is 1..240",
+                ),
+                (f"0x{ids.emergency:03X} + node", "EMCY"),
+                (f"0x{ids.tpdo1:03X} + node", "state frame (FD) or part 1 (classic)"),
+                (f"0x{ids.tpdo2:03X} + node", "part 2 (classic)"),
+                (f"0x{ids.tpdo3:03X} + node", "parts on TPDO3 (classic)"),
+                (f"0x{ids.tpdo4:03X} + node", "detail stream (FD) or parts on TPDO4 (classic)"),
+                (f"0x{ids.sdo_response:03X} + node", "SDO, node to host"),
+                (f"0x{ids.sdo_request:03X} + node", "SDO, host to node"),
+                (f"0x{ids.heartbeat:03X} + node", "heartbeat"),
+            ],
+        ),
+        "EMCY: bytes 0..1 code, 2 error register, 3 fault (table below), 4..5 status bits, 6..7 zero.",
+        "",
+        "## Objects",
+        "",
+        "Over SDO and over serial requests alike.",
+        "",
+        *_table(("index", "sub", "name", "type", "access", "default", "unit", "meaning"), objects),
+        "Abort codes:",
+        "",
+        *_table(("code", "meaning"), [(f"0x{code:08X}", text) for code, text in ABORTS.items()]),
+    ]
+
+
+def _faults() -> list[str]:
+    return [
+        "## Status bits",
+        "",
+        *_table(
+            ("bit", "name", "meaning", "advice"),
+            [(s.bit.value.bit_length() - 1, s.bit.name, s.meaning, s.advice) for s in STATUS],
+        ),
+        "## Faults",
+        "",
+        "A fault sets its bit while it lasts, sends EMCY when it appears, and EMCY 0 when all are gone.",
+        "",
+        *_table(
+            ("fault", "name", "status bit", "EMCY", "register", "meaning", "the host sees", "clears"),
+            [
+                (f.code.value, f.code.name, f.status.name, f"0x{f.emcy:04X}", f"0x{f.register:02X}", f.meaning,
+                 f.host_sees, f.clears)
+                for f in FAULTS
+            ],
+        ),
+    ]  # fmt: skip
+
+
+def markdown() -> str:
+    """The whole document."""
+    assert all(name in CLASSIC_BITS or field_named(name) for p in PARTS for name in p.fields)
+    lines = [
+        "# The wire",
+        "",
+        "Generated from `hostlink/wire` by `make generate`; do not edit.",
+        "",
+        f"Version {VERSION}, schema 0x{SCHEMA_HASH:08X}. Files for tools: `dbc/`, `eds/`, `c/`.",
+        "",
+        *_state(),
+        *_classic(),
+        *_serial(),
+        *_detail(),
+        *_protection(),
+        *_canopen(),
+        *_faults(),
+        "## Why?",
+        "",
+        *_table(("decision", "why"), _WHY),
+    ]
+    return "\n".join(lines).rstrip() + "\n"
