@@ -54,6 +54,12 @@ typedef struct {
     double sd, stx, sty, s1, su, sv, s2; /* sums over the support: I d, I tx, I ty, I, I u, I v, I^2 */
 } Sums;
 
+INLINE double pixel(const Picture *p, Py_ssize_t x, Py_ssize_t y)
+{
+    const unsigned char *row = p->data + y * p->row_bytes;
+    return p->bytes == 1 ? row[x] : ((const unsigned short *)row)[x];
+}
+
 INLINE float sum_of(lanes a)
 {
     float s = 0;
@@ -61,18 +67,17 @@ INLINE float sum_of(lanes a)
     return s;
 }
 
-/* Pixels of the window round (cx, cy) as floats less `level`; the image's border is repeated outside. */
-INLINE void take_window(const Picture *p, int cx, int cy, const Kind *k, float level, float *window)
+/* Pixels of the window round (cx, cy) as floats less `level`, zero outside of the image; 1 if all are in it. */
+INLINE int take_window(const Picture *p, int cx, int cy, const Kind *k, float level, float *window)
 {
     const int size = 2 * k->half + 1;
     const int x0 = cx - k->half, y0 = cy - k->half;
     const int inside = x0 >= 0 && y0 >= 0 && x0 + k->stride <= p->columns && y0 + size <= p->rows;
     for (int j = 0; j < size; j++) {
         float *to = window + j * k->stride;
-        Py_ssize_t y = y0 + j;
-        y = y < 0 ? 0 : (y >= p->rows ? p->rows - 1 : y);
-        const unsigned char *row = p->data + y * p->row_bytes;
+        const Py_ssize_t y = y0 + j;
         if (inside) {
+            const unsigned char *row = p->data + y * p->row_bytes;
             if (p->bytes == 1) {
                 const unsigned char *from = row + x0;
                 for (int i = 0; i < k->stride; i++) to[i] = (float)from[i] - level;
@@ -82,12 +87,12 @@ INLINE void take_window(const Picture *p, int cx, int cy, const Kind *k, float l
             }
         } else {
             for (int i = 0; i < k->stride; i++) {
-                Py_ssize_t x = x0 + i;
-                x = x < 0 ? 0 : (x >= p->columns ? p->columns - 1 : x);
-                to[i] = (float)(p->bytes == 1 ? row[x] : ((const unsigned short *)row)[x]) - level;
+                const Py_ssize_t x = x0 + i;
+                to[i] = y < 0 || y >= p->rows || x < 0 || x >= p->columns ? 0.0f : (float)pixel(p, x, y) - level;
             }
         }
     }
+    return inside || (x0 >= 0 && y0 >= 0 && x0 + size <= p->columns && y0 + size <= p->rows);
 }
 
 /* All sums of one window in one pass. `t` holds support, d, tx, ty of one phase, one after the other. */
@@ -137,6 +142,70 @@ INLINE int phase_of(double fraction) /* of (-0.5, 0.5] */
     return p < 0 ? 0 : (p >= PHASES ? PHASES - 1 : p);
 }
 
+/* A pin that the image's border cuts: the same fit over the pixels there are, of 1, d, tx, ty alone. `ex`, `ey`
+ * are the step from the phase's centre. 0 where less than a third of the pin's variation is in view. */
+static int fit_cut(const Picture *p, const float *window, const float *t, const Kind *k, int cx, int cy,
+                   const double *norms, Answer *out, double *ex, double *ey)
+{
+    enum { SIZE = 4 };
+    double m[SIZE][SIZE + 1] = {{0}}, energy = 0, sum = 0, seen = 0, inverse_trace = 0;
+    const int size = 2 * k->half + 1;
+    const Py_ssize_t plane = (Py_ssize_t)size * k->stride;
+    for (int j = 0; j < size; j++) {
+        for (int i = 0; i < size; i++) {
+            const Py_ssize_t at = (Py_ssize_t)j * k->stride + i;
+            const int x = cx - k->half + i, y = cy - k->half + j;
+            if (t[at] == 0.0f || x < 0 || y < 0 || x >= p->columns || y >= p->rows) continue;
+            const double basis[SIZE] = {1, t[plane + at], t[2 * plane + at], t[3 * plane + at]};
+            for (int r = 0; r < SIZE; r++) {
+                for (int c = 0; c < SIZE; c++) m[r][c] += basis[r] * basis[c];
+                m[r][SIZE] += basis[r] * window[at];
+            }
+            energy += (double)window[at] * window[at];
+            seen++;
+        }
+    }
+    sum = m[0][SIZE];
+    if (m[1][1] < 0.3 * norms[1] || seen < 12) return 0;
+    energy -= sum * sum / seen;
+    double right[SIZE], solved[SIZE][SIZE];
+    for (int r = 0; r < SIZE; r++) right[r] = m[r][SIZE];
+    /* Gauss-Jordan on a small symmetric positive matrix: its inverse is wanted for sigma */
+    for (int r = 0; r < SIZE; r++)
+        for (int c = 0; c < SIZE; c++) solved[r][c] = r == c;
+    for (int r = 0; r < SIZE; r++) {
+        const double pivot = m[r][r];
+        if (!(pivot > 1e-9)) return 0;
+        for (int c = 0; c < SIZE; c++) {
+            m[r][c] /= pivot;
+            solved[r][c] /= pivot;
+        }
+        for (int o = 0; o < SIZE; o++) {
+            if (o == r) continue;
+            const double f = m[o][r];
+            for (int c = 0; c < SIZE; c++) {
+                m[o][c] -= f * m[r][c];
+                solved[o][c] -= f * solved[r][c];
+            }
+        }
+    }
+    double answer[SIZE] = {0}, explained = -sum * sum / seen;
+    for (int r = 0; r < SIZE; r++) {
+        for (int c = 0; c < SIZE; c++) answer[r] += solved[r][c] * right[c];
+        explained += answer[r] * right[r];
+    }
+    if (!(answer[1] > 0) || !(energy > 0)) return 0;
+    inverse_trace = 0.5 * (solved[2][2] + solved[3][3]);
+    const double rest = energy - explained;
+    const double variance = (rest > 0 ? rest : 0) / (seen - SIZE) + 1.0 / 12.0;
+    *ex = answer[2] / answer[1];
+    *ey = answer[3] / answer[1];
+    out->amplitude = answer[1];
+    out->sigma = sqrt(variance * inverse_trace) / answer[1];
+    out->fit = explained / energy;
+    return 1;
+}
+
 /* norms of one phase: 0 pixels in the support, 1 sum d^2, 2 sum tx^2, 3 sum ty^2, 4 sum tx u, 5 sum ty v,
  * 6 sum u^2, 7 sum v^2, where u and v are freed of 1 and d by taking off 8, 9 (their means) and 10, 11
  * (their share of d) */
@@ -150,22 +219,39 @@ INLINE Answer follow(const Picture *p, double x, double y, double reach, const K
     if (!isfinite(x) || !isfinite(y)) return a;
     int had_x = -1, had_y = -1;
     float level = 0;
+    int whole = 0;
     for (int turn = 0; turn < STEPS_MAX; turn++) {
         if (x < 0 || y < 0 || x > (double)(p->columns - 1) || y > (double)(p->rows - 1)) return a;
         const int cx = (int)lround(x), cy = (int)lround(y);
         const int px = phase_of(x - cx), py = phase_of(y - cy);
         if (cx != had_x || cy != had_y) {
-            const unsigned char *row = p->data + cy * p->row_bytes;
-            level = p->bytes == 1 ? row[cx] : ((const unsigned short *)row)[cx];
-            take_window(p, cx, cy, k, level, window);
+            level = (float)pixel(p, cx, cy);
+            whole = take_window(p, cx, cy, k, level, window);
             had_x = cx;
             had_y = cy;
         }
         const int phase = py * PHASES + px;
         const double *n = norms + (Py_ssize_t)phase * NORMS;
         const double ox = (px + 0.5) / PHASES - 0.5, oy = (py + 0.5) / PHASES - 0.5;
+        const float *t = templates + k->first + phase * k->step;
+        if (!whole) {
+            Answer cut;
+            double ex, ey;
+            if (!fit_cut(p, window, t, k, cx, cy, n, &cut, &ex, &ey)) return a;
+            const double far = hypot(ex, ey), shorten = far > step_max ? step_max / far : 1;
+            x = cx + ox + shorten * ex;
+            y = cy + oy + shorten * ey;
+            if (hypot(x - x0, y - y0) > reach) return a;
+            if (far < 0.75 / PHASES || turn == STEPS_MAX - 1) {
+                a = cut;
+                a.x = x;
+                a.y = y;
+                return a;
+            }
+            continue;
+        }
         Sums s;
-        correlate(window, templates + k->first + phase * k->step, k, &s);
+        correlate(window, t, k, &s);
         const double mean = s.s1 / n[0];
         const double amplitude = s.sd / n[1];
         const double su = s.su - n[8] * s.s1 - n[10] * s.sd, sv = s.sv - n[9] * s.s1 - n[11] * s.sd;
@@ -201,7 +287,9 @@ INLINE Answer follow(const Picture *p, double x, double y, double reach, const K
             a.y = y;
             a.amplitude = amplitude;
             a.sigma = sqrt(variance * spread) / amplitude;
-            a.fit = energy > 0 ? s.sd * amplitude / energy : 0;
+            /* what a slope of the surroundings explains is no evidence against the disc */
+            const double level_energy = energy - gx * su - gy * sv;
+            a.fit = level_energy > 0 ? s.sd * amplitude / level_energy : 0;
             return a;
         }
     }

@@ -177,8 +177,9 @@ def _settle(grey: Image, found: _blobs.Spots, radius_px: float, depth_min: float
         return found
     found = replace(found, radius_px=_blobs.measure_discs(grey, found)[0])
     good = _well_shaped(found)
-    pins, others = found[good], found[~good]
-    pins = pins[_pattern.belongs(pins)]
+    kept = np.flatnonzero(good)
+    kept = kept[_pattern.belongs(found[kept])]
+    pins, others = found[kept], found[np.setdiff1d(np.arange(len(found)), kept)]
     return _blobs.join([pins, others[_pattern.fills_gap(others, pins)]])
 
 
@@ -191,19 +192,14 @@ def _common_radius(spots: _blobs.Spots) -> float:
 
 
 def _centroids(grey: Image, spots: _blobs.Spots, pattern: PinPattern) -> Pins:
-    """The same estimator as in flight, started on the spots; where it finds none the spot itself stands."""
+    """The same estimator as in flight, started on the spots; what it finds no disc in is no pin."""
     n = len(spots)
     start = Pins(spots.xy_img, np.full(n, np.nan), spots.radius_px, spots.depth)
     if n == 0:
         return start
     found = Refiner(Rest(start, pattern)).refine(grey, spots.xy_img)
-    lost = np.isnan(found.xy_img[:, 0])
-    return Pins(
-        np.where(lost[:, None], spots.xy_img, found.xy_img),
-        np.where(lost, spots.radius_px / 4.0, found.sigma_px),
-        spots.radius_px,
-        np.where(lost, spots.depth, found.brightness),
-    )
+    seen = ~np.isnan(found.xy_img[:, 0])
+    return Pins(found.xy_img[seen], found.sigma_px[seen], found.radius_px[seen], found.brightness[seen])
 
 
 def _complaint(grey: Image, n: int) -> str:

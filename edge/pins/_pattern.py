@@ -11,6 +11,7 @@ Rules
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -33,9 +34,14 @@ _SCATTER_MAX = np.array([0.11, 0.20, 0.20])
 _ODD_MAX = 25.0
 # Whatever the scatter: half the size of its neighbours, or a quarter of their depth, is no pin.
 _SIZE_MIN, _SIZE_MAX, _DEPTH_MIN = 0.5, 2.0, 0.25
-_LINK_PITCHES = 1.9
+# Links reach this many times the distance to the nearest neighbour. Within the patterns seen rows lie up to 1.4
+# apart, reflections on the skin's border 1.7 and more, and no six of them hang together.
+_LINK, _GROUP_MIN, _GROUP_SHARE = 1.6, 6, 0.03
+_HULL_MARGIN = 0.5  # pitches
+# Outside of the hull of what hangs together well: how odd a spot may be, and how near a pin it has to be.
+_ODD_MAX_OUTSIDE, _LINK_PITCHES = 9.0, 1.9
 _TOUCH_RADII, _TOUCH_PITCHES = 1.15, 0.7
-_GAP_MIN = 0.7  # of the local pitch, to the nearest pin
+_GAP_MIN = 0.8  # of the local pitch, to the nearest pin
 
 
 def one_of_each(spots: Spots, misfit: Array) -> Spots:
@@ -59,14 +65,21 @@ def pitch_of(xy_img: Array) -> float:
 
 
 def belongs(spots: Spots) -> Mask:
-    """Which spots fit their neighbours and hang together with the largest group."""
+    """Which spots fit their neighbours and hang together."""
     keep = np.ones(len(spots), bool)
     for _ in range(4):  # each false spot that goes clears its neighbours' medians; it settles in two rounds
         index = np.flatnonzero(keep)
         if len(index) <= NEIGHBOURS:
             return np.zeros(len(spots), bool)
-        fits = _fits_neighbours(spots[index])
-        fits &= _largest_group(spots.xy_img[index], fits, _LINK_PITCHES * pitch_of(spots.xy_img[index]))
+        odd = _oddness(spots[index])
+        xy = spots.xy_img[index]
+        core = index[odd < _ODD_MAX][_hang_together(xy[odd < _ODD_MAX])]
+        if len(core) <= NEIGHBOURS:
+            return np.zeros(len(spots), bool)
+        pitch = pitch_of(spots.xy_img[core])
+        inside = _inside_hull(spots.xy_img[core], xy, _HULL_MARGIN * pitch)
+        near = cKDTree(spots.xy_img[core]).query(xy)[0] < _LINK_PITCHES * pitch
+        fits = (odd < _ODD_MAX) & (inside | (near & (odd < _ODD_MAX_OUTSIDE)))
         keep[index[~fits]] = False
         if fits.all():
             break
@@ -74,7 +87,7 @@ def belongs(spots: Spots) -> Mask:
 
 
 def fills_gap(spots: Spots, pins: Spots) -> Mask:
-    """Which of the spots stand where a pin of the pattern is missing, and are as large and bright as it would be."""
+    """Which of the spots stand where a pin of the pattern is missing, about as large and bright as it would be."""
     if len(spots) == 0 or len(pins) <= NEIGHBOURS:
         return np.zeros(len(spots), bool)
     tree = cKDTree(pins.xy_img)
@@ -82,14 +95,13 @@ def fills_gap(spots: Spots, pins: Spots) -> Mask:
     pitch = np.median(tree.query(pins.xy_img, k=3)[0][:, 1:].mean(axis=1)[near], axis=1)
     size = spots.radius_px / np.median(pins.radius_px[near], axis=1)
     depth = spots.depth / np.median(pins.depth[near], axis=1)
-    # In the pattern the neighbours stand all round, on its rim over half of it: their mean is near the spot.
-    lean = np.hypot(*(pins.xy_img[near].mean(axis=1) - spots.xy_img).T) / pitch
-    fits = (distance[:, 0] > _GAP_MIN * pitch) & (distance[:, 1] < 1.4 * pitch) & (distance[:, 2] < 1.6 * pitch)
-    fits &= lean < 1.0
-    return fits & (size > 0.7) & (size < 1.5) & (depth > 0.6) & (depth < 1.7)
+    fits = (distance[:, 0] > _GAP_MIN * pitch) & (size > 0.65) & (size < 1.5) & (depth > 0.45) & (depth < 1.7)
+    fits[fits] = _inside_hull(pins.xy_img, spots.xy_img[fits], _HULL_MARGIN * pitch_of(pins.xy_img))
+    return fits
 
 
-def _fits_neighbours(spots: Spots) -> Mask:
+def _oddness(spots: Spots) -> Array:
+    """How far each spot differs from its neighbours in size, depth and spacing; infinite where past any doubt."""
     distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=NEIGHBOURS + 1)
     distance, near = distance[:, 1:], near[:, 1:]
     difference = np.stack(
@@ -100,14 +112,14 @@ def _fits_neighbours(spots: Spots) -> Mask:
         ]
     )
     scatter = np.clip(1.4826 * np.median(np.abs(difference), axis=1), _SCATTER_MIN, _SCATTER_MAX)
-    odd = ((difference / scatter[:, None]) ** 2).sum(axis=0)
+    odd: Array = ((difference / scatter[:, None]) ** 2).sum(axis=0)
     size, depth = np.exp(difference[0]), np.exp(difference[1])
-    fits = (odd < _ODD_MAX) & (size > _SIZE_MIN) & (size < _SIZE_MAX) & (depth > _DEPTH_MIN)
+    odd[(size < _SIZE_MIN) | (size > _SIZE_MAX) | (depth < _DEPTH_MIN)] = np.inf
     # Two that touch where the others keep their distance: one is a reflection on or beside the other.
     closest = near[:, 0]
     touching = distance[:, 0] < _TOUCH_RADII * (spots.radius_px + spots.radius_px[closest])
     touching &= distance[:, 0] < _TOUCH_PITCHES * np.median(distance[near, 0], axis=1)
-    return fits & ~(touching & (odd > odd[closest]))
+    return np.where(touching & (odd > odd[closest]), np.inf, odd)
 
 
 def _against(value: Array, near: Index) -> Array:
@@ -116,13 +128,22 @@ def _against(value: Array, near: Index) -> Array:
     return ratio
 
 
-def _largest_group(xy_img: Array, among: Mask, reach_px: float) -> Mask:
-    index = np.flatnonzero(among)
-    member = np.zeros(len(xy_img), bool)
-    if len(index) == 0:
-        return member
-    pairs = cKDTree(xy_img[index]).query_pairs(reach_px, output_type="ndarray")
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(index), len(index)))
+def _hang_together(xy_img: Array) -> Mask:
+    """Which belong to a large group; two are linked when no further apart than each is used to."""
+    n = len(xy_img)
+    if n < 2:
+        return np.zeros(n, bool)
+    tree = cKDTree(xy_img)
+    own = tree.query(xy_img, k=2)[0][:, 1]
+    a, b = tree.query_pairs(_LINK * float(np.quantile(own, 0.95)), output_type="ndarray").T
+    linked = np.hypot(*(xy_img[a] - xy_img[b]).T) < _LINK * np.minimum(own[a], own[b])
+    graph = coo_array((np.ones(linked.sum()), (a[linked], b[linked])), shape=(n, n))
     _, label = connected_components(graph, directed=False)
-    member[index[label == np.bincount(label).argmax()]] = True
+    size = np.bincount(label)
+    member: Mask = size[label] >= max(_GROUP_MIN, _GROUP_SHARE * size.max())
     return member
+
+
+def _inside_hull(pins: Array, xy_img: Array, margin_px: float) -> Mask:
+    hull = cv2.convexHull(pins.astype(np.float32))
+    return np.array([cv2.pointPolygonTest(hull, (float(x), float(y)), True) > -margin_px for x, y in xy_img], bool)
