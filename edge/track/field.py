@@ -30,8 +30,9 @@ NEAR_REACH = 2.6
 NEAR_WIDTH = 1.6
 # Ridge on the local gradient, in neighbours' weights: below three neighbours the map turns into a shift.
 GRADIENT_RIDGE = 0.05
-# No two tracks come nearer than half a pitch, or half their distance at rest where that is less.
+# No two tracks come nearer than half a pitch, or this share of their distance at rest where that is less.
 APART = 0.5
+APART_OF_REST = 0.75
 N_CLOSE = 8
 
 
@@ -42,6 +43,7 @@ class Lattice:
     ring    (n, k) int, Delaunay neighbours, filled up with n
     near    (n, N_NEAR) int, nearest pins
     mean    (n, n) sparse: `predict` where every pin is known, as one product
+    step_px (n,) distance to the next pin, a median over the neighbourhood: the unit of every gate
     close, apart_px   (n, N_CLOSE) nearest pins and the least distance to them that a track keeps
     """
 
@@ -87,9 +89,12 @@ class Lattice:
             [self.predict(np.eye(n)[None, :, k, None], seen)[0][0, :, 0] for k in range(n)], axis=1
         )
         self.mean = csr_array(row)
+        # Rows may be much denser one way than the other; what can be mistaken is the nearest neighbour.
+        nearest_px = distance[:, 0] * pitch_px
+        self.step_px: Array = np.median(nearest_px[near[:, :N_CLOSE]], axis=1)
         # Nearest neighbours, and how near they may come: pins that are close at rest may stay so.
         self.close = near[:, 1 : 1 + N_CLOSE]
-        self.apart_px = np.minimum(APART, APART * distance[:, :N_CLOSE]) * pitch_px
+        self.apart_px = np.minimum(APART, APART_OF_REST * distance[:, :N_CLOSE]) * pitch_px
 
     def predict(self, motion: Array, known: Mask) -> tuple[Array, Array, Array]:
         """Motion of each pin as its known neighbours have it; the pin itself has no say.

@@ -38,10 +38,10 @@ START_STEP, START_RINGS = 0.5, 2
 N_GROWN = 4
 PRUNE_ROUND, N_PRUNED = 3, 8  # round of the schedule after which only the best starts go on
 SWEEPS = 24
-GROW_GATE = 0.38  # pitches, how far from its prediction a blob may be while growing
+GROW_GATE = 0.38  # steps to the next pin, how far from its prediction a blob may be while growing
 GROW_SUPPORT = 1.2  # sum of neighbours' weights that carries a prediction: two near ones
-SEAM = 0.35  # pitches, difference in motion of two neighbours that cuts the graph
-AGREE = 0.22  # pitches, 4 px on the published 331-pin set
+SEAM = 0.35  # steps, difference in motion of two neighbours that cuts the graph
+AGREE = 0.22  # steps, 4 px on the published 331-pin set
 CLASH = 0.8  # pitches; a free blob this near to a hole should have filled it
 ROOM = 0.5  # pitches; a free blob nearer to a matched one is no pin: compressed pins keep 0.75
 # Confidence, calibrated on 1800 simulated jumps of six layouts (rings, hexagonal, square; 127 to 331 pins)
@@ -51,6 +51,7 @@ ROOM = 0.5  # pitches; a free blob nearer to a matched one is no pin: compressed
 FULL_LEAD = 6.0
 CHANCE = 0.08
 FULL_DOUBT = 6.0
+LEAST_SHARE, FULL_SHARE = 0.35, 0.85
 SURE = 0.6
 WORTH_GROWING = 0.4
 RASTER_PX = 2.0  # cell of the nearest-blob table; coarse fits need no more
@@ -100,7 +101,9 @@ class _Nearest:
         cell: NDArray[np.int_] = np.rint((at - self._low) / RASTER_PX).astype(int)
         return np.clip(cell, 0, size - 1)
 
-    def match(self, at: Array, gate_px: float, usable: Mask | None = None) -> tuple[Blob, Array, Mask]:
+    def match(
+        self, at: Array, gate_px: float | Array, usable: Mask | None = None
+    ) -> tuple[Blob, Array, Mask]:
         """at (h, n, 2) -> nearest blob (h, n), squared distance, whether it is ours: within the gate,
         and no other pin of the hypothesis is nearer to it."""
         cell = self._cell(at, self._size)
@@ -120,6 +123,7 @@ class Identifier:
 
     def __init__(self, rest: Rest, lattice: Lattice) -> None:
         n = len(rest)
+        self._step_px = lattice.step_px
         self._rest_xy = rest.xy_img
         self._pitch_px = rest.pattern.pitch_px
         self._lattice = lattice
@@ -146,7 +150,7 @@ class Identifier:
         if guesses:
             start = np.concatenate([np.stack(guesses), start])
         motion, known = self._coarse(nearest, start)
-        score = np.sum(self._lattice.disagreement(motion, known) < AGREE * self._pitch_px, axis=1)
+        score = np.sum(self._lattice.disagreement(motion, known) < AGREE * self._step_px, axis=1)
         best, confidence = None, 0.0
         for h in np.argsort(-score, kind="stable")[:N_GROWN]:
             found = self._grow(nearest, motion[h], self._largest_piece(motion[h], known[h]))
@@ -166,17 +170,17 @@ class Identifier:
         lead = best.n_agree - rival.n_agree + (rival.n_clash - best.n_clash) / 2
         expected = CHANCE * (len(best.known) - best.n_agree)
         doubt = (best.n_clash - expected) / np.sqrt(expected + 2)
-        share = best.n_agree / len(best.known)
+        share = (best.n_agree / len(best.known) - LEAST_SHARE) / (FULL_SHARE - LEAST_SHARE)
         return float(np.clip(min(lead / FULL_LEAD, 1 - doubt / FULL_DOUBT, share), 0, 1))
 
     def _rival(self, nearest: _Nearest, best: _Match) -> _Match:
         """The best other match among those one lattice step away from this one."""
         expected, _, gradient = self._lattice.predict(best.motion[None], best.known[None])
         step = self._steps + np.einsum("snk,nkc->snc", self._steps / self._pitch_px, gradient[0])
-        blob, _, known = nearest.match(self._rest_xy + expected + step, GROW_GATE * self._pitch_px)
+        blob, _, known = nearest.match(self._rest_xy + expected + step, GROW_GATE * self._step_px)
         known &= blob != np.where(best.known, best.blob, -1)
         motion = nearest.xy[blob] - self._rest_xy
-        agree = np.sum(self._lattice.disagreement(motion, known) < AGREE * self._pitch_px, axis=1)
+        agree = np.sum(self._lattice.disagreement(motion, known) < AGREE * self._step_px, axis=1)
         h = int(agree.argmax())
         if agree[h] < WORTH_GROWING * best.n_agree:
             return self._judge(nearest, blob[h], motion[h], known[h])
@@ -192,12 +196,12 @@ class Identifier:
                 keep = np.argsort(-weight.sum(1), kind="stable")[:N_PRUNED]
                 blob, weight = blob[keep], weight[keep]
             at = self._rest_xy + self._polynomial.smooth(nearest.xy[blob] - self._rest_xy, weight, degree)
-        blob, _, ours = nearest.match(at, SEAM * self._pitch_px)
+        blob, _, ours = nearest.match(at, SEAM * self._step_px)
         return nearest.xy[blob] - self._rest_xy, ours
 
     def _largest_piece(self, motion: Array, known: Mask) -> Mask:
         a, b = self._lattice.edge.T
-        tie = known[a] & known[b] & (np.hypot(*(motion[a] - motion[b]).T) < SEAM * self._pitch_px)
+        tie = known[a] & known[b] & (np.hypot(*(motion[a] - motion[b]).T) < SEAM * self._step_px[a])
         n = len(known)
         graph = coo_matrix((np.ones(int(tie.sum()), bool), (a[tie], b[tie])), shape=(n, n))
         label: NDArray[np.intp] = connected_components(graph, directed=False)[1]
@@ -209,7 +213,7 @@ class Identifier:
         for _ in range(SWEEPS):
             predicted, support, _ = self._lattice.predict(value, known)
             blob, _, known = nearest.match(
-                self._rest_xy + predicted, GROW_GATE * self._pitch_px, support > GROW_SUPPORT
+                self._rest_xy + predicted, GROW_GATE * self._step_px, support > GROW_SUPPORT
             )
             value = nearest.xy[blob] - self._rest_xy
             now = np.where(known[0], blob[0], -1)
@@ -221,7 +225,7 @@ class Identifier:
     def _judge(self, nearest: _Nearest, blob: Blob, motion: Array, known: Mask) -> _Match:
         """Count what speaks for a match, and what against it."""
         n = len(known)
-        agree = self._lattice.disagreement(motion[None], known[None])[0] < AGREE * self._pitch_px
+        agree = self._lattice.disagreement(motion[None], known[None])[0] < AGREE * self._step_px
         n_agree = int(agree.sum())
         free = np.ones(len(nearest.xy), bool)
         free[blob[agree]] = False

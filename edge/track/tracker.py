@@ -9,6 +9,8 @@ identities again with high confidence.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from edge.track.field import Lattice
@@ -18,15 +20,23 @@ from edge.types import Array, Mask, Pins, Rest, Tracks
 __all__ = ["Tracker"]
 
 VELOCITY_DAMPING = 0.7  # share of the last motion that is expected again
-# Pitches. How far a pin's motion may be off its neighbours' local map: the skin bends under a contact, by
-# 0.34 pitches at the most on the published 331-pin set; from frame to frame that bend changes slowly. A
-# pin that was lost has no bend of its own and must fit closely.
+# In steps to the next pin. How far a pin's motion may be off its neighbours' local map: the skin bends
+# under a contact, by 0.34 steps at the most on the published 331-pin set; from frame to frame that bend
+# changes slowly. A pin that was lost has no bend of its own and must fit closely.
 ODD_MOTION = 0.5
 ODD_CHANGE = 0.25
 ODD_RETURN = 0.35
+BESIDE_SHARE = 0.5
 # A common surprise of this much is as near to the next pin as to the own one: look at the whole frame.
 JUMP = 0.35
-HELD_SHARE = 0.4  # of all pins seen; below it, the identities are given up
+# Share of all pins seen, and of those usually seen, at which the identities are given up: when a third
+# vanish at once, what is left may be a lattice that slipped.
+HELD_SHARE = 0.4
+USUAL_SHARE = 0.65
+DOUBT = 0.4  # the confidence said then: below what may be used
+USUAL_FRAMES = 30.0  # time constant of what is usual
+# Frames without identities after which the last positions are only a guess, no evidence.
+FRESH_FRAMES = 2
 
 
 class Tracker:
@@ -35,7 +45,6 @@ class Tracker:
     def __init__(self, rest: Rest) -> None:
         """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
         self._rest_xy = rest.xy_img
-        self._pitch_px = rest.pattern.pitch_px
         self._lattice = Lattice(rest.xy_img, rest.pattern.pitch_px)
         self._identifier = Identifier(rest, self._lattice)
         self._xy = rest.xy_img.copy()
@@ -43,6 +52,9 @@ class Tracker:
         self._seen: Mask = np.zeros(len(rest), bool)
         self._bend = np.zeros_like(self._xy)  # how far each pin is off its neighbours' map
         self._held = False
+        self._unheld = FRESH_FRAMES  # frames since the identities were held
+        self._usual = 0.0  # share of the pins seen lately
+        self._fallback: tuple[Tracks, Array, Array] | None = None  # doubtful tracks, positions, bend
 
     def predict(self) -> Array | None:
         """(n, 2) px, where each pin is expected in the next frame; None: identities are not held."""
@@ -65,37 +77,62 @@ class Tracker:
         now[hidden] = (self._rest_xy + common)[hidden]
         bend[hidden] = 0.0
         share = float(np.count_nonzero(seen)) / len(seen)
-        surprise = now - predicted
-        jump = float(np.median(np.hypot(surprise[:, 0], surprise[:, 1]))) / self._pitch_px
-        confidence = min(1.0, share / (2 * HELD_SHARE), 1 - jump / (2 * JUMP))
-        self._velocity = VELOCITY_DAMPING * (now - self._xy)
-        self._xy, self._seen, self._bend = now, seen, bend
-        self._held = confidence >= Tracks.LOW_CONFIDENCE
-        xy, sigma = now.copy(), pins.sigma_px.copy()
-        xy[hidden] = np.nan
-        sigma[hidden] = np.nan
-        return Tracks(xy, sigma, seen, confidence)
+        sure = self._continuity(now, share)
+        unusual = share < USUAL_SHARE * self._usual
+        self._usual += (share - self._usual) / USUAL_FRAMES
+        tracks = _tracks(now, pins.sigma_px, seen, sure)
+        if unusual or sure < Tracks.LOW_CONFIDENCE:
+            self._held = False
+            self._fallback = (tracks, now, bend) if sure >= Tracks.LOW_CONFIDENCE else None
+            return replace(tracks, confidence=min(sure, DOUBT))
+        self._settle(now, VELOCITY_DAMPING * (now - self._xy), seen, bend)
+        return tracks
 
     def identify(self, pins: Pins) -> Tracks:
-        """Find the identities of unordered pins, from rest or from where they were last seen."""
+        """Find the identities of unordered pins, from rest or from where they were last seen.
+
+        When it is not sure, and `follow` doubted this very frame only for the number of pins that it
+        missed, what `follow` had found stands.
+        """
         n = len(self._rest_xy)
         identity = self._identifier.identify(pins.xy_img, [self._xy])
         seen = identity.blob >= 0
         xy, sigma = np.full((n, 2), np.nan), np.full(n, np.nan)
         xy[seen] = pins.xy_img[identity.blob[seen]]
         sigma[seen] = pins.sigma_px[identity.blob[seen]]
-        self._held = identity.confidence >= Tracks.LOW_CONFIDENCE
-        if self._held:
-            expected, _, _ = self._lattice.predict((xy - self._rest_xy)[None], seen[None])
-            self._xy = np.where(seen[:, None], xy, self._rest_xy + expected[0])
-            self._bend = self._xy - self._rest_xy - expected[0]
-            self._velocity = np.zeros_like(self._xy)
-            self._seen = seen
-        return Tracks(xy, sigma, seen, identity.confidence)
+        expected, _, _ = self._lattice.predict((xy - self._rest_xy)[None], seen[None])
+        now = np.where(seen[:, None], xy, self._rest_xy + expected[0])
+        confidence = identity.confidence
+        if self._unheld < FRESH_FRAMES:
+            confidence = max(confidence, self._continuity(now, identity.n_agree / n))
+        fallback, self._fallback = self._fallback, None
+        if confidence >= Tracks.LOW_CONFIDENCE:
+            self._usual = float(np.count_nonzero(seen)) / n
+            self._settle(now, np.zeros_like(now), seen, now - self._rest_xy - expected[0])
+        elif fallback is not None:
+            tracks, now, bend = fallback
+            self._settle(now, VELOCITY_DAMPING * (now - self._xy), tracks.seen, bend)
+            return tracks
+        else:
+            self._held = False
+            self._unheld += 1
+        return _tracks(now, sigma, seen, confidence)
+
+    def _settle(self, now: Array, velocity: Array, seen: Mask, bend: Array) -> None:
+        self._xy, self._velocity, self._seen, self._bend = now, velocity, seen, bend
+        self._held, self._unheld, self._fallback = True, 0, None
+
+    def _continuity(self, now: Array, share: float) -> float:
+        """How sure it is that every pin went to `now` from where it was, and not its neighbour."""
+        surprise = now - self._xy - self._velocity
+        jump = float(np.median(np.hypot(surprise[:, 0], surprise[:, 1]) / self._lattice.step_px))
+        return min(1.0, share / (2 * HELD_SHARE), max(0.0, 1 - jump / (2 * JUMP)))
 
     def _judge(self, motion: Array, predicted: Array, found: Mask) -> tuple[Mask, Array]:
         """Which found pins are believed, and the motion (n, 2) that the neighbours expect of each."""
-        limit = np.where(self._seen, ODD_CHANGE, ODD_RETURN) * self._pitch_px
+        # A lost pin comes back beside pins that were seen: a lost region heals from its edge inwards.
+        beside = self._seen[self._lattice.close].mean(1) >= BESIDE_SHARE
+        limit = np.where(self._seen, ODD_CHANGE, ODD_RETURN * beside) * self._lattice.step_px
         seen, common = found, predicted
         for _ in range(2):  # the second round without those that the first one threw out
             # A lost pin moves as its neighbours, which may be lost pins that move as theirs.
@@ -104,7 +141,7 @@ class Tracker:
             bend = motion - common
             change = bend - self._bend
             good = (change**2).sum(1) < limit**2
-            good &= (bend**2).sum(1) < (ODD_MOTION * self._pitch_px) ** 2
+            good &= (bend**2).sum(1) < (ODD_MOTION * self._lattice.step_px) ** 2
             seen = found & good
         return seen, common
 
@@ -120,3 +157,7 @@ class Tracker:
         worse = (off**2).sum(1)
         loser: Mask = (clash & (worse[near] <= worse[:, None])).any(1)
         return seen & ~loser
+
+
+def _tracks(now: Array, sigma_px: Array, seen: Mask, confidence: float) -> Tracks:
+    return Tracks(np.where(seen[:, None], now, np.nan), np.where(seen, sigma_px, np.nan), seen, confidence)
