@@ -19,6 +19,7 @@ __all__ = ["FULL_CHANGE", "PAPER", "SAFE", "Palette", "cell_colours", "cell_rgba
 
 Bgr = tuple[int, int, int]
 FULL_CHANGE = 0.5  # area change that gets the full colour; a firm press reaches it under the contact
+_FAINT = 0.7  # lifts small changes, which is where a touch begins, and still tells large ones apart
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +82,7 @@ def cell_colours(
     share = np.clip(np.nan_to_num(area_change) / full, -1.0, 1.0)
     paper = np.array(palette.paper, dtype=float)
     strong = np.where(share[:, None] >= 0, np.array(palette.compressed), np.array(palette.expanded))
-    # Square root: small changes, which is where a touch begins, can be seen.
-    weight = np.sqrt(np.abs(share))[:, None]
+    weight = (np.abs(share) ** _FAINT)[:, None]
     colours: NDArray[np.uint8] = np.rint(paper + (strong - paper) * weight).astype(np.uint8)
     colours[~np.isfinite(area_change)] = palette.edge
     return colours
@@ -91,10 +91,10 @@ def cell_colours(
 def cell_rgba(
     area_change: Array, palette: Palette = PAPER, full: float = FULL_CHANGE
 ) -> list[tuple[float, float, float, float]]:
-    """The same as an overlay on the camera's image: r, g, b, opacity in 0..1; the opacity shows the change."""
+    """The same as an overlay on the camera's image: r, g, b, opacity in 0..1; opacity shows the change."""
     share = np.clip(np.nan_to_num(area_change) / full, -1.0, 1.0)
     rgba = []
     for s in share.tolist():
         b, g, r = palette.compressed if s >= 0 else palette.expanded
-        rgba.append((r / 255, g / 255, b / 255, 0.7 * float(np.sqrt(abs(s)))))
+        rgba.append((r / 255, g / 255, b / 255, 0.7 * float(abs(s) ** _FAINT)))
     return rgba

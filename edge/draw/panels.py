@@ -104,14 +104,13 @@ def _cells(
 
 
 def _local_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features, palette: Palette) -> None:
-    """From where the pin rests to where it went, drawn LOCAL_GAIN times as long."""
+    """The way that each pin went since rest, LOCAL_GAIN times as long; its dot is the tail."""
     motion = features.displacement_px
     known = np.isfinite(motion).all(axis=1) & tracks.seen
-    start = tracks.xy_img[known] - motion[known]
+    start = tracks.xy_img[known]
     ends = np.stack([view.fixed(start), view.fixed(start + LOCAL_GAIN * motion[known])], axis=1)
-    cv2.polylines(
-        canvas, list(ends), False, palette.local, max(1, round(view.size[1] / 480)), cv2.LINE_AA, _SHIFT
-    )
+    width = max(1, round(view.size[1] / 480))
+    cv2.polylines(canvas, list(ends), False, palette.local, width, cv2.LINE_AA, _SHIFT)
 
 
 def _arrow(canvas: Canvas, tail: Array, head: Array, width_px: float, colour: Bgr, halo: Bgr) -> None:
@@ -204,7 +203,7 @@ def picture(
     canvas = np.full((height + foot, 2 * width + gap, 3), palette.paper, np.uint8)
     canvas[:height, :width] = touch
     canvas[:height, width + gap :] = camera
-    _legend(canvas[height:, :width], view, features, palette, full)
+    _legend(canvas[height:, :width], view, palette, full)
     _caption(canvas[height:, width + gap :], frame, tracks, features, caption, palette)
     return canvas
 
@@ -218,7 +217,7 @@ def _text(canvas: Canvas, at: tuple[float, float], text: str, size: float, colou
     return float(width)
 
 
-def _legend(foot: Canvas, view: View, features: Features | None, palette: Palette, full: float) -> None:
+def _legend(foot: Canvas, view: View, palette: Palette, full: float) -> None:
     """Colour bar of the area change, scale bar, and what the vectors are multiplied by."""
     h, w = foot.shape[:2]
     size = h * 0.17
@@ -241,16 +240,14 @@ def _legend(foot: Canvas, view: View, features: Features | None, palette: Palett
         cv2.line(foot, (round(x), round(y - 4)), (round(x), round(y + 4)), palette.ink, 2)
     _text(foot, (x0, bottom + 1.6 * size), f"{value:g} {unit}", size, palette.ink)
 
-    x1 = 0.70 * w
-    cv2.line(foot, (round(x1), round(y)), (round(x1 + 0.05 * w), round(y)), palette.local, 2, cv2.LINE_AA)
-    _text(foot, (x1 + 0.065 * w, y + 0.4 * size), f"pin motion x{LOCAL_GAIN:g}", size, palette.ink)
-    y2 = bottom + 1.1 * size
+    x1, glyph = 0.66 * w, 0.06 * w
+    cv2.circle(foot, (round(x1), round(y)), max(2, h // 25), palette.pin, -1, cv2.LINE_AA)
+    cv2.line(foot, (round(x1), round(y)), (round(x1 + glyph), round(y)), palette.local, 2, cv2.LINE_AA)
+    _text(foot, (x1 + 1.3 * glyph, y + 0.4 * size), f"pin motion x{LOCAL_GAIN:g}", size, palette.ink)
+    y2 = bottom + 1.2 * size
     tail = np.array([x1, y2])
-    _arrow(foot, tail, tail + np.array([0.05 * w, 0.0]), h / 16, palette.shear, palette.halo)
-    _text(foot, (x1 + 0.065 * w, y2 + 0.4 * size), f"mean motion x{GLOBAL_GAIN:g}", size, palette.ink)
-    if features is not None and features.shear_px is not None:
-        x, y = features.shear_px
-        _text(foot, (x1, h - 0.4 * size), f"mean ({x:+.2f}, {y:+.2f}) px", size, palette.ink)
+    _arrow(foot, tail, tail + np.array([glyph, 0.0]), h / 16, palette.shear, palette.halo)
+    _text(foot, (x1 + 1.3 * glyph, y2 + 0.4 * size), f"mean motion x{GLOBAL_GAIN:g}", size, palette.ink)
 
 
 def _round_length(wanted_px: float, mm_per_px: float) -> tuple[str, float]:
@@ -266,9 +263,16 @@ def _caption(
 ) -> None:
     h, w = foot.shape[:2]
     size = h * 0.17
-    contacts = "" if features is None else f"   contacts {len(features.contacts or ())}"
-    first = f"frame {frame.sequence}   pins {tracks.n_seen} of {len(tracks.seen)}{contacts}"
+    first = f"frame {frame.sequence}   pins {tracks.n_seen} of {len(tracks.seen)}"
     if tracks.confidence < Tracks.LOW_CONFIDENCE:
         first += "   identities unsure"
-    _text(foot, (0.02 * w, 0.36 * h), first, size, palette.ink)
-    _text(foot, (0.02 * w, 0.72 * h), caption, size, palette.ink)
+    second = "no features"
+    if features is not None:
+        second = f"contacts {len(features.contacts or ())}"
+        if features.shear_px is not None:
+            x, y = features.shear_px
+            second += (
+                f"   mean motion {np.hypot(x, y):.2f} px at {np.degrees(np.arctan2(y, x)):+.0f} deg (x to y)"
+            )
+    for line, text in enumerate((first, second, caption)):
+        _text(foot, (0.02 * w, (0.30 + 0.29 * line) * h), text, size, palette.ink)

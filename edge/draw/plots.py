@@ -89,20 +89,19 @@ def figure(
     xy, motion = place(tracks.xy_img), features.displacement_px * unit_per_px
     left.plot(*xy.T, ".", color=_rgb(palette.pin), markersize=1.5)
     left.quiver(
-        *place(rest).T, *motion.T, angles="xy", scale_units="xy", scale=0.5,
+        *xy.T, *motion.T, angles="xy", scale_units="xy", scale=0.5,
         color=[_rgb(palette.local)], width=0.0025, headwidth=3,
     )  # fmt: skip
     if features.shear_px is not None:
         middle = place(np.nanmean(rest, axis=0))
         left.quiver(
             *middle, *(features.shear_px * unit_per_px), angles="xy", scale_units="xy", scale=1 / 6,
-            color=[_rgb(palette.shear)], width=0.009, zorder=4, edgecolor="white", linewidth=0.8,
+            color=[_rgb(palette.shear)], width=0.013, zorder=4, edgecolor="white", linewidth=0.8,
         )  # fmt: skip
     for contact in features.contacts or ():
         for width, colour in ((3.0, palette.halo), (1.4, palette.contact)):
             left.plot(
                 *place(contact.xy_img),
-                "*",
                 marker=(6, 2, 0),
                 color=_rgb(colour),
                 markersize=11,
@@ -174,8 +173,9 @@ def surface_figure(
     axes.set_xlabel(f"x ({unit})", fontsize=8)
     axes.set_ylabel(f"y, down ({unit})", fontsize=8)
     axes.set_zlabel("relative area change", fontsize=8)
-    axes.tick_params(labelsize=7)
+    axes.tick_params(labelsize=7, pad=0)
+    axes.locator_params(nbins=5)
     axes.invert_yaxis()
     axes.view_init(elev=32, azim=-60)
-    axes.set_box_aspect((1, 1, 0.45))
+    axes.set_box_aspect((1, 1, 0.45), zoom=0.88)  # room for the label of z, which the layout does not count
     made.savefig(path, dpi=200)
