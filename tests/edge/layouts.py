@@ -54,6 +54,19 @@ TIPS: dict[str, Callable[[], Points]] = {
 }
 
 
+def pressed(xy: Points, depth_px: float = 6.0) -> Points:
+    """A smooth press beside the middle: pins spread from it, the rim is widened and sheared."""
+    from_contact = xy - CENTRE - [30.0, -20.0]
+    near = np.exp(-(from_contact**2).sum(axis=1) / (2 * 60.0**2))
+    return xy + depth_px * near[:, None] * from_contact / 30.0 + 0.04 * (xy - CENTRE) + [5.0, -3.0]
+
+
+def moved(xy: Points, angle: float = 0.0, scale: float = 1.0, shift: float = 0.0) -> Points:
+    """Turned about the tip's centre by `angle` rad, then scaled about the origin, then shifted."""
+    c, s = np.cos(angle), np.sin(angle)
+    return scale * ((xy - CENTRE) @ np.array([[c, s], [-s, c]]) + CENTRE) + shift
+
+
 def rest_of(xy: Points) -> Rest:
     """An untouched tip with pins at `xy`."""
     n = len(xy)

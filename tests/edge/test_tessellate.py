@@ -19,19 +19,7 @@ from tests.edge.cell_checks import (
     random_walks,
     worst_relative,
 )
-from tests.edge.layouts import CENTRE, PITCH_PX, TIPS, hexagonal, rest_of, square, tracks_of
-
-
-def turned(xy: Points, angle: float, scale: float = 1.0, shift: float = 0.0) -> Points:
-    c, s = np.cos(angle), np.sin(angle)
-    return scale * (xy - CENTRE) @ np.array([[c, s], [-s, c]]) + CENTRE + shift
-
-
-def pressed(xy: Points, depth_px: float = 6.0) -> Points:
-    """A smooth press beside the middle: pins spread from it, the rim is pushed out and sheared."""
-    from_contact = xy - CENTRE - [30.0, -20.0]
-    near = np.exp(-(from_contact**2).sum(axis=1) / (2 * 60.0**2))
-    return xy + depth_px * near[:, None] * from_contact / 30.0 + 0.04 * (xy - CENTRE) + [5.0, -3.0]
+from tests.edge.layouts import CENTRE, PITCH_PX, TIPS, hexagonal, moved, pressed, rest_of, square, tracks_of
 
 
 def cells_of(rest: Points, now: Points) -> Cells:
@@ -114,7 +102,7 @@ def test_a_moved_image_has_moved_cells(tip: str, angle: float, shift: float, sca
     """Rest and load turned, shifted and scaled alike: areas follow. 1e6 px off costs 1e-10 px a point."""
     rest = TIPS[tip]()
     plain = cells_of(rest, pressed(rest))
-    moved = cells_of(turned(rest, angle, scale, shift), turned(pressed(rest), angle, scale, shift))
+    moved = cells_of(moved(rest, angle, scale, shift), moved(pressed(rest), angle, scale, shift))
     resolution = 1e-10 + 40 * np.spacing(abs(shift) + 500 * scale) / (scale * PITCH_PX)
     assert worst_relative(moved.area_px2, plain.area_px2 * scale**2) <= resolution
 
@@ -127,7 +115,7 @@ def test_a_moved_tip_changes_areas_by_its_scale_only(
 ) -> None:
     """Against the resting tip: the boundary goes along with the rim."""
     rest = TIPS[tip]()
-    cells = cells_of(rest, turned(rest, angle, scale, shift))
+    cells = cells_of(rest, moved(rest, angle, scale, shift))
     assert worst_relative(cells.area_px2, cells.rest_area_px2 * scale**2) <= 1e-10
 
 
@@ -210,7 +198,7 @@ def test_lost_pins_under_load_leave_their_neighbours_alone(tip: str) -> None:
 
 def test_a_lost_pin_follows_an_affine_motion_exactly() -> None:
     rest = hexagonal()
-    now = turned(rest, 0.2, 1.1, 40.0)
+    now = moved(rest, 0.2, 1.1, 40.0)
     lost = np.zeros(len(rest), dtype=bool)
     lost[[0, 1, 5, 160, 161, 162, 330]] = True
     cells = cells_of(rest, np.where(lost[:, None], np.nan, now))

@@ -1,0 +1,48 @@
+"""Benchmarks and long checks: `python -m tests.bench [COMMAND]`.
+
+Each command lives in a module of its own that is imported when it is called. A new one is a line in
+`COMMANDS`: name, module, what it does. Its module has a click command named `command`. Called with
+options only, the group runs `DEFAULT`.
+"""
+
+from __future__ import annotations
+
+import importlib
+
+import click
+
+COMMANDS = {
+    "stability": ("tests.bench.stability", "Hard cases of the geometry against exact arithmetic."),
+}
+DEFAULT = "speed"
+
+
+class LazyGroup(click.Group):
+    """Imports a command's module when the command is called, not to list it."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = importlib.import_module(COMMANDS[cmd_name][0]).command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, COMMANDS[name][1]) for name in self.list_commands(ctx)])
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if DEFAULT in COMMANDS and "--help" not in args and (not args or args[0].startswith("-")):
+            args = [DEFAULT, *args]
+        return super().parse_args(ctx, args)
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+def main() -> None:
+    """Benchmarks and long checks; results go to tests/bench/results."""
+
+
+if __name__ == "__main__":
+    main(prog_name="python -m tests.bench")
