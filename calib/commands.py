@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from calib.capture import capture, progress_of
 from calib.protocols import PROTOCOLS, Step, load_protocol
-from calib.rig import open_rig
+from calib.rig import ask_here, open_rig
 
 
 @click.command(name="capture")
@@ -52,7 +52,12 @@ def capture_command(rig: str, protocol: str, output: Path, camera: str, resume: 
         def on_frame(step: Step, done: int) -> None:
             bar.update(task, completed=done)
 
+        def ask(text: str) -> None:
+            bar.stop()  # a live bar and a prompt do not share a terminal
+            ask_here(text)
+            bar.start()
+
         taken = capture(
-            lambda first: open_rig(rig, camera, first), plan, output, resume=resume, on_frame=on_frame
+            lambda first: open_rig(rig, camera, first, ask), plan, output, resume=resume, on_frame=on_frame
         )
     click.echo(f"{output}: {taken} frames of protocol {plan.name}; table {output.with_suffix('.csv')}")

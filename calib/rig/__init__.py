@@ -6,6 +6,6 @@ gcode      a stage that speaks G-code (GRBL, Marlin), with a camera
 manual     a person who is told what to do, with a camera
 """
 
-from calib.rig.base import Pose, Rig, open_rig
+from calib.rig.base import Pose, Rig, ask_here, open_rig
 
-__all__ = ["Pose", "Rig", "open_rig"]
+__all__ = ["Pose", "Rig", "ask_here", "open_rig"]

@@ -9,9 +9,12 @@ Rules
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
+
+import click
 
 from calib.errors import RigError
 from calib.sim.mechanics import Tool
@@ -53,12 +56,19 @@ class Rig(Protocol):
         """Leave the tip untouched and let go of everything."""
 
 
-def open_rig(spec: str, camera: str = "v4l2:0", first_sequence: int = 0) -> Rig:
+def ask_here(text: str) -> None:
+    click.prompt(text, default="", show_default=False, prompt_suffix=" - Enter when done ", err=True)
+
+
+def open_rig(
+    spec: str, camera: str = "v4l2:0", first_sequence: int = 0, ask: Callable[[str], None] = ask_here
+) -> Rig:
     """Open a rig.
 
     spec            "sim", "sim:FILE.toml", "gcode:PORT", "gcode:FILE.toml" or "manual"
     camera          source of frames for rigs that have none of their own (see `edge.sources`)
     first_sequence  number of the next frame; a simulated rig continues its noise there
+    ask             shows a line to the person at the rig, returns when it is done
     Raises          RigError: no such rig, or its file or port is wrong
     """
     kind, _, rest = spec.partition(":")
@@ -70,15 +80,15 @@ def open_rig(spec: str, camera: str = "v4l2:0", first_sequence: int = 0) -> Rig:
         from calib.rig.gcode import GcodeRig, GcodeStage, load_stage
         from edge.sources import open_source
 
-        stage = GcodeStage(load_stage(rest))
+        source = open_source(camera)
         try:
-            return GcodeRig(stage, open_source(camera))
-        except Exception:
-            stage.close()
+            return GcodeRig(GcodeStage(load_stage(rest)), source, ask)
+        except RigError:
+            source.close()
             raise
     if spec == "manual":
         from calib.rig.manual import ManualRig
         from edge.sources import open_source
 
-        return ManualRig(open_source(camera))
+        return ManualRig(open_source(camera), ask)
     raise RigError(f"rig {spec!r} is unknown; one of sim, sim:FILE.toml, gcode:PORT, gcode:FILE.toml, manual")

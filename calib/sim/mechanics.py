@@ -159,7 +159,7 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
 
     # Skin's displacement at the pins' roots and a little way along two tangents, for its new normal.
     first, second = _tangents(tip.normals)
-    step = 0.25 * tip.skin_mm
+    step = 1e-3  # mm; the kernel is smooth over skin_mm, so this is a derivative
     probes = np.concatenate([tip.roots_mm, tip.roots_mm + step * first, tip.roots_mm + step * second])
     moved = _displace(tip, probes, xyz[live], force[live], smooth[live])
     moved -= gel.swell(probes) * (swell * force).sum() / np.sqrt(gel.volume_per_pressure)
@@ -185,7 +185,7 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
 class _Gel:
     """Answer of the closed tip to a uniform pressure of the gel, tabulated over the polar angle."""
 
-    z_mm: Array  # increasing
+    polar: Array  # rad, increasing
     outward: Array  # displacement away from the axis, per unit pressure
     upward: Array  # and along z
     volume_per_pressure: float
@@ -193,9 +193,9 @@ class _Gel:
     def swell(self, xyz: Array) -> Array:
         """(n, 3) displacement by unit pressure."""
         rho = np.maximum(np.hypot(xyz[:, 0], xyz[:, 1]), 1e-9)
-        height = xyz[:, 2] / np.linalg.norm(xyz, axis=1)
-        out = np.interp(height, self.z_mm, self.outward) / rho
-        return np.column_stack([xyz[:, :2] * out[:, None], np.interp(height, self.z_mm, self.upward)])
+        polar = np.arctan2(rho, xyz[:, 2])
+        out = np.interp(polar, self.polar, self.outward) / rho
+        return np.column_stack([xyz[:, :2] * out[:, None], np.interp(polar, self.polar, self.upward)])
 
 
 @lru_cache(maxsize=8)
@@ -209,11 +209,10 @@ def _gel(tip: Tip) -> _Gel:
     area = 2 * np.pi * r * r * (1 - lowest) / m
     smooth = np.full(m, max(tip.skin_mm, 0.7 * area**0.5))
     push = _displace(tip, r * normal, r * normal, area * normal, smooth)
-    heights = np.linspace(lowest, 1, 80)
-    side = np.sqrt(1 - heights**2)
-    line = r * np.column_stack([side, 0 * side, heights])
+    polar = np.linspace(0, np.deg2rad(tip.rim_deg), 240)
+    line = r * np.column_stack([np.sin(polar), 0 * polar, np.cos(polar)])
     table = _displace(tip, line, r * normal, area * normal, smooth)
-    return _Gel(heights, table[:, 0], table[:, 2], float((push * normal).sum() * area) / tip.closed)
+    return _Gel(polar, table[:, 0], table[:, 2], float((push * normal).sum() * area) / tip.closed)
 
 
 def _patches(tip: Tip, contact: Contact) -> list[_Patch]:
@@ -250,7 +249,7 @@ def _patch(tip: Tip, contact: Contact, from_pivot_mm: Array) -> _Patch:
     if np.hypot(*place) > r * np.sin(np.deg2rad(tip.rim_deg)) - 1.0:
         raise ValueError(f"contact at ({place[0]:.1f}, {place[1]:.1f}) mm is at the tip's rim or past it")
 
-    frame = _turn_z_to(np.array([*place, np.sqrt(r * r - place @ place)]) / r)
+    frame = turn_z_to(np.array([*place, np.sqrt(r * r - place @ place)]) / r)
     if tool.kind == "edge":  # first tangent along the bar
         u = frame[:2].T @ along
         frame = np.stack([u, np.cross(frame[2], u), frame[2]])
@@ -267,7 +266,7 @@ def _patch(tip: Tip, contact: Contact, from_pivot_mm: Array) -> _Patch:
     penetration = depth - (r - hanging) - (tool.radius_mm - np.sqrt(tool.radius_mm**2 - bent))
     xyz = np.column_stack([ab, hanging]) @ frame
     # Shear and twist in the tool's plane; axes there are the tip's, turned with the normal.
-    upright = _turn_z_to(frame[2])
+    upright = turn_z_to(frame[2])
     flat = (xyz - r * frame[2]) @ upright[:2].T + from_pivot_mm
     phi = np.deg2rad(contact.twist_deg)
     turn = np.array([[np.cos(phi) - 1, -np.sin(phi)], [np.sin(phi), np.cos(phi) - 1]])
@@ -368,7 +367,7 @@ def _sum_by(owner: NDArray[np.intp], values: Array, k: int) -> Array:
     return np.asarray(np.bincount(owner, weights=values, minlength=k), dtype=np.float64)
 
 
-def _turn_z_to(n: Array) -> Array:
+def turn_z_to(n: Array) -> Array:
     """(3, 3) rows x', y', z' of the frame turned by the shortest way from z to the unit vector n."""
     x, y, z = n
     c = 1 / (1 + z)
@@ -376,5 +375,5 @@ def _turn_z_to(n: Array) -> Array:
 
 
 def _tangents(normals: Array) -> tuple[Array, Array]:
-    frames = np.stack([_turn_z_to(n) for n in normals])
+    frames = np.stack([turn_z_to(n) for n in normals])
     return frames[:, 0], frames[:, 1]

@@ -71,6 +71,7 @@ class Simulator:
 
         contacts       one dict a tool: its kind and pose (mm, deg), fields of `Contact` and `Tool`
         places_mm      [[x, y], ...] of each place of contact on the tip (two for tool "two")
+        places_img     [[x, y], ...] px of a pin that is rooted there, untouched
         forces_n, areas_mm2, slip   of each place
         depth_mm, shear_mm, twist_deg   of the first contact; 0 where nothing touches
         pins_img       [[x, y], ...] px, row i is pin i
@@ -82,7 +83,8 @@ class Simulator:
         first = contacts[0] if contacts and contacts[0].depth_mm > 0 else Contact()
         return {
             "contacts": [asdict(c) for c in contacts if c.depth_mm > 0],
-            "places_mm": np.round(now.places_mm, 6).tolist(),
+            "places_mm": np.round(now.places_mm + 0.0, 6).tolist(),
+            "places_img": np.round(self._places_img(now.places_mm), 4).tolist(),
             "forces_n": np.round(now.forces_n, 6).tolist(),
             "areas_mm2": np.round(now.areas_mm2, 4).tolist(),
             "slip": np.round(now.slip, 4).tolist(),
@@ -93,3 +95,9 @@ class Simulator:
             "pins_img": np.round(xy, 5).tolist(),
             "visible": visible.tolist(),
         }
+
+    def _places_img(self, places_mm: Array) -> Array:
+        tip = self.camera.tip
+        r = tip.dome_radius_mm
+        up = np.sqrt(r * r - (places_mm**2).sum(axis=1))
+        return self.camera.project(np.column_stack([places_mm, up]) * (1 - tip.pin_length_mm / r))

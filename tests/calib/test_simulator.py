@@ -1,0 +1,353 @@
+"""The simulator against physics, the paper's observations, and its own statement of truth."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import groupby, pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import Voronoi
+
+from calib.sim import Camera, Contact, Look, Simulator, Tip, Tool, deform, layout
+from calib.sim.render import Blob, Renderer
+from calib.sim.script import REST_FRAMES, SCENES, play
+from calib.sim.source import open_sim
+from edge.errors import SourceError
+from edge.sources import Options, open_source
+from edge.types import Array
+
+CAMERA = Camera()
+SMALL = Camera(Tip(127, "hex", pin_radius_mm=0.8), size_px=(320, 240))
+REST = CAMERA.project(CAMERA.tip.tips_mm)
+CENTRE = CAMERA.centre_img
+QUIET = Look(read_noise=0.0, shot_noise=0.0, unevenness=0.0, vignetting=0.0)
+
+
+def motion_of(*contacts: Contact, camera: Camera = CAMERA) -> Array:
+    """(n, 2) px since rest."""
+    return camera.project(deform(camera.tip, contacts).tips_mm) - camera.project(camera.tip.tips_mm)
+
+
+def area_change(*contacts: Contact) -> Array:
+    """(n,) relative change of each pin's Voronoi cell; NaN where a cell reaches out of the pins."""
+
+    def areas(xy: Array) -> Array:
+        diagram = Voronoi(xy)
+        out = np.full(len(xy), np.nan)
+        inner = np.hypot(*(REST - CENTRE).T) < 0.9 * CAMERA.radius_px
+        for i in np.flatnonzero(inner):
+            corners = diagram.vertices[diagram.regions[diagram.point_region[i]]]
+            x, y = corners.T
+            out[i] = 0.5 * abs(x @ np.roll(y, 1) - y @ np.roll(x, 1))
+        return out
+
+    rest = areas(REST)
+    return areas(REST + motion_of(*contacts)) / rest - 1
+
+
+# -- layouts ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("kind", "n"), [("hex", 127), ("hex", 331), ("rings", 127), ("rings", 331), ("square", 121)]
+)
+def test_layouts_are_regular_as_the_camera_sees_them(kind: str, n: int) -> None:
+    xy = layout(kind, n)
+    assert xy.shape == (n, 2)
+    assert np.hypot(*xy.T).max() == pytest.approx(1)
+    gaps = np.sort(np.hypot(*(xy[:, None] - xy).transpose(2, 0, 1)), axis=1)[:, 1]
+    assert gaps.min() > 0.85 * np.median(gaps)
+    assert gaps.max() < 1.15 * np.median(gaps)
+    tip = Tip(n, kind)
+    camera = Camera(tip, k1=0.0)
+    seen = (camera.project(tip.tips_mm) - camera.centre_img) / camera.radius_px
+    np.testing.assert_allclose(seen, xy, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "n", "right"), [("hex", 130, "127"), ("square", 120, "121"), ("blue", 9, "hex")]
+)
+def test_a_layout_that_cannot_be_says_what_could(kind: str, n: int, right: str) -> None:
+    with pytest.raises(ValueError, match=right):
+        layout(kind, n)
+
+
+# -- mechanics ----------------------------------------------------------------------------------
+
+
+def test_nothing_touching_leaves_the_pins_where_they_are() -> None:
+    assert not motion_of().any()
+    assert not motion_of(Contact(depth_mm=0.0), Contact(depth_mm=-1.0)).any()
+
+
+@settings(max_examples=15, deadline=None)
+@given(x=st.floats(-9, 9), y=st.floats(-9, 9), depth=st.floats(0.5, 2.5))
+def test_pins_move_outward_from_the_contact_not_from_the_axis(x: float, y: float, depth: float) -> None:
+    """The paper: "under normal forces the centroids move radially from the point of contact"."""
+    contact = Contact(Tool("sphere", 3.0), x_mm=x, y_mm=y, depth_mm=depth)
+    place = np.array(Simulator(CAMERA, QUIET).frame((contact,)).truth["places_img"][0])  # type: ignore[index]
+    moved = motion_of(contact)
+    away = REST - place
+    far = np.hypot(*away.T)
+    near = (far > 8) & (far < 45)
+    outward = (moved * away).sum(axis=1)[near] / far[near]
+    assert (outward > 0).all()
+    assert np.hypot(*moved.T).max() < 25
+
+
+@pytest.mark.parametrize("contact", [
+    Contact(depth_mm=3.0),
+    Contact(Tool("sphere", 3.0), x_mm=6.0, y_mm=-4.0, depth_mm=2.0),
+    Contact(depth_mm=3.0, tilt_y_deg=15.0),
+])  # fmt: skip
+def test_cells_grow_at_the_contact_and_shrink_around_it(contact: Contact) -> None:
+    place = np.array(Simulator(CAMERA, QUIET).frame((contact,)).truth["places_img"][0])  # type: ignore[index]
+    change = area_change(contact)
+    far = np.hypot(*(REST - place).T)
+    assert np.nanmean(change[far < 25]) > 0.1
+    around = [np.nanmean(change[(far >= r) & (far < r + 20)]) for r in range(30, 110, 10)]
+    assert min(around) < -0.02
+    assert np.nanmean(change[far < 25]) > 10 * np.nanmax(change[far > 120])
+
+
+@pytest.mark.parametrize("angle_deg", range(0, 360, 40))
+def test_mean_motion_points_where_the_shear_does(angle_deg: int) -> None:
+    a = np.deg2rad(angle_deg)
+    x, y = motion_of(Contact(depth_mm=3.0, shear_x_mm=2 * np.cos(a), shear_y_mm=2 * np.sin(a))).mean(axis=0)
+    error = (np.rad2deg(np.arctan2(y, x)) - angle_deg + 180) % 360 - 180
+    assert abs(error) < 0.5
+
+
+def test_shear_carries_the_contact_along_and_slips_from_its_edge() -> None:
+    slips = [deform(CAMERA.tip, (Contact(depth_mm=3.0, shear_x_mm=s),)).slip[0] for s in (0.1, 0.5, 2.0, 8.0)]
+    assert slips == sorted(slips)
+    assert slips[0] < 0.3
+    assert slips[-1] == 1.0
+    inner = np.hypot(*(REST - CENTRE).T) < 15
+    carried = (motion_of(Contact(depth_mm=3.0, shear_x_mm=1.0)) - motion_of(Contact(depth_mm=3.0)))[inner, 0]
+    per_mm = CAMERA.scale_px(np.array([[0.0, 0.0, 15.0]]))[0]
+    np.testing.assert_allclose(carried, per_mm, rtol=0.2)
+
+
+def test_crescent_of_shrunken_cells_lies_in_the_direction_of_shear() -> None:
+    """The paper: "a clear increase in sensor expansion in a crescent ... in the direction of shear"."""
+    change = area_change(Contact(depth_mm=3.0, shear_x_mm=1.5))
+    x = (REST - CENTRE)[:, 0]
+    ring = (np.abs(np.hypot(*(REST - CENTRE).T) - 90) < 30) & (np.abs(x) > 60)
+    assert np.nanmean(change[ring & (x > 0)]) < np.nanmean(change[ring & (x < 0)]) - 0.05
+
+
+@pytest.mark.parametrize("distance", [6.0, 8.0, 10.0])
+def test_two_contacts_are_two_maxima(distance: float) -> None:
+    contact = Contact(Tool("two", 1.5, angle_deg=0.0, distance_mm=distance), depth_mm=2.0)
+    change = area_change(contact)
+    places = np.array(Simulator(CAMERA, QUIET).frame((contact,)).truth["places_img"])  # type: ignore[index]
+    assert len(places) == 2
+    far = np.hypot(*(REST[:, None] - places).transpose(2, 0, 1))
+    middle = np.hypot(*(REST - places.mean(axis=0)).T)
+    at = [np.nanmax(change[far[:, k] < 15]) for k in (0, 1)]
+    between = np.nanmean(change[middle < 12])
+    assert min(at) > 0.1
+    assert between < 0.5 * min(at)
+
+
+def test_bar_stretches_the_cells_along_itself() -> None:
+    contact = Contact(Tool("edge", 1.5, angle_deg=30.0), depth_mm=2.0)
+    change = np.nan_to_num(area_change(contact)).clip(0)
+    change[change < 0.3 * change.max()] = 0
+    d = REST - CENTRE
+    tensor = (change[:, None, None] * d[:, :, None] * d[:, None, :]).sum(axis=0)
+    values, vectors = np.linalg.eigh(tensor)
+    angle = np.rad2deg(np.arctan2(*vectors[::-1, 1]))
+    assert abs((angle - 30 + 90) % 180 - 90) < 6
+    assert values[1] > 2 * values[0]
+
+
+def test_twist_turns_the_pins_about_the_contact() -> None:
+    moved = motion_of(Contact(depth_mm=3.0, twist_deg=5.0)) - motion_of(Contact(depth_mm=3.0))
+    d = REST - CENTRE
+    r = np.hypot(*d.T)
+    inner = (r > 5) & (r < 40)
+    turn = (d[:, 0] * moved[:, 1] - d[:, 1] * moved[:, 0])[inner] / r[inner] ** 2
+    assert np.rad2deg(np.median(turn)) == pytest.approx(5.0, abs=1.0)
+
+
+def test_displacement_is_smooth_and_monotone_in_depth_and_force_is_stiffening() -> None:
+    depths = np.arange(0.2, 5.01, 0.2)
+    states = [deform(CAMERA.tip, (Contact(depth_mm=float(z)),)) for z in depths]
+    force = np.array([s.forces_n[0] for s in states])
+    assert (np.diff(force, 2) > -0.01).all()
+    outward = np.array([np.hypot(*(CAMERA.project(s.tips_mm) - REST).T).mean() for s in states])
+    assert (np.diff(outward) > 0).all()
+    assert np.abs(np.diff(outward, 2)).max() < 0.1
+
+
+def test_tilt_moves_the_place_of_a_flat_contact() -> None:
+    place = deform(CAMERA.tip, (Contact(depth_mm=2.0, tilt_y_deg=10.0),)).places_mm[0]
+    np.testing.assert_allclose(place, [20 * np.sin(np.deg2rad(10)), 0], atol=1e-9)
+
+
+def test_mirrored_contacts_move_mirrored_pins() -> None:
+    camera = Camera(Tip(331, "hex"))
+    rest = camera.project(camera.tip.tips_mm) - camera.centre_img
+    mirror = np.argmin(np.hypot(*(rest * [-1, 1] - rest[:, None]).transpose(2, 0, 1)), axis=0)
+    tool = Tool("sphere", 2.0)
+    right = motion_of(Contact(tool, x_mm=5.0, y_mm=2.0, depth_mm=2.0, shear_x_mm=0.5), camera=camera)
+    left = motion_of(Contact(tool, x_mm=-5.0, y_mm=2.0, depth_mm=2.0, shear_x_mm=-0.5), camera=camera)
+    np.testing.assert_allclose(left[mirror] * [-1, 1], right, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    "contact", [Contact(Tool("sphere"), x_mm=19.5, depth_mm=1.0), Contact(depth_mm=1.0, tilt_x_deg=80.0)]
+)
+def test_contact_past_the_rim_is_refused(contact: Contact) -> None:
+    with pytest.raises(ValueError, match="rim"):
+        deform(CAMERA.tip, (contact,))
+
+
+# -- rendering ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("blur_px", [0.5, 0.8, 1.5])
+@pytest.mark.parametrize(
+    "camera", [SMALL, Camera(SMALL.tip), Camera(SMALL.tip, size_px=(1280, 800), roll_deg=20.0)]
+)
+def test_intensity_centroid_of_every_disc_is_its_true_centre(camera: Camera, blur_px: float) -> None:
+    look = Look(0.0, 150.0, blur_px, 0.0, unevenness=0.0, read_noise=0.0, shot_noise=0.0, bits=12)
+    state = deform(camera.tip, (Contact(depth_mm=1.0),))
+    w, h = camera.size_px
+    for i in range(0, 127, 21):  # alone in the image, so that the sums hold one disc whole and nothing else
+        alone = replace(look, dead=frozenset(range(127)) - {i})
+        image, xy = Renderer(camera, alone).image(state, np.random.default_rng(0))
+        assert image.max() > 1500
+        level = image.astype(float)
+        assert level.sum(axis=0) @ np.arange(w) / level.sum() == pytest.approx(xy[i, 0], abs=0.005)
+        assert level.sum(axis=1) @ np.arange(h) / level.sum() == pytest.approx(xy[i, 1], abs=0.005)
+
+
+def test_same_seed_same_bytes_other_seed_other_noise() -> None:
+    contact = (Contact(depth_mm=2.0, shear_x_mm=0.5),)
+    frames = [Simulator(SMALL, seed=s).frame(contact) for s in (5, 5, 6)]
+    assert frames[0].image.tobytes() == frames[1].image.tobytes()
+    assert frames[0].image.tobytes() != frames[2].image.tobytes()
+    assert frames[0].truth == frames[1].truth
+
+
+def test_noise_of_a_frame_does_not_depend_on_the_frames_before_it() -> None:
+    through = Simulator(SMALL)
+    frames = [through.frame() for _ in range(3)]
+    jumped = Simulator(SMALL)
+    jumped.sequence = 2
+    assert jumped.frame().image.tobytes() == frames[2].image.tobytes()
+
+
+@pytest.mark.parametrize(("bits", "kind"), [(8, np.uint8), (10, np.uint16), (12, np.uint16)])
+def test_bits_scale_the_same_scene(bits: int, kind: type) -> None:
+    frame = Simulator(SMALL, Look(bits=bits)).frame()
+    assert frame.image.dtype == kind
+    assert frame.bits == bits
+    assert frame.image.shape == (240, 320)
+    level = np.median(frame.image) / (2**bits - 1)
+    assert level == pytest.approx(30 / 255, rel=0.15)
+
+
+def test_sensor_noise_is_what_was_asked_for() -> None:
+    look = Look(skin=100.0, pin=0.0, vignetting=0.0, read_noise=2.0, shot_noise=0.05, bits=12)
+    image = Simulator(SMALL, look).frame().image / 4095 * 255
+    assert image.std() == pytest.approx((4 + 0.05 * 100) ** 0.5, rel=0.02)
+
+
+def test_dead_pins_are_dark_and_said_to_be_invisible() -> None:
+    frame = Simulator(SMALL, Look(dead=frozenset({3, 50}))).frame()
+    assert frame.truth is not None
+    assert [i for i, seen in enumerate(frame.truth["visible"]) if not seen] == [3, 50]
+    for i in (3, 4):
+        x, y = frame.truth["pins_img"][i]
+        assert (frame.image[round(y), round(x)] > 100) == (i != 3)
+
+
+def test_motion_blur_smears_along_the_way_and_truth_is_at_mid_exposure() -> None:
+    look = Look(0.0, 150.0, 0.8, 0.0, unevenness=0.0, read_noise=0.0, shot_noise=0.0, bits=12)
+    simulator = Simulator(SMALL, look, exposure=0.8)
+    before = simulator.frame((Contact(depth_mm=3.0),))
+    after = simulator.frame((Contact(depth_mm=3.0, shear_x_mm=1.0),))
+    still = Simulator(SMALL, look).frame((Contact(depth_mm=3.0, shear_x_mm=1.0),))
+    a, b, mid = (np.array((f.truth or {})["pins_img"]) for f in (before, still, after))
+    np.testing.assert_allclose(mid, b - 0.4 * (b - a), atol=1e-4)
+    x, y = mid[0]
+    gy, gx = np.mgrid[round(y) - 7 : round(y) + 8, round(x) - 7 : round(x) + 8]
+    window = after.image[gy, gx].astype(float) * (np.hypot(gx - x, gy - y) < 7.5)
+    assert (window * gx).sum() / window.sum() == pytest.approx(x, abs=0.02)
+    assert (window * (gx - x) ** 2).sum() > 1.1 * (window * (gy - y) ** 2).sum()
+
+
+def test_a_moving_reflection_moves_and_gain_and_rim_brighten() -> None:
+    blob = Blob((60.0, 60.0), 5.0, 200.0, (4.0, 0.0))
+    simulator = Simulator(SMALL, Look(pin=0.0, blobs=(blob,), vignetting=0.0))
+    peaks = [int(simulator.frame().image[60].argmax()) for _ in range(3)]
+    np.testing.assert_allclose(np.diff(peaks), 4, atol=3)
+    plain, bright = (Simulator(SMALL, Look(gain=g)).frame().image.mean() for g in (1.0, 1.5))
+    assert bright == pytest.approx(1.5 * plain, rel=0.05)
+    assert Simulator(SMALL, Look(rim=200.0, leds=6)).frame().image[0, 0] > 100
+
+
+def test_truth_is_json_and_complete() -> None:
+    frame = Simulator(SMALL).frame((Contact(Tool("two"), depth_mm=1.5, shear_y_mm=0.3, twist_deg=2.0),))
+    truth = json.loads(json.dumps(frame.truth))
+    assert len(truth["places_mm"]) == len(truth["places_img"]) == len(truth["forces_n"]) == 2
+    assert truth["depth_mm"] == 1.5
+    assert truth["shear_mm"] == [0.0, 0.3]
+    assert truth["twist_deg"] == 2.0
+    assert len(truth["pins_img"]) == len(truth["visible"]) == 127
+
+
+# -- scenes and the source ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_scenes_start_untouched_and_move_no_pin_further_than_a_third_of_the_pitch(scene: str) -> None:
+    frames = list(play(SCENES[scene]))
+    assert not any(frames[:REST_FRAMES])
+    places = [CAMERA.project(deform(CAMERA.tip, contacts).tips_mm) for contacts, _ in groupby(frames)]
+    pitch = np.sort(np.hypot(*(REST[:, None] - REST).transpose(2, 0, 1)), axis=1)[:, 1].min()
+    for a, b in pairwise(places):
+        assert np.hypot(*(b - a).T).max() < pitch / 3
+
+
+def test_unpaced_source_plays_a_scene_once() -> None:
+    source = open_source("sim:press?paced=0&pins=127&layout=hex", width=320, height=240)
+    frames = list(source)
+    assert source.size_px == (320, 240)
+    assert not source.live
+    assert len(frames) == len(list(play(SCENES["press"])))
+    assert frames[-1].truth is not None
+    assert frames[-1].truth["depth_mm"] == 3.0
+
+
+def test_paced_source_loops_at_its_rate() -> None:
+    source = open_source("sim:nothing?pins=127&layout=hex&rate_hz=240", width=320, height=240)
+    try:
+        n = len(list(play(SCENES["nothing"])))
+        frames = [frame for frame, _ in zip(source, range(n + 5), strict=False)]
+        assert source.live
+        assert source.rate_hz == 240
+        numbers = [frame.sequence for frame in frames]
+        assert numbers == sorted(set(numbers))
+        assert numbers[-1] >= n
+    finally:
+        source.close()
+
+
+@pytest.mark.parametrize(("where", "extra", "right"), [
+    ("dance", {}, "press-shear"),
+    ("press", {"pin": "3"}, "pins"),
+    ("press", {"pins": "100"}, "91"),
+    ("press", {"seed": "x"}, "x"),
+])  # fmt: skip
+def test_wrong_source_says_what_would_be_right(where: str, extra: dict[str, str], right: str) -> None:
+    with pytest.raises(SourceError, match=right):
+        open_sim(where, Options(extra=extra))
