@@ -102,9 +102,9 @@ def test_a_moved_image_has_moved_cells(tip: str, angle: float, shift: float, sca
     """Rest and load turned, shifted and scaled alike: areas follow. 1e6 px off costs 1e-10 px a point."""
     rest = TIPS[tip]()
     plain = cells_of(rest, pressed(rest))
-    moved = cells_of(moved(rest, angle, scale, shift), moved(pressed(rest), angle, scale, shift))
+    other = cells_of(moved(rest, angle, scale, shift), moved(pressed(rest), angle, scale, shift))
     resolution = 1e-10 + 40 * np.spacing(abs(shift) + 500 * scale) / (scale * PITCH_PX)
-    assert worst_relative(moved.area_px2, plain.area_px2 * scale**2) <= resolution
+    assert worst_relative(other.area_px2, plain.area_px2 * scale**2) <= resolution
 
 
 @pytest.mark.parametrize("tip", TIPS)
