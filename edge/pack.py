@@ -8,23 +8,25 @@ Rules
 
 from __future__ import annotations
 
+from dataclasses import fields
 from math import nan
 from typing import Any, Protocol
 
 from edge.types import Reading, Tracks
-from hostlink.wire import FIELDS, Contact, State, Status
+from hostlink.wire import Contact, State, Status
 from hostlink.wire.fields import CONTACTS_MAX
 
 __all__ = ["Measured", "to_state"]
 
 #: Fields that the calibration fills in; the others are the frame's own.
-VALUES = frozenset(f.name for f in FIELDS) - {
+VALUES = frozenset(f.name for f in fields(State)) - {
     "sample",
     "status",
     "capture_time_us",
     "latency_us",
     "pins_tracked",
     "contact_n",
+    "contacts",
     "displacement_sigma_mm",
     "shear_sigma_mm",
     "temperature_degc",
@@ -83,6 +85,7 @@ def to_state(
         status |= Status.SATURATED
     if tracks.confidence < Tracks.LOW_CONFIDENCE:
         status |= Status.TRACKER_LOST
+    values: dict[str, Any] = {name: _worst(reading.sigmas, of) for name, of in SIGMAS.items()}
     contacts = tuple(Contact(*row) for row in reading.contacts[:CONTACTS_MAX].tolist())
     return State(
         status=status,
@@ -90,8 +93,7 @@ def to_state(
         contact_n=len(reading.contacts),
         contacts=contacts,
         **frame,
-        **{name: _worst(reading.sigmas, of) for name, of in SIGMAS.items()},
-        **reading.values,
+        **(values | reading.values),
     )
 
 

@@ -112,9 +112,13 @@ class SerialSink(LinkSink):
         """The frame of one detail segment."""
         return encode_frame(Message.DETAIL, payload)
 
+    def frame(self, kind: Message, body: bytes, counter: int) -> bytes:
+        """The bytes of an answer, an emergency or a heartbeat."""
+        return encode_frame(kind, pack_message(kind, body, counter))
+
     def post_frame(self, kind: Message, body: bytes, counter: int) -> None:
         """Post an answer, an emergency or a heartbeat."""
-        self.post(encode_frame(kind, pack_message(kind, body, counter)))
+        self.post(self.frame(kind, body, counter))
 
     def _split(self, chunk: bytes) -> None:
         self._buffer += chunk
