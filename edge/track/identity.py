@@ -35,7 +35,7 @@ SCHEDULE = ((1, 0.6), (1, 0.5), (2, 0.5), (2, 0.45), (3, 0.4), (3, 0.4), (4, 0.3
 # Shifts to start from: hexagonal grid with this step in pitches, out to this many steps.
 START_STEP, START_RINGS = 0.5, 2
 # Hypotheses that are grown before the search gives up.
-N_GROWN = 4
+N_GROWN = 5
 PRUNE_ROUND, N_PRUNED = 3, 8  # round of the schedule after which only the best starts go on
 SWEEPS = 24
 GROW_GATE = 0.38  # steps to the next pin, how far from its prediction a blob may be while growing
@@ -51,7 +51,7 @@ ROOM = 0.5  # pitches; a free blob nearer to a matched one is no pin: compressed
 FULL_LEAD = 6.0
 CHANCE = 0.08
 FULL_DOUBT = 6.0
-LEAST_SHARE, FULL_SHARE = 0.35, 0.85
+LEAST_SHARE, FULL_SHARE = 0.42, 0.9
 SURE = 0.6
 WORTH_GROWING = 0.4
 RASTER_PX = 2.0  # cell of the nearest-blob table; coarse fits need no more
@@ -131,12 +131,19 @@ class Identifier:
         k = range(-START_RINGS, START_RINGS + 1)
         step = START_STEP * self._pitch_px
         shift = [(a + b / 2, b * np.sqrt(0.75)) for a in k for b in k if abs(a + b) <= START_RINGS]
-        self._shifts = np.array(shift)[:, None, :] * step
-        angle = np.arange(6) * np.pi / 3 + self._lattice.direction_rad
-        straight = np.stack([np.cos(angle), np.sin(angle)], axis=1)[:, None, :] * np.ones((n, 1))
         out = rest.xy_img - rest.pattern.centre_img
-        round_ = np.stack([-out[:, 1], out[:, 0]], axis=1) / np.maximum(np.hypot(*out.T), 1e-9)[:, None]
-        self._steps = np.concatenate([straight, round_[None], -round_[None]]) * self._pitch_px
+        far = np.maximum(np.hypot(*out.T), 1e-9)
+        along = out * (self._step_px / far)[:, None]
+        round_ = np.stack([-out[:, 1], out[:, 0]], axis=1) * (self._pitch_px / far)[:, None]
+        swell = out * (np.median(self._step_px) / far.max())
+        self._shifts = np.concatenate(
+            [np.array(shift)[:, None, :] * step + np.zeros((n, 1)), swell[None], -swell[None]]
+        )
+        angle = np.arange(6) * np.pi / 3 + self._lattice.direction_rad
+        straight = np.stack([np.cos(angle), np.sin(angle)], axis=1)[:, None, :] * np.full(
+            (n, 1), self._pitch_px
+        )
+        self._steps = np.concatenate([straight, [round_, -round_, along, -along]])
         margin = 2 * self._pitch_px
         self._low, self._high = rest.xy_img.min(0) - margin, rest.xy_img.max(0) + margin
 

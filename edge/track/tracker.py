@@ -35,6 +35,10 @@ HELD_SHARE = 0.4
 USUAL_SHARE = 0.65
 DOUBT = 0.4  # the confidence said then: below what may be used
 USUAL_FRAMES = 30.0  # time constant of what is usual
+# While this share of the pins that a search once found is not seen, search anew every so many frames: a
+# region that was lost as a whole does not come back by itself.
+FULL_SHARE = 0.85
+SEARCH_FRAMES = 60
 # Frames without identities after which the last positions are only a guess, no evidence.
 FRESH_FRAMES = 2
 
@@ -54,6 +58,8 @@ class Tracker:
         self._held = False
         self._unheld = FRESH_FRAMES  # frames since the identities were held
         self._usual = 0.0  # share of the pins seen lately
+        self._best = 0.0  # largest share that a search found
+        self._since_search = 0  # frames
         self._fallback: tuple[Tracks, Array, Array] | None = None  # doubtful tracks, positions, bend
 
     def predict(self) -> Array | None:
@@ -78,7 +84,9 @@ class Tracker:
         bend[hidden] = 0.0
         share = float(np.count_nonzero(seen)) / len(seen)
         sure = self._continuity(now, share)
+        self._since_search += 1
         unusual = share < USUAL_SHARE * self._usual
+        unusual |= share < FULL_SHARE * self._best and self._since_search >= SEARCH_FRAMES
         self._usual += (share - self._usual) / USUAL_FRAMES
         tracks = _tracks(now, pins.sigma_px, seen, sure)
         if unusual or sure < Tracks.LOW_CONFIDENCE:
@@ -91,8 +99,8 @@ class Tracker:
     def identify(self, pins: Pins) -> Tracks:
         """Find the identities of unordered pins, from rest or from where they were last seen.
 
-        When it is not sure, and `follow` doubted this very frame only for the number of pins that it
-        missed, what `follow` had found stands.
+        When it is not sure or finds less, and `follow` doubted this very frame only for the number of
+        pins that it missed, what `follow` had found stands.
         """
         n = len(self._rest_xy)
         identity = self._identifier.identify(pins.xy_img, [self._xy])
@@ -102,12 +110,16 @@ class Tracker:
         sigma[seen] = pins.sigma_px[identity.blob[seen]]
         expected, _, _ = self._lattice.predict((xy - self._rest_xy)[None], seen[None])
         now = np.where(seen[:, None], xy, self._rest_xy + expected[0])
+        self._since_search = 0
+        share = float(np.count_nonzero(seen)) / n
         confidence = identity.confidence
         if self._unheld < FRESH_FRAMES:
             confidence = max(confidence, self._continuity(now, identity.n_agree / n))
         fallback, self._fallback = self._fallback, None
+        if fallback is not None and fallback[0].n_seen > identity.n_agree:
+            confidence = 0.0
         if confidence >= Tracks.LOW_CONFIDENCE:
-            self._usual = float(np.count_nonzero(seen)) / n
+            self._usual, self._best = share, max(share, self._best)
             self._settle(now, np.zeros_like(now), seen, now - self._rest_xy - expected[0])
         elif fallback is not None:
             tracks, now, bend = fallback
