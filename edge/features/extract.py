@@ -57,13 +57,25 @@ NEEDS: dict[Feature, frozenset[Quantity]] = {
     Feature.ORIENTATION: frozenset({Quantity.CONTACTS}),
     Feature.SURFACE: frozenset({Quantity.SURFACE}),
 }
-_FROM_AREAS = frozenset({Quantity.VOLUME, Quantity.SURFACE, Quantity.CONTACTS})
-_FROM_GRID = frozenset({Quantity.VOLUME, Quantity.SURFACE, Quantity.CONTACTS})
-
 #: Contact threshold and the volume's threshold, in sigmas of one cell's noise.
 THRESHOLD = 5.0
 #: and never below this area change: drift of light and focus between tare and now, not noise.
 THRESHOLD_MIN = 0.01
+
+
+class _Plan:
+    """A demand, looked up once: an enum's hash is Python code, and 50 of them a frame cost 20 us."""
+
+    def __init__(self, demand: frozenset[Feature]) -> None:
+        need: frozenset[Quantity] = frozenset().union(*(NEEDS[feature] for feature in demand))
+        self.demand = demand
+        self.shear = Quantity.SHEAR in need
+        self.modes = Quantity.MODES in need
+        self.volume = Quantity.VOLUME in need
+        self.surface = Quantity.SURFACE in need
+        self.contacts = Quantity.CONTACTS in need
+        self.torsion = Quantity.TORSION in need
+        self.slip = Quantity.SLIP in need
 
 
 class FeatureExtractor:
@@ -81,6 +93,7 @@ class FeatureExtractor:
         self._slip = Slip(rest)
         self._surface: Surface | None = None  # 10 ms to make: only when a contact is first asked about
         self._rest, self._grid = rest, grid
+        self._plan = _Plan(frozenset())
 
     @property
     def surface(self) -> Surface:
@@ -95,61 +108,60 @@ class FeatureExtractor:
         cells    of the same frame; None when nobody asked for what needs areas
         Returns  Features; fields outside of the demand are None
         """
-        need: frozenset[Quantity] = frozenset().union(*(NEEDS[feature] for feature in demand))
+        if demand is not self._plan.demand:
+            self._plan = _Plan(demand)
+        plan = self._plan
         motion = tracks.xy_img - self._xy_rest
         seen = tracks.seen
+        sigma = self._gate.sigma_px(tracks)
         if cells is None:
-            need -= _FROM_AREAS
             change = np.full(len(motion), np.nan)
-            touched = self._gate.touched_by_motion(motion, tracks)
+            touched = self._gate.touched_by_motion(motion, seen, sigma)
         else:
             change = cells.area_px2 * self._inverse_area - 1.0
-            touched = self._gate.touched_by_area(change, tracks)
-        shear = mean_motion(motion, seen) if Quantity.SHEAR in need else None
-        modes = self._modes.fit(motion, seen) if Quantity.MODES in need else None
+            touched = self._gate.touched_by_area(change, sigma)
+        shear = mean_motion(motion, seen) if plan.shear else None
+        modes = self._modes.fit(motion, seen) if plan.modes else None
         if not touched:
             self._slip.forget()
+            areas = cells is not None
             return Features(
                 area_change=change,
                 displacement_px=motion,
                 touched=False,
                 shear_px=shear,
                 modes_px=modes,
-                volume_px2=0.0 if Quantity.VOLUME in need else None,
-                contacts=() if Quantity.CONTACTS in need else None,
-                torsion_rad=0.0 if Quantity.TORSION in need else None,
-                slip_px=0.0 if Quantity.SLIP in need else None,
-                slip_probability=0.0 if Quantity.SLIP in need else None,
+                volume_px2=0.0 if plan.volume and areas else None,
+                contacts=() if plan.contacts and areas else None,
+                torsion_rad=0.0 if plan.torsion else None,
+                slip_px=0.0 if plan.slip else None,
+                slip_probability=0.0 if plan.slip else None,
             )
-        threshold = max(THRESHOLD * self._gate.noise(tracks), THRESHOLD_MIN)
         volume: float | None = None
         picture: Array | None = None
         contacts: tuple[ContactRegion, ...] | None = None
-        if need & _FROM_GRID:
-            assert cells is not None
+        threshold = max(THRESHOLD * self._gate.cell_noise(sigma), THRESHOLD_MIN)
+        if cells is not None and (plan.volume or plan.surface or plan.contacts):
             surface = self.surface
             growth = surface.fill(change)
-            if Quantity.VOLUME in need or Quantity.SURFACE in need:
+            if plan.volume or plan.surface:
                 heights = surface.heights(growth)
-                if Quantity.VOLUME in need:
+                if plan.volume:
                     volume = surface.volume_px2(heights, threshold)
-                if Quantity.SURFACE in need:
+                if plan.surface:
                     picture = surface.spread(heights, np.nan).astype(np.float64)
-            if Quantity.CONTACTS in need:
-                moved = (cells.xy_img - self._xy_rest).astype(np.float32)
-                least = np.maximum(
-                    surface.stretch_noise * np.float32(THRESHOLD * self._gate.sigma_px(tracks)),
-                    np.float32(THRESHOLD_MIN),
-                )
-                contacts = find_contacts(surface.stretch(moved), surface, least, growth, cells.xy_img)
+            if plan.contacts:
+                stretch = surface.stretch((cells.xy_img - self._xy_rest).astype(np.float32))
+                least = surface.stretch_noise * np.float32(THRESHOLD * sigma)
+                np.maximum(least, np.float32(THRESHOLD_MIN), out=least)
+                contacts = find_contacts(stretch, surface, least, growth, cells.xy_img)
         turn = slip = probability = None
-        if Quantity.TORSION in need or Quantity.SLIP in need:
+        if plan.torsion or plan.slip:
             compression = np.where(change > threshold, change, 0.0)
             weight = contact_pins(self._xy_rest, compression) * seen
-            if Quantity.TORSION in need:
+            if plan.torsion:
                 turn = torsion(self._xy_rest, np.where(seen[:, None], motion, 0.0), weight)
-            if Quantity.SLIP in need:
-                sigma = float(np.median(tracks.sigma_px[seen])) if seen.any() else 0.0
+            if plan.slip:
                 state = self._slip.update(motion, weight, sigma)
                 slip, probability = state.slip_px, state.probability
         return Features(

@@ -14,9 +14,11 @@ Rules
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from edge.types import Array, Index, Rest, Tracks
+from edge.types import Array, Index, Mask, Rest, Tracks
 
 #: Relative noise of a cell's area, and of its mean over seven cells, for independent pin noise sigma_px:
 #: noise = FACTOR * sigma_px / pitch_px. Measured on a hexagonal lattice (60 draws of 576 pins, sigma
@@ -47,57 +49,67 @@ class Gate:
 
     def __init__(self, rest: Rest) -> None:
         self._ring = neighbours(rest.xy_img)
+        self._width = self._ring.shape[1]
         self._pitch_px = rest.pattern.pitch_px
         self._rest_var = float(np.median(rest.pins.sigma_px)) ** 2
         self._learnt = 1.0  # measured over predicted noise
         self._touched = False
 
-    def noise(self, tracks: Tracks) -> float:
-        """One-sigma noise of a single cell's relative area change in this frame."""
-        return CELL_NOISE / self._pitch_px * self.sigma_px(tracks) * self._learnt
+    def sigma_px(self, tracks: Tracks) -> float:
+        """Noise of one coordinate of a pin's motion since rest."""
+        sigma = tracks.sigma_px if tracks.n_seen == len(tracks.seen) else tracks.sigma_px[tracks.seen]
+        now = float(sigma.mean()) if len(sigma) else 0.0
+        return float(np.sqrt(now * now + self._rest_var))
 
-    def touched_by_area(self, change: Array, tracks: Tracks) -> bool:
+    def cell_noise(self, sigma_px: float) -> float:
+        """One-sigma noise of a single cell's relative area change."""
+        return CELL_NOISE / self._pitch_px * sigma_px * self._learnt
+
+    def touched_by_area(self, change: Array, sigma_px: float) -> bool:
         """Decide on one frame's area changes, and learn from it if nothing touches.
 
-        change  (n,) relative area change; NaN where lost
+        change    (n,) relative area change; NaN where lost
+        sigma_px  of `sigma_px`
         """
-        seen = np.isfinite(change)
-        value = np.where(seen, change, 0.0)
-        if not seen.any():
-            return self._touched
-        weight = seen[self._ring].sum(axis=1)
-        mean = value[self._ring].sum(axis=1) / np.maximum(weight, 1)
-        # Fewer cells average less noise away; a mean of fewer than four is not listened to.
-        score = mean * np.sqrt(weight / self._ring.shape[1])
-        score[weight < min(4, self._ring.shape[1])] = 0.0
-        predicted = self.sigma_px(tracks) / self._pitch_px
-        level = float(score.max()) / (MEAN_NOISE * predicted * self._learnt)
-        self._touched = level > (OFF if self._touched else ON)
+        mean, weight = self._means(change)
+        predicted = sigma_px / self._pitch_px
+        limit = (OFF if self._touched else ON) * MEAN_NOISE * predicted * self._learnt
+        self._touched = self._highest(mean, weight) > limit
         if not self._touched:
             # 1.4826 MAD = sigma; the median of |x| rather than about the median: a drift is noise too.
-            spread = 1.4826 * float(np.median(np.abs(change[seen]))) / (CELL_NOISE * predicted)
-            self._learnt += RATE * (min(max(spread, 1.0 / TRUST), TRUST) - self._learnt)
+            size = np.abs(change)
+            typical = float(np.median(size if weight is None else size[np.isfinite(size)]))
+            spread = 1.4826 * typical / (CELL_NOISE * predicted) if predicted > 0.0 else 1.0
+            if math.isfinite(spread):
+                self._learnt += RATE * (min(max(spread, 1.0 / TRUST), TRUST) - self._learnt)
         return self._touched
 
-    def touched_by_motion(self, motion_px: Array, tracks: Tracks) -> bool:
+    def touched_by_motion(self, motion_px: Array, seen: Mask, sigma_px: float) -> bool:
         """Decide without areas: do pins move against each other beyond their noise?
 
         motion_px  (n, 2) since rest; NaN where lost
         """
-        seen = tracks.seen
         if np.count_nonzero(seen) < 4:
             return self._touched
-        u = np.where(seen[:, None], motion_px, 0.0)
-        u -= np.median(u[seen], axis=0)
-        u[~seen] = 0.0
-        weight = seen[self._ring].sum(axis=1)
-        mean = u[self._ring].sum(axis=1) / np.maximum(weight, 1)[:, None]
-        level = float(np.sqrt((mean * mean).sum(axis=1) * weight).max()) / self.sigma_px(tracks)
-        self._touched = level > (OFF if self._touched else ON)
+        u = motion_px - np.median(motion_px[seen], axis=0)
+        x, weight = self._means(u[:, 0])
+        y, _ = self._means(u[:, 1])
+        limit = (OFF if self._touched else ON) * sigma_px / math.sqrt(self._width)
+        self._touched = self._highest(np.hypot(x, y), weight) > limit
         return self._touched
 
-    def sigma_px(self, tracks: Tracks) -> float:
-        """Noise of one coordinate of a pin's motion since rest."""
-        seen = tracks.seen
-        now = float(np.median(tracks.sigma_px[seen])) if seen.any() else 0.0
-        return float(np.sqrt(now * now + self._rest_var))
+    def _means(self, value: Array) -> tuple[Array, Index | None]:
+        """Mean over each pin and its neighbours, and of how many; None: of all of them."""
+        mean: Array = value[self._ring].sum(axis=1) / self._width
+        if math.isfinite(float(mean.sum())):
+            return mean, None
+        seen = np.isfinite(value)
+        weight = seen[self._ring].sum(axis=1, dtype=np.int32)
+        return np.where(seen, value, 0.0)[self._ring].sum(axis=1) / np.maximum(weight, 1), weight
+
+    def _highest(self, mean: Array, weight: Index | None) -> float:
+        """Highest mean; fewer cells average less noise away, fewer than four are not listened to."""
+        if weight is None:
+            return float(mean.max())
+        score = mean * np.sqrt(weight / self._width)
+        return float(np.where(weight >= min(4, self._width), score, 0.0).max())

@@ -90,7 +90,8 @@ def firm(height: Heights, threshold: float) -> Heights:
     ramp = np.maximum(height - np.float32(threshold), np.float32(0.0))
     ramp += ramp
     np.minimum(ramp, height, out=ramp)
-    return np.maximum(ramp, np.float32(0.0), out=ramp)
+    out: Heights = np.maximum(ramp, np.float32(0.0), out=ramp)
+    return out
 
 
 class Surface:
