@@ -373,7 +373,7 @@ class CanDecoder(_Decoder):
         self._table = (ids or CanIds()).table
         self.unknown_n = 0
 
-    def receive(self, can_id: int, data: bytes, arrival_s: float = 0.0) -> list[Event]:
+    def receive(self, can_id: int, data: bytes | bytearray, arrival_s: float = 0.0) -> list[Event]:
         """The events that this frame completes; mostly one or none.
 
         Raises VersionMismatch: once a node; TypeError, ValueError: not a CAN frame
@@ -433,7 +433,7 @@ class SerialDecoder(_Decoder):
         self._skipping = False  # a block grew beyond any frame: wait for its end
         self._in_step = False  # a separator was seen: what comes before the first is half a frame
 
-    def receive(self, data: bytes, arrival_s: float = 0.0) -> list[Event]:
+    def receive(self, data: bytes | bytearray, arrival_s: float = 0.0) -> list[Event]:
         """The events that these bytes complete.
 
         Raises VersionMismatch: once; TypeError: not bytes

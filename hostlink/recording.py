@@ -1,0 +1,215 @@
+"""Recordings of the link: CAN logs as `candump` and Vector tools have them, and bytes of a serial line.
+
+    .log     candump -L text      exact: identifier, FD flags, data, channel, direction, time
+    .blf     Vector binary log    exact but for channel names, which become numbers
+    .serial  bytes as they came   text line "voronoi-touch serial 1", then records of
+                                  8 bytes time (us, little-endian), 4 bytes length, the bytes
+
+Rules
+- "Exact" is to the microsecond, the resolution of `.log`; times are rounded to it when written.
+- Time never runs backwards in a log: a message stamped earlier than the one before gets its time (what
+  candump's format does by itself, done here for both formats alike), and `LogWriter.stepped_n` counts it.
+- Formats that would lose time or data are refused, with the reason. (6,000 FD frames each, python-can 4.6)
+- A damaged file is read up to the damage; then LogError says where. A record that a power cut left
+  unfinished at the end of a `.serial` file is the end of it.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Final
+
+from hostlink.decoder import CanDecoder, Event, SerialDecoder
+from hostlink.errors import LogError
+
+if TYPE_CHECKING:
+    import can
+
+__all__ = ["LogWriter", "SerialWriter", "check_suffix", "decode_recording", "read_log", "read_serial"]
+
+CAN_SUFFIXES: Final = (".log", ".blf")
+SERIAL_SUFFIX: Final = ".serial"
+
+REFUSED: Final = {
+    ".asc": "absolute time is lost when it is read back",
+    ".csv": "FD flags are lost",
+    ".db": "rows may be missing right after it was closed",
+    ".trc": "it has no CAN FD",
+    ".mf4": "it needs asammdf, which nothing else here does",
+    ".gz": "a power cut would lose the whole file; compress it when it is finished",
+}
+
+_MAGIC: Final = b"voronoi-touch serial 1\n"
+_RECORD: Final = struct.Struct("<QI")
+_RECORD_MAX: Final = 1 << 24  # a length beyond this is damage, not a chunk that a serial port gave
+
+
+def check_suffix(path: Path | str, allowed: tuple[str, ...] = (*CAN_SUFFIXES, SERIAL_SUFFIX)) -> Path:
+    """The path, if its format keeps everything. Raises LogError: it does not, or it is unknown."""
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in allowed:
+        reason = REFUSED.get(suffix, "unknown format" if suffix else "no suffix")
+        raise LogError(f"{path}: {reason}; use {' or '.join(allowed)}")
+    return path
+
+
+class LogWriter:
+    """Writes CAN messages to a `.log` or `.blf` file; a context manager.
+
+    stepped_n  messages whose time was earlier than that of the one before
+    Raises     LogError: format refused, or the file cannot be written
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        import can
+
+        self.path = check_suffix(path, CAN_SUFFIXES)
+        self.written_n = 0
+        self.stepped_n = 0
+        self._last_s: float | None = None
+        binary = self.path.suffix.lower() == ".blf"
+        try:
+            self._writer: Any = (can.BLFWriter if binary else can.CanutilsLogWriter)(str(self.path))
+        except OSError as error:
+            raise LogError(f"{self.path}: cannot be written: {error.strerror}") from None
+
+    def write(self, message: can.Message) -> None:
+        """Appends a message. Raises LogError: the file cannot be written (disk full)."""
+        time_s = round(message.timestamp, 6)
+        if self._last_s is not None and time_s < self._last_s:
+            time_s = self._last_s
+            self.stepped_n += 1
+        self._last_s = time_s
+        message = _with_time(message, time_s)
+        try:
+            self._writer.on_message_received(message)
+        except OSError as error:
+            raise LogError(f"{self.path}: cannot be written: {error.strerror}") from None
+        self.written_n += 1
+
+    def close(self) -> None:
+        """Ends the file."""
+        self._writer.stop()
+
+    def __enter__(self) -> LogWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _with_time(message: can.Message, time_s: float) -> can.Message:
+    """The message with another time; the caller's own is left as it is."""
+    from copy import copy
+
+    if message.timestamp == time_s:
+        return message
+    message = copy(message)
+    message.timestamp = time_s
+    return message
+
+
+def read_log(path: Path | str) -> Iterator[can.Message]:
+    """The messages of a `.log` or `.blf` file, in order, times in whole microseconds.
+
+    Raises LogError: no such file, format refused, or damaged (after the messages before the damage)
+    """
+    import can
+    from can.io.blf import BLFParseError
+
+    path = check_suffix(path, CAN_SUFFIXES)
+    if not path.is_file():
+        raise LogError(f"{path}: no such file")
+    read_n = 0
+    make: Callable[[str], Any] = can.BLFReader if path.suffix.lower() == ".blf" else can.CanutilsLogReader
+    try:
+        with make(str(path)) as reader:
+            for message in reader:
+                yield _with_time(message, round(message.timestamp, 6))
+                read_n += 1
+    except (ValueError, LookupError, BLFParseError, struct.error, zlib.error, OSError) as error:
+        raise LogError(f"{path}: damaged after {read_n} messages: {error}") from None
+
+
+class SerialWriter:
+    """Writes what a serial line gave to a `.serial` file; a context manager.
+
+    Raises LogError: wrong suffix, or the file cannot be written
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = check_suffix(path, (SERIAL_SUFFIX,))
+        try:
+            self._file = self.path.open("wb")
+            self._file.write(_MAGIC)
+        except OSError as error:
+            raise LogError(f"{self.path}: cannot be written: {error.strerror}") from None
+
+    def write(self, data: bytes, time_s: float) -> None:
+        """Appends a chunk that arrived at this time (s, >= 0)."""
+        try:
+            self._file.write(_RECORD.pack(round(time_s * 1e6), len(data)) + data)
+        except OSError as error:
+            raise LogError(f"{self.path}: cannot be written: {error.strerror}") from None
+
+    def close(self) -> None:
+        """Ends the file."""
+        self._file.close()
+
+    def __enter__(self) -> SerialWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def read_serial(path: Path | str) -> Iterator[tuple[float, bytes]]:
+    """The chunks of a `.serial` file: (time s, bytes).
+
+    Raises LogError: no such file, not such a file, or damaged (after the chunks before the damage)
+    """
+    path = check_suffix(path, (SERIAL_SUFFIX,))
+    if not path.is_file():
+        raise LogError(f"{path}: no such file")
+    with path.open("rb") as file:
+        if file.read(len(_MAGIC)) != _MAGIC:
+            raise LogError(f"{path}: not a serial recording of this version")
+        while len(head := file.read(_RECORD.size)) == _RECORD.size:
+            time_us, size = _RECORD.unpack(head)
+            if size > _RECORD_MAX:
+                raise LogError(f"{path}: damaged at byte {file.tell() - _RECORD.size}")
+            data = file.read(size)
+            if len(data) < size:
+                return
+            yield time_us * 1e-6, data
+
+
+def decode_recording(path: Path | str, decoder: CanDecoder | SerialDecoder | None = None) -> Iterator[Event]:
+    """The events in a recording of any of the formats, arrival times as recorded.
+
+    decoder  to use; its statistics are then the caller's to read. It must fit the kind of recording.
+    Raises   LogError; VersionMismatch: recorded from a sensor of another version; TypeError: wrong decoder
+    """
+    path = check_suffix(path)
+    if path.suffix.lower() == SERIAL_SUFFIX:
+        serial = SerialDecoder() if decoder is None else decoder
+        if not isinstance(serial, SerialDecoder):
+            raise TypeError("a serial recording needs a SerialDecoder")
+        for time_s, data in read_serial(path):
+            yield from serial.receive(data, time_s)
+        return
+    bus = CanDecoder() if decoder is None else decoder
+    if not isinstance(bus, CanDecoder):
+        raise TypeError("a CAN log needs a CanDecoder")
+    for message in read_log(path):
+        if not (message.is_error_frame or message.is_remote_frame or message.is_extended_id):
+            yield from bus.receive(message.arbitration_id, message.data, message.timestamp)
