@@ -26,7 +26,7 @@
 #define HALF_MAX 39
 #define STRIDE_MAX 80
 #define STEPS_MAX 8
-#define NORMS 12
+#define NORMS 13
 
 typedef float lanes __attribute__((vector_size(4 * LANES)));
 
@@ -136,16 +136,30 @@ typedef struct {
     double x, y, sigma, amplitude, fit;
 } Answer;
 
+typedef struct {
+    double fit_min, amplitude_share, reach, clash, noise;
+} Limits;
+
 INLINE int phase_of(double fraction) /* of (-0.5, 0.5] */
 {
     int p = (int)floor((fraction + 0.5) * PHASES);
     return p < 0 ? 0 : (p >= PHASES ? PHASES - 1 : p);
 }
 
+/* Sigma of a coordinate: the noise as the fit leaves it, and what a blob that is no disc may hide. A disc of which
+ * the share m of the variation is missing has its middle elsewhere by up to radius x m^2 (measured by hiding part
+ * of rendered discs, tests). */
+INLINE double sigma_of(double noise_sigma, double rest, double freedom, double energy, double noise, double radius)
+{
+    const double missing = rest - freedom * (noise + 1.0 / 12.0);
+    const double m = missing > 0 && energy > 0 ? missing / energy : 0;
+    return hypot(noise_sigma, radius * m * m);
+}
+
 /* A pin that the image's border cuts: the same fit over the pixels there are, of 1, d, tx, ty alone. `ex`, `ey`
  * are the step from the phase's centre. 0 where less than a third of the pin's variation is in view. */
 static int fit_cut(const Picture *p, const float *window, const float *t, const Kind *k, int cx, int cy,
-                   const double *norms, Answer *out, double *ex, double *ey)
+                   const double *norms, double noise, Answer *out, double *ex, double *ey)
 {
     enum { SIZE = 4 };
     double m[SIZE][SIZE + 1] = {{0}}, energy = 0, sum = 0, seen = 0, inverse_trace = 0;
@@ -201,15 +215,15 @@ static int fit_cut(const Picture *p, const float *window, const float *t, const 
     *ex = answer[2] / answer[1];
     *ey = answer[3] / answer[1];
     out->amplitude = answer[1];
-    out->sigma = sqrt(variance * inverse_trace) / answer[1];
+    out->sigma = sigma_of(sqrt(variance * inverse_trace) / answer[1], rest, seen - SIZE, energy, noise, norms[12]);
     out->fit = explained / energy;
     return 1;
 }
 
 /* norms of one phase: 0 pixels in the support, 1 sum d^2, 2 sum tx^2, 3 sum ty^2, 4 sum tx u, 5 sum ty v,
  * 6 sum u^2, 7 sum v^2, where u and v are freed of 1 and d by taking off 8, 9 (their means) and 10, 11
- * (their share of d) */
-INLINE Answer follow(const Picture *p, double x, double y, double reach, const Kind *k, const float *templates,
+ * (their share of d); 12 the radius */
+INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, const Kind *k, const float *templates,
                      const double *norms)
 {
     float window[(2 * HALF_MAX + 1) * STRIDE_MAX];
@@ -237,11 +251,11 @@ INLINE Answer follow(const Picture *p, double x, double y, double reach, const K
         if (!whole) {
             Answer cut;
             double ex, ey;
-            if (!fit_cut(p, window, t, k, cx, cy, n, &cut, &ex, &ey)) return a;
+            if (!fit_cut(p, window, t, k, cx, cy, n, limit->noise, &cut, &ex, &ey)) return a;
             const double far = hypot(ex, ey), shorten = far > step_max ? step_max / far : 1;
             x = cx + ox + shorten * ex;
             y = cy + oy + shorten * ey;
-            if (hypot(x - x0, y - y0) > reach) return a;
+            if (hypot(x - x0, y - y0) > limit->reach) return a;
             if (far < 0.75 / PHASES || turn == STEPS_MAX - 1) {
                 a = cut;
                 a.x = x;
@@ -279,16 +293,16 @@ INLINE Answer follow(const Picture *p, double x, double y, double reach, const K
         }
         x += dx;
         y += dy;
-        if (hypot(x - x0, y - y0) > reach) return a;
+        if (hypot(x - x0, y - y0) > limit->reach) return a;
         if (far < 0.75 / PHASES || turn == STEPS_MAX - 1) {
             const double loss_x = 1 + keep_x * n[4] * n[4] / det_x, loss_y = 1 + keep_y * n[5] * n[5] / det_y;
             const double spread = 0.5 * (loss_x / n[2] + loss_y / n[3]);
             a.x = x;
             a.y = y;
             a.amplitude = amplitude;
-            a.sigma = sqrt(variance * spread) / amplitude;
             /* what a slope of the surroundings explains is no evidence against the disc */
             const double level_energy = energy - gx * su - gy * sv;
+            a.sigma = sigma_of(sqrt(variance * spread) / amplitude, rest, n[0] - 6, level_energy, limit->noise, n[12]);
             a.fit = level_energy > 0 ? s.sd * amplitude / level_energy : 0;
             return a;
         }
@@ -319,16 +333,12 @@ static double select_kth(double *v, Py_ssize_t n, Py_ssize_t kth)
     return v[kth];
 }
 
-typedef struct {
-    double fit_min, amplitude_share, reach, clash;
-} Limits;
-
 WIDE static void follow_all(const Picture *p, const double *predicted, Py_ssize_t n, const int *kind_of,
-                            const Kind *kinds, const float *templates, const double *norms, double reach,
+                            const Kind *kinds, const float *templates, const double *norms, const Limits *limit,
                             Answer *out)
 {
     for (Py_ssize_t i = 0; i < n; i++)
-        out[i] = follow(p, predicted[2 * i], predicted[2 * i + 1], reach, kinds + kind_of[i], templates,
+        out[i] = follow(p, predicted[2 * i], predicted[2 * i + 1], limit, kinds + kind_of[i], templates,
                         norms + (Py_ssize_t)kind_of[i] * PHASES * PHASES * NORMS);
 }
 
@@ -383,9 +393,9 @@ PyDoc_STRVAR(refine_doc,
              "kind_of         (n,) int32, which of the kinds each pin is\n"
              "kinds           (k, 4) int64: half width, row stride, first float, floats a phase\n"
              "templates       float32: per kind and phase: support, d, tx, ty\n"
-             "norms           (k, 16, 12) float64\n"
+             "norms           (k, 16, 13) float64\n"
              "rest_amplitude  (n,) float64\n"
-             "limits          (4,) float64: fit_min, amplitude_share, reach_px, clash_px\n"
+             "limits          (5,) float64: fit_min, amplitude_share, reach_px, clash_px, noise variance of a pixel\n"
              "order           (n,) int32, a permutation, kept from call to call\n"
              "scratch         (n,) float64\n"
              "out             (n, 5) float64: x, y, sigma, amplitude, fit; NaN in x, y, sigma where lost");
@@ -423,7 +433,7 @@ static PyObject *refine(PyObject *self, PyObject *args)
         const Picture picture = {image->buf, image->shape[0], image->shape[1], image->strides[0], bytes};
         const Py_ssize_t n = view[KIND_OF].len / 4, k = view[KINDS].len / 32;
         if (view[PREDICTED].len != 16 * n || view[REST].len != 8 * n || view[ORDER].len != 4 * n ||
-            view[SCRATCH].len != 8 * n || view[OUT].len != 40 * n || view[LIMITS].len != 32 ||
+            view[SCRATCH].len != 8 * n || view[OUT].len != 40 * n || view[LIMITS].len != 40 ||
             view[NORMS_].len != k * PHASES * PHASES * NORMS * 8 || k < 1 || k > 64) {
             complain("refine: arrays that do not belong together");
             goto done;
@@ -446,10 +456,10 @@ static PyObject *refine(PyObject *self, PyObject *args)
                 goto done;
             }
         const double *l = view[LIMITS].buf;
-        const Limits limits = {l[0], l[1], l[2], l[3]};
+        const Limits limits = {l[0], l[1], l[2], l[3], l[4]};
         Py_BEGIN_ALLOW_THREADS
         follow_all(&picture, view[PREDICTED].buf, n, kind_of, kinds, view[TEMPLATES].buf, view[NORMS_].buf,
-                   limits.reach, view[OUT].buf);
+                   &limits, view[OUT].buf);
         judge(view[PREDICTED].buf, n, view[REST].buf, &limits, view[OUT].buf, view[SCRATCH].buf, view[ORDER].buf);
         Py_END_ALLOW_THREADS
     }

@@ -100,6 +100,13 @@ def fills_gap(spots: Spots, pins: Spots) -> Mask:
     return fits
 
 
+def unevenness(spots: Spots) -> float:
+    """How unlike neighbours are: scatter of the log of their size, and twice that of the distance to the next."""
+    distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=NEIGHBOURS + 1)
+    size, gap = _against(spots.radius_px, near[:, 1:]), _against(distance[:, 1], near[:, 1:])
+    return float(1.4826 * (np.median(np.abs(size)) + 2.0 * np.median(np.abs(gap))))
+
+
 def _oddness(spots: Spots) -> Array:
     """How far each spot differs from its neighbours in size, depth and spacing; infinite where past any doubt."""
     distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=NEIGHBOURS + 1)
@@ -146,4 +153,6 @@ def _hang_together(xy_img: Array) -> Mask:
 
 def _inside_hull(pins: Array, xy_img: Array, margin_px: float) -> Mask:
     hull = cv2.convexHull(pins.astype(np.float32))
-    return np.array([cv2.pointPolygonTest(hull, (float(x), float(y)), True) > -margin_px for x, y in xy_img], bool)
+    return np.array(
+        [cv2.pointPolygonTest(hull, (float(x), float(y)), True) > -margin_px for x, y in xy_img], bool
+    )

@@ -28,7 +28,7 @@ _HALF_MAX = 39
 _KIND_STEP = 1.08
 # How much of the window's variation the disc has to explain, and how much of its usual light (after the gain
 # common to all pins) a pin must keep.
-FIT_MIN = 0.4
+FIT_MIN = 0.25
 AMPLITUDE_SHARE_MIN = 0.25
 _REACH_PITCHES = 0.6
 _CLASH_RADII = 1.1
@@ -52,7 +52,13 @@ class Refiner:
         self._radius = radius
         self._rest_amplitude = np.ascontiguousarray(rest.pins.brightness, np.float64)
         self._limits = np.array(
-            [FIT_MIN, AMPLITUDE_SHARE_MIN, _REACH_PITCHES * pattern.pitch_px, _CLASH_RADII * radius.min()]
+            [
+                FIT_MIN,
+                AMPLITUDE_SHARE_MIN,
+                _REACH_PITCHES * pattern.pitch_px,
+                _CLASH_RADII * radius.min(),
+                pattern.noise**2,
+            ]
         )
         self._order = np.arange(n, dtype=np.int32)
         self._scratch = np.empty(n)
@@ -91,7 +97,7 @@ class Refiner:
 def _tables(
     radii: tuple[float, ...], edge_px: float, pitch_px: float
 ) -> tuple[NDArray[np.int64], Floats, Array]:
-    """Kinds (k, 4) int64, templates float32 and norms (k, 16, 12) as `_centroid.refine` wants them."""
+    """Kinds (k, 4) int64, templates float32 and norms (k, 16, 13) as `_centroid.refine` wants them."""
     kinds, parts, norms = [], [], []
     first = 0
     for radius in radii:
@@ -105,11 +111,11 @@ def _tables(
 
 @lru_cache(maxsize=64)
 def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int, Floats, Array]:
-    """Half width, row stride, planes (16, 4, rows, stride) and norms (16, 12) of one radius at all phases.
+    """Half width, row stride, planes (16, 4, rows, stride) and norms (16, 13) of one radius at all phases.
 
     The planes are the support, the disc freed of a constant, and its slopes in x and y freed of both.
     """
-    support = min(radius + 3.0 * edge_px + 0.5, max(radius + 1.5 * edge_px, pitch_px - radius - edge_px))
+    support = min(radius + 3.0 * edge_px + 0.5, max(radius + 1.5 * edge_px, 0.85 * pitch_px - radius - 1.5 * edge_px))
     half = min(int(np.ceil(support + 0.5)), _HALF_MAX)
     size = 2 * half + 1
     stride = -(-size // _LANES) * _LANES
@@ -130,6 +136,7 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int
         _dot(tx, px), _dot(ty, py), _dot(px, px), _dot(py, py),
         _dot(columns, one) / _dot(one, one), _dot(rows, one) / _dot(one, one),
         _dot(columns, d) / _dot(d, d), _dot(rows, d) / _dot(d, d),
+        np.full((PHASES * PHASES, 1, 1), radius),
     ]  # fmt: skip
     planes = np.zeros((PHASES * PHASES, 4, size, stride), np.float32)
     planes[:, :, :, :size] = np.stack([one, d, tx, ty], axis=1)
