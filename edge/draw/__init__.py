@@ -11,7 +11,7 @@ Everything takes the types that flow between the stages; polygons come from the 
 from __future__ import annotations
 
 from edge.draw.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
-from edge.draw.panels import View, draw_camera, draw_touch, picture
+from edge.draw.panels import View, draw_camera, draw_touch, picture, save_pins_overlay
 from edge.draw.plots import figure, surface_figure
 from edge.draw.video import render
 
@@ -27,5 +27,6 @@ __all__ = [
     "figure",
     "picture",
     "render",
+    "save_pins_overlay",
     "surface_figure",
 ]

@@ -10,15 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from edge.draw.palette import FULL_CHANGE, PAPER, Bgr, Palette, cell_colours
-from edge.types import Array, Features, Frame, Image, Tracks
+from edge.errors import SinkError
+from edge.types import Array, Features, Frame, Image, Pins, Tracks
 
-__all__ = ["GLOBAL_GAIN", "LOCAL_GAIN", "View", "draw_camera", "draw_touch", "picture"]
+__all__ = ["GLOBAL_GAIN", "LOCAL_GAIN", "View", "draw_camera", "draw_touch", "picture", "save_pins_overlay"]
 
 Canvas = NDArray[np.uint8]
 LOCAL_GAIN = 2.0  # local shear vectors: pins move up to 1.3 pitches, most of them far less
@@ -181,6 +183,29 @@ def draw_camera(
     return canvas
 
 
+def save_pins_overlay(path: str | Path, image: Image, pins: Pins) -> None:
+    """The image, twice its size, with a circle of each pin's own radius and a cross at its centre.
+
+    Raises  SinkError: cannot be written
+    """
+    scale = 2.0
+    view = View((-0.5, -0.5), scale, (int(scale * image.shape[1]), int(scale * image.shape[0])))
+    canvas = draw_camera(view, image, 8 if image.dtype == np.uint8 else 16)
+    for (x, y), r in zip(view.fixed(pins.xy_img).tolist(), pins.radius_px.tolist(), strict=True):
+        cv2.circle(canvas, (x, y), round(r * scale * _ONE), _RING, 1, cv2.LINE_AA, _SHIFT)
+        cv2.drawMarker(canvas, (round(x / _ONE), round(y / _ONE)), _CROSS, cv2.MARKER_CROSS, 5, 1)
+    if not _write(Path(path), canvas):
+        raise SinkError(f"picture {path}: cannot be written; give a folder that exists and may be written to")
+
+
+def _write(path: Path, canvas: Canvas) -> bool:
+    try:
+        return bool(cv2.imwrite(str(path), canvas))
+    except cv2.error:  # no encoder for this suffix
+        return False
+
+
+_CROSS: Bgr = (60, 60, 255)
 _RING: Bgr = (0, 200, 255)  # amber: apart from white pins and from a grey image for every reader
 
 

@@ -63,7 +63,7 @@ def _natural(path: Path) -> list[tuple[int, int, str]]:
     return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts if part]
 
 
-def read_image(path: Path) -> Image:
+def _read_image(path: Path) -> Image:
     """Raises ValueError: not an image."""
     try:
         data = np.fromfile(path, np.uint8)
@@ -77,6 +77,14 @@ def read_image(path: Path) -> Image:
     if image is None:
         raise ValueError("not an image")
     return to_grey(image)
+
+
+def read_image(path: str | Path) -> Image:
+    """One grey image. Raises SourceError: not there, not an image."""
+    try:
+        return _read_image(Path(path))
+    except ValueError as error:
+        raise SourceError(f"image {path}: {error}; give {', '.join(IMAGE_SUFFIXES)}") from error
 
 
 class FolderSource:
@@ -105,7 +113,7 @@ class FolderSource:
         if not self.paths:
             raise SourceError(f"{self.name}: no images in it; give a folder with {', '.join(IMAGE_SUFFIXES)}")
         try:
-            height, width = read_image(self.paths[0]).shape
+            height, width = _read_image(self.paths[0]).shape
         except ValueError as error:
             raise SourceError(
                 f"{self.name}: {self.paths[0].name}: {error}; give {', '.join(IMAGE_SUFFIXES)}"
@@ -119,7 +127,7 @@ class FolderSource:
             if self._closed:
                 return
             try:
-                image = read_image(path)
+                image = _read_image(path)
             except ValueError:
                 self.faults["damaged frame"] += 1
                 continue

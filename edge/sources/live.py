@@ -69,6 +69,7 @@ class LiveSource:
         self._news = threading.Condition()
         self._closing = threading.Event()
         self._ended = False
+        self._started = False
         self._last_s = 0.0
         self._condition = ""
         self._failure: Exception | None = None
@@ -110,14 +111,18 @@ class LiveSource:
     # -- for the loop ---------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Start reading; a source is started by `open_source`."""
+        """Start reading, if that was not done yet; the first `read` does it too."""
+        with self._news:
+            if self._started or self._closing.is_set():
+                return
+            self._started = True
         self._last_s = time.monotonic()
         self._thread.start()
 
     @property
     def condition(self) -> str:
         """ "" or what is wrong now: lost, stalled, frozen, black."""
-        if not self._condition and not self._ended:
+        if not self._condition and self._started and not self._ended:
             patience_s = max(STALL_S, STALL_PERIODS / self.rate_hz if self.rate_hz else 0.0)
             if time.monotonic() - self._last_s > patience_s:
                 return "stalled"
@@ -130,6 +135,7 @@ class LiveSource:
 
     def read(self, timeout_s: float | None = None) -> Frame | None:
         """The newest frame that was not read yet; None: none came in time, or the source has ended."""
+        self.start()
         with self._news:
             self._news.wait_for(lambda: self._slot is not None or self._ended, timeout_s)
             frame, self._slot = self._slot, None

@@ -24,6 +24,7 @@ class Paced(LiveSource):
 
     source     iterated from its start; closed with this
     rate_hz    0: the recording's own times
+    speed      these times, so many times as fast
     loop       start again at the end, for ever; times and sequence numbers go on
     clock_ns   the host's monotonic clock
     """
@@ -33,13 +34,15 @@ class Paced(LiveSource):
         source: FrameSource,
         rate_hz: float = 0.0,
         *,
+        speed: float = 1.0,
         loop: bool = False,
         clock_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         super().__init__(source.name)
         self.source = source
         self.size_px = source.size_px
-        self.rate_hz = rate_hz or source.rate_hz
+        self.rate_hz = rate_hz or source.rate_hz * speed
+        self._speed = speed
         self._own_times = not rate_hz
         self._loop = loop
         self._clock_ns = clock_ns
@@ -53,7 +56,7 @@ class Paced(LiveSource):
         while True:
             previous: Frame | None = None
             for frame in self.source:
-                step_ns = float(frame.capture_ns - previous.capture_ns) if previous else 0.0
+                step_ns = (frame.capture_ns - previous.capture_ns) / self._speed if previous else 0.0
                 if not self._own_times:
                     due_ns = n * period_ns
                 else:

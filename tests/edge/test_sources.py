@@ -12,7 +12,7 @@ import pytest
 
 from edge.errors import SourceError
 from edge.recording import Recorder, RecordingSource
-from edge.sources import FolderSource, LiveSource, Paced, VideoSource, known_schemes, open_source
+from edge.sources import FolderSource, LiveSource, Paced, VideoSource, known_schemes, open_source, read_image
 from edge.sources.live import FROZEN_FRAMES, Watch
 from edge.sources.options import Options, parse_spec
 from edge.types import Clock, Frame
@@ -181,6 +181,13 @@ def test_what_is_not_an_image(tmp_path: Path, name: str, capfd: pytest.CaptureFi
         open_source(str(tmp_path / name))
     assert name in str(caught.value)
     assert capfd.readouterr().err == ""  # OpenCV's own words stay out of it
+
+
+def test_one_image(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), noise(3))
+    assert np.array_equal(read_image(tmp_path / "a.png"), noise(3))
+    with pytest.raises(SourceError, match="No such file"):
+        read_image(tmp_path / "b.png")
 
 
 def test_empty_folder(tmp_path: Path) -> None:
@@ -429,6 +436,13 @@ def test_replay_at_a_given_rate() -> None:
     assert np.diff([f.capture_ns for f in frames]).tolist() == [1_000_000] * 3
 
 
+def test_replay_at_twice_the_speed_keeps_the_gaps() -> None:
+    paced = Paced(Listed([0, 10_000_000, 50_000_000], 100.0), speed=2.0)
+    Clocked(paced)
+    assert np.diff([f.capture_ns for f in replayed(paced)]).tolist() == [5_000_000, 20_000_000]
+    assert paced.rate_hz == 200.0
+
+
 def test_replay_of_a_clock_that_stands_still() -> None:
     paced = Paced(Listed([9, 9, 9], 100.0))
     Clocked(paced)
@@ -463,7 +477,6 @@ def test_closing_ends_a_replay_at_once() -> None:
 
 def test_a_replay_delivers_its_last_frame_and_ends() -> None:
     paced = Paced(Listed([0, 1, 2], 1000.0), rate_hz=200.0)
-    paced.start()
     sequences = [f.sequence for f in paced]
     assert sequences[-1] == 20
     assert paced.dropped_n + len(sequences) == 3
