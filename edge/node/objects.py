@@ -200,7 +200,7 @@ def _find(index: int, sub: int) -> Object:
 
 
 def _encode(obj: Object, value: Value) -> bytes:
-    if obj.low is not None or isinstance(value, str | bytes):
+    if isinstance(value, str | bytes):
         return pack_value(obj, value)
     # Counters are read modulo their width: they count on for years.
     code = TYPES[obj.type][1]

@@ -17,7 +17,6 @@ from hostlink.wire import (
     CanIds,
     Message,
     State,
-    cobs,
     encode_frame,
     pack_message,
     pack_parts,
@@ -26,6 +25,7 @@ from hostlink.wire import (
 )
 from hostlink.wire.address import AddressError, parse_address
 from hostlink.wire.errors import CorruptFrame
+from hostlink.wire.serial import decode_frame
 
 __all__ = [
     "CanClassicSink",
@@ -126,10 +126,10 @@ class SerialSink(LinkSink):
         self._buffer = rest[-self.BUFFER_MAX :]
         for block in filter(None, blocks):
             try:
-                frame = cobs.decode(bytes(block))
-                kind = Message(frame[0])
-                counter, body = unpack_message(kind, frame[1:])
-            except (CorruptFrame, ValueError, IndexError):
+                number, payload = decode_frame(bytes(block))
+                kind = Message(number)
+                counter, body = unpack_message(kind, payload)
+            except (CorruptFrame, ValueError):
                 self.corrupt_n += 1
                 continue
             if self.on_frame is not None:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 __all__ = ["classic_frame_s", "fd_frame_s", "serial_frame_s"]
 
-SERIAL_OVERHEAD = 4  # type byte, COBS code byte, 0x00 before and behind
+SERIAL_OVERHEAD = 8  # type byte, CRC-32, COBS code byte, 0x00 before and behind
 SERIAL_BITS = 10  # start, 8 data, stop
 
 

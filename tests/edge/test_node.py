@@ -31,11 +31,9 @@ from hostlink.wire import (
     Op,
     State,
     Status,
-    cobs,
     object_named,
     pack_value,
     unpack_emergency,
-    unpack_message,
     unpack_segment,
     unpack_state,
     unpack_value,
@@ -112,6 +110,7 @@ class Bench:
         self.listener = can.Bus(interface="virtual", channel=channel)
         self.finger = Finger()
         self.network = canopen.Network()
+        self.network.NOTIFIER_CYCLE = 0.02  # how long disconnecting waits for it
         self.network.connect(interface="virtual", channel=channel)
         self.remote = self.network.add_node(NODE, object_dictionary())
         self.open()
@@ -489,6 +488,5 @@ def test_access_outside_of_the_table_never_gets_through(line: Line) -> None:
     with pytest.raises(Aborted):
         line.node.objects.read(0, 0)
     frame = line.sink.frame(Message.REQUEST, b"\1", 0)
-    assert unpack_message(Message.REQUEST, cobs.decode(frame.strip(b"\0"))[1:]) == (0, b"\1")
     line.sink.post(frame)  # too short for a request: ignored, and the next one is heard
     assert line.ask(line.request(Op.READ, "divider"), 1).data == b"\1\0"

@@ -26,13 +26,13 @@ from hostlink.wire import (
     Kind,
     Message,
     State,
-    cobs,
     pack_message,
     pack_state,
     unpack_part,
     unpack_state,
 )
 from hostlink.wire.address import parse_address
+from hostlink.wire.serial import decode_frame
 
 SOON_S = 5.0  # what comes at all comes in milliseconds; this ends a test that fails
 
@@ -295,9 +295,10 @@ class Pty:
     def close(self) -> None:
         os.close(self.master)
 
-    def frames(self, n: int) -> list[bytes]:
+    def frames(self, n: int) -> list[tuple[int, bytes]]:
         """The next n frames that came in."""
-        data, frames = b"", []
+        data: bytes = b""
+        frames: list[tuple[int, bytes]] = []
         end = time.monotonic() + SOON_S
         while len(frames) < n:
             assert time.monotonic() < end, f"{len(frames)} of {n} frames came"
@@ -306,7 +307,7 @@ class Pty:
             except BlockingIOError:
                 threading.Event().wait(0.002)
             *blocks, _ = data.split(b"\0")
-            frames = [cobs.decode(b) for b in blocks if b]
+            frames = [decode_frame(b) for b in blocks if b]
         return frames
 
 
@@ -323,13 +324,13 @@ def test_serial_frames_are_the_samples(pty: Pty) -> None:
     frames = pty.frames(4)
     sink.close()
     assert [f[0] for f in frames] == [Message.STATE] * 4
-    assert [unpack_state(f[1:]).sample for f in frames] == [0, 1, 2, 3]
+    assert [unpack_state(f[1]).sample for f in frames] == [0, 1, 2, 3]
 
 
 def test_pty_closed_and_reopened(pty: Pty) -> None:
     sink = open_sink(f"serial:{pty.path}")
     assert sink.send(state(0))
-    assert unpack_state(pty.frames(1)[0][1:]).sample == 0
+    assert unpack_state(pty.frames(1)[0][1]).sample == 0
     pty.close()
     pty.path.unlink()
     until(lambda: not sink.send(state(1)) and not sink.up, "the loss is noticed")
@@ -339,7 +340,7 @@ def test_pty_closed_and_reopened(pty: Pty) -> None:
     pty.open()
     until(lambda: sink.up, "the line is back")
     assert sink.send(state(3))
-    assert unpack_state(pty.frames(1)[0][1:]).sample == 3  # a gap, nothing old
+    assert unpack_state(pty.frames(1)[0][1]).sample == 3  # a gap, nothing old
     until(lambda: sink.counters.reconnects == 1, "counted")
     sink.close()
 
@@ -355,8 +356,8 @@ def test_line_that_nobody_reads_is_full_not_fatal(pty: Pty) -> None:
         sink.send(state(next(numbers)))
         with suppress(BlockingIOError):
             blocks = os.read(pty.master, 65536).split(b"\0")
-            frames = [cobs.decode(b) for b in blocks if len(b) == 66]
-            seen.extend(unpack_state(f[1:]).sample for f in frames)
+            frames = [decode_frame(b) for b in blocks if len(b) == 70]
+            seen.extend(unpack_state(f[1]).sample for f in frames)
         return len(seen) > 200
 
     until(newest_arrives, "samples flow again")
