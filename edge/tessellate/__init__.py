@@ -4,12 +4,8 @@ Idea (paper, "Construction of Voronoi Cell Data"): artificial points round the p
 pins, bound the cells of the outer pins; the cells of the artificial points themselves are thrown away.
 
 Rules
-- The boundary. On the rest frame it is the outline of the union of discs of one pitch radius round all
-  pins: no hull, no fitted circle, so any layout will do (hexagonal, rings, square, non-convex). It is
-  sampled at most half a pitch apart. Holes narrower than two pitches belong to the tip.
-- The boundary moves with the rim, by a constant matrix: an affine fit to all rim pins, plus what the
-  nearest rim pins do beside it. So it follows translation, rotation, scaling and shearing of the tip
-  exactly, and local motion of the rim smoothly. Rest areas come from the same rule at zero motion.
+- The boundary follows the outline of the pins on the rest frame, one pitch outside of them, whatever the
+  layout, and moves with the rim (`boundary`). Rest areas come from the same rule at zero motion.
 - A pin's area is the area of its Voronoi cell among pins and artificial points. The bounded polygon is
   the set of places nearer to a pin than to an artificial point; its area is the sum of all pins' areas.
 - A lost pin is put where its neighbours say it should be (least bending of the displacement field,

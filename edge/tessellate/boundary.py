@@ -1,14 +1,22 @@
-"""The artificial points round the pins, and how they move with the rim.
+r"""The artificial points round the pins, and how they move with the rim.
 
 Rules
-- On the rest frame the boundary is the outline of the union of discs of one pitch radius round all pins:
-  no hull, no fitted circle, so any layout will do (hexagonal, rings, square, non-convex, in parts).
-- It is sampled by arcs, symmetrically, so that it turns, shifts and scales with the pins.
+- On the rest frame a ball of `BALL_PITCHES` rolls round the pins, outside. The boundary is what it leaves
+  uncovered, one pitch off the pins that it touches: no hull, no fitted circle, so any layout will do
+  (hexagonal, rings, spokes, square, non-convex, in parts), and gaps that the ball does not enter belong
+  to the tip. So do holes: pins that the rest frame missed.
+
+          (   ball  )
+       o   `.     .'   o       o  pins that the ball touches: the rim
+      /  \___`---'___/  \      ___  boundary: arcs of one pitch about them, and between two of them
+                                    an arc about the ball's centre
+
+- It is sampled arc by arc, so that it turns, shifts and scales with the pins.
 - A fence stands round it, for the triangulation's sake only (`_cells.c` says why); it moves by the affine
   fit alone and so stays convex.
-- The boundary moves by a constant matrix on the rim pins' motion: an affine fit to all of them, plus what the
-  nearest rim pins do beside that fit. It follows translation, rotation, scaling and shearing of the tip
-  exactly, local motion of the rim smoothly.
+- The boundary moves by a constant matrix on the rim pins' motion: an affine fit to all of them, plus what
+  the nearest rim pins do beside that fit. It follows translation, rotation, scaling and shearing of the
+  tip exactly, local motion of the rim smoothly.
 """
 
 from __future__ import annotations
@@ -16,20 +24,21 @@ from __future__ import annotations
 import numpy as np
 
 from edge.tessellate.layout import affine_terms
-from edge.types import Array, Index, Mask
+from edge.types import Array, Index
 
 __all__ = ["carry_matrix", "make_boundary", "make_fence"]
 
 # Distance of the artificial points from the rim pins, in pitches: the rim cell then ends half a pitch
-# outside of its pin, as an inner cell does. Every hole between regular neighbours is covered, too.
+# outside of its pin, as an inner cell does.
 BOUNDARY_PITCHES = 1.0
-# Angle between artificial points on one disc; pi/6 is 0.52 pitches: denser than the pins.
-ARC_STEP = np.pi / 6
-# Exposed arcs shorter than this get no point: at a pin that only just belongs to the rim, noise of the
-# rest frame would decide. 0.1 of a pitch is a quarter of the pins' own spacing on the boundary.
-ARC_MIN = 0.1
-# Outlines that fit into a square of this many pitches are holes: a single pin's outline spans 2.
-HOLE_PITCHES = 1.9
+# Radius of the ball, in pitches. Real tips have spokes twice as far apart as the pins on them, and rest
+# frames with several neighbouring pins under glare: a ball of one pitch fell into both.
+BALL_PITCHES = 3.0
+# Largest distance of artificial points along an arc, in pitches. A regular rim has one arc at each pin
+# and one between two, each shorter than this: on average there are two points a pin.
+STEP_PITCHES = 0.7
+# Arcs of the ball's way shorter than this (rad) come from rounding: the ball touches three pins at once.
+ARC_MIN = 1e-6
 # Distance of the fence from the farthest artificial point, and of its points from each other. Boundary
 # points half a pitch apart then need to be 0.1 pitches off a line to change their triangles.
 FENCE_PITCHES = 2.5
@@ -38,39 +47,68 @@ RIM_REACH_PITCHES = 1.0
 
 
 def make_boundary(xy: Array, pitch_px: float) -> tuple[Array, Index]:
-    """Artificial points, and which pins carry them.
+    """Artificial points, in order round the tip (or round each of its parts), and who carries them.
 
     Returns  (b, 2) px; (r,) indices of the rim pins
     """
-    radius = BOUNDARY_PITCHES * pitch_px
+    ball, offset = BALL_PITCHES * pitch_px, BOUNDARY_PITCHES * pitch_px
+    step = STEP_PITCHES * pitch_px
+    pin, start, length = _ways_of_the_ball(xy, ball)
+    comes = xy[pin] + ball * _direction(start)  # ball's centre where it comes to this pin
+    leaves = xy[pin] + ball * _direction(start + length)  # and where it touches the next one, too
     points: list[Array] = []
-    owners: list[int] = []
+    rim: list[int] = []
+    waiting = np.ones(len(pin), dtype=bool)
+    while waiting.any():
+        loop = [int(np.argmax(waiting))]
+        while True:
+            waiting[loop[-1]] = False
+            follower = int(np.argmin(((comes - leaves[loop[-1]]) ** 2).sum(axis=1)))
+            if not waiting[follower]:
+                break
+            loop.append(follower)
+        x, y = np.concatenate([np.stack([comes[k], leaves[k]]) for k in loop]).T
+        turns_left = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) > 0 or length[loop[0]] > 6
+        if not turns_left:
+            continue  # inside of a hole
+        for k, then in zip(loop, [*loop[1:], loop[0]], strict=True):
+            points.append(_arc(xy[pin[k]], offset, float(start[k]), float(length[k]), step))
+            to_this, to_then = xy[pin[k]] - leaves[k], xy[pin[then]] - leaves[k]
+            turn = np.arctan2(to_this[0] * to_then[1] - to_this[1] * to_then[0], float(to_this @ to_then))
+            if turn < -ARC_MIN:  # the other way round than about a pin
+                begin = float(np.arctan2(to_this[1], to_this[0]))
+                points.append(_arc(leaves[k], ball - offset, begin, float(turn), step))
+            rim.append(int(pin[k]))
+    return np.concatenate(points), np.unique(np.array(rim)).astype(np.int32)
+
+
+def _ways_of_the_ball(xy: Array, ball: float) -> tuple[Index, Array, Array]:
+    """Arcs that the ball's centre runs while it touches one pin: (a,) pin, start rad, length rad."""
+    pin: list[int] = []
+    arcs: list[tuple[float, float]] = []
     _, first = np.unique(xy, axis=0, return_index=True)
     for i in np.sort(first):
         to_other = xy - xy[i]
         distance = np.hypot(to_other[:, 0], to_other[:, 1])
-        near = (distance > 0) & (distance < 2 * radius)
+        near = (distance > 0) & (distance < 2 * ball)
         middle = np.arctan2(to_other[near, 1], to_other[near, 0])
-        half = np.arccos(distance[near] / (2 * radius))
-        for start, length in _exposed(middle, half):
-            steps = max(1, int(np.ceil(length / ARC_STEP - 1e-6)))  # 1e-6: rounding must not add a point
-            angle = start + length * (np.arange(steps) + 0.5) / steps
-            points.append(xy[i] + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
-            owners.extend([int(i)] * steps)
-    boundary = np.concatenate(points)
-    keep = _without_holes(boundary, radius)
-    return boundary[keep], np.unique(np.array(owners)[keep]).astype(np.int32)
+        found = _exposed(middle, np.arccos(distance[near] / (2 * ball)))
+        arcs.extend(found)
+        pin.extend([int(i)] * len(found))
+    start, length = np.array(arcs).T
+    return np.array(pin, dtype=np.int32), start, length
 
 
-def make_fence(boundary: Array, pitch_px: float) -> Array:
-    """(f, 2) px, a circle of points round the boundary."""
-    centre = boundary.min(axis=0) + np.ptp(boundary, axis=0) / 2
-    gap = FENCE_PITCHES * pitch_px
-    radius = float(np.hypot(*(boundary - centre).T).max()) + gap
-    steps = int(np.ceil(2 * np.pi * radius / gap))
-    angle = 2 * np.pi * np.arange(steps) / steps
-    fence: Array = centre + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return fence
+def _direction(angle: Array) -> Array:
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def _arc(centre: Array, radius: float, start: float, turn: float, step: float) -> Array:
+    """(k, 2) points on an arc, at most `step` apart, half of that from its ends."""
+    k = max(1, int(np.ceil(abs(turn) * radius / step - 1e-6)))  # 1e-6: rounding must not add a point
+    angle = start + turn * (np.arange(k) + 0.5) / k
+    points: Array = centre + radius * _direction(angle)
+    return points
 
 
 def _exposed(middle: Array, half: Array) -> list[tuple[float, float]]:
@@ -85,24 +123,15 @@ def _exposed(middle: Array, half: Array) -> list[tuple[float, float]]:
     return [(float(r), float(s - r)) for r, s in zip(reach, start, strict=True) if s - r > ARC_MIN]
 
 
-def _without_holes(boundary: Array, radius: float) -> Mask:
-    """True for the points on outlines that are wider than a hole."""
-    unvisited = np.ones(len(boundary), dtype=bool)
-    keep = np.zeros(len(boundary), dtype=bool)
-    while unvisited.any():
-        chain = np.zeros(len(boundary), dtype=bool)
-        front = [int(np.argmax(unvisited))]
-        unvisited[front] = False
-        while front:
-            i = front.pop()
-            chain[i] = True
-            to_other = boundary - boundary[i]
-            close = unvisited & (np.hypot(to_other[:, 0], to_other[:, 1]) < 1.5 * ARC_STEP * radius)
-            unvisited &= ~close
-            front.extend(np.flatnonzero(close).tolist())
-        span = np.ptp(boundary[chain], axis=0)
-        keep |= chain & (np.hypot(*span) > HOLE_PITCHES * radius)
-    return keep
+def make_fence(boundary: Array, pitch_px: float) -> Array:
+    """(f, 2) px, a circle of points round the boundary."""
+    centre = boundary.min(axis=0) + np.ptp(boundary, axis=0) / 2
+    gap = FENCE_PITCHES * pitch_px
+    radius = float(np.hypot(*(boundary - centre).T).max()) + gap
+    steps = int(np.ceil(2 * np.pi * radius / gap))
+    angle = 2 * np.pi * np.arange(steps) / steps
+    fence: Array = centre + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return fence
 
 
 def carry_matrix(rim: Array, boundary: Array, fence: Array, pitch_px: float) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from edge._cells import Mesh
 from edge.errors import DegenerateLayout
 from edge.types import Array
 
@@ -25,12 +26,12 @@ def must_span(xy: Array, what: str) -> None:
 
 
 def pitch_of(xy: Array) -> float:
-    """Median distance of a pin to the nearest pin at another place, px."""
-    nearest = np.empty(len(xy))
-    for i, p in enumerate(xy):
-        distance = np.hypot(*(xy - p).T)
-        nearest[i] = distance[distance > 0].min()
-    return float(np.median(nearest))
+    """Median length of the edges between neighbouring pins, px."""
+    mesh = Mesh(len(xy), 0)
+    mesh.update(np.ascontiguousarray(xy), np.empty(len(xy)))
+    corners = np.frombuffer(mesh.triangles(), dtype=np.int32).reshape(-1, 3)
+    edges = xy[corners] - xy[np.roll(corners, -1, axis=1)]
+    return float(np.median(np.hypot(edges[..., 0], edges[..., 1])))
 
 
 def affine_terms(xy: Array, centre: Array, scale: float) -> Array:

@@ -41,8 +41,8 @@ def square(side: int = 12, pitch: float = PITCH_PX) -> Points:
 
 def horseshoe(pitch: float = PITCH_PX) -> Points:
     """A square grid with a bay: the outline is not convex."""
-    grid = square(11, pitch)
-    bay = (np.abs(grid[:, 0] - grid[:, 0].mean()) < 2.5 * pitch) & (grid[:, 1] > grid[:, 1].mean())
+    grid = square(15, pitch)
+    bay = (np.abs(grid[:, 0] - grid[:, 0].mean()) < 3.5 * pitch) & (grid[:, 1] > grid[:, 1].mean())
     return grid[~bay]
 
 
