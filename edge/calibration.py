@@ -26,7 +26,7 @@ import hashlib
 import math
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -324,19 +324,26 @@ class Calibration:
         values: dict[str, float] = {}
         sigmas: dict[str, float] = {}
         saturated: set[str] = set()
-        z = frame_inputs(features, pattern.tip_radius_px) if features.touched else None
-        for model in self._frame:
-            if z is None:
+        if features.touched:
+            for name, value, sigma, outside in self.frame_values(
+                frame_inputs(features, pattern.tip_radius_px)
+            ):
+                values[name], sigmas[name] = value, sigma
+                if outside and math.isfinite(value):
+                    saturated.add(name)
+        else:
+            for model in self._frame:
                 for name, spread in zip(model.outputs, model.sigma, strict=True):
                     values[name], sigmas[name] = UNTOUCHED[name], float(spread)
-                continue
-            y, sigma, outside = model.run(z)
-            for name, value, spread, over in zip(model.outputs, y, sigma, outside, strict=True):
-                values[name], sigmas[name] = float(value), float(spread)
-                if over and math.isfinite(value):
-                    saturated.add(name)
         contacts = self._places(features.contacts or (), pattern)
         return Reading(values, sigmas, contacts, frozenset(saturated), calibrated=True)
+
+    def frame_values(self, z: Complex) -> Iterator[tuple[str, float, float, bool]]:
+        """Name, value, sigma and whether out of range, of every output, from `frame_inputs`."""
+        for model in self._frame:
+            y, sigma, outside = model.run(z)
+            for name, value, spread, over in zip(model.outputs, y, sigma, outside, strict=True):
+                yield name, float(value), float(spread), bool(over)
 
     def _places(self, contacts: Sequence[ContactRegion], pattern: PinPattern) -> Array:
         places = np.full((len(contacts), 3), np.nan)

@@ -59,10 +59,13 @@ class Pipeline:
         still = Tracks(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_), 1.0)
         self._extractor = FeatureExtractor(rest, self._tessellator.cells(still).rest_area_px2)
 
-    def process(self, frame: Frame) -> Result:
-        """Everything that is in demand, from one frame."""
+    def process(self, frame: Frame, *, even_unsure: bool = False) -> Result:
+        """Everything that is in demand, from one frame.
+
+        even_unsure  values from doubtful identities too: for statistics of what a refusal avoids
+        """
         tracks, searched = self._locate(frame.image)
-        if tracks.confidence < Tracks.LOW_CONFIDENCE:
+        if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_unsure and tracks.n_seen >= 3):
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         cells = self._tessellator.cells(tracks) if self.demand & OF_CELLS else None
         features = self._extractor.extract(tracks, cells, self.demand)
@@ -71,6 +74,10 @@ class Pipeline:
         else:
             reading = self.calibration.apply(features, self.rest.pattern)
         return Result(frame, tracks, cells, features, reading, searched)
+
+    def forget(self) -> None:
+        """Take the next frame for itself, as after a jump: no pin positions are carried over."""
+        self.tracker = Tracker(self.rest)
 
     def _locate(self, image: Image) -> tuple[Tracks, bool]:
         predicted = self.tracker.predict()

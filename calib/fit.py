@@ -1,0 +1,340 @@
+"""From frames with known truth to a calibration file: the smallest model that predicts what it has not seen.
+
+Models are polynomials in the complex modes of motion (`edge.features.modes`). Rotating tip and touch
+together must rotate shear and tilt and leave depth and torsion alone, so only products of equal total
+spin can take part: 14 terms instead of 210 for a quadratic shear. That is why fifty frames make a usable
+calibration and why a sweep along one axis calibrates the others.
+
+For each output, candidates from the paper's own curve (depth: monotone in the volume; shear: linear in the
+mean motion, with an offset for preload) up to cubic products are fitted by ridge regression. Each is judged
+by grouped cross-validation (frames of one pose stay together), and the one with the fewest terms within
+one standard error of the best wins. Its sigma is the 68.3 % quantile of the held-out errors, over the
+widening that the distance from the data gives.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+from calib.errors import FitError
+from calib.extract import Extract
+from calib.targets import Targets
+from edge.calibration import (
+    FORMAT,
+    FRAME_INPUTS,
+    MODES,
+    VERSION,
+    Calibration,
+    CalibrationFile,
+    Curve,
+    Data,
+    Moments,
+    evaluate_terms,
+    sensor_of,
+    term_columns,
+)
+from edge.types import Array, Complex, Index, Rest
+
+__all__ = ["Candidate", "Choice", "fit", "terms_of_spin"]
+
+#: Values fitted together: one real, or two as x + i y; and the spin of what they may depend on.
+GROUPS: tuple[tuple[tuple[str, ...], int], ...] = (
+    (("displacement_mm",), 0),
+    (("force_n",), 0),
+    (("tilt_x_deg", "tilt_y_deg"), 1),
+    (("shear_x_mm", "shear_y_mm"), 1),
+    (("torsion_deg",), 0),
+)
+#: (degree of the modes, factors in a product), from simple to rich. Richer ones than these gained nothing on
+#: the published recordings and need more frames than a rig likes to take.
+SIZES = ((0, 1), (1, 1), (2, 1), (3, 1), (5, 1), (1, 2), (2, 2), (3, 2), (4, 2), (5, 2), (2, 3))
+#: Terms one spin off, in the same measure: what a rig's axis that misses the tip's own brings in. On the
+#: published set they halve the depth's error, and gain nothing elsewhere.
+OFF_AXIS = ((2, 1), (2, 2))
+RIDGES = tuple(10.0 ** (k / 2) for k in range(-8, 7))
+FOLDS = 10
+ROWS_MIN = 12  # fewer cannot tell a model from chance
+ROWS_PER_TERM = 1.5  # unknowns beyond this are noise, ridge or not
+SPREAD_MIN = 1e-3  # of a column, in its unit: below it nothing was varied
+KNOTS = 12  # of the displacement curve: the paper's has no more features than that
+EXPLAINED_MIN = 0.1  # share of the held-out variance: torsion on the published set reaches 0.3, chance 0
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One model that was tried: its size, and its rms error on held-out frames with its standard error."""
+
+    name: str
+    n_terms: int
+    rms: float
+    rms_error: float
+    ridge: float
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What was chosen for a group of outputs, and against what."""
+
+    outputs: tuple[str, ...]
+    model: Moments | Curve
+    chosen: Candidate
+    tried: tuple[Candidate, ...]
+    held_out: Complex  # (n,) prediction of each frame by a model that has not seen it
+
+
+def terms_of_spin(spin: int, degree: int, factors: int) -> list[list[str]]:
+    """Products of up to `factors` modes of up to `degree` and their conjugates, with this total spin.
+
+    Returns  input names of `edge.calibration`; a star is the conjugate. The constant comes with spin 0.
+    """
+    letters = []
+    for name in MODES:
+        a, b = int(name[1]), int(name[2])
+        if a + b <= degree:
+            letters += [(name, 1 - a + b), (f"{name}*", -(1 - a + b))]
+    return [
+        [name for name, _ in product]
+        for n in range(factors + 1)
+        for product in itertools.combinations_with_replacement(letters, n)
+        if sum(s for _, s in product) == spin
+    ]
+
+
+def fit(
+    rest: Rest,
+    targets: Targets,
+    extract: Extract,
+    *,
+    serial: str = "unnamed",
+    mm_per_px: float,
+    on_group: Callable[[str], None] = lambda text: None,
+    on_refused: Callable[[str], None] = lambda text: None,
+) -> tuple[Calibration, list[Choice]]:
+    """Fit everything that the table has columns for.
+
+    mm_per_px  scale at the tip's centre
+    on_group   told before each group of outputs
+    on_refused told why a group was left out: its values will be sent as invalid
+    Returns    the calibration, and how each model was chosen
+    Raises     FitError: nothing could be fitted; what the data lacks, naming the rows
+    """
+    usable = extract.sure & np.isfinite(extract.inputs[:, FRAME_INPUTS.index("c00")])
+    if usable.sum() < ROWS_MIN:
+        bad = ", ".join(targets.frames[i].name for i in np.flatnonzero(~usable)[:5])
+        raise FitError(
+            f"{targets.where}: {int(usable.sum())} usable frames, at least {ROWS_MIN} are needed"
+            + (f"; not usable: {bad}" if bad else "")
+        )
+    names = [n for n, y in targets.values.items() if np.ptp(y[usable]) > SPREAD_MIN]
+    poses = np.array([targets.values[n] for n in targets.values]).T[usable]
+    fold = _folds(poses)
+    choices: list[Choice] = []
+    refused: list[str] = []
+    for outputs, spin in GROUPS:
+        if not any(name in names for name in outputs) or any(o not in targets.values for o in outputs):
+            continue
+        on_group(", ".join(outputs))
+        parts = [targets.values[o][usable] for o in outputs]
+        y = np.zeros(len(parts[0]), dtype=np.complex128)
+        y.real = parts[0]
+        if len(parts) == 2:
+            y.imag = parts[1]
+        frames = [path.name for path, use in zip(targets.frames, usable, strict=True) if use]
+        try:
+            choices.append(_choose(outputs, spin, extract.inputs[usable], y, fold, targets.where, frames))
+        except FitError as error:
+            refused.append(str(error))
+            on_refused(str(error))
+    if not choices:
+        raise FitError(
+            refused[0]
+            if refused
+            else f"{targets.where}: no column varies by more than {SPREAD_MIN} over rows 2 to "
+            f"{len(targets) + 1}; nothing could be fitted"
+        )
+    content = CalibrationFile(
+        format=FORMAT,
+        version=VERSION,
+        sensor=sensor_of(rest, serial),
+        mm_per_px=mm_per_px,
+        models=[choice.model for choice in choices],
+        data=Data(
+            source=targets.where.rsplit("/", 1)[-1],
+            sha256=targets.sha256,
+            n_frames=int(usable.sum()),
+            created=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        ),
+    )
+    return Calibration(content), choices
+
+
+def _folds(poses: Array) -> Index:
+    """Fold of each row; equal poses share one. Deterministic: poses are dealt out by their hash order."""
+    _, group = np.unique(poses, axis=0, return_inverse=True)
+    order = np.random.default_rng(0).permutation(int(group.max()) + 1)
+    return np.asarray(order[group.ravel()] % min(FOLDS, len(order)), dtype=np.int32)
+
+
+def _choose(
+    outputs: tuple[str, ...],
+    spin: int,
+    inputs: Complex,
+    y: Complex,
+    fold: Index,
+    where: str,
+    frames: Sequence[str],
+) -> Choice:
+    tried: list[tuple[Candidate, list[list[str]], Complex]] = []
+    designs: list[tuple[str, list[list[str]]]] = []
+    if spin == 1:
+        designs.append(("mean motion", [["shear"], []]))
+    for (degree, factors), off in itertools.product(SIZES, (None, *OFF_AXIS)):
+        terms = terms_of_spin(spin, degree, factors)
+        name = f"degree {degree}, {factors} factors"
+        if off is not None:
+            terms = terms + terms_of_spin(spin + 1, *off) + (terms_of_spin(spin - 1, *off) if spin else [])
+            name += f", off axis {off[0]}, {off[1]}"
+        if spin and [] not in terms:
+            terms = [*terms, []]  # preload: the paper's offset at zero shear
+        if len(terms) * ROWS_PER_TERM <= len(y):
+            designs.append((name, terms))
+    for name, terms in designs:
+        psi = evaluate_terms(inputs, term_columns(terms, FRAME_INPUTS, "fit"))
+        candidate, predicted = _cross_validate(name, psi, y, fold, real=len(outputs) == 1)
+        tried.append((candidate, terms, predicted))
+    curve: Curve | None = None
+    if outputs == ("displacement_mm",) and np.all(np.isfinite(inputs[:, 0])):
+        curve, candidate, predicted = _curve(inputs[:, 0].real, y.real, fold)
+        tried.insert(0, (candidate, [], predicted))
+    best, _, predicted = min(tried, key=lambda t: t[0].rms)
+    explained = 1.0 - best.rms**2 / float((np.abs(y - y.mean()) ** 2).mean())
+    if explained < EXPLAINED_MIN:
+        worst = ", ".join(frames[i] for i in np.argsort(-np.abs(predicted - y))[:5])
+        raise FitError(
+            f"{where}: {' and '.join(outputs)} cannot be told from these frames (the best model explains "
+            f"{max(0.0, explained):.0%} of the variance); the rows that fit worst: {worst}"
+        )
+    good = [t for t in tried if t[0].rms <= best.rms + best.rms_error]
+    chosen, terms, predicted = min(good, key=lambda t: (t[0].n_terms, t[0].rms))
+    model: Moments | Curve
+    if curve is not None and chosen.name == curve.input:
+        model = curve
+    else:
+        psi = evaluate_terms(inputs, term_columns(terms, FRAME_INPUTS, "fit"))
+        model = _moments(outputs, terms, psi, y, chosen.ridge, predicted)
+    return Choice(outputs, model, chosen, tuple(t[0] for t in tried), predicted)
+
+
+def _cross_validate(
+    name: str, psi: Complex, y: Complex, fold: Index, *, real: bool
+) -> tuple[Candidate, Complex]:
+    """Held-out predictions with the best ridge, and their error."""
+    predicted = np.zeros((len(RIDGES), len(y)), dtype=np.complex128)
+    for k in range(int(fold.max()) + 1):
+        train, test = fold != k, fold == k
+        for r, weights in enumerate(_ridge_path(psi[train], y[train], RIDGES, real=real)):
+            predicted[r, test] = psi[test] @ weights
+    if real:
+        predicted.imag = 0.0
+    squares = np.abs(predicted - y) ** 2
+    r = int(np.argmin(squares.mean(axis=1)))
+    rms = float(np.sqrt(squares[r].mean()))
+    # Standard error of a root of a mean of squares, by the delta method.
+    error = float(squares[r].std() / np.sqrt(len(y)) / (2 * rms)) if rms else 0.0
+    return Candidate(name, psi.shape[1], rms, error, RIDGES[r]), predicted[r]
+
+
+def _ridge_path(psi: Complex, y: Complex, ridges: Sequence[float], *, real: bool) -> list[Complex]:
+    """Ridge weights of scaled terms for each penalty, from one singular value decomposition."""
+    scale = np.sqrt((np.abs(psi) ** 2).mean(axis=0))
+    scale[scale < 1e-14] = np.inf  # a term that never occurs gets weight 0
+    a = psi / scale
+    if real:  # Re(psi w) = Re psi Re w - Im psi Im w
+        u, s, vh = np.linalg.svd(np.hstack([a.real, -a.imag]), full_matrices=False)
+        b = u.T @ y.real
+    else:
+        u, s, vh = np.linalg.svd(a, full_matrices=False)
+        b = u.conj().T @ y
+    paths: list[Complex] = []
+    for ridge in ridges:
+        w = vh.conj().T @ (s / (s**2 + ridge) * b)
+        paths.append((w[: len(scale)] + 1j * w[len(scale) :] if real else w) / scale)
+    return paths
+
+
+def _moments(
+    outputs: tuple[str, ...],
+    terms: list[list[str]],
+    psi: Complex,
+    y: Complex,
+    ridge: float,
+    held_out: Complex,
+) -> Moments:
+    """The chosen model on all frames, with its range, sigma and spread."""
+    real = len(outputs) == 1
+    weights = _ridge_path(psi, y, [ridge], real=real)[0]
+    spread = _spread(psi, ridge)
+    widening = np.sqrt(1.0 + (np.abs(psi @ spread.T) ** 2).sum(axis=1))
+    errors = np.abs([(held_out - y).real, (held_out - y).imag][: len(outputs)]) / widening
+    truth = [y.real, y.imag][: len(outputs)]
+    return Moments(
+        outputs=list(outputs),
+        terms=terms,
+        weights=[(_short(w.real), _short(w.imag)) for w in weights],
+        valid=[(round(float(t.min()), 4), round(float(t.max()), 4)) for t in truth],
+        sigma=[max(1e-6, _short(float(np.quantile(e, 0.6827)))) for e in errors],
+        spread=[[(_short(v.real, 3), _short(v.imag, 3)) for v in row] for row in spread],
+    )
+
+
+SPREAD_ROWS = 24  # directions of largest uncertainty that are kept; the others add under a percent
+
+
+def _spread(psi: Complex, ridge: float) -> Complex:
+    """Factor L with |L psi|^2 = psi^H (A^H A + ridge)^-1 psi, its largest directions: (r, n_terms)."""
+    scale = np.sqrt((np.abs(psi) ** 2).mean(axis=0))
+    scale[scale < 1e-14] = np.inf
+    _, s, vh = np.linalg.svd(psi / scale, full_matrices=False)
+    root = 1.0 / np.sqrt(s**2 + ridge)
+    # How much each direction matters for frames like these: its variance times its uncertainty.
+    rows = np.argsort(-root * s)[-SPREAD_ROWS:] if len(s) > SPREAD_ROWS else np.arange(len(s))
+    result: Complex = root[rows, None] * vh[rows] / scale
+    return result
+
+
+def _short(value: float, digits: int = 6) -> float:
+    """A number with so many significant digits: what the data supports, and a smaller file."""
+    return float(f"{value:.{digits}g}")
+
+
+def _curve(volume: Array, depth: Array, fold: Index) -> tuple[Curve, Candidate, Complex]:
+    """The paper's displacement curve: monotone in the volume of deformation."""
+    predicted = np.zeros(len(depth))
+    for k in range(int(fold.max()) + 1):
+        x, y = _knots(volume[fold != k], depth[fold != k])
+        predicted[fold == k] = np.interp(volume[fold == k], x, y)
+    x, y = _knots(volume, depth)
+    squares = (predicted - depth) ** 2
+    rms = float(np.sqrt(squares.mean()))
+    error = float(squares.std() / np.sqrt(len(depth)) / (2 * rms)) if rms else 0.0
+    sigma = max(1e-6, _short(float(np.quantile(np.abs(predicted - depth), 0.6827))))
+    knots = [(_short(float(a)), _short(float(b))) for a, b in zip(x, y, strict=True)]
+    curve = Curve(output="displacement_mm", input="volume", knots=knots, sigma=sigma)
+    return curve, Candidate("volume", len(x), rms, error, 0.0), predicted.astype(np.complex128)
+
+
+def _knots(volume: Array, depth: Array) -> tuple[Array, Array]:
+    """Monotone regression, thinned to a few knots. Increasing inputs, non-decreasing outputs."""
+    order = np.argsort(volume, kind="stable")
+    x, y = volume[order], isotonic_regression(depth[order]).x
+    parts = np.array_split(np.arange(len(x)), min(KNOTS, max(2, len(x) // 4)))
+    kx = np.array([x[p].mean() for p in parts])
+    ky = np.array([y[p].mean() for p in parts])
+    keep = np.concatenate([[True], np.diff(kx) > 1e-12])
+    return kx[keep], ky[keep]
