@@ -12,6 +12,7 @@ import importlib
 import click
 
 COMMANDS = {
+    "identity": ("tests.bench.identity", "Pin identity after a jump, on real and simulated frames."),
     "stability": ("tests.bench.stability", "Hard cases of the geometry against exact arithmetic."),
 }
 DEFAULT = "speed"

@@ -1,0 +1,343 @@
+"""Pin identity after a jump: the published 331-pin set frame by frame, and simulated jumps of known truth.
+
+Real frames have no known identities. Counted is what must be so if they are right: a pin's motion is
+within 4 px of the mean of its matched Delaunay neighbours'. A whole lattice that slipped passes that
+test, so a second one looks from outside: the mean motion as a smooth function of the robot's pose.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from itertools import combinations_with_replacement
+from pathlib import Path
+
+import click
+import cv2
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+from scipy.spatial import Delaunay
+
+from calib.sim import Camera, Contact, Tip, Tool, deform
+from edge.pins import detect, take_rest
+from edge.track import Tracker
+from edge.types import Array, Image, Mask, PinPattern, Pins, Rest, Tracks
+
+RESULTS = Path(__file__).parent / "results"
+REAL = Path(os.environ.get("VORONOI_TOUCH_REAL", Path(__file__).resolve().parents[3] / "shared" / "real"))
+AGREE_PX = 4.0
+
+
+@dataclass(frozen=True)
+class Jump:
+    """One real frame, identified from rest alone."""
+
+    frame: str
+    n_blobs: int
+    n_matched: int
+    n_consistent: int
+    confidence: float
+    ms: float
+    mean_motion_px: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Hazard:
+    """What is wrong with a simulated frame: share of pins dropped, false blobs, pairs merged into one."""
+
+    name: str
+    dropped: float = 0.0
+    spurious: int = 0
+    merged: int = 0
+
+
+HAZARDS = (
+    Hazard("clean"),
+    Hazard("30 % dropped", dropped=0.3),
+    Hazard("50 false blobs", spurious=50),
+    Hazard("10 pairs merged", merged=10),
+    Hazard("10 % dropped, 10 false", dropped=0.1, spurious=10),
+    Hazard("30 % dropped, 50 false", dropped=0.3, spurious=50),
+    Hazard("half dropped, 20 false", dropped=0.5, spurious=20),
+)
+
+
+def neighbours(rest_xy: Array) -> list[Array]:
+    """Delaunay neighbours of each pin, all of them: the measure knows nothing of the tracker's own."""
+    start, index = Delaunay(rest_xy).vertex_neighbor_vertices
+    return [index[start[i] : start[i + 1]] for i in range(len(rest_xy))]
+
+
+def consistent(motion: Array, around: list[Array]) -> Mask:
+    """(n,) pins within AGREE_PX of the mean of their matched neighbours' motion; motion NaN: unmatched."""
+    matched = np.isfinite(motion[:, 0])
+    good = np.zeros(len(motion), bool)
+    for i in np.flatnonzero(matched):
+        beside = around[i][matched[around[i]]]
+        good[i] = len(beside) > 0 and np.hypot(*(motion[i] - motion[beside].mean(0))) <= AGREE_PX
+    return good
+
+
+def real_jumps(folder: Path, every: int) -> Iterator[tuple[Jump, Image, Rest, Tracks]]:
+    rest = take_rest([_grey(folder / "rest.png")])
+    around = neighbours(rest.xy_img)
+    with (folder / "targets.csv").open() as f:
+        names = [row["sensor_image"] for row in csv.DictReader(f)]
+    for name in track(names[::every], "real frames", transient=True):
+        image = _grey(folder / "frames" / name)
+        blobs = detect(image, rest.pattern)
+        tracker = Tracker(rest)
+        began = time.process_time()
+        tracks = tracker.identify(blobs)
+        ms = (time.process_time() - began) * 1e3
+        motion = tracks.xy_img - rest.xy_img
+        mean = np.nanmean(motion, axis=0) if tracks.n_seen else np.zeros(2)
+        jump = Jump(
+            frame=name,
+            n_blobs=len(blobs),
+            n_matched=tracks.n_seen,
+            n_consistent=int(consistent(motion, around).sum()),
+            confidence=tracks.confidence,
+            ms=ms,
+            mean_motion_px=(float(mean[0]), float(mean[1])),
+        )
+        yield jump, image, rest, tracks
+
+
+def _grey(path: Path) -> Image:
+    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    if image is None:
+        raise click.ClickException(f"{path}: no such image; set VORONOI_TOUCH_REAL to the recordings' folder")
+    return np.asarray(image, np.uint8)
+
+
+def off_the_pose(jumps: list[Jump], folder: Path) -> Array:
+    """(k,) px: mean motion against a cubic of the robot's pose (leave-one-out residual).
+
+    A slip of the whole lattice by one step would stand out with a pitch, 18 px.
+    """
+    with (folder / "targets.csv").open() as f:
+        rows = {
+            row["sensor_image"]: [float(v) for k, v in row.items() if k != "sensor_image"]
+            for row in csv.DictReader(f)
+        }
+    pose = np.array([rows[j.frame] for j in jumps])
+    pose = (pose - pose.mean(0)) / pose.std(0)
+    columns = [np.ones(len(pose))]
+    for degree in (1, 2, 3):
+        columns += [
+            np.prod(pose[:, c], axis=1) for c in combinations_with_replacement(range(pose.shape[1]), degree)
+        ]
+    basis = np.stack(columns, axis=1)
+    moved = np.array([j.mean_motion_px for j in jumps])
+    inverse = np.linalg.inv(basis.T @ basis + 1e-3 * np.eye(basis.shape[1]))
+    leverage = np.einsum("ij,jk,ik->i", basis, inverse, basis)
+    residual = moved - basis @ (inverse @ (basis.T @ moved))
+    return np.hypot(*(residual / (1 - leverage)[:, None]).T)
+
+
+def picture(image: Image, rest: Rest, tracks: Tracks, text: str) -> Image:
+    """Motion of each pin on its frame: yellow found, red lost."""
+    scale = 2
+    out = cv2.cvtColor(cv2.resize(image, None, fx=scale, fy=scale), cv2.COLOR_GRAY2BGR) // 2
+    for a, b, seen in zip(rest.xy_img * scale, tracks.xy_img * scale, tracks.seen, strict=True):
+        foot = tuple(int(v) for v in np.rint(a))
+        if seen:
+            cv2.arrowedLine(out, foot, tuple(int(v) for v in np.rint(b)), (0, 255, 255), 1, cv2.LINE_AA)
+        else:
+            cv2.drawMarker(out, foot, (80, 80, 255), cv2.MARKER_TILTED_CROSS, 9, 2)
+    cv2.putText(out, text, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.55, (255, 255, 255), 1, cv2.LINE_AA)
+    return np.asarray(out, np.uint8)
+
+
+def _pins(xy: Array) -> Pins:
+    n = len(xy)
+    return Pins(xy, np.full(n, 0.05), np.full(n, 5.0), np.full(n, 150.0))
+
+
+def simulated_rest(n_pins: int) -> tuple[Camera, Rest]:
+    """A tip of the simulator at rest, with exact positions: identity alone is measured, not detection."""
+    camera = Camera(tip=Tip(n_pins=n_pins))
+    xy = camera.project(deform(camera.tip, ()).tips_mm)
+    gap = np.hypot(*(xy[:, None] - xy).transpose(2, 0, 1))
+    np.fill_diagonal(gap, np.inf)
+    pitch = float(np.median(gap.min(1)))
+    pattern = PinPattern(5.0, pitch, xy.mean(0), camera.radius_px + 5, 10.0, 150.0, 1.0, camera.size_px)
+    return camera, Rest(_pins(xy), pattern)
+
+
+def random_contact(rng: np.random.Generator) -> Contact:
+    """A press as hard and as oblique as in the published set, with any tool."""
+    kind = str(rng.choice(["flat", "flat", "sphere", "edge", "two"]))
+    angle, far = rng.uniform(0, 2 * np.pi), rng.uniform(0, 6)
+    return Contact(
+        tool=Tool(kind, radius_mm=float(rng.uniform(2, 6)), angle_deg=float(rng.uniform(0, 180))),
+        x_mm=float(far * np.cos(angle)),
+        y_mm=float(far * np.sin(angle)),
+        depth_mm=float(rng.uniform(1, 5)),
+        tilt_x_deg=float(rng.uniform(-20, 20)) if kind == "flat" else 0.0,
+        tilt_y_deg=float(rng.uniform(-20, 20)) if kind == "flat" else 0.0,
+        shear_x_mm=float(rng.uniform(-4, 4)),
+        shear_y_mm=float(rng.uniform(-4, 4)),
+        twist_deg=float(rng.uniform(-5, 5)),
+    )
+
+
+def spoil(xy: Array, hazard: Hazard, reach_px: float, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Blobs (m, 2) as a detector would see the pins, and which pin each is: -1 none or two."""
+    owner = np.arange(len(xy))
+    blob = xy + rng.normal(0, 0.05, xy.shape)
+    keep = rng.random(len(xy)) >= hazard.dropped
+    for i in rng.permutation(len(xy))[: hazard.merged]:
+        gap = np.hypot(*(xy - xy[i]).T)
+        gap[i] = np.inf
+        j = int(gap.argmin())
+        if keep[i] and keep[j] and owner[i] >= 0 and owner[j] >= 0:
+            blob[i], keep[j], owner[i] = (xy[i] + xy[j]) / 2, False, -1
+    angle, far = rng.uniform(0, 2 * np.pi, hazard.spurious), reach_px * np.sqrt(rng.random(hazard.spurious))
+    false = xy.mean(0) + far[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    blob = np.concatenate([blob[keep], false])
+    owner = np.concatenate([owner[keep], np.full(hazard.spurious, -1)])
+    order = rng.permutation(len(blob))
+    return blob[order], owner[order]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Many simulated jumps of one kind.
+
+    n_sure      frames whose confidence allows use
+    silent      of those: frames with a tenth of the pins or more given to another pin
+    flagged     frames so wrong, and known to be
+    swapped     pins given the blob of another pin, in sure frames
+    false_taken blobs that are no pin (or two) taken as one, in sure frames
+    """
+
+    tip: str
+    hazard: str
+    frames: int
+    n_sure: int
+    silent: int
+    flagged: int
+    swapped: int
+    false_taken: int
+    missed: int
+    ms: float
+
+
+def simulated(n_pins: int, frames: int, seed: int) -> Iterator[Outcome]:
+    camera, rest = simulated_rest(n_pins)
+    rng = np.random.default_rng(seed)
+    places = [
+        camera.project(deform(camera.tip, (random_contact(rng),)).tips_mm)
+        for _ in track(range(frames), f"{n_pins} pins: presses", transient=True)
+    ]
+    for hazard in HAZARDS:
+        total = Outcome(f"{n_pins} pins", hazard.name, frames, 0, 0, 0, 0, 0, 0, 0.0)
+        for xy in places:
+            blob, owner = spoil(xy, hazard, camera.radius_px + 10, rng)
+            tracker = Tracker(rest)
+            began = time.process_time()
+            tracks = tracker.identify(_pins(blob))
+            spent = (time.process_time() - began) * 1e3 / frames
+            swapped, false, missed = judge(tracks, blob, owner)
+            wrong = swapped > 0.1 * tracks.n_seen
+            sure = tracks.confidence >= Tracks.LOW_CONFIDENCE
+            total = replace(
+                total,
+                n_sure=total.n_sure + sure,
+                silent=total.silent + (wrong and sure),
+                flagged=total.flagged + (wrong and not sure),
+                swapped=total.swapped + swapped * sure,
+                false_taken=total.false_taken + false * sure,
+                missed=total.missed + missed * sure,
+                ms=total.ms + spent,
+            )
+        yield total
+
+
+def judge(tracks: Tracks, blob: Array, owner: Array) -> tuple[int, int, int]:
+    """Pins with another pin's blob, pins with a blob that is no pin, pins missed though a blob is theirs."""
+    index = {tuple(xy): int(k) for xy, k in zip(blob, owner, strict=True)}
+    got = [index[tuple(xy)] if seen else None for xy, seen in zip(tracks.xy_img, tracks.seen, strict=True)]
+    swapped = sum(k is not None and k >= 0 and k != i for i, k in enumerate(got))
+    false = sum(k == -1 for k in got)
+    missed = sum(k is None and bool(np.any(owner == i)) for i, k in enumerate(got))
+    return swapped, false, missed
+
+
+@click.command(name="identity", help="Pin identity after a jump: real frames and simulated ones.")
+@click.option("--every", default=1, show_default=True, help="Take each n-th real frame.")
+@click.option("--frames", default=200, show_default=True, help="Simulated presses of each tip.")
+@click.option("--seed", default=1, show_default=True)
+@click.option(
+    "--pictures", type=click.Path(file_okay=False, path_type=Path), help="Folder for the ten worst."
+)
+@click.option(
+    "--out",
+    default=RESULTS,
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder for identity.json.  [default: tests/bench/results]",
+)
+def command(every: int, frames: int, seed: int, pictures: Path | None, out: Path) -> None:
+    """Exit code 1 where an identity is wrong and nothing says so."""
+    console = Console()
+    report: dict[str, object] = {}
+    folder = REAL / "tactip331_binary"
+    if folder.is_dir():
+        report["real"] = _real(console, folder, every, pictures)
+    else:
+        console.print(f"no recordings at {folder}: real frames left out")
+    outcomes = [o for n in (127, 331) for o in simulated(n, frames, seed)]
+    table = Table("tip", "hazard", "frames", "sure", "silent", "flagged", "swapped", "false", "missed", "ms")
+    for o in outcomes:
+        table.add_row(*(f"{v:.1f}" if isinstance(v, float) else str(v) for v in asdict(o).values()))
+    console.print(table)
+    report["simulated"] = [asdict(o) for o in outcomes]
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "identity.json").write_text(json.dumps(report, indent=1) + "\n")
+    console.print(f"written to {out / 'identity.json'}")
+    if any(o.silent for o in outcomes):
+        raise SystemExit(1)
+
+
+def _real(console: Console, folder: Path, every: int, pictures: Path | None) -> dict[str, object]:
+    results = list(real_jumps(folder, every))
+    jumps = [r[0] for r in results]
+    count = np.array([j.n_consistent for j in jumps])
+    ms = np.array([j.ms for j in jumps])
+    away = off_the_pose(jumps, folder) if len(jumps) > 200 else np.zeros(len(jumps))
+    table = Table("consistent pins", "worst", "1 %", "5 %", "median", "best")
+    table.add_row(f"{len(jumps)} frames", *(f"{v:.0f}" for v in np.percentile(count, [0, 1, 5, 50, 100])))
+    console.print(table)
+    console.print(
+        f"confidence {min(j.confidence for j in jumps):.2f}..{max(j.confidence for j in jumps):.2f}; "
+        f"CPU ms a frame: median {np.median(ms):.1f}, 95 % {np.percentile(ms, 95):.1f}, worst {ms.max():.1f}; "
+        f"mean motion off the pose's cubic: median {np.median(away):.1f} px, worst {away.max():.1f} px"
+    )
+    worst = np.argsort(count, kind="stable")[:10]
+    detail = Table("worst frames", "blobs", "matched", "consistent", "confidence", "off the pose, px")
+    for k in worst:
+        j = jumps[k]
+        detail.add_row(
+            j.frame,
+            str(j.n_blobs),
+            str(j.n_matched),
+            str(j.n_consistent),
+            f"{j.confidence:.2f}",
+            f"{away[k]:.1f}",
+        )
+    console.print(detail)
+    if pictures is not None:
+        pictures.mkdir(parents=True, exist_ok=True)
+        for place, k in enumerate(worst):
+            j, image, rest, tracks = results[k]
+            text = f"{j.frame}: {j.n_consistent} of {j.n_blobs} blobs, confidence {j.confidence:.2f}"
+            cv2.imwrite(str(pictures / f"worst_{place}.png"), picture(image, rest, tracks, text))
+    return {"frames": [asdict(j) for j in jumps], "off_the_pose_px": away.round(2).tolist()}
