@@ -279,7 +279,8 @@ INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, 
         double rest = energy - s.sd * amplitude - (gx * su + ex * s.stx) - (gy * sv + ey * s.sty);
         double variance = (rest > 0 ? rest : 0) / (n[0] > 8 ? n[0] - 6 : 2) + 1.0 / 12.0;
         const double vx = variance * n[2] / det_x, vy = variance * n[3] / det_y;
-        const double keep_x = gx * gx > vx ? 1 - vx / (gx * gx) : 0, keep_y = gy * gy > vy ? 1 - vy / (gy * gy) : 0;
+        const double sure_x = gx * gx / (4 * vx), sure_y = gy * gy / (4 * vy); /* in units of two sigmas */
+        const double keep_x = sure_x > 1 ? 1 - 1 / sure_x : 0, keep_y = sure_y > 1 ? 1 - 1 / sure_y : 0;
         gx *= keep_x;
         gy *= keep_y;
         ex = (s.stx - n[4] * gx) / n[2];

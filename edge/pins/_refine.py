@@ -25,7 +25,7 @@ from edge.types import Array, Image, Pins, Rest
 PHASES = 4
 _LANES = 8
 _HALF_MAX = 39
-_KIND_STEP = 1.08
+_KIND_STEP = 1.05
 # How much of the window's variation the disc has to explain, and how much of its usual light (after the gain
 # common to all pins) a pin must keep.
 FIT_MIN = 0.25
@@ -115,7 +115,9 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int
 
     The planes are the support, the disc freed of a constant, and its slopes in x and y freed of both.
     """
-    support = min(radius + 3.0 * edge_px + 0.5, max(radius + 1.5 * edge_px, 0.85 * pitch_px - radius - 1.5 * edge_px))
+    support = min(
+        radius + 3.0 * edge_px + 0.5, max(radius + 1.5 * edge_px, 0.85 * pitch_px - radius - 1.5 * edge_px)
+    )
     half = min(int(np.ceil(support + 0.5)), _HALF_MAX)
     size = 2 * half + 1
     stride = -(-size // _LANES) * _LANES

@@ -1,0 +1,81 @@
+"""Pins rendered with known truth: blurred discs, integrated over pixels, on a background of one's choice."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import erfc
+
+from edge.types import Array, Image, PinPattern, Pins, Rest
+
+SUB = (-0.4, -0.2, 0.0, 0.2, 0.4)
+
+
+def hexagon(rings: int, pitch_px: float, centre: tuple[float, float]) -> Array:
+    """Hexagonal layout of 3 r (r + 1) + 1 pins: 127 for 6 rings, 331 for 10; its own jitter keeps phases apart."""
+    axial = [
+        (q, r) for q in range(-rings, rings + 1) for r in range(-rings, rings + 1) if abs(q + r) <= rings
+    ]
+    q, r = np.array(axial, float).T
+    xy = np.stack([q + 0.5 * r, np.sqrt(0.75) * r], axis=1) * pitch_px + np.array(centre)
+    return xy + np.random.default_rng(331).uniform(-0.5, 0.5, xy.shape)
+
+
+def draw(
+    size_px: tuple[int, int], xy_img: Array, radius_px: float, blur_px: float, light: float, ground: float
+) -> Array:
+    """(h, w) float64 grey levels without noise."""
+    width, height = size_px
+    image = np.full((height, width), float(ground))
+    reach = int(np.ceil(radius_px + 6 * blur_px + 1))
+    for x, y in xy_img:
+        x0, y0 = round(x) - reach, round(y) - reach
+        rows = np.arange(max(y0, 0), min(y0 + 2 * reach + 1, height))
+        columns = np.arange(max(x0, 0), min(x0 + 2 * reach + 1, width))
+        disc = np.zeros((len(rows), len(columns)))
+        for dy in SUB:
+            for dx in SUB:
+                r = np.hypot(columns[None, :] + dx - x, rows[:, None] + dy - y)
+                disc += 0.5 * erfc((r - radius_px) / (np.sqrt(2.0) * blur_px))
+        image[np.ix_(rows, columns)] += light * disc / len(SUB) ** 2
+    return image
+
+
+def expose(image: Array, noise: float, rng: np.random.Generator, bits: int = 8) -> Image:
+    """What the sensor makes of it: noise, rounding, clipping."""
+    noisy = np.rint(image + rng.normal(0.0, noise, image.shape)) if noise else np.rint(image)
+    return np.clip(noisy, 0, 2**bits - 1).astype(np.uint8 if bits == 8 else np.uint16)
+
+
+def known_rest(
+    xy_img: Array,
+    radius_px: float,
+    blur_px: float,
+    light: float,
+    noise: float,
+    pitch_px: float,
+    size: tuple[int, int],
+) -> Rest:
+    """The rest of a tip that is known, without looking at an image."""
+    n = len(xy_img)
+    pattern = PinPattern(
+        pin_radius_px=radius_px,
+        pitch_px=pitch_px,
+        centre_img=xy_img.mean(axis=0),
+        tip_radius_px=float(np.ptp(xy_img[:, 0]) / 2 + radius_px),
+        background=0.0,
+        brightness=light,
+        noise=noise,
+        size_px=size,
+        edge_px=float(np.hypot(blur_px, 12**-0.5)),  # a pixel is a box of one pixel: variance 1/12
+    )
+    pins = Pins(xy_img, np.full(n, 0.05), np.full(n, radius_px), np.full(n, light))
+    return Rest(pins, pattern)
+
+
+def cramer_rao_px(radius_px: float, blur_px: float, light: float, noise: float) -> float:
+    """Least sigma of one coordinate that an unbiased estimator of this disc's place can have."""
+    step = 0.01
+    right = draw((81, 81), np.array([[40 + step, 40.0]]), radius_px, blur_px, light, 0.0)
+    left = draw((81, 81), np.array([[40 - step, 40.0]]), radius_px, blur_px, light, 0.0)
+    slope = (right - left) / (2 * step)
+    return float(np.hypot(noise, 12**-0.5) / np.sqrt((slope**2).sum()))
