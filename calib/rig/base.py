@@ -80,9 +80,10 @@ def open_rig(
         from calib.rig.gcode import GcodeRig, GcodeStage, load_stage
         from edge.sources import open_source
 
+        config = load_stage(rest)
         source = open_source(camera)
         try:
-            return GcodeRig(GcodeStage(load_stage(rest)), source, ask)
+            return GcodeRig(GcodeStage(config), source, ask)
         except RigError:
             source.close()
             raise

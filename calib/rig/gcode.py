@@ -66,13 +66,16 @@ GRBL_ALARMS = {
 @dataclass(frozen=True, slots=True)
 class _Dialect:
     hello: str  # a line of the start-up banner begins with this
+    ask: bytes  # what makes a board that is awake already say who it is
+    answer: str  # with a line that begins so
+    ends_with_ok: bool  # and whether an `ok` follows
     home: str
     sync: str  # answered when the planner's queue is empty and the machine stands
 
 
 DIALECTS = {
-    "grbl": _Dialect("Grbl ", "$H", "G4 P0.01"),
-    "marlin": _Dialect("start", "G28", "M400"),
+    "grbl": _Dialect("Grbl ", b"\x18", "Grbl ", False, "$H", "G4 P0.01"),
+    "marlin": _Dialect("start", b"M115\n", "FIRMWARE_NAME:Marlin", True, "G28", "M400"),
 }
 
 
@@ -94,7 +97,7 @@ class StageTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     clear_mm: float = 5.0
     dome_radius_mm: float = 20.0
     answer_s: float = 60.0  # a homing cycle across a desktop stage takes half of this
-    boot_s: float = 5.0  # an Arduino's boot loader takes 2 s
+    boot_s: float = 3.0  # an Arduino's boot loader takes 2 s
 
 
 class StageFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -153,20 +156,27 @@ class GcodeStage:
         return frozenset(self._axes)
 
     def _greet(self) -> None:
-        """Opening the port resets most boards; one that is awake already is reset by GRBL's own Ctrl-X."""
-        deadline = time.monotonic() + self.config.stage.boot_s
-        if self.config.stage.dialect == "grbl":
-            self._line.write(b"\x18")
-        heard = []
-        while (line := self._read(deadline)) is not None:
-            if line.startswith(self._dialect.hello):
-                return
-            heard.append(line)
+        """Opening the port resets most boards, which then say who they are; the others are asked."""
+        stage, dialect = self.config.stage, self._dialect
+        heard: list[str] = []
+        if self._hear(dialect.hello, heard):
+            return
+        self._line.write(dialect.ask)
+        if self._hear(dialect.answer, heard) and (not dialect.ends_with_ok or self._hear("ok", heard)):
+            return
         what = f"heard {heard[-1]!r}" if heard else "heard nothing"
         raise RigError(
-            f"stage {self.config.stage.port}: no {self.config.stage.dialect} greeting, {what}; "
-            "check port, baud and dialect"
+            f"stage {stage.port}: no {stage.dialect} greeting, {what}; check port, baud and dialect"
         )
+
+    def _hear(self, start: str, heard: list[str]) -> bool:
+        """Whether a line that starts so comes while a board boots."""
+        deadline = time.monotonic() + self.config.stage.boot_s
+        while (line := self._read(deadline)) is not None:
+            if line.startswith(start):
+                return True
+            heard.append(line)
+        return False
 
     def _read(self, deadline: float) -> str | None:
         """A line; None: none came in time."""
@@ -262,7 +272,11 @@ class GcodeRig:
     def __init__(self, stage: GcodeStage, source: FrameSource, ask: Callable[[str], None]) -> None:
         self.name = f"gcode:{stage.config.stage.port}"
         self._stage = stage
-        self._camera = SettledCamera(source)
+        try:
+            self._camera = SettledCamera(source)
+        except RigError:
+            stage.close()
+            raise
         self._ask = ask
         self._tool: Tool | None = None
         self._at = CLEAR

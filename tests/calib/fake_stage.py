@@ -1,0 +1,130 @@
+"""A stage on a pty that answers as GRBL 1.1 or Marlin do; enough of them to test the other end.
+
+Behaviour taken from GRBL v1.1 (interface, alarm and error codes): Ctrl-X resets and prints the banner,
+with homing enabled it starts locked (ALARM state, G-code answers `error:9`), `$H` homes, a target beyond
+the soft limits raises `ALARM:2` without an `ok`, an unknown letter `error:20`; and from Marlin: `start`,
+`echo:busy: processing` while a move lasts, `ok`.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import re
+import struct
+import termios
+import threading
+import tty
+
+WORD = re.compile(r"([A-Z])([-+]?[0-9.]+)")
+
+
+class FakeStage:
+    """travel  (lowest, highest) of X, Y and Z, mm: the soft limits
+    boots   opening the port resets the board, as on most; else it is awake already
+
+    The pty runs in packet mode, which tells of the flush with which a port is opened.
+    """
+
+    def __init__(
+        self, dialect: str = "grbl", travel: tuple[float, float] = (-200.0, 200.0), boots: bool = True
+    ) -> None:
+        self.dialect = dialect
+        self.travel = travel
+        self.boots = boots
+        self.mute = ""  # lines that start so get no answer
+        self.reset_on = ""  # a line that starts so resets the board
+        self.homing_fails = False
+        self.lines: list[str] = []
+        self.moves: list[dict[str, float]] = []
+        self.locked = True
+        self._at: dict[str, float] = {}
+        self._mine, theirs = pty.openpty()
+        tty.setraw(theirs)
+        tty.setraw(self._mine)
+        fcntl.ioctl(self._mine, termios.TIOCPKT, struct.pack("i", 1))
+        self.port = os.ttyname(theirs)
+        self._theirs = theirs
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _say(self, text: str) -> None:
+        os.write(self._mine, text.encode() + b"\r\n")
+
+    def _banner(self) -> None:
+        if self.dialect == "marlin":
+            self._say("start")
+            self._say("echo:Marlin 2.1.2")
+            return
+        self.locked = True
+        self._say("")
+        self._say("Grbl 1.1h ['$' for help]")
+        self._say("[MSG:'$H'|'$X' to unlock]")
+
+    def _run(self) -> None:
+        pending = b""
+        while True:
+            try:
+                data = os.read(self._mine, 256)
+            except OSError:  # the pty was closed
+                return
+            if not data:
+                return
+            kind, data = data[0], data[1:]
+            if kind & termios.TIOCPKT_FLUSHREAD and self.boots:
+                self.boots = False
+                self._banner()
+            if b"\x18" in data and self.dialect == "grbl":
+                data = data.rpartition(b"\x18")[2]
+                pending = b""
+                self._banner()
+            pending += data
+            while b"\n" in pending:
+                line, _, pending = pending.partition(b"\n")
+                self._answer(line.decode().strip())
+
+    def _answer(self, line: str) -> None:
+        self.lines.append(line)
+        if self.mute and line.startswith(self.mute):
+            return
+        if self.reset_on and line.startswith(self.reset_on):
+            self._banner()
+            return
+        if line in ("$H", "G28"):
+            if self.homing_fails:
+                self._say("ALARM:9")
+                return
+            self.locked = False
+            self._say("ok")
+        elif self.locked and self.dialect == "grbl":
+            self._say("error:9")
+        elif line.startswith("G1"):
+            self._move({k: float(v) for k, v in WORD.findall(line) if k in "XYZA"})
+        elif re.match(r"G21|G90|G4 P", line) or (line == "M400" and self.dialect == "marlin"):
+            self._say("ok")
+        elif line == "M115" and self.dialect == "marlin":
+            self._say("FIRMWARE_NAME:Marlin 2.1.2 SOURCE_CODE_URL:github.com/MarlinFirmware/Marlin")
+            self._say("ok")
+        elif self.dialect == "marlin":
+            self._say(f'echo:Unknown command: "{line}"')
+            self._say("ok")
+        else:
+            self._say("error:20")
+
+    def _move(self, target: dict[str, float]) -> None:
+        low, high = self.travel
+        if self.dialect == "grbl" and any(not low <= v <= high for k, v in target.items() if k != "A"):
+            self.locked = True
+            self._say("ALARM:2")
+            self._say("[MSG:Reset to continue]")
+            return
+        if self.dialect == "marlin":
+            self._say("echo:busy: processing")
+        self._at |= target
+        self.moves.append(dict(self._at))
+        self._say("ok")
+
+    def close(self) -> None:
+        os.close(self._theirs)
+        os.close(self._mine)

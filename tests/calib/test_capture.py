@@ -1,0 +1,216 @@
+"""Capturing: what is written, resuming after a break, the command."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from calib.__main__ import COMMANDS, cli
+from calib.capture import capture, parts, pose_of, progress_of, read_capture
+from calib.errors import CaptureError, RigError
+from calib.protocols import Plan, Step
+from calib.rig import Pose, Rig
+from calib.rig.base import CLEAR
+from calib.rig.simulated import CameraTable, SimulatedRig, Simulation
+from calib.sim import Tip, Tool
+from edge.recording import RecordingSource
+from edge.types import Frame
+
+SMALL = Simulation(tip=Tip(37, "hex"), camera=CameraTable(size_px=(96, 96)))
+FLAT, BALL = Tool("flat"), Tool("sphere", 3.0)
+PLAN = Plan(
+    "short",
+    (
+        Step(CLEAR, FLAT, 3, "rest"),
+        Step(Pose(depth_mm=1.0), FLAT, 2),
+        Step(Pose(depth_mm=2.0, shear_x_mm=0.5), FLAT, 2),
+        Step(CLEAR, BALL, 0),
+        Step(Pose(x_mm=3.0, depth_mm=1.0), BALL, 2),
+    ),
+)
+
+
+def simulated(first_sequence: int) -> Rig:
+    return SimulatedRig(SMALL, first_sequence)
+
+
+class Breaking(SimulatedRig):
+    """Its cable is pulled after so many frames."""
+
+    left = 0
+
+    def frame(self) -> Frame:
+        if self.left == 0:
+            raise RigError("rig: the cable is out")
+        self.left -= 1
+        return super().frame()
+
+
+def breaking_after(n: int) -> Callable[[int], Rig]:
+    def make(first_sequence: int) -> Rig:
+        rig = Breaking(SMALL, first_sequence)
+        rig.left = n
+        return rig
+
+    return make
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.with_suffix(".csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_recording_and_table_hold_every_frame_with_its_pose(tmp_path: Path) -> None:
+    path = tmp_path / "short.mcap"
+    seen: list[int] = []
+    assert capture(simulated, PLAN, path, on_frame=lambda step, done: seen.append(done)) == 9
+    assert seen == list(range(1, 10))
+    rows = rows_of(path)
+    assert [r["role"] for r in rows] == ["rest"] * 3 + ["sample"] * 6
+    assert [float(r["pose_z"]) for r in rows] == [0, 0, 0, 1, 1, 2, 2, 1, 1]
+    assert [float(r["shear_x"]) for r in rows] == [0, 0, 0, 0, 0, 0.5, 0.5, 0, 0]
+    assert {r["tool"] for r in rows[-2:]} == {"sphere"}
+    assert float(rows[-1]["place_x"]) == 3.0
+    assert float(rows[-1]["force_n"]) > 0.05
+    frames = list(RecordingSource(path))
+    assert [f.sequence for f in frames] == [int(r["sequence"]) for r in rows]
+    assert frames[-1].truth is not None
+    assert frames[-1].truth["pose"]["x_mm"] == 3.0
+    assert len(frames[-1].truth["pins_img"]) == 37
+
+
+def test_read_capture_pairs_frames_with_rows(tmp_path: Path) -> None:
+    path = tmp_path / "short.mcap"
+    capture(simulated, PLAN, path)
+    pairs = list(read_capture(path))
+    assert len(pairs) == 9
+    for frame, row in pairs:
+        assert frame.truth is not None
+        if row["role"] == "sample":
+            assert pose_of(row) == Pose(**frame.truth["pose"])
+    with pytest.raises(CaptureError, match="--resume"):
+        list(read_capture(tmp_path / "none.mcap"))
+
+
+@pytest.mark.parametrize("after", [0, 2, 3, 4, 5, 7, 8])
+def test_resumed_capture_equals_one_that_ran_through(tmp_path: Path, after: int) -> None:
+    through, broken = tmp_path / "through.mcap", tmp_path / "broken.mcap"
+    capture(simulated, PLAN, through)
+    with pytest.raises(RigError, match="cable"):
+        capture(breaking_after(after), PLAN, broken)
+    assert not broken.with_suffix(".csv").exists()
+    complete = progress_of(broken, PLAN).frames
+    assert complete <= after
+    assert after - complete < 3
+    assert capture(simulated, PLAN, broken, resume=True) == 9 - complete
+    assert len(parts(broken)) == 2
+    whole, joined = list(read_capture(through)), list(read_capture(broken))
+    assert len(joined) == 9
+    for (a, row_a), (b, row_b) in zip(whole, joined, strict=True):
+        np.testing.assert_array_equal(a.image, b.image)
+        assert {k: v for k, v in row_a.items() if k != "recording"} == {
+            k: v for k, v in row_b.items() if k != "recording"
+        }
+
+
+def test_resume_after_two_breaks_and_after_the_end(tmp_path: Path) -> None:
+    path = tmp_path / "short.mcap"
+    with pytest.raises(RigError):
+        capture(breaking_after(3), PLAN, path)
+    with pytest.raises(RigError):
+        capture(breaking_after(2), PLAN, path, resume=True)
+    assert capture(simulated, PLAN, path, resume=True) == 4
+    assert [p.name for p in parts(path)] == ["short.mcap", "short.2.mcap", "short.3.mcap"]
+    assert capture(simulated, PLAN, path, resume=True) == 0
+    assert len(rows_of(path)) == 9
+
+
+def test_a_recording_cut_short_on_disk_is_resumed_from_its_last_whole_step(tmp_path: Path) -> None:
+    path = tmp_path / "short.mcap"
+    with pytest.raises(RigError):
+        capture(breaking_after(7), PLAN, path)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(len(data) * 0.6)])  # what a killed process leaves
+    before = progress_of(path, PLAN).frames
+    assert before < 7
+    assert capture(simulated, PLAN, path, resume=True) == 9 - before
+    assert len(rows_of(path)) == 9
+
+
+def test_nothing_is_overwritten_and_no_other_protocol_s_recording_is_continued(tmp_path: Path) -> None:
+    path = tmp_path / "short.mcap"
+    capture(simulated, PLAN, path)
+    size = path.stat().st_size
+    with pytest.raises(CaptureError, match="--resume"):
+        capture(simulated, PLAN, path)
+    other = Plan("other", PLAN.steps[:2])
+    with pytest.raises(CaptureError, match=r"'short', not this 'other'"):
+        capture(simulated, other, path, resume=True)
+    assert path.stat().st_size == size
+
+
+# -- the command --------------------------------------------------------------------------------
+
+
+def _write(tmp_path: Path) -> tuple[Path, Path]:
+    simulation, protocol = tmp_path / "tip.toml", tmp_path / "tiny.toml"
+    simulation.write_text('[tip]\nn_pins = 37\nkind = "hex"\n[camera]\nsize_px = [96, 96]\n')
+    protocol.write_text("rest_frames = 2\nframes = 1\n[[step]]\ndepth_mm = [0.5, 1.0]\n")
+    return simulation, protocol
+
+
+def test_command_captures_and_resumes(tmp_path: Path) -> None:
+    simulation, protocol = _write(tmp_path)
+    out = tmp_path / "out.mcap"
+    options = ["capture", "--rig", f"sim:{simulation}", "--protocol", str(protocol), "-o", str(out)]
+    done = CliRunner().invoke(cli, options, catch_exceptions=False)
+    assert done.exit_code == 0
+    assert "4 frames of protocol tiny" in done.output
+    assert len(rows_of(out)) == 4
+    again = CliRunner().invoke(cli, [*options, "--resume"], catch_exceptions=False)
+    assert "0 frames" in again.output
+
+
+@pytest.mark.parametrize(("change", "word"), [
+    ({"--rig": "robot"}, "manual"),
+    ({"--protocol": "dance"}, "displacement"),
+    ({"-o": "out.avi"}, ".mcap"),
+    ({"--rig": "sim:none.toml"}, "none.toml"),
+])  # fmt: skip
+def test_wrong_use_is_one_line_and_exit_code_2(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    change: dict[str, str],
+    word: str,
+) -> None:
+    from calib.__main__ import main
+
+    simulation, protocol = _write(tmp_path)
+    options = {
+        "--rig": f"sim:{simulation}",
+        "--protocol": str(protocol),
+        "-o": str(tmp_path / "x.mcap"),
+    } | change
+    monkeypatch.setattr("sys.argv", ["calib", "capture", *(t for pair in options.items() for t in pair)])
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    errors = capsys.readouterr().err
+    assert word in errors
+    assert "Traceback" not in errors
+
+
+def test_help_names_every_command_without_importing_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("calib.__main__.import_module", lambda name: pytest.fail(f"{name} was imported"))
+    shown = CliRunner().invoke(cli, ["--help"])
+    assert shown.exit_code == 0
+    assert all(name in shown.output for name in COMMANDS)
+    wrong = CliRunner().invoke(cli, ["dance"])
+    assert wrong.exit_code == 2

@@ -1,0 +1,354 @@
+"""Rigs: the simulated one, a G-code stage against a fake on a pty, a person."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.errors import RigError
+from calib.rig import Pose, open_rig
+from calib.rig.base import CLEAR
+from calib.rig.camera import STALE_FRAMES, SettledCamera
+from calib.rig.gcode import AxisTable, GcodeRig, GcodeStage, StageFile, StageTable, axes_of, load_stage
+from calib.rig.manual import ManualRig, describe_pose
+from calib.rig.simulated import SimulatedRig, load_simulation
+from calib.sim import Tool
+from edge.types import Clock, Frame
+from tests.calib.fake_stage import FakeStage
+
+StageAt = Callable[..., tuple[FakeStage, StageFile]]
+
+
+class FakeCamera:
+    """Live; frame k was taken at k ms of its own clock, or of a host's clock that a test moves."""
+
+    live = True
+    name = "fake camera"
+    size_px = (4, 4)
+    rate_hz = 1000.0
+    dropped_n = 0
+
+    def __init__(self, clock: Clock = Clock.HOST, n: int = 1000, step_ns: int = 1_000_000) -> None:
+        self.clock = clock
+        self.n = n
+        self.step_ns = step_ns
+        self.closed = False
+
+    def __iter__(self) -> Iterator[Frame]:
+        for k in range(self.n):
+            yield Frame(np.zeros((4, 4), np.uint8), k * self.step_ns, k, self.clock)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture
+def stage_at() -> Iterator[StageAt]:
+    made: list[FakeStage] = []
+
+    def make(
+        dialect: str = "grbl",
+        travel: tuple[float, float] = (-200.0, 200.0),
+        boots: bool = True,
+        **keys: object,
+    ) -> tuple[FakeStage, StageFile]:
+        fake = FakeStage(dialect, travel, boots)
+        made.append(fake)
+        table = {"port": fake.port, "dialect": dialect, "boot_s": 5.0, "answer_s": 5.0, **keys}
+        return fake, StageFile(stage=StageTable(**table))  # type: ignore[arg-type]
+
+    yield make
+    for fake in made:
+        fake.close()
+
+
+def quiet(text: str) -> None:
+    """Nobody is asked."""
+
+
+def rig_on(config: StageFile) -> GcodeRig:
+    # Frames of a clock far ahead of the host's: taken after every move.
+    return GcodeRig(GcodeStage(config), FakeCamera(step_ns=1 << 61, n=3), quiet)
+
+
+# -- simulated ----------------------------------------------------------------------------------
+
+
+def test_simulated_rig_shows_the_pose_it_was_moved_to() -> None:
+    rig = open_rig("sim")
+    rig.mount(Tool("sphere", 3.0))
+    rig.move(Pose(x_mm=2.0, depth_mm=1.5))
+    truth = rig.frame().truth
+    assert truth is not None
+    assert truth["places_mm"] == [[2.0, 0.0]]
+    assert truth["contacts"][0]["tool"]["kind"] == "sphere"
+    rig.move(CLEAR)
+    truth = rig.frame().truth
+    assert truth is not None
+    assert truth["places_mm"] == []
+    rig.close()
+
+
+def test_simulated_rig_goes_on_where_it_was_told_to() -> None:
+    through, later = SimulatedRig(), SimulatedRig(first_sequence=2)
+    frames = [through.frame() for _ in range(3)]
+    assert later.frame().image.tobytes() == frames[2].image.tobytes()
+
+
+def test_simulation_file_sets_tip_camera_and_look(tmp_path: Path) -> None:
+    path = tmp_path / "tip.toml"
+    path.write_text(
+        'seed = 4\n[tip]\nn_pins = 127\nkind = "hex"\n[camera]\nsize_px = [320, 240]\n[look]\nbits = 10\n'
+    )
+    frame = SimulatedRig(load_simulation(path)).frame()
+    assert frame.image.shape == (240, 320)
+    assert frame.bits == 10
+    assert frame.truth is not None
+    assert len(frame.truth["pins_img"]) == 127
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("[tip]\npins = 3", ["pins", "n_pins"]),
+    ("[look]\nbits = 9", ["bits", "12"]),
+    ("seed = 'x'", ["seed"]),
+    ("seed", ["="]),
+])  # fmt: skip
+def test_wrong_simulation_file_is_one_line_with_the_key(tmp_path: Path, text: str, words: list[str]) -> None:
+    path = tmp_path / "tip.toml"
+    path.write_text(text)
+    with pytest.raises(RigError) as error:
+        load_simulation(path)
+    message = str(error.value)
+    assert "\n" not in message
+    assert all(word in message for word in [str(path), *words])
+
+
+@pytest.mark.parametrize("spec", ["simulator", "gcode:", "robot:1", ""])
+def test_unknown_rig_names_those_that_are(spec: str) -> None:
+    with pytest.raises(RigError, match=r"sim.*gcode.*manual"):
+        open_rig(spec)
+
+
+# -- a camera beside the rig --------------------------------------------------------------------
+
+
+def test_frames_from_before_the_skin_has_settled_are_thrown_away() -> None:
+    now = 10_000_000
+    camera = SettledCamera(FakeCamera(Clock.DRIVER), settle_s=0.005, now_ns=lambda: now)
+    camera.moved()
+    assert [camera.frame().sequence for _ in range(3)] == [15, 16, 17]
+
+
+def test_of_a_camera_with_its_own_clock_a_few_frames_are_thrown_away() -> None:
+    camera = SettledCamera(FakeCamera(Clock.DEVICE), settle_s=0.0, now_ns=lambda: 1 << 62)
+    camera.moved()
+    assert camera.frame().sequence == STALE_FRAMES
+    assert camera.frame().sequence == STALE_FRAMES + 1
+
+
+def test_a_camera_that_ends_is_an_error_and_a_recording_is_refused() -> None:
+    camera = SettledCamera(FakeCamera(n=0))
+    with pytest.raises(RigError, match="resume"):
+        camera.frame()
+    recording = FakeCamera()
+    recording.live = False
+    with pytest.raises(RigError, match="live"):
+        SettledCamera(recording)
+    assert recording.closed
+
+
+# -- G-code -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("boots", [True, False])
+@pytest.mark.parametrize("dialect", ["grbl", "marlin"])
+def test_stage_homes_moves_and_waits_until_it_stands(stage_at: StageAt, dialect: str, boots: bool) -> None:
+    fake, config = stage_at(dialect, boots=boots, boot_s=5.0 if boots else 0.2)
+    stage = GcodeStage(config)
+    stage.go(X=1.5, Y=-2.0)
+    stage.go(Z=-0.25)
+    stage.close()
+    home, sync = ("$H", "G4 P0.01") if dialect == "grbl" else ("G28", "M400")
+    sent = [home, "G21", "G90", "G1 X1.5000 Y-2.0000 F300", sync, "G1 Z-0.2500 F300", sync]
+    assert [line for line in fake.lines if line != "M115"] == sent
+    assert fake.moves[-1] == {"X": 1.5, "Y": -2.0, "Z": -0.25}
+
+
+def test_stage_axes_have_origin_sign_and_travel_that_is_checked_before_sending(
+    stage_at: StageAt,
+) -> None:
+    fake, config = stage_at()
+    axes = {"X": AxisTable(at=50.0, sign=-1.0, min=40.0, max=60.0)}
+    stage = GcodeStage(StageFile(stage=config.stage, axes=axes))
+    stage.go(X=4.0)
+    assert fake.moves == [{"X": 46.0}]
+    sent = len(fake.lines)
+    with pytest.raises(RigError, match=r"X = 38\.000.*40\.\.60"):
+        stage.go(X=12.0)
+    assert len(fake.lines) == sent
+    stage.close()
+
+
+def test_alarm_of_the_stage_is_said_in_its_own_words(
+    stage_at: StageAt,
+) -> None:
+    _, config = stage_at(travel=(-5.0, 5.0))
+    stage = GcodeStage(config)
+    with pytest.raises(RigError, match=r"ALARM:2.*travel"):
+        stage.go(X=6.0)
+    with pytest.raises(RigError, match=r"error:9.*home"):
+        stage.go(X=1.0)
+    stage.close()
+
+
+def test_error_answer_names_the_line_and_the_reason(
+    stage_at: StageAt,
+) -> None:
+    _, config = stage_at()
+    stage = GcodeStage(config)
+    with pytest.raises(RigError, match=r"G5\.1.*error:20.*unsupported"):
+        stage.command("G5.1")
+    stage.close()
+
+
+def test_failed_homing_silence_and_a_restart_are_errors(
+    stage_at: StageAt,
+) -> None:
+    fake, config = stage_at()
+    fake.homing_fails = True
+    with pytest.raises(RigError, match=r"ALARM:9.*no limit switch"):
+        GcodeStage(config)
+    fake, config = stage_at(answer_s=0.3)
+    stage = GcodeStage(config)
+    fake.mute = "G1"
+    with pytest.raises(RigError, match=r"no answer.*G1"):
+        stage.go(X=1.0)
+    stage.close()
+    fake, config = stage_at()
+    stage = GcodeStage(config)
+    fake.reset_on = "G1"
+    with pytest.raises(RigError, match="restarted"):
+        stage.go(X=1.0)
+    stage.close()
+
+
+def test_a_stage_of_the_other_dialect_is_not_mistaken(
+    stage_at: StageAt,
+) -> None:
+    _, config = stage_at("marlin")
+    wrong = StageFile(stage=StageTable(port=config.stage.port, boot_s=0.3))
+    with pytest.raises(RigError, match="no grbl greeting"):
+        GcodeStage(wrong)
+
+
+def test_no_such_port_is_one_line() -> None:
+    with pytest.raises(RigError, match="/dev/nowhere"):
+        GcodeStage(load_stage("/dev/nowhere"))
+
+
+@pytest.mark.parametrize(("text", "word"), [
+    ("[stage]\nport='a'\nspeed=3", "speed"),
+    ("[stage]\nport='a'\ndialect='klipper'", "marlin"),
+    ("[stage]\nport='a'\n[axes.Q]\nat=1", "axes.Q"),
+    ("[stage]\nbaud=1", "port"),
+])  # fmt: skip
+def test_wrong_stage_file_names_the_key(tmp_path: Path, text: str, word: str) -> None:
+    path = tmp_path / "stage.toml"
+    path.write_text(text)
+    with pytest.raises(RigError, match=word):
+        load_stage(str(path))
+
+
+def test_every_new_place_is_reached_over_a_clear_tip_and_pressed_before_sheared(
+    stage_at: StageAt,
+) -> None:
+    fake, config = stage_at()
+    rig = rig_on(config)
+    rig.mount(Tool("flat"))
+    rig.move(Pose(depth_mm=2.0, shear_x_mm=1.0))
+    assert fake.moves[-2:] == [{"X": 0.0, "Y": 0.0, "Z": -2.0}, {"X": 1.0, "Y": 0.0, "Z": -2.0}]
+    fake.moves.clear()
+    rig.move(Pose(depth_mm=2.0, shear_y_mm=1.0))  # another direction: off the tip in between
+    assert max(move["Z"] for move in fake.moves) == 5.0
+    assert fake.moves[-2] == {"X": 0.0, "Y": 0.0, "Z": -2.0}
+    fake.moves.clear()
+    rig.close()
+    assert fake.moves[-1]["Z"] == 5.0
+
+
+def test_deeper_and_further_go_on_without_lifting(
+    stage_at: StageAt,
+) -> None:
+    fake, config = stage_at()
+    rig = rig_on(config)
+    rig.mount(Tool("flat"))
+    rig.move(Pose(depth_mm=1.0))
+    fake.moves.clear()
+    for pose in (
+        Pose(depth_mm=1.1),
+        Pose(depth_mm=3.0),
+        Pose(depth_mm=3.0, shear_x_mm=0.1),
+        Pose(depth_mm=3.0, shear_x_mm=0.2),
+    ):
+        rig.move(pose)
+    assert [move["Z"] for move in fake.moves] == [-1.1, -3.0, -3.0, -3.0]
+    fake.moves.clear()
+    rig.move(Pose(depth_mm=2.0))  # back: friction would remember
+    assert max(move["Z"] for move in fake.moves) == 5.0
+    assert rig.frame().sequence == 1
+    rig.close()
+
+
+def test_a_ball_comes_down_along_the_dome_s_normal() -> None:
+    tool, r = Tool("sphere", 2.0), 20.0
+    touch = axes_of(Pose(x_mm=10.0), tool, r)
+    centre = np.array([touch["X"], touch["Y"], touch["Z"] + r + 2.0])
+    assert np.linalg.norm(centre) == pytest.approx(r + 2.0)
+    np.testing.assert_allclose(centre[:2] * r / (r + 2.0), [10.0, 0.0], atol=1e-9)
+    deep = axes_of(Pose(x_mm=10.0, depth_mm=1.0), tool, r)
+    moved = np.array([deep[k] - touch[k] for k in "XYZ"])
+    np.testing.assert_allclose(moved, -centre / (r + 2.0), atol=1e-9)
+    with pytest.raises(RigError, match="dome"):
+        axes_of(Pose(x_mm=21.0), tool, r)
+
+
+def test_poses_that_the_stage_cannot_reach_are_refused(
+    stage_at: StageAt,
+) -> None:
+    _, config = stage_at()
+    rig = rig_on(config)
+    with pytest.raises(RigError, match="tilt"):
+        rig.move(Pose(depth_mm=1.0, tilt_x_deg=5.0))
+    with pytest.raises(RigError, match=r"axes\.A"):
+        rig.move(Pose(depth_mm=1.0, twist_deg=5.0))
+    rig.close()
+    _, config = stage_at()
+    rig = rig_on(StageFile(stage=config.stage, axes={"A": AxisTable()}))
+    rig.move(Pose(depth_mm=1.0, twist_deg=5.0))
+    rig.close()
+
+
+# -- manual -------------------------------------------------------------------------------------
+
+
+def test_manual_rig_says_what_to_do_and_then_looks() -> None:
+    asked: list[str] = []
+    rig = ManualRig(FakeCamera(step_ns=1 << 61, n=3), asked.append)
+    rig.mount(Tool("sphere", 3.0))
+    rig.move(Pose(x_mm=1.0, depth_mm=2.0, shear_y_mm=-0.5))
+    before = time.monotonic_ns()
+    assert rig.frame().capture_ns > before
+    assert asked == ["Use a ball of 3 mm radius", "X +1.00 mm, press 2.00 mm, then shear y -0.50 mm"]
+    rig.close()
+
+
+def test_every_field_of_a_pose_is_said() -> None:
+    assert describe_pose(CLEAR) == "take the tool off the tip"
+    pressed = Pose(depth_mm=1.0)
+    for name in ("x_mm", "y_mm", "tilt_x_deg", "tilt_y_deg", "shear_x_mm", "shear_y_mm", "twist_deg"):
+        assert describe_pose(replace(pressed, **{name: 1.0})) != describe_pose(pressed)
