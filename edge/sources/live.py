@@ -66,6 +66,7 @@ class LiveSource:
         self.received_n = 0
         self.faults: Counter[str] = Counter()
         self._slot: Frame | None = None
+        self._times: list[int] | None = None  # of the frames that arrive while the rate is measured
         self._news = threading.Condition()
         self._closing = threading.Event()
         self._ended = False
@@ -88,6 +89,8 @@ class LiveSource:
                 self.dropped_n += 1
             self._slot = frame
             self.received_n += 1
+            if self._times is not None:
+                self._times.append(frame.capture_ns)
             self._last_s = time.monotonic()
             self._news.notify_all()
 
@@ -164,14 +167,18 @@ class LiveSource:
 
         Raises SourceError: no frame in time, or slower than `least_hz`
         """
-        times: list[int] = []
-        deadline_s = time.monotonic() + patience_s
-        while len(times) <= _RATE_FRAMES and (left_s := deadline_s - time.monotonic()) > 0:
-            frame = self.read(left_s)
-            if frame is None:
-                break
-            times.append(frame.capture_ns)
-        self.dropped_n = 0
+        self.start()
+        with self._news:
+            # Counted where frames arrive: a reader that is late at the start must not make a camera slow.
+            times: list[int] = []
+            self._times = times
+            self._news.wait_for(lambda: len(times) > _RATE_FRAMES or self._ended, patience_s)
+            self._times = None
+            self._slot = None
+            self.dropped_n = 0
+        if self._failure is not None:
+            failure, self._failure = self._failure, None
+            raise failure
         if not times:
             raise SourceError(
                 f"{self.name}: no frame within {patience_s:g} s; check the cable and who else uses it"

@@ -202,7 +202,6 @@ class V4l2Source(LiveSource):
         if measured_hz < SLOW * (asked_hz or self._told_hz) and self._options.buffers == 1:
             self._options = replace(self._options, buffers=2)
             self._again.set()
-            self.read(patience_s)  # one more of the old stream may lie in the slot
             measured_hz = self.measure_rate(0.0, patience_s)
         if self._options.check_rate and measured_hz < SLOW * asked_hz:
             advice = "shorten exposure_us, light the tip better, or ask for less"

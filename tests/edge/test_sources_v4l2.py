@@ -78,7 +78,9 @@ class FakeCapture:
 
     def grab(self) -> bool:
         camera = self.camera
-        camera.gate.acquire()
+        if not camera.free.is_set():
+            camera.halted.set()
+            camera.gate.acquire()
         self.what = camera.script.pop(0) if camera.script else "ok"
         period_ns = camera.period_ns(self)
         steps = 3 if self.what == "skip" else 1
@@ -117,6 +119,8 @@ class FakeCamera:
         self.stamp_ns = 5_000_000_000_000
         self.clock_ns = self.stamp_ns
         self.gate = threading.Semaphore(0)
+        self.free = threading.Event()
+        self.halted = threading.Event()  # the thread waits at the gate
 
     def period_ns(self, capture: FakeCapture) -> int:
         half = self.halves_with_one_buffer and capture.values.get(cv2.CAP_PROP_BUFFERSIZE) == 1
@@ -133,35 +137,20 @@ class Opened:
 
     def __init__(self, camera: FakeCamera, **options: Any) -> None:
         self.camera = camera
-        self.source: V4l2Source
-        # While the rate is measured, every frame that the reader takes lets the next one come.
-        original = V4l2Source.read
-
-        def pumped(source: V4l2Source, timeout_s: float | None = None) -> Frame | None:
-            camera.gate.release()
-            return original(source, timeout_s)
-
-        self.patch = pytest.MonkeyPatch()
-        self.patch.setattr(V4l2Source, "read", pumped)
-        ending = V4l2Source.close
-
-        def close(source: V4l2Source) -> None:
-            source._closing.set()
-            camera.gate.release(4)
-            ending(source)
-
-        self.patch.setattr(V4l2Source, "close", close)
-        try:
-            self.source = V4l2Source(
-                "0",
-                Options(**options),
-                make_capture=lambda path: FakeCapture(camera),
-                find=camera.find,
-                clock_ns=lambda: camera.clock_ns,
-                retry_s=0.001,
-            )
-        finally:
-            self.patch.undo()
+        camera.free.set()  # while the rate is measured, frames come as they like
+        self.source = V4l2Source(
+            "0",
+            Options(**options),
+            make_capture=lambda path: FakeCapture(camera),
+            find=camera.find,
+            clock_ns=lambda: camera.clock_ns,
+            retry_s=0.001,
+        )
+        camera.free.clear()
+        camera.halted.clear()
+        assert camera.halted.wait(10)
+        self.source.read(0)
+        self.source.faults.clear()
 
     def next(self) -> Frame:
         self.camera.gate.release()
@@ -174,8 +163,8 @@ class Opened:
 
     def __exit__(self, *_: object) -> None:
         self.source._closing.set()
-        for _ in range(4):
-            self.camera.gate.release()
+        self.camera.free.set()
+        self.camera.gate.release(4)
         self.source.close()
         assert not self.source._thread.is_alive()
         assert all(capture.released for capture in self.camera.captures)

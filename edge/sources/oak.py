@@ -1,0 +1,295 @@
+"""OAK modules, through depthai v3.
+
+What needs hardware is a few lines: `find_module` and `camera_output`. The rest - queue policy, ImgFrame to
+Frame, gaps, end of stream, loss and return, shutdown - takes any node's output, so that it runs on a
+machine without a module, over depthai's own ReplayVideo or a host node.
+
+- depthai is loaded here and nowhere else (0.5 s, 85 MB), with its telemetry off.
+- Looking for modules first (0.5 s) keeps "no module" short: opening one that is not there takes 11.5 s.
+- The output queue holds two messages and drops the oldest; the reader thread empties it at once.
+- Frames are read from the queue, never in a host node of ours: an exception in a node's thread would
+  abort the process.
+- Capture time is depthai's, synchronised to the host's monotonic clock (`Clock.DRIVER`), or with
+  `clock=device` the module's own (`Clock.DEVICE`).
+
+Source: depthai 3.12, its type stubs and its behaviour without hardware.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from edge.errors import SourceError
+from edge.sources.live import SLOW, LiveSource, Watch
+from edge.sources.options import Options
+from edge.types import Array, Clock, Frame
+
+if TYPE_CHECKING:
+    import depthai as dai
+
+__all__ = ["Lens", "OakSource", "camera_output", "find_module", "lens_of", "open_oak", "replay_output"]
+
+MakeOutput = Callable[["dai.Pipeline"], "dai.Node.Output"]
+DEFAULT_SIZE = (640, 400)  # OV9282: 255 frames/s at this size on RVC2 (maker's table)
+DEFAULT_ISO = 200
+DEFAULT_EXPOSURE_US = 2000
+QUEUE = 2
+RETRY_S = 0.5  # between attempts to get a lost module back
+PATIENCE_S = 10.0  # a module boots for 2 to 4 s over USB, longer over PoE
+_TICK = timedelta(milliseconds=100)  # how long a read waits before it looks whether to end
+
+
+def load_depthai() -> Any:
+    """The depthai module. Raises SourceError: not installed."""
+    os.environ["DEPTHAI_TELEMETRY"] = "0"
+    os.environ.setdefault("DEPTHAI_LEVEL", "error")  # warnings of its own would hide our one line
+    try:
+        import depthai
+    except ImportError as error:
+        raise SourceError(f"source oak: {error}; install voronoi-touch[oak]") from error
+    return depthai
+
+
+# -- hardware -----------------------------------------------------------------------------------
+
+
+def find_module(where: str) -> dai.DeviceInfo:
+    """The module with this id, name or address; "" the first one. Raises SourceError within 2 s."""
+    found: list[dai.DeviceInfo] = load_depthai().Device.getAllAvailableDevices()
+    for info in found:
+        if not where or where in (info.deviceId, info.name):
+            return info
+    here = ", ".join(f"{info.deviceId} ({info.name})" for info in found) or "none"
+    raise SourceError(
+        f"source oak:{where}: no such OAK module; free modules here: {here}; plug it in, check its udev rule"
+    )
+
+
+def camera_output(options: Options, socket: str = "CAM_B") -> MakeOutput:
+    """Mono camera of a module: manual exposure and focus, no anti-banding, one chunk a frame."""
+
+    def make(pipeline: dai.Pipeline) -> dai.Node.Output:
+        import depthai as dai
+
+        rate_hz = options.rate_hz or None
+        camera = pipeline.create(dai.node.Camera).build(_socket(socket), sensorFps=rate_hz)
+        control = camera.initialControl
+        control.setManualExposure(options.exposure_us or DEFAULT_EXPOSURE_US, options.gain or DEFAULT_ISO)
+        control.setAntiBandingMode(dai.CameraControl.AntiBandingMode.OFF)
+        if options.focus is not None:
+            control.setManualFocus(options.focus)
+        pipeline.setXLinkChunkSize(0)
+        return camera.requestOutput(_size(options), type=dai.ImgFrame.Type.GRAY8, fps=rate_hz)
+
+    return make
+
+
+def _size(options: Options) -> tuple[int, int]:
+    return (options.width, options.height) if options.width and options.height else DEFAULT_SIZE
+
+
+def _socket(name: str) -> dai.CameraBoardSocket:
+    """Raises SourceError: no such name."""
+    sockets = load_depthai().CameraBoardSocket.__members__
+    if name not in sockets:
+        raise SourceError(f"source oak: no socket {name!r}; known: {', '.join(sockets)}")
+    socket: dai.CameraBoardSocket = sockets[name]
+    return socket
+
+
+def check_socket(device: Any, name: str) -> None:
+    """Raises SourceError: the module has no camera there."""
+    cameras = {camera.socket.name: camera.sensorName for camera in device.getConnectedCameraFeatures()}
+    if name not in cameras:
+        here = ", ".join(f"{socket} ({sensor})" for socket, sensor in cameras.items()) or "none"
+        raise SourceError(f"source oak: no camera on {name}; cameras of this module: {here}; give ?socket=")
+
+
+# -- lens ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Lens:
+    """Factory calibration of a camera.
+
+    matrix      (3, 3) px, for images of size_px
+    distortion  (k,) coefficients, OpenCV's order
+    model       Perspective, Fisheye, ...
+    """
+
+    matrix: Array
+    distortion: Array
+    model: str
+    size_px: tuple[int, int]
+
+
+def lens_of(handler: dai.CalibrationHandler, socket: str, size_px: tuple[int, int]) -> Lens | None:
+    """Lens model for this image size; None: the module has none."""
+    board = _socket(socket)
+    try:
+        matrix = handler.getCameraIntrinsics(board, *size_px)
+        distortion = handler.getDistortionCoefficients(board)
+        model = handler.getDistortionModel(board)
+    except RuntimeError:  # not calibrated at the factory
+        return None
+    return Lens(np.array(matrix), np.array(distortion), model.name, size_px)
+
+
+# -- without hardware -----------------------------------------------------------------------------
+
+
+def replay_output(path: str | Path, rate_hz: float, metadata: str | Path | None = None) -> MakeOutput:
+    """A video through depthai's own nodes. FFV1 and HuffYUV come out bit-exact; ends with the file.
+
+    metadata  the MCAP that RecordVideo wrote beside it: times and sequence numbers of then
+    """
+
+    def make(pipeline: dai.Pipeline) -> dai.Node.Output:
+        import depthai as dai
+
+        node = pipeline.create(dai.node.ReplayVideo)
+        node.setReplayVideoFile(Path(path))
+        if metadata is not None:
+            node.setReplayMetadataFile(Path(metadata))
+        node.setOutFrameType(dai.ImgFrame.Type.GRAY8)
+        node.setLoop(False)
+        if rate_hz:
+            node.setFps(rate_hz)
+        return node.out
+
+    return make
+
+
+# -- the source -------------------------------------------------------------------------------------
+
+
+class OakSource(LiveSource):
+    """Frames of a depthai output.
+
+    make_output  builds the nodes; called again when a lost module is back
+    module       gives the module to open; None: host only, and the end of the stream is the end
+    socket       of the camera, for checks and lens
+    own_clock    the module's clock instead of the host's
+    Raises       SourceError: no module, no such camera, no frames, too slow
+    """
+
+    def __init__(
+        self,
+        make_output: MakeOutput,
+        options: Options,
+        *,
+        name: str = "camera oak",
+        module: Callable[[], dai.DeviceInfo] | None = None,
+        socket: str = "CAM_B",
+        own_clock: bool = False,
+        patience_s: float = PATIENCE_S,
+    ) -> None:
+        super().__init__(name)
+        self._dai = load_depthai()
+        self._make_output, self._module, self._socket_name = make_output, module, socket
+        self._own_clock = own_clock
+        self._options = options
+        self._watch = Watch()
+        self._base = 0  # added to the module's counter, which starts again with the module
+        self._next = 0
+        self.lens: Lens | None = None
+        self._pipeline, self._queue = self._open()
+        if module is None:  # a replay measures nothing, and must not lose its first frames to it
+            self.size_px, self.rate_hz = _size(options), options.rate_hz
+            return
+        try:
+            least_hz = SLOW * options.rate_hz if options.check_rate else 0.0
+            self.rate_hz = self.measure_rate(least_hz, patience_s, "shorten exposure_us or ask for less")
+        except SourceError:
+            self.close()
+            raise
+
+    def _open(self) -> tuple[Any, Any]:
+        """Pipeline, running, and its queue. Raises SourceError; RuntimeError from depthai."""
+        dai = self._dai
+        if self._module is None:
+            pipeline = dai.Pipeline(createImplicitDevice=False)
+        else:
+            device = dai.Device(self._module())
+            check_socket(device, self._socket_name)
+            self.lens = lens_of(device.readCalibration(), self._socket_name, _size(self._options))
+            pipeline = dai.Pipeline(device)
+        queue = self._make_output(pipeline).createOutputQueue(maxSize=QUEUE, blocking=False)
+        pipeline.start()
+        return pipeline, queue
+
+    def _work(self) -> None:
+        try:
+            while not self._closing.is_set():
+                if self._queue is None:
+                    self._return()
+                    continue
+                try:
+                    message = self._queue.get(_TICK)
+                except (self._dai.MessageQueue.QueueException, RuntimeError):
+                    self._stop()
+                    if self._module is None:
+                        return
+                    self._say("lost")
+                    continue
+                if message is not None:
+                    self._take(message)
+        finally:
+            self._stop()
+
+    def _return(self) -> None:
+        """The module again, or a pause."""
+        try:
+            self._pipeline, self._queue = self._open()
+        except (SourceError, RuntimeError):  # still away, or booting: `condition` says lost
+            self._closing.wait(RETRY_S)
+        else:
+            self._base = self._next
+
+    def _stop(self) -> None:
+        pipeline, self._pipeline, self._queue = self._pipeline, None, None
+        if pipeline is not None and pipeline.isRunning():
+            pipeline.stop()
+            pipeline.wait()
+
+    def _take(self, message: dai.ImgFrame) -> None:
+        image = np.array(message.getFrame(), dtype=np.uint8)  # a copy: the message's memory goes back
+        if image.ndim != 2 or self.size_px not in ((0, 0), image.shape[::-1]):
+            self.faults["damaged frame"] += 1
+            return
+        self.size_px = (image.shape[1], image.shape[0])
+        sequence = self._base + message.getSequenceNum()
+        if sequence > self._next and self.received_n:
+            self.faults["missed frame"] += sequence - self._next
+        self._next = sequence + 1
+        stamp = message.getTimestampDevice() if self._own_clock else message.getTimestamp()
+        clock = Clock.DEVICE if self._own_clock else Clock.DRIVER
+        frame = Frame(image, stamp // timedelta(microseconds=1) * 1000, sequence, clock)
+        self._say(self._watch.look(frame))
+        self._offer(frame)
+
+
+def open_oak(where: str, options: Options) -> OakSource:
+    """The scheme `oak:`; keys of its own: socket=CAM_B, clock=device."""
+    extra = dict(options.extra)
+    socket, clock = extra.pop("socket", "CAM_B"), extra.pop("clock", "host")
+    options = replace(options, extra=extra).without_extra(f"oak:{where}")
+    if clock not in ("host", "device"):
+        raise SourceError(f"source oak:{where}: no clock {clock!r}; known: host, device")
+    load_depthai()
+    _socket(socket)
+    return OakSource(
+        camera_output(options, socket),
+        options,
+        name=f"camera oak:{where}",
+        module=lambda: find_module(where),
+        socket=socket,
+        own_clock=clock == "device",
+    )

@@ -1,0 +1,347 @@
+"""OAK source without a module: depthai's own replay, a host node, and fakes for the hardware lines."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable
+from datetime import timedelta
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from edge.errors import SourceError
+from edge.sources import oak, open_source
+from edge.sources.options import Options
+from edge.types import Clock, Frame
+
+SIZE = (64, 48)
+HOST = Options(width=SIZE[0], height=SIZE[1])
+
+
+@pytest.fixture(scope="module")
+def dai() -> Any:
+    try:
+        return oak.load_depthai()
+    except SourceError as error:
+        pytest.skip(str(error))
+
+
+def noise(n: int) -> np.ndarray[Any, Any]:
+    return np.random.default_rng(n).integers(0, 256, (SIZE[1], SIZE[0]), dtype=np.uint8)
+
+
+def frames_output(dai: Any, steps: list[int], gate: Callable[[int], None] = lambda n: None) -> oak.MakeOutput:
+    """A host node that emits frames with these sequence numbers, then closes its pipeline's queues."""
+
+    class Node(dai.node.ThreadedHostNode):  # type: ignore[misc,name-defined]
+        def __init__(self) -> None:
+            super().__init__()
+            self.out = self.createOutput("out")
+
+        def run(self) -> None:
+            for n in steps:
+                gate(n)
+                if not self.isRunning():
+                    return
+                message = dai.ImgFrame()
+                message.setType(dai.ImgFrame.Type.GRAY8)
+                message.setWidth(SIZE[0])
+                message.setHeight(SIZE[1])
+                message.setData(noise(n).ravel())
+                message.setSequenceNum(n)
+                message.setTimestamp(timedelta(microseconds=1_000_000 + 4_000 * n))
+                message.setTimestampDevice(timedelta(microseconds=77 + 4_000 * n))
+                self.out.send(message)
+
+    def make(pipeline: Any) -> Any:
+        return pipeline.create(Node).out
+
+    return make
+
+
+def lock_step(dai: Any, steps: list[int], **options: Any) -> list[Frame]:
+    """Every frame is taken before the next one is made."""
+    go = threading.Semaphore(1)
+    source = oak.OakSource(frames_output(dai, steps, lambda n: go.acquire(timeout=10)), HOST, **options)
+    got: list[Frame] = []
+    for _ in steps:
+        frame = source.read(10)
+        assert frame is not None
+        got.append(frame)
+        go.release()
+    lock_step.source = source  # type: ignore[attr-defined]
+    source.close()
+    assert not source._thread.is_alive()
+    return got
+
+
+# -- shared code on real depthai ---------------------------------------------------------------------
+
+
+def test_pixels_times_and_gaps_come_through(dai: Any) -> None:
+    steps = [0, 1, 2, 5, 6, 9]
+    frames = lock_step(dai, steps)
+    assert [f.sequence for f in frames] == steps
+    assert lock_step.source.faults["missed frame"] == 4  # type: ignore[attr-defined]
+    for frame in frames:
+        assert np.array_equal(frame.image, noise(frame.sequence))
+        assert frame.capture_ns == 1_000_000_000 + 4_000_000 * frame.sequence
+        assert frame.clock is Clock.DRIVER
+
+
+def test_the_modules_own_clock(dai: Any) -> None:
+    (first, second) = lock_step(dai, [0, 1], own_clock=True)
+    assert (first.capture_ns, second.capture_ns) == (77_000, 4_077_000)
+    assert first.clock is Clock.DEVICE
+
+
+def test_a_slow_consumer_gets_the_newest_and_a_count(dai: Any) -> None:
+    done = threading.Event()
+
+    def gate(n: int) -> None:
+        if n == 60:  # held back until the test has looked
+            done.wait(20)
+
+    source = oak.OakSource(frames_output(dai, list(range(61)), gate), HOST)
+    source.start()
+    deadline = time.monotonic() + 20
+    while source._next < 60 and time.monotonic() < deadline:
+        source._closing.wait(0.002)
+    newest = source.read(10)
+    assert newest is not None
+    assert newest.sequence == 59
+    assert source.dropped_n + source.faults["missed frame"] == 59
+    done.set()
+    source.close()
+
+
+def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
+    path = tmp_path / "a.mkv"
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"FFV1"), 100, SIZE, False)
+    for i in range(20):
+        writer.write(noise(i))
+    writer.release()
+    source = oak.OakSource(
+        oak.replay_output(path, 100.0), Options(width=SIZE[0], height=SIZE[1], rate_hz=100.0)
+    )
+    before_ns = time.monotonic_ns()
+    frames = list(source)
+    # depthai drops what is still queued at the end of a file; nothing before that is lost.
+    assert len(frames) + source.dropped_n >= 20 - oak.QUEUE
+    for frame in frames:
+        assert np.array_equal(frame.image, noise(frame.sequence))
+        assert before_ns - 1_000_000_000 < frame.capture_ns <= time.monotonic_ns()
+    assert source.ended
+    source.close()
+
+
+def test_a_replay_of_nothing_ends(dai: Any, tmp_path: Path) -> None:
+    (tmp_path / "bad.mkv").write_bytes(b"not a video")
+    source = oak.OakSource(oak.replay_output(tmp_path / "bad.mkv", 0.0), HOST)
+    assert list(source) == []
+    source.close()
+
+
+# -- hardware lines -------------------------------------------------------------------------------------
+
+
+def test_no_module_is_one_clear_line(dai: Any) -> None:
+    if dai.Device.getAllAvailableDevices():
+        pytest.skip("a module is attached")
+    with pytest.raises(SourceError, match="no such OAK module; free modules here: none") as caught:
+        open_source("oak:19443010F1A5F02E00")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("spec", "says"),
+    [
+        ("oak:?socket=CAM_Q", "no socket 'CAM_Q'"),
+        ("oak:?clock=x", "no clock 'x'"),
+        ("oak:?fps=3", "unknown key 'fps'"),
+    ],
+)
+def test_bad_keys(dai: Any, spec: str, says: str) -> None:
+    with pytest.raises(SourceError, match=says):
+        open_source(spec)
+
+
+def test_without_depthai_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "depthai", None)
+    with pytest.raises(SourceError, match=r"install voronoi-touch\[oak\]"):
+        open_source("oak:")
+
+
+def test_modules_are_chosen_by_id_or_name(dai: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    modules = [SimpleNamespace(deviceId="AA", name="1.1"), SimpleNamespace(deviceId="BB", name="192.168.1.7")]
+    monkeypatch.setattr(
+        oak,
+        "load_depthai",
+        lambda: SimpleNamespace(Device=SimpleNamespace(getAllAvailableDevices=lambda: modules)),
+    )
+    assert oak.find_module("").deviceId == "AA"
+    assert oak.find_module("BB").deviceId == "BB"
+    assert oak.find_module("192.168.1.7").deviceId == "BB"
+    with pytest.raises(SourceError, match=r"AA \(1\.1\), BB"):
+        oak.find_module("CC")
+
+
+def test_sockets_without_a_camera_are_refused() -> None:
+    device = SimpleNamespace(
+        getConnectedCameraFeatures=lambda: [
+            SimpleNamespace(socket=SimpleNamespace(name="CAM_A"), sensorName="IMX378")
+        ]
+    )
+    oak.check_socket(device, "CAM_A")
+    with pytest.raises(SourceError, match=r"no camera on CAM_B; cameras of this module: CAM_A \(IMX378\)"):
+        oak.check_socket(device, "CAM_B")
+
+
+class Calls:
+    """Takes any call and remembers it."""
+
+    def __init__(self, log: list[tuple[str, Any, Any]], name: str = "") -> None:
+        self._log, self._name = log, name
+
+    def __getattr__(self, name: str) -> Calls:
+        return Calls(self._log, f"{self._name}.{name}" if self._name else name)
+
+    def __call__(self, *positional: Any, **named: Any) -> Calls:
+        self._log.append((self._name.rsplit(".", 1)[-1], positional, named))
+        return Calls(self._log, "")
+
+
+def test_the_camera_is_asked_for_what_was_set(dai: Any) -> None:
+    log: list[tuple[str, Any, Any]] = []
+    options = Options(width=640, height=400, rate_hz=240.0, exposure_us=1500, gain=300, focus=120)
+    oak.camera_output(options, "CAM_C")(Calls(log))  # type: ignore[arg-type]
+    calls = {name: (positional, named) for name, positional, named in log}
+    assert calls["build"] == ((dai.CameraBoardSocket.CAM_C,), {"sensorFps": 240.0})
+    assert calls["setManualExposure"][0] == (1500, 300)
+    assert calls["setManualFocus"][0] == (120,)
+    assert calls["setAntiBandingMode"][0] == (dai.CameraControl.AntiBandingMode.OFF,)
+    assert calls["setXLinkChunkSize"][0] == (0,)
+    assert calls["requestOutput"] == (((640, 400),), {"type": dai.ImgFrame.Type.GRAY8, "fps": 240.0})
+
+
+class FakeModule:
+    """depthai as far as OakSource uses it, with a module that can be unplugged."""
+
+    class MessageQueue:
+        class QueueException(Exception):
+            pass
+
+    def __init__(self, rate_hz: float = 240.0) -> None:
+        self.step_us = round(1e6 / rate_hz)
+        self.plugged = True
+        self.opened_n = 0
+        self.running = False
+        self.node = SimpleNamespace()
+
+    def Device(self, info: Any) -> Any:  # noqa: N802
+        if not self.plugged:
+            raise RuntimeError("X_LINK_DEVICE_NOT_FOUND")
+        self.opened_n += 1
+        feature = SimpleNamespace(socket=SimpleNamespace(name="CAM_B"), sensorName="OV9282")
+        return SimpleNamespace(getConnectedCameraFeatures=lambda: [feature], readCalibration=lambda: None)
+
+    def Pipeline(self, device: Any) -> Any:  # noqa: N802
+        return self
+
+    def createOutputQueue(self, maxSize: int, blocking: bool) -> Any:  # noqa: N802
+        assert (maxSize, blocking) == (oak.QUEUE, False)
+        self.n = 0
+        return self
+
+    def start(self) -> None:
+        self.running = True
+
+    def isRunning(self) -> bool:  # noqa: N802
+        return self.running
+
+    def stop(self) -> None:
+        self.running = False
+
+    def wait(self) -> None:
+        assert not self.running
+
+    def get(self, timeout: timedelta) -> Any:
+        time.sleep(0.001)  # a camera's frames take their time
+        if not self.plugged:
+            raise self.MessageQueue.QueueException("closed")
+        n, self.n = self.n, self.n + 1
+        stamp = timedelta(microseconds=n * self.step_us)
+        return SimpleNamespace(
+            getFrame=lambda: noise(n), getSequenceNum=lambda: n, getTimestamp=lambda: stamp
+        )
+
+
+def opened(module: FakeModule, monkeypatch: pytest.MonkeyPatch, **settings: Any) -> oak.OakSource:
+    monkeypatch.setattr(oak, "load_depthai", lambda: module)
+    monkeypatch.setattr(oak, "lens_of", lambda handler, socket, size: None)
+    monkeypatch.setattr(oak, "RETRY_S", 0.01)
+    return oak.OakSource(lambda pipeline: pipeline, Options(**settings), module=lambda: SimpleNamespace())  # type: ignore[arg-type,return-value]
+
+
+def test_a_lost_module_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = FakeModule()
+    source = opened(module, monkeypatch)
+    before = source.read(10)
+    assert before is not None
+    module.plugged = False
+    deadline = time.monotonic() + 10
+    while source.condition != "lost" and time.monotonic() < deadline:
+        source.read(0.01)
+    assert source.condition == "lost"
+    module.plugged = True
+    after = source.read(10)
+    assert after is not None
+    assert after.sequence > before.sequence  # though the module counts from 0 again
+    assert source.faults["lost"] == 1
+    assert module.opened_n == 2
+    source.close()
+    assert not module.running
+
+
+def test_rate_is_measured_and_a_slow_module_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = opened(FakeModule(240.0), monkeypatch, rate_hz=240.0)
+    assert (
+        source.rate_hz == pytest.approx(240, rel=0.01) or source.rate_hz < 240
+    )  # frames may be skipped over
+    source.close()
+    module = FakeModule(60.0)
+    with pytest.raises(SourceError, match=r"at least 192 wanted"):
+        opened(module, monkeypatch, rate_hz=240.0)
+    assert not module.running
+
+
+def test_lens_of_a_module_from_its_calibration_file(dai: Any) -> None:
+    eeprom = dai.CalibrationHandler().eepromToJson()
+    handler = dai.CalibrationHandler.fromJson(eeprom, validateExtrinsics=False)
+    assert oak.lens_of(handler, "CAM_B", (640, 400)) is None  # nothing in it
+    matrix = [[800.0, 0.0, 640.0], [0.0, 800.0, 400.0], [0.0, 0.0, 1.0]]
+    distortion = [0.1, -0.2, 0.001, 0.002] + [0.0] * 10
+    handler.setCameraIntrinsics(dai.CameraBoardSocket.CAM_B, matrix, 1280, 800)
+    handler.setDistortionCoefficients(dai.CameraBoardSocket.CAM_B, distortion)
+    again = dai.CalibrationHandler.fromJson(handler.eepromToJson(), validateExtrinsics=False)
+    lens = oak.lens_of(again, "CAM_B", (640, 400))
+    assert lens is not None
+    assert lens.matrix[0, 0] == pytest.approx(400.0)  # half the size, half the focal length
+    assert lens.distortion[:2] == pytest.approx([0.1, -0.2])
+    assert lens.size_px == (640, 400)
+
+
+@pytest.mark.hardware
+def test_a_module_of_this_machine(dai: Any) -> None:
+    if not dai.Device.getAllAvailableDevices():
+        pytest.skip("no OAK module on this machine")
+    source = open_source("oak:", rate_hz=60)
+    frames = [frame for frame, _ in zip(source, range(60), strict=False)]
+    source.close()
+    assert np.all(np.diff([f.capture_ns for f in frames]) > 0)
