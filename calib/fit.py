@@ -112,13 +112,13 @@ def fit(
     extract: Extract,
     *,
     serial: str = "unnamed",
-    mm_per_px: float,
+    mm_per_px: float | None,
     on_group: Callable[[str], None] = lambda text: None,
     on_refused: Callable[[str], None] = lambda text: None,
 ) -> tuple[Calibration, list[Choice]]:
     """Fit everything that the table has columns for.
 
-    mm_per_px  scale at the tip's centre
+    mm_per_px  scale at the tip's centre; None: not known, places of contact stay invalid
     on_group   told before each group of outputs
     on_refused told why a group was left out: its values will be sent as invalid
     Returns    the calibration, and how each model was chosen

@@ -126,7 +126,7 @@ class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     format: str
     version: int
     sensor: Sensor
-    mm_per_px: Positive
+    mm_per_px: Positive | None
     models: list[Curve | Moments]
     data: Data
 
@@ -256,7 +256,7 @@ class Calibration:
     """A validated calibration file, ready to be applied.
 
     rest       the tip it belongs to, in the file's order of pins
-    mm_per_px  scale at the tip's centre
+    mm_per_px  scale at the tip's centre; None: not known, places of contact are NaN
     content_id 32 bits of the content's hash; goes over the wire as the calibration's identity
     """
 
@@ -348,7 +348,8 @@ class Calibration:
     def _places(self, contacts: Sequence[ContactRegion], pattern: PinPattern) -> Array:
         places = np.full((len(contacts), 3), np.nan)
         for row, contact in zip(places, contacts, strict=True):
-            row[:2] = (contact.xy_img - pattern.centre_img) * self.mm_per_px
+            if self.mm_per_px is not None:
+                row[:2] = (contact.xy_img - pattern.centre_img) * self.mm_per_px
             z = contact_inputs(contact, pattern.centre_img, pattern.tip_radius_px)
             for model in self._contact:
                 y, _, _ = model.run(z)

@@ -103,14 +103,14 @@ def tare(images: Sequence[Image], steady_px: float, calibration: Calibration | N
             f"tare: the pins moved by {np.nanpercentile(drift, 90):.1f} px while the rest frame was taken; "
             f"leave the tip untouched (limit {steady_px:g} px, key [tare] steady_px)"
         )
-    return rest if calibration is None else _in_order_of(calibration, rest)
+    return rest if calibration is None else in_order_of(calibration, rest)
 
 
 def _positions(image: Image, rest: Rest) -> np.ndarray:
     return Refiner(rest).refine(image, rest.xy_img).xy_img
 
 
-def _in_order_of(calibration: Calibration, rest: Rest) -> Rest:
+def in_order_of(calibration: Calibration, rest: Rest) -> Rest:
     """The rest frame with row i being pin i of the calibration file."""
     made_with = calibration.rest
     if rest.pattern.size_px != made_with.pattern.size_px:

@@ -1,0 +1,170 @@
+"""`python -m calib fit` and `evaluate`: a table of frames with truth in, a calibration or its errors out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from calib.errors import TableError
+from calib.evaluate import evaluate
+from calib.extract import Extract, executor, extract
+from calib.fit import Choice, fit
+from calib.targets import Targets, read_targets
+from edge.calibration import Calibration
+from edge.errors import NoPins
+from edge.pins import take_rest
+from edge.pipeline import in_order_of
+from edge.sources import read_image
+from edge.types import Rest
+
+_PATH = click.Path(path_type=Path)
+_PLACE: list[Callable[[Any], Any]] = [
+    click.argument("table", metavar="TARGETS.csv", type=_PATH),
+    click.option("--frames", "folder", required=True, type=_PATH, help="Folder of the table's frames."),
+    click.option("--rest", "rest_image", required=True, type=_PATH, help="Image of the untouched tip."),
+    click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one a core."),
+    click.option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster, e.g. tcp://host:8786."),
+    click.option("-q", "--quiet", is_flag=True, help="No progress bar."),
+]
+
+
+def _placed(command: Any) -> Any:
+    for decorate in reversed(_PLACE):
+        command = decorate(command)
+    return command
+
+
+@click.command("fit")
+@_placed
+@click.option("-o", "--output", required=True, type=_PATH, help="Calibration file to write (.json).")
+@click.option("--serial", default="unnamed", show_default=True, help="Serial number of the tip.")
+@click.option("--mm-per-px", type=click.FloatRange(min=0, min_open=True), help="Scale at the tip's centre.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was fitted as one JSON object.")
+def fit_command(
+    table: Path,
+    folder: Path,
+    rest_image: Path,
+    workers: int | None,
+    dask: str | None,
+    quiet: bool,
+    output: Path,
+    serial: str,
+    mm_per_px: float | None,
+    as_json: bool,
+) -> None:
+    """Fit a calibration to the frames that TARGETS.csv names.
+
+    Columns: sensor_image and any of pose_z (mm), pose_Rx, pose_Ry (deg), shear_x, shear_y (mm), shear_Rz
+    (deg), force_z (N); a missing column is not fitted. Without --mm-per-px places of contact stay invalid.
+    """
+    if not output.parent.is_dir():
+        raise TableError(f"{output.parent}: no such folder to write {output.name} to")
+    targets = read_targets(table, folder)
+    rest = _rest(rest_image)
+    seen = _extract(rest, targets, workers, dask, quiet)
+    calibration, choices = fit(
+        rest,
+        targets,
+        seen,
+        serial=serial,
+        mm_per_px=mm_per_px,
+        on_refused=lambda why: click.echo(f"not fitted: {why}", err=True),
+    )
+    calibration.save(output)
+    if as_json:
+        click.echo(json.dumps({"output": str(output), "models": [_row(c) for c in choices]}))
+    else:
+        _print(choices, output)
+
+
+@click.command("evaluate")
+@click.argument("calibration_path", metavar="CAL.json", type=_PATH)
+@_placed
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def evaluate_command(
+    calibration_path: Path,
+    table: Path,
+    folder: Path,
+    rest_image: Path,
+    workers: int | None,
+    dask: str | None,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Errors of a calibration on frames with known truth.
+
+    At the top stand the errors over all frames, under `accepted` those over the frames whose values the
+    edge would have sent; the others it refuses, because it is not sure which pin is which.
+    """
+    calibration = Calibration.load(calibration_path)
+    targets = read_targets(table, folder)
+    rest = in_order_of(calibration, _rest(rest_image))
+    report = evaluate(calibration, targets, _extract(rest, targets, workers, dask, quiet))
+    if as_json:
+        click.echo(json.dumps(report))
+        return
+    for key, value in report.items():
+        if isinstance(value, dict):
+            click.echo(f"{key}:")
+            for name, part in value.items():
+                click.echo(f"  {name:28s} {part}")
+        else:
+            click.echo(f"{key:30s} {value}")
+
+
+def _rest(path: Path) -> Rest:
+    try:
+        return take_rest([read_image(path)])
+    except ValueError as error:
+        raise TableError(f"{path}: {error}; an image of the untouched tip is needed") from None
+    except NoPins as error:
+        raise TableError(f"{path}: {error}") from None
+
+
+def _extract(rest: Rest, targets: Targets, workers: int | None, dask: str | None, quiet: bool) -> Extract:
+    with executor(dask, workers) as pool, _progress("frames", len(targets), quiet) as advance:
+        return extract(rest, targets.frames, pool, advance)
+
+
+@contextmanager
+def _progress(what: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), disable=quiet) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda n: bar.advance(task, n)
+
+
+def _row(choice: Choice) -> dict[str, Any]:
+    return {
+        "outputs": choice.outputs,
+        "model": choice.chosen.name,
+        "terms": choice.chosen.n_terms,
+        "rms_held_out": choice.chosen.rms,
+        "sigma": choice.model.sigma,
+        "tried": len(choice.tried),
+    }
+
+
+def _print(choices: list[Choice], output: Path) -> None:
+    table = Table(title=f"{output}: what was fitted")
+    for name in ("value", "model chosen", "terms", "held-out rms", "sigma"):
+        table.add_column(name)
+    for choice in choices:
+        row = _row(choice)
+        sigma = row["sigma"] if isinstance(row["sigma"], list) else [row["sigma"]]
+        table.add_row(
+            ", ".join(choice.outputs),
+            row["model"],
+            str(row["terms"]),
+            f"{row['rms_held_out']:.3g}",
+            ", ".join(f"{s:.3g}" for s in sigma),
+        )
+    Console().print(table)
