@@ -72,6 +72,8 @@ class Gate:
         sigma_px  of `sigma_px`
         """
         mean, weight = self._means(change)
+        if weight is not None and not weight.any():
+            return self._touched  # a dark frame says nothing
         predicted = sigma_px / self._pitch_px
         limit = (OFF if self._touched else ON) * MEAN_NOISE * predicted * self._learnt
         self._touched = self._highest(mean, weight) > limit

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.spatial import Voronoi
 
@@ -43,11 +45,15 @@ def areas(xy: Array, rest: Rest) -> Array:
     voronoi = Voronoi(np.vstack([xy, hull]))
     out = np.empty(len(xy))
     for i in range(len(xy)):
-        corner = voronoi.vertices[voronoi.regions[voronoi.point_region[i]]]
-        turn = np.arctan2(*(corner - corner.mean(axis=0)).T[::-1])
-        x, y = corner[np.argsort(turn)].T
-        out[i] = 0.5 * abs(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+        x, y = voronoi.vertices[voronoi.regions[voronoi.point_region[i]]].T  # in order round the cell
+        out[i] = 0.5 * abs(x[:-1] @ y[1:] - y[:-1] @ x[1:] + x[-1] * y[0] - y[-1] * x[0])
     return out
+
+
+@lru_cache
+def _rest_areas(xy: bytes, pitch: float) -> Array:
+    points = np.frombuffer(xy).reshape(-1, 2)
+    return areas(points, make_rest(points, pitch))
 
 
 def frame(rest: Rest, xy: Array, lost: Array | None = None, sigma: float = 0.05) -> tuple[Tracks, Cells]:
@@ -58,7 +64,13 @@ def frame(rest: Rest, xy: Array, lost: Array | None = None, sigma: float = 0.05)
     gone = np.where(seen, 0.0, np.nan)
     tracks = Tracks(xy + gone[:, None], np.full(len(xy), sigma) + gone, seen, 1.0)
     none = np.empty((0, 3), dtype=np.int32)
-    cells = Cells(areas(xy, rest) + gone, areas(rest.xy_img, rest), xy, none, np.empty((0, 2)))
+    cells = Cells(
+        areas(xy, rest) + gone,
+        _rest_areas(rest.xy_img.tobytes(), rest.pattern.pitch_px),
+        xy,
+        none,
+        np.empty((0, 2)),
+    )
     return tracks, cells
 
 

@@ -1,0 +1,213 @@
+"""The extractor: gate, demand, lost pins, and the whole of it against the paper's method."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from edge.features import FeatureExtractor
+from edge.features.extract import NEEDS
+from edge.pins import detect, take_rest
+from edge.tessellate import Tessellator
+from edge.track import Tracker
+from edge.types import Array, Cells, Feature, Features, Rest, Tracks
+from tests.bench.reference import Reference
+from tests.edge.fields import CENTRE, areas, frame, push, tip
+
+ALL = frozenset(Feature)
+OPTIONAL = ("shear_px", "modes_px", "volume_px2", "surface", "contacts", "torsion_rad", "slip_px")
+
+
+def extractor(rest: Rest) -> FeatureExtractor:
+    return FeatureExtractor(rest, areas(rest.xy_img, rest))
+
+
+def noisy(
+    rest: Rest, motion: Array, rng: np.random.Generator, lost: Array | None = None
+) -> tuple[Tracks, Cells]:
+    return frame(rest, rest.xy_img + motion + rng.normal(0.0, 0.05, rest.xy_img.shape), lost)
+
+
+def given_fields(features: Features) -> set[str]:
+    return {name for name in OPTIONAL if getattr(features, name) is not None}
+
+
+def test_every_feature_has_its_needs() -> None:
+    assert set(NEEDS) == set(Feature)
+
+
+@pytest.mark.parametrize(
+    ("demand", "fields"),
+    [
+        (set(), set()),
+        ({Feature.SHEAR}, {"shear_px", "modes_px"}),
+        ({Feature.CONTACTS}, {"contacts"}),
+        ({Feature.DISPLACEMENT}, {"modes_px", "volume_px2"}),
+        ({Feature.TORSION}, {"torsion_rad", "modes_px"}),
+        ({Feature.SLIP}, {"slip_px"}),
+        ({Feature.SURFACE}, {"surface"}),
+        (set(Feature), set(OPTIONAL)),
+    ],
+)
+def test_only_what_is_asked_for(demand: set[Feature], fields: set[str]) -> None:
+    rest = tip(127)
+    tracks, cells = frame(rest, rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1))
+    got = extractor(rest).extract(tracks, cells, frozenset(demand))
+    assert got.touched
+    assert given_fields(got) == fields
+
+
+def test_no_contact_makes_no_surface() -> None:
+    rest = tip(331)
+    made = extractor(rest)
+    tracks, cells = frame(rest, rest.xy_img)
+    got = made.extract(tracks, cells, ALL)
+    assert not got.touched
+    assert made._surface is None
+    assert got.surface is None
+    assert got.contacts == ()
+    assert got.volume_px2 == 0.0
+
+
+def test_without_cells_motion_alone_is_given() -> None:
+    rest = tip(127)
+    tracks, _ = frame(rest, rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1))
+    got = extractor(rest).extract(tracks, None, ALL)
+    assert got.touched
+    assert np.isnan(got.area_change).all()
+    assert given_fields(got) == {"shear_px", "modes_px", "torsion_rad", "slip_px"}
+    shaken = Tracks(rest.xy_img + np.array([3.0, -2.0]), tracks.sigma_px, tracks.seen, 1.0)
+    assert not extractor(rest).extract(shaken, None, ALL).touched
+
+
+def test_untouched_frames_with_blinking_pins_never_touch() -> None:
+    rest = tip(331)
+    made = extractor(rest)
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        tracks, cells = noisy(
+            rest, np.zeros((331, 2)), rng, rng.choice(331, rng.integers(0, 100), replace=False)
+        )
+        got = made.extract(tracks, cells, ALL)
+        assert not got.touched
+        assert got.contacts == ()
+
+
+@pytest.mark.parametrize("actual", [0.03, 0.12])
+def test_gate_learns_the_noise(actual: float) -> None:
+    """Pins say 0.05 px; the truth is less or more. Afterwards no false touch, and no deafness."""
+    rest = tip(127)
+    made = extractor(rest)
+    rng = np.random.default_rng(2)
+    for k in range(200):
+        xy = rest.xy_img + rng.normal(0.0, min(actual, 0.06 + 0.001 * k), rest.xy_img.shape)
+        assert not made.extract(*frame(rest, xy), ALL).touched
+    learnt = made._gate.cell_noise(0.05)
+    assert learnt == pytest.approx(0.83 * actual / rest.pattern.pitch_px, rel=0.25)
+    xy = rest.xy_img + push(rest, (10.0, 10.0), 60.0, 0.04) + rng.normal(0.0, actual, rest.xy_img.shape)
+    assert made.extract(*frame(rest, xy), ALL).touched
+
+
+def test_slow_touch_is_not_learnt_as_noise() -> None:
+    rest = tip(331)
+    made = extractor(rest)
+    rng = np.random.default_rng(3)
+    heights = np.linspace(0.0, 0.05, 100)
+    touched = [made.extract(*noisy(rest, push(rest, (0.0, 0.0), 60.0, h), rng), ALL).touched for h in heights]
+    assert not touched[0]
+    assert heights[int(np.argmax(touched))] < 0.005
+    assert all(touched[int(np.argmax(touched)) + 5 :])
+
+
+def test_a_third_of_the_pins_lost_changes_little() -> None:
+    rest = tip(331)
+    made = extractor(rest)
+    rng = np.random.default_rng(4)
+    motion = push(rest, (24.0, -17.0), 45.0, 0.15) + np.array([1.5, -0.5])
+    full = made.extract(*noisy(rest, motion, rng), ALL)
+    half = made.extract(*noisy(rest, motion, rng, rng.choice(331, 110, replace=False)), ALL)
+    assert full.contacts is not None
+    assert half.contacts is not None
+    assert full.shear_px is not None
+    assert half.shear_px is not None
+    assert full.volume_px2 is not None
+    assert half.volume_px2 is not None
+    assert len(full.contacts) == len(half.contacts) == 1
+    assert np.hypot(*(full.contacts[0].xy_img - half.contacts[0].xy_img)) < 4.0
+    assert half.volume_px2 == pytest.approx(full.volume_px2, rel=0.1)
+    np.testing.assert_allclose(half.shear_px, full.shear_px, atol=0.25)
+
+
+def test_all_pins_lost_is_survived() -> None:
+    rest = tip(127)
+    made = extractor(rest)
+    gone = np.full_like(rest.xy_img, np.nan)
+    tracks = Tracks(gone, gone[:, 0], np.zeros(127, dtype=np.bool_), 0.0)
+    _, cells = frame(rest, rest.xy_img)
+    dark = Cells(gone[:, 0], cells.rest_area_px2, rest.xy_img, cells.triangles, cells.boundary_img)
+    for given in (dark, None):
+        got = made.extract(tracks, given, ALL)
+        assert not got.touched
+        assert got.shear_px is not None
+        assert np.isnan(got.shear_px).all()
+
+
+@pytest.mark.parametrize("pins", [127, 331])
+def test_agrees_with_the_papers_method(pins: int) -> None:
+    """Volume within 5 %, place within a third of a pitch, shear exact: one push, no noise."""
+    rest = tip(pins)
+    pitch = rest.pattern.pitch_px
+    image = np.zeros((480, 640), dtype=np.uint8)
+    paper = Reference(image, rest.pattern.pin_radius_px, rest_img=rest.xy_img)
+    for at in ((0.0, 0.0), (35.0, 20.0), (-20.0, 50.0)):
+        xy = rest.xy_img + push(rest, at, 2.5 * pitch, 0.15)
+        oracle = paper.features(xy)
+        got = extractor(rest).extract(*frame(rest, xy), ALL)
+        assert got.volume_px2 is not None
+        assert got.contacts is not None
+        assert got.shear_px is not None
+        # The paper integrates over the skin as it is now: larger by the growth itself.
+        change = got.area_change
+        stretched = float((np.maximum(change, 0.0) * (1.0 + change)).sum() / np.maximum(change, 0.0).sum())
+        assert got.volume_px2 * stretched == pytest.approx(oracle.volume_px2, rel=0.06)
+        assert len(got.contacts) == 1
+        assert np.hypot(*(got.contacts[0].xy_img - oracle.contacts_img[0])) < pitch / 3.0
+        assert np.hypot(*(got.contacts[0].xy_img - CENTRE - at)) < 0.1 * pitch
+        np.testing.assert_allclose(got.shear_px, oracle.shear_px, atol=1e-9)
+
+
+def test_nothing_of_one_frame_is_overwritten_by_the_next() -> None:
+    rest = tip(127)
+    made = extractor(rest)
+    rng = np.random.default_rng(6)
+    first = made.extract(*noisy(rest, push(rest, (0.0, 0.0), 60.0, 0.1), rng), ALL)
+    kept = [np.array(a) for a in (first.area_change, first.displacement_px, first.surface, first.modes_px)]
+    made.extract(*noisy(rest, push(rest, (40.0, 0.0), 60.0, 0.2), rng), ALL)
+    now = (first.area_change, first.displacement_px, first.surface, first.modes_px)
+    for before, after in zip(kept, now, strict=True):
+        np.testing.assert_array_equal(before, after)
+
+
+@pytest.mark.real
+def test_real_flat_contacts_are_one_contact_each(real_dir: Path) -> None:
+    """Every 24th of 600 published frames: one flat surface, tilted and sheared, each a jump from rest."""
+    folder = real_dir / "tactip331_binary"
+    rest = take_rest([cv2.imread(str(folder / "rest.png"), cv2.IMREAD_GRAYSCALE)])
+    tracker, tessellator = Tracker(rest), Tessellator(rest)
+    still = Tracks(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_), 1.0)
+    made = FeatureExtractor(rest, tessellator.cells(still).rest_area_px2)
+    with (folder / "targets.csv").open() as file:
+        names = [row["sensor_image"] for row in csv.DictReader(file)][::24]
+    for name in names:
+        image = cv2.imread(str(next(folder.rglob(name))), cv2.IMREAD_GRAYSCALE)
+        tracks = tracker.identify(detect(image, rest.pattern))
+        got = made.extract(tracks, tessellator.cells(tracks), ALL)
+        assert got.contacts is not None
+        assert len(got.contacts) == 1, name
+        # It lies where the pins' cells have grown most.
+        pin = int(np.nanargmax(got.area_change))
+        assert np.hypot(*(got.contacts[0].xy_img - tracks.xy_img[pin])) < 5.0 * rest.pattern.pitch_px, name

@@ -1,0 +1,127 @@
+"""Shear, torsion and slip of motion fields with known truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calib.sim import Camera, Contact, Tip, Tool, deform
+from edge.features.motion import Slip, contact_pins, mean_motion, torsion
+from edge.types import Array
+from tests.edge.fields import CENTRE, make_rest, plane, push, tip
+
+
+def turned(xy: Array, angle: float, about: Array) -> Array:
+    """Motion of a rigid turn from x towards y."""
+    c, s = np.cos(angle), np.sin(angle)
+    return (xy - about) @ np.array([[c, s], [-s, c]]) + about - xy
+
+
+def test_mean_motion_is_that_of_the_seen_pins() -> None:
+    motion = np.array([[1.0, 2.0], [3.0, 4.0], [np.nan, np.nan]])
+    np.testing.assert_allclose(mean_motion(motion, np.array([True, True, False])), [2.0, 3.0])
+    np.testing.assert_allclose(mean_motion(motion[:2], np.array([True, True])), [2.0, 3.0])
+    assert np.isnan(mean_motion(motion, np.zeros(3, dtype=np.bool_))).all()
+
+
+@pytest.mark.parametrize("angle", [-1.2, -0.05, 0.0, 0.003, 0.4])
+def test_torsion_is_the_angle_of_a_rigid_turn_wherever_it_is(angle: float) -> None:
+    xy = tip(331).xy_img
+    motion = turned(xy, angle, CENTRE + np.array([80.0, -20.0])) + np.array([7.0, -11.0])
+    weight = (np.hypot(*(xy - CENTRE - [30.0, 10.0]).T) < 60.0).astype(np.float64)
+    assert torsion(xy, motion, weight) == pytest.approx(angle, abs=1e-12)
+
+
+def test_torsion_is_blind_to_shear_and_growth() -> None:
+    xy = tip(331).xy_img
+    motion = 0.2 * (xy - CENTRE) + [5.0, 2.0]
+    assert torsion(xy, motion, np.ones(331)) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_torsion_needs_two_pins() -> None:
+    xy = tip(127).xy_img
+    weight = np.zeros(127)
+    weight[5] = 1.0
+    assert np.isnan(torsion(xy, np.zeros_like(xy), weight))
+
+
+def test_contact_pins_fill_the_ring_of_a_flat_contact() -> None:
+    xy = tip(331).xy_img
+    at = CENTRE + np.array([25.0, -10.0])
+    far = np.hypot(*(xy - at).T)
+    ring = ((far > 55.0) & (far < 75.0)).astype(np.float64)
+    weight = contact_pins(xy, ring)
+    assert weight[far < 50.0].all()
+    assert not weight[far > 120.0].any()
+    np.testing.assert_array_equal(contact_pins(xy, np.zeros(331)), np.ones(331))
+
+
+class TestSlip:
+    """Stick: a load's motion. Slip: parts of the contact against each other."""
+
+    rest = tip(331)
+    xy = rest.xy_img
+    weight = (np.hypot(*(xy - CENTRE).T) < 70.0).astype(np.float64)
+
+    def run(self, motions: list[Array], sigma: float = 0.05, seed: int = 0) -> list[tuple[float, float]]:
+        rng = np.random.default_rng(seed)
+        slip = Slip(self.rest)
+        states = [slip.update(m + rng.normal(0.0, sigma, m.shape), self.weight, sigma) for m in motions]
+        return [(s.slip_px, s.probability) for s in states]
+
+    def test_resting_contact_does_not_slip(self) -> None:
+        base = plane(self.rest, 70.0, 0.1, 12.0)
+        states = self.run([base] * 300)
+        assert max(p for _, p in states) < 0.5
+        assert np.mean([p for _, p in states]) < 0.02
+        assert np.mean([s for s, _ in states]) < 0.02
+
+    def test_a_rigid_load_that_sticks_is_no_slip(self) -> None:
+        base = plane(self.rest, 70.0, 0.1, 12.0)
+        drag = [
+            base * (1 + 0.01 * k) + [0.5 * k, -0.3 * k] + turned(self.xy, 0.004 * k, CENTRE)
+            for k in range(30)
+        ]
+        assert max(p for _, p in self.run(drag)) < 0.5
+
+    def test_a_probe_that_wanders_over_the_skin_slips(self) -> None:
+        walk = [push(self.rest, (2.0 * k, 0.0), 30.0, 0.15) for k in range(10)]
+        states = self.run(walk)[1:]
+        assert min(p for _, p in states) > 0.9
+        # Pins move by the field's slope times the step: sqrt(mean |grad u|^2) of 2 px.
+        assert 0.05 < np.mean([s for s, _ in states]) < 0.6
+
+    def test_a_rim_that_lags_behind_the_core_slips(self) -> None:
+        far = np.hypot(*(self.xy - CENTRE).T)
+        core = np.where(far < 40.0, 1.0, 0.4)[:, None] * np.array([1.0, 0.0])
+        states = self.run([core * k for k in range(6)])[1:]
+        assert min(p for _, p in states) > 0.9
+
+    def test_first_frame_and_too_few_pins_say_nothing(self) -> None:
+        slip = Slip(self.rest)
+        assert slip.update(np.zeros_like(self.xy), self.weight, 0.05).probability == 0.0
+        few = np.zeros(331)
+        few[:3] = 1.0
+        assert slip.update(np.ones_like(self.xy), few, 0.05).slip_px == 0.0
+        slip.forget()
+        assert slip.update(9.0 * np.ones_like(self.xy), self.weight, 0.05).slip_px == 0.0
+
+    @pytest.mark.parametrize(("friction", "slips"), [(10.0, False), (0.5, True)])
+    def test_simulated_drag(self, friction: float, slips: bool) -> None:
+        """A tilted flat, dragged: at low friction more than half of it slides, at high none."""
+        camera = Camera(tip=Tip(friction=friction))
+        moved = [
+            deform(camera.tip, (Contact(Tool("flat"), depth_mm=2.0, tilt_y_deg=5.0, shear_x_mm=0.1 * k),))
+            for k in range(9, 18)
+        ]
+        rest_xy = camera.project(camera.tip.tips_mm)
+        shift = CENTRE - camera.centre_img
+        rng = np.random.default_rng(0)
+        slip = Slip(make_rest(rest_xy + shift, 18.9))
+        weight = (np.hypot(*(rest_xy - camera.centre_img).T) < 50.0).astype(np.float64)
+        states = []
+        for d in moved:
+            noise = rng.normal(0.0, 0.05, rest_xy.shape)
+            states.append(slip.update(camera.project(d.tips_mm) - rest_xy + noise, weight, 0.05))
+        assert (float(moved[-1].slip.mean()) > 0.5) == slips
+        assert (np.mean([s.probability for s in states[4:]]) > 0.5) == slips
