@@ -16,9 +16,11 @@ Rules
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from edge.types import Array, Image, Mask
 
@@ -32,6 +34,10 @@ _CANDIDATES_MAX = 4000
 _ANGLES = 2.0 * np.pi * np.arange(RAYS) / RAYS
 _COS = np.cos(_ANGLES)[None, :, None]
 _SIN = np.sin(_ANGLES)[None, :, None]
+
+
+Places = NDArray[np.intp]
+Levels = NDArray[Any]  # grey levels, float32 or float64
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +60,7 @@ class Spots:
     def __len__(self) -> int:
         return len(self.xy_img)
 
-    def __getitem__(self, which: Mask | NDIndex) -> Spots:
+    def __getitem__(self, which: Mask | Places) -> Spots:
         return Spots(
             self.xy_img[which],
             self.depth[which],
@@ -62,9 +68,6 @@ class Spots:
             self.radius_px[which],
             self.spread[which],
         )
-
-
-NDIndex = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 
 def join(parts: list[Spots]) -> Spots:
@@ -81,7 +84,7 @@ def join(parts: list[Spots]) -> Spots:
 def find_spots(image: Image, radius_px: float, depth_min: float) -> Spots:
     """All local maxima at the scale of `radius_px` that stand out by `depth_min` grey levels or more."""
     k = max(1, int(radius_px // REDUCED_RADIUS_PX))
-    grey = image.astype(np.float32)
+    grey: Levels = image.astype(np.float32)
     if k > 1:
         h, w = image.shape[0] // k, image.shape[1] // k
         grey = cv2.resize(grey[: h * k, : w * k], (w, h), interpolation=cv2.INTER_AREA)
@@ -95,7 +98,7 @@ def find_spots(image: Image, radius_px: float, depth_min: float) -> Spots:
     band = fine - cv2.GaussianBlur(grey, (0, 0), 1.25 * s)
     size = 2 * max(1, int(0.7 * r)) + 1
     top = cv2.dilate(band, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)))
-    # A disc of contrast c answers with 0.2 c or more at this pair of sigmas, for radii 0.6..1.7 of the scale.
+    # A disc of contrast c answers with 0.16..0.38 c at this pair of sigmas, for radii 0.5..1.7 of the scale.
     inside = np.s_[margin:-margin, margin:-margin]
     ys, xs = np.nonzero((band[inside] >= top[inside]) & (band[inside] > 0.1 * depth_min))
     ys, xs = ys + margin, xs + margin
@@ -104,14 +107,14 @@ def find_spots(image: Image, radius_px: float, depth_min: float) -> Spots:
         ys, xs = ys[best], xs[best]
     spots = _measure(_rays(grey, r, xs, ys), r)
     xy = (np.stack([xs, ys], axis=1) - margin + 0.5) * k - 0.5
-    found = Spots(xy, spots[0], spots[1], spots[2] * k, spots[3])
+    found = Spots(xy.astype(np.float64), spots[0], spots[1], spots[2] * k, spots[3])
     return found[found.depth >= depth_min]
 
 
 def measure_discs(image: Image, spots: Spots) -> tuple[Array, float]:
-    """Radius of each spot (n,) and the blur of the pins' edge (median), px, from the mean profile round it.
+    """Radius of each spot (n,) and the blur of the pins' edge (median), px, from the profile round it.
 
-    The profile of a disc of radius r blurred by s falls through half its height at r with slope 1/(s sqrt(2 pi)).
+    The profile of a disc of radius r blurred by s falls through half its height at r, as an error function.
     """
     step = 0.5
     reach = np.arange(0.0, 2.0 * float(np.median(spots.radius_px)) + 2.0, step)
@@ -141,15 +144,16 @@ def measure_discs(image: Image, spots: Spots) -> tuple[Array, float]:
     )
 
 
-def _crossing(profile: Array, height: float) -> Array:
+def _crossing(profile: Levels, height: float) -> Array:
     """First index, between samples, at which each falling row goes below `height`."""
     after = np.maximum((profile < height).argmax(axis=1), 1)
     b = np.take_along_axis(profile, after[:, None], axis=1)[:, 0]
     a = np.take_along_axis(profile, after[:, None] - 1, axis=1)[:, 0]
-    return after - 1 + np.clip((a - height) / np.maximum(a - b, 1e-6), 0.0, 1.0)
+    place: Array = after - 1 + np.clip((a - height) / np.maximum(a - b, 1e-6), 0.0, 1.0)
+    return place
 
 
-def _rays(grey: Array, r: float, xs: Array, ys: Array) -> Array:
+def _rays(grey: Levels, r: float, xs: Places, ys: Places) -> Levels:
     """(n, RAYS, STEPS) grey levels along the rays, noise smoothed at a third of the radius."""
     smooth = cv2.GaussianBlur(grey, (0, 0), max(0.3 * r, 0.6))
     reach = (STEPS * r)[None, None, :]
@@ -158,18 +162,18 @@ def _rays(grey: Array, r: float, xs: Array, ys: Array) -> Array:
         return np.empty((0, RAYS, len(STEPS)), np.float32)
     map_x = (xs[:, None, None] + reach * _COS).astype(np.float32).reshape(n, -1)
     map_y = (ys[:, None, None] + reach * _SIN).astype(np.float32).reshape(n, -1)
-    level = cv2.remap(smooth, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    level: Levels = cv2.remap(smooth, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return level.reshape(n, RAYS, len(STEPS))
 
 
-def _measure(level: Array, r: float) -> tuple[Array, Array, Array, Array]:
+def _measure(level: Levels, r: float) -> tuple[Array, Array, Array, Array]:
     """Depth, share, radius and spread of each spot from its rays."""
     step = (STEPS[1] - STEPS[0]) * r
     middle = level[:, :, :2].mean(axis=(1, 2))
     fall = middle[:, None] - level[:, :, 2:].min(axis=2)
     depth = _quantile(fall, 0.5)
     half = middle - 0.5 * depth
-    share = (fall > 0.5 * depth[:, None]).mean(axis=1)
+    share: Array = (fall > 0.5 * depth[:, None]).mean(axis=1)
     below = level < half[:, None, None]
     first = np.maximum(below.argmax(axis=2), 1)
     reached = below.any(axis=2)
@@ -179,10 +183,10 @@ def _measure(level: Array, r: float) -> tuple[Array, Array, Array, Array]:
     distance = np.where(reached, (first - 1 + part) * step, (STEPS[-1] + 0.25) * r)
     radius = np.maximum(_quantile(distance, 0.5), 1e-6)
     spread = (_quantile(distance, 0.8) - _quantile(distance, 0.2)) / radius
-    return depth.astype(np.float64), share, radius.astype(np.float64), spread
+    return depth.astype(np.float64), share, radius.astype(np.float64), spread.astype(np.float64)
 
 
-def _quantile(values: Array, q: float) -> Array:
+def _quantile(values: Levels, q: float) -> Levels:
     """Quantile along axis 1 without interpolation; far cheaper than numpy's on short rows."""
     k = round(q * (values.shape[1] - 1))
     return np.partition(values, k, axis=1)[:, k]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast
 
 import cv2
 import numpy as np
@@ -17,7 +18,7 @@ import numpy as np
 from edge.errors import NoPins
 from edge.pins import _blobs, _pattern
 from edge.pins._refine import Refiner
-from edge.types import Array, Image, PinPattern, Pins, Rest
+from edge.types import Array, Image, Mask, PinPattern, Pins, Rest
 
 # Radii looked at when nothing is known, px: from the smallest that has an inside to the largest of which a
 # hundred fit the image. Steps of 1.3: each disc is seen at two scales at least.
@@ -27,9 +28,9 @@ _RADIUS_MAX_OF_SIDE = 1 / 22
 # What one scale sees well: radii within these factors of it.
 _SCALE_RANGE = (0.7, 1.4)
 _PINS_MIN = 12
-# Scatter of size and spacing among neighbours plus what the disc leaves unexplained. Real tips: 0.16 (331 pins) to
-# 0.8 (square grid through a fisheye, under glare); blurred noise and photographs of other things: 0.93 and more.
-_UNLIKE_PINS_MAX = 0.87
+# Scatter of size, depth and spacing among neighbours plus what the disc leaves unexplained. Real tips: 0.2
+# (331 pins) to 0.92 (square grid through a fisheye, under glare); blurred noise 0.96 and more.
+_UNLIKE_PINS_MAX = 0.94
 # A spot's depth is a mean over tens of pixels: twice the noise of one pixel is a dozen of its own sigmas.
 _DEPTH_OF_NOISE = 2.0
 _DEPTH_OF_RANGE = 0.03  # of the image's own range: fainter spots are texture
@@ -48,8 +49,8 @@ def learn_pattern(image: Image) -> PinPattern:
 def detect(image: Image, pattern: PinPattern | None = None) -> Pins:
     """All pins of the image, in no order.
 
-    With a pattern an image without pins gives no rows. Without one the pattern is learnt from this very image,
-    and NoPins is raised where there is none.
+    With a pattern an image without pins gives no rows. Without one the pattern is learnt from this very
+    image, and NoPins is raised where there is none.
     """
     grey = to_grey(image)
     if pattern is None:
@@ -75,7 +76,7 @@ def take_rest(images: Sequence[Image]) -> Rest:
     mean = np.zeros(greys[0].shape, np.float64)
     for grey in greys:
         mean += grey
-    average = np.rint(mean / len(greys)).astype(greys[0].dtype)
+    average = cast(Image, np.rint(mean / len(greys)).astype(greys[0].dtype))
     pattern, pins = _learn(average)
     # The noise is that of one image, as they will come, not that of the mean.
     pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])))
@@ -87,15 +88,14 @@ def take_rest(images: Sequence[Image]) -> Rest:
 def to_grey(image: Image) -> Image:
     """(h, w) uint8 or uint16, rows contiguous; colour (h, w, 3) is taken as BGR."""
     if image.ndim == 3:
-        image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    return np.ascontiguousarray(image)
+        return to_grey(cast(Image, cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)))
+    return cast(Image, np.ascontiguousarray(image))
 
 
 def noise_of(grey: Image) -> float:
     """Standard deviation of the grey level from pixel to pixel, gradients removed; robust to edges."""
-    residual = cv2.Laplacian(
-        grey.astype(np.float32), cv2.CV_32F
-    )  # weights 1 1 -4 1 1: sqrt(20) times the noise
+    # weights 1 1 -4 1 1 give sqrt(20) times the noise
+    residual = cv2.Laplacian(grey.astype(np.float32), cv2.CV_32F)
     return float(np.median(np.abs(residual)) / 0.6745 / np.sqrt(20.0))
 
 
@@ -170,8 +170,9 @@ def _at_scales(grey: Image, scales: Array, depth_min: float) -> _blobs.Spots:
     return _pattern.one_of_each(_blobs.join(parts), np.concatenate(misfits))
 
 
-def _well_shaped(spots: _blobs.Spots) -> Array:
-    return (spots.share >= _pattern.SHARE_MIN) & (spots.spread < _pattern.SPREAD_MAX)
+def _well_shaped(spots: _blobs.Spots) -> Mask:
+    shape: Mask = (spots.share >= _pattern.SHARE_MIN) & (spots.spread < _pattern.SPREAD_MAX)
+    return shape
 
 
 def _settle(grey: Image, found: _blobs.Spots, radius_px: float, depth_min: float) -> _blobs.Spots:

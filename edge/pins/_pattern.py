@@ -3,7 +3,7 @@
 Rules
 - A spot is judged against its neighbours, not against the whole: a fisheye or a tilted tip shows pins of very
   different size, vignetting of very different brightness, but never a small one among large ones.
-- How much neighbours may differ is learnt from the image: tight on a tip that is even, wide on one that is not.
+- How much neighbours may differ is learnt from the image: little on an even tip, more on an uneven one.
 - Pins hang together: what the chain of neighbours does not reach is outside of the skin.
 - A gap inside the pattern may be filled with a spot of poor shape: a pin that leans on a reflection, or on
   another pin, is still a pin.
@@ -34,13 +34,13 @@ _SCATTER_MAX = np.array([0.11, 0.20, 0.20])
 _ODD_MAX = 25.0
 # Whatever the scatter: half the size of its neighbours, or a quarter of their depth, is no pin.
 _SIZE_MIN, _SIZE_MAX, _DEPTH_MIN = 0.5, 2.0, 0.25
-# Links reach this many times the distance to the nearest neighbour. Within the patterns seen rows lie up to 1.4
-# apart, reflections on the skin's border 1.7 and more, and no six of them hang together.
+# Links reach this many times the distance to the nearest neighbour. Within the patterns seen rows lie up to
+# 1.4 apart, reflections on the skin's border 1.7 and more, and no six of them hang together.
 _LINK, _GROUP_MIN, _GROUP_SHARE = 1.6, 6, 0.03
 _HULL_MARGIN = 0.5  # pitches
 # Outside of the hull of what hangs together well: how odd a spot may be, and how near a pin it has to be.
 _ODD_MAX_OUTSIDE, _LINK_PITCHES = 9.0, 1.9
-_TOUCH_RADII, _TOUCH_PITCHES = 1.15, 0.7
+_TOUCH_RADII, _TOUCH_PITCHES, _ODD_TOUCHING = 1.15, 0.7, 6.0
 _GAP_MIN = 0.8  # of the local pitch, to the nearest pin
 
 
@@ -87,7 +87,7 @@ def belongs(spots: Spots) -> Mask:
 
 
 def fills_gap(spots: Spots, pins: Spots) -> Mask:
-    """Which of the spots stand where a pin of the pattern is missing, about as large and bright as it would be."""
+    """Which spots stand where a pin of the pattern is missing, about as large and bright as it would be."""
     if len(spots) == 0 or len(pins) <= NEIGHBOURS:
         return np.zeros(len(spots), bool)
     tree = cKDTree(pins.xy_img)
@@ -95,20 +95,23 @@ def fills_gap(spots: Spots, pins: Spots) -> Mask:
     pitch = np.median(tree.query(pins.xy_img, k=3)[0][:, 1:].mean(axis=1)[near], axis=1)
     size = spots.radius_px / np.median(pins.radius_px[near], axis=1)
     depth = spots.depth / np.median(pins.depth[near], axis=1)
-    fits = (distance[:, 0] > _GAP_MIN * pitch) & (size > 0.65) & (size < 1.5) & (depth > 0.45) & (depth < 1.7)
+    fits: Mask = (
+        (distance[:, 0] > _GAP_MIN * pitch) & (size > 0.65) & (size < 1.5) & (depth > 0.45) & (depth < 1.7)
+    )
     fits[fits] = _inside_hull(pins.xy_img, spots.xy_img[fits], _HULL_MARGIN * pitch_of(pins.xy_img))
     return fits
 
 
 def unevenness(spots: Spots) -> float:
-    """How unlike neighbours are: scatter of the log of their size, and twice that of the distance to the next."""
+    """How unlike neighbours are: log scatter of size, of depth, and twice that of the nearest distance."""
     distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=NEIGHBOURS + 1)
-    size, gap = _against(spots.radius_px, near[:, 1:]), _against(distance[:, 1], near[:, 1:])
-    return float(1.4826 * (np.median(np.abs(size)) + 2.0 * np.median(np.abs(gap))))
+    values = (spots.radius_px, spots.depth, distance[:, 1])
+    scatter = [np.median(np.abs(_against(value, near[:, 1:]))) for value in values]
+    return float(1.4826 * (scatter[0] + scatter[1] + 2.0 * scatter[2]))
 
 
 def _oddness(spots: Spots) -> Array:
-    """How far each spot differs from its neighbours in size, depth and spacing; infinite where past any doubt."""
+    """How far each spot differs from its neighbours in size, depth and spacing; infinite where past doubt."""
     distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=NEIGHBOURS + 1)
     distance, near = distance[:, 1:], near[:, 1:]
     difference = np.stack(
@@ -126,7 +129,7 @@ def _oddness(spots: Spots) -> Array:
     closest = near[:, 0]
     touching = distance[:, 0] < _TOUCH_RADII * (spots.radius_px + spots.radius_px[closest])
     touching &= distance[:, 0] < _TOUCH_PITCHES * np.median(distance[near, 0], axis=1)
-    return np.where(touching & (odd > odd[closest]), np.inf, odd)
+    return np.where(touching & (odd > odd[closest]) & (odd > _ODD_TOUCHING), np.inf, odd)
 
 
 def _against(value: Array, near: Index) -> Array:

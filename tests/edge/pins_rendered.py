@@ -11,7 +11,7 @@ SUB = (-0.4, -0.2, 0.0, 0.2, 0.4)
 
 
 def hexagon(rings: int, pitch_px: float, centre: tuple[float, float]) -> Array:
-    """Hexagonal layout of 3 r (r + 1) + 1 pins: 127 for 6 rings, 331 for 10; its own jitter keeps phases apart."""
+    """Hexagonal layout of 3 r (r + 1) + 1 pins: 127 for 6 rings, 331 for 10; jittered."""
     axial = [
         (q, r) for q in range(-rings, rings + 1) for r in range(-rings, rings + 1) if abs(q + r) <= rings
     ]
