@@ -14,7 +14,7 @@ import logging
 import math
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
@@ -22,13 +22,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from edge.errors import EdgeError, SourceError, UsageError
+from edge.errors import ConfigError, EdgeError, SourceError, UsageError
 
 if TYPE_CHECKING:
     from edge.app import App, Statistics
     from edge.calibration import Calibration
     from edge.config import Config
+    from edge.node import Node
+    from edge.pipeline import Result
     from edge.types import FrameSource
+    from hostlink.wire import State
 
 log = logging.getLogger("edge")
 
@@ -177,7 +180,7 @@ def inspect(images: Sequence[Path], as_json: bool, overlay: Path | None) -> None
         try:
             image = read_image(path)
             pins = detect(image)
-        except EdgeError as error:
+        except (EdgeError, ValueError) as error:
             failed = True
             message = str(error) if str(path) in str(error) else f"{path}: {error}"
             click.echo(f"error: {message}", err=True)
@@ -208,23 +211,47 @@ def _app(
 ) -> App:
     """The app with everything that the options ask for; the stack closes it all."""
     from edge.app import App
-    from edge.transport import open_sink
+    from edge.device import AppDevice, stored_calibration
+    from edge.node import Node
+    from edge.settings import Settings, SettingsFile
+    from edge.transport import CanSink, SerialSink, open_sink
+    from hostlink.wire import FEATURE_BITS
 
-    calibration = _calibration(calibration_path or config.calibration.file or None)
-    sinks = []
-    for spec in sink_specs or config.link.sinks:
-        sink = open_sink(spec)
-        stack.callback(sink.close)
-        sinks.append(sink)
+    state_dir = Path(config.state.directory) if config.state.directory else None
+    if state_dir is not None and not state_dir.is_dir():
+        raise ConfigError(f"[state] directory: {state_dir} is no folder; make it, or leave the key out")
+    calibration = _calibration(
+        calibration_path or stored_calibration(state_dir) or config.calibration.file or None
+    )
     app = App(
         source,
-        sinks,
+        [],
         calibration,
         frozenset(config.features.demand),
         config.tare.frames_n,
         config.tare.steady_px,
     )
-    app.divider = config.link.divider
+    device = AppDevice(app, config.sensor.serial, state_dir)
+    settings = SettingsFile(
+        state_dir / "settings.json" if state_dir else None,
+        Settings(
+            heartbeat_ms=config.link.heartbeat_ms,
+            divider=config.link.divider,
+            features=sum(FEATURE_BITS.get(feature, 0) for feature in config.features.demand),
+        ),
+    )
+    for spec in sink_specs or config.link.sinks:
+        sink = open_sink(spec, node=config.sensor.node_id)
+        stack.callback(sink.close)
+        if isinstance(sink, CanSink | SerialSink):
+            node = Node(sink, device, settings, config.sensor.node_id)
+            app.health.listeners.append(node.report)
+            for code, words in app.health.active.items():
+                node.report(code, True, words)
+            app.watchers.append(_detail(node))
+            app.sinks.append(node)
+        else:
+            app.sinks.append(sink)
     if record_path is not None:
         from edge.recording import Recorder
 
@@ -236,6 +263,19 @@ def _app(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: app.stop())
     return app
+
+
+def _detail(node: Node) -> Callable[[Result, State], None]:
+    """A watcher that sends every pin's motion where the host has asked for it."""
+
+    def watch(result: Result, state: State) -> None:
+        if node.detail_divider and result.features is not None:
+            f = result.features
+            node.send_detail(state.sample, np.column_stack([f.displacement_px, f.area_change]).tolist())
+
+    import numpy as np
+
+    return watch
 
 
 def _calibration(path: str | Path | None) -> Calibration | None:

@@ -25,7 +25,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, field
 from threading import Event
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -53,10 +53,8 @@ DARK, BRIGHT = 0.004, 0.98
 _SAMPLE_STEP = 16  # the image's brightness is read on every 16th row and column: 1200 pixels of 640x480
 
 
-class Watcher(Protocol):
-    """Somebody who wants to see results: recorder, viewer, detail stream. Must return at once."""
-
-    def __call__(self, result: Result, state: State) -> None: ...
+#: Somebody who wants to see results: viewer, detail stream, summary. Must return at once.
+Watcher = Callable[[Result, State], None]
 
 
 @dataclass(slots=True)
@@ -127,7 +125,6 @@ class App:
         self.demand = demand
         self.health = health or Health()
         self.watchers: list[Watcher] = []
-        self.divider = 1
         self.recorder: Recorder | None = None
         self.pipeline: Pipeline | None = None
         self.last: Result | None = None
@@ -250,9 +247,8 @@ class App:
             capture_time_us=frame.capture_ns // 1000,
         )
         self._sample += 1
-        if s.frames_n % self.divider == 0:
-            for sink in self.sinks:
-                s.sent_n += sink.send(state)
+        for sink in self.sinks:
+            s.sent_n += sink.send(state)
         if result is not None:
             self.last = result
             if self.recorder is not None:

@@ -18,13 +18,13 @@ _STATUS = {fault.code: fault.status for fault in FAULTS}
 class Health:
     """The set of active faults.
 
-    on_change  called with (code, active, words) at each appearance and clearing, from the thread that
+    listeners  called with (code, active, words) at each appearance and clearing, from the thread that
                reported it
     """
 
-    def __init__(self, on_change: Callable[[FaultCode, bool, str], None] | None = None) -> None:
+    def __init__(self) -> None:
         self._active: dict[FaultCode, str] = {}
-        self._on_change = on_change
+        self.listeners: list[Callable[[FaultCode, bool, str], None]] = []
         self.appeared: Counter[FaultCode] = Counter()
         self.status = Status(0)
 
@@ -41,8 +41,8 @@ class Health:
         for held in self._active:
             status |= _STATUS[held]
         self.status = status
-        if self._on_change is not None:
-            self._on_change(code, active, words)
+        for tell in self.listeners:
+            tell(code, active, words)
 
     @property
     def active(self) -> dict[FaultCode, str]:
