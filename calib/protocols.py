@@ -27,10 +27,11 @@ import itertools
 import math
 import tomllib
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import msgspec
+import numpy as np
 
 from calib.errors import ProtocolError
 from calib.rig.base import CLEAR, Pose
@@ -123,11 +124,30 @@ def contacts() -> Plan:
     return Plan("contacts", tuple(steps))
 
 
+def surface() -> Plan:
+    """600 random poses on a flat surface, sheared and twisted, one frame each, seeded.
+
+    Depth 1..5 mm, tilt up to 15 deg, shear up to 2 mm per axis, twist up to 5 deg: as the published
+    331-pin set was taken, within what the tip holds without sliding off.
+    """
+    flat = Tool("flat")
+    steps = _rest(flat)
+    low = np.array([1.0, -15.0, -15.0, -2.0, -2.0, -5.0])
+    high = np.array([5.0, 15.0, 15.0, 2.0, 2.0, 5.0])
+    for values in np.round(np.random.default_rng(600).uniform(low, high, (600, 6)), 4).tolist():
+        depth, tilt_x, tilt_y, shear_x, shear_y, twist = values
+        pressed = Pose(depth_mm=depth, tilt_x_deg=tilt_x, tilt_y_deg=tilt_y)
+        sheared = replace(pressed, shear_x_mm=shear_x, shear_y_mm=shear_y, twist_deg=twist)
+        steps += [Step(CLEAR, flat, 0), Step(pressed, flat, 0), Step(sheared, flat, 1)]
+    return Plan("surface", tuple(steps))
+
+
 PROTOCOLS: dict[str, Callable[[], Plan]] = {
     "displacement": displacement,
     "shear": shear,
     "direction": direction,
     "contacts": contacts,
+    "surface": surface,
 }
 
 

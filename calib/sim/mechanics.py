@@ -94,6 +94,7 @@ class Deformation:
     forces_n    (k,) normal force of each
     areas_mm2   (k,) area of each
     slip        (k,) share of the contact's area that slides under the shear
+    slid_mm     (k, 2) how far the tool has slid over the skin, x, y, mean over the contact's area
     """
 
     tips_mm: Array
@@ -102,6 +103,7 @@ class Deformation:
     forces_n: Array
     areas_mm2: Array
     slip: Array
+    slid_mm: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +126,7 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
     patches = [p for c in contacts if c.depth_mm > 0 for p in _patches(tip, c)]
     if not patches:
         none = np.empty(0)
-        return Deformation(tip.tips_mm, tip.normals, np.empty((0, 2)), none, none, none)
+        return Deformation(tip.tips_mm, tip.normals, np.empty((0, 2)), none, none, none, np.empty((0, 2)))
     xyz = np.concatenate([p.xyz for p in patches])
     owner = np.repeat(np.arange(len(patches)), [len(p.xyz) for p in patches])
     frames = np.stack([p.frame for p in patches])[owner]
@@ -145,9 +147,10 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
     force = -p_n[:, None] * normal
     live = p_n > 0
     sliding = np.zeros(len(xyz), dtype=bool)
+    left_behind = np.zeros_like(xyz)
     motion = np.concatenate([p.motion for p in patches])[live]
     if motion.any():
-        q_n, sliding[live] = _drag(
+        q_n, sliding[live], left_behind[live] = _drag(
             _Pairs.of(tip, xyz[live], smooth[live]),
             swell[live],
             layer[live],
@@ -178,6 +181,8 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
         forces_n=_sum_by(owner, p_n, k) * tip.shear_modulus_kpa * 1e-3,
         areas_mm2=area,
         slip=slid / np.maximum(area, 1e-12),
+        slid_mm=np.stack([_sum_by(owner, cell * left_behind[:, a], k) for a in (0, 1)], axis=1)
+        / np.maximum(area, 1e-12)[:, None],
     )
 
 
@@ -339,8 +344,8 @@ def _press(stiff: Array, depth: Array) -> Array:
 
 def _drag(
     pairs: _Pairs, swell: Array, layer: Array, tangents: Array, motion: Array, bound: Array
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Tangential forces (m, 3) that carry the skin along, at most `bound`; and which cells slide."""
+) -> tuple[Array, NDArray[np.bool_], Array]:
+    """Tangential forces (m, 3) that carry the skin along, at most `bound`; which cells slide; how far."""
     m = len(bound)
     t = [tangents[:, 0], tangents[:, 1]]
     push = np.concatenate([(swell * u).sum(axis=1) for u in t])
@@ -360,7 +365,14 @@ def _drag(
             break
         q[np.tile(over, 2)] *= np.tile(bound[over] / size[over], 2)
         slide |= over
-    return q[:m, None] * t[0] + q[m:, None] * t[1], slide
+    left = np.where(np.tile(slide, 2), want - stiff @ q, 0)
+    return _along(q, t), slide, _along(left, t)
+
+
+def _along(values: Array, tangents: list[Array]) -> Array:
+    """(m, 3) vectors from their components along two tangents, one after the other."""
+    m = len(tangents[0])
+    return values[:m, None] * tangents[0] + values[m:, None] * tangents[1]
 
 
 def _sum_by(owner: NDArray[np.intp], values: Array, k: int) -> Array:

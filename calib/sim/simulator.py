@@ -72,7 +72,8 @@ class Simulator:
         contacts       one dict a tool: its kind and pose (mm, deg), fields of `Contact` and `Tool`
         places_mm      [[x, y], ...] of each place of contact on the tip (two for tool "two")
         places_img     [[x, y], ...] px of a pin that is rooted there, untouched
-        forces_n, areas_mm2, slip   of each place
+        forces_n, areas_mm2   of each place
+        slip, slid_mm  of each place: share of its area that slides, and how far the tool slid over it
         depth_mm, shear_mm, twist_deg   of the first contact; 0 where nothing touches
         pins_img       [[x, y], ...] px, row i is pin i
         visible        [bool, ...]
@@ -88,6 +89,7 @@ class Simulator:
             "forces_n": np.round(now.forces_n, 6).tolist(),
             "areas_mm2": np.round(now.areas_mm2, 4).tolist(),
             "slip": np.round(now.slip, 4).tolist(),
+            "slid_mm": np.round(now.slid_mm, 5).tolist(),
             "depth_mm": first.depth_mm,
             "shear_mm": [first.shear_x_mm, first.shear_y_mm],
             "tilt_deg": [first.tilt_x_deg, first.tilt_y_deg],

@@ -65,6 +65,14 @@ def test_contacts_hold_single_places_and_pairs_from_4_mm_on() -> None:
     assert max(math.hypot(s.pose.x_mm, s.pose.y_mm) for s in steps) == 12
 
 
+def test_surface_is_random_but_always_the_same() -> None:
+    poses = sampled("surface")
+    assert len(set(poses)) == 600
+    assert poses == sampled("surface")
+    assert 1 <= min(p.depth_mm for p in poses) < 1.1
+    assert 4.9 < max(p.depth_mm for p in poses) <= 5
+
+
 def test_digest_tells_protocols_apart_and_is_stable() -> None:
     digests = {name: load_protocol(name).digest for name in PROTOCOLS}
     assert len(set(digests.values())) == len(PROTOCOLS)

@@ -139,6 +139,15 @@ def test_shear_carries_the_contact_along_and_slips_from_its_edge() -> None:
     np.testing.assert_allclose(carried, per_mm, rtol=0.2)
 
 
+def test_tool_slides_over_the_skin_by_what_friction_does_not_carry() -> None:
+    slid = [deform(CAMERA.tip, (Contact(depth_mm=2.0, shear_x_mm=s),)).slid_mm[0] for s in (0.2, 4.0, 6.0)]
+    assert np.hypot(*slid[0]) < 0.05
+    # All of it slides by then: every further mm of the tool is a mm over the skin.
+    np.testing.assert_allclose(slid[2] - slid[1], [2.0, 0.0], atol=0.05)
+    held = deform(CAMERA.tip, (Contact(depth_mm=2.0),))
+    assert not held.slid_mm.any()
+
+
 def test_crescent_of_shrunken_cells_lies_in_the_direction_of_shear() -> None:
     """The paper: "a clear increase in sensor expansion in a crescent ... in the direction of shear"."""
     change = area_change(Contact(depth_mm=3.0, shear_x_mm=1.5))
