@@ -9,7 +9,7 @@ simulator  all of it together: contacts in, `edge.types.Frame` with truth out
 
 from calib.sim.camera import Camera
 from calib.sim.mechanics import Contact, Deformation, Tool, deform
-from calib.sim.render import Blob, Look, render
+from calib.sim.render import Blob, Look, render, ugly
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip, layout
 
@@ -25,4 +25,5 @@ __all__ = [
     "deform",
     "layout",
     "render",
+    "ugly",
 ]

@@ -41,7 +41,7 @@ class Blob:
 
 @dataclass(frozen=True)
 class Look:
-    """Light and sensor. The defaults are a clean, well lit tip; `Look.ugly` is a bad one.
+    """Light and sensor. The defaults are a clean, well lit tip; `ugly` makes a bad one.
 
     skin, pin            grey levels of the dark skin and, over it, of a pin
     blur_px              Gaussian blur of lens and demosaicing, one sigma; >= 0.5
@@ -76,6 +76,36 @@ class Look:
             raise ValueError(f"look: bits = {self.bits}; must be 8, 10 or 12")
         if self.blur_px < 0.5:
             raise ValueError(f"look: blur_px = {self.blur_px}; under 0.5 a disc's centroid is not its centre")
+
+
+def ugly(camera: Camera, seed: int = 0, dead_n: int = 2, glare_n: int = 6) -> Look:
+    """Everything that the published recordings show at once: bright rim, LEDs, glare between and on the
+    pins, one reflection that wanders, specks, dim corners, uneven and dead pins, a noisy sensor."""
+    rng = np.random.default_rng([seed, 7])
+    w, h = camera.size_px
+    r = camera.radius_px
+    blobs = []
+    for i in range(glare_n + 20):
+        a, far = rng.uniform(0, 2 * np.pi), r * np.sqrt(rng.uniform(0, 1.3))
+        x, y = camera.centre_img + far * np.array([np.cos(a), np.sin(a)])
+        speck = i >= glare_n
+        size = rng.uniform(0.5, 0.9) if speck else 0.04 * r * rng.uniform(0.5, 1.5)
+        level = rng.uniform(60, 150) if speck else rng.uniform(80, 220)
+        drift = (0.01 * r, 0.004 * r) if i == 0 else (0.0, 0.0)
+        blobs.append(Blob((float(x), float(y)), float(size), float(level), drift))
+    dead = rng.choice(len(camera.tip.rays), dead_n, replace=False)
+    return Look(
+        pin=110.0,
+        blur_px=1.0 * min(w, h) / 480 + 0.3,
+        vignetting=0.4,
+        rim=190.0,
+        leds=8,
+        blobs=tuple(blobs),
+        dead=frozenset(int(i) for i in dead),
+        unevenness=0.2,
+        read_noise=2.5,
+        shot_noise=0.08,
+    )
 
 
 class Renderer:

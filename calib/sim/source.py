@@ -4,10 +4,11 @@
     sim:two?rate_hz=240         one scene, paced
     sim:press?paced=0           once, as fast as it is read
     sim:tour?pins=127&layout=hex&seed=7
+    sim:tour?light=ugly             glare, reflections, dead pins, a noisy sensor
 
 Rules
-- Paced frames are rendered before the first one is due, then looped: a scene of the tour's length at
-  640x480 costs two to three seconds at the start and 300 kB a frame, and then any rate is possible.
+- Paced frames are rendered before the first one is due, then looped: at 640x480 that costs some 25 ms
+  and 300 kB a frame (the tour has 200), and then any rate is possible.
 - Unpaced frames are rendered when they are read.
 """
 
@@ -16,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from calib.sim.camera import Camera
-from calib.sim.render import Look
+from calib.sim.render import Look, ugly
 from calib.sim.script import SCENES, play
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
@@ -25,7 +26,8 @@ from edge.sources import Options, Paced
 from edge.types import Frame, FrameSource
 
 RATE_HZ = 60.0
-_KEYS = {"pins": "331", "layout": "rings", "seed": "0", "paced": "1", "noise": "1"}
+_KEYS = {"pins": "331", "layout": "rings", "seed": "0", "paced": "1", "light": "clean"}
+_LIGHTS = {"clean": lambda camera, seed: Look(), "ugly": ugly}
 
 
 class SceneSource:
@@ -69,12 +71,13 @@ def open_sim(where: str, options: Options) -> FrameSource:
     try:
         tip = Tip(n_pins=int(values["pins"]), kind=values["layout"])
         size = (options.width or 640, options.height or 480)
-        noise = float(values["noise"])
-        look = Look(read_noise=noise * Look.read_noise, shot_noise=noise**2 * Look.shot_noise)
         camera = Camera(tip=tip, size_px=size)
+        tip.rays  # noqa: B018  (a layout that cannot be made says so here)
+        if values["light"] not in _LIGHTS:
+            raise ValueError(f"light {values['light']!r} is unknown; one of {', '.join(_LIGHTS)}")
+        look = _LIGHTS[values["light"]](camera, int(values["seed"]))
         simulator = Simulator(camera, look, int(values["seed"]), options.rate_hz or RATE_HZ)
         paced = bool(int(values["paced"]))
-        tip.rays  # noqa: B018  (a layout that cannot be made says so here)
     except ValueError as error:
         raise SourceError(f"source sim:{where}: {error}") from None
     source = SceneSource(simulator, scene, keep=paced)

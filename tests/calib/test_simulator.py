@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Voronoi
 
-from calib.sim import Camera, Contact, Look, Simulator, Tip, Tool, deform, layout
+from calib.sim import Camera, Contact, Look, Simulator, Tip, Tool, deform, layout, ugly
 from calib.sim.render import Blob, Renderer
 from calib.sim.script import REST_FRAMES, SCENES, play
 from calib.sim.source import open_sim
@@ -310,6 +310,18 @@ def test_a_moving_reflection_moves_and_gain_and_rim_brighten() -> None:
     assert Simulator(SMALL, Look(rim=200.0, leds=6)).frame().image[0, 0] > 100
 
 
+def test_ugly_light_hides_no_truth_and_differs_by_seed() -> None:
+    one, same, other = (Simulator(SMALL, ugly(SMALL, seed=s)).frame() for s in (1, 1, 2))
+    assert one.image.tobytes() == same.image.tobytes()
+    assert one.truth is not None
+    assert sum(one.truth["visible"]) == 125
+    plain = Simulator(SMALL).frame()
+    assert np.count_nonzero(one.image == 255) > 50
+    assert np.count_nonzero(plain.image == 255) == 0
+    far = np.abs(one.image.astype(int) - other.image) > 40
+    assert far.any()
+
+
 def test_truth_is_json_and_complete() -> None:
     frame = Simulator(SMALL).frame((Contact(Tool("two"), depth_mm=1.5, shear_y_mm=0.3, twist_deg=2.0),))
     truth = json.loads(json.dumps(frame.truth))
@@ -343,6 +355,12 @@ def test_unpaced_source_plays_a_scene_once() -> None:
     assert frames[-1].truth["depth_mm"] == 3.0
 
 
+def test_light_of_a_source_can_be_ugly() -> None:
+    clean, bad = (next(iter(open_source(f"sim:nothing?paced=0&light={x}"))) for x in ("clean", "ugly"))
+    assert clean.image.max() < 255
+    assert np.count_nonzero(bad.image == 255) > 100
+
+
 def test_paced_source_loops_at_its_rate() -> None:
     source = open_source("sim:nothing?pins=127&layout=hex&rate_hz=240", width=320, height=240)
     try:
@@ -362,6 +380,7 @@ def test_paced_source_loops_at_its_rate() -> None:
     ("press", {"pin": "3"}, "pins"),
     ("press", {"pins": "100"}, "91"),
     ("press", {"seed": "x"}, "x"),
+    ("press", {"light": "dim"}, "ugly"),
 ])  # fmt: skip
 def test_wrong_source_says_what_would_be_right(where: str, extra: dict[str, str], right: str) -> None:
     with pytest.raises(SourceError, match=right):
