@@ -1,0 +1,217 @@
+"""Open links on the host: a thread that reads, and opens the medium again when it fails.
+
+Rules
+- What comes in goes to one callable, from the link's thread, with its arrival on the monotonic clock. The
+  kernel's or the driver's stamp is used where there is one: it does not wait for Python.
+- A medium that fails is closed and opened again every RETRY_S until it is back or the link is closed.
+- python-can and pyserial are imported when a link is opened, not before.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from hostlink.errors import ConnectError, LinkDown
+from hostlink.wire.address import Address
+
+__all__ = ["CanLink", "Link", "SerialLink", "arrival_s", "open_link"]
+
+log = logging.getLogger(__name__)
+
+RETRY_S = 0.1
+READ_S = 0.1  # how soon the thread notices that the link is to be closed
+WRITE_S = 0.2
+READ_CHUNK = 4096
+STAMP_MAX_S = 1.0  # a stamp further from now is on another clock than the system's
+FD_CLOCK_HZ = 80_000_000  # CiA 601-3
+FD_SAMPLE_POINT = 80.0  # percent; CiA 601-3
+
+
+class Link:
+    """One open medium and its thread; base of CAN and serial.
+
+    on_data  called with (what came, arrival s) from the link's thread
+    """
+
+    def __init__(self, address: Address, on_data: Callable[[Any, float], None]) -> None:
+        self.address = address
+        self.reconnects = 0
+        self._on_data = on_data
+        self._medium: Any = self._open()
+        self._writing = threading.Lock()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"hostlink {address}", daemon=True)
+        self._thread.start()
+
+    @property
+    def up(self) -> bool:
+        return self._medium is not None
+
+    def close(self) -> None:
+        """Stop reading and let go of the medium."""
+        self._closing.set()
+        if self._thread is not threading.current_thread():
+            self._thread.join()
+
+    def write(self, item: Any) -> None:
+        """Send. Raises LinkDown."""
+        with self._writing:
+            medium = self._medium
+            if medium is None:
+                raise LinkDown(f"{self.address}: the link is down")
+            try:
+                self._write(medium, item)
+            except _broken() as error:
+                raise LinkDown(f"{self.address}: {_words(error)}") from error
+
+    def _run(self) -> None:
+        while not self._closing.is_set():
+            medium = self._medium
+            if medium is None:
+                self._reopen()
+                continue
+            try:
+                data = self._read(medium)
+            except _broken() as error:
+                log.warning("%s: %s", self.address, _words(error))
+                self._let_go()
+                continue
+            if data is not None:
+                self._on_data(data, arrival_s(data))
+        self._let_go()
+
+    def _reopen(self) -> None:
+        try:
+            self._medium = self._open()
+            self.reconnects += 1
+        except ConnectError:
+            self._closing.wait(RETRY_S)
+
+    def _let_go(self) -> None:
+        with self._writing:
+            medium, self._medium = self._medium, None
+            if medium is not None:
+                with suppress(*_broken()):
+                    self._close(medium)
+
+    # What the medium is:
+
+    def _open(self) -> Any:
+        raise NotImplementedError
+
+    def _read(self, medium: Any) -> Any:
+        raise NotImplementedError
+
+    def _write(self, medium: Any, item: Any) -> None:
+        raise NotImplementedError
+
+    def _close(self, medium: Any) -> None:
+        raise NotImplementedError
+
+
+class CanLink(Link):
+    """A bus through python-can; what comes and goes is can.Message."""
+
+    def _open(self) -> Any:
+        import can
+
+        # python-can logs what it also raises; without a handler that would be a second line on stderr.
+        logging.getLogger("can").addHandler(logging.NullHandler())
+        address, arguments = self.address, self.address.bus_arguments()
+        if address.fd and address.dbitrate and "bitrate" in arguments:
+            arguments["timing"] = can.BitTimingFd.from_sample_point(
+                f_clock=FD_CLOCK_HZ,
+                nom_bitrate=arguments.pop("bitrate"),
+                nom_sample_point=FD_SAMPLE_POINT,
+                data_bitrate=address.dbitrate,
+                data_sample_point=FD_SAMPLE_POINT,
+            )
+        try:
+            return can.Bus(**arguments)
+        except Exception as error:
+            if not isinstance(error, (*_broken(), ImportError, AttributeError)):
+                raise
+            raise ConnectError(
+                f"{address}: cannot open CAN interface {address.channel!r} ({address.interface}): "
+                f"{_words(error)}"
+            ) from error
+
+    def _read(self, medium: Any) -> Any:
+        message = medium.recv(READ_S)
+        return None if message is None or message.is_error_frame or message.is_remote_frame else message
+
+    def _write(self, medium: Any, item: Any) -> None:
+        medium.send(item, timeout=WRITE_S)
+
+    def _close(self, medium: Any) -> None:
+        medium.shutdown()
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send a classic message with an 11-bit identifier. Raises LinkDown."""
+        import can
+
+        self.write(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+
+
+class SerialLink(Link):
+    """A serial line through pyserial; what comes and goes is bytes."""
+
+    def _open(self) -> Any:
+        import serial
+
+        try:
+            port = serial.serial_for_url(
+                self.address.channel, baudrate=self.address.baud, timeout=READ_S, write_timeout=WRITE_S
+            )
+        except _broken() as error:
+            raise ConnectError(
+                f"{self.address}: cannot open serial port {self.address.channel!r}: {_words(error)}"
+            ) from error
+        with suppress(*_broken(), AttributeError, NotImplementedError):
+            port.set_low_latency_mode(True)  # FTDI adapters hold bytes back for 16 ms otherwise
+        return port
+
+    def _read(self, medium: Any) -> bytes | None:
+        first = medium.read(1)
+        return bytes(first + medium.read(min(medium.in_waiting, READ_CHUNK))) if first else None
+
+    def _write(self, medium: Any, item: bytes) -> None:
+        medium.write(item)
+
+    def _close(self, medium: Any) -> None:
+        medium.close()
+
+
+def open_link(address: Address, on_data: Callable[[Any, float], None]) -> Link:
+    """The link at an address. Raises ConnectError: nothing there, or not usable as a link."""
+    if address.scheme == "memory":
+        raise ConnectError("memory: has no other end; use can:, slcan:, virtual:, udp: or serial:")
+    return CanLink(address, on_data) if address.is_can else SerialLink(address, on_data)
+
+
+def arrival_s(data: Any) -> float:
+    """When something came in, on the monotonic clock."""
+    now_s = time.monotonic()
+    stamp_s = getattr(data, "timestamp", 0.0)
+    age_s = time.time() - stamp_s
+    return now_s - age_s if 0.0 <= age_s < STAMP_MAX_S else now_s
+
+
+def _broken() -> tuple[type[BaseException], ...]:
+    """All ways in which python-can and pyserial say that a medium is gone."""
+    import can
+
+    return (can.CanError, OSError, ValueError, TypeError)  # serial.SerialException is an OSError
+
+
+def _words(error: BaseException) -> str:
+    number = getattr(error, "errno", None)
+    if isinstance(error, OSError) and number:
+        return os.strerror(number)
+    return str(error).splitlines()[0] if str(error) else type(error).__name__

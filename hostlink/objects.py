@@ -1,0 +1,142 @@
+"""Reading and writing a node's objects from the host: SDO on CAN (through `canopen`), requests on serial.
+
+Both answer with the object's bytes or raise: ObjectAborted (refused, with the reason), LinkTimeout (no
+answer), LinkDown (not even asked).
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from hostlink.errors import LinkTimeout, ObjectAborted
+from hostlink.wire import ABORTS, Message, ObjectReply, ObjectRequest, Op, encode_frame, pack_message
+from hostlink.wire.serial import CHUNK_MAX
+
+__all__ = ["ObjectClient", "SdoObjects", "SerialObjects"]
+
+TIMEOUT_S = 0.5  # of one question; a node answers within some ms
+TRIES = 3
+
+
+class ObjectClient(Protocol):
+    """Access to one node's objects."""
+
+    def read(self, index: int, sub: int) -> bytes: ...
+
+    def write(self, index: int, sub: int, data: bytes) -> None: ...
+
+
+class SdoObjects:
+    """One node's SDO server, asked through `canopen`'s client.
+
+    send  sends (identifier, 8 bytes)
+    """
+
+    def __init__(
+        self, node: int, request_id: int, response_id: int, send: Callable[[int, bytes], None]
+    ) -> None:
+        from canopen.objectdictionary import ObjectDictionary
+        from canopen.sdo.client import SdoClient
+
+        self._node = node
+        self._response_id = response_id
+        self._asking = threading.Lock()  # one transfer at a time: the server has one
+        client: Any = SdoClient(request_id, response_id, ObjectDictionary())  # type: ignore[no-untyped-call]
+        client.RESPONSE_TIMEOUT = TIMEOUT_S
+        client.MAX_RETRIES = TRIES
+        client.network = _Network(send)
+        self._client = client
+
+    def answer(self, data: bytes) -> None:
+        """A message from the SDO server."""
+        self._client.on_response(self._response_id, bytearray(data), 0.0)
+
+    def read(self, index: int, sub: int) -> bytes:
+        return bytes(self._ask(index, sub, lambda: self._client.upload(index, sub)))
+
+    def write(self, index: int, sub: int, data: bytes) -> None:
+        self._ask(index, sub, lambda: self._client.download(index, sub, data))
+
+    def _ask(self, index: int, sub: int, transfer: Callable[[], Any]) -> Any:
+        from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
+
+        with self._asking:
+            try:
+                return transfer()
+            except SdoAbortedError as error:
+                raise aborted(index, sub, int(error.code)) from None
+            except SdoCommunicationError as error:
+                raise LinkTimeout(f"finger {self._node} did not answer ({error})") from None
+
+
+class _Network:
+    """What `canopen`'s client needs of a network."""
+
+    def __init__(self, send: Callable[[int, bytes], None]) -> None:
+        self._send = send
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        self._send(can_id, bytes(data))
+
+
+class SerialObjects:
+    """The node at the other end of a serial line.
+
+    send  writes bytes
+    """
+
+    def __init__(self, send: Callable[[bytes], None]) -> None:
+        self._send = send
+        self._asking = threading.Lock()
+        self._replies: queue.SimpleQueue[tuple[int, ObjectReply]] = queue.SimpleQueue()
+        self._counter = 0
+
+    def answer(self, counter: int, reply: ObjectReply) -> None:
+        """A reply from the line."""
+        self._replies.put((counter, reply))
+
+    def read(self, index: int, sub: int) -> bytes:
+        data = b""
+        with self._asking:
+            while True:
+                reply = self._ask(ObjectRequest(Op.READ, index, sub, len(data)))
+                data += reply.data
+                if len(data) >= reply.total or not reply.data:
+                    return data
+
+    def write(self, index: int, sub: int, data: bytes) -> None:
+        with self._asking:
+            for offset in range(0, max(1, len(data)), CHUNK_MAX):
+                chunk = data[offset : offset + CHUNK_MAX]
+                self._ask(ObjectRequest(Op.WRITE, index, sub, offset, len(data), chunk))
+
+    def _ask(self, request: ObjectRequest) -> ObjectReply:
+        """Ask until there is an answer. The counter stays: a node that has done it answers again."""
+        self._counter = (self._counter + 1) & 0xFF
+        frame = encode_frame(Message.REQUEST, pack_message(Message.REQUEST, request.pack(), self._counter))
+        for _ in range(TRIES):
+            self._send(frame)
+            reply = self._await(request)
+            if reply is None:
+                continue
+            if reply.abort:
+                raise aborted(request.index, request.sub, reply.abort)
+            return reply
+        raise LinkTimeout(f"the finger did not answer ({TRIES} times {TIMEOUT_S:g} s)")
+
+    def _await(self, request: ObjectRequest) -> ObjectReply | None:
+        while True:
+            try:
+                counter, reply = self._replies.get(timeout=TIMEOUT_S)
+            except queue.Empty:
+                return None
+            if counter == self._counter and (reply.index, reply.sub) == (request.index, request.sub):
+                return reply
+
+
+def aborted(index: int, sub: int, code: int) -> ObjectAborted:
+    """The error for an abort code."""
+    return ObjectAborted(index, sub, code, ABORTS.get(code, "refused"))

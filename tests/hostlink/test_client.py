@@ -1,0 +1,357 @@
+"""The client against real nodes: over the virtual bus (FD, classic), UDP multicast, slcan and ptys."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import select
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+import can
+import pytest
+
+import hostlink
+from edge.errors import CalibrationError
+from edge.node import Node, Refused
+from edge.settings import SettingsFile
+from edge.transport import CanSink, SerialSink, open_sink
+from hostlink.wire import FaultCode, State, pack_state, unpack_state
+from hostlink.wire.e2e import protect_p5
+from hostlink.wire.fields import DATA_ID
+
+SOON_S = 5.0
+
+
+def until(condition: Callable[[], object], what: str) -> None:
+    end = time.monotonic() + SOON_S
+    while not condition():
+        assert time.monotonic() < end, f"never: {what}"
+        threading.Event().wait(0.002)
+
+
+class Application:
+    """What a node serves in these tests."""
+
+    def __init__(self, serial: str) -> None:
+        self.serial, self.touched, self.calibration = serial, False, b""
+        self.tares: list[bool] = []
+
+    def describe(self) -> Mapping[str, int | float | str | bytes]:
+        return {"serial_number": self.serial, "software_version": "0.1", "hardware_version": "test"}
+
+    def tare(self, force: bool) -> None:
+        if self.touched and not force:
+            raise Refused("touched")
+        self.tares.append(force)
+
+    def calibration_bytes(self) -> bytes:
+        return self.calibration
+
+    def upload_calibration(self, data: bytes) -> None:
+        if not data.startswith(b"{"):
+            raise CalibrationError("not JSON")
+        self.calibration = data
+
+    def set_features(self, names: frozenset[str]) -> None: ...
+
+    def reboot(self) -> None: ...
+
+    def report(self, code: FaultCode, active: bool, words: str = "") -> None: ...
+
+
+def state(sample: int) -> State:
+    now_us = time.monotonic_ns() // 1000
+    return State(
+        sample=sample, capture_time_us=now_us - 3000, latency_us=3000.0, displacement_mm=sample / 100
+    )
+
+
+def make_node(address: str) -> tuple[Node, Application]:
+    sink = open_sink(address)
+    assert isinstance(sink, CanSink | SerialSink)
+    application = Application(f"VT-{address[-1]}")
+    return Node(sink, application, SettingsFile()), application
+
+
+class Pty:
+    """Two ends of a serial line, at paths that outlive it; bytes are carried by a thread."""
+
+    def __init__(self, directory: Path) -> None:
+        self.paths = (directory / "edge", directory / "host")
+        self.open()
+
+    def open(self) -> None:
+        masters, slaves = [], []
+        for path in self.paths:
+            master, slave = os.openpty()
+            tty.setraw(slave)
+            path.unlink(missing_ok=True)
+            path.symlink_to(os.ttyname(slave))
+            masters.append(master)
+            slaves.append(slave)  # held open: a master without any slave cannot be read
+        self._wake, self._stop = os.pipe()
+        self._thread = threading.Thread(target=self._carry, args=(masters, slaves), daemon=True)
+        self._thread.start()
+
+    def _carry(self, masters: list[int], slaves: list[int]) -> None:
+        other = dict(zip(masters, reversed(masters), strict=True))
+        while True:
+            ready, _, _ = select.select([*masters, self._wake], [], [])
+            if self._wake in ready:
+                break
+            for master in ready:
+                os.write(other[master], os.read(master, 4096))
+        for number in (*masters, *slaves, self._wake):
+            os.close(number)
+
+    def close(self) -> None:
+        for path in self.paths:
+            path.unlink()
+        os.close(self._stop)
+        self._thread.join()
+
+
+Ends = tuple[str, str]  # addresses of edge and host
+
+
+@pytest.fixture(params=["fd", "classic", "udp", "serial"])
+def ends(request: pytest.FixtureRequest, tmp_path: Path) -> Ends:
+    bus = f"virtual:client-{request.node.name}"
+    match request.param:
+        case "fd":
+            return f"{bus}?node=3", bus
+        case "classic":
+            return f"{bus}?node=3&fd=0", bus
+        case "udp":
+            port = 40_000 + os.getpid() % 20_000
+            return f"udp:239.0.0.7?node=3&port={port}", f"udp:239.0.0.7?port={port}"
+        case _:
+            pty = Pty(tmp_path)
+            return f"serial:{pty.paths[0]}", f"serial:{pty.paths[1]}"
+
+
+@pytest.fixture
+def pair(ends: Ends) -> Iterator[tuple[Node, Application, hostlink.Connection]]:
+    node, application = make_node(ends[0])
+    with hostlink.connect(ends[1]) as hand:
+        yield node, application, hand
+    node.close()
+
+
+Pair = tuple[Node, Application, hostlink.Connection]
+
+
+def test_samples_come_as_they_were_sent(pair: Pair) -> None:
+    node, _, hand = pair
+    heard: list[hostlink.Sample] = []
+    hand.on_sample(heard.append)
+    sent = []
+    for k in range(100):
+        sent.append(state(k))
+        assert node.send(sent[-1])
+        if k % 4 == 3:
+            node.drain(SOON_S)
+    until(lambda: len(heard) == 100, "all samples")
+    assert [unpack_state(pack_state(s.state, 0)) for s in heard] == [
+        unpack_state(pack_state(s, 0)) for s in sent
+    ]
+    statistics = hand.finger().statistics
+    assert statistics.received_n == 100
+    assert statistics.lost_n == statistics.corrupt_n == statistics.duplicate_n == 0
+    for sample, original in zip(heard, sent, strict=True):
+        taken_s = original.capture_time_us * 1e-6  # both ends share this machine's clock
+        assert abs(sample.host_time_s - taken_s) <= sample.host_error_s + 0.05  # a loaded machine is late
+
+
+def test_iterator_and_latest(pair: Pair) -> None:
+    node, _, hand = pair
+    assert hand.latest() is None
+    stop = threading.Event()
+
+    def feed() -> None:
+        k = 0
+        while not stop.wait(0.002):
+            node.send(state(k))
+            k += 1
+
+    feeder = threading.Thread(target=feed)
+    feeder.start()
+    numbers = [sample.state.sample for sample, _ in zip(hand, range(10), strict=False)]
+    assert numbers == list(range(numbers[0], numbers[0] + 10))
+    newest = hand.latest()
+    assert newest is not None
+    assert newest.age_s < SOON_S
+    stop.set()
+    feeder.join()
+    until(lambda: hand.latest(max_age_s=0.01) is None, "the newest is too old")
+    assert hand.latest(max_age_s=None) is not None
+    with pytest.raises(hostlink.LinkTimeout):
+        next(hand.samples(timeout_s=0.05))
+
+
+def test_async_iterator_ends_with_the_link(pair: Pair) -> None:
+    node, _, hand = pair
+
+    async def read() -> list[int]:
+        numbers: list[int] = []
+        asyncio.get_running_loop().call_later(0.05, lambda: [node.send(state(k)) for k in range(4)])
+        async for sample in hand:
+            numbers.append(sample.state.sample)
+            if len(numbers) == 4:
+                asyncio.get_running_loop().run_in_executor(None, hand.close)
+        return numbers
+
+    assert asyncio.run(asyncio.wait_for(read(), SOON_S)) == [0, 1, 2, 3]
+
+
+def test_what_a_finger_can_be_asked(pair: Pair) -> None:
+    node, application, hand = pair
+    node.send(state(0))
+    finger = hand.finger()
+    info = finger.info()
+    assert info.serial_number == application.serial
+    assert info.calibration_id == ""
+    finger.tare()
+    application.touched = True
+    with pytest.raises(hostlink.ObjectAborted, match="untouched"):
+        finger.tare()
+    finger.tare(force=True)
+    assert application.tares == [False, True]
+    finger.set_rate(100)
+    assert finger.get("rate_hz") == 100
+    file = b"{" + os.urandom(1500)
+    finger.upload_calibration(file)
+    assert application.calibration == file
+    assert finger.calibration() == file
+    with pytest.raises(hostlink.ObjectAborted):
+        finger.upload_calibration(b"no JSON")
+    with pytest.raises(hostlink.UsageError, match=r"0\.\.1000"):
+        finger.set_rate(5000)
+    with pytest.raises(hostlink.UsageError, match="no object 'colour'"):
+        finger.get("colour")
+    with pytest.raises(hostlink.UsageError, match="nosuch"):
+        finger.upload_calibration("/nosuch")
+
+
+def test_emergencies_are_heard_and_forgotten(pair: Pair) -> None:
+    node, _, hand = pair
+    node.send(state(0))
+    finger = hand.finger()
+    node.report(FaultCode.OVERLOAD, True)
+    node.report(FaultCode.PINS_LOST, True)
+    until(lambda: set(finger.faults) == {FaultCode.OVERLOAD, FaultCode.PINS_LOST}, "both")
+    node.report(FaultCode.OVERLOAD, False)
+    until(lambda: set(finger.faults) == {FaultCode.PINS_LOST}, "one cleared")
+    node.report(FaultCode.PINS_LOST, False)
+    until(lambda: not finger.faults, "all cleared")
+
+
+def test_stop_and_sync_from_the_host(pair: Pair) -> None:
+    node, _, hand = pair
+    node.send(state(0))
+    finger = hand.finger()
+    hand.nmt(2, finger.node)
+    until(lambda: node.state == "STOPPED", "stopped")
+    hand.nmt(1)
+    until(lambda: node.state == "OPERATIONAL", "started")
+    finger.set("tpdo1_transmission", 1)
+    node.send(state(7))
+    hand.sync()
+    until(lambda: (s := hand.latest(max_age_s=None)) is not None and s.state.sample == 7, "on SYNC")
+
+
+def test_five_fingers_on_one_bus(request: pytest.FixtureRequest) -> None:
+    bus = f"virtual:{request.node.name}"
+    nodes = [make_node(f"{bus}?node={k}") for k in range(1, 6)]
+    with hostlink.connect(bus) as hand:
+        heard: list[tuple[int, int]] = []
+        hand.on_sample(lambda s: heard.append((s.finger, s.state.sample)))
+        for k in range(250):
+            for node, _ in nodes:
+                assert node.send(state(k))
+        until(lambda: len(heard) == 1250, "all")
+        assert sorted(heard) == sorted((f, k) for f in range(1, 6) for k in range(250))
+        assert sum(s.lost_n for s in hand.statistics.values()) == 0
+        assert hand.finger(4).info().serial_number == "VT-4"
+        with pytest.raises(hostlink.UsageError, match="name one"):
+            hand.finger()
+    for node, _ in nodes:
+        node.close()
+
+
+def test_line_lost_and_back(tmp_path: Path) -> None:
+    pty = Pty(tmp_path)
+    node, _ = make_node(f"serial:{pty.paths[0]}")
+    heard: list[hostlink.Sample] = []
+    with hostlink.connect(f"serial:{pty.paths[1]}") as hand:
+        hand.on_sample(heard.append)
+        assert node.send(state(0))
+        until(lambda: len(heard) == 1, "the first")
+        pty.close()
+        until(lambda: not node.send(state(1)) and not node.up and not hand.up, "both ends notice")
+        pty.open()
+        until(lambda: node.up and hand.up, "both ends are back")
+        assert node.send(state(50))
+        until(lambda: len(heard) == 2, "the next")
+        assert hand.reconnects == 1
+    node.close()
+    assert heard[1].state.sample == 50
+    assert heard[1].lost_n > 0  # a gap, nothing old
+
+
+def test_other_version_is_one_error_with_both_names(request: pytest.FixtureRequest) -> None:
+    channel = request.node.name
+    with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
+        for k in range(20):
+            frame = bytearray(pack_state(state(k), k))
+            frame[3] = 9
+            protect_p5(frame, k, DATA_ID ^ 0x55)
+            bus.send(can.Message(arbitration_id=0x181, data=bytes(frame), is_fd=True, is_extended_id=False))
+        until(lambda: hand.finger(1).mismatch, "the mismatch")
+        with pytest.raises(hostlink.VersionMismatch, match=r"version 9 .* version 1 "):
+            next(iter(hand))
+        with pytest.raises(hostlink.VersionMismatch):
+            hand.latest(1)
+
+
+def test_silent_finger_times_out(request: pytest.FixtureRequest) -> None:
+    with hostlink.connect(f"virtual:{request.node.name}") as hand:
+        with pytest.raises(hostlink.LinkTimeout, match="no finger"):
+            hand.finger(timeout_s=0.01)
+        with pytest.raises(hostlink.UsageError, match=r"1\.\.127"):
+            hand.finger(200)
+
+
+def test_callback_that_fails_costs_nobody_else(request: pytest.FixtureRequest) -> None:
+    bus = f"virtual:{request.node.name}"
+    node, _ = make_node(f"{bus}?node=1")
+    heard: list[hostlink.Sample] = []
+    with hostlink.connect(bus) as hand:
+        hand.on_sample(lambda _: 1 / 0)
+        end = hand.on_sample(heard.append)
+        node.send(state(0))
+        until(lambda: heard, "the sample")
+        end()
+        node.send(state(1))
+        until(lambda: (s := hand.latest(1)) is not None and s.state.sample == 1, "the next")
+    node.close()
+    assert len(heard) == 1
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [
+        ("can:nosuch0", "nosuch0"),
+        ("serial:/dev/nosuch", "nosuch"),
+        ("memory:", "no other end"),
+        ("x", "starts"),
+    ],
+)
+def test_unusable_address_is_one_line(address: str, words: str) -> None:
+    with pytest.raises(hostlink.ConnectError, match=words) as caught:
+        hostlink.connect(address)
+    assert "\n" not in str(caught.value)
