@@ -106,11 +106,12 @@ def find_contacts(
     Source     paper, "Contact Location and Multi-Contact Detection"
     """
     grid = surface.spread(stretch, -np.inf)
-    rows, cols = np.nonzero(maxima(grid) & (grid > surface.spread(threshold, np.inf)))
-    if not len(rows):
-        return ()
+    rows, cols = np.nonzero(maxima(grid))
     height = grid[rows, cols]
-    order = np.argsort(-height, kind="stable")[:MAXIMA_MAX]
+    order = np.flatnonzero(height > threshold[surface.index[rows, cols]])
+    if not len(order):
+        return ()
+    order = order[np.argsort(-height[order], kind="stable")[:MAXIMA_MAX]]
     order = order[height[order] >= MINOR * float(height[order[0]])]
     if len(order) > 1:
         grown = _grown(surface, growth, rows[order], cols[order])

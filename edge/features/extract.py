@@ -23,7 +23,7 @@ import numpy as np
 from edge.features.contacts import find_contacts
 from edge.features.gate import Gate
 from edge.features.modes import Modes
-from edge.features.motion import Slip, contact_pins, mean_motion, torsion
+from edge.features.motion import ContactPins, Slip, mean_motion, torsion
 from edge.features.surface import Surface
 from edge.types import Array, Cells, ContactRegion, Feature, Features, Rest, Tracks
 
@@ -92,6 +92,7 @@ class FeatureExtractor:
         self._inverse_area = 1.0 / rest_area_px2
         self._gate = Gate(rest)
         self._modes = Modes(rest)
+        self._pins = ContactPins(rest)
         self._slip = Slip(rest)
         self._surface: Surface | None = None  # 10 ms to make: only when a contact is first asked about
         self._rest, self._grid = rest, grid
@@ -115,6 +116,7 @@ class FeatureExtractor:
         plan = self._plan
         motion = tracks.xy_img - self._xy_rest
         seen = tracks.seen
+        all_seen = tracks.n_seen == len(seen)
         sigma = self._gate.sigma_px(tracks)
         if cells is None:
             change = np.full(len(motion), np.nan)
@@ -122,7 +124,7 @@ class FeatureExtractor:
         else:
             change = cells.area_px2 * self._inverse_area - 1.0
             touched = self._gate.touched_by_area(change, sigma)
-        shear = mean_motion(motion, seen) if plan.shear else None
+        shear = mean_motion(motion, None if all_seen else seen) if plan.shear else None
         modes = self._modes.fit(motion, seen) if plan.modes else None
         if not touched:
             self._slip.forget()
@@ -159,12 +161,13 @@ class FeatureExtractor:
                 contacts = find_contacts(stretch, surface, least, growth, cells.xy_img)
         turn = slip = probability = None
         if plan.torsion or plan.slip:
-            compression = np.where(change > max(THRESHOLD * noise, THRESHOLD_MIN), change, 0.0)
-            weight = contact_pins(self._xy_rest, compression) * seen
+            least_change = max(THRESHOLD * noise, THRESHOLD_MIN)
+            pins = self._pins.select(np.where(change > least_change, change, 0.0))
             if plan.torsion:
-                turn = torsion(self._xy_rest, np.where(seen[:, None], motion, 0.0), weight)
+                held = pins if all_seen else pins[seen[pins]]
+                turn = torsion(self._xy_rest[held], motion[held])
             if plan.slip:
-                state = self._slip.update(motion, weight, sigma)
+                state = self._slip.update(motion, pins, sigma)
                 slip, probability = state.slip_px, state.probability
         return Features(
             area_change=change,

@@ -18,67 +18,82 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edge.types import Array, Mask, Rest
 
-__all__ = ["Slip", "SlipState", "contact_pins", "mean_motion", "torsion"]
+__all__ = ["ContactPins", "Slip", "SlipState", "mean_motion", "torsion"]
+
+Places = NDArray[np.intp]
 
 
-def mean_motion(motion_px: Array, seen: Mask) -> Array:
+def mean_motion(motion_px: Array, seen: Mask | None = None) -> Array:
     """Plain mean of the seen pins' motion: the paper's global shear.
 
     motion_px  (n, 2), NaN where lost
+    seen       None: all of them
     Returns    (2,) px; NaN when no pin is seen
     """
-    if seen.all():
-        mean: Array = motion_px.mean(axis=0)
-        return mean
-    if not seen.any():
+    if seen is not None:
+        motion_px = motion_px[seen]
+    if not len(motion_px):
         return np.full(2, np.nan)
-    mean = motion_px[seen].mean(axis=0)
+    mean: Array = np.add.reduce(motion_px, axis=0) / len(motion_px)
     return mean
 
 
-def contact_pins(xy_rest: Array, compression: Array) -> Array:
-    """Weight of each pin in the contact: 1 within the ellipse of the compressed pins' spread, 0 outside.
-
-    xy_rest      (n, 2) px
-    compression  (n,) >= 0, 0 where nothing presses or the pin is lost
-    Returns      (n,) float64; all ones when nothing is compressed
+class ContactPins:
+    """Which pins are in the contact: those in the ellipse of the compressed pins' spread.
 
     The ellipse has semi-axes of two standard deviations, that of a uniform disc's own edge; so the low
     middle of a flat contact's ring belongs to it.
     """
-    total = float(compression.sum())
-    if total <= 0.0:
-        return np.ones(len(xy_rest))
-    r = xy_rest - (compression @ xy_rest) / total
-    xx, yy = (compression @ (r * r)) / total
-    xy = float(compression @ (r[:, 0] * r[:, 1])) / total
-    det = xx * yy - xy * xy
-    if det <= 0.0:
-        return (compression > 0.0).astype(np.float64)
-    x, y = r[:, 0], r[:, 1]
-    distance = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / det
-    weight: Array = (distance <= 4.0).astype(np.float64)
-    return weight
+
+    def __init__(self, rest: Rest) -> None:
+        x, y = ((rest.xy_img - rest.pattern.centre_img) / rest.pattern.tip_radius_px).T
+        self._terms = np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
+
+    def select(self, compression: Array) -> Places:
+        """Rows of the contact's pins.
+
+        compression  (n,) >= 0, 0 where nothing presses or the pin is lost
+        Returns      (k,) ascending; all pins when nothing is compressed
+        """
+        total, x, y, xx, xy, yy = (compression @ self._terms).tolist()
+        if not total > 0.0:
+            return np.arange(len(compression))
+        x, y = x / total, y / total
+        xx, xy, yy = xx / total - x * x, xy / total - x * y, yy / total - y * y
+        det = xx * yy - xy * xy
+        if not det > 1e-12:  # one pin, or all on a line
+            return np.flatnonzero(compression)
+        # ((X - x)^2 yy - 2 (X - x)(Y - y) xy + (Y - y)^2 xx) / det <= 4, as a polynomial in X and Y.
+        limit = 4.0 * det
+        form = [
+            x * x * yy - 2.0 * x * y * xy + y * y * xx,
+            2.0 * (y * xy - x * yy),
+            2.0 * (x * xy - y * xx),
+            yy,
+            -2.0 * xy,
+            xx,
+        ]
+        return np.flatnonzero(self._terms @ np.array(form) <= limit)
 
 
-def torsion(xy_rest: Array, motion_px: Array, weight: Array) -> float:
-    """Rotation of the weighted pins about their own centre.
+def torsion(xy_rest: Array, motion_px: Array) -> float:
+    """Rotation of these pins about their own centre.
 
-    motion_px  (n, 2) px, finite where weight > 0
-    Returns    rad, positive from x towards y (clockwise on the screen); NaN for fewer than two pins
+    xy_rest, motion_px  (k, 2) px, finite
+    Returns             rad, positive from x towards y (clockwise on the screen); NaN for fewer than two pins
     """
-    total = float(weight.sum())
-    if total <= 1.0:
+    if len(xy_rest) < 2:
         return math.nan
-    w = weight / total
-    before = xy_rest - w @ xy_rest
-    after = before + motion_px - w @ motion_px
-    cross = w @ (before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
-    dot = w @ (before * after).sum(axis=1)
-    return math.atan2(float(cross), float(dot))
+    before = np.ascontiguousarray(xy_rest).view(np.complex128)[:, 0]
+    after = before + np.ascontiguousarray(motion_px).view(np.complex128)[:, 0]
+    # The sum of conj(before) after, both about their means, points along the rotation.
+    before = before - before.mean()
+    turn = complex(np.vdot(before, after))
+    return math.atan2(turn.imag, turn.real)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,24 +116,26 @@ UNEXPLAINED = 0.2
 PRIOR_ODDS = 100.0
 #: Frames over which motion is taken: slip adds up from frame to frame, the noise of two frames does not.
 SPAN = 4
+_RIDGE = 1e-9 * np.eye(3)
 
 
 class Slip:
     """Remembers the motion of the last frames."""
 
     def __init__(self, rest: Rest) -> None:
-        self._plane = np.column_stack([np.ones(len(rest)), rest.xy_img - rest.pattern.centre_img])
+        xy = (rest.xy_img - rest.pattern.centre_img) / rest.pattern.tip_radius_px
+        self._plane = np.column_stack([np.ones(len(rest)), xy])
         self._past: deque[Array] = deque(maxlen=SPAN)
 
     def forget(self) -> None:
         """No frame before this one: contact lost, identities lost, or nobody asks."""
         self._past.clear()
 
-    def update(self, motion_px: Array, weight: Array, sigma_px: float) -> SlipState:
+    def update(self, motion_px: Array, pins: Places, sigma_px: float) -> SlipState:
         """Compare with the frame `SPAN` before this one, or with the oldest since the touch.
 
         motion_px  (n, 2) px since rest; NaN where lost; kept, not copied
-        weight     (n,) of `contact_pins`
+        pins       of `ContactPins`
         sigma_px   noise of one coordinate of one pin in one frame
         """
         past = self._past
@@ -126,17 +143,20 @@ class Slip:
             past.append(motion_px)
             return SlipState(0.0, 0.0)
         span = len(past)
-        step = motion_px - past[0]
+        step = motion_px[pins] - past[0][pins]
         past.append(motion_px)
-        use = np.flatnonzero((weight > 0.0) & np.isfinite(step[:, 0]))
-        free = 2 * len(use) - 6  # two components, each with three unknowns
+        plane = self._plane[pins]
+        lost = np.isnan(step[:, 0])
+        if lost.any():
+            step, plane = step[~lost], plane[~lost]
+        free = 2 * len(step) - 6  # two components, each with three unknowns
         if free < 4:
             return SlipState(0.0, 0.0)
-        step = step[use]
-        affine, _ = np.linalg.qr(self._plane[use])
-        left = step - affine @ (affine.T @ step)
-        unexplained = float((left * left).sum())
-        explained = max(float((step * step).sum()) - unexplained, 0.0)
+        # A weak ridge for pins on one line; of 1e-9 pins, it costs no pin its freedom.
+        gram = plane.T @ plane + _RIDGE
+        left = step - plane @ np.linalg.solve(gram, plane.T @ step)
+        unexplained = float(np.vdot(left, left))
+        explained = max(float(np.vdot(step, step)) - unexplained, 0.0)
         expected = 2.0 * sigma_px**2 * free + UNEXPLAINED**2 * explained
         if not expected > 0.0:
             return SlipState(0.0, 0.0)
@@ -145,5 +165,5 @@ class Slip:
         # penalty for having chosen it (BIC).
         evidence = 0.5 * free * (ratio - 1.0 - math.log(ratio)) - 0.5 * math.log(free)
         probability = 1.0 / (1.0 + math.exp(min(math.log(PRIOR_ODDS) - evidence, 700.0)))
-        slip = math.sqrt(max(unexplained - expected, 0.0) / len(use)) / span
+        slip = math.sqrt(max(unexplained - expected, 0.0) / len(step)) / span
         return SlipState(slip, probability)

@@ -102,6 +102,7 @@ class Surface:
     step_px        distance of neighbouring grid points
     rest_img       (n, 2) px, the pins at rest
     inside         (g, g) bool: within the tip's circle; "the k points" are these, row by row
+    index          (g, g) which of the k points; -1 outside
     points_img     (k, 2) px
     stretch_noise  (k,) float32, noise of `stretch` per px of a pin's
     """
@@ -120,6 +121,8 @@ class Surface:
         self.x_img, self.y_img = line + pattern.centre_img[0], line + pattern.centre_img[1]
         self.inside: Mask = line[None, :] ** 2 + line[:, None] ** 2 <= radius * radius
         self._flat = np.flatnonzero(self.inside)
+        self.index = np.full((size, size), -1, dtype=np.intp)
+        self.index[self.inside] = np.arange(len(self._flat))
         self.points_img = np.column_stack([self.x_img[self._flat % size], self.y_img[self._flat // size]])
         value, along_x, along_y = thin_plate_operators(rest.xy_img, self.points_img)
         # Single precision: 1e-7 of the height against noise of 1e-3, and half the memory to stream.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib.sim import Camera, Contact, Tip, Tool, deform
-from edge.features.motion import Slip, contact_pins, mean_motion, torsion
+from edge.features.motion import ContactPins, Slip, mean_motion, torsion
 from edge.types import Array
 from tests.edge.fields import CENTRE, make_rest, plane, push, tip
 
@@ -20,7 +20,7 @@ def turned(xy: Array, angle: float, about: Array) -> Array:
 def test_mean_motion_is_that_of_the_seen_pins() -> None:
     motion = np.array([[1.0, 2.0], [3.0, 4.0], [np.nan, np.nan]])
     np.testing.assert_allclose(mean_motion(motion, np.array([True, True, False])), [2.0, 3.0])
-    np.testing.assert_allclose(mean_motion(motion[:2], np.array([True, True])), [2.0, 3.0])
+    np.testing.assert_allclose(mean_motion(motion[:2]), [2.0, 3.0])
     assert np.isnan(mean_motion(motion, np.zeros(3, dtype=np.bool_))).all()
 
 
@@ -28,32 +28,46 @@ def test_mean_motion_is_that_of_the_seen_pins() -> None:
 def test_torsion_is_the_angle_of_a_rigid_turn_wherever_it_is(angle: float) -> None:
     xy = tip(331).xy_img
     motion = turned(xy, angle, CENTRE + np.array([80.0, -20.0])) + np.array([7.0, -11.0])
-    weight = (np.hypot(*(xy - CENTRE - [30.0, 10.0]).T) < 60.0).astype(np.float64)
-    assert torsion(xy, motion, weight) == pytest.approx(angle, abs=1e-12)
+    pins = np.hypot(*(xy - CENTRE - [30.0, 10.0]).T) < 60.0
+    assert torsion(xy[pins], motion[pins]) == pytest.approx(angle, abs=1e-12)
 
 
 def test_torsion_is_blind_to_shear_and_growth() -> None:
     xy = tip(331).xy_img
     motion = 0.2 * (xy - CENTRE) + [5.0, 2.0]
-    assert torsion(xy, motion, np.ones(331)) == pytest.approx(0.0, abs=1e-12)
+    assert torsion(xy, motion) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_torsion_needs_two_pins() -> None:
     xy = tip(127).xy_img
-    weight = np.zeros(127)
-    weight[5] = 1.0
-    assert np.isnan(torsion(xy, np.zeros_like(xy), weight))
+    assert np.isnan(torsion(xy[:1], np.zeros((1, 2))))
 
 
 def test_contact_pins_fill_the_ring_of_a_flat_contact() -> None:
-    xy = tip(331).xy_img
+    rest = tip(331)
+    xy = rest.xy_img
     at = CENTRE + np.array([25.0, -10.0])
     far = np.hypot(*(xy - at).T)
     ring = ((far > 55.0) & (far < 75.0)).astype(np.float64)
-    weight = contact_pins(xy, ring)
-    assert weight[far < 50.0].all()
-    assert not weight[far > 120.0].any()
-    np.testing.assert_array_equal(contact_pins(xy, np.zeros(331)), np.ones(331))
+    chosen = np.zeros(331, dtype=np.bool_)
+    chosen[ContactPins(rest).select(ring)] = True
+    assert chosen[far < 50.0].all()
+    assert not chosen[far > 120.0].any()
+
+
+def test_contact_pins_are_those_of_the_plain_ellipse() -> None:
+    rest = tip(331)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        c = np.maximum(rng.normal(0.0, 1.0, 331) * (rng.random(331) < 0.1), 0.0)
+        r = rest.xy_img - c @ rest.xy_img / c.sum()
+        inverse = np.linalg.inv((r * c[:, None]).T @ r / c.sum())
+        inside = np.einsum("ia,ab,ib->i", r, inverse, r) <= 4.0
+        np.testing.assert_array_equal(ContactPins(rest).select(c), np.flatnonzero(inside))
+    one = np.zeros(331)
+    one[7] = 0.3
+    np.testing.assert_array_equal(ContactPins(rest).select(one), [7])
+    np.testing.assert_array_equal(ContactPins(rest).select(np.zeros(331)), np.arange(331))
 
 
 class TestSlip:
@@ -61,12 +75,12 @@ class TestSlip:
 
     rest = tip(331)
     xy = rest.xy_img
-    weight = (np.hypot(*(xy - CENTRE).T) < 70.0).astype(np.float64)
+    pins = np.flatnonzero(np.hypot(*(xy - CENTRE).T) < 70.0)
 
     def run(self, motions: list[Array], sigma: float = 0.05, seed: int = 0) -> list[tuple[float, float]]:
         rng = np.random.default_rng(seed)
         slip = Slip(self.rest)
-        states = [slip.update(m + rng.normal(0.0, sigma, m.shape), self.weight, sigma) for m in motions]
+        states = [slip.update(m + rng.normal(0.0, sigma, m.shape), self.pins, sigma) for m in motions]
         return [(s.slip_px, s.probability) for s in states]
 
     def test_resting_contact_does_not_slip(self) -> None:
@@ -99,12 +113,10 @@ class TestSlip:
 
     def test_first_frame_and_too_few_pins_say_nothing(self) -> None:
         slip = Slip(self.rest)
-        assert slip.update(np.zeros_like(self.xy), self.weight, 0.05).probability == 0.0
-        few = np.zeros(331)
-        few[:3] = 1.0
-        assert slip.update(np.ones_like(self.xy), few, 0.05).slip_px == 0.0
+        assert slip.update(np.zeros_like(self.xy), self.pins, 0.05).probability == 0.0
+        assert slip.update(np.ones_like(self.xy), self.pins[:3], 0.05).slip_px == 0.0
         slip.forget()
-        assert slip.update(9.0 * np.ones_like(self.xy), self.weight, 0.05).slip_px == 0.0
+        assert slip.update(9.0 * np.ones_like(self.xy), self.pins, 0.05).slip_px == 0.0
 
     @pytest.mark.parametrize(("friction", "slips"), [(10.0, False), (0.5, True)])
     def test_simulated_drag(self, friction: float, slips: bool) -> None:
@@ -118,10 +130,10 @@ class TestSlip:
         shift = CENTRE - camera.centre_img
         rng = np.random.default_rng(0)
         slip = Slip(make_rest(rest_xy + shift, 18.9))
-        weight = (np.hypot(*(rest_xy - camera.centre_img).T) < 50.0).astype(np.float64)
+        pins = np.flatnonzero(np.hypot(*(rest_xy - camera.centre_img).T) < 50.0)
         states = []
         for d in moved:
             noise = rng.normal(0.0, 0.05, rest_xy.shape)
-            states.append(slip.update(camera.project(d.tips_mm) - rest_xy + noise, weight, 0.05))
+            states.append(slip.update(camera.project(d.tips_mm) - rest_xy + noise, pins, 0.05))
         assert (float(moved[-1].slip.mean()) > 0.5) == slips
         assert (np.mean([s.probability for s in states[4:]]) > 0.5) == slips
