@@ -11,9 +11,9 @@
  *
  * Rules
  * - No allocation and no Python object inside the loop; the GIL is released.
- * - Templates are made by the caller, for PHASES x PHASES subpixel offsets, zero outside of the support
- *   circle and in rows of a multiple of LANES floats. d is orthogonal to 1; tx and ty to 1 and d.
- * - Levels are taken relative to the window's first corner mean, so that float32 sums keep their digits.
+ * - Templates are made by the caller, for PHASES x PHASES subpixel offsets, in 16-bit integers, zero outside of
+ *   the support circle and in rows of a multiple of LANES. d is orthogonal to 1; tx and ty to 1 and d.
+ * - Levels are taken relative to the window's middle, so that all sums are exact integers.
  * - Two pins never answer from one blob: of a pair closer than their clash distance the one that went
  *   further from its prediction is lost.
  */
@@ -25,10 +25,9 @@
 #define PHASES 4
 #define HALF_MAX 39
 #define STRIDE_MAX 80
+#define STEP_MAX 4095 /* 12 bits; the caller scales the templates so that no sum of 32 bits overflows */
 #define STEPS_MAX 8
-#define NORMS 13
-
-typedef float lanes __attribute__((vector_size(4 * LANES)));
+#define NORMS 15
 
 /* The wide clone needs the dynamic linker's help, which glibc gives; elsewhere the baseline (NEON on
  * aarch64) is what the compiler targets anyway. */
@@ -46,90 +45,79 @@ typedef struct {
 } Picture;
 
 typedef struct {
-    int half, stride;       /* window is (2 half + 1) rows of `stride` floats */
-    Py_ssize_t first, step; /* floats from the start of the table to phase 0; from phase to phase */
+    int half, stride;       /* window is (2 half + 1) rows of `stride` */
+    Py_ssize_t first, step; /* from the start of the table to this kind; from three planes to the next three */
 } Kind;
 
 typedef struct {
     double sd, stx, sty, s1, su, sv, s2; /* sums over the support: I d, I tx, I ty, I, I u, I v, I^2 */
 } Sums;
 
-INLINE double pixel(const Picture *p, Py_ssize_t x, Py_ssize_t y)
+INLINE int pixel(const Picture *p, Py_ssize_t x, Py_ssize_t y)
 {
     const unsigned char *row = p->data + y * p->row_bytes;
     return p->bytes == 1 ? row[x] : ((const unsigned short *)row)[x];
 }
 
-INLINE float sum_of(lanes a)
-{
-    float s = 0;
-    for (int i = 0; i < LANES; i++) s += a[i];
-    return s;
-}
-
-/* Pixels of the window round (cx, cy) as floats less `level`, zero outside of the image; 1 if all are in it. */
-INLINE int take_window(const Picture *p, int cx, int cy, const Kind *k, float level, float *window)
+/* Pixels of the window round (cx, cy) less `level`, zero outside of the support and of the image; 1 if the
+ * window lies within the image. */
+INLINE int take_window(const Picture *p, int cx, int cy, const Kind *k, const short *support, int level, int shift,
+                       short *window)
 {
     const int size = 2 * k->half + 1;
     const int x0 = cx - k->half, y0 = cy - k->half;
-    const int inside = x0 >= 0 && y0 >= 0 && x0 + k->stride <= p->columns && y0 + size <= p->rows;
+    const int padded = x0 >= 0 && y0 >= 0 && x0 + k->stride <= p->columns && y0 + size <= p->rows;
     for (int j = 0; j < size; j++) {
-        float *to = window + j * k->stride;
+        short *to = window + j * k->stride;
+        const short *in = support + j * k->stride;
         const Py_ssize_t y = y0 + j;
-        if (inside) {
-            const unsigned char *row = p->data + y * p->row_bytes;
-            if (p->bytes == 1) {
-                const unsigned char *from = row + x0;
-                for (int i = 0; i < k->stride; i++) to[i] = (float)from[i] - level;
-            } else {
-                const unsigned short *from = (const unsigned short *)row + x0;
-                for (int i = 0; i < k->stride; i++) to[i] = (float)from[i] - level;
-            }
+        if (padded && p->bytes == 1) {
+            const unsigned char *from = p->data + y * p->row_bytes + x0;
+            for (int i = 0; i < k->stride; i++) to[i] = (short)((from[i] - level) * in[i]);
         } else {
             for (int i = 0; i < k->stride; i++) {
                 const Py_ssize_t x = x0 + i;
-                to[i] = y < 0 || y >= p->rows || x < 0 || x >= p->columns ? 0.0f : (float)pixel(p, x, y) - level;
+                const int there = in[i] && y >= 0 && y < p->rows && x >= 0 && x < p->columns;
+                const int step = there ? (pixel(p, x, y) - level) >> shift : 0;
+                to[i] = (short)(step > STEP_MAX ? STEP_MAX : (step < -STEP_MAX ? -STEP_MAX : step));
             }
         }
     }
-    return inside || (x0 >= 0 && y0 >= 0 && x0 + size <= p->columns && y0 + size <= p->rows);
+    return padded || (x0 >= 0 && y0 >= 0 && x0 + size <= p->columns && y0 + size <= p->rows);
 }
 
-/* All sums of one window in one pass. `t` holds support, d, tx, ty of one phase, one after the other. */
-INLINE void correlate(const float *window, const float *t, const Kind *k, Sums *s)
+/* All sums of one window in one pass of integer products, which compilers vectorise without being asked.
+ * `common` holds support, u, v; `t` holds d, tx, ty of one phase. */
+INLINE void correlate(const short *restrict w, const short *restrict common, const short *restrict t, const Kind *k,
+                      int wide, const double *norms, Sums *s)
 {
-    const int size = 2 * k->half + 1;
-    const Py_ssize_t plane = (Py_ssize_t)size * k->stride;
-    lanes d = {0}, tx = {0}, ty = {0}, one = {0}, v = {0}, square = {0};
-    double su = 0;
-    for (int i = 0; i < k->stride; i += LANES) {
-        lanes column = {0};
-        for (int j = 0; j < size; j++) {
-            const Py_ssize_t at = (Py_ssize_t)j * k->stride + i;
-            lanes w, m, a, b, c;
-            memcpy(&w, window + at, sizeof w);
-            memcpy(&m, t + at, sizeof m);
-            memcpy(&a, t + plane + at, sizeof a);
-            memcpy(&b, t + 2 * plane + at, sizeof b);
-            memcpy(&c, t + 3 * plane + at, sizeof c);
-            d += w * a;
-            tx += w * b;
-            ty += w * c;
-            w *= m;
-            column += w;
-            v += w * (float)(j - k->half);
-            square += w * w;
-        }
-        for (int l = 0; l < LANES; l++) su += (double)column[l] * (i + l - k->half);
-        one += column;
+    const int n = (2 * k->half + 1) * k->stride; /* a multiple of LANES */
+    int d = 0, tx = 0, ty = 0, one = 0, u = 0, v = 0, square = 0;
+    for (int i = 0; i < n; i++) {
+        d += w[i] * t[i];
+        tx += w[i] * t[n + i];
+        ty += w[i] * t[2 * n + i];
     }
-    s->sd = sum_of(d);
-    s->stx = sum_of(tx);
-    s->sty = sum_of(ty);
-    s->s1 = sum_of(one);
-    s->su = su;
-    s->sv = sum_of(v);
-    s->s2 = sum_of(square);
+    for (int i = 0; i < n; i++) {
+        one += w[i] * common[i];
+        u += w[i] * common[n + i];
+        v += w[i] * common[2 * n + i];
+    }
+    s->s2 = 0;
+    if (wide) { /* squares of 12 bits do not fit a sum of 32 */
+        long long total = 0;
+        for (int i = 0; i < n; i++) total += w[i] * w[i];
+        s->s2 = (double)total;
+    } else {
+        for (int i = 0; i < n; i++) square += w[i] * w[i];
+        s->s2 = square;
+    }
+    s->sd = d * norms[13];
+    s->stx = tx * norms[14];
+    s->sty = ty * norms[14];
+    s->s1 = one;
+    s->su = u;
+    s->sv = v;
 }
 
 typedef struct {
@@ -138,6 +126,7 @@ typedef struct {
 
 typedef struct {
     double fit_min, amplitude_share, reach, clash, noise;
+    int shift; /* bits that 16-bit images have too many */
 } Limits;
 
 INLINE int phase_of(double fraction) /* of (-0.5, 0.5] */
@@ -158,7 +147,7 @@ INLINE double sigma_of(double noise_sigma, double rest, double freedom, double e
 
 /* A pin that the image's border cuts: the same fit over the pixels there are, of 1, d, tx, ty alone. `ex`, `ey`
  * are the step from the phase's centre. 0 where less than a third of the pin's variation is in view. */
-static int fit_cut(const Picture *p, const float *window, const float *t, const Kind *k, int cx, int cy,
+static int fit_cut(const Picture *p, const short *window, const short *common, const short *t, const Kind *k, int cx, int cy,
                    const double *norms, double noise, Answer *out, double *ex, double *ey)
 {
     enum { SIZE = 4 };
@@ -169,8 +158,8 @@ static int fit_cut(const Picture *p, const float *window, const float *t, const 
         for (int i = 0; i < size; i++) {
             const Py_ssize_t at = (Py_ssize_t)j * k->stride + i;
             const int x = cx - k->half + i, y = cy - k->half + j;
-            if (t[at] == 0.0f || x < 0 || y < 0 || x >= p->columns || y >= p->rows) continue;
-            const double basis[SIZE] = {1, t[plane + at], t[2 * plane + at], t[3 * plane + at]};
+            if (!common[at] || x < 0 || y < 0 || x >= p->columns || y >= p->rows) continue;
+            const double basis[SIZE] = {1, norms[13] * t[at], norms[14] * t[plane + at], norms[14] * t[2 * plane + at]};
             for (int r = 0; r < SIZE; r++) {
                 for (int c = 0; c < SIZE; c++) m[r][c] += basis[r] * basis[c];
                 m[r][SIZE] += basis[r] * window[at];
@@ -222,36 +211,36 @@ static int fit_cut(const Picture *p, const float *window, const float *t, const 
 
 /* norms of one phase: 0 pixels in the support, 1 sum d^2, 2 sum tx^2, 3 sum ty^2, 4 sum tx u, 5 sum ty v,
  * 6 sum u^2, 7 sum v^2, where u and v are freed of 1 and d by taking off 8, 9 (their means) and 10, 11
- * (their share of d); 12 the radius */
-INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, const Kind *k, const float *templates,
+ * (their share of d); 12 the radius; 13, 14 what one step of the integers in d and in tx, ty is worth */
+INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, const Kind *k, const short *templates,
                      const double *norms)
 {
-    float window[(2 * HALF_MAX + 1) * STRIDE_MAX];
+    short window[(2 * HALF_MAX + 1) * STRIDE_MAX];
+    const short *common = templates + k->first, *phases = common + k->step;
     Answer a = {x, y, NAN, 0, 0};
     const double x0 = x, y0 = y;
     const double step_max = 0.5 * (k->half > 4 ? k->half - 2 : 2);
     if (!isfinite(x) || !isfinite(y)) return a;
     int had_x = -1, had_y = -1;
-    float level = 0;
-    int whole = 0;
+    int level = 0, whole = 0;
     for (int turn = 0; turn < STEPS_MAX; turn++) {
         if (x < 0 || y < 0 || x > (double)(p->columns - 1) || y > (double)(p->rows - 1)) return a;
         const int cx = (int)lround(x), cy = (int)lround(y);
         const int px = phase_of(x - cx), py = phase_of(y - cy);
         if (cx != had_x || cy != had_y) {
-            level = (float)pixel(p, cx, cy);
-            whole = take_window(p, cx, cy, k, level, window);
+            level = pixel(p, cx, cy);
+            whole = take_window(p, cx, cy, k, common, level, limit->shift, window);
             had_x = cx;
             had_y = cy;
         }
         const int phase = py * PHASES + px;
         const double *n = norms + (Py_ssize_t)phase * NORMS;
         const double ox = (px + 0.5) / PHASES - 0.5, oy = (py + 0.5) / PHASES - 0.5;
-        const float *t = templates + k->first + phase * k->step;
+        const short *t = phases + phase * k->step;
         if (!whole) {
             Answer cut;
             double ex, ey;
-            if (!fit_cut(p, window, t, k, cx, cy, n, limit->noise, &cut, &ex, &ey)) return a;
+            if (!fit_cut(p, window, common, t, k, cx, cy, n, limit->noise, &cut, &ex, &ey)) return a;
             const double far = hypot(ex, ey), shorten = far > step_max ? step_max / far : 1;
             x = cx + ox + shorten * ex;
             y = cy + oy + shorten * ey;
@@ -260,12 +249,13 @@ INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, 
                 a = cut;
                 a.x = x;
                 a.y = y;
+                a.amplitude = ldexp(cut.amplitude, limit->shift);
                 return a;
             }
             continue;
         }
         Sums s;
-        correlate(window, t, k, &s);
+        correlate(window, common, t, k, p->bytes == 2, n, &s);
         const double mean = s.s1 / n[0];
         const double amplitude = s.sd / n[1];
         const double su = s.su - n[8] * s.s1 - n[10] * s.sd, sv = s.sv - n[9] * s.s1 - n[11] * s.sd;
@@ -300,7 +290,7 @@ INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, 
             const double spread = 0.5 * (loss_x / n[2] + loss_y / n[3]);
             a.x = x;
             a.y = y;
-            a.amplitude = amplitude;
+            a.amplitude = ldexp(amplitude, limit->shift);
             /* what a slope of the surroundings explains is no evidence against the disc */
             const double level_energy = energy - gx * su - gy * sv;
             a.sigma = sigma_of(sqrt(variance * spread) / amplitude, rest, n[0] - 6, level_energy, limit->noise, n[12]);
@@ -335,7 +325,7 @@ static double select_kth(double *v, Py_ssize_t n, Py_ssize_t kth)
 }
 
 WIDE static void follow_all(const Picture *p, const double *predicted, Py_ssize_t n, const int *kind_of,
-                            const Kind *kinds, const float *templates, const double *norms, const Limits *limit,
+                            const Kind *kinds, const short *templates, const double *norms, const Limits *limit,
                             Answer *out)
 {
     for (Py_ssize_t i = 0; i < n; i++)
@@ -392,11 +382,12 @@ PyDoc_STRVAR(refine_doc,
              "image           (h, w) uint8 or uint16, rows contiguous\n"
              "predicted       (n, 2) float64, px\n"
              "kind_of         (n,) int32, which of the kinds each pin is\n"
-             "kinds           (k, 4) int64: half width, row stride, first float, floats a phase\n"
-             "templates       float32: per kind and phase: support, d, tx, ty\n"
-             "norms           (k, 16, 13) float64\n"
+             "kinds           (k, 4) int64: half width, row stride, first template, length of three planes\n"
+             "templates       int16: per kind: support, u, v, then per phase d, tx, ty\n"
+             "norms           (k, 16, 15) float64\n"
              "rest_amplitude  (n,) float64\n"
-             "limits          (5,) float64: fit_min, amplitude_share, reach_px, clash_px, noise variance of a pixel\n"
+             "limits          (6,) float64: fit_min, amplitude_share, reach_px, clash_px, noise variance of a pixel,\n"
+             "                spare bits\n"
              "order           (n,) int32, a permutation, kept from call to call\n"
              "scratch         (n,) float64\n"
              "out             (n, 5) float64: x, y, sigma, amplitude, fit; NaN in x, y, sigma where lost");
@@ -419,7 +410,7 @@ static PyObject *refine(PyObject *self, PyObject *args)
         if (PyObject_GetBuffer(given[had], &view[had], flags) < 0) goto done;
     }
     {
-        static const char *format[BUFFERS] = {NULL, "d", "i", "l", "f", "d", "d", "d", "i", "d", "d"};
+        static const char *format[BUFFERS] = {NULL, "d", "i", "l", "h", "d", "d", "d", "i", "d", "d"};
         for (int i = 1; i < BUFFERS; i++)
             if (strcmp(view[i].format, format[i]) && !(i == KINDS && !strcmp(view[i].format, "q"))) {
                 complain("refine: an array of the wrong type");
@@ -434,7 +425,7 @@ static PyObject *refine(PyObject *self, PyObject *args)
         const Picture picture = {image->buf, image->shape[0], image->shape[1], image->strides[0], bytes};
         const Py_ssize_t n = view[KIND_OF].len / 4, k = view[KINDS].len / 32;
         if (view[PREDICTED].len != 16 * n || view[REST].len != 8 * n || view[ORDER].len != 4 * n ||
-            view[SCRATCH].len != 8 * n || view[OUT].len != 40 * n || view[LIMITS].len != 40 ||
+            view[SCRATCH].len != 8 * n || view[OUT].len != 40 * n || view[LIMITS].len != 48 ||
             view[NORMS_].len != k * PHASES * PHASES * NORMS * 8 || k < 1 || k > 64) {
             complain("refine: arrays that do not belong together");
             goto done;
@@ -443,9 +434,9 @@ static PyObject *refine(PyObject *self, PyObject *args)
         const long long *row = view[KINDS].buf;
         for (Py_ssize_t i = 0; i < k; i++, row += 4) {
             kinds[i] = (Kind){(int)row[0], (int)row[1], (Py_ssize_t)row[2], (Py_ssize_t)row[3]};
-            const Py_ssize_t need = (Py_ssize_t)(2 * row[0] + 1) * row[1] * 4;
+            const Py_ssize_t need = (Py_ssize_t)(2 * row[0] + 1) * row[1] * 3;
             if (row[0] < 1 || row[0] > HALF_MAX || row[1] % LANES || row[1] < 2 * row[0] + 1 || row[1] > STRIDE_MAX ||
-                row[2] < 0 || row[3] < need || (row[2] + row[3] * PHASES * PHASES) * 4 > view[TEMPLATES].len) {
+                row[2] < 0 || row[3] != need || (row[2] + row[3] * (PHASES * PHASES + 1)) * 2 > view[TEMPLATES].len) {
                 complain("refine: a template that does not fit its table");
                 goto done;
             }
@@ -457,7 +448,7 @@ static PyObject *refine(PyObject *self, PyObject *args)
                 goto done;
             }
         const double *l = view[LIMITS].buf;
-        const Limits limits = {l[0], l[1], l[2], l[3], l[4]};
+        const Limits limits = {l[0], l[1], l[2], l[3], ldexp(l[4], -2 * (int)l[5]), (int)l[5]};
         Py_BEGIN_ALLOW_THREADS
         follow_all(&picture, view[PREDICTED].buf, n, kind_of, kinds, view[TEMPLATES].buf, view[NORMS_].buf,
                    &limits, view[OUT].buf);

@@ -8,7 +8,7 @@ def refine(
     predicted: Array,
     kind_of: Index,
     kinds: NDArray[np.int64],
-    templates: NDArray[np.float32],
+    templates: NDArray[np.int16],
     norms: Array,
     rest_amplitude: Array,
     limits: Array,

@@ -25,6 +25,8 @@ from edge.types import Array, Image, Pins, Rest
 PHASES = 4
 _LANES = 8
 _HALF_MAX = 39
+_STEP_MAX = 4095  # a pixel against the window's middle, grey levels; brighter images lose their last bits
+_GAIN_MAX = 2.5  # how much brighter than at rest the pins may become before they saturate
 _KIND_STEP = 1.05
 # How much of the window's variation the disc has to explain, and how much of its usual light (after the gain
 # common to all pins) a pin must keep.
@@ -34,7 +36,7 @@ _REACH_PITCHES = 0.6
 _CLASH_RADII = 1.1
 
 
-Floats = NDArray[np.float32]
+Shorts = NDArray[np.int16]
 
 
 class Refiner:
@@ -58,6 +60,7 @@ class Refiner:
                 _REACH_PITCHES * pattern.pitch_px,
                 _CLASH_RADII * radius.min(),
                 pattern.noise**2,
+                max(0.0, np.ceil(np.log2(_GAIN_MAX * pattern.brightness / _STEP_MAX))),
             ]
         )
         self._order = np.arange(n, dtype=np.int32)
@@ -96,8 +99,8 @@ class Refiner:
 @lru_cache(maxsize=8)  # recovery detects frame after frame with the same pattern
 def _tables(
     radii: tuple[float, ...], edge_px: float, pitch_px: float
-) -> tuple[NDArray[np.int64], Floats, Array]:
-    """Kinds (k, 4) int64, templates float32 and norms (k, 16, 13) as `_centroid.refine` wants them."""
+) -> tuple[NDArray[np.int64], Shorts, Array]:
+    """Kinds (k, 4) int64, templates int16 and norms (k, 16, 15) as `_centroid.refine` wants them."""
     kinds, parts, norms = [], [], []
     first = 0
     for radius in radii:
@@ -110,10 +113,11 @@ def _tables(
 
 
 @lru_cache(maxsize=64)
-def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int, Floats, Array]:
-    """Half width, row stride, planes (16, 4, rows, stride) and norms (16, 13) of one radius at all phases.
+def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int, Shorts, Array]:
+    """Half width, row stride, planes (17, 3, rows, stride) and norms (16, 15) of one radius.
 
-    The planes are the support, the disc freed of a constant, and its slopes in x and y freed of both.
+    The first three planes are the support and the columns and rows in it; then for each phase the disc freed of
+    a constant, and its slopes in x and y freed of both.
     """
     support = min(
         radius + 3.0 * edge_px + 0.5, max(radius + 1.5 * edge_px, 0.85 * pitch_px - radius - 1.5 * edge_px)
@@ -127,22 +131,35 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int
     u = columns - np.tile(offset, PHASES)[:, None, None]
     v = rows - np.repeat(offset, PHASES)[:, None, None]
     r = np.hypot(u, v)
-    one = (r <= support).astype(np.float64)
+    one = (np.hypot(columns, rows) <= support).astype(np.float64)[None]
     disc = one * 0.5 * erfc((r - radius) / (np.sqrt(2.0) * edge_px))
     slope = one * np.exp(-0.5 * ((r - radius) / edge_px) ** 2) / np.maximum(r, 1e-9)
     slope /= edge_px * np.sqrt(2.0 * np.pi)
     d = disc - one * _dot(disc, one) / _dot(one, one)
     tx, ty, px, py = (_freed(p, one, d) for p in (slope * u, slope * v, columns * one, rows * one))
+    scale = (0.99 * _scale(d), 0.99 * min(_scale(tx), _scale(ty)))
     norm = [
         _dot(one, one), _dot(d, d), _dot(tx, tx), _dot(ty, ty),
         _dot(tx, px), _dot(ty, py), _dot(px, px), _dot(py, py),
         _dot(columns, one) / _dot(one, one), _dot(rows, one) / _dot(one, one),
         _dot(columns, d) / _dot(d, d), _dot(rows, d) / _dot(d, d),
-        np.full((PHASES * PHASES, 1, 1), radius),
+        radius, 1.0 / scale[0], 1.0 / scale[1],
     ]  # fmt: skip
-    planes = np.zeros((PHASES * PHASES, 4, size, stride), np.float32)
-    planes[:, :, :, :size] = np.stack([one, d, tx, ty], axis=1)
-    return half, stride, planes, np.concatenate(norm, axis=1)[:, :, 0]
+    planes = np.zeros((PHASES * PHASES + 1, 3, size, stride), np.int16)
+    planes[0, :, :, :size] = np.stack([one[0], columns * one[0], rows * one[0]])
+    planes[1:, :, :, :size] = np.rint(np.stack([d * scale[0], tx * scale[1], ty * scale[1]], axis=1))
+    columns_of_norms = [np.broadcast_to(np.ravel(value), PHASES * PHASES) for value in norm]
+    return half, stride, planes, np.stack(columns_of_norms, axis=1)
+
+
+def _scale(plane: Array) -> float:
+    """The largest factor that keeps the integers and their sum with any window within their range."""
+    return float(
+        min(
+            32767.0 / np.abs(plane).max(),
+            (2.0**31 - 1.0) / (_STEP_MAX * np.abs(plane).sum(axis=(1, 2)).max()),
+        )
+    )
 
 
 def _freed(plane: Array, one: Array, d: Array) -> Array:
