@@ -55,8 +55,12 @@
 #define GUARD 16.0                     /* distance of the guards, in half-widths of the point set */
 #define N_GUARD 4
 #define MANY 1000000                   /* points of a kind; keeps every index within 32 bits */
-#define EXACT_TERMS 640                /* a nonadjacent expansion spans >= 2 bits a term; see SNAP */
-#define SNAP 0x1p-160                  /* coordinates smaller than this share of the extent count as 0 */
+#define EXACT_TERMS 1056               /* terms are >= 2 bits apart, doubles span 2098 bits */
+/* Products of four coordinates must not underflow, or they are not exact: of a set at least this wide,
+ * coordinates smaller than this share of its width count as 0. 4 (66 + 140 + 52) bits < 1074. */
+#define EXTENT_MIN 0x1p-66
+#define EXTENT_MAX 0x1p66
+#define SNAP 0x1p-140
 #define FLIPS_PER_TRIANGLE 32          /* more than any motion needs that does not call for a new mesh */
 
 typedef struct {
@@ -386,8 +390,8 @@ static int insert(Mesh *m, int i, int hint)
         push(m, g);
         push(m, prev_of(g));
     }
-    legalize(m, 0, INT32_MAX); /* ends: exact predicates, and insertion into a Delaunay mesh */
-    return t;
+    /* Each flip gives the new point an edge that it keeps: there cannot be more than points. */
+    return legalize(m, 0, m->n_triangles + 8) ? t : -1;
 }
 
 static int build(Mesh *m)
@@ -548,7 +552,7 @@ static enum outcome run(Mesh *m, const double *xy, double *area_out)
     if (finite != 0.0)
         return NOT_FINITE;
     double extent = fmax(x_max - x_min, y_max - y_min);
-    if (!(extent > 1e-60 && extent < 1e60))
+    if (!(extent > EXTENT_MIN && extent < EXTENT_MAX))
         return NO_EXTENT;
     double tiny = SNAP * extent;
     for (int i = 0; i < n; i++) {
@@ -692,7 +696,7 @@ static PyObject *mesh_update(MeshObject *self, PyObject *args)
     if (outcome != DONE) {
         m->n_triangles = 0;
         PyErr_SetString(PyExc_ValueError, outcome == NOT_FINITE  ? "a coordinate is not finite"
-                                          : outcome == NO_EXTENT ? "all points at one place, or farther apart than 1e60"
+                                          : outcome == NO_EXTENT ? "all points at one place, or farther apart than 7e19"
                                                                  : "no triangulation: coordinates out of range");
         return NULL;
     }

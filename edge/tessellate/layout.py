@@ -12,6 +12,8 @@ __all__ = ["affine_terms", "must_span", "pitch_of"]
 
 # Directions in which pins spread less than this share of their longest extent count as a line.
 LINE = 1e-9
+# Determinant over squared trace of the scatter matrix beyond which there is no doubt: 1e-3 to 1 in extent.
+CLEARLY_FLAT = 1e-6
 
 
 def must_span(xy: Array, what: str) -> None:
@@ -20,7 +22,11 @@ def must_span(xy: Array, what: str) -> None:
         raise DegenerateLayout(f"{what}: a coordinate is not finite")
     if len(xy) < 3:
         raise DegenerateLayout(f"{what}: {len(xy)} pins; cells need at least 3 that span a plane")
-    spread = np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)
+    about_mean = xy - xy.mean(axis=0)
+    scatter = about_mean.T @ about_mean
+    if scatter[0, 0] * scatter[1, 1] - scatter[0, 1] ** 2 > CLEARLY_FLAT * np.trace(scatter) ** 2:
+        return  # the usual case, without a decomposition
+    spread = np.linalg.svd(about_mean, compute_uv=False)
     if not spread[1] > LINE * spread[0]:
         raise DegenerateLayout(f"{what}: all {len(xy)} pins on a line; cells need pins that span a plane")
 

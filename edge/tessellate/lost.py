@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from edge.tessellate.layout import affine_terms, must_span
-from edge.types import Array, Mask
+from edge.types import Array, Index, Mask
 
 __all__ = ["LostPins"]
 
@@ -23,7 +23,7 @@ RIDGE = 1e-12
 
 
 class LostPins:
-    """Predicts lost pins of one tip; keeps the operator for the last set of lost ones.
+    """Predicts lost pins of one tip; keeps the equations for the last set of lost ones.
 
     rest_img  (n, 2) px
     pitch_px  distance of neighbours
@@ -31,10 +31,11 @@ class LostPins:
 
     def __init__(self, rest_img: Array, pitch_px: float) -> None:
         self._rest_img = rest_img
-        self._pitch_px = pitch_px
-        self._bending: Array | None = None  # (n, n), made when the first pin is lost
-        self._key = b""  # the set that `_operator` is for
-        self._operator: Array = np.empty((0, 0))  # (lost, seen): motion of the seen pins to the lost ones'
+        self._bending = _bending_matrix(rest_img, pitch_px)
+        self._key = b""  # the set that the two below are for
+        self._lost: Index = np.empty(0, dtype=np.int32)
+        self._rows: Array = np.empty((0, 0))  # (lost, n), of the bending matrix
+        self._inverse: Array = np.empty((0, 0))  # (lost, lost), of its block
 
     def fill(self, xy: Array, seen: Mask) -> Array:
         """A copy of `xy` with the lost pins put in.
@@ -42,24 +43,21 @@ class LostPins:
         xy       (n, 2) px; rows that are not seen are not read
         Raises   DegenerateLayout: fewer than 3 pins seen, or all on a line
         """
-        lost = ~seen
         key = seen.tobytes()
         if key != self._key:
-            self._operator = self._solve(seen, lost)
+            must_span(self._rest_img[seen], "seen pins")
+            self._lost = np.flatnonzero(~seen).astype(np.int32)
+            self._rows = self._bending[self._lost]
+            self._inverse = np.linalg.inv(self._rows[:, self._lost]).astype(np.float64, copy=False)
             self._key = key
-        motion = xy[seen] - self._rest_img[seen]
-        shift = motion[0].copy()  # taken out, so that a far origin costs no digits
+        lost = self._lost
+        motion = xy - self._rest_img
+        shift = motion[seen.argmax()].copy()  # taken out, so that a far origin costs no digits
         motion -= shift
+        motion[lost] = 0.0
         full = np.array(xy)
-        full[lost] = self._operator @ motion + self._rest_img[lost] + shift
+        full[lost] = self._rest_img[lost] + shift - self._inverse @ (self._rows @ motion)
         return full
-
-    def _solve(self, seen: Mask, lost: Mask) -> Array:
-        must_span(self._rest_img[seen], "seen pins")
-        if self._bending is None:
-            self._bending = _bending_matrix(self._rest_img, self._pitch_px)
-        inner, outer = self._bending[np.ix_(lost, lost)], self._bending[np.ix_(lost, seen)]
-        return -np.linalg.solve(inner, outer).astype(np.float64, copy=False)
 
 
 def _bending_matrix(xy: Array, pitch_px: float) -> Array:

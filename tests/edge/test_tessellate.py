@@ -168,6 +168,9 @@ def test_walks_agree_with_fresh_triangulations_and_show_no_jumps() -> None:
     jumps = random_walks(10, 10, 6.0, seed=2, explain=False)
     assert jumps.worst_difference <= 1e-12
     assert jumps.builds > 10  # this is the other way through the code
+    large = random_walks(20, 30, 2.0, seed=1, explain=False)
+    assert large.worst_difference <= 1e-12
+    assert large.builds <= 40  # of 600 frames; 78 where triangles that turned over were not mended
 
 
 # ---- lost pins
