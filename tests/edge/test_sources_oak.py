@@ -70,13 +70,16 @@ def lock_step(dai: Any, steps: list[int], **options: Any) -> list[Frame]:
     go = threading.Semaphore(1)
     source = oak.OakSource(frames_output(dai, steps, lambda n: go.acquire(timeout=10)), HOST, **options)
     got: list[Frame] = []
-    for _ in steps:
-        frame = source.read(10)
-        assert frame is not None
-        got.append(frame)
-        go.release()
-    lock_step.source = source  # type: ignore[attr-defined]
-    source.close()
+    try:
+        for _ in steps:
+            frame = source.read(10)
+            assert frame is not None
+            got.append(frame)
+            go.release()
+    finally:
+        lock_step.source = source  # type: ignore[attr-defined]
+        go.release(len(steps))
+        source.close()
     assert not source._thread.is_alive()
     return got
 
@@ -102,23 +105,29 @@ def test_the_modules_own_clock(dai: Any) -> None:
 
 
 def test_a_slow_consumer_gets_the_newest_and_a_count(dai: Any) -> None:
-    done = threading.Event()
+    hold = {1: threading.Event(), 60: threading.Event()}  # frames that wait for the test
 
     def gate(n: int) -> None:
-        if n == 60:  # held back until the test has looked
-            done.wait(20)
+        if n in hold:
+            hold[n].wait(20)
 
     source = oak.OakSource(frames_output(dai, list(range(61)), gate), HOST)
-    source.start()
-    deadline = time.monotonic() + 20
-    while source._next < 60 and time.monotonic() < deadline:
-        source._closing.wait(0.002)
-    newest = source.read(10)
-    assert newest is not None
-    assert newest.sequence == 59
-    assert source.dropped_n + source.faults["missed frame"] == 59
-    done.set()
-    source.close()
+    try:
+        first = source.read(10)
+        assert first is not None
+        hold[1].set()
+        deadline = time.monotonic() + 20
+        while source._next < 60 and time.monotonic() < deadline:
+            source._closing.wait(0.002)
+        newest = source.read(10)
+        assert newest is not None
+        assert (first.sequence, newest.sequence) == (0, 59)
+        # In our slot or in depthai's queue: each of the 58 between is counted once.
+        assert source.dropped_n + source.faults["missed frame"] == 58
+    finally:
+        for event in hold.values():
+            event.set()
+        source.close()
 
 
 def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
@@ -139,6 +148,37 @@ def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
         assert before_ns - 1_000_000_000 < frame.capture_ns <= time.monotonic_ns()
     assert source.ended
     source.close()
+
+
+def test_what_depthai_recorded_keeps_pixels_gaps_and_the_modules_times(dai: Any, tmp_path: Path) -> None:
+    """RecordVideo spends its first ten frames on finding the rate; what it wrote comes back exactly."""
+    steps = [n + 3 * (n > 30) for n in range(50)]
+
+    def gate(n: int) -> None:
+        time.sleep(0.002)  # the recorder's queue drops what comes faster than it writes
+
+    video, metadata = tmp_path / "a.avi", tmp_path / "a.mcap"
+    with dai.Pipeline(createImplicitDevice=False) as pipeline:
+        recorder = pipeline.create(dai.node.RecordVideo)
+        recorder.setRecordVideoFile(video)
+        recorder.setRecordMetadataFile(metadata)
+        output = frames_output(dai, steps, gate)(pipeline)
+        output.link(recorder.input)
+        after = output.createOutputQueue(maxSize=100, blocking=False)
+        pipeline.start()
+        for _ in steps:
+            assert after.get(timedelta(seconds=10)) is not None
+        time.sleep(0.1)  # the recorder offers nothing that says when it has written what it took
+        pipeline.stop()
+        pipeline.wait()
+    source = oak.OakSource(oak.replay_output(video, 0.0, metadata), HOST, own_clock=True)
+    frames = list(source)
+    assert len(frames) >= 30
+    assert {f.sequence for f in frames} <= set(steps)
+    for frame in frames:
+        assert np.array_equal(frame.image, noise(frame.sequence))
+        assert frame.capture_ns == 77_000 + 4_000_000 * frame.sequence
+    assert source.faults["missed frame"] >= 3
 
 
 def test_a_replay_of_nothing_ends(dai: Any, tmp_path: Path) -> None:
