@@ -161,7 +161,7 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
         force[live] += q_n
 
     # Skin's displacement at the pins' roots and a little way along two tangents, for its new normal.
-    first, second = _tangents(tip.normals)
+    first, second = _tangents(tip)
     step = 1e-3  # mm; the kernel is smooth over skin_mm, so this is a derivative
     probes = np.concatenate([tip.roots_mm, tip.roots_mm + step * first, tip.roots_mm + step * second])
     moved = _displace(tip, probes, xyz[live], force[live], smooth[live])
@@ -386,6 +386,8 @@ def turn_z_to(n: Array) -> Array:
     return np.array([[1 - c * x * x, -c * x * y, -x], [-c * x * y, 1 - c * y * y, -y], [x, y, z]])
 
 
-def _tangents(normals: Array) -> tuple[Array, Array]:
-    frames = np.stack([turn_z_to(n) for n in normals])
+@lru_cache(maxsize=8)
+def _tangents(tip: Tip) -> tuple[Array, Array]:
+    """Two (n, 3) unit tangents of the untouched skin at each pin's root."""
+    frames = np.stack([turn_z_to(n) for n in tip.normals])
     return frames[:, 0], frames[:, 1]
