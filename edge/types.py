@@ -186,10 +186,10 @@ class Tracks:
 class Cells:
     """Bounded Voronoi cells of the pins.
 
-    area_px2       (n,) float64; NaN where the pin is lost
+    area_px2       (n,) float64; NaN where the pin is lost, or has left the boundary
     rest_area_px2  (n,) float64; the same boundary rule on the rest frame
     xy_img         (n, 2) float64 px; the points tessellated: seen pins, and predictions for lost ones
-    triangles      (m, 3) int32; Delaunay triangles; indices >= n are boundary points
+    triangles      (m, 3) int32; Delaunay triangles that touch a pin; indices >= n are boundary points
     boundary_img   (b, 2) float64 px; the artificial points of the paper, moving with the rim
     """
 
