@@ -75,7 +75,10 @@ def _bending_matrix(xy: Array, pitch_px: float) -> Array:
         reach = max(NEIGHBOUR_PITCHES * pitch_px, float(np.partition(distance, min(n, 6) - 1)[min(n, 6) - 1]))
         near = np.flatnonzero(distance <= reach)
         near = near[near != i]
-        weight = np.exp(-0.5 * (distance[near] / pitch_px) ** 2)
+        spread = (
+            distance[near] ** 2 - distance[near].min() ** 2
+        )  # far from every pin, the nearest still count
+        weight = np.exp(-0.5 * spread / pitch_px**2)
         terms = affine_terms(xy[near], xy[i], pitch_px)
         root = np.sqrt(weight)[:, None]
         if len(near) >= NEIGHBOURS_MIN:
