@@ -6,6 +6,7 @@ answer), LinkDown (not even asked).
 
 from __future__ import annotations
 
+import logging
 import queue
 import threading
 from collections.abc import Callable
@@ -40,6 +41,9 @@ class SdoObjects:
     ) -> None:
         from canopen.objectdictionary import ObjectDictionary
         from canopen.sdo.client import SdoClient
+
+        # `canopen` logs what it also raises; without a handler that would be more lines on stderr.
+        logging.getLogger("canopen").addHandler(logging.NullHandler())
 
         self._node = node
         self._response_id = response_id

@@ -1,0 +1,134 @@
+"""Commands that ask or set: info, tare, set, busload."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from hostlink.busload import LIMIT, Load, plan
+from hostlink.client import connect
+from hostlink.errors import UsageError
+from hostlink.wire import object_named
+
+finger_option = click.option(
+    "--finger", type=click.IntRange(1, 127), help="Node number; not needed where there is only one finger."
+)
+
+
+@click.command()
+@click.argument("address")
+@finger_option
+@click.option("--json", "as_json", is_flag=True, help="One JSON object.")
+def info(address: str, finger: int | None, as_json: bool) -> None:
+    """Identity, settings and statistics of a finger."""
+    with connect(address) as hand:
+        answer = hand.finger(finger).info()
+    values = {"software_version": answer.software_version, **answer.values}
+    if as_json:
+        click.echo(json.dumps(values))
+        return
+    for name, value in values.items():
+        shown = f"0x{value:08x}" if name == "schema_hash" else _shown(value)
+        click.echo(f"{name:<18} {shown} {object_named(name).unit}".rstrip())
+
+
+def _shown(value: int | float | str | bytes) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+@click.command()
+@click.argument("address")
+@finger_option
+@click.option("--force", is_flag=True, help="Even if something touches the tip.")
+def tare(address: str, finger: int | None, force: bool) -> None:
+    """Take the rest frame anew. Refused while something touches the tip, unless forced."""
+    with connect(address) as hand:
+        asked = hand.finger(finger)
+        asked.tare(force)
+        click.echo(f"finger {asked.node}: a new rest frame is being taken")
+
+
+@click.command("set")
+@click.argument("address")
+@click.argument("name")
+@click.argument("value")
+@finger_option
+def set_object(address: str, name: str, value: str, finger: int | None) -> None:
+    """Set object NAME of a finger: rate_hz, divider, features, heartbeat_ms, detail_divider, ...
+
+    For `calibration` VALUE is a file.
+    """
+    try:
+        obj = object_named(name)
+    except KeyError:
+        raise UsageError(f'no object {name!r}; names stand in WIRE.md, "Objects"') from None
+    if obj.access not in ("rw", "wo"):
+        raise UsageError(f"{name} can only be read")
+    if obj.type == "domain":
+        with connect(address) as hand:
+            hand.finger(finger).upload_calibration(value)
+        click.echo(f"{name}: {value}")
+        return
+    try:
+        number = float(value) if obj.type == "real32" else int(value, 0)
+    except ValueError:
+        raise UsageError(f"{name} takes a number ({obj.type}), not {value!r}") from None
+    with connect(address) as hand:
+        asked = hand.finger(finger)
+        asked.set(name, number)
+        shown = _shown(asked.get(name) if obj.access == "rw" else number)
+    click.echo(f"finger {asked.node}: {name} = {shown} {obj.unit}".rstrip())
+
+
+@click.command()
+@click.option("--fingers", type=click.IntRange(1, 127), default=1, show_default=True)
+@click.option(
+    "--rate",
+    "rate_hz",
+    type=click.FloatRange(0, 2000, min_open=True),
+    default=250.0,
+    show_default=True,
+    help="Samples a second of each finger.",
+)
+@click.option("--bitrate", type=click.IntRange(10_000, 1_000_000), default=1_000_000, show_default=True)
+@click.option(
+    "--dbitrate",
+    type=click.IntRange(10_000, 8_000_000),
+    default=5_000_000,
+    show_default=True,
+    help="Of the data phase of CAN FD.",
+)
+@click.option("--classic", is_flag=True, help="Classic CAN: parts of 8 bytes.")
+@click.option("--baud", type=click.IntRange(9_600, 12_000_000), help="A serial line instead of a bus.")
+def busload(
+    fingers: int, rate_hz: float, bitrate: int, dbitrate: int, classic: bool, baud: int | None
+) -> None:  # fmt: skip
+    """How full a bus gets, with worst-case stuffing. What cannot fit is refused, with what would."""
+    if baud is not None:
+        load = plan("serial", fingers, rate_hz, baud)
+    elif classic:
+        load = plan("classic", fingers, rate_hz, bitrate)
+    else:
+        if dbitrate < bitrate:
+            raise UsageError(
+                f"--dbitrate {dbitrate} is slower than --bitrate {bitrate}: the data phase is the fast one"
+            )
+        load = plan("fd", fingers, rate_hz, bitrate, dbitrate)
+    if not load.fits:
+        would = "; ".join(load.advice) or "nothing within CAN's rates: use more buses"
+        raise UsageError(f"{_sentence(load)}; at most {LIMIT:.0%} is planned. What fits: {would}")
+    click.echo(_sentence(load))
+
+
+def _sentence(load: Load) -> str:
+    where = {
+        "fd": f"CAN FD {load.bitrate / 1e6:g}/{(load.dbitrate or 0) / 1e6:g} Mbit/s",
+        "classic": f"classic CAN {load.bitrate / 1e6:g} Mbit/s",
+        "serial": f"serial {load.bitrate} baud",
+    }[load.kind]
+    each = " each, a line for each," if load.kind == "serial" and load.fingers > 1 else ""
+    return (
+        f"{where}: {load.fingers} finger{'s' * (load.fingers > 1)} at {load.rate_hz:g} Hz{each} "
+        f"take {load.share:.1%} ({load.sample_s * 1e6:.0f} us a sample at worst)"
+    )

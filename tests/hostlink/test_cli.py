@@ -1,0 +1,188 @@
+"""The commands: what they print, and that every mistake is one line and exit code 2."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from collections.abc import Iterator
+from math import isnan
+from pathlib import Path
+
+import click
+import pytest
+
+from hostlink.cli import COMMANDS, cli, main
+from tests.hostlink.test_client import Application, Node, Pty, make_node, state
+
+PORT = 20_000 + os.getpid() % 20_000
+HOST = f"udp:239.0.0.8?port={PORT}"
+
+
+class Feed:
+    """A finger that sends, until the test is over."""
+
+    def __init__(self, address: str) -> None:
+        self.node: Node
+        self.node, self.application = make_node(address)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        k = 0
+        while not self._stop.wait(0.005):
+            self.node.send(state(k))
+            k += 1
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self.node.close()
+
+
+@pytest.fixture
+def finger() -> Iterator[Application]:
+    feed = Feed(f"{HOST}&node=6")
+    yield feed.application
+    feed.close()
+
+
+def run(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert isinstance(caught.value.code, int)
+    return caught.value.code
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("nosuch", "No such command 'nosuch'"),
+        ("monitor", "Missing argument 'ADDRESS'"),
+        ("monitor can:nosuch0", "nosuch0"),
+        ("monitor bus0", "starts with one of can:"),
+        ("monitor memory:", "no other end"),
+        ("monitor can:can0 --seconds -1", "--seconds"),
+        ("monitor can:can0 --colour", "--colour"),
+        ("record can:can0 x.asc", "absolute time is lost"),
+        ("record can:can0 x.serial", "a bus is recorded as .log or .blf"),
+        ("record serial:/dev/nosuch x.log", "a serial line as .serial"),
+        ("decode /nosuch.log", "no such file"),
+        ("decode x", "no suffix"),
+        ("info serial:/dev/nosuch", "/dev/nosuch"),
+        ("tare can:can0 --finger 200", "200"),
+        ("set can:can0 colour 5", "no object 'colour'"),
+        ("set can:can0 rate_hz fast", "takes a number"),
+        ("set can:can0 schema_hash 5", "can only be read"),
+        ("busload --fingers 0", "--fingers"),
+        ("busload --bitrate 1000000 --dbitrate 500000", "data phase"),
+    ],
+)
+def test_mistakes_are_one_line(arguments: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(*arguments.split()) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert words in err
+    assert err.count("\n") == 1
+    assert err.startswith("error: ")
+
+
+def test_help_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--help") == 0
+    out = capsys.readouterr().out
+    assert all(f"  {name} " in out for name in COMMANDS)
+    for name in COMMANDS:
+        assert isinstance(cli.get_command(click.Context(cli), name), click.Command)
+        assert run(name, "--help") == 0
+        assert "Usage: python -m hostlink" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "share"),
+    [("--fingers 5", "21.2%"), ("--classic --rate 100", "16.2%"), ("--baud 921600", "19.5%")],
+)
+def test_busload_that_fits(arguments: str, share: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("busload", *arguments.split()) == 0
+    assert share in capsys.readouterr().out
+
+
+def test_busload_that_cannot_fit_says_what_would(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("busload", "--classic", "--fingers", "5") == 2
+    err = capsys.readouterr().err
+    assert "202" in err
+    assert "111 Hz" in err
+    assert "CAN FD at 0.5/2 Mbit/s" in err
+    assert run("busload", "--classic", "--fingers", "5", "--rate", "111") == 0  # the advice holds
+    assert run("busload", "--classic", "--fingers", "5", "--rate", "112") == 2
+
+
+def test_monitor_prints_lines_without_a_terminal(
+    finger: Application, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("monitor", HOST, "--seconds", "0.3") == 0
+    out = capsys.readouterr().out
+    assert "finger=6 displacement=" in out
+    assert "lost=0" in out
+
+
+def test_info_tare_set(finger: Application, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("info", HOST, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["serial_number"] == finger.serial
+    assert run("info", HOST) == 0
+    assert finger.serial in capsys.readouterr().out
+    assert run("tare", HOST) == 0
+    finger.touched = True
+    assert run("tare", HOST, "--finger", "6") == 1
+    assert "untouched" in capsys.readouterr().err
+    assert run("tare", HOST, "--force") == 0
+    assert finger.tares == [False, True]
+    assert run("set", HOST, "rate_hz", "50") == 0
+    assert "rate_hz = 50 Hz" in capsys.readouterr().out
+    assert run("set", HOST, "divider", "0") == 2
+    assert "1..1000" in capsys.readouterr().err
+
+
+def test_calibration_is_set_from_a_file(
+    finger: Application, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "tip.json"
+    file.write_text('{"a": 1}')
+    assert run("set", HOST, "calibration", str(file)) == 0
+    assert finger.calibration == b'{"a": 1}'
+    assert run("set", HOST, "calibration", "/nosuch") == 2
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf"])
+def test_record_then_decode(
+    finger: Application, tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / f"press{suffix}"
+    assert run("record", HOST, str(file), "--seconds", "0.3") == 0
+    assert "samples" in capsys.readouterr().err
+    assert run("decode", str(file), "--summary") == 0
+    out, err = capsys.readouterr()
+    rows = [json.loads(text) for text in out.splitlines()]
+    assert len(rows) > 10
+    numbers = [r["sample"] for r in rows]
+    assert numbers == list(range(numbers[0], numbers[0] + len(rows)))
+    assert all(r["displacement_mm"] == pytest.approx(r["sample"] / 100, abs=0.0011) for r in rows)
+    assert all(r["force_n"] is None and r["status"] == [] for r in rows)
+    assert f"received={len(rows)}" in err
+    assert run("decode", str(file), "--text", "--finger", "6") == 0
+    assert capsys.readouterr().out.count("finger=6 ") == len(rows)
+    assert run("decode", str(file), "--finger", "7") == 0
+    assert capsys.readouterr().out == ""
+
+
+def test_record_a_serial_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pty = Pty(tmp_path)
+    feed = Feed(f"serial:{pty.paths[0]}")
+    file = tmp_path / "press.serial"
+    assert run("record", f"serial:{pty.paths[1]}", str(file), "--seconds", "0.3") == 0
+    feed.close()
+    capsys.readouterr()
+    assert run("decode", str(file)) == 0
+    rows = [json.loads(text) for text in capsys.readouterr().out.splitlines()]
+    assert len(rows) > 10
+    assert not any(isnan(r["displacement_mm"]) for r in rows)
