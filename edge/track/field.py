@@ -44,7 +44,8 @@ class Lattice:
     near    (n, N_NEAR) int, nearest pins
     mean    (n, n) sparse: `predict` where every pin is known, as one product
     step_px (n,) distance to the next pin, a median over the neighbourhood: the unit of every gate
-    close, apart_px   (n, N_CLOSE) nearest pins and the least distance to them that a track keeps
+    close   (n, N_CLOSE) int, nearest pins
+    pair, apart_px  (p, 2) int, (p,) those as pairs, each once, and the least distance that tracks keep
     """
 
     def __init__(self, rest_xy: Array, pitch_px: float) -> None:
@@ -94,7 +95,10 @@ class Lattice:
         self.step_px: Array = np.median(nearest_px[near[:, :N_CLOSE]], axis=1)
         # Nearest neighbours, and how near they may come: pins that are close at rest may stay so.
         self.close = near[:, 1 : 1 + N_CLOSE]
-        self.apart_px = np.minimum(APART, APART_OF_REST * distance[:, :N_CLOSE]) * pitch_px
+        both = np.sort(np.stack([np.repeat(np.arange(n), self.close.shape[1]), self.close.ravel()], axis=1))
+        self.pair, first = np.unique(both, axis=0, return_index=True)
+        apart = distance[:, : self.close.shape[1]].ravel()[first]
+        self.apart_px = np.minimum(APART, APART_OF_REST * apart) * pitch_px
 
     def predict(self, motion: Array, known: Mask) -> tuple[Array, Array, Array]:
         """Motion of each pin as its known neighbours have it; the pin itself has no say.

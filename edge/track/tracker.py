@@ -137,38 +137,46 @@ class Tracker:
     def _continuity(self, now: Array, share: float) -> float:
         """How sure it is that every pin went to `now` from where it was, and not its neighbour."""
         surprise = now - self._xy - self._velocity
-        jump = float(np.median(np.hypot(surprise[:, 0], surprise[:, 1]) / self._lattice.step_px))
+        square = (surprise[:, 0] ** 2 + surprise[:, 1] ** 2) / self._lattice.step_px**2
+        middle = len(square) // 2
+        jump = float(np.sqrt(np.partition(square, middle)[middle]))
         return min(1.0, share / (2 * HELD_SHARE), max(0.0, 1 - jump / (2 * JUMP)))
 
     def _judge(self, motion: Array, predicted: Array, found: Mask) -> tuple[Mask, Array]:
         """Which found pins are believed, and the motion (n, 2) that the neighbours expect of each."""
         # A lost pin comes back beside pins that were seen: a lost region heals from its edge inwards.
-        beside = self._seen[self._lattice.close].mean(1) >= BESIDE_SHARE
-        limit = np.where(self._seen, ODD_CHANGE, ODD_RETURN * beside) * self._lattice.step_px
+        limit = ODD_CHANGE * self._lattice.step_px
+        lost = np.flatnonzero(~self._seen)
+        if len(lost):
+            beside = self._seen[self._lattice.close[lost]].mean(1) >= BESIDE_SHARE
+            limit[lost] = ODD_RETURN * beside * self._lattice.step_px[lost]
         seen, common = found, predicted
         for _ in range(2):  # the second round without those that the first one threw out
             # A lost pin moves as its neighbours, which may be lost pins that move as theirs.
-            for _ in range(2):
+            for _ in range(1 if seen.all() else 2):
                 common = self._lattice.mean @ np.where(seen[:, None], motion, common)
             bend = motion - common
             change = bend - self._bend
-            good = (change**2).sum(1) < limit**2
-            good &= (bend**2).sum(1) < (ODD_MOTION * self._lattice.step_px) ** 2
-            seen = found & good
+            good = change[:, 0] ** 2 + change[:, 1] ** 2 < limit**2
+            good &= bend[:, 0] ** 2 + bend[:, 1] ** 2 < (ODD_MOTION * self._lattice.step_px) ** 2
+            before, seen = seen, found & good
+            if np.array_equal(seen, before):
+                break
         return seen, common
 
     def _keep_apart(self, xy: Array, off: Array, seen: Mask) -> Mask:
         """Of two tracks that came too near to each other, the one that surprised more is lost."""
-        near = self._lattice.close
-        place = np.where(seen[:, None], xy, np.inf)
-        x, y = place[:, 0], place[:, 1]
-        with np.errstate(invalid="ignore"):  # inf - inf: both lost, compares as False
-            clash = (x[near] - x[:, None]) ** 2 + (y[near] - y[:, None]) ** 2 < self._lattice.apart_px**2
+        first, second = self._lattice.pair.T
+        x, y = xy[:, 0], xy[:, 1]
+        clash = (x[first] - x[second]) ** 2 + (y[first] - y[second]) ** 2 < self._lattice.apart_px**2
+        clash &= seen[first] & seen[second]  # NaN, not found, compares as False
         if not clash.any():
             return seen
-        worse = (off**2).sum(1)
-        loser: Mask = (clash & (worse[near] <= worse[:, None])).any(1)
-        return seen & ~loser
+        first, second = first[clash], second[clash]
+        surprise = (off**2).sum(1)
+        kept = seen.copy()
+        kept[np.where(surprise[first] > surprise[second], first, second)] = False
+        return kept
 
 
 def _tracks(now: Array, sigma_px: Array, seen: Mask, confidence: float) -> Tracks:

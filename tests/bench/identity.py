@@ -318,7 +318,7 @@ def _real(console: Console, folder: Path, every: int, pictures: Path | None) -> 
     console.print(table)
     console.print(
         f"confidence {min(j.confidence for j in jumps):.2f}..{max(j.confidence for j in jumps):.2f}; "
-        f"CPU ms a frame: median {np.median(ms):.1f}, 95 % {np.percentile(ms, 95):.1f}, worst {ms.max():.1f}; "
+        f"CPU ms: median {np.median(ms):.1f}, 95 % {np.percentile(ms, 95):.1f}, worst {ms.max():.1f}\n"
         f"mean motion off the pose's cubic: median {np.median(away):.1f} px, worst {away.max():.1f} px"
     )
     worst = np.argsort(count, kind="stable")[:10]
