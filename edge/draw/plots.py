@@ -166,8 +166,11 @@ def surface_figure(
     )  # fmt: skip
     for contact in features.contacts or ():
         at = (contact.xy_img - origin) * unit_per_px
+        # On the surface as drawn: `contact.peak` is the maximum between the grid's points.
+        near = np.hypot(x - at[0], y - at[1])
+        top = float(height.flat[np.argmin(np.where(inside, near, np.inf))])
         axes.plot(
-            [at[0]], [at[1]], [contact.peak * 1.03], marker=(6, 2, 0), color=_rgb(palette.contact),
+            [at[0]], [at[1]], [top + 0.02], marker=(6, 2, 0), color=_rgb(palette.contact),
             markersize=12, mew=1.8, zorder=10,
         )  # fmt: skip
     axes.set_xlabel(f"x ({unit})", fontsize=8)
@@ -178,4 +181,4 @@ def surface_figure(
     axes.invert_yaxis()
     axes.view_init(elev=32, azim=-60)
     axes.set_box_aspect((1, 1, 0.45), zoom=0.88)  # room for the label of z, which the layout does not count
-    made.savefig(path, dpi=200)
+    made.savefig(path, dpi=200, bbox_inches="tight", pad_inches=0.08)
