@@ -146,7 +146,7 @@ def replay(
         if factor is not None:
             from edge.sources import Paced
 
-            source = Paced(source, (source.rate_hz or 30.0) * factor if factor != 1 else 0.0)
+            source = Paced(source, speed=factor)
         stack.callback(source.close)
         app = _app(stack, source, config, sink_specs, calibration_path, record_path)
         summary = Summary()
