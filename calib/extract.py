@@ -20,16 +20,16 @@ import cv2
 import numpy as np
 
 from calib.errors import TableError
-from edge.calibration import FRAME_INPUTS, frame_inputs
+from edge.calibration import CONTACT_INPUTS, FRAME_INPUTS, contact_inputs, frame_inputs
 from edge.errors import EdgeError
 from edge.pipeline import Pipeline
 from edge.sources import read_image
-from edge.types import Array, Complex, Feature, Frame, Mask, Rest
+from edge.types import Array, Complex, Feature, Frame, Image, Mask, Rest
 
-__all__ = ["Extract", "executor", "extract"]
+__all__ = ["DEMAND", "Extract", "executor", "extract", "gather", "measure"]
 
-#: What models are made of; contacts and slip are not, and cost time.
-DEMAND = frozenset({Feature.DISPLACEMENT, Feature.SHEAR, Feature.TILT, Feature.TORSION})
+#: What models are made of; slip is not, and needs a sequence.
+DEMAND = frozenset({Feature.DISPLACEMENT, Feature.SHEAR, Feature.TILT, Feature.TORSION, Feature.CONTACTS})
 CHUNK = 8  # frames a task: a process is set up in 30 ms, a frame takes 10 to 20
 
 
@@ -38,6 +38,7 @@ class Extract:
     """One row a frame.
 
     inputs      (n, k) complex128, `edge.calibration.FRAME_INPUTS`; NaN where nothing could be computed
+    contact     (n, k) complex128, `edge.calibration.CONTACT_INPUTS` of the strongest contact; NaN: none
     confidence  (n,) how sure the pins' identities are
     seen_n      (n,) pins found
     sure        (n,) whether the edge would have sent values
@@ -45,17 +46,20 @@ class Extract:
     """
 
     inputs: Complex
+    contact: Complex
     confidence: Array
     seen_n: Array
     sure: Mask
     time_us: Array
 
 
-def _one(pipeline: Pipeline, path: Path) -> tuple[Complex, float, int, bool, float]:
-    try:
-        image = read_image(path)
-    except ValueError as error:
-        raise TableError(f"{path}: not an image ({error})") from None
+_NOTHING = np.full(len(FRAME_INPUTS), np.nan, dtype=np.complex128)
+_NO_CONTACT = np.full(len(CONTACT_INPUTS), np.nan, dtype=np.complex128)
+_Row = tuple[Complex, Complex, float, int, bool, float]
+
+
+def measure(pipeline: Pipeline, image: Image) -> _Row:
+    """One row of an `Extract`: an image taken for itself, as a jump from rest."""
     pipeline.forget()
     began = time.perf_counter()
     try:
@@ -64,17 +68,40 @@ def _one(pipeline: Pipeline, path: Path) -> tuple[Complex, float, int, bool, flo
         result = None
     us = (time.perf_counter() - began) * 1e6
     if result is None or result.features is None:
-        nothing = np.full(len(FRAME_INPUTS), np.nan, dtype=np.complex128)
-        return nothing, 0.0, 0 if result is None else result.tracks.n_seen, False, us
-    tracks = result.tracks
-    inputs = frame_inputs(result.features, pipeline.rest.pattern.tip_radius_px)
-    return inputs, tracks.confidence, tracks.n_seen, tracks.confidence >= tracks.LOW_CONFIDENCE, us
+        return _NOTHING, _NO_CONTACT, 0.0, 0 if result is None else result.tracks.n_seen, False, us
+    tracks, features, pattern = result.tracks, result.features, pipeline.rest.pattern
+    contact = _NO_CONTACT
+    if features.contacts:
+        contact = contact_inputs(features.contacts[0], features, pattern)
+    inputs = frame_inputs(features, pattern.tip_radius_px)
+    sure = tracks.confidence >= tracks.LOW_CONFIDENCE
+    return inputs, contact, tracks.confidence, tracks.n_seen, sure, us
 
 
-def _chunk(rest: Rest, paths: Sequence[Path]) -> list[tuple[Complex, float, int, bool, float]]:
+def gather(rows: Sequence[_Row]) -> Extract:
+    """Rows as columns."""
+    inputs, contact, confidence, seen_n, sure, time_us = zip(*rows, strict=True)
+    return Extract(
+        np.array(inputs),
+        np.array(contact),
+        np.array(confidence),
+        np.array(seen_n),
+        np.array(sure),
+        np.array(time_us),
+    )
+
+
+def _chunk(rest: Rest, paths: Sequence[Path]) -> list[_Row]:
     cv2.setNumThreads(1)  # one thread a process: the processes are the parallelism
     pipeline = Pipeline(rest, demand=DEMAND)
-    return [_one(pipeline, path) for path in paths]
+    rows = []
+    for path in paths:
+        try:
+            image = read_image(path)
+        except ValueError as error:
+            raise TableError(f"{path}: not an image ({error})") from None
+        rows.append(measure(pipeline, image))
+    return rows
 
 
 def extract(
@@ -99,10 +126,7 @@ def extract(
         for future in futures:
             future.cancel()
         raise
-    inputs, confidence, seen_n, sure, time_us = zip(*rows, strict=True)
-    return Extract(
-        np.array(inputs), np.array(confidence), np.array(seen_n), np.array(sure), np.array(time_us)
-    )
+    return gather(rows)
 
 
 @contextmanager

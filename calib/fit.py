@@ -15,9 +15,10 @@ widening that the distance from the data gives.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
 from scipy.optimize import isotonic_regression
@@ -26,6 +27,7 @@ from calib.errors import FitError
 from calib.extract import Extract
 from calib.targets import Targets
 from edge.calibration import (
+    CONTACT_INPUTS,
     FORMAT,
     FRAME_INPUTS,
     MODES,
@@ -43,13 +45,30 @@ from edge.types import Array, Complex, Index, Rest
 
 __all__ = ["Candidate", "Choice", "fit", "terms_of_spin"]
 
-#: Values fitted together: one real, or two as x + i y; and the spin of what they may depend on.
-GROUPS: tuple[tuple[tuple[str, ...], int], ...] = (
-    (("displacement_mm",), 0),
-    (("force_n",), 0),
-    (("tilt_x_deg", "tilt_y_deg"), 1),
-    (("shear_x_mm", "shear_y_mm"), 1),
-    (("torsion_deg",), 0),
+Letters = Sequence[tuple[str, int]]
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Values fitted together, and what they may depend on.
+
+    outputs  one real value, or two as x + i y
+    spin     0: does not change when tip and touch are turned together; 1: turns with them
+    """
+
+    outputs: tuple[str, ...]
+    spin: int
+    of_contact: bool = False
+
+
+GROUPS = (
+    Group(("displacement_mm",), 0),
+    Group(("force_n",), 0),
+    Group(("tilt_x_deg", "tilt_y_deg"), 1),
+    Group(("shear_x_mm", "shear_y_mm"), 1),
+    Group(("torsion_deg",), 0),
+    Group(("contact_x_mm", "contact_y_mm"), 1, of_contact=True),
+    Group(("contact_depth_mm",), 0, of_contact=True),
 )
 #: (degree of the modes, factors in a product), from simple to rich. Richer ones than these gained nothing on
 #: the published recordings and need more frames than a rig likes to take.
@@ -88,22 +107,45 @@ class Choice:
     held_out: Complex  # (n,) prediction of each frame by a model that has not seen it
 
 
-def terms_of_spin(spin: int, degree: int, factors: int) -> list[list[str]]:
-    """Products of up to `factors` modes of up to `degree` and their conjugates, with this total spin.
+def letters(degree: int) -> Letters:
+    """The modes of motion up to a degree and their conjugates, each with its spin."""
+    powers = [(name, 1 - int(name[1]) + int(name[2]), int(name[1]) + int(name[2])) for name in MODES]
+    return [pair for name, s, d in powers if d <= degree for pair in ((name, s), (f"{name}*", -s))]
 
-    Returns  input names of `edge.calibration`; a star is the conjugate. The constant comes with spin 0.
+
+#: Of one contact: its place, the mean motion (both turn with the tip) and the height of its maximum.
+CONTACT_LETTERS: Letters = (("p", 1), ("p*", -1), ("shear", 1), ("shear*", -1), ("peak", 0))
+
+
+def terms_of_spin(spin: int, alphabet: Letters, factors: int) -> list[list[str]]:
+    """Products of up to `factors` inputs with this total spin. The constant comes with spin 0.
+
+    Returns  input names of `edge.calibration`; a star is the conjugate
     """
-    letters = []
-    for name in MODES:
-        a, b = int(name[1]), int(name[2])
-        if a + b <= degree:
-            letters += [(name, 1 - a + b), (f"{name}*", -(1 - a + b))]
     return [
         [name for name, _ in product]
         for n in range(factors + 1)
-        for product in itertools.combinations_with_replacement(letters, n)
+        for product in itertools.combinations_with_replacement(alphabet, n)
         if sum(s for _, s in product) == spin
     ]
+
+
+def _designs(group: Group) -> Iterator[tuple[str, list[list[str]]]]:
+    """Candidates by name: the terms of each."""
+    if group.of_contact:
+        for factors in (1, 2, 3):
+            yield f"place, {factors} factors", terms_of_spin(group.spin, CONTACT_LETTERS, factors)
+        return
+    if group.spin == 1:
+        yield "mean motion", [["shear"]]
+    for (degree, factors), off in itertools.product(SIZES, (None, *OFF_AXIS)):
+        name = f"degree {degree}, {factors} factors"
+        terms = terms_of_spin(group.spin, letters(degree), factors)
+        if off is not None:
+            name += f", off axis {off[0]}, {off[1]}"
+            for spin in (group.spin + 1, group.spin - 1)[: 1 + group.spin]:
+                terms = terms + terms_of_spin(spin, letters(off[0]), off[1])
+        yield name, terms
 
 
 def fit(
@@ -132,22 +174,24 @@ def fit(
             + (f"; not usable: {bad}" if bad else "")
         )
     names = [n for n, y in targets.values.items() if np.ptp(y[usable]) > SPREAD_MIN]
-    poses = np.array([targets.values[n] for n in targets.values]).T[usable]
-    fold = _folds(poses)
+    poses = np.column_stack(list(targets.values.values()))
     choices: list[Choice] = []
     refused: list[str] = []
-    for outputs, spin in GROUPS:
+    for group in GROUPS:
+        outputs = group.outputs
         if not any(name in names for name in outputs) or any(o not in targets.values for o in outputs):
             continue
+        rows = usable & np.isfinite(extract.contact[:, 0]) if group.of_contact else usable
         on_group(", ".join(outputs))
-        parts = [targets.values[o][usable] for o in outputs]
+        parts = [targets.values[o][rows] for o in outputs]
         y = np.zeros(len(parts[0]), dtype=np.complex128)
         y.real = parts[0]
         if len(parts) == 2:
             y.imag = parts[1]
-        frames = [path.name for path, use in zip(targets.frames, usable, strict=True) if use]
+        frames = [path.name for path, use in zip(targets.frames, rows, strict=True) if use]
+        inputs = extract.contact[rows] if group.of_contact else extract.inputs[rows]
         try:
-            choices.append(_choose(outputs, spin, extract.inputs[usable], y, fold, targets.where, frames))
+            choices.append(_choose(group, inputs, y, _folds(poses[rows]), targets.where, frames))
         except FitError as error:
             refused.append(str(error))
             on_refused(str(error))
@@ -182,8 +226,7 @@ def _folds(poses: Array) -> Index:
 
 
 def _choose(
-    outputs: tuple[str, ...],
-    spin: int,
+    group: Group,
     inputs: Complex,
     y: Complex,
     fold: Index,
@@ -191,21 +234,15 @@ def _choose(
     frames: Sequence[str],
 ) -> Choice:
     tried: list[tuple[Candidate, list[list[str]], Complex]] = []
-    designs: list[tuple[str, list[list[str]]]] = []
-    if spin == 1:
-        designs.append(("mean motion", [["shear"], []]))
-    for (degree, factors), off in itertools.product(SIZES, (None, *OFF_AXIS)):
-        terms = terms_of_spin(spin, degree, factors)
-        name = f"degree {degree}, {factors} factors"
-        if off is not None:
-            terms = terms + terms_of_spin(spin + 1, *off) + (terms_of_spin(spin - 1, *off) if spin else [])
-            name += f", off axis {off[0]}, {off[1]}"
-        if spin and [] not in terms:
+    outputs, names = group.outputs, CONTACT_INPUTS if group.of_contact else FRAME_INPUTS
+    if len(y) < ROWS_MIN:
+        raise FitError(f"{where}: {' and '.join(outputs)}: {len(y)} usable frames, {ROWS_MIN} are needed")
+    for name, terms in _designs(group):
+        if [] not in terms:
             terms = [*terms, []]  # preload: the paper's offset at zero shear
-        if len(terms) * ROWS_PER_TERM <= len(y):
-            designs.append((name, terms))
-    for name, terms in designs:
-        psi = evaluate_terms(inputs, term_columns(terms, FRAME_INPUTS, "fit"))
+        if len(terms) * ROWS_PER_TERM > len(y):
+            continue
+        psi = evaluate_terms(inputs, term_columns(terms, names, "fit"))
         candidate, predicted = _cross_validate(name, psi, y, fold, real=len(outputs) == 1)
         tried.append((candidate, terms, predicted))
     curve: Curve | None = None
@@ -226,7 +263,7 @@ def _choose(
     if curve is not None and chosen.name == curve.input:
         model = curve
     else:
-        psi = evaluate_terms(inputs, term_columns(terms, FRAME_INPUTS, "fit"))
+        psi = evaluate_terms(inputs, term_columns(terms, names, "fit"))
         model = _moments(outputs, terms, psi, y, chosen.ridge, predicted)
     return Choice(outputs, model, chosen, tuple(t[0] for t in tried), predicted)
 
@@ -254,16 +291,14 @@ def _ridge_path(psi: Complex, y: Complex, ridges: Sequence[float], *, real: bool
     """Ridge weights of scaled terms for each penalty, from one singular value decomposition."""
     scale = np.sqrt((np.abs(psi) ** 2).mean(axis=0))
     scale[scale < 1e-14] = np.inf  # a term that never occurs gets weight 0
-    a = psi / scale
+    a: Any = psi / scale
     if real:  # Re(psi w) = Re psi Re w - Im psi Im w
-        u, s, vh = np.linalg.svd(np.hstack([a.real, -a.imag]), full_matrices=False)
-        b = u.T @ y.real
-    else:
-        u, s, vh = np.linalg.svd(a, full_matrices=False)
-        b = u.conj().T @ y
+        a = np.hstack([a.real, -a.imag])
+    u, s, vh = np.linalg.svd(a, full_matrices=False)
+    b = u.conj().T @ (y.real if real else y)
     paths: list[Complex] = []
     for ridge in ridges:
-        w = vh.conj().T @ (s / (s**2 + ridge) * b)
+        w: Any = vh.conj().T @ (s / (s**2 + ridge) * b)
         paths.append((w[: len(scale)] + 1j * w[len(scale) :] if real else w) / scale)
     return paths
 

@@ -29,6 +29,9 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "shear_y": ("shear_y_mm", "mm"),
     "shear_Rz": ("torsion_deg", "deg"),
     "force_z": ("force_n", "N"),
+    "contact_x": ("contact_x_mm", "mm"),
+    "contact_y": ("contact_y_mm", "mm"),
+    "contact_depth": ("contact_depth_mm", "mm"),
 }
 _IMAGE = "sensor_image"
 

@@ -64,8 +64,9 @@ CONTACT_OUTPUTS = ("contact_x_mm", "contact_y_mm", "contact_depth_mm")
 #: Inputs made of a frame's features; the order is that of `frame_inputs`. `volume` is real, `shear` the
 #: plain mean of the pins' motion, `c_ab` the modes of motion.
 FRAME_INPUTS: tuple[str, ...] = ("volume", "shear", *MODES)
-#: Inputs made of one contact: place on the tip's unit disc, height of the maximum.
-CONTACT_INPUTS: tuple[str, ...] = ("p", "peak")
+#: Inputs made of one contact: place on the tip's unit disc, height of the maximum, and the frame's mean
+#: motion, for a shear shifts the maximum within the contact.
+CONTACT_INPUTS: tuple[str, ...] = ("p", "peak", "shear")
 
 
 class Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="curve"):
@@ -147,13 +148,14 @@ def frame_inputs(features: Features, tip_radius_px: float) -> Complex:
     return z
 
 
-def contact_inputs(contact: ContactRegion, centre_img: Array, tip_radius_px: float) -> Complex:
-    """The inputs `CONTACT_INPUTS` of one contact.
+def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPattern) -> Complex:
+    """The inputs `CONTACT_INPUTS` of one contact of a frame.
 
-    Returns  (2,) complex128, dimensionless
+    Returns  (3,) complex128, dimensionless
     """
-    u, v = (contact.xy_img - centre_img) / tip_radius_px
-    return np.array([complex(u, v), contact.peak])
+    u, v = (contact.xy_img - pattern.centre_img) / pattern.tip_radius_px
+    shear = np.nan if features.shear_px is None else complex(*features.shear_px) / pattern.tip_radius_px
+    return np.array([complex(u, v), contact.peak, shear])
 
 
 class _Curve:
@@ -335,7 +337,7 @@ class Calibration:
             for model in self._frame:
                 for name, spread in zip(model.outputs, model.sigma, strict=True):
                     values[name], sigmas[name] = UNTOUCHED[name], float(spread)
-        contacts = self._places(features.contacts or (), pattern)
+        contacts = self._places(features, pattern)
         return Reading(values, sigmas, contacts, frozenset(saturated), calibrated=True)
 
     def frame_values(self, z: Complex) -> Iterator[tuple[str, float, float, bool]]:
@@ -345,12 +347,13 @@ class Calibration:
             for name, value, spread, over in zip(model.outputs, y, sigma, outside, strict=True):
                 yield name, float(value), float(spread), bool(over)
 
-    def _places(self, contacts: Sequence[ContactRegion], pattern: PinPattern) -> Array:
+    def _places(self, features: Features, pattern: PinPattern) -> Array:
+        contacts = features.contacts or ()
         places = np.full((len(contacts), 3), np.nan)
         for row, contact in zip(places, contacts, strict=True):
             if self.mm_per_px is not None:
                 row[:2] = (contact.xy_img - pattern.centre_img) * self.mm_per_px
-            z = contact_inputs(contact, pattern.centre_img, pattern.tip_radius_px)
+            z = contact_inputs(contact, features, pattern)
             for model in self._contact:
                 y, _, _ = model.run(z)
                 for name, value in zip(model.outputs, y, strict=True):

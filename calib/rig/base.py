@@ -77,7 +77,8 @@ def open_rig(
 
         return SimulatedRig(load_simulation(Path(rest) if rest else None), first_sequence)
     if kind == "gcode" and rest:
-        from calib.rig.gcode import GcodeRig, GcodeStage, load_stage
+        from calib.rig.gcode import GcodeRig
+        from calib.rig.stage import GcodeStage, load_stage
         from edge.sources import open_source
 
         config = load_stage(rest)

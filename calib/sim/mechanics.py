@@ -1,10 +1,6 @@
 """Indenters against the dome: which part touches, what moves, where each pin ends up.
 
-The gel is incompressible and clear, the skin a thin cover. For an incompressible half-space the surface
-displacement by a surface force (Boussinesq, Cerruti at Poisson's ratio 1/2) is exactly twice Stokes'
-kernel, so that kernel, taken between points of the dome and smoothed over the skin's thickness as
-Cortez' regularised Stokeslet, is the tip's compliance: u = K f, symmetric and positive. Clamping the rim
-multiplies rows and columns by `Tip.mobility`, which keeps it so.
+`elastic` says how the skin yields, u = K f. Here is what pushes:
 
     normal      find p >= 0 with  n.K n p = penetration where p > 0   (Signorini's problem, active set)
     tangential  find q with  t.K t q = shear + twist where |q| < mu p (friction with the bound of p known)
@@ -19,7 +15,7 @@ Rules and limits
   perspective) is kept. Normal and tangential contact are solved one after the other.
 - In directions in which a tool is flat, only its tilt says where it touches; in directions in which it
   is curved, its position does.
-Sources  Johnson, "Contact Mechanics", 3.2, 3.6; Cortez, SIAM J. Sci. Comput. 23 (2001) eq. 11.
+Source  Johnson, "Contact Mechanics", 5.1 (normal), 7.2 (partial slip).
 """
 
 from __future__ import annotations
@@ -31,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from calib.sim.elastic import Pairs, displace, gel_of
 from calib.sim.tip import Tip
 from edge.types import Array
 
@@ -133,8 +130,8 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
     cell = np.array([p.cell_mm2 for p in patches])[owner]
     # A cell must not be sharper than the grid that it stands for, or the skin would show the grid.
     smooth = np.maximum(tip.skin_mm, 0.7 * np.sqrt(cell))
-    pairs = _Pairs.of(tip, xyz, smooth)
-    gel = _gel(tip)
+    pairs = Pairs.of(tip, xyz, smooth)
+    gel = gel_of(tip)
     swell = gel.swell(xyz) / np.sqrt(gel.volume_per_pressure)
     layer = tip.layer_mm / cell
 
@@ -151,7 +148,7 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
     motion = np.concatenate([p.motion for p in patches])[live]
     if motion.any():
         q_n, sliding[live], left_behind[live] = _drag(
-            _Pairs.of(tip, xyz[live], smooth[live]),
+            Pairs.of(tip, xyz[live], smooth[live]),
             swell[live],
             layer[live],
             frames[live, :2],
@@ -164,7 +161,7 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
     first, second = _tangents(tip)
     step = 1e-3  # mm; the kernel is smooth over skin_mm, so this is a derivative
     probes = np.concatenate([tip.roots_mm, tip.roots_mm + step * first, tip.roots_mm + step * second])
-    moved = _displace(tip, probes, xyz[live], force[live], smooth[live])
+    moved = displace(tip, probes, xyz[live], force[live], smooth[live])
     moved -= gel.swell(probes) * (swell * force).sum() / np.sqrt(gel.volume_per_pressure)
     root, one, two = moved.reshape(3, -1, 3)
     axis = np.cross(first + (one - root) / step, second + (two - root) / step)
@@ -184,40 +181,6 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
         slid_mm=np.stack([_sum_by(owner, cell * left_behind[:, a], k) for a in (0, 1)], axis=1)
         / np.maximum(area, 1e-12)[:, None],
     )
-
-
-@dataclass(frozen=True)
-class _Gel:
-    """Answer of the closed tip to a uniform pressure of the gel, tabulated over the polar angle."""
-
-    polar: Array  # rad, increasing
-    outward: Array  # displacement away from the axis, per unit pressure
-    upward: Array  # and along z
-    volume_per_pressure: float
-
-    def swell(self, xyz: Array) -> Array:
-        """(n, 3) displacement by unit pressure."""
-        rho = np.maximum(np.hypot(xyz[:, 0], xyz[:, 1]), 1e-9)
-        polar = np.arctan2(rho, xyz[:, 2])
-        out = np.interp(polar, self.polar, self.outward) / rho
-        return np.column_stack([xyz[:, :2] * out[:, None], np.interp(polar, self.polar, self.upward)])
-
-
-@lru_cache(maxsize=8)
-def _gel(tip: Tip) -> _Gel:
-    r, lowest = tip.dome_radius_mm, np.cos(np.deg2rad(tip.rim_deg))
-    # Equal-area points on the dome (Fibonacci's spiral).
-    m = 1500
-    z = 1 - (1 - lowest) * (np.arange(m) + 0.5) / m
-    a = np.pi * (3 - 5**0.5) * np.arange(m)
-    normal = np.column_stack([np.sqrt(1 - z * z) * np.cos(a), np.sqrt(1 - z * z) * np.sin(a), z])
-    area = 2 * np.pi * r * r * (1 - lowest) / m
-    smooth = np.full(m, max(tip.skin_mm, 0.7 * area**0.5))
-    push = _displace(tip, r * normal, r * normal, area * normal, smooth)
-    polar = np.linspace(0, np.deg2rad(tip.rim_deg), 240)
-    line = r * np.column_stack([np.sin(polar), 0 * polar, np.cos(polar)])
-    table = _displace(tip, line, r * normal, area * normal, smooth)
-    return _Gel(polar, table[:, 0], table[:, 2], float((push * normal).sum() * area) / tip.closed)
 
 
 def _patches(tip: Tip, contact: Contact) -> list[_Patch]:
@@ -281,52 +244,6 @@ def _patch(tip: Tip, contact: Contact, from_pivot_mm: Array) -> _Patch:
     return _Patch(xyz[keep], frame, penetration[keep], motion[keep], cell, place)
 
 
-@dataclass(frozen=True, slots=True)
-class _Pairs:
-    """The kernel between all pairs of cells: K_ij = (near_ij I + w_ij gap gap') for unit modulus."""
-
-    xyz: Array  # (m, 3)
-    w: Array  # (m, m)
-    near: Array  # (m, m)
-
-    @staticmethod
-    def of(tip: Tip, xyz: Array, smooth: Array) -> _Pairs:
-        square = (xyz**2).sum(axis=1)
-        r2 = np.maximum(square[:, None] + square - 2 * xyz @ xyz.T, 0)
-        e2 = (smooth[:, None] ** 2 + smooth**2) / 2
-        free = tip.mobility(xyz)
-        both = r2 + e2
-        w = free[:, None] * free * np.exp(np.sqrt(r2) / -tip.reach_mm) / (4 * np.pi * both * np.sqrt(both))
-        return _Pairs(xyz, w, w * (both + e2))
-
-    def along(self, a: Array, b: Array) -> Array:
-        """(m, m) displacement of cell i along a_i by unit force on cell j along b_j; a, b are (m, 3)."""
-        gap_a = (self.xyz * a).sum(axis=1)[:, None] - a @ self.xyz.T
-        gap_b = self.xyz @ b.T - (self.xyz * b).sum(axis=1)
-        gap_a *= gap_b
-        gap_a *= self.w
-        gap_a += self.near * (a @ b.T)
-        return np.asarray(gap_a)
-
-
-def _displace(tip: Tip, at: Array, source: Array, force: Array, smooth: Array) -> Array:
-    """(i, 3) displacement by all forces; the same kernel between two sets of points.
-
-    Expanded so that everything of size i x j but r2 itself is a matrix product.
-    """
-    r2 = ((at**2).sum(axis=1)[:, None] + (source**2).sum(axis=1)) - 2 * at @ source.T
-    np.maximum(r2, 0, out=r2)
-    e2 = smooth**2
-    dot = at @ force.T - (source * force).sum(axis=1)  # gap . force
-    fade = np.exp(np.sqrt(r2) / -tip.reach_mm)
-    r2 += e2
-    w = fade * tip.mobility(source) / (4 * np.pi * r2 * np.sqrt(r2))
-    direct = (w * r2) @ force + w @ (force * e2[:, None])  # (r2 + 2 e2) f, where r2 holds r2 + e2
-    w *= dot
-    out = direct + at * w.sum(axis=1)[:, None] - w @ source
-    return np.asarray(out * tip.mobility(at)[:, None])
-
-
 def _press(stiff: Array, depth: Array) -> Array:
     """Forces p >= 0 with stiff @ p = depth where p > 0 and stiff @ p >= depth elsewhere."""
     p = np.zeros(len(depth))
@@ -343,7 +260,7 @@ def _press(stiff: Array, depth: Array) -> Array:
 
 
 def _drag(
-    pairs: _Pairs, swell: Array, layer: Array, tangents: Array, motion: Array, bound: Array
+    pairs: Pairs, swell: Array, layer: Array, tangents: Array, motion: Array, bound: Array
 ) -> tuple[Array, NDArray[np.bool_], Array]:
     """Tangential forces (m, 3) that carry the skin along, at most `bound`; which cells slide; how far."""
     m = len(bound)
