@@ -10,7 +10,7 @@ The closed tip keeps its volume: a uniform pressure b of the gel pushes back, K 
 which is K under the constraint that what is pressed in comes out elsewhere (`Tip.closed` of it).
 
 Units: shear modulus 1, so forces are in units of modulus x mm2.
-Sources  Johnson, "Contact Mechanics", 3.2, 3.6; Cortez, SIAM J. Sci. Comput. 23 (2001) eq. 11.
+Sources  Johnson, "Contact Mechanics", chapter 3; Cortez, Fauci, Medovikov, Phys. Fluids 17, 031504 (2005).
 """
 
 from __future__ import annotations

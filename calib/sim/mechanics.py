@@ -15,7 +15,7 @@ Rules and limits
   perspective) is kept. Normal and tangential contact are solved one after the other.
 - In directions in which a tool is flat, only its tilt says where it touches; in directions in which it
   is curved, its position does.
-Source  Johnson, "Contact Mechanics", 5.1 (normal), 7.2 (partial slip).
+Source  Johnson, "Contact Mechanics", chapters 5 (normal contact by numbers) and 7 (partial slip).
 """
 
 from __future__ import annotations

@@ -14,9 +14,10 @@ from calib.errors import RigError
 from calib.rig import Pose, open_rig
 from calib.rig.base import CLEAR
 from calib.rig.camera import STALE_FRAMES, SettledCamera
-from calib.rig.gcode import AxisTable, GcodeRig, GcodeStage, StageFile, StageTable, axes_of, load_stage
+from calib.rig.gcode import GcodeRig, axes_of
 from calib.rig.manual import ManualRig, describe_pose
 from calib.rig.simulated import SimulatedRig, load_simulation
+from calib.rig.stage import AxisTable, GcodeStage, StageFile, StageTable, load_stage
 from calib.sim import Tool
 from edge.types import Clock, Frame
 from tests.calib.fake_stage import FakeStage
