@@ -53,6 +53,11 @@ typedef struct {
     double sd, stx, sty, s1, su, sv, s2; /* sums over the support: I d, I tx, I ty, I, I u, I v, I^2 */
 } Sums;
 
+INLINE double length(double x, double y) /* hypot without its care for overflow */
+{
+    return sqrt(x * x + y * y);
+}
+
 INLINE int pixel(const Picture *p, Py_ssize_t x, Py_ssize_t y)
 {
     const unsigned char *row = p->data + y * p->row_bytes;
@@ -86,18 +91,26 @@ INLINE int take_window(const Picture *p, int cx, int cy, const Kind *k, const sh
     return padded || (x0 >= 0 && y0 >= 0 && x0 + size <= p->columns && y0 + size <= p->rows);
 }
 
-/* All sums of one window in one pass of integer products, which compilers vectorise without being asked.
- * `common` holds support, u, v; `t` holds d, tx, ty of one phase. */
-INLINE void correlate(const short *restrict w, const short *restrict common, const short *restrict t, const Kind *k,
-                      int wide, const double *norms, Sums *s)
+/* What the step needs of a window, and what the answer needs besides: sums of integer products, which compilers
+ * vectorise without being asked. `t` holds d, tx, ty of one phase, `common` support, u, v. */
+INLINE void correlate(const short *restrict w, const short *restrict t, const Kind *k, const double *norms, Sums *s)
 {
     const int n = (2 * k->half + 1) * k->stride; /* a multiple of LANES */
-    int d = 0, tx = 0, ty = 0, one = 0, u = 0, v = 0, square = 0;
+    int d = 0, tx = 0, ty = 0;
     for (int i = 0; i < n; i++) {
         d += w[i] * t[i];
         tx += w[i] * t[n + i];
         ty += w[i] * t[2 * n + i];
     }
+    s->sd = d * norms[13];
+    s->stx = tx * norms[14];
+    s->sty = ty * norms[14];
+}
+
+INLINE void moments(const short *restrict w, const short *restrict common, const Kind *k, int wide, Sums *s)
+{
+    const int n = (2 * k->half + 1) * k->stride;
+    int one = 0, u = 0, v = 0, square = 0;
     for (int i = 0; i < n; i++) {
         one += w[i] * common[i];
         u += w[i] * common[n + i];
@@ -112,9 +125,6 @@ INLINE void correlate(const short *restrict w, const short *restrict common, con
         for (int i = 0; i < n; i++) square += w[i] * w[i];
         s->s2 = square;
     }
-    s->sd = d * norms[13];
-    s->stx = tx * norms[14];
-    s->sty = ty * norms[14];
     s->s1 = one;
     s->su = u;
     s->sv = v;
@@ -142,7 +152,7 @@ INLINE double sigma_of(double noise_sigma, double rest, double freedom, double e
 {
     const double missing = rest - freedom * (noise + 1.0 / 12.0);
     const double m = missing > 0 && energy > 0 ? missing / energy : 0;
-    return hypot(noise_sigma, radius * m * m);
+    return length(noise_sigma, radius * m * m);
 }
 
 /* A pin that the image's border cuts: the same fit over the pixels there are, of 1, d, tx, ty alone. `ex`, `ey`
@@ -241,10 +251,10 @@ INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, 
             Answer cut;
             double ex, ey;
             if (!fit_cut(p, window, common, t, k, cx, cy, n, limit->noise, &cut, &ex, &ey)) return a;
-            const double far = hypot(ex, ey), shorten = far > step_max ? step_max / far : 1;
+            const double far = length(ex, ey), shorten = far > step_max ? step_max / far : 1;
             x = cx + ox + shorten * ex;
             y = cy + oy + shorten * ey;
-            if (hypot(x - x0, y - y0) > limit->reach) return a;
+            if (length(x - x0, y - y0) > limit->reach) return a;
             if (far < 0.75 / PHASES || turn == STEPS_MAX - 1) {
                 a = cut;
                 a.x = x;
@@ -255,11 +265,22 @@ INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, 
             continue;
         }
         Sums s;
-        correlate(window, common, t, k, p->bytes == 2, n, &s);
-        const double mean = s.s1 / n[0];
+        correlate(window, t, k, n, &s);
         const double amplitude = s.sd / n[1];
-        const double su = s.su - n[8] * s.s1 - n[10] * s.sd, sv = s.sv - n[9] * s.s1 - n[11] * s.sd;
         if (!(amplitude > 0)) return a;
+        if (turn < STEPS_MAX - 3) { /* far off: go nearer first, by the slopes alone */
+            const double ex = s.stx / (n[2] * amplitude), ey = s.sty / (n[3] * amplitude), far = length(ex, ey);
+            if (far > 0.35) {
+                const double shorten = far > step_max ? step_max / far : 1;
+                x = cx + ox + shorten * ex;
+                y = cy + oy + shorten * ey;
+                if (length(x - x0, y - y0) > limit->reach) return a;
+                continue;
+            }
+        }
+        moments(window, common, k, p->bytes == 2, &s);
+        const double mean = s.s1 / n[0];
+        const double su = s.su - n[8] * s.s1 - n[10] * s.sd, sv = s.sv - n[9] * s.s1 - n[11] * s.sd;
         const double energy = s.s2 - mean * s.s1;
         /* The slope of the surroundings and the step, together; then the slope shrunk by how sure it is:
          * where it is within its own noise, leaving it out costs nothing and saves a fifth of the noise. */
@@ -276,15 +297,15 @@ INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, 
         ex = (s.stx - n[4] * gx) / n[2];
         ey = (s.sty - n[5] * gy) / n[3];
         double dx = ox + cx + ex / amplitude - x, dy = oy + cy + ey / amplitude - y;
-        const double far = hypot(ex, ey) / amplitude;
-        const double step = hypot(dx, dy);
+        const double far = length(ex, ey) / amplitude;
+        const double step = length(dx, dy);
         if (step > step_max) {
             dx *= step_max / step;
             dy *= step_max / step;
         }
         x += dx;
         y += dy;
-        if (hypot(x - x0, y - y0) > limit->reach) return a;
+        if (length(x - x0, y - y0) > limit->reach) return a;
         if (far < 0.75 / PHASES || turn == STEPS_MAX - 1) {
             const double loss_x = 1 + keep_x * n[4] * n[4] / det_x, loss_y = 1 + keep_y * n[5] * n[5] / det_y;
             const double spread = 0.5 * (loss_x / n[2] + loss_y / n[3]);
@@ -362,9 +383,9 @@ static void judge(const double *predicted, Py_ssize_t n, const double *rest_ampl
             Answer *b = out + order[j];
             if (isnan(b->x)) continue;
             if (b->x - a->x > limit->clash) break;
-            if (hypot(b->x - a->x, b->y - a->y) > limit->clash) continue;
+            if (length(b->x - a->x, b->y - a->y) > limit->clash) continue;
             const double *pa = predicted + 2 * order[i], *pb = predicted + 2 * order[j];
-            Answer *loser = hypot(a->x - pa[0], a->y - pa[1]) > hypot(b->x - pb[0], b->y - pb[1]) ? a : b;
+            Answer *loser = length(a->x - pa[0], a->y - pa[1]) > length(b->x - pb[0], b->y - pb[1]) ? a : b;
             loser->x = loser->y = loser->sigma = NAN;
         }
     }
