@@ -29,7 +29,7 @@ def info(address: str, finger: int | None, as_json: bool) -> None:
         click.echo(json.dumps(values))
         return
     for name, value in values.items():
-        shown = f"0x{value:08x}" if name == "schema_hash" else _shown(value)
+        shown = f"0x{answer.schema_hash:08x}" if name == "schema_hash" else _shown(value)
         click.echo(f"{name:<18} {shown} {object_named(name).unit}".rstrip())
 
 

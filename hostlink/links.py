@@ -124,19 +124,19 @@ class CanLink(Link):
         # python-can logs what it also raises; without a handler that would be a second line on stderr.
         logging.getLogger("can").addHandler(logging.NullHandler())
         address, arguments = self.address, self.address.bus_arguments()
-        if address.fd and address.dbitrate and "bitrate" in arguments:
-            arguments["timing"] = can.BitTimingFd.from_sample_point(
-                f_clock=FD_CLOCK_HZ,
-                nom_bitrate=arguments.pop("bitrate"),
-                nom_sample_point=FD_SAMPLE_POINT,
-                data_bitrate=address.dbitrate,
-                data_sample_point=FD_SAMPLE_POINT,
-            )
         try:
+            timing = address.fd_timing()
+            if timing is not None:
+                arguments.pop("bitrate", None)
+                arguments["timing"] = can.BitTimingFd.from_sample_point(
+                    f_clock=FD_CLOCK_HZ,
+                    nom_bitrate=timing[0],
+                    nom_sample_point=FD_SAMPLE_POINT,
+                    data_bitrate=timing[1],
+                    data_sample_point=FD_SAMPLE_POINT,
+                )
             return can.Bus(**arguments)
-        except Exception as error:
-            if not isinstance(error, (*_broken(), ImportError, AttributeError)):
-                raise
+        except _broken() as error:
             raise ConnectError(
                 f"{address}: cannot open CAN interface {address.channel!r} ({address.interface}): "
                 f"{_words(error)}"
@@ -173,7 +173,7 @@ class SerialLink(Link):
             raise ConnectError(
                 f"{self.address}: cannot open serial port {self.address.channel!r}: {_words(error)}"
             ) from error
-        with suppress(*_broken(), AttributeError, NotImplementedError):
+        with suppress(*_broken(), NotImplementedError):
             port.set_low_latency_mode(True)  # FTDI adapters hold bytes back for 16 ms otherwise
         return port
 
@@ -207,7 +207,8 @@ def _broken() -> tuple[type[BaseException], ...]:
     """All ways in which python-can and pyserial say that a medium is gone."""
     import can
 
-    return (can.CanError, OSError, ValueError, TypeError)  # serial.SerialException is an OSError
+    # serial.SerialException is an OSError; the last two are python-can without a driver's own library.
+    return (can.CanError, OSError, ValueError, TypeError, ImportError, AttributeError)
 
 
 def _words(error: BaseException) -> str:

@@ -140,15 +140,17 @@ def open_bus(address: Address) -> Callable[[], CanMedium]:
 
     def opener() -> CanMedium:
         arguments = address.bus_arguments()
-        if address.fd and address.dbitrate and address.interface not in INSTANT:
-            arguments["timing"] = can.BitTimingFd.from_sample_point(
-                f_clock=FD_CLOCK_HZ,
-                nom_bitrate=arguments.pop("bitrate", 1_000_000),
-                nom_sample_point=FD_SAMPLE_POINT,
-                data_bitrate=address.dbitrate,
-                data_sample_point=FD_SAMPLE_POINT,
-            )
         try:
+            timing = address.fd_timing()
+            if timing is not None:
+                arguments.pop("bitrate", None)
+                arguments["timing"] = can.BitTimingFd.from_sample_point(
+                    f_clock=FD_CLOCK_HZ,
+                    nom_bitrate=timing[0],
+                    nom_sample_point=FD_SAMPLE_POINT,
+                    data_bitrate=timing[1],
+                    data_sample_point=FD_SAMPLE_POINT,
+                )
             return CanMedium(can.Bus(**arguments), address.interface in INSTANT)
         except (*_BROKEN, ImportError, AttributeError) as error:
             raise MediumError(

@@ -49,6 +49,7 @@ _RANGES: dict[str, tuple[int, int]] = {
 }
 DEFAULT_BAUD = 921_600  # a 64-byte frame at 240 Hz takes a fifth of it
 DEFAULT_UDP_PORT = 43_113  # python-can's own
+NOMINAL_DEFAULT = 1_000_000  # CiA 601-3: 1 and 5 Mbit/s
 
 
 class AddressError(LinkError, ValueError):
@@ -88,7 +89,7 @@ class Address:
         return f"{self.scheme}:{self.channel}"
 
     def bus_arguments(self) -> dict[str, Any]:
-        """Keyword arguments of `can.Bus`. FD adapters need `timing` too: see the openers."""
+        """Keyword arguments of `can.Bus`. FD adapters need `timing` too: `fd_timing`."""
         arguments: dict[str, Any] = {"interface": self.interface, "channel": self.channel}
         if self.interface == "udp_multicast":
             arguments |= {"port": self.port, "hop_limit": self.ttl, "fd": self.fd}
@@ -100,6 +101,13 @@ class Address:
         if self.bitrate is not None and self.interface not in {"virtual", "udp_multicast", "socketcan"}:
             arguments["bitrate"] = self.bitrate
         return arguments
+
+    def fd_timing(self) -> tuple[int, int] | None:
+        """(nominal, data) bit/s for which an FD adapter wants a `can.BitTimingFd`; None: it wants none."""
+        configured_elsewhere = self.interface in {"virtual", "udp_multicast", "socketcan"}
+        if not self.fd or self.dbitrate is None or configured_elsewhere:
+            return None
+        return self.bitrate or NOMINAL_DEFAULT, self.dbitrate
 
 
 def parse_address(text: str) -> Address:

@@ -6,6 +6,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from importlib.resources import files
 from pathlib import Path
 
 import can
@@ -191,6 +192,22 @@ def test_every_readable_object_answers(bench: Bench) -> None:
             silent.add((row.name, error.code))
     empty = {"calibration", "calibration_id", "camera", *(f"error_{i}" for i in range(1, 9))}
     assert silent == {(name, Abort.NO_DATA) for name in empty}
+
+
+def test_remote_node_with_the_shipped_eds(bench: Bench) -> None:
+    """A third party knows us by the EDS alone."""
+    eds = files("hostlink") / "eds" / "voronoi_touch.eds"
+    remote = bench.network.add_node(NODE, str(eds))
+    assert remote.sdo[0x2000][3].raw == "VT-0042"
+    assert remote.sdo[0x1018][3].raw == object_named("revision").default
+    remote.sdo[0x2010].raw = 1
+    assert bench.finger.tares == [False]
+    remote.sdo[0x1017].raw = 10
+    assert remote.nmt.wait_for_heartbeat(SOON_S) == "OPERATIONAL"
+    bench.node.report(FaultCode.OVERLOAD, True)
+    until(lambda: [e.code for e in remote.emcy.active] == [0x9002], "the emergency")
+    bench.node.report(FaultCode.OVERLOAD, False)
+    until(lambda: not remote.emcy.active, "its clearing")
 
 
 def test_tare_is_refused_under_load_unless_forced(bench: Bench) -> None:
