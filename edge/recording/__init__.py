@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from edge.recording.messages import TOPICS, cloud_to_array
+from edge.recording.messages import cloud_to_array
 from edge.recording.reader import (
     RecordingSource,
     open_recording,
@@ -24,6 +24,7 @@ from edge.recording.reader import (
     read_messages,
     read_metadata,
 )
+from edge.recording.topics import TOPICS
 from edge.recording.writer import Recorder
 
 __all__ = [

@@ -22,8 +22,8 @@ import msgspec
 import numpy as np
 
 from edge.errors import SourceError
-from edge.recording import messages
-from edge.recording.messages import TOPICS
+from edge.recording.images import decode_image
+from edge.recording.topics import TOPICS, proto
 from edge.types import Clock, Frame, Image
 
 __all__ = ["RecordingSource", "open_recording", "read_attachments", "read_messages", "read_metadata"]
@@ -159,7 +159,7 @@ def read_messages(path: str | Path, topics: Sequence[str] | None = None) -> Iter
             yield (
                 raw.topic,
                 raw.log_ns,
-                messages.proto(raw.schema.removeprefix("foxglove.")).FromString(raw.data),
+                proto(raw.schema.removeprefix("foxglove.")).FromString(raw.data),
             )
 
 
@@ -253,7 +253,7 @@ class RecordingSource:
                 elif raw.topic == TOPICS["truth"].name:
                     truth, truth_ns = msgspec.json.decode(raw.data, type=dict).get("truth"), raw.log_ns
                 elif self._is_image(raw):
-                    image = messages.decode_image(raw.schema, raw.data)
+                    image = decode_image(raw.schema, raw.data)
                     known = about if about_ns == raw.log_ns else {}
                     frame, clock = _frame(image, raw, known, n, truth if truth_ns == raw.log_ns else None)
                     n += 1

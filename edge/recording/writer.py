@@ -25,7 +25,8 @@ from typing import Any, Literal, Self
 
 from edge.errors import SinkError
 from edge.recording import messages
-from edge.recording.messages import TOPICS
+from edge.recording.images import image_message
+from edge.recording.topics import TOPICS, proto, schema_of
 from edge.types import Array, Cells, Features, Frame, Reading, Tracks
 
 __all__ = ["CHUNK_AGE_S", "CHUNK_BYTES", "Recorder"]
@@ -70,7 +71,7 @@ class Recorder:
             from mcap.writer import CompressionType, Writer
         except ImportError as error:
             raise SinkError(f"recording: {error}; install voronoi-touch[edge]") from error
-        messages.proto("RawImage")
+        proto("RawImage")
         self.path = Path(path)
         try:
             self._file = open(self.path, "wb" if overwrite else "xb")  # noqa: SIM115  (closed by the thread)
@@ -145,7 +146,7 @@ class Recorder:
             self._item(
                 key,
                 frame,
-                lambda: messages.image_message(frame.image, log_ns, png=self._png),
+                lambda: image_message(frame.image, log_ns, png=self._png),
                 frame.image.nbytes,
             )
         )
@@ -374,7 +375,7 @@ class Recorder:
     def _add(self, key: str, log_ns: int, publish_ns: int, sequence: int, data: bytes) -> None:
         if key not in self._channels:
             topic = TOPICS[key]
-            message_encoding, schema_encoding, schema = messages.schema_of(topic)
+            message_encoding, schema_encoding, schema = schema_of(topic)
             schema_id = self._writer.register_schema(topic.schema, schema_encoding, schema)
             self._channels[key] = self._writer.register_channel(topic.name, message_encoding, schema_id)
         if not self._chunk_bytes:

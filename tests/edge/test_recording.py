@@ -23,7 +23,8 @@ from edge.recording import (
     read_messages,
     read_metadata,
 )
-from edge.recording.messages import annotations_of, proto
+from edge.recording.messages import annotations_of
+from edge.recording.topics import proto
 from edge.types import Cells, Clock, ContactRegion, Features, Frame, Reading, Tracks
 
 STEP_NS = 4_166_667

@@ -1,0 +1,90 @@
+"""Images as Foxglove messages, there and back.
+
+Pixels go out without loss: as PNG for small files, or as raw rows for speed. Back come grey images of 8
+or 16 bits, whatever tool wrote them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edge.recording.topics import proto, stamp
+from edge.types import Image
+
+__all__ = ["decode_image", "image_message"]
+
+
+def image_message(image: Image, log_ns: int, *, png: bool) -> bytes:
+    """The image without loss: as PNG, or as raw rows of mono8 / little-endian mono16."""
+    if png:
+        ok, data = cv2.imencode(".png", image)
+        if not ok:
+            raise ValueError(f"PNG encoder refused an image of shape {image.shape}, {image.dtype}")
+        message = proto("CompressedImage")(
+            timestamp=stamp(log_ns), frame_id="camera", format="png", data=data.tobytes()
+        )
+    else:
+        deep = image.dtype == np.uint16
+        height, width = image.shape
+        message = proto("RawImage")(
+            timestamp=stamp(log_ns),
+            frame_id="camera",
+            width=width,
+            height=height,
+            encoding="mono16" if deep else "mono8",
+            step=width * image.itemsize,
+            data=(image.astype("<u2", copy=False) if deep else image).tobytes(),
+        )
+    return bytes(message.SerializeToString())
+
+
+# foxglove.RawImage encodings that a camera or another tool may have written, and the way to grey.
+_RAW: dict[str, tuple[str, int, int | None]] = {  # encoding: dtype, channels, OpenCV's conversion
+    "mono8": ("u1", 1, None),
+    "8UC1": ("u1", 1, None),
+    "mono16": ("<u2", 1, None),
+    "16UC1": ("<u2", 1, None),
+    "rgb8": ("u1", 3, cv2.COLOR_RGB2GRAY),
+    "bgr8": ("u1", 3, cv2.COLOR_BGR2GRAY),
+    "8UC3": ("u1", 3, cv2.COLOR_BGR2GRAY),
+    "rgba8": ("u1", 4, cv2.COLOR_RGBA2GRAY),
+    "bgra8": ("u1", 4, cv2.COLOR_BGRA2GRAY),
+}
+
+
+def decode_image(schema: str, data: bytes) -> Image:
+    """Grey image of a RawImage or CompressedImage message. Raises ValueError where it is damaged."""
+    if schema == "foxglove.CompressedImage":
+        packed = proto("CompressedImage").FromString(data)
+        buffer = np.frombuffer(packed.data, np.uint8)
+        flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH
+        decoded = cv2.imdecode(buffer, flags) if buffer.size else None
+        if decoded is None:
+            raise ValueError(f"{packed.format or 'compressed'} image does not decode")
+        return _grey(decoded)
+    raw = proto("RawImage").FromString(data)
+    if raw.encoding not in _RAW:
+        raise ValueError(f"image encoding {raw.encoding!r} is not one of {', '.join(_RAW)}")
+    dtype, channels, conversion = _RAW[raw.encoding]
+    itemsize = np.dtype(dtype).itemsize
+    row = raw.width * channels * itemsize
+    if raw.step < row or len(raw.data) < raw.step * raw.height or not raw.height or not raw.width:
+        raise ValueError(f"image of {raw.width}x{raw.height} has {len(raw.data)} bytes, rows of {raw.step}")
+    rows = np.frombuffer(raw.data, np.uint8, raw.step * raw.height).reshape(raw.height, raw.step)[:, :row]
+    image = np.ascontiguousarray(rows).view(dtype)
+    if conversion is not None:
+        return _grey(cv2.cvtColor(image.reshape(raw.height, raw.width, channels), conversion))
+    return _grey(image)
+
+
+def _grey(image: NDArray[Any]) -> Image:
+    """As uint8 or native uint16, whichever it is."""
+    return (
+        image.astype(np.uint16, copy=False)
+        if image.dtype.itemsize == 2
+        else image.astype(np.uint8, copy=False)
+    )

@@ -1,0 +1,129 @@
+"""What stands in a recording: one table of topics, and the schemas that go with them.
+
+- A well-known Foxglove schema (protobuf) wherever one fits; JSON with a JSON schema for numbers that
+  have none, because PlotJuggler plots those as they are.
+- protobuf and the schemas are imported when the first message of their kind is made.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+import msgspec
+
+from edge.errors import SourceError
+
+__all__ = ["TOPICS", "Topic", "proto", "schema_of", "stamp"]
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """name      topic in the file
+    schema    name of the schema; "foxglove." ones are protobuf, the rest JSON
+    fields    for JSON: (name, JSON type, meaning); other fields may follow
+    """
+
+    name: str
+    schema: str
+    fields: tuple[tuple[str, str, str], ...] = ()
+
+    @property
+    def is_json(self) -> bool:
+        return not self.schema.startswith("foxglove.")
+
+
+_SEQUENCE = ("sequence", "integer", "the camera's own counter")
+
+TOPICS: dict[str, Topic] = {
+    "image": Topic("/camera/image", "foxglove.RawImage"),
+    "image_png": Topic("/camera/image", "foxglove.CompressedImage"),
+    "frame": Topic(
+        "/camera/frame",
+        "voronoi_touch.Frame",
+        (
+            _SEQUENCE,
+            ("capture_ns", "integer", "start of exposure, ns, on `clock`"),
+            ("clock", "string", "device, driver, host or recorded"),
+            ("bits", "integer", "bits of a pixel that count"),
+        ),
+    ),
+    "truth": Topic(
+        "/camera/truth", "voronoi_touch.Truth", (_SEQUENCE, ("truth", "object", "what the rig knows"))
+    ),
+    "pins": Topic("/pins", "foxglove.PointCloud"),
+    "pins_overlay": Topic("/pins/overlay", "foxglove.ImageAnnotations"),
+    "cells": Topic("/cells", "foxglove.PointCloud"),
+    "cells_overlay": Topic("/cells/overlay", "foxglove.ImageAnnotations"),
+    "features": Topic(
+        "/features",
+        "voronoi_touch.Features",
+        (
+            _SEQUENCE,
+            ("touched", "boolean", "anything above the noise"),
+            ("shear_x_px", "number", "mean motion of the pins, x right, px"),
+            ("shear_y_px", "number", "mean motion of the pins, y down, px"),
+            ("volume_px2", "number", "compressed part of the surface's integral, px2"),
+            ("torsion_rad", "number", "rotation about the contact, rad"),
+            ("slip_px", "number", "motion that the load does not explain, px"),
+            ("slip_probability", "number", "0..1"),
+            ("contacts", "array", "x_px, y_px, peak, area_px2, orientation_rad, elongation; strongest first"),
+        ),
+    ),
+    "reading": Topic(
+        "/reading",
+        "voronoi_touch.Reading",
+        (
+            _SEQUENCE,
+            ("values", "object", "calibrated values by name of the wire's field; unit in the name"),
+            ("sigmas", "object", "one-sigma error of each value, in its unit"),
+            ("contacts", "array", "x_mm, y_mm, depth_mm in the tip's frame; strongest first"),
+            ("saturated", "array", "names of values outside of the calibrated range"),
+            ("calibrated", "boolean", "a calibration of this tip was applied"),
+        ),
+    ),
+    "sample": Topic(
+        "/bus/sample",
+        "voronoi_touch.Sample",
+        (
+            _SEQUENCE,
+            ("values", "object", "the state frame's fields as the host decodes them"),
+            ("payload", "string", "the bytes as sent, hexadecimal"),
+        ),
+    ),
+    "events": Topic("/events", "foxglove.Log"),
+}
+
+
+@cache
+def proto(name: str) -> Any:
+    """Class of a Foxglove message, e.g. `proto("RawImage")`. Raises SourceError where it is not installed."""
+    try:
+        module = import_module(f"foxglove_schemas_protobuf.{name}_pb2")
+    except ImportError as error:
+        raise SourceError(f"recording: {error}; install voronoi-touch[edge]") from error
+    return getattr(module, name)
+
+
+def schema_of(topic: Topic) -> tuple[str, str, bytes]:
+    """(message encoding, schema encoding, schema) as MCAP's registry names them."""
+    if topic.is_json:
+        properties = {name: {"type": kind, "description": text} for name, kind, text in topic.fields}
+        return (
+            "json",
+            "jsonschema",
+            msgspec.json.encode({"title": topic.schema, "type": "object", "properties": properties}),
+        )
+    from mcap_protobuf.schema import build_file_descriptor_set
+
+    message = proto(topic.schema.removeprefix("foxglove."))
+    return "protobuf", "protobuf", build_file_descriptor_set(message).SerializeToString()
+
+
+def stamp(ns: int) -> Any:
+    from google.protobuf.timestamp_pb2 import Timestamp
+
+    seconds, nanos = divmod(ns, 1_000_000_000)
+    return Timestamp(seconds=seconds, nanos=nanos)
