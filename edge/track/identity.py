@@ -52,6 +52,7 @@ FULL_LEAD = 6.0
 CHANCE = 0.08
 FULL_DOUBT = 6.0
 LEAST_SHARE, FULL_SHARE = 0.38, 0.86
+SAME = 0.9  # share of a coarse match that makes it one that was tried
 SURE, FEW_CLASHES = 0.6, 2  # then the search ends
 FORGIVEN, MOST = 0.025, 0.8
 EFFORT = 3.0  # pins, for a root-mean-square motion of one step
@@ -94,42 +95,53 @@ class _Match:
     def score(self) -> float:
         return self.n_agree - self.n_clash - self.effort
 
+    def holds(self, motion: Array, known: Mask) -> bool:
+        """Whether growing this coarse match would most likely end here again."""
+        same = known & self.known & (motion == self.motion).all(-1)
+        return bool(np.sum(same) > SAME * np.sum(known))
+
 
 class _Nearest:
     """Nearest blob to a point from a table: exact to RASTER_PX, constant time."""
 
     def __init__(self, xy: Array, low: Array, high: Array) -> None:
         self.xy = xy
+        self._x, self._y = np.ascontiguousarray(xy.T)
         self._low = np.minimum(xy.min(0), low) - RASTER_PX
-        size = np.ceil((np.maximum(xy.max(0), high) - self._low) / RASTER_PX).astype(int) + 2
-        empty = np.ones((size[1], size[0]), np.uint8)
-        cell = self._cell(xy, size)
-        empty[cell[:, 1], cell[:, 0]] = 0
-        _, label = cv2.distanceTransformWithLabels(empty, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+        self._size = np.ceil((np.maximum(xy.max(0), high) - self._low) / RASTER_PX).astype(int) + 2
+        empty = np.ones(int(self._size.prod()), np.uint8)
+        cell = self._cell(self._x, self._y)
+        empty[cell] = 0
+        image = empty.reshape(self._size[::-1])
+        _, label = cv2.distanceTransformWithLabels(image, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+        label = label.ravel()
         blob = np.zeros(int(label.max()) + 1, np.intp)
-        blob[label[cell[:, 1], cell[:, 0]]] = np.arange(len(xy))
+        blob[label[cell]] = np.arange(len(xy))
         self._table = blob[label]
-        self._size = size
 
-    def _cell(self, at: Array, size: NDArray[np.int_]) -> NDArray[np.int_]:
-        cell: NDArray[np.int_] = np.rint((at - self._low) / RASTER_PX).astype(int)
-        return np.clip(cell, 0, size - 1)
+    def _cell(self, x: Array, y: Array) -> Blob:
+        column = np.rint((x - self._low[0]) / RASTER_PX).astype(np.intp)
+        row = np.rint((y - self._low[1]) / RASTER_PX).astype(np.intp)
+        np.maximum(np.minimum(column, self._size[0] - 1, out=column), 0, out=column)
+        np.maximum(np.minimum(row, self._size[1] - 1, out=row), 0, out=row)
+        return np.asarray(row * self._size[0] + column)
 
     def match(
         self, at: Array, gate_px: float | Array, usable: Mask | None = None
     ) -> tuple[Blob, Array, Mask]:
         """at (h, n, 2) -> nearest blob (h, n), squared distance, whether it is ours: within the gate,
         and no other pin of the hypothesis is nearer to it."""
-        cell = self._cell(at, self._size)
-        blob = self._table[cell[..., 1], cell[..., 0]]
-        square = ((self.xy[blob] - at) ** 2).sum(-1)
-        square = np.where(square < gate_px**2, square, np.inf)
+        x, y = at[..., 0], at[..., 1]
+        blob = self._table[self._cell(x, y)]
+        square = (self._x[blob] - x) ** 2 + (self._y[blob] - y) ** 2
+        inside = square < gate_px**2
         if usable is not None:
-            square = np.where(usable, square, np.inf)
+            inside &= usable
+        square = np.where(inside, square, np.inf)
         key = blob + np.arange(len(blob))[:, None] * len(self.xy)
         best = np.full(len(blob) * len(self.xy), np.inf)
         np.minimum.at(best, key.ravel(), square.ravel())
-        return blob, square, np.isfinite(square) & (square <= best[key])
+        return blob, square, inside & (square <= best[key])
 
 
 class Identifier:
@@ -173,14 +185,18 @@ class Identifier:
         motion, known = self._coarse(nearest, start)
         score = np.sum(self._lattice.disagreement(motion, known) < AGREE * self._step_px, axis=1)
         best, confidence = None, 0.0
-        for h in np.argsort(-score, kind="stable")[:N_GROWN]:
+        tried: list[_Match] = []
+        for h in np.argsort(-score, kind="stable"):
+            if any(m.holds(motion[h], known[h]) for m in tried):
+                continue
             found = self._grow(nearest, motion[h], self._largest_piece(motion[h], known[h]))
             rival = self._rival(nearest, found)
             while rival.score > found.score:
                 found, rival = rival, self._rival(nearest, rival)
+            tried.append(found)
             if best is None or found.score > best.score:
                 best, confidence = found, self._confidence(found, rival)
-            if confidence > SURE and best.n_clash <= FEW_CLASHES:
+            if (confidence > SURE and best.n_clash <= FEW_CLASHES) or len(tried) == N_GROWN:
                 break
         assert best is not None
         return Identity(np.where(self._believed(best), best.blob, -1), best.n_agree, confidence)
