@@ -54,6 +54,7 @@ def load_simulation(path: Path | None) -> Simulation:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
         known = msgspec.convert(table, Simulation)
         _refuse_unknown(table, known)
+        known.simulator()
         return known
     except OSError as error:
         raise RigError(f"{path}: cannot be read: {error.strerror}") from None

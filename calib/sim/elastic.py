@@ -89,6 +89,7 @@ class Gel:
 
 @lru_cache(maxsize=8)
 def gel_of(tip: Tip) -> Gel:
+    """The answer of this tip's gel to pressure, integrated over the dome."""
     r, lowest = tip.dome_radius_mm, np.cos(np.deg2rad(tip.rim_deg))
     # Equal-area points on the dome (Fibonacci's spiral).
     m = 1500

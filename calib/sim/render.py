@@ -115,6 +115,8 @@ class Renderer:
         self.camera = camera
         self.look = look
         n = len(camera.tip.rays)
+        if look.dead and not 0 <= min(look.dead) <= max(look.dead) < n:
+            raise ValueError(f"look: dead pins {sorted(look.dead)}; the tip has pins 0..{n - 1}")
         # The tip's own: the same pins are brighter in every recording of it, whatever the seed.
         spread = np.random.default_rng(n).standard_normal(n) * look.unevenness
         self._pin_level = look.pin * np.clip(1 + spread, 0.3, 2)

@@ -72,7 +72,6 @@ def open_sim(where: str, options: Options) -> FrameSource:
         tip = Tip(n_pins=int(values["pins"]), kind=values["layout"])
         size = (options.width or 640, options.height or 480)
         camera = Camera(tip=tip, size_px=size)
-        tip.rays  # noqa: B018  (a layout that cannot be made says so here)
         if values["light"] not in _LIGHTS:
             raise ValueError(f"light {values['light']!r} is unknown; one of {', '.join(_LIGHTS)}")
         look = _LIGHTS[values["light"]](camera, int(values["seed"]))

@@ -104,6 +104,20 @@ class Tip:
     shear_modulus_kpa: float = 20.0
     friction: float = 1.0
 
+    def __post_init__(self) -> None:
+        layout(self.kind, self.n_pins)  # refuses what makes no pattern
+        for name in ("pin_length_mm", "pin_radius_mm", "skin_mm", "layer_mm", "reach_mm", "clamp_mm"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"tip: {name} = {getattr(self, name)}; must be > 0")
+        if not 0 < self.closed <= 1:
+            raise ValueError(f"tip: closed = {self.closed}; must be above 0, at most 1")
+        if not 0 < self.pins_deg < self.rim_deg < 90:
+            raise ValueError(
+                f"tip: pins_deg = {self.pins_deg}, rim_deg = {self.rim_deg}; 0 < pins < rim < 90"
+            )
+        if not self.pin_length_mm < self.dome_radius_mm < self.camera_distance_mm:
+            raise ValueError("tip: pin_length_mm < dome_radius_mm < camera_distance_mm must hold")
+
     @cached_property
     def rays(self) -> Array:
         """(n, 2) direction of each pin's tip as seen from the camera, (x/z, y/z)."""

@@ -116,6 +116,12 @@ def test_simulation_file_sets_tip_camera_and_look(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("text", "words"), [
     ("[tip]\npins = 3", ["pins", "n_pins"]),
     ("[look]\nbits = 9", ["bits", "12"]),
+    ("[look]\ndead = [400]", ["dead", "0..330"]),
+    ("[tip]\nclosed = 0", ["closed"]),
+    ("[tip]\nskin_mm = -1", ["skin_mm"]),
+    ("[tip]\nrim_deg = 95", ["rim_deg"]),
+    ("[tip]\nn_pins = 100", ["91"]),
+    ("[tip]\ncamera_distance_mm = 5", ["camera_distance_mm"]),
     ("seed = 'x'", ["seed"]),
     ("seed", ["="]),
 ])  # fmt: skip
