@@ -1,0 +1,141 @@
+"""Fingers on one bus, for as long as asked: what is lost, and how late samples come.
+
+    python -m tests.bench link --seconds 600 --fingers 5 --rate 250 --bus virtual --bus udp
+
+Latency is from just before `send` to the callback of the host's client, on one clock. UDP's sender is a
+process of its own, as a finger is; the virtual bus exists within one process only. The rate counts as
+reached when every tick was served; a tick that came late is sent late, never left out.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import sys
+import threading
+import time
+from pathlib import Path
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+import hostlink
+from edge.transport import CanFdSink, open_sink
+from hostlink.wire import Contact, State
+
+PORT = 43_999
+BUSES = {"virtual": "virtual:bench", "udp": f"udp:239.0.0.5?port={PORT}"}
+SETTLE_S = 0.5  # after the last sample, for what is still on its way
+
+
+def sample(number: int) -> State:
+    """A sample with every field valid: the longest to pack and unpack."""
+    return State(
+        sample=number,
+        capture_time_us=time.monotonic_ns() // 1000,
+        latency_us=0.0,
+        pins_tracked=1.0,
+        contact_n=2,
+        contacts=(Contact(1.0, -1.0, 0.5), Contact(-3.0, 2.0, 0.4)),
+        displacement_mm=1.234,
+        shear_x_mm=0.1,
+        shear_y_mm=-0.2,
+        force_n=2.0,
+    )
+
+
+def feed(address: str, fingers: int, rate_hz: float, seconds: float, report: list[int] | None = None) -> None:
+    """Send as that many fingers; puts (sent, dropped) into `report`, or on stdout as JSON."""
+    option = "&" if "?" in address else "?"
+    sinks = [open_sink(f"{address}{option}node={k + 1}") for k in range(fingers)]
+    assert all(isinstance(sink, CanFdSink) for sink in sinks)
+    begun_s, period_s = time.monotonic(), 1 / rate_hz
+    for number in range(round(seconds * rate_hz)):
+        wait_s = begun_s + number * period_s - time.monotonic()
+        if wait_s > 0:
+            time.sleep(wait_s)
+        for sink in sinks:
+            sink.send(sample(number))
+    for sink in sinks:
+        sink.close()
+    if report is not None:
+        report += [sum(s.counters.sent for s in sinks), sum(s.counters.dropped for s in sinks)]
+
+
+def measure(bus: str, fingers: int, rate_hz: float, seconds: float) -> dict[str, float | str]:
+    """One run on one bus."""
+    late_us: list[float] = []
+    address = BUSES[bus]
+
+    def hear(heard: hostlink.Sample) -> None:
+        now_us = time.monotonic_ns() // 1000
+        late_us.append((now_us - heard.state.capture_time_us) % 2**32)
+
+    with hostlink.connect(address) as hand:
+        hand.on_sample(hear)
+        if bus == "virtual":
+            report: list[int] = []
+            sender = threading.Thread(target=feed, args=(address, fingers, rate_hz, seconds, report))
+            sender.start()
+            sender.join()
+        else:
+            manager = multiprocessing.get_context("spawn").Manager()
+            shared = manager.list()
+            child = multiprocessing.get_context("spawn").Process(
+                target=_feed_there, args=(address, fingers, rate_hz, seconds, shared)
+            )
+            child.start()
+            child.join()
+            report = list(shared)
+        time.sleep(SETTLE_S)
+        counted = list(hand.statistics.values())
+    sent_n, dropped_n = report
+    p50, p99, p999 = np.percentile(late_us, (50, 99, 99.9))
+    return {
+        "bus": bus,
+        "fingers": fingers,
+        "rate_hz": rate_hz,
+        "seconds": seconds,
+        "sent": sent_n,
+        "refused_by_link": dropped_n,
+        "received": sum(s.received_n for s in counted),
+        "lost": sent_n - sum(s.received_n for s in counted),
+        "counted_lost": sum(s.lost_n for s in counted),
+        "corrupt": sum(s.corrupt_n for s in counted),
+        "p50_us": float(p50),
+        "p99_us": float(p99),
+        "p99.9_us": float(p999),
+        "max_us": float(max(late_us)),
+    }
+
+
+def _feed_there(address: str, fingers: int, rate_hz: float, seconds: float, shared: list[int]) -> None:
+    report: list[int] = []
+    feed(address, fingers, rate_hz, seconds, report)
+    shared.extend(report)
+
+
+@click.command()
+@click.option("--seconds", type=click.FloatRange(min=0.1), default=10.0, show_default=True)
+@click.option("--fingers", type=click.IntRange(1, 127), default=5, show_default=True)
+@click.option("--rate", type=click.FloatRange(1, 2000), default=250.0, show_default=True)
+@click.option("--bus", "buses", type=click.Choice(sorted(BUSES)), multiple=True, help="Default: all.")
+@click.option("--json", "json_file", type=click.Path(path_type=Path), help="Write the figures there too.")
+def command(
+    seconds: float, fingers: int, rate: float, buses: tuple[str, ...], json_file: Path | None
+) -> None:  # fmt: skip
+    """Fingers on one bus: what is lost, and how late samples come. Exit code 1: something was lost."""
+    rows = [measure(bus, fingers, rate, seconds) for bus in buses or sorted(BUSES)]
+    table = Table("", *(str(row["bus"]) for row in rows))
+    for name in list(rows[0])[1:]:
+        table.add_row(name, *(f"{row[name]:,.0f}" for row in rows))
+    Console().print(table)
+    if json_file is not None:
+        json_file.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+    sys.exit(1 if any(row["lost"] for row in rows) else 0)
+
+
+if __name__ == "__main__":
+    command()
