@@ -78,7 +78,8 @@ INLINE int take_window(const Picture *p, int cx, int cy, const Kind *k, const sh
         const Py_ssize_t y = y0 + j;
         if (padded && p->bytes == 1) {
             const unsigned char *from = p->data + y * p->row_bytes + x0;
-            for (int i = 0; i < k->stride; i++) to[i] = (short)((from[i] - level) * in[i]);
+            for (int i = 0; i < k->stride; i += LANES) /* whole blocks: no remainder to do one by one */
+                for (int l = 0; l < LANES; l++) to[i + l] = (short)((from[i + l] - level) & -in[i + l]);
         } else {
             for (int i = 0; i < k->stride; i++) {
                 const Py_ssize_t x = x0 + i;
