@@ -68,9 +68,10 @@ def make_boundary(xy: Array, pitch_px: float) -> tuple[Array, Index]:
                 break
             loop.append(follower)
         x, y = np.concatenate([np.stack([comes[k], leaves[k]]) for k in loop]).T
-        turns_left = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) > 0 or length[loop[0]] > 6
-        if not turns_left:
-            continue  # inside of a hole
+        polygon = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+        segments = 0.5 * ball**2 * np.sum(length[loop] - np.sin(length[loop]))
+        if polygon + segments < 0:
+            continue  # the ball ran round the inside of a hole
         for k, then in zip(loop, [*loop[1:], loop[0]], strict=True):
             points.append(_arc(xy[pin[k]], offset, float(start[k]), float(length[k]), step))
             to_this, to_then = xy[pin[k]] - leaves[k], xy[pin[then]] - leaves[k]

@@ -81,6 +81,17 @@ def test_boundary_bridges_gaps_between_spokes() -> None:
     assert np.hypot(*(boundary - CENTRE).T).min() > 6 * PITCH_PX
 
 
+@pytest.mark.parametrize(
+    "stray", [[(0.0, 0.0)], [(0.0, 0.0), (2.0, 0.0)], [(0.0, 0.0), (2.0, 0.0), (1.0, 2.0)]]
+)
+def test_stray_pins_get_a_boundary_of_their_own(stray: list[tuple[float, float]]) -> None:
+    """A reflection far outside that the rest frame took for a pin must not spoil anything."""
+    rest = np.concatenate([hexagonal(4), CENTRE + PITCH_PX * (np.array(stray) + np.array([20.0, 3.0]))])
+    alone, together = Tessellator(rest_of(hexagonal(4))), Tessellator(rest_of(rest))
+    assert np.isfinite(together.rest_area_px2).all()
+    assert worst_relative(together.rest_area_px2[:61], alone.rest_area_px2) <= 1e-10
+
+
 def test_parts_of_a_tip_have_a_boundary_each() -> None:
     rest = np.concatenate([hexagonal(3), hexagonal(3) + np.array([20 * PITCH_PX, 0.0])])
     tessellator = Tessellator(rest_of(rest))
