@@ -45,9 +45,10 @@ def monitor(address: str, seconds: float | None, plain: bool) -> None:
 
 
 def _print_lines(board: Board, end_s: float | None, address: str) -> None:
-    while (wait_s := _left(end_s, LINE_S)) > 0:
+    looked = False
+    while (wait_s := _left(end_s, LINE_S)) > (LOOK_S if looked else 0):  # a rate over less is noise
         time.sleep(wait_s)
-        rows = board.look()
+        rows, looked = board.look(), True
         for row in rows:
             click.echo(line(row))
         if not rows:

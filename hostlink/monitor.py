@@ -21,7 +21,7 @@ __all__ = ["Board", "Row", "arrow", "line", "table"]
 
 ARROWS = "→↘↓↙←↖↑↗"  # y points down in the tip's frame, as in the camera's image
 ARROW_MIN_MM = 0.02  # below a tenth of a pixel's motion a direction is noise
-COLUMNS = ("depth mm", "shear mm", "", "force N", "contacts", "rate Hz", "age ms", "lost", "late", "bad")
+COLUMNS = ("finger", "depth mm", "shear mm", " ", "force N", "Hz", "age ms", "lost", "late", "bad")
 NMT = {0: "boot", 4: "stopped", 5: "", 127: "pre-op"}
 
 
@@ -107,27 +107,17 @@ def line(row: Row) -> str:
 
 def table(rows: Sequence[Row], title: str) -> Table:
     """The rows as a table for a terminal."""
+    from rich import box
     from rich.table import Table
 
-    t = Table(title=title, title_justify="left", expand=False)
-    t.add_column("finger")
-    for name in (
-        "depth mm",
-        "shear mm",
-        "",
-        "force N",
-        "contacts",
-        "rate Hz",
-        "age ms",
-        "lost",
-        "late",
-        "bad",
-    ):
-        t.add_column(name, justify="right")
-    t.add_column("state")
+    t = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for name in COLUMNS:
+        t.add_column(name, justify="right", no_wrap=True)
+    t.add_column("contacts", overflow="fold")
+    t.add_column("state", overflow="fold")
     for row in rows:
         s = row.state
-        values = ["-"] * 5 if s is None else _cells(s)
+        values = ["-"] * 4 if s is None else _cells(s)
         t.add_row(
             str(row.finger),
             *values,
@@ -136,20 +126,24 @@ def table(rows: Sequence[Row], title: str) -> Table:
             str(row.lost_n),
             str(row.late_n),
             str(row.corrupt_n),
+            "-" if s is None else _places(s),
             row.words,
         )
     return t
 
 
 def _cells(s: State) -> list[str]:
-    places = " ".join(f"({c.x_mm:+.1f},{c.y_mm:+.1f})" for c in s.contacts)
     return [
         _number(s.displacement_mm, 3),
         _number(hypot(s.shear_x_mm, s.shear_y_mm), 3),
         arrow(s.shear_x_mm, s.shear_y_mm),
         _number(s.force_n, 2),
-        f"{s.contact_n} {places}".rstrip(),
     ]
+
+
+def _places(s: State) -> str:
+    places = " ".join(f"({c.x_mm:+.1f},{c.y_mm:+.1f})" for c in s.contacts)
+    return f"{s.contact_n} {places}".rstrip()
 
 
 def _number(value: float, digits: int) -> str:

@@ -18,7 +18,8 @@ import hostlink
 from edge.errors import CalibrationError
 from edge.node import Node, Refused
 from edge.settings import SettingsFile
-from edge.transport import CanSink, SerialSink, open_sink
+from edge.transport import CanClassicSink, CanSink, SerialSink, open_sink
+from hostlink.decoder import DetailFrame
 from hostlink.wire import FaultCode, State, pack_state, unpack_state
 from hostlink.wire.e2e import protect_p5
 from hostlink.wire.fields import DATA_ID
@@ -355,3 +356,21 @@ def test_unusable_address_is_one_line(address: str, words: str) -> None:
     with pytest.raises(hostlink.ConnectError, match=words) as caught:
         hostlink.connect(address)
     assert "\n" not in str(caught.value)
+
+
+def test_detail_stream_when_asked_for(pair: Pair) -> None:
+    node, _, hand = pair
+    node.send(state(0))
+    finger = hand.finger()
+    rows = [(k / 10, -k / 20, 0.25) for k in range(100)]
+    assert not node.send_detail(0, rows)  # off by default
+    finger.set("detail_divider", 1)
+    frames: list[DetailFrame] = []
+    hand.on_detail(frames.append)
+    if isinstance(node.sink, CanClassicSink):
+        assert not node.send_detail(1, rows)  # classic CAN has no room for it
+        return
+    until(lambda: node.send_detail(7, rows), "the link is free")
+    until(lambda: frames, "the frame")
+    assert frames[0].detail.sample == 7
+    assert [r[0] for r in frames[0].detail.rows] == pytest.approx([r[0] for r in rows], abs=0.011)
