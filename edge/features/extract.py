@@ -20,7 +20,7 @@ from enum import Enum, auto
 
 import numpy as np
 
-from edge.features.contacts import find_contacts
+from edge.features.contacts import blend, find_contacts
 from edge.features.gate import Gate
 from edge.features.modes import Modes
 from edge.features.motion import ContactPins, Slip, mean_motion, torsion
@@ -148,17 +148,16 @@ class FeatureExtractor:
         if cells is not None and (plan.volume or plan.surface or plan.contacts):
             surface = self.surface
             growth = surface.fill(change)
-            if plan.volume or plan.surface:
-                heights = surface.heights(growth)
-                if plan.volume:
-                    volume = surface.volume_px2(heights, VOLUME_THRESHOLD * noise)
-                if plan.surface:
-                    picture = surface.spread(heights, np.nan).astype(np.float64)
+            heights = surface.heights(growth)
+            if plan.volume:
+                volume = surface.volume_px2(heights, VOLUME_THRESHOLD * noise)
+            if plan.surface:
+                picture = surface.spread(heights, np.nan).astype(np.float64)
             if plan.contacts:
-                stretch = surface.stretch((cells.xy_img - self._xy_rest).astype(np.float32))
+                relief = blend(surface.stretch((cells.xy_img - self._xy_rest).astype(np.float32)), heights)
                 least = surface.stretch_noise * np.float32(THRESHOLD * sigma)
                 np.maximum(least, np.float32(THRESHOLD_MIN), out=least)
-                contacts = find_contacts(stretch, surface, least, growth, cells.xy_img)
+                contacts = find_contacts(relief, surface, least, growth, cells.xy_img)
         turn = slip = probability = None
         if plan.torsion or plan.slip:
             least_change = max(THRESHOLD * noise, THRESHOLD_MIN)
