@@ -631,17 +631,16 @@ int vt_classic_part3_pack(
         dst_p[4] |= pack_right_shift_u32(src_p->capture_time_us, 8u, 0xffu);
         dst_p[5] |= pack_right_shift_u32(src_p->capture_time_us, 16u, 0xffu);
         dst_p[6] |= pack_right_shift_u32(src_p->capture_time_us, 24u, 0xffu);
-        temperature_degc = (uint8_t)src_p->temperature_degc;
-        dst_p[7] |= pack_left_shift_u8(temperature_degc, 0u, 0xffu);
+        dst_p[7] |= pack_left_shift_u8(src_p->check, 0u, 0xffu);
         break;
 
     case 1:
-        dst_p[3] |= pack_left_shift_u16(src_p->displacement_sigma_mm, 0u, 0xffu);
-        dst_p[4] |= pack_right_shift_u16(src_p->displacement_sigma_mm, 8u, 0x0fu);
-        dst_p[4] |= pack_left_shift_u16(src_p->shear_sigma_mm, 4u, 0xf0u);
-        dst_p[5] |= pack_right_shift_u16(src_p->shear_sigma_mm, 4u, 0xffu);
-        dst_p[6] |= pack_left_shift_u16(src_p->latency_us, 0u, 0xffu);
-        dst_p[7] |= pack_right_shift_u16(src_p->latency_us, 8u, 0xffu);
+        dst_p[3] |= pack_left_shift_u8(src_p->displacement_sigma_mm, 0u, 0xffu);
+        dst_p[4] |= pack_left_shift_u8(src_p->shear_sigma_mm, 0u, 0xffu);
+        dst_p[5] |= pack_left_shift_u16(src_p->latency_us, 0u, 0xffu);
+        dst_p[6] |= pack_right_shift_u16(src_p->latency_us, 8u, 0xffu);
+        temperature_degc = (uint8_t)src_p->temperature_degc;
+        dst_p[7] |= pack_left_shift_u8(temperature_degc, 0u, 0xffu);
         break;
 
     case 2:
@@ -716,17 +715,16 @@ int vt_classic_part3_unpack(
         dst_p->capture_time_us |= unpack_left_shift_u32(src_p[4], 8u, 0xffu);
         dst_p->capture_time_us |= unpack_left_shift_u32(src_p[5], 16u, 0xffu);
         dst_p->capture_time_us |= unpack_left_shift_u32(src_p[6], 24u, 0xffu);
-        temperature_degc = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
-        dst_p->temperature_degc = (int8_t)temperature_degc;
+        dst_p->check = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
         break;
 
     case 1:
-        dst_p->displacement_sigma_mm = unpack_right_shift_u16(src_p[3], 0u, 0xffu);
-        dst_p->displacement_sigma_mm |= unpack_left_shift_u16(src_p[4], 8u, 0x0fu);
-        dst_p->shear_sigma_mm = unpack_right_shift_u16(src_p[4], 4u, 0xf0u);
-        dst_p->shear_sigma_mm |= unpack_left_shift_u16(src_p[5], 4u, 0xffu);
-        dst_p->latency_us = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
-        dst_p->latency_us |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
+        dst_p->displacement_sigma_mm = unpack_right_shift_u8(src_p[3], 0u, 0xffu);
+        dst_p->shear_sigma_mm = unpack_right_shift_u8(src_p[4], 0u, 0xffu);
+        dst_p->latency_us = unpack_right_shift_u16(src_p[5], 0u, 0xffu);
+        dst_p->latency_us |= unpack_left_shift_u16(src_p[6], 8u, 0xffu);
+        temperature_degc = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
+        dst_p->temperature_degc = (int8_t)temperature_degc;
         break;
 
     case 2:
@@ -904,24 +902,24 @@ bool vt_classic_part3_capture_time_us_is_in_phys_range(float value)
     return ((value >= 0.0f) && (value <= 4294967295.0f));
 }
 
-uint16_t vt_classic_part3_displacement_sigma_mm_encode(float value)
+uint8_t vt_classic_part3_displacement_sigma_mm_encode(float value)
 {
-    return (uint16_t)(cantools_unsigned_from_double(roundf(value / 0.002f)));
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.008f)));
 }
 
-float vt_classic_part3_displacement_sigma_mm_decode(uint16_t value)
+float vt_classic_part3_displacement_sigma_mm_decode(uint8_t value)
 {
-    return ((float)value * 0.002f);
+    return ((float)value * 0.008f);
 }
 
-bool vt_classic_part3_displacement_sigma_mm_is_in_range(uint16_t value)
+bool vt_classic_part3_displacement_sigma_mm_is_in_range(uint8_t value)
 {
-    return (value <= 4000u);
+    return (value <= 254u);
 }
 
 bool vt_classic_part3_displacement_sigma_mm_is_in_phys_range(float value)
 {
-    return ((value >= 0.0f) && (value <= 8.0f));
+    return ((value >= 0.0f) && (value <= 2.032f));
 }
 
 int16_t vt_classic_part3_force_n_encode(float value)
@@ -1004,24 +1002,44 @@ bool vt_classic_part3_torsion_deg_is_in_phys_range(float value)
     return ((value >= -180.0f) && (value <= 180.0f));
 }
 
-uint16_t vt_classic_part3_shear_sigma_mm_encode(float value)
+uint8_t vt_classic_part3_shear_sigma_mm_encode(float value)
 {
-    return (uint16_t)(cantools_unsigned_from_double(roundf(value / 0.002f)));
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.008f)));
 }
 
-float vt_classic_part3_shear_sigma_mm_decode(uint16_t value)
+float vt_classic_part3_shear_sigma_mm_decode(uint8_t value)
 {
-    return ((float)value * 0.002f);
+    return ((float)value * 0.008f);
 }
 
-bool vt_classic_part3_shear_sigma_mm_is_in_range(uint16_t value)
+bool vt_classic_part3_shear_sigma_mm_is_in_range(uint8_t value)
 {
-    return (value <= 4000u);
+    return (value <= 254u);
 }
 
 bool vt_classic_part3_shear_sigma_mm_is_in_phys_range(float value)
 {
-    return ((value >= 0.0f) && (value <= 8.0f));
+    return ((value >= 0.0f) && (value <= 2.032f));
+}
+
+uint16_t vt_classic_part3_latency_us_encode(float value)
+{
+    return (uint16_t)(cantools_unsigned_from_double(roundf(value / 10.0f)));
+}
+
+float vt_classic_part3_latency_us_decode(uint16_t value)
+{
+    return ((float)value * 10.0f);
+}
+
+bool vt_classic_part3_latency_us_is_in_range(uint16_t value)
+{
+    return (value <= 65534u);
+}
+
+bool vt_classic_part3_latency_us_is_in_phys_range(float value)
+{
+    return ((value >= 0.0f) && (value <= 655340.0f));
 }
 
 int16_t vt_classic_part3_pressure_kpa_encode(float value)
@@ -1104,24 +1122,26 @@ bool vt_classic_part3_slip_speed_mm_s_is_in_phys_range(float value)
     return ((value >= 0.0f) && (value <= 655.0f));
 }
 
-uint16_t vt_classic_part3_latency_us_encode(float value)
+uint8_t vt_classic_part3_check_encode(float value)
 {
-    return (uint16_t)(cantools_unsigned_from_double(roundf(value / 10.0f)));
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value)));
 }
 
-float vt_classic_part3_latency_us_decode(uint16_t value)
+float vt_classic_part3_check_decode(uint8_t value)
 {
-    return ((float)value * 10.0f);
+    return ((float)value);
 }
 
-bool vt_classic_part3_latency_us_is_in_range(uint16_t value)
+bool vt_classic_part3_check_is_in_range(uint8_t value)
 {
-    return (value <= 65534u);
+    (void)value;
+
+    return (true);
 }
 
-bool vt_classic_part3_latency_us_is_in_phys_range(float value)
+bool vt_classic_part3_check_is_in_phys_range(float value)
 {
-    return ((value >= 0.0f) && (value <= 655340.0f));
+    return ((value >= 0.0f) && (value <= 255.0f));
 }
 
 int8_t vt_classic_part3_temperature_degc_encode(float value)

@@ -79,7 +79,7 @@ extern "C" {
 
 #define VT_CLASSIC_PART2_PINS_TRACKED_INVALID_CHOICE (255u)
 
-#define VT_CLASSIC_PART3_DISPLACEMENT_SIGMA_MM_INVALID_CHOICE (4095u)
+#define VT_CLASSIC_PART3_DISPLACEMENT_SIGMA_MM_INVALID_CHOICE (255u)
 
 #define VT_CLASSIC_PART3_FORCE_N_INVALID_CHOICE (-32768)
 
@@ -89,7 +89,9 @@ extern "C" {
 
 #define VT_CLASSIC_PART3_TORSION_DEG_INVALID_CHOICE (-32768)
 
-#define VT_CLASSIC_PART3_SHEAR_SIGMA_MM_INVALID_CHOICE (4095u)
+#define VT_CLASSIC_PART3_SHEAR_SIGMA_MM_INVALID_CHOICE (255u)
+
+#define VT_CLASSIC_PART3_LATENCY_US_INVALID_CHOICE (65535u)
 
 #define VT_CLASSIC_PART3_PRESSURE_KPA_INVALID_CHOICE (-32768)
 
@@ -98,8 +100,6 @@ extern "C" {
 #define VT_CLASSIC_PART3_TILT_Y_DEG_INVALID_CHOICE (-32768)
 
 #define VT_CLASSIC_PART3_SLIP_SPEED_MM_S_INVALID_CHOICE (65535u)
-
-#define VT_CLASSIC_PART3_LATENCY_US_INVALID_CHOICE (65535u)
 
 #define VT_CLASSIC_PART3_TEMPERATURE_DEGC_INVALID_CHOICE (-128)
 
@@ -190,11 +190,12 @@ extern "C" {
 #define VT_CLASSIC_PART3_TILT_X_DEG_NAME "tilt_x_deg"
 #define VT_CLASSIC_PART3_TORSION_DEG_NAME "torsion_deg"
 #define VT_CLASSIC_PART3_SHEAR_SIGMA_MM_NAME "shear_sigma_mm"
+#define VT_CLASSIC_PART3_LATENCY_US_NAME "latency_us"
 #define VT_CLASSIC_PART3_PRESSURE_KPA_NAME "pressure_kpa"
 #define VT_CLASSIC_PART3_ORIENTATION_DEG_NAME "orientation_deg"
 #define VT_CLASSIC_PART3_TILT_Y_DEG_NAME "tilt_y_deg"
 #define VT_CLASSIC_PART3_SLIP_SPEED_MM_S_NAME "slip_speed_mm_s"
-#define VT_CLASSIC_PART3_LATENCY_US_NAME "latency_us"
+#define VT_CLASSIC_PART3_CHECK_NAME "check"
 #define VT_CLASSIC_PART3_TEMPERATURE_DEGC_NAME "temperature_degc"
 #define VT_CLASSIC_PART3_SLIP_PROBABILITY_NAME "slip_probability"
 #define VT_CLASSIC_PART4_CRC_NAME "crc"
@@ -441,11 +442,11 @@ struct vt_classic_part3_t {
     /**
      * standard deviation of the displacement
      *
-     * Range: 0..4000 (0..8 mm)
-     * Scale: 0.002
+     * Range: 0..254 (0..2.032 mm)
+     * Scale: 0.008
      * Offset: 0
      */
-    uint16_t displacement_sigma_mm;
+    uint8_t displacement_sigma_mm;
 
     /**
      * normal force on the tip; positive presses the tip
@@ -486,11 +487,20 @@ struct vt_classic_part3_t {
     /**
      * standard deviation of each axis of the shear
      *
-     * Range: 0..4000 (0..8 mm)
-     * Scale: 0.002
+     * Range: 0..254 (0..2.032 mm)
+     * Scale: 0.008
      * Offset: 0
      */
-    uint16_t shear_sigma_mm;
+    uint8_t shear_sigma_mm;
+
+    /**
+     * time from capture to sending of this sample
+     *
+     * Range: 0..65534 (0..655340 us)
+     * Scale: 10
+     * Offset: 0
+     */
+    uint16_t latency_us;
 
     /**
      * force over contact area
@@ -529,13 +539,13 @@ struct vt_classic_part3_t {
     uint16_t slip_speed_mm_s;
 
     /**
-     * time from capture to sending of this sample
+     * low byte of the state frame's check: CRC-32 over version and fields as they lie there
      *
-     * Range: 0..65534 (0..655340 us)
-     * Scale: 10
+     * Range: 0..255 (0..255 -)
+     * Scale: 1
      * Offset: 0
      */
-    uint16_t latency_us;
+    uint8_t check;
 
     /**
      * temperature of the board
@@ -1773,7 +1783,7 @@ bool vt_classic_part3_capture_time_us_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
-uint16_t vt_classic_part3_displacement_sigma_mm_encode(float value);
+uint8_t vt_classic_part3_displacement_sigma_mm_encode(float value);
 
 /**
  * Decode given signal by applying scaling and offset.
@@ -1782,7 +1792,7 @@ uint16_t vt_classic_part3_displacement_sigma_mm_encode(float value);
  *
  * @return Decoded signal.
  */
-float vt_classic_part3_displacement_sigma_mm_decode(uint16_t value);
+float vt_classic_part3_displacement_sigma_mm_decode(uint8_t value);
 
 /**
  * Check that given signal is in allowed range.
@@ -1791,7 +1801,7 @@ float vt_classic_part3_displacement_sigma_mm_decode(uint16_t value);
  *
  * @return true if in range, false otherwise.
  */
-bool vt_classic_part3_displacement_sigma_mm_is_in_range(uint16_t value);
+bool vt_classic_part3_displacement_sigma_mm_is_in_range(uint8_t value);
 
 /**
  * Check that given physical value is in allowed range before encoding.
@@ -1973,7 +1983,7 @@ bool vt_classic_part3_torsion_deg_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
-uint16_t vt_classic_part3_shear_sigma_mm_encode(float value);
+uint8_t vt_classic_part3_shear_sigma_mm_encode(float value);
 
 /**
  * Decode given signal by applying scaling and offset.
@@ -1982,7 +1992,7 @@ uint16_t vt_classic_part3_shear_sigma_mm_encode(float value);
  *
  * @return Decoded signal.
  */
-float vt_classic_part3_shear_sigma_mm_decode(uint16_t value);
+float vt_classic_part3_shear_sigma_mm_decode(uint8_t value);
 
 /**
  * Check that given signal is in allowed range.
@@ -1991,7 +2001,7 @@ float vt_classic_part3_shear_sigma_mm_decode(uint16_t value);
  *
  * @return true if in range, false otherwise.
  */
-bool vt_classic_part3_shear_sigma_mm_is_in_range(uint16_t value);
+bool vt_classic_part3_shear_sigma_mm_is_in_range(uint8_t value);
 
 /**
  * Check that given physical value is in allowed range before encoding.
@@ -2005,6 +2015,46 @@ bool vt_classic_part3_shear_sigma_mm_is_in_range(uint16_t value);
  * @return true if in range, false otherwise.
  */
 bool vt_classic_part3_shear_sigma_mm_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+uint16_t vt_classic_part3_latency_us_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_classic_part3_latency_us_decode(uint16_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_latency_us_is_in_range(uint16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_latency_us_is_in_phys_range(float value);
 
 /**
  * Encode given signal by applying scaling and offset.
@@ -2173,7 +2223,7 @@ bool vt_classic_part3_slip_speed_mm_s_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
-uint16_t vt_classic_part3_latency_us_encode(float value);
+uint8_t vt_classic_part3_check_encode(float value);
 
 /**
  * Decode given signal by applying scaling and offset.
@@ -2182,7 +2232,7 @@ uint16_t vt_classic_part3_latency_us_encode(float value);
  *
  * @return Decoded signal.
  */
-float vt_classic_part3_latency_us_decode(uint16_t value);
+float vt_classic_part3_check_decode(uint8_t value);
 
 /**
  * Check that given signal is in allowed range.
@@ -2191,7 +2241,7 @@ float vt_classic_part3_latency_us_decode(uint16_t value);
  *
  * @return true if in range, false otherwise.
  */
-bool vt_classic_part3_latency_us_is_in_range(uint16_t value);
+bool vt_classic_part3_check_is_in_range(uint8_t value);
 
 /**
  * Check that given physical value is in allowed range before encoding.
@@ -2204,7 +2254,7 @@ bool vt_classic_part3_latency_us_is_in_range(uint16_t value);
  *
  * @return true if in range, false otherwise.
  */
-bool vt_classic_part3_latency_us_is_in_phys_range(float value);
+bool vt_classic_part3_check_is_in_phys_range(float value);
 
 /**
  * Encode given signal by applying scaling and offset.

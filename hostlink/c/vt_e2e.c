@@ -56,6 +56,28 @@ void vt_protect_p5(uint8_t *data, size_t size, uint8_t counter, uint16_t data_id
     data[1] = (uint8_t)(crc >> 8);
 }
 
+static uint32_t crc32(const uint8_t *data, size_t size)
+{
+    uint32_t crc = 0xFFFFFFFFu;
+
+    for (size_t i = 0u; i < size; i++) {
+        crc ^= data[i];
+        for (unsigned bit = 0u; bit < 8u; bit++) {
+            crc = (crc & 1u) ? (crc >> 1) ^ 0xEDB88320u : crc >> 1;
+        }
+    }
+    return crc ^ 0xFFFFFFFFu;
+}
+
+bool vt_check_state(const uint8_t *data, size_t size)
+{
+    if (size != VT_STATE_SIZE || !vt_check_p5(data, size, VT_DATA_ID_STATE) || data[3] != VT_VERSION) {
+        return false;
+    }
+    return (crc32(&data[3], VT_STATE_SIZE - 5u) & 0xFFFFu) ==
+           ((uint32_t)data[VT_STATE_SIZE - 2u] | ((uint32_t)data[VT_STATE_SIZE - 1u] << 8));
+}
+
 static uint8_t crc_p11(const uint8_t *data, size_t size, uint16_t data_id)
 {
     const uint8_t id[2] = {(uint8_t)(data_id & 0xFFu), 0u};

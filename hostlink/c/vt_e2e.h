@@ -6,8 +6,7 @@
  *     struct vt_fd_state_t state;
  *     static vt_order_t order;                        // one for each fingertip
  *
- *     if (!vt_check_p5(data, size, VT_DATA_ID_STATE)) return;      // damaged, or another version
- *     if (data[3] != VT_VERSION) return;
+ *     if (!vt_check_state(data, size)) return;                     // damaged, or another version
  *     if (vt_order(&order, data[2], 256u) < 0) return;             // came again
  *     vt_fd_state_unpack(&state, data, size);
  *     if (vt_fd_state_displacement_mm_is_in_range(state.displacement_mm)) {  // else: invalid
@@ -28,11 +27,11 @@ extern "C" {
 #endif
 
 #define VT_VERSION                       1u             /* layout version; byte 3 of the state frame */
-#define VT_SCHEMA_HASH                   0x7660B974u    /* object 0x2000:2 must have this value */
+#define VT_SCHEMA_HASH                   0x0201A395u    /* object 0x2000:2 must have this value */
 #define VT_STATE_SIZE                    64u            /* bytes */
-#define VT_DATA_ID_STATE                 0xB974u        /* profile 5 */
-#define VT_DATA_ID_DETAIL                0xB975u        /* profile 5 */
-#define VT_DATA_ID_PART                  0x160u         /* profile 11C; or'ed with the part's index */
+#define VT_DATA_ID_STATE                 0xA395u        /* profile 5 */
+#define VT_DATA_ID_DETAIL                0xA396u        /* profile 5 */
+#define VT_DATA_ID_PART                  0x100u         /* profile 11C; or'ed with the part's index */
 #define VT_PARTS                         12u            /* classic parts, at most */
 #define VT_BASE_STATE                    0x180u         /* CAN FD; + node id; classic: part 1 */
 #define VT_BASE_DETAIL                   0x480u         /* CAN FD; + node id; classic: part 4 */
@@ -74,13 +73,13 @@ extern "C" {
 #define VT_INVALID_LATENCY_US            65535u         /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_PINS_TRACKED          255u           /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_DISPLACEMENT_MM       (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_DISPLACEMENT_SIGMA_MM 65535u         /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_DISPLACEMENT_SIGMA_MM 255u           /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_FORCE_N               (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_PRESSURE_KPA          (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_CONTACT_AREA_MM2      65535u         /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_SHEAR_X_MM            (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_SHEAR_Y_MM            (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_SHEAR_SIGMA_MM        65535u         /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_SHEAR_SIGMA_MM        255u           /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_TORSION_DEG           (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_TILT_X_DEG            (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_TILT_Y_DEG            (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
@@ -108,6 +107,9 @@ uint8_t vt_crc8(const uint8_t *data, size_t size, uint8_t start);
 /* AUTOSAR E2E profile 5: CRC in bytes 0..1, counter 0..255 in byte 2. */
 bool vt_check_p5(const uint8_t *data, size_t size, uint16_t data_id);
 void vt_protect_p5(uint8_t *data, size_t size, uint8_t counter, uint16_t data_id);
+
+/* The state frame as a whole: length, profile 5, version, and the check in bytes 62..63. */
+bool vt_check_state(const uint8_t *data, size_t size);
 
 /* AUTOSAR E2E profile 11C: CRC in byte 0, counter 0..14 and nibble of the 12-bit data id in byte 1. */
 bool vt_check_p11(const uint8_t *data, size_t size, uint16_t data_id);

@@ -187,69 +187,69 @@ int vt_fd_state_pack(
     displacement_mm = (uint16_t)src_p->displacement_mm;
     dst_p[16] |= pack_left_shift_u16(displacement_mm, 0u, 0xffu);
     dst_p[17] |= pack_right_shift_u16(displacement_mm, 8u, 0xffu);
-    dst_p[18] |= pack_left_shift_u16(src_p->displacement_sigma_mm, 0u, 0xffu);
-    dst_p[19] |= pack_right_shift_u16(src_p->displacement_sigma_mm, 8u, 0xffu);
+    dst_p[18] |= pack_left_shift_u8(src_p->displacement_sigma_mm, 0u, 0xffu);
     force_n = (uint16_t)src_p->force_n;
-    dst_p[20] |= pack_left_shift_u16(force_n, 0u, 0xffu);
-    dst_p[21] |= pack_right_shift_u16(force_n, 8u, 0xffu);
+    dst_p[19] |= pack_left_shift_u16(force_n, 0u, 0xffu);
+    dst_p[20] |= pack_right_shift_u16(force_n, 8u, 0xffu);
     pressure_kpa = (uint16_t)src_p->pressure_kpa;
-    dst_p[22] |= pack_left_shift_u16(pressure_kpa, 0u, 0xffu);
-    dst_p[23] |= pack_right_shift_u16(pressure_kpa, 8u, 0xffu);
-    dst_p[24] |= pack_left_shift_u16(src_p->contact_area_mm2, 0u, 0xffu);
-    dst_p[25] |= pack_right_shift_u16(src_p->contact_area_mm2, 8u, 0xffu);
+    dst_p[21] |= pack_left_shift_u16(pressure_kpa, 0u, 0xffu);
+    dst_p[22] |= pack_right_shift_u16(pressure_kpa, 8u, 0xffu);
+    dst_p[23] |= pack_left_shift_u16(src_p->contact_area_mm2, 0u, 0xffu);
+    dst_p[24] |= pack_right_shift_u16(src_p->contact_area_mm2, 8u, 0xffu);
     shear_x_mm = (uint16_t)src_p->shear_x_mm;
-    dst_p[26] |= pack_left_shift_u16(shear_x_mm, 0u, 0xffu);
-    dst_p[27] |= pack_right_shift_u16(shear_x_mm, 8u, 0xffu);
+    dst_p[25] |= pack_left_shift_u16(shear_x_mm, 0u, 0xffu);
+    dst_p[26] |= pack_right_shift_u16(shear_x_mm, 8u, 0xffu);
     shear_y_mm = (uint16_t)src_p->shear_y_mm;
-    dst_p[28] |= pack_left_shift_u16(shear_y_mm, 0u, 0xffu);
-    dst_p[29] |= pack_right_shift_u16(shear_y_mm, 8u, 0xffu);
-    dst_p[30] |= pack_left_shift_u16(src_p->shear_sigma_mm, 0u, 0xffu);
-    dst_p[31] |= pack_right_shift_u16(src_p->shear_sigma_mm, 8u, 0xffu);
+    dst_p[27] |= pack_left_shift_u16(shear_y_mm, 0u, 0xffu);
+    dst_p[28] |= pack_right_shift_u16(shear_y_mm, 8u, 0xffu);
+    dst_p[29] |= pack_left_shift_u8(src_p->shear_sigma_mm, 0u, 0xffu);
     torsion_deg = (uint16_t)src_p->torsion_deg;
-    dst_p[32] |= pack_left_shift_u16(torsion_deg, 0u, 0xffu);
-    dst_p[33] |= pack_right_shift_u16(torsion_deg, 8u, 0xffu);
+    dst_p[30] |= pack_left_shift_u16(torsion_deg, 0u, 0xffu);
+    dst_p[31] |= pack_right_shift_u16(torsion_deg, 8u, 0xffu);
     tilt_x_deg = (uint16_t)src_p->tilt_x_deg;
-    dst_p[34] |= pack_left_shift_u16(tilt_x_deg, 0u, 0xffu);
-    dst_p[35] |= pack_right_shift_u16(tilt_x_deg, 8u, 0xffu);
+    dst_p[32] |= pack_left_shift_u16(tilt_x_deg, 0u, 0xffu);
+    dst_p[33] |= pack_right_shift_u16(tilt_x_deg, 8u, 0xffu);
     tilt_y_deg = (uint16_t)src_p->tilt_y_deg;
-    dst_p[36] |= pack_left_shift_u16(tilt_y_deg, 0u, 0xffu);
-    dst_p[37] |= pack_right_shift_u16(tilt_y_deg, 8u, 0xffu);
-    dst_p[38] |= pack_left_shift_u16(src_p->slip_speed_mm_s, 0u, 0xffu);
-    dst_p[39] |= pack_right_shift_u16(src_p->slip_speed_mm_s, 8u, 0xffu);
-    dst_p[40] |= pack_left_shift_u8(src_p->slip_probability, 0u, 0xffu);
+    dst_p[34] |= pack_left_shift_u16(tilt_y_deg, 0u, 0xffu);
+    dst_p[35] |= pack_right_shift_u16(tilt_y_deg, 8u, 0xffu);
+    dst_p[36] |= pack_left_shift_u16(src_p->slip_speed_mm_s, 0u, 0xffu);
+    dst_p[37] |= pack_right_shift_u16(src_p->slip_speed_mm_s, 8u, 0xffu);
+    dst_p[38] |= pack_left_shift_u8(src_p->slip_probability, 0u, 0xffu);
     contact0_x_mm = (uint16_t)src_p->contact0_x_mm;
-    dst_p[41] |= pack_left_shift_u16(contact0_x_mm, 0u, 0xffu);
-    dst_p[42] |= pack_right_shift_u16(contact0_x_mm, 8u, 0xffu);
+    dst_p[39] |= pack_left_shift_u16(contact0_x_mm, 0u, 0xffu);
+    dst_p[40] |= pack_right_shift_u16(contact0_x_mm, 8u, 0xffu);
     contact0_y_mm = (uint16_t)src_p->contact0_y_mm;
-    dst_p[43] |= pack_left_shift_u16(contact0_y_mm, 0u, 0xffu);
-    dst_p[44] |= pack_right_shift_u16(contact0_y_mm, 8u, 0xffu);
-    dst_p[45] |= pack_left_shift_u8(src_p->contact0_depth_mm, 0u, 0xffu);
+    dst_p[41] |= pack_left_shift_u16(contact0_y_mm, 0u, 0xffu);
+    dst_p[42] |= pack_right_shift_u16(contact0_y_mm, 8u, 0xffu);
+    dst_p[43] |= pack_left_shift_u8(src_p->contact0_depth_mm, 0u, 0xffu);
     contact1_x_mm = (uint16_t)src_p->contact1_x_mm;
-    dst_p[46] |= pack_left_shift_u16(contact1_x_mm, 0u, 0xffu);
-    dst_p[47] |= pack_right_shift_u16(contact1_x_mm, 8u, 0xffu);
+    dst_p[44] |= pack_left_shift_u16(contact1_x_mm, 0u, 0xffu);
+    dst_p[45] |= pack_right_shift_u16(contact1_x_mm, 8u, 0xffu);
     contact1_y_mm = (uint16_t)src_p->contact1_y_mm;
-    dst_p[48] |= pack_left_shift_u16(contact1_y_mm, 0u, 0xffu);
-    dst_p[49] |= pack_right_shift_u16(contact1_y_mm, 8u, 0xffu);
-    dst_p[50] |= pack_left_shift_u8(src_p->contact1_depth_mm, 0u, 0xffu);
+    dst_p[46] |= pack_left_shift_u16(contact1_y_mm, 0u, 0xffu);
+    dst_p[47] |= pack_right_shift_u16(contact1_y_mm, 8u, 0xffu);
+    dst_p[48] |= pack_left_shift_u8(src_p->contact1_depth_mm, 0u, 0xffu);
     contact2_x_mm = (uint16_t)src_p->contact2_x_mm;
-    dst_p[51] |= pack_left_shift_u16(contact2_x_mm, 0u, 0xffu);
-    dst_p[52] |= pack_right_shift_u16(contact2_x_mm, 8u, 0xffu);
+    dst_p[49] |= pack_left_shift_u16(contact2_x_mm, 0u, 0xffu);
+    dst_p[50] |= pack_right_shift_u16(contact2_x_mm, 8u, 0xffu);
     contact2_y_mm = (uint16_t)src_p->contact2_y_mm;
-    dst_p[53] |= pack_left_shift_u16(contact2_y_mm, 0u, 0xffu);
-    dst_p[54] |= pack_right_shift_u16(contact2_y_mm, 8u, 0xffu);
-    dst_p[55] |= pack_left_shift_u8(src_p->contact2_depth_mm, 0u, 0xffu);
+    dst_p[51] |= pack_left_shift_u16(contact2_y_mm, 0u, 0xffu);
+    dst_p[52] |= pack_right_shift_u16(contact2_y_mm, 8u, 0xffu);
+    dst_p[53] |= pack_left_shift_u8(src_p->contact2_depth_mm, 0u, 0xffu);
     contact3_x_mm = (uint16_t)src_p->contact3_x_mm;
-    dst_p[56] |= pack_left_shift_u16(contact3_x_mm, 0u, 0xffu);
-    dst_p[57] |= pack_right_shift_u16(contact3_x_mm, 8u, 0xffu);
+    dst_p[54] |= pack_left_shift_u16(contact3_x_mm, 0u, 0xffu);
+    dst_p[55] |= pack_right_shift_u16(contact3_x_mm, 8u, 0xffu);
     contact3_y_mm = (uint16_t)src_p->contact3_y_mm;
-    dst_p[58] |= pack_left_shift_u16(contact3_y_mm, 0u, 0xffu);
-    dst_p[59] |= pack_right_shift_u16(contact3_y_mm, 8u, 0xffu);
-    dst_p[60] |= pack_left_shift_u8(src_p->contact3_depth_mm, 0u, 0xffu);
+    dst_p[56] |= pack_left_shift_u16(contact3_y_mm, 0u, 0xffu);
+    dst_p[57] |= pack_right_shift_u16(contact3_y_mm, 8u, 0xffu);
+    dst_p[58] |= pack_left_shift_u8(src_p->contact3_depth_mm, 0u, 0xffu);
     orientation_deg = (uint16_t)src_p->orientation_deg;
-    dst_p[61] |= pack_left_shift_u16(orientation_deg, 0u, 0xffu);
-    dst_p[62] |= pack_right_shift_u16(orientation_deg, 8u, 0xffu);
+    dst_p[59] |= pack_left_shift_u16(orientation_deg, 0u, 0xffu);
+    dst_p[60] |= pack_right_shift_u16(orientation_deg, 8u, 0xffu);
     temperature_degc = (uint8_t)src_p->temperature_degc;
-    dst_p[63] |= pack_left_shift_u8(temperature_degc, 0u, 0xffu);
+    dst_p[61] |= pack_left_shift_u8(temperature_degc, 0u, 0xffu);
+    dst_p[62] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
+    dst_p[63] |= pack_right_shift_u16(src_p->check, 8u, 0xffu);
 
     return (64);
 }
@@ -301,69 +301,69 @@ int vt_fd_state_unpack(
     displacement_mm = unpack_right_shift_u16(src_p[16], 0u, 0xffu);
     displacement_mm |= unpack_left_shift_u16(src_p[17], 8u, 0xffu);
     dst_p->displacement_mm = (int16_t)displacement_mm;
-    dst_p->displacement_sigma_mm = unpack_right_shift_u16(src_p[18], 0u, 0xffu);
-    dst_p->displacement_sigma_mm |= unpack_left_shift_u16(src_p[19], 8u, 0xffu);
-    force_n = unpack_right_shift_u16(src_p[20], 0u, 0xffu);
-    force_n |= unpack_left_shift_u16(src_p[21], 8u, 0xffu);
+    dst_p->displacement_sigma_mm = unpack_right_shift_u8(src_p[18], 0u, 0xffu);
+    force_n = unpack_right_shift_u16(src_p[19], 0u, 0xffu);
+    force_n |= unpack_left_shift_u16(src_p[20], 8u, 0xffu);
     dst_p->force_n = (int16_t)force_n;
-    pressure_kpa = unpack_right_shift_u16(src_p[22], 0u, 0xffu);
-    pressure_kpa |= unpack_left_shift_u16(src_p[23], 8u, 0xffu);
+    pressure_kpa = unpack_right_shift_u16(src_p[21], 0u, 0xffu);
+    pressure_kpa |= unpack_left_shift_u16(src_p[22], 8u, 0xffu);
     dst_p->pressure_kpa = (int16_t)pressure_kpa;
-    dst_p->contact_area_mm2 = unpack_right_shift_u16(src_p[24], 0u, 0xffu);
-    dst_p->contact_area_mm2 |= unpack_left_shift_u16(src_p[25], 8u, 0xffu);
-    shear_x_mm = unpack_right_shift_u16(src_p[26], 0u, 0xffu);
-    shear_x_mm |= unpack_left_shift_u16(src_p[27], 8u, 0xffu);
+    dst_p->contact_area_mm2 = unpack_right_shift_u16(src_p[23], 0u, 0xffu);
+    dst_p->contact_area_mm2 |= unpack_left_shift_u16(src_p[24], 8u, 0xffu);
+    shear_x_mm = unpack_right_shift_u16(src_p[25], 0u, 0xffu);
+    shear_x_mm |= unpack_left_shift_u16(src_p[26], 8u, 0xffu);
     dst_p->shear_x_mm = (int16_t)shear_x_mm;
-    shear_y_mm = unpack_right_shift_u16(src_p[28], 0u, 0xffu);
-    shear_y_mm |= unpack_left_shift_u16(src_p[29], 8u, 0xffu);
+    shear_y_mm = unpack_right_shift_u16(src_p[27], 0u, 0xffu);
+    shear_y_mm |= unpack_left_shift_u16(src_p[28], 8u, 0xffu);
     dst_p->shear_y_mm = (int16_t)shear_y_mm;
-    dst_p->shear_sigma_mm = unpack_right_shift_u16(src_p[30], 0u, 0xffu);
-    dst_p->shear_sigma_mm |= unpack_left_shift_u16(src_p[31], 8u, 0xffu);
-    torsion_deg = unpack_right_shift_u16(src_p[32], 0u, 0xffu);
-    torsion_deg |= unpack_left_shift_u16(src_p[33], 8u, 0xffu);
+    dst_p->shear_sigma_mm = unpack_right_shift_u8(src_p[29], 0u, 0xffu);
+    torsion_deg = unpack_right_shift_u16(src_p[30], 0u, 0xffu);
+    torsion_deg |= unpack_left_shift_u16(src_p[31], 8u, 0xffu);
     dst_p->torsion_deg = (int16_t)torsion_deg;
-    tilt_x_deg = unpack_right_shift_u16(src_p[34], 0u, 0xffu);
-    tilt_x_deg |= unpack_left_shift_u16(src_p[35], 8u, 0xffu);
+    tilt_x_deg = unpack_right_shift_u16(src_p[32], 0u, 0xffu);
+    tilt_x_deg |= unpack_left_shift_u16(src_p[33], 8u, 0xffu);
     dst_p->tilt_x_deg = (int16_t)tilt_x_deg;
-    tilt_y_deg = unpack_right_shift_u16(src_p[36], 0u, 0xffu);
-    tilt_y_deg |= unpack_left_shift_u16(src_p[37], 8u, 0xffu);
+    tilt_y_deg = unpack_right_shift_u16(src_p[34], 0u, 0xffu);
+    tilt_y_deg |= unpack_left_shift_u16(src_p[35], 8u, 0xffu);
     dst_p->tilt_y_deg = (int16_t)tilt_y_deg;
-    dst_p->slip_speed_mm_s = unpack_right_shift_u16(src_p[38], 0u, 0xffu);
-    dst_p->slip_speed_mm_s |= unpack_left_shift_u16(src_p[39], 8u, 0xffu);
-    dst_p->slip_probability = unpack_right_shift_u8(src_p[40], 0u, 0xffu);
-    contact0_x_mm = unpack_right_shift_u16(src_p[41], 0u, 0xffu);
-    contact0_x_mm |= unpack_left_shift_u16(src_p[42], 8u, 0xffu);
+    dst_p->slip_speed_mm_s = unpack_right_shift_u16(src_p[36], 0u, 0xffu);
+    dst_p->slip_speed_mm_s |= unpack_left_shift_u16(src_p[37], 8u, 0xffu);
+    dst_p->slip_probability = unpack_right_shift_u8(src_p[38], 0u, 0xffu);
+    contact0_x_mm = unpack_right_shift_u16(src_p[39], 0u, 0xffu);
+    contact0_x_mm |= unpack_left_shift_u16(src_p[40], 8u, 0xffu);
     dst_p->contact0_x_mm = (int16_t)contact0_x_mm;
-    contact0_y_mm = unpack_right_shift_u16(src_p[43], 0u, 0xffu);
-    contact0_y_mm |= unpack_left_shift_u16(src_p[44], 8u, 0xffu);
+    contact0_y_mm = unpack_right_shift_u16(src_p[41], 0u, 0xffu);
+    contact0_y_mm |= unpack_left_shift_u16(src_p[42], 8u, 0xffu);
     dst_p->contact0_y_mm = (int16_t)contact0_y_mm;
-    dst_p->contact0_depth_mm = unpack_right_shift_u8(src_p[45], 0u, 0xffu);
-    contact1_x_mm = unpack_right_shift_u16(src_p[46], 0u, 0xffu);
-    contact1_x_mm |= unpack_left_shift_u16(src_p[47], 8u, 0xffu);
+    dst_p->contact0_depth_mm = unpack_right_shift_u8(src_p[43], 0u, 0xffu);
+    contact1_x_mm = unpack_right_shift_u16(src_p[44], 0u, 0xffu);
+    contact1_x_mm |= unpack_left_shift_u16(src_p[45], 8u, 0xffu);
     dst_p->contact1_x_mm = (int16_t)contact1_x_mm;
-    contact1_y_mm = unpack_right_shift_u16(src_p[48], 0u, 0xffu);
-    contact1_y_mm |= unpack_left_shift_u16(src_p[49], 8u, 0xffu);
+    contact1_y_mm = unpack_right_shift_u16(src_p[46], 0u, 0xffu);
+    contact1_y_mm |= unpack_left_shift_u16(src_p[47], 8u, 0xffu);
     dst_p->contact1_y_mm = (int16_t)contact1_y_mm;
-    dst_p->contact1_depth_mm = unpack_right_shift_u8(src_p[50], 0u, 0xffu);
-    contact2_x_mm = unpack_right_shift_u16(src_p[51], 0u, 0xffu);
-    contact2_x_mm |= unpack_left_shift_u16(src_p[52], 8u, 0xffu);
+    dst_p->contact1_depth_mm = unpack_right_shift_u8(src_p[48], 0u, 0xffu);
+    contact2_x_mm = unpack_right_shift_u16(src_p[49], 0u, 0xffu);
+    contact2_x_mm |= unpack_left_shift_u16(src_p[50], 8u, 0xffu);
     dst_p->contact2_x_mm = (int16_t)contact2_x_mm;
-    contact2_y_mm = unpack_right_shift_u16(src_p[53], 0u, 0xffu);
-    contact2_y_mm |= unpack_left_shift_u16(src_p[54], 8u, 0xffu);
+    contact2_y_mm = unpack_right_shift_u16(src_p[51], 0u, 0xffu);
+    contact2_y_mm |= unpack_left_shift_u16(src_p[52], 8u, 0xffu);
     dst_p->contact2_y_mm = (int16_t)contact2_y_mm;
-    dst_p->contact2_depth_mm = unpack_right_shift_u8(src_p[55], 0u, 0xffu);
-    contact3_x_mm = unpack_right_shift_u16(src_p[56], 0u, 0xffu);
-    contact3_x_mm |= unpack_left_shift_u16(src_p[57], 8u, 0xffu);
+    dst_p->contact2_depth_mm = unpack_right_shift_u8(src_p[53], 0u, 0xffu);
+    contact3_x_mm = unpack_right_shift_u16(src_p[54], 0u, 0xffu);
+    contact3_x_mm |= unpack_left_shift_u16(src_p[55], 8u, 0xffu);
     dst_p->contact3_x_mm = (int16_t)contact3_x_mm;
-    contact3_y_mm = unpack_right_shift_u16(src_p[58], 0u, 0xffu);
-    contact3_y_mm |= unpack_left_shift_u16(src_p[59], 8u, 0xffu);
+    contact3_y_mm = unpack_right_shift_u16(src_p[56], 0u, 0xffu);
+    contact3_y_mm |= unpack_left_shift_u16(src_p[57], 8u, 0xffu);
     dst_p->contact3_y_mm = (int16_t)contact3_y_mm;
-    dst_p->contact3_depth_mm = unpack_right_shift_u8(src_p[60], 0u, 0xffu);
-    orientation_deg = unpack_right_shift_u16(src_p[61], 0u, 0xffu);
-    orientation_deg |= unpack_left_shift_u16(src_p[62], 8u, 0xffu);
+    dst_p->contact3_depth_mm = unpack_right_shift_u8(src_p[58], 0u, 0xffu);
+    orientation_deg = unpack_right_shift_u16(src_p[59], 0u, 0xffu);
+    orientation_deg |= unpack_left_shift_u16(src_p[60], 8u, 0xffu);
     dst_p->orientation_deg = (int16_t)orientation_deg;
-    temperature_degc = unpack_right_shift_u8(src_p[63], 0u, 0xffu);
+    temperature_degc = unpack_right_shift_u8(src_p[61], 0u, 0xffu);
     dst_p->temperature_degc = (int8_t)temperature_degc;
+    dst_p->check = unpack_right_shift_u16(src_p[62], 0u, 0xffu);
+    dst_p->check |= unpack_left_shift_u16(src_p[63], 8u, 0xffu);
 
     return (0);
 }
@@ -589,24 +589,24 @@ bool vt_fd_state_displacement_mm_is_in_phys_range(float value)
     return ((value >= -16.0f) && (value <= 16.0f));
 }
 
-uint16_t vt_fd_state_displacement_sigma_mm_encode(float value)
+uint8_t vt_fd_state_displacement_sigma_mm_encode(float value)
 {
-    return (uint16_t)(cantools_unsigned_from_double(roundf(value / 0.002f)));
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.008f)));
 }
 
-float vt_fd_state_displacement_sigma_mm_decode(uint16_t value)
+float vt_fd_state_displacement_sigma_mm_decode(uint8_t value)
 {
-    return ((float)value * 0.002f);
+    return ((float)value * 0.008f);
 }
 
-bool vt_fd_state_displacement_sigma_mm_is_in_range(uint16_t value)
+bool vt_fd_state_displacement_sigma_mm_is_in_range(uint8_t value)
 {
-    return (value <= 4000u);
+    return (value <= 254u);
 }
 
 bool vt_fd_state_displacement_sigma_mm_is_in_phys_range(float value)
 {
-    return ((value >= 0.0f) && (value <= 8.0f));
+    return ((value >= 0.0f) && (value <= 2.032f));
 }
 
 int16_t vt_fd_state_force_n_encode(float value)
@@ -709,24 +709,24 @@ bool vt_fd_state_shear_y_mm_is_in_phys_range(float value)
     return ((value >= -16.0f) && (value <= 16.0f));
 }
 
-uint16_t vt_fd_state_shear_sigma_mm_encode(float value)
+uint8_t vt_fd_state_shear_sigma_mm_encode(float value)
 {
-    return (uint16_t)(cantools_unsigned_from_double(roundf(value / 0.002f)));
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.008f)));
 }
 
-float vt_fd_state_shear_sigma_mm_decode(uint16_t value)
+float vt_fd_state_shear_sigma_mm_decode(uint8_t value)
 {
-    return ((float)value * 0.002f);
+    return ((float)value * 0.008f);
 }
 
-bool vt_fd_state_shear_sigma_mm_is_in_range(uint16_t value)
+bool vt_fd_state_shear_sigma_mm_is_in_range(uint8_t value)
 {
-    return (value <= 4000u);
+    return (value <= 254u);
 }
 
 bool vt_fd_state_shear_sigma_mm_is_in_phys_range(float value)
 {
-    return ((value >= 0.0f) && (value <= 8.0f));
+    return ((value >= 0.0f) && (value <= 2.032f));
 }
 
 int16_t vt_fd_state_torsion_deg_encode(float value)
@@ -1107,6 +1107,28 @@ bool vt_fd_state_temperature_degc_is_in_range(int8_t value)
 bool vt_fd_state_temperature_degc_is_in_phys_range(float value)
 {
     return ((value >= -40.0f) && (value <= 125.0f));
+}
+
+uint16_t vt_fd_state_check_encode(float value)
+{
+    return (uint16_t)(cantools_unsigned_from_double(roundf(value)));
+}
+
+float vt_fd_state_check_decode(uint16_t value)
+{
+    return ((float)value);
+}
+
+bool vt_fd_state_check_is_in_range(uint16_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool vt_fd_state_check_is_in_phys_range(float value)
+{
+    return ((value >= 0.0f) && (value <= 65535.0f));
 }
 
 int vt_fd_detail_pack(

@@ -71,7 +71,7 @@ extern "C" {
 
 #define VT_FD_STATE_DISPLACEMENT_MM_INVALID_CHOICE (-32768)
 
-#define VT_FD_STATE_DISPLACEMENT_SIGMA_MM_INVALID_CHOICE (65535u)
+#define VT_FD_STATE_DISPLACEMENT_SIGMA_MM_INVALID_CHOICE (255u)
 
 #define VT_FD_STATE_FORCE_N_INVALID_CHOICE (-32768)
 
@@ -83,7 +83,7 @@ extern "C" {
 
 #define VT_FD_STATE_SHEAR_Y_MM_INVALID_CHOICE (-32768)
 
-#define VT_FD_STATE_SHEAR_SIGMA_MM_INVALID_CHOICE (65535u)
+#define VT_FD_STATE_SHEAR_SIGMA_MM_INVALID_CHOICE (255u)
 
 #define VT_FD_STATE_TORSION_DEG_INVALID_CHOICE (-32768)
 
@@ -262,6 +262,7 @@ extern "C" {
 #define VT_FD_STATE_CONTACT3_DEPTH_MM_NAME "contact3_depth_mm"
 #define VT_FD_STATE_ORIENTATION_DEG_NAME "orientation_deg"
 #define VT_FD_STATE_TEMPERATURE_DEGC_NAME "temperature_degc"
+#define VT_FD_STATE_CHECK_NAME "check"
 #define VT_FD_DETAIL_CRC_NAME "crc"
 #define VT_FD_DETAIL_COUNTER_NAME "counter"
 #define VT_FD_DETAIL_VERSION_NAME "version"
@@ -410,11 +411,11 @@ struct vt_fd_state_t {
     /**
      * standard deviation of the displacement
      *
-     * Range: 0..4000 (0..8 mm)
-     * Scale: 0.002
+     * Range: 0..254 (0..2.032 mm)
+     * Scale: 0.008
      * Offset: 0
      */
-    uint16_t displacement_sigma_mm;
+    uint8_t displacement_sigma_mm;
 
     /**
      * normal force on the tip; positive presses the tip
@@ -464,11 +465,11 @@ struct vt_fd_state_t {
     /**
      * standard deviation of each axis of the shear
      *
-     * Range: 0..4000 (0..8 mm)
-     * Scale: 0.002
+     * Range: 0..254 (0..2.032 mm)
+     * Scale: 0.008
      * Offset: 0
      */
-    uint16_t shear_sigma_mm;
+    uint8_t shear_sigma_mm;
 
     /**
      * twist of the contact about z, positive from x to y
@@ -640,6 +641,15 @@ struct vt_fd_state_t {
      * Offset: 0
      */
     int8_t temperature_degc;
+
+    /**
+     * low half of the CRC-32 over bytes 3..61
+     *
+     * Range: 0..65535 (0..65535 -)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint16_t check;
 };
 
 /**
@@ -1539,7 +1549,7 @@ bool vt_fd_state_displacement_mm_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
-uint16_t vt_fd_state_displacement_sigma_mm_encode(float value);
+uint8_t vt_fd_state_displacement_sigma_mm_encode(float value);
 
 /**
  * Decode given signal by applying scaling and offset.
@@ -1548,7 +1558,7 @@ uint16_t vt_fd_state_displacement_sigma_mm_encode(float value);
  *
  * @return Decoded signal.
  */
-float vt_fd_state_displacement_sigma_mm_decode(uint16_t value);
+float vt_fd_state_displacement_sigma_mm_decode(uint8_t value);
 
 /**
  * Check that given signal is in allowed range.
@@ -1557,7 +1567,7 @@ float vt_fd_state_displacement_sigma_mm_decode(uint16_t value);
  *
  * @return true if in range, false otherwise.
  */
-bool vt_fd_state_displacement_sigma_mm_is_in_range(uint16_t value);
+bool vt_fd_state_displacement_sigma_mm_is_in_range(uint8_t value);
 
 /**
  * Check that given physical value is in allowed range before encoding.
@@ -1779,7 +1789,7 @@ bool vt_fd_state_shear_y_mm_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
-uint16_t vt_fd_state_shear_sigma_mm_encode(float value);
+uint8_t vt_fd_state_shear_sigma_mm_encode(float value);
 
 /**
  * Decode given signal by applying scaling and offset.
@@ -1788,7 +1798,7 @@ uint16_t vt_fd_state_shear_sigma_mm_encode(float value);
  *
  * @return Decoded signal.
  */
-float vt_fd_state_shear_sigma_mm_decode(uint16_t value);
+float vt_fd_state_shear_sigma_mm_decode(uint8_t value);
 
 /**
  * Check that given signal is in allowed range.
@@ -1797,7 +1807,7 @@ float vt_fd_state_shear_sigma_mm_decode(uint16_t value);
  *
  * @return true if in range, false otherwise.
  */
-bool vt_fd_state_shear_sigma_mm_is_in_range(uint16_t value);
+bool vt_fd_state_shear_sigma_mm_is_in_range(uint8_t value);
 
 /**
  * Check that given physical value is in allowed range before encoding.
@@ -2571,6 +2581,46 @@ bool vt_fd_state_temperature_degc_is_in_range(int8_t value);
  * @return true if in range, false otherwise.
  */
 bool vt_fd_state_temperature_degc_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+uint16_t vt_fd_state_check_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_fd_state_check_decode(uint16_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_check_is_in_range(uint16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_check_is_in_phys_range(float value);
 
 /**
  * Pack message Detail.

@@ -9,14 +9,15 @@ at the least), and their reassembly.
 
     TPDO1  displacement, shear x, shear y: enough to control a grasp
     TPDO2  status, rest of the sample number, pins tracked, number of contacts, number of parts
-    TPDO3  page 0 time, temperature; 1 sigmas, latency; 2 force, pressure; 3 area, orientation; 4 tilt;
-           5 torsion, slip.  Pages 0 and 1 always, 2..5 when one of their values is valid
+    TPDO3  page 0 time, check; 1 sigmas, latency, temperature; 2 force, pressure; 3 area, orientation;
+           4 tilt; 5 torsion, slip.  Pages 0 and 1 always, 2..5 when one of their values is valid
     TPDO4  page i: contact i, for each listed contact
 
 Rules
 - All parts of a sample carry the same counter: it counts samples, and each part (CAN id and page) is a
   protected message of its own, with a data id of its own.
 - Parts come in the order of the table. The number of parts in TPDO2 says when a sample is complete.
+- `check`, the low byte of the state frame's, must fit the sample as it was put together.
 - Two samples never mix: the counter (modulo 15) and the 5 low bits of the sample number must agree in
   all parts, which together repeat after 480 samples; a new TPDO1 drops what was not complete; and parts
   are only taken in ascending order.
@@ -40,13 +41,14 @@ from hostlink.wire.fields import (
     Part,
     field_named,
 )
-from hostlink.wire.state import State, quantise, restore
+from hostlink.wire.state import State, check_of, quantise, restore
 
 __all__ = ["PART_SIZE", "Assembler", "PartFrame", "pack_parts", "tpdo_of", "unpack_part"]
 
 PART_SIZE: Final = 8
 _PAYLOAD: Final = PART_SIZE - P11_HEADER
 _LOW_MASK: Final = (1 << SAMPLE_LOW_BITS) - 1
+_CHECK_MASK: Final = (1 << CLASSIC_BITS["check"]) - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,10 +117,12 @@ def pack_parts(state: State, counter: int) -> tuple[tuple[int, bytes], ...]:
 
     counter  of samples due on this link, as in `pack_state`; taken modulo 15
     """
-    raws = dict(zip(_NAMES, quantise(state), strict=True))
+    values = quantise(state)
+    raws = dict(zip(_NAMES, values, strict=True))
     chosen = [p for p in PARTS if p.always or any(raws[name] != _NAN_WIDE[name] for name in p.fields)]
     raws["sample_high"] = raws["sample"] >> SAMPLE_LOW_BITS
     raws["part_n"] = len(chosen)
+    raws["check"] = check_of(values) & _CHECK_MASK
     return tuple((part.tpdo, _pack(part, raws, counter)) for part in chosen)
 
 
@@ -184,7 +188,10 @@ class Assembler:
         self._last = -1
 
     def add(self, frame: PartFrame) -> State | None:
-        """The sample that this part completes, or None."""
+        """The sample that this part completes, or None.
+
+        Raises CorruptFrame: complete, but the parts do not fit together
+        """
         key = (frame.counter, frame.sample_low)
         if frame.part.index == 0:
             self.drop()
@@ -211,4 +218,7 @@ class Assembler:
     def _state(self, sample_low: int) -> State:
         raws = self._raws
         raws["sample"] = raws["sample_high"] << SAMPLE_LOW_BITS | sample_low
-        return restore([raws[name] for name in _NAMES])
+        values = [raws[name] for name in _NAMES]
+        if check_of(values) & _CHECK_MASK != raws["check"]:
+            raise CorruptFrame("classic sample whose content does not fit its check")
+        return restore(values)

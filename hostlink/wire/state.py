@@ -13,10 +13,12 @@ from functools import cache
 from math import nan
 from operator import attrgetter
 from typing import Any, Final
+from zlib import crc32
 
 from hostlink.wire.e2e import check_p5, protect_p5
 from hostlink.wire.errors import CorruptFrame, VersionMismatch
 from hostlink.wire.fields import (
+    CHECK_SIZE,
     CONTACTS_MAX,
     DATA_ID,
     HEADER_SIZE,
@@ -26,7 +28,7 @@ from hostlink.wire.fields import (
 )
 from hostlink.wire.status import Status
 
-__all__ = ["Contact", "State", "pack_state", "quantise", "restore", "unpack_state"]
+__all__ = ["Contact", "State", "check_of", "pack_state", "quantise", "restore", "unpack_state"]
 
 NO_STATUS: Final = Status(0)
 
@@ -77,8 +79,10 @@ class State:
             raise ValueError(f"{len(self.contacts)} contacts, at most {CONTACTS_MAX} fit: give the strongest")
 
 
-FRAME: Final = struct.Struct("<HBB" + "".join(f.code for f in LAYOUT))  # CRC, counter, version, fields
-assert FRAME.size == STATE_SIZE
+_BODY: Final = struct.Struct("<B" + "".join(f.code for f in LAYOUT))  # version, fields
+_BODY_AT: Final = HEADER_SIZE - 1
+_CHECK_AT: Final = STATE_SIZE - CHECK_SIZE
+assert _BODY_AT + _BODY.size == _CHECK_AT
 
 # LAYOUT turned into columns, and where the contacts lie among them.
 _NAMES: Final = tuple(f.name for f in LAYOUT)
@@ -145,13 +149,19 @@ def restore(raws: Sequence[int]) -> State:
     return State(*values[:_FIRST] + values[_BEHIND:] + [contacts])
 
 
+def check_of(raws: Sequence[int]) -> int:
+    """The 16-bit check of raw values in the order of LAYOUT."""
+    return crc32(_BODY.pack(VERSION, *raws)) & 0xFFFF
+
+
 def pack_state(state: State, counter: int) -> bytes:
     """The 64-byte frame of a sample.
 
     counter  of samples due on this link, taken modulo 256: +1 for each, also for one that the link then
              refused (that is a loss); not for one that the divider left out (that is none)
     """
-    frame = bytearray(FRAME.pack(0, 0, VERSION, *quantise(state)))
+    body = _BODY.pack(VERSION, *quantise(state))
+    frame = bytearray(bytes(_BODY_AT) + body + (crc32(body) & 0xFFFF).to_bytes(CHECK_SIZE, "little"))
     protect_p5(frame, counter, DATA_ID)
     return bytes(frame)
 
@@ -159,7 +169,7 @@ def pack_state(state: State, counter: int) -> bytes:
 def unpack_state(frame: bytes) -> State:
     """The sample in a 64-byte frame; its counter is `frame[2]`.
 
-    Raises CorruptFrame: length or CRC is wrong (a frame of another version looks like that, too: only
+    Raises CorruptFrame: length, CRC or check is wrong (a frame of another version looks like that, too: only
            several frames together tell noise from another version, see `hostlink.decoder`);
            VersionMismatch: CRC right, version not ours
     """
@@ -169,4 +179,6 @@ def unpack_state(frame: bytes) -> State:
         raise CorruptFrame("state frame with a wrong CRC")
     if frame[HEADER_SIZE - 1] != VERSION:
         raise VersionMismatch(VERSION, frame[HEADER_SIZE - 1], DATA_ID, DATA_ID)
-    return restore(FRAME.unpack(frame)[3:])
+    if crc32(frame[_BODY_AT:_CHECK_AT]) & 0xFFFF != frame[_CHECK_AT] | frame[_CHECK_AT + 1] << 8:
+        raise CorruptFrame("state frame whose content does not fit its check")
+    return restore(_BODY.unpack_from(frame, _BODY_AT)[1:])

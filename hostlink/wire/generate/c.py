@@ -79,8 +79,7 @@ def e2e_header() -> str:
  *     struct vt_fd_state_t state;
  *     static vt_order_t order;                        // one for each fingertip
  *
- *     if (!vt_check_p5(data, size, VT_DATA_ID_STATE)) return;      // damaged, or another version
- *     if (data[3] != VT_VERSION) return;
+ *     if (!vt_check_state(data, size)) return;                     // damaged, or another version
  *     if (vt_order(&order, data[2], 256u) < 0) return;             // came again
  *     vt_fd_state_unpack(&state, data, size);
  *     if (vt_fd_state_displacement_mm_is_in_range(state.displacement_mm)) {{  // else: invalid
@@ -109,6 +108,9 @@ uint8_t vt_crc8(const uint8_t *data, size_t size, uint8_t start);
 /* AUTOSAR E2E profile 5: CRC in bytes 0..1, counter 0..255 in byte 2. */
 bool vt_check_p5(const uint8_t *data, size_t size, uint16_t data_id);
 void vt_protect_p5(uint8_t *data, size_t size, uint8_t counter, uint16_t data_id);
+
+/* The state frame as a whole: length, profile 5, version, and the check in bytes 62..63. */
+bool vt_check_state(const uint8_t *data, size_t size);
 
 /* AUTOSAR E2E profile 11C: CRC in byte 0, counter 0..14 and nibble of the 12-bit data id in byte 1. */
 bool vt_check_p11(const uint8_t *data, size_t size, uint16_t data_id);
@@ -195,6 +197,28 @@ void vt_protect_p5(uint8_t *data, size_t size, uint8_t counter, uint16_t data_id
     crc = crc_p5(data, size, data_id);
     data[0] = (uint8_t)(crc & 0xFFu);
     data[1] = (uint8_t)(crc >> 8);
+}}
+
+static uint32_t crc32(const uint8_t *data, size_t size)
+{{
+    uint32_t crc = 0xFFFFFFFFu;
+
+    for (size_t i = 0u; i < size; i++) {{
+        crc ^= data[i];
+        for (unsigned bit = 0u; bit < 8u; bit++) {{
+            crc = (crc & 1u) ? (crc >> 1) ^ 0xEDB88320u : crc >> 1;
+        }}
+    }}
+    return crc ^ 0xFFFFFFFFu;
+}}
+
+bool vt_check_state(const uint8_t *data, size_t size)
+{{
+    if (size != VT_STATE_SIZE || !vt_check_p5(data, size, VT_DATA_ID_STATE) || data[3] != VT_VERSION) {{
+        return false;
+    }}
+    return (crc32(&data[3], VT_STATE_SIZE - 5u) & 0xFFFFu) ==
+           ((uint32_t)data[VT_STATE_SIZE - 2u] | ((uint32_t)data[VT_STATE_SIZE - 1u] << 8));
 }}
 
 static uint8_t crc_p11(const uint8_t *data, size_t size, uint16_t data_id)

@@ -28,6 +28,7 @@ __all__ = ["Signal", "classic", "classic_signals", "fd", "state_signals"]
 
 _CLASSIC_MEANING: Final = {
     "sample_high": "upper 11 bits of the sample number; the lower 5 are sample_low",
+    "check": "low byte of the state frame's check: CRC-32 over version and fields as they lie there",
     "part_n": "number of messages of this sample; complete when so many came",
 }
 
@@ -77,6 +78,7 @@ def state_signals() -> list[Signal]:
     for f in LAYOUT:
         signals.append(_field(f.name, at, 8 * f.size))
         at += 8 * f.size
+    signals.append(Signal("check", at, 16, high=0xFFFF, meaning="low half of the CRC-32 over bytes 3..61"))
     return signals
 
 

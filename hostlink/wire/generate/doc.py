@@ -8,6 +8,7 @@ from typing import Final
 
 from hostlink.wire.canid import CanIds
 from hostlink.wire.fields import (
+    CHECK_SIZE,
     CLASSIC_BITS,
     DATA_ID,
     DATA_ID_CLASSIC,
@@ -116,7 +117,20 @@ def _state() -> list[str]:
             )
         )
         at += f.size
-    assert at == STATE_SIZE
+    assert at == STATE_SIZE - CHECK_SIZE
+    rows.append(
+        (
+            at,
+            "`check`",
+            "u16",
+            "",
+            "",
+            "",
+            "",
+            "low half of the CRC-32 (zlib) over bytes 3..61",
+            "see Protection",
+        )
+    )
     return [
         "## State frame",
         "",
@@ -199,6 +213,9 @@ def _protection() -> list[str]:
         "So the CRC-16 alone would let one in about 33000 of the frames with 4, 6 or 8 flips pass, and the CRC-8",
         "alone one in 200 to 260 of the parts with 3 and more. Neither ever stands alone:",
         "",
+        "- *`check`* in the state frame is 16 bits of another, independent CRC: of the damaged frames that the",
+        f"  CRC-16 lets pass it lets one in 65536 pass, {2**-31:.1g} of all with an even number of flips. Classic",
+        "  samples carry 8 bits of it, over the sample as put together. Detail segments have none.",
         "- *CAN* adds the controllers' CRC-15 (classic), CRC-17 or CRC-21 (FD, with counted stuff bits), bit",
         "  monitoring and repetition. Of damaged frames at most 4.7e-11 (Bosch, CAN Specification 2.0) reach the",
         "  software. E2E is there for what CAN cannot see: memory, drivers, gateways, another sender on the same",
