@@ -328,7 +328,7 @@ def _moments(
     )
 
 
-SPREAD_ROWS = 24  # directions of largest uncertainty that are kept; the others add under a percent
+SPREAD_ROWS = 8  # directions of largest uncertainty that are kept; more widen no sigma by a percent
 
 
 def _spread(psi: Complex, ridge: float) -> Complex:

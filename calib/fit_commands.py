@@ -168,3 +168,17 @@ def _print(choices: list[Choice], output: Path) -> None:
             ", ".join(f"{s:.3g}" for s in sigma),
         )
     Console().print(table)
+
+
+@click.command("demo")
+@click.option("--data", type=_PATH, default=Path("tests/data"), show_default=True, help="Bundled recordings.")
+@click.option("--out", type=_PATH, default=Path("out/demo"), show_default=True, help="Folder for pictures.")
+def demo_command(data: Path, out: Path) -> None:
+    """Replay the bundled recordings through the whole chain, compare with the truth, draw pictures."""
+    from calib.demo import demo
+
+    if not data.is_dir():
+        raise TableError(
+            f"{data}: no such folder of recordings; run this in the project's folder, or give --data"
+        )
+    demo(data, out, Console())

@@ -47,6 +47,7 @@ T = TypeVar("T")
 TARE_FRAMES = 8
 STEADY_PX = 0.5  # largest motion of the pins while the rest frame is taken
 PINS_LOST_SHARE = 0.5  # below this share of pins the values are too coarse to be trusted
+DRAIN_S = 1.0  # how long a recording waits for a link that takes nothing
 LATENCIES = 1 << 14  # frames that the latency statistics look back on: 68 s at 240 frames/s
 #: Mean grey level (of the full scale) outside of which an image cannot show pins well.
 DARK, BRIGHT = 0.004, 0.98
@@ -248,6 +249,8 @@ class App:
         )
         self._sample += 1
         for sink in self.sinks:
+            if not self.source.live:  # a recording goes as fast as the link takes it, and loses nothing
+                sink.drain(DRAIN_S)
             s.sent_n += sink.send(state)
         if result is not None:
             self.last = result

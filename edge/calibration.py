@@ -270,7 +270,7 @@ class Calibration:
                 f"{where}: version {content.version}, this program reads version {VERSION}; fit it again"
             )
         self.content = content
-        self.encoded = msgspec.json.format(msgspec.json.encode(content), indent=1)
+        self.encoded = msgspec.json.encode(content) + b"\n"
         self.content_id = int.from_bytes(hashlib.sha256(msgspec.json.encode(content)).digest()[:4], "little")
         self.mm_per_px = content.mm_per_px
         self.rest = _rest(content.sensor, f"{where}: sensor")

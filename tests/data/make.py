@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib.sim import Camera, Look, Simulator, Tip
+from calib.sim.mechanics import Tool
 from calib.sim.script import SCENES, play
+from calib.simulated import calibrate_simulated
 from edge.recording import Recorder
 
 _QUIET = {"read_noise": 0.4, "shot_noise": 0.008}
@@ -62,8 +64,30 @@ def make(folder: Path, name: str) -> Path:
     return path
 
 
+#: Calibration file: the recording whose tip it is made of, and the tool that presses it at random poses.
+CALIBRATIONS: dict[str, tuple[str, Tool]] = {
+    "rings331_ball": ("press", Tool("sphere", radius_mm=3.0)),
+    "hex127_flat": ("press_shear", Tool("flat")),
+}
+
+
+def calibrate(folder: Path, name: str) -> Path:
+    """Write one calibration."""
+    recipe = RECIPES[CALIBRATIONS[name][0]]
+    simulator = Simulator(Camera(tip=recipe.tip, size_px=recipe.size_px), recipe.look, 99, RATE_HZ)
+    calibration, _ = calibrate_simulated(
+        simulator, CALIBRATIONS[name][1], n_frames=300, serial=f"SIM-{recipe.tip.n_pins}"
+    )
+    path = folder / f"{name}.json"
+    calibration.save(path)
+    return path
+
+
 def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent
+    for name in CALIBRATIONS:
+        path = calibrate(folder, name)
+        print(f"{path.name:20} {path.stat().st_size / 1e6:5.2f} MB")
     for name in RECIPES:
         path = make(folder, name)
         print(f"{path.name:20} {path.stat().st_size / 1e6:5.2f} MB")

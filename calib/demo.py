@@ -1,0 +1,259 @@
+"""The whole chain on bundled recordings, without hardware: `make demo`.
+
+Each recording goes through the running app onto a virtual CAN FD bus and onto a serial line (a pair of
+pseudo-terminals), is decoded on the host, and is compared with what the simulator knows.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import pty
+import select
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+import hostlink
+from edge.app import App
+from edge.calibration import Calibration
+from edge.device import AppDevice
+from edge.draw import figure, surface_figure
+from edge.errors import SourceError
+from edge.node import Node
+from edge.pipeline import Result
+from edge.sources import open_source
+from edge.tessellate import cell_polygons
+from edge.transport import CanSink, MemorySink, SerialSink, open_sink
+from edge.types import Feature
+from hostlink.wire import State, pack_state, unpack_state
+
+__all__ = ["RECORDINGS", "Heard", "demo", "play"]
+
+#: Recording, and the calibration of the tip and tool that it was made with.
+RECORDINGS: dict[str, str] = {
+    "press": "rings331_ball.json",
+    "press_shear": "hex127_flat.json",
+    "two_contacts": "rings331_ball.json",
+    "nothing": "hex127_flat.json",
+}
+NODE = 7
+
+
+@dataclass
+class Heard:
+    """One recording, end to end.
+
+    sent    what the edge computed, by the 16-bit sample number
+    can     what the host decoded from the bus
+    serial  and from the serial line
+    last    the last frame's result, which the pictures show
+    truth   the simulator's, by sample number
+    """
+
+    name: str
+    sent: dict[int, State]
+    can: dict[int, State]
+    serial: dict[int, State]
+    last: Result
+    truth: dict[int, dict[str, Any]]
+    calibration: Calibration
+
+
+@contextmanager
+def serial_line() -> Iterator[tuple[str, str]]:
+    """Two ends of a serial line: a pair of pseudo-terminals, joined by a thread."""
+    with ExitStack() as stack:
+        ends = [pty.openpty() for _ in range(2)]
+        for master, slave in ends:
+            tty.setraw(slave)
+            stack.callback(os.close, master)
+            stack.callback(os.close, slave)
+        stack.enter_context(_joined(ends[0][0], ends[1][0]))
+        yield os.ttyname(ends[0][1]), os.ttyname(ends[1][1])
+
+
+@contextmanager
+def _joined(a: int, b: int) -> Iterator[None]:
+    wake_r, wake_w = os.pipe()
+
+    def carry() -> None:
+        while True:
+            ready, _, _ = select.select([a, b, wake_r], [], [])
+            if wake_r in ready:
+                return
+            for source, drain in ((a, b), (b, a)):
+                if source in ready:
+                    data = os.read(source, 65536)
+                    while data:
+                        data = data[os.write(drain, data) :]
+
+    thread = threading.Thread(target=carry, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        os.write(wake_w, b".")
+        thread.join()
+        os.close(wake_r)
+        os.close(wake_w)
+
+
+def play(recording: Path, calibration: Calibration) -> Heard:
+    """Send a recording over both links and collect what arrives.
+
+    Raises  edge.errors.SourceError, SinkError
+    """
+    with ExitStack() as stack:
+        near, far = stack.enter_context(serial_line())
+        addresses = {"can": f"virtual:demo-{recording.stem}", "serial": f"serial:{far}"}
+        heard: dict[str, dict[int, State]] = {name: {} for name in addresses}
+        for name, address in addresses.items():
+            connection = stack.enter_context(hostlink.connect(address))
+            connection.on_sample(_collect(heard[name]))
+        source = open_source(str(recording))
+        stack.callback(source.close)
+        app = App(source, [], calibration, frozenset(Feature))
+        device = AppDevice(app, "demo")
+        for address in (addresses["can"], f"serial:{near}"):
+            sink = open_sink(address, node=NODE)
+            stack.callback(sink.close)
+            assert isinstance(sink, CanSink | SerialSink)
+            app.sinks.append(Node(sink, device, node=NODE))
+        memory = MemorySink()
+        app.sinks.append(memory)
+        truth: dict[int, dict[str, Any]] = {}
+
+        def keep(result: Result, state: State) -> None:
+            truth[state.sample] = result.frame.truth or {}
+
+        app.watchers.append(keep)
+        app.run()
+        sent = {state.sample: state for state in memory.states}
+        if app.last is None:
+            raise SourceError(f"{recording}: no frame after the tare")
+        for sink in app.sinks:
+            sink.drain(5.0)
+        _await(lambda: all(len(h) >= len(sent) for h in heard.values()))
+        return Heard(recording.stem, sent, heard["can"], heard["serial"], app.last, truth, calibration)
+
+
+def _collect(into: dict[int, State]) -> Callable[[hostlink.Sample], None]:
+    def take(sample: hostlink.Sample) -> None:
+        into[sample.state.sample] = sample.state
+
+    return take
+
+
+def _await(done: Callable[[], bool], timeout_s: float = 5.0) -> None:
+    """Wait for bytes that are on their way through the kernel."""
+    tick, deadline = threading.Event(), time.monotonic() + timeout_s
+    while not done() and time.monotonic() < deadline:
+        tick.wait(0.01)
+
+
+def on_wire(state: State) -> State:
+    """What a state is after its trip over the wire: rounded to the fields' resolution."""
+    return unpack_state(pack_state(state, 0))
+
+
+def _same(a: State, b: State) -> bool:
+    return repr(a) == repr(b)  # NaN is not equal to itself, but looks the same
+
+
+def errors(heard: Heard) -> dict[str, float]:
+    """Mean absolute errors of what the host decoded, over the frames in which something is pressed."""
+    place, depth, direction, shear = [], [], [], []
+    wrong_n = 0
+    for number, state in heard.can.items():
+        truth = heard.truth.get(number)
+        if not truth:
+            continue
+        places = np.array(truth["places_mm"]).reshape(-1, 2)
+        settled = bool(truth["contacts"]) and min(c["depth_mm"] for c in truth["contacts"]) >= 0.8
+        if not truth["contacts"]:
+            wrong_n += state.contact_n != 0
+            continue
+        if not settled:
+            continue
+        wrong_n += state.contact_n != len(places)
+        found = np.array([[c.x_mm, c.y_mm] for c in state.contacts]).reshape(-1, 2)
+        if len(found):
+            gap = np.hypot(*(places[:, None] - found[None]).transpose(2, 0, 1))
+            place.extend(gap.min(axis=1))
+        if len(places) == 1:
+            depth.append(abs(state.displacement_mm - truth["depth_mm"]))
+        true = complex(*truth["shear_mm"])
+        read = complex(state.shear_x_mm, state.shear_y_mm)
+        if abs(true) > 0.3:
+            direction.append(abs(math.degrees(np.angle(read * true.conjugate()))))
+        if len(places) == 1:
+            shear.append(abs(read - true))
+
+    def mean(values: list[float]) -> float:
+        return float(np.mean(values)) if values else math.nan
+
+    return {
+        "place_mm": mean(place),
+        "depth_mm": mean(depth),
+        "shear_mm": mean(shear),
+        "direction_deg": mean(direction),
+        "wrong_n": wrong_n,
+    }
+
+
+def demo(data: Path, out: Path, console: Console) -> None:
+    """Play every bundled recording, print the table, write the pictures."""
+    out.mkdir(parents=True, exist_ok=True)
+    table = Table(title="What the host decoded, against the simulator's truth", box=box.SIMPLE_HEAD)
+    for name in ("recording", "samples", "pins", "CAN = serial\n= computed", "contacts", "place\nmm",
+                 "depth\nmm", "shear\nmm", "direction\ndeg"):  # fmt: skip
+        table.add_column(name, justify="left" if name == "recording" else "right")
+    for name, calibration_name in RECORDINGS.items():
+        calibration = Calibration.load(data / calibration_name)
+        heard = play(data / f"{name}.mcap", calibration)
+        found = errors(heard)
+        last = heard.can[max(heard.can)]
+        same = heard.can.keys() == heard.serial.keys() and all(
+            _same(heard.can[k], heard.serial[k]) and _same(heard.can[k], on_wire(state))
+            for k, state in heard.sent.items()
+        )
+        table.add_row(
+            name,
+            str(len(heard.sent)),
+            str(heard.last.tracks.n_seen),
+            "yes" if same else f"{len(heard.sent)}/{len(heard.can)}/{len(heard.serial)}",
+            f"{last.contact_n}" + (f" ({found['wrong_n']:.0f} wrong)" if found["wrong_n"] else ""),
+            *(_cell(found[key]) for key in ("place_mm", "depth_mm", "shear_mm", "direction_deg")),
+        )
+        _pictures(heard, out)
+    console.print(table)
+    console.print(
+        "Place, depth, shear, direction: mean absolute errors over frames pressed by 0.8 mm or more."
+    )
+    console.print(f"Pictures: {out}/*.png")
+
+
+def _cell(value: float) -> str:
+    return f"{value:.2f}" if math.isfinite(value) else "-"
+
+
+def _pictures(heard: Heard, out: Path) -> None:
+    result = heard.last
+    if result.cells is None or result.features is None:
+        return
+    scale = heard.calibration.mm_per_px or 0.0
+    polygons = cell_polygons(result.cells)
+    figure(out / f"{heard.name}.png", result.frame, result.tracks, polygons, result.features, mm_per_px=scale)
+    if result.features.surface is not None:
+        surface_figure(out / f"{heard.name}_surface.png", result.features, mm_per_px=scale)
