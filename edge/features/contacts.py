@@ -237,5 +237,6 @@ def _place(
 
 
 def _distance2(points: Array, to: Array) -> Array:
-    x, y = points[:, 0] - to[0], points[:, 1] - to[1]
+    x: Array = points[:, 0] - to[0]
+    y: Array = points[:, 1] - to[1]
     return x * x + y * y

@@ -77,5 +77,5 @@ class Modes:
         d = d.copy()
         d[lost] = 0.0
         gone = self._basis[lost]
-        solved: Complex = np.linalg.solve(self._gram - gone.conj().T @ gone, self._basis.conj().T @ d)
-        return solved
+        gram: Complex = self._gram - gone.conj().T @ gone
+        return np.asarray(np.linalg.solve(gram, self._basis.conj().T @ d), dtype=np.complex128)
