@@ -14,7 +14,7 @@ from pathlib import Path
 from edge.app import App
 from edge.calibration import Calibration
 from edge.node import Refused
-from edge.types import Feature
+from edge.types import Clock, Feature
 from hostlink.wire import FaultCode
 
 __all__ = ["AppDevice", "stored_calibration"]
@@ -59,6 +59,13 @@ class AppDevice:
             "latency_p50_us": round(statistics.latency_us[0]),
             "latency_p99_us": round(statistics.latency_us[1]),
         }
+
+    def clock_us(self) -> int | None:
+        """The clock that stamps the images, now; None where it is the camera's or a recording's own."""
+        last = self._app.last
+        if last is None or last.frame.clock not in (Clock.HOST, Clock.DRIVER):
+            return None
+        return time.monotonic_ns() // 1000
 
     def tare(self, force: bool) -> None:
         """Take a new rest frame from the next images. Raises Refused: something touches the tip."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import queue
 import sys
 import time
@@ -59,6 +60,8 @@ def _print_lines(board: Board, end_s: float | None, address: str) -> None:
 def _show_table(hand: Connection, board: Board, end_s: float | None) -> None:
     from rich.live import Live
 
+    # The table says itself when the link is down; a line of the log would tear it.
+    logging.getLogger("hostlink").addHandler(logging.NullHandler())
     with Live(auto_refresh=False, screen=False) as live:
         while (wait_s := _left(end_s, LOOK_S)) > 0:
             time.sleep(wait_s)

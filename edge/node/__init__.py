@@ -53,6 +53,10 @@ class Device(Protocol):
         latency_p50_us, latency_p99_us. What is left out reads as its default."""
         ...
 
+    def clock_us(self) -> int | None:
+        """The clock that stamps the images, now, us of any width; None where it cannot be read."""
+        ...
+
     def tare(self, force: bool) -> None:
         """Take a new rest frame from the next images; decide now, do it then.
 

@@ -7,9 +7,11 @@ who provides or applies it. What fits no step is an `Abort` with CiA 301's code;
 from __future__ import annotations
 
 import logging
+import math
 import struct
+import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from hashlib import sha256
 from typing import TYPE_CHECKING
 
@@ -38,6 +40,23 @@ Value = int | float | str | bytes
 
 HISTORY = 8  # entries of 0x1003
 FORCE = 2  # value of the tare object
+DESCRIBE_S = 0.1
+_DESCRIBED = frozenset(
+    {
+        "hardware_version",
+        "software_version",
+        "serial_number",
+        "calibration_id",
+        "pin_n",
+        "camera",
+        "camera_rate_hz",
+        "uptime_s",
+        "samples_n",
+        "dropped_n",
+        "latency_p50_us",
+        "latency_p99_us",
+    }
+)
 _INDICES = frozenset(o.index for o in OBJECTS)
 _SETTINGS = frozenset({"heartbeat_ms", "rate_hz", "divider", "features", "detail_divider"})
 _COB_IDS = {
@@ -79,6 +98,8 @@ class ObjectServer:
         self._ids = ids
         self._on_change = on_change
         self._link = link
+        self._description: Mapping[str, Value] = {}
+        self._described_s = -math.inf
         self.error_register = 0
         self._errors: deque[int] = deque(maxlen=HISTORY)  # newest first
         self.reset()
@@ -122,6 +143,7 @@ class ObjectServer:
                 raise Aborted(Abort.VALUE_LOW)
             if not value <= obj.high:
                 raise Aborted(Abort.VALUE_HIGH)
+        self._described_s = -math.inf  # what is written may show there
         try:
             self._apply(obj, value)
         except Refused:
@@ -156,9 +178,18 @@ class ObjectServer:
         if name in link:
             return link[name]
         if name == "serial_short":
-            serial = str(self._device.describe()["serial_number"])
+            serial = str(self._described()["serial_number"])
             return int.from_bytes(sha256(serial.encode()).digest()[:4], "big")
-        return self._device.describe().get(name, obj.default)
+        if name == "time_us":
+            return self._device.clock_us()
+        return self._described().get(name, obj.default) if name in _DESCRIBED else obj.default
+
+    def _described(self) -> Mapping[str, Value]:
+        """What the device says of itself, at most DESCRIBE_S old: it costs the loop some time each time."""
+        now_s = time.monotonic()
+        if now_s - self._described_s > DESCRIBE_S:
+            self._description, self._described_s = self._device.describe(), now_s
+        return self._description
 
     def _apply(self, obj: Object, value: Value) -> None:
         name = obj.name

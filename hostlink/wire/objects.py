@@ -173,6 +173,8 @@ OBJECTS: Final = (
     _O(0x1008, 0, "device_name", "visible_string", "const", "voronoi-touch", "", "product"),
     _O(0x1009, 0, "hardware_version", "visible_string", "const", None, "", "board the software runs on"),
     _O(0x100A, 0, "software_version", "visible_string", "const", None, "", "release of the firmware"),
+    _O(0x1013, 0, "time_us", "unsigned32", "ro", None, "us", "the clock that stamps images, now: CiA's high "
+       "resolution time stamp; a round trip bounds the error of the clock mapping"),
     _O(0x1014, 0, "emergency_cob_id", "unsigned32", "ro", 0x80, "", "identifier of EMCY", node_id=True),
     _O(0x1017, 0, "heartbeat_ms", "unsigned16", "rw", 500, "ms", "period of the heartbeat; 0 is off",
        0, 60_000, stored=True),

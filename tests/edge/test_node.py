@@ -73,6 +73,9 @@ class Finger:
             "camera_rate_hz": 239.5,
         }
 
+    def clock_us(self) -> int | None:
+        return time.monotonic_ns() // 1000
+
     def tare(self, force: bool) -> None:
         if self.touched and not force:
             raise Refused("touched")
@@ -179,6 +182,8 @@ def test_remote_node_reads_identity(bench: Bench) -> None:
     assert bench.read("samples_n") == 7  # counts on modulo its width
     assert bench.read("emergency_cob_id") == 0x80 + NODE
     assert bench.remote.sdo[0x1018][2].raw == 1
+    before_us = time.monotonic_ns() // 1000
+    assert 0 <= (bench.remote.sdo[0x1013].raw - before_us) % 2**32 < SOON_S * 1e6
 
 
 def test_every_readable_object_answers(bench: Bench) -> None:

@@ -44,6 +44,9 @@ class Application:
     def describe(self) -> Mapping[str, int | float | str | bytes]:
         return {"serial_number": self.serial, "software_version": "0.1", "hardware_version": "test"}
 
+    def clock_us(self) -> int | None:
+        return time.monotonic_ns() // 1000
+
     def tare(self, force: bool) -> None:
         if self.touched and not force:
             raise Refused("touched")
@@ -374,3 +377,19 @@ def test_detail_stream_when_asked_for(pair: Pair) -> None:
     until(lambda: frames, "the frame")
     assert frames[0].detail.sample == 7
     assert [r[0] for r in frames[0].detail.rows] == pytest.approx([r[0] for r in rows], abs=0.011)
+
+
+def test_round_trip_bounds_the_clock_without_assumptions(pair: Pair) -> None:
+    node, _, hand = pair
+    node.send(state(0))
+    finger = hand.finger()
+    finger.clock._transit_s = 10.0  # as if nothing were known of the link
+    finger.sync_clock()
+    sent = state(1)
+    node.send(sent)
+    until(lambda: (s := hand.latest(max_age_s=None)) is not None and s.state.sample == 1, "the sample")
+    sample = hand.latest(max_age_s=None)
+    assert sample is not None
+    assert sample.host_error_s < SOON_S / 2  # half the round trip at the most, not the 5 s assumed
+    # Both ends share this machine's clock, so the truth is known; 2 us: the wire's and the floats' rounding.
+    assert abs(sample.host_time_s - sent.capture_time_us * 1e-6) <= sample.host_error_s + 2e-6
