@@ -190,7 +190,7 @@ def read_serial(path: Path | str) -> Iterator[tuple[float, bytes]]:
             data = file.read(size)
             if len(data) < size:
                 return
-            yield time_us * 1e-6, data
+            yield time_us / 1e6, data
 
 
 def decode_recording(path: Path | str, decoder: CanDecoder | SerialDecoder | None = None) -> Iterator[Event]:

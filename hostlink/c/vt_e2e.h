@@ -13,6 +13,8 @@
  *         float mm = vt_fd_state_displacement_mm_decode(state.displacement_mm);
  *     }
  *
+ * Encoding with vt_fd.c and vt_classic.c needs roundf: link with -lm. Decoding and this file need nothing.
+ *
  * Classic CAN: vt_check_p11 with VT_DATA_ID_PART | vt_part_index(tpdo, data), then vt_classic_part<n>_unpack.
  */
 #ifndef VT_E2E_H

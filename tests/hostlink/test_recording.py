@@ -1,0 +1,123 @@
+"""Recordings: exact round trips, refused formats, damage, and decoding from file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from random import Random
+
+import can
+import pytest
+
+from hostlink.decoder import CanDecoder, Sample, SerialDecoder
+from hostlink.errors import LogError
+from hostlink.recording import LogWriter, SerialWriter, decode_recording, read_log, read_serial
+from hostlink.wire import Message, State, encode_frame, pack_parts, pack_state
+from tests.hostlink.states import random_state
+
+START_S = 1_767_225_600.123457  # 2026: where a double resolves 0.24 us
+
+
+def traffic(n: int) -> list[can.Message]:
+    """State frames, classic parts and heartbeats of two fingers, times in whole microseconds."""
+    rng, messages = Random(1), []
+    for i in range(n):
+        time_s = round(START_S + i * 0.004167, 6)
+        state = random_state(rng, i)
+        frames = [(0x181, pack_state(state, i), True)]
+        frames += [(0x82 + 0x100 * tpdo, part, False) for tpdo, part in pack_parts(state, i)]
+        frames.append((0x701, b"\x05", False))
+        for k, (can_id, data, fd) in enumerate(frames):
+            messages.append(
+                can.Message(
+                    timestamp=round(time_s + k * 1e-6, 6), arbitration_id=can_id, data=data,
+                    is_extended_id=False, is_fd=fd, bitrate_switch=fd, channel=0, is_rx=True,
+                )
+            )  # fmt: skip
+    return messages
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf"])
+def test_exact_round_trip(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+    messages = traffic(300)
+    with LogWriter(path) as writer:
+        for message in messages:
+            writer.write(message)
+    assert (writer.written_n, writer.stepped_n) == (len(messages), 0)
+    back = list(read_log(path))
+    assert len(back) == len(messages)
+    for sent, got in zip(messages, back, strict=True):
+        assert got.equals(sent, timestamp_delta=None, check_channel=False), (sent, got)
+        assert got.timestamp == sent.timestamp
+    decoder = CanDecoder()
+    samples = [e for e in decode_recording(path, decoder) if isinstance(e, Sample)]
+    assert len(samples) == 600
+    assert all(s.lost_n + s.corrupt_n == 0 for s in decoder.statistics.values())
+    assert samples[0].arrival_s == messages[0].timestamp
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf"])
+def test_time_never_runs_backwards(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+    with LogWriter(path) as writer:
+        for time_s in (10.0, 12.0, 11.0, 13.0000004):
+            writer.write(can.Message(timestamp=time_s + START_S, arbitration_id=1, data=b"x"))
+    assert writer.stepped_n == 1
+    times = [round(m.timestamp - START_S, 5) for m in read_log(path)]
+    assert times == [10.0, 12.0, 12.0, 13.0]
+
+
+@pytest.mark.parametrize("name", ["a.asc", "a.csv", "a.db", "a.trc", "a.mf4", "a.log.gz", "a.txt", "a"])
+def test_formats_that_lose_something_are_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(LogError, match=r"use \.log or \.blf"):
+        LogWriter(tmp_path / name)
+    with pytest.raises(LogError, match=name):
+        next(iter(read_log(tmp_path / name)))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_missing_unwritable_and_damaged(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="no such file"):
+        list(read_log(tmp_path / "none.log"))
+    with pytest.raises(LogError, match="cannot be written"):
+        LogWriter(tmp_path / "none" / "bus.log")
+    for name, text in (("a.log", "(1.0) can0 181#00\nnonsense\n"), ("b.blf", "nonsense" * 100)):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(LogError, match=r"damaged after [01] messages"):
+            list(read_log(tmp_path / name))
+
+
+def test_serial_round_trip(tmp_path: Path) -> None:
+    path, rng = tmp_path / "line.serial", Random(2)
+    stream = b"".join(encode_frame(Message.STATE, pack_state(State(sample=i), i)) for i in range(200))
+    chunks, at = [], 0
+    while at < len(stream):
+        size = rng.randrange(0, 200)
+        chunks.append((round(at / 1e4, 6), stream[at : at + size]))
+        at += size
+    with SerialWriter(path) as writer:
+        for time_s, data in chunks:
+            writer.write(data, time_s)
+    assert list(read_serial(path)) == chunks
+    decoder = SerialDecoder(3)
+    samples = [e for e in decode_recording(path, decoder) if isinstance(e, Sample)]
+    assert [s.state.sample for s in samples] == list(range(200))
+    path.write_bytes(path.read_bytes()[:-3])
+    assert list(read_serial(path)) == chunks[:-1], "an unfinished record is the end"
+
+
+def test_serial_damage(tmp_path: Path) -> None:
+    path = tmp_path / "line.serial"
+    path.write_bytes(b"something else entirely")
+    with pytest.raises(LogError, match="not a serial recording"):
+        list(read_serial(path))
+    path.write_bytes(b"voronoi-touch serial 1\n" + b"\xff" * 40)
+    with pytest.raises(LogError, match="damaged at byte"):
+        list(read_serial(path))
+
+
+def test_decoder_of_the_wrong_kind(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="CanDecoder"):
+        list(decode_recording(tmp_path / "a.log", SerialDecoder()))
+    with pytest.raises(TypeError, match="SerialDecoder"):
+        list(decode_recording(tmp_path / "a.serial", CanDecoder()))
