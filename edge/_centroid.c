@@ -293,6 +293,8 @@ INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, 
         const double vx = variance * n[2] / det_x, vy = variance * n[3] / det_y;
         const double sure_x = gx * gx / (4 * vx), sure_y = gy * gy / (4 * vy); /* in units of two sigmas */
         const double keep_x = sure_x > 1 ? 1 - 1 / sure_x : 0, keep_y = sure_y > 1 ? 1 - 1 / sure_y : 0;
+        /* what a slope of the surroundings explains is no evidence against the disc */
+        const double level_energy = energy - gx * su - gy * sv;
         gx *= keep_x;
         gy *= keep_y;
         ex = (s.stx - n[4] * gx) / n[2];
@@ -313,8 +315,6 @@ INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, 
             a.x = x;
             a.y = y;
             a.amplitude = ldexp(amplitude, limit->shift);
-            /* what a slope of the surroundings explains is no evidence against the disc */
-            const double level_energy = energy - gx * su - gy * sv;
             a.sigma = sigma_of(sqrt(variance * spread) / amplitude, rest, n[0] - 6, level_energy, limit->noise, n[12]);
             a.fit = level_energy > 0 ? s.sd * amplitude / level_energy : 0;
             return a;

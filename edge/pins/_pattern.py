@@ -103,11 +103,14 @@ def fills_gap(spots: Spots, pins: Spots) -> Mask:
 
 
 def unevenness(spots: Spots) -> float:
-    """How unlike neighbours are: log scatter of size, of depth, and twice that of the nearest distance."""
+    """How unlike neighbours are: log scatter of size, of depth and of the nearest distance.
+
+    Weighted so that it parts the tips at hand from textures best.
+    """
     distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=NEIGHBOURS + 1)
     values = (spots.radius_px, spots.depth, distance[:, 1])
     scatter = [np.median(np.abs(_against(value, near[:, 1:]))) for value in values]
-    return float(1.4826 * (scatter[0] + scatter[1] + 2.0 * scatter[2]))
+    return float(1.4826 * (scatter[0] + 1.5 * scatter[1] + 2.0 * scatter[2]))
 
 
 def _oddness(spots: Spots) -> Array:

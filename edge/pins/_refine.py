@@ -116,8 +116,8 @@ def _tables(
 def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int, Shorts, Array]:
     """Half width, row stride, planes (17, 3, rows, stride) and norms (16, 15) of one radius.
 
-    The first three planes are the support and the columns and rows in it; then for each phase the disc freed of
-    a constant, and its slopes in x and y freed of both.
+    The first three planes are the support and the columns and rows in it; then for each phase the disc freed
+    of a constant, and its slopes in x and y freed of both.
     """
     support = min(
         radius + 3.0 * edge_px + 0.5, max(radius + 1.5 * edge_px, 0.85 * pitch_px - radius - 1.5 * edge_px)
@@ -148,7 +148,9 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int
     planes = np.zeros((PHASES * PHASES + 1, 3, size, stride), np.int16)
     planes[0, :, :, :size] = np.stack([one[0], columns * one[0], rows * one[0]])
     planes[1:, :, :, :size] = np.rint(np.stack([d * scale[0], tx * scale[1], ty * scale[1]], axis=1))
-    columns_of_norms = [np.broadcast_to(np.ravel(value), PHASES * PHASES) for value in norm]
+    columns_of_norms = [
+        np.broadcast_to(np.asarray(value, np.float64).ravel(), PHASES * PHASES) for value in norm
+    ]
     return half, stride, planes, np.stack(columns_of_norms, axis=1)
 
 

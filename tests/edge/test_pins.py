@@ -97,7 +97,7 @@ def textures() -> dict[str, Image]:
         "stripes": ((np.indices((480, 640))[1] // 8 % 2) * 255).astype(np.uint8),
         "one pixel": np.zeros((1, 1), np.uint8),
     }
-    for sigma in (1, 3, 8):
+    for sigma in (1, 2, 4):
         smooth = cv2.GaussianBlur(rng.normal(0, 1, (480, 640)), (0, 0), sigma)
         found[f"smooth noise {sigma}"] = np.clip(120 + 40 * smooth / smooth.std(), 0, 255).astype(np.uint8)
     return found
