@@ -14,6 +14,7 @@ import click
 COMMANDS = {
     "identity": ("tests.bench.identity", "Pin identity after a jump, on real and simulated frames."),
     "link": ("tests.bench.link", "Fingers on one bus: losses and latency."),
+    "wire": ("tests.bench.wire", "Coding of frames: processor time of one."),
     "stability": ("tests.bench.stability", "Hard cases of the geometry against exact arithmetic."),
 }
 DEFAULT = "speed"
