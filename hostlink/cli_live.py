@@ -7,7 +7,7 @@ import logging
 import queue
 import sys
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from math import isnan
 from pathlib import Path
@@ -39,10 +39,11 @@ def monitor(address: str, seconds: float | None, plain: bool) -> None:
     end_s = None if seconds is None else time.monotonic() + seconds
     with connect(address) as hand:
         board = Board(hand)
-        if plain or not sys.stdout.isatty():
-            _print_lines(board, end_s, address)
-        else:
-            _show_table(hand, board, end_s)
+        with suppress(KeyboardInterrupt):  # Ctrl-C is how one stops looking
+            if plain or not sys.stdout.isatty():
+                _print_lines(board, end_s, address)
+            else:
+                _show_table(hand, board, end_s)
 
 
 def _print_lines(board: Board, end_s: float | None, address: str) -> None:

@@ -86,6 +86,10 @@ class StandardNode(canopen.LocalNode):
     def __init__(self, node: int, server: ObjectServer) -> None:
         super().__init__(node, object_dictionary())
         self._server = server
+        # A segment that belongs to no transfer must be answered with an abort; the server as it comes has
+        # nothing yet to name in one and fails.
+        self.sdo._index = self.sdo._subindex = 0
+        self.sdo._buffer = bytearray()
 
     def get_data(self, index: int, subindex: int, check_readable: bool = False) -> bytes:
         try:

@@ -170,10 +170,11 @@ class LinkSink:
         return self._counters
 
     def send(self, state: State) -> bool:
-        items = self.encode(state, next(self._numbers))
+        number = next(self._numbers)  # of a sample that is dropped, too: the host counts it as lost
         medium = self._medium
         if medium is None or self._closing:
             return self._count(dropped=1)
+        items = self.encode(state, number)
         if medium.instant and self._writing.acquire(blocking=False):
             try:
                 return self._count(sent=1) if self._write(medium, items) else self._count(dropped=1)

@@ -252,6 +252,15 @@ def test_unknown_objects_are_refused(bench: Bench) -> None:
         bench.read("tare")
 
 
+@pytest.mark.parametrize("command", [0x70, 0x10, 0xC4, 0xE0])
+def test_segment_without_a_transfer_is_aborted(bench: Bench, command: int) -> None:
+    bench.network.send_message(0x600 + NODE, bytes((command,)) + bytes(7))
+    (answer,) = bench.messages(0x580 + NODE, 1)
+    assert answer[0] == 0x80
+    bench.remote.sdo.responses.get(timeout=SOON_S)  # the client heard it too, and would take it for its own
+    assert bench.read("divider") == 1
+
+
 def test_calibration_goes_up_and_comes_back(bench: Bench) -> None:
     with refused(Abort.NO_DATA):
         bench.read("calibration")

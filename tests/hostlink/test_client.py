@@ -268,15 +268,19 @@ def test_stop_and_sync_from_the_host(pair: Pair) -> None:
     until(lambda: (s := hand.latest(max_age_s=None)) is not None and s.state.sample == 7, "on SYNC")
 
 
-def test_five_fingers_on_one_bus(request: pytest.FixtureRequest) -> None:
-    bus = f"virtual:{request.node.name}"
-    nodes = [make_node(f"{bus}?node={k}") for k in range(1, 6)]
-    with hostlink.connect(bus) as hand:
+@pytest.mark.parametrize("kind", ["virtual", "udp"])
+def test_five_fingers_on_one_bus(request: pytest.FixtureRequest, kind: str) -> None:
+    """A second of five fingers at 250 Hz, as fast as it goes; at its own pace: tests/bench/link.py."""
+    port = 41_000 + os.getpid() % 20_000
+    bus = f"virtual:{request.node.name}?" if kind == "virtual" else f"udp:239.0.0.6?port={port}&"
+    nodes = [make_node(f"{bus}node={k}") for k in range(1, 6)]
+    with hostlink.connect(bus.rstrip("?&")) as hand:
         heard: list[tuple[int, int]] = []
         hand.on_sample(lambda s: heard.append((s.finger, s.state.sample)))
         for k in range(250):
             for node, _ in nodes:
                 assert node.send(state(k))
+            until(lambda behind=5 * (k - 10): len(heard) >= behind, "the reader keeps up")
         until(lambda: len(heard) == 1250, "all")
         assert sorted(heard) == sorted((f, k) for f in range(1, 6) for k in range(250))
         assert sum(s.lost_n for s in hand.statistics.values()) == 0
