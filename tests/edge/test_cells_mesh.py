@@ -107,13 +107,12 @@ def test_degenerate_motion_stays_exact(
 def test_random_motion_stays_exact(seed: int, spread: float, step: float) -> None:
     """As above, for pins that are close together and steps of any size."""
     rng = np.random.default_rng(seed)
-    pins = rng.uniform(-0.6, 0.6, 2) + 0.3 * spread * rng.uniform(-1, 1, (9, 2))
-    mesh = Mesh(9, 24)
+    pins = rng.uniform(-0.5, 0.5, 2) + 0.2 * spread * rng.uniform(-1, 1, (9, 2))
     for _ in range(3):
         points = bounded(pins, 24)
         wanted = exact.cell_areas(points, 9)
         assert exact.relative_errors(areas_of(mesh, points, 9), wanted).max() <= 1e-13
-        pins = np.clip(pins + step * 0.3 * rng.uniform(-1, 1, (9, 2)), -0.8, 0.8)
+        pins = np.clip(pins + step * 0.3 * rng.uniform(-1, 1, (9, 2)), -0.7, 0.7)  # within the ring
 
 
 def test_area_is_continuous_through_cocircularity() -> None:
