@@ -29,8 +29,8 @@ _RADIUS_MAX_OF_SIDE = 1 / 22
 _SCALE_RANGE = (0.7, 1.4)
 _PINS_MIN = 12
 # Scatter of size, depth and spacing among neighbours plus what the disc leaves unexplained. Real tips: 0.2
-# (331 pins) to 1.1 (square grid through a fisheye, under glare); smoothed noise: 1.2 and more up to a scale of 6 px,
-# some of it 1.1 at 8 to 10 px.
+# (331 pins) to 1.1 (square grid through a fisheye, under glare); smoothed noise: 1.2 and more up to a
+# scale of 6 px, some of it 1.1 at 8 to 10 px.
 _UNLIKE_PINS_MAX = 1.15
 # A spot's depth is a mean over tens of pixels: twice the noise of one pixel is a dozen of its own sigmas.
 _DEPTH_OF_NOISE = 2.0

@@ -6,7 +6,7 @@ Idea
   answers each pin with a few dot products. See there for the estimator.
 
 Rules
-- Radii come in kinds 8 % apart: a template that is 4 % off in radius is still symmetric, so it costs a
+- Radii come in kinds 5 % apart: a template that is 2.5 % off in radius is still symmetric, so it costs a
   little noise (1 %) and no bias.
 - Buffers are made once. What `refine` returns is a copy and stays good.
 """
