@@ -107,6 +107,7 @@ def test_degenerate_motion_stays_exact(
 def test_random_motion_stays_exact(seed: int, spread: float, step: float) -> None:
     """As above, for pins that are close together and steps of any size."""
     rng = np.random.default_rng(seed)
+    mesh = Mesh(9, 24)
     pins = rng.uniform(-0.5, 0.5, 2) + 0.2 * spread * rng.uniform(-1, 1, (9, 2))
     for _ in range(3):
         points = bounded(pins, 24)
