@@ -28,14 +28,12 @@ from edge.node.ports import CanPort, SerialPort
 from edge.settings import SettingsFile
 from edge.transport import CanFdSink, CanSink, LinkSink, SerialSink, SinkCounters
 from hostlink.wire import FAULTS, FEATURE_BITS, CanIds, FaultCode, State, Status, pack_detail, pack_emergency
-from hostlink.wire.timing import fd_frame_s, serial_frame_s
 
 __all__ = ["Device", "Node", "Refused"]
 
 Value = int | float | str | bytes
 
 DETAIL_SHARE = 0.3  # of the link's time that the detail stream may take at the most
-BITRATE, DBITRATE, BAUD = 1_000_000, 5_000_000, 921_600  # assumed where the address names none
 OPERATIONAL = "OPERATIONAL"
 NMT_RESET_NODE, NMT_RESET_COMMUNICATION = 129, 130
 
@@ -178,13 +176,8 @@ class Node:
         if not isinstance(sink, CanFdSink | SerialSink):
             return False
         segments = pack_detail(sample, rows, self._detail_counter)
-        frame_s = (
-            fd_frame_s(len(segments[0]), BITRATE, DBITRATE)
-            if isinstance(sink, CanFdSink)
-            else serial_frame_s(len(segments[0]), BAUD)
-        )
         items = [sink.encode_detail(segment) for segment in segments]
-        if not sink.send_detail(items, frame_s / DETAIL_SHARE):
+        if not sink.send_detail(items, sink.frame_s(len(segments[0])) / DETAIL_SHARE):
             return False
         self._detail_counter += len(segments)
         return True

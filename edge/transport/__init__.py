@@ -23,9 +23,10 @@ from hostlink.wire import (
     pack_state,
     unpack_message,
 )
-from hostlink.wire.address import AddressError, parse_address
+from hostlink.wire.address import DEFAULT_BAUD, AddressError, parse_address
 from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.serial import decode_frame
+from hostlink.wire.timing import fd_frame_s, serial_frame_s
 
 __all__ = [
     "CanClassicSink",
@@ -43,6 +44,7 @@ __all__ = [
 ]
 
 NODE_DEFAULT = 1
+BITRATE, DBITRATE = 1_000_000, 5_000_000  # assumed where the address names none: CiA 601-3
 
 
 class CanSink(LinkSink):
@@ -75,9 +77,15 @@ class CanFdSink(CanSink):
     def encode(self, state: State, counter: int) -> Sequence[can.Message]:
         return (_fd_message(self.ids.state(self.node), pack_state(state, counter)),)
 
+    bitrate, dbitrate = BITRATE, DBITRATE  # of the bus, where the address names them
+
     def encode_detail(self, payload: bytes) -> can.Message:
         """The message of one detail segment, on TPDO4's identifier."""
         return _fd_message(self.ids.detail(self.node), payload)
+
+    def frame_s(self, n_bytes: int) -> float:
+        """How long such a frame holds the bus, at worst."""
+        return fd_frame_s(n_bytes, self.bitrate, self.dbitrate)
 
 
 class CanClassicSink(CanSink):
@@ -108,9 +116,15 @@ class SerialSink(LinkSink):
     def encode(self, state: State, counter: int) -> Sequence[bytes]:
         return (encode_frame(Message.STATE, pack_state(state, counter)),)
 
+    baud = DEFAULT_BAUD
+
     def encode_detail(self, payload: bytes) -> bytes:
         """The frame of one detail segment."""
         return encode_frame(Message.DETAIL, payload)
+
+    def frame_s(self, n_bytes: int) -> float:
+        """How long such a frame holds the line."""
+        return serial_frame_s(n_bytes, self.baud)
 
     def frame(self, kind: Message, body: bytes, counter: int) -> bytes:
         """The bytes of an answer, an emergency or a heartbeat."""
@@ -149,9 +163,14 @@ def open_sink(spec: str, node: int | None = None, ids: CanIds | None = None) -> 
     if address.scheme == "memory":
         return MemorySink()
     if not address.is_can:
-        return SerialSink(str(address), open_line(address))
+        line = SerialSink(str(address), open_line(address))
+        line.baud = address.baud
+        return line
     kind: type[CanSink] = CanFdSink if address.fd else CanClassicSink
-    return kind(str(address), open_bus(address), address.node or node or NODE_DEFAULT, ids)
+    bus = kind(str(address), open_bus(address), address.node or node or NODE_DEFAULT, ids)
+    if isinstance(bus, CanFdSink):
+        bus.bitrate, bus.dbitrate = address.bitrate or BITRATE, address.dbitrate or DBITRATE
+    return bus
 
 
 def _fd_message(can_id: int, data: bytes) -> can.Message:

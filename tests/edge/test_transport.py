@@ -379,6 +379,24 @@ def test_loop_url_hears_itself() -> None:
     sink.close()
 
 
+def test_detail_is_spaced_by_what_a_frame_takes(pty: Pty, channel: str) -> None:
+    line = open_sink(f"serial:{pty.path}?baud=115200")
+    assert isinstance(line, SerialSink)
+    assert line.frame_s(64) == pytest.approx(72 * 10 / 115_200)
+    line.close()
+    bus = open_sink(f"virtual:{channel}?bitrate=500000&dbitrate=2000000")
+    assert isinstance(bus, CanFdSink)
+    assert bus.frame_s(64) == pytest.approx(405.5e-6)
+    assert bus.send_detail([bus.encode_detail(bytes(64))] * 3, 0.02)
+    begun_s = time.monotonic()
+    with can.Bus(interface="virtual", channel=channel) as host:
+        until(lambda: bus.counters.detail_sent, "three segments")
+        assert time.monotonic() - begun_s > 0.03  # a lower bound: spaced, however fast the machine
+        assert bus.send(state(1))
+        assert host.recv(SOON_S) is not None
+    bus.close()
+
+
 def test_sinks_share_their_rules() -> None:
     assert issubclass(CanFdSink, LinkSink)
     assert issubclass(SerialSink, LinkSink)
