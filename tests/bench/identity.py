@@ -274,7 +274,7 @@ def judge(tracks: Tracks, blob: Array, owner: Array) -> tuple[int, int, int]:
 
 @click.command(name="identity", help="Pin identity after a jump: real frames and simulated ones.")
 @click.option("--every", default=1, show_default=True, help="Take each n-th real frame.")
-@click.option("--frames", default=200, show_default=True, help="Simulated presses of each tip.")
+@click.option("--frames", default=60, show_default=True, help="Simulated presses of each tip.")
 @click.option("--seed", default=1, show_default=True)
 @click.option(
     "--pictures", type=click.Path(file_okay=False, path_type=Path), help="Folder for the ten worst."
