@@ -48,7 +48,7 @@ CLASH = 0.8  # pitches; a free blob this near to a hole should have filled it
 ROOM = 0.5  # pitches; a free blob nearer to a matched one is no pin: real compressed pins keep 0.75
 # Confidence, calibrated on simulated jumps of six layouts (rings, hexagonal, square; 127 to 331 pins) with
 # up to 50 % lost pins, 50 false blobs and half the tip hidden. Of 1500 others, 1 of 35 wrong matches was
-# above 0.5, and of 1200 right ones with at least 70 % of the pins in view and none of the tip hidden 6
+# above 0.5, and of 1050 right ones with at least 70 % of the pins in view and none of the tip hidden 6
 # were below. Wrong ones have a lead of 0..2 pins (a shifted lattice), or more free blobs in clumps of
 # holes than chance puts there (a seam through the tip), or too few pins to tell.
 FULL_LEAD = 6.0  # pins ahead of the best rival
@@ -57,7 +57,7 @@ FULL_DOUBT = 6.0  # standard deviations above chance
 LEAST_SHARE, FULL_SHARE = 0.38, 0.86  # of the pins agreeing
 SAME = 0.9  # share of a coarse match that makes it one that was tried
 SURE, FEW_CLASHES = 0.6, 2  # then the search ends
-# A sharp tool tears the middle of the field: so large a share of clashes is forgiven, from so many agreeing on.
+# A sharp tool tears the middle of the field: this share of clashes is forgiven where so many pins agree.
 FORGIVEN, MOST = 0.025, 0.8
 EFFORT = 3.0  # pins, for a root-mean-square motion of one step
 WORTH_GROWING = 0.4  # share of the winner's agreeing pins that a rival has before it grows
