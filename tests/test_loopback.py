@@ -1,0 +1,120 @@
+"""Recorded frames through the whole chain and back: what the host decodes is what the edge computed."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from threading import Event
+from uuid import uuid4
+
+import pytest
+
+import hostlink
+from calib.demo import RECORDINGS, on_wire, play, serial_line
+from edge.app import App
+from edge.calibration import Calibration
+from edge.device import AppDevice
+from edge.node import Node
+from edge.sources import open_source
+from edge.transport import CanSink, MemorySink, SerialSink, open_sink
+from hostlink.decoder import Sample as Decoded
+from hostlink.recording import LogWriter, decode_recording
+from hostlink.wire import State
+
+NODE = 5
+
+
+def same(a: State, b: State) -> bool:
+    """Equal in every field; NaN equals NaN."""
+    return repr(a) == repr(b)
+
+
+def send(
+    recording: Path, calibration: Path, edge_address: str, host_address: str, log: Path | None = None
+) -> tuple[dict[int, State], dict[int, State]]:
+    """Computed and received states by sample number."""
+    received: dict[int, State] = {}
+    arrived = Event()
+    source = open_source(str(recording))
+    memory = MemorySink()
+    expected_n = sum(1 for _ in source)
+    with hostlink.connect(host_address) as host:
+
+        def take(sample: hostlink.Sample) -> None:
+            received[sample.state.sample] = sample.state
+            if len(received) == expected_n:
+                arrived.set()
+
+        host.on_sample(take)
+        writer = LogWriter(log) if log is not None else None
+        if writer is not None:
+            host.on_raw(lambda message, _: writer.write(message))
+        app = App(source, [memory], Calibration.load(calibration))
+        sink = open_sink(edge_address, node=NODE)
+        assert isinstance(sink, CanSink | SerialSink)
+        app.sinks.append(Node(sink, AppDevice(app, "T1"), node=NODE))
+        app.run()
+        sink.drain(5.0)
+        arrived.wait(10.0)
+        sink.close()
+    if writer is not None:
+        writer.close()
+    source.close()
+    return {state.sample: state for state in memory.states}, received
+
+
+def check(computed: dict[int, State], received: dict[int, State]) -> None:
+    """Received equals computed within the wire's resolution, nothing lost, nothing invented."""
+    assert computed.keys() == received.keys()
+    for number, state in computed.items():
+        assert same(received[number], on_wire(state)), number
+    assert any(state.contact_n for state in computed.values())
+    assert any(
+        math.isfinite(state.displacement_mm) and state.displacement_mm > 1 for state in computed.values()
+    )
+
+
+@pytest.fixture
+def pressed(data_dir: Path) -> tuple[Path, Path]:
+    """A recording that has everything, and its calibration."""
+    return data_dir / "press_shear.mcap", data_dir / RECORDINGS["press_shear"]
+
+
+def test_can_fd(pressed: tuple[Path, Path]) -> None:
+    bus = f"virtual:{uuid4()}"
+    check(*send(*pressed, bus, bus))
+
+
+def test_classic_can(pressed: tuple[Path, Path]) -> None:
+    bus = f"virtual:{uuid4()}?fd=0"
+    computed, received = send(*pressed, bus, bus)
+    check(computed, received)
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf"])
+@pytest.mark.parametrize("options", ["", "?fd=0"])
+def test_a_log_written_and_read_back(
+    pressed: tuple[Path, Path], tmp_path: Path, suffix: str, options: str
+) -> None:
+    bus, log = f"virtual:{uuid4()}{options}", tmp_path / f"touch{suffix}"
+    computed, received = send(*pressed, bus, bus, log)
+    check(computed, received)
+    logged = {
+        event.state.sample: event.state for event in decode_recording(log) if isinstance(event, Decoded)
+    }
+    check(computed, logged)
+
+
+def test_serial(pressed: tuple[Path, Path]) -> None:
+    with serial_line() as (near, far):
+        check(*send(*pressed, f"serial:{near}", f"serial:{far}"))
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_every_bundled_recording_over_both_links(data_dir: Path, name: str) -> None:
+    heard = play(data_dir / f"{name}.mcap", Calibration.load(data_dir / RECORDINGS[name]))
+    assert heard.sent.keys() == heard.can.keys() == heard.serial.keys()
+    for number, state in heard.sent.items():
+        assert same(heard.can[number], on_wire(state))
+        assert same(heard.serial[number], on_wire(state))
+    assert heard.last.tracks.n_seen == len(heard.last.tracks.seen)
