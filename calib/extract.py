@@ -96,11 +96,7 @@ def _chunk(rest: Rest, paths: Sequence[Path]) -> list[_Row]:
     pipeline = Pipeline(rest, demand=DEMAND)
     rows = []
     for path in paths:
-        try:
-            image = read_image(path)
-        except ValueError as error:
-            raise TableError(f"{path}: not an image ({error})") from None
-        rows.append(measure(pipeline, image))
+        rows.append(measure(pipeline, read_image(path)))
     return rows
 
 
@@ -111,7 +107,7 @@ def extract(
 
     pool     any executor; `executor` makes one
     on_done  called with the number of frames done since the last call
-    Raises   TableError: a file is not an image
+    Raises   SourceError: a file is not an image
     """
     futures: dict[Future[Any], int] = {}
     for start in range(0, len(paths), CHUNK):

@@ -123,10 +123,8 @@ def evaluate_command(
 def _rest(path: Path) -> Rest:
     try:
         return take_rest([read_image(path)])
-    except ValueError as error:
-        raise TableError(f"{path}: {error}; an image of the untouched tip is needed") from None
     except NoPins as error:
-        raise TableError(f"{path}: {error}") from None
+        raise TableError(f"{path}: {error}; an image of the untouched tip is needed") from None
 
 
 def _extract(rest: Rest, targets: Targets, workers: int | None, dask: str | None, quiet: bool) -> Extract:

@@ -180,7 +180,7 @@ def inspect(images: Sequence[Path], as_json: bool, overlay: Path | None) -> None
         try:
             image = read_image(path)
             pins = detect(image)
-        except (EdgeError, ValueError) as error:
+        except EdgeError as error:
             failed = True
             message = str(error) if str(path) in str(error) else f"{path}: {error}"
             click.echo(f"error: {message}", err=True)
