@@ -23,10 +23,12 @@ from edge.types import Frame
 
 __all__ = ["SLOW", "LiveSource", "Watch"]
 
-STALL_S = 0.1  # faults are to be announced within this time
-STALL_PERIODS = 3.0  # a slow camera is stalled only after this many frames were due
+STALL_S = 0.07  # faults are to be announced within 0.1 s, the loop's own waiting included
+STALL_PERIODS = 2.2  # a slow camera is stalled only after this many frames were due; 73 ms at 30 frames/s
 FROZEN_FRAMES = 10  # sensor noise never repeats an image this often; 42 ms at 240 frames/s
+FROZEN_S = 0.06  # a slow camera's image is frozen after this time, and two repetitions
 _BLACK_SHARE = 1 / 32  # of the full scale; pins under a lit LED ring stand far above
+CLOSE_S = 0.5  # the app ends within a second, whatever the driver does
 _ROWS = 8  # every 8th row stands for the image in both checks: 13 us for 640x480
 _RATE_FRAMES = 24  # intervals of the rate check: 0.1 s at 240 frames/s
 SLOW = 0.8  # share of the asked rate below which the camera counts as slow
@@ -38,6 +40,7 @@ class Watch:
     def __init__(self) -> None:
         self._last = 0
         self._same_n = 0
+        self._same_since_ns = 0
         self.condition = ""
 
     def look(self, frame: Frame) -> str:
@@ -45,11 +48,14 @@ class Watch:
         rows = np.ascontiguousarray(frame.image[::_ROWS])
         digest = zlib.crc32(rows.data)
         self._same_n = self._same_n + 1 if digest == self._last else 0
+        if not self._same_n:
+            self._same_since_ns = frame.capture_ns
         self._last = digest
+        long = self._same_n >= 2 and frame.capture_ns - self._same_since_ns >= FROZEN_S * 1e9
         if int(rows.max(initial=0)) < (1 << frame.bits) * _BLACK_SHARE:
             self.condition = "black"
         else:
-            self.condition = "frozen" if self._same_n >= FROZEN_FRAMES else ""
+            self.condition = "frozen" if long or self._same_n >= FROZEN_FRAMES else ""
         return self.condition
 
 
@@ -154,9 +160,8 @@ class LiveSource:
     def close(self) -> None:
         self._closing.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
-            self._thread.join(
-                2.0
-            )  # a driver that hangs in the kernel must not hang us; the thread is a daemon
+            # A driver that hangs in the kernel must not hang us; the thread is a daemon.
+            self._thread.join(CLOSE_S)
         with self._news:
             self._slot = None
             self._ended = True

@@ -29,6 +29,8 @@ class Paced(LiveSource):
     clock_ns   the host's monotonic clock
     """
 
+    recorded = True  # its frames come live, but show no world that is there now
+
     def __init__(
         self,
         source: FrameSource,

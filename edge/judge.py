@@ -1,0 +1,115 @@
+"""Does the image show pins as the rest frame did? Dark, overexposed, out of focus; and where pins stand at rest.
+
+Rules
+- Dark and overexposed are judged on every image, against the full scale and against the rest frame.
+- Focus is judged in windows as wide as the pitch: wherever the pins have moved, about one pin lies in each, so
+  the judgement needs no tracking. Its measure is the energy of the gradient over the square of the contrast,
+  which light does not change, in relation to the rest frame's.
+- Nothing is said about focus where there is no contrast to judge it by, and light explains that.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from edge.types import Array, Frame, Image, Rest
+
+__all__ = ["ImageJudge", "moved_px"]
+
+_SAMPLE_STEP = 16  # brightness is read on every 16th row and column: 1200 pixels of 640x480
+#: Share of the full scale below which the mean level of an image shows nothing; share of samples at the top of
+#: the scale above which it shows too little.
+DARK, FULL = 0.004, 0.5
+#: Against the rest frame: below the first share a fault is present, above the second it is gone. Contacts on
+#: six real tips (two sets of stills, four videos) leave level within 0.82..1.12, sharpness within 0.64..1.14;
+#: a Gaussian blur of 3 px brings the sharpness to 0.09..0.53, one of 5 px to 0.3 and less.
+DIM, DIM_GONE = 0.25, 0.3
+BLURRED, BLURRED_GONE = 0.5, 0.56
+FLAT = 0.25  # contrast over level: a lens this far out of focus leaves no edges at all
+WINDOWS = 32
+PERIOD_NS = 40_000_000  # of the judgement of focus, which costs 0.1 ms: a quarter of a percent of one core
+
+
+def _level(image: Image, bits: int) -> tuple[float, float]:
+    """Mean level and share of saturated pixels, of full scale."""
+    samples = image[::_SAMPLE_STEP, ::_SAMPLE_STEP]
+    top = (1 << bits) - 1
+    return float(samples.mean()) / top, float(np.count_nonzero(samples >= top)) / samples.size
+
+
+class ImageJudge:
+    """Judges images against the rest frame, once there is one.
+
+    dark, bright, blurred  words; "" where all is well
+    """
+
+    def __init__(self) -> None:
+        self.dark = self.bright = self.blurred = ""
+        self.sharpness = 1.0  # in relation to the rest frame's
+        self._at: np.ndarray | None = None
+        self._rest = (0.0, 0.0, 0.0)
+        self._noise_energy = 0.0
+        self._level = 0.0
+        self._due_ns: int | None = None
+
+    def learn(self, rest: Rest, frame: Frame) -> None:
+        """Take this image of the untouched tip as what is right."""
+        height, width = frame.image.shape
+        half = max(3, round(rest.pattern.pitch_px / 2))
+        span = np.arange(-half, half + 1)
+        xy = np.rint(rest.xy_img).astype(np.intp)
+        inside = np.all((xy >= half) & (xy < [width - half, height - half]), axis=1)
+        chosen = xy[inside][:: max(1, np.count_nonzero(inside) // WINDOWS)]
+        rows = chosen[:, 1, None, None] + span[None, :, None]
+        columns = chosen[:, 0, None, None] + span[None, None, :]
+        self._at = rows * width + columns if len(chosen) else None
+        self._noise_energy = 4.0 * rest.pattern.noise**2  # of two differences of two pixels each
+        self._level, _ = _level(frame.image, frame.bits)
+        self._rest = self._windows(frame.image)
+        self._due_ns = None
+
+    def look(self, frame: Frame) -> None:
+        """Judge one image."""
+        level, full = _level(frame.image, frame.bits)
+        least = max(DARK, (DIM_GONE if self.dark else DIM) * self._level)
+        self.dark = f"mean level {level:.1%} of full scale, {self._level:.1%} at rest" if level < least else ""
+        self.bright = f"{full:.0%} of the image is at full scale" if full > FULL else ""
+        due = self._due_ns is None or not 0 <= self._due_ns - frame.capture_ns <= PERIOD_NS
+        if due and self._at is not None:
+            self._due_ns = frame.capture_ns + PERIOD_NS
+            self._judge_focus(frame.image)
+
+    def _judge_focus(self, image: Image) -> None:
+        if self.dark or self.bright:
+            return  # light explains it
+        energy, contrast, level = self._windows(image)
+        rest_energy, rest_contrast, rest_level = self._rest
+        flat = contrast / max(level, 1.0) < FLAT * rest_contrast / max(rest_level, 1.0)
+        self.sharpness = 0.0 if flat else energy / rest_energy if rest_energy > 0.0 else 1.0
+        limit = BLURRED_GONE if self.blurred else BLURRED
+        self.blurred = f"sharpness {self.sharpness:.0%} of that at rest" if self.sharpness < limit else ""
+
+    def _windows(self, image: Image) -> tuple[float, float, float]:
+        """Energy of the gradient over the contrast squared; contrast; level: medians over the windows."""
+        pixels = image.reshape(-1)[self._at].astype(np.float32)
+        dx, dy = np.diff(pixels, axis=2), np.diff(pixels, axis=1)
+        energy = (dx * dx).mean(axis=(1, 2)) + (dy * dy).mean(axis=(1, 2)) - self._noise_energy
+        flat = pixels.reshape(len(pixels), -1)
+        # The 5th and 95th of a hundred, by partition: a percentile would sort and interpolate.
+        k = flat.shape[1] // 20
+        ordered = np.partition(flat, (k, flat.shape[1] - 1 - k), axis=1)
+        contrast = np.maximum(ordered[:, -1 - k] - ordered[:, k], 1.0)
+        return (
+            float(np.median(energy / contrast**2)),
+            float(np.median(contrast)),
+            float(flat.mean()),
+        )
+
+
+def moved_px(motion_px: Array) -> float:
+    """By how much the pins stand elsewhere as a whole: median length of their motion.
+
+    motion_px  (n, 2) since rest, of an untouched tip; NaN where lost
+    """
+    length = np.hypot(motion_px[:, 0], motion_px[:, 1])
+    return float(np.nanmedian(length)) if np.isfinite(length).any() else 0.0

@@ -1,0 +1,70 @@
+"""Tells the service manager how we are: one datagram to $NOTIFY_SOCKET a message (sd_notify(3)).
+
+Without a service manager every call does nothing. READY after the first image, STOPPING at the end, and
+WATCHDOG only where images flow: a service whose camera hangs for longer than the unit's WatchdogSec is
+started anew, which also opens the camera anew.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import socket
+import time
+from collections.abc import Mapping
+
+__all__ = ["Notifier"]
+
+log = logging.getLogger(__name__)
+SHARE = 0.25  # of the watchdog's time between two feedings; sd_watchdog_enabled(3) asks for a half at most
+
+
+class Notifier:
+    """The service manager, or nobody."""
+
+    def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
+        address = environment.get("NOTIFY_SOCKET", "")
+        self._address = "\0" + address[1:] if address.startswith("@") else address  # @: abstract name
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) if address else None
+        if self._socket is not None:
+            self._socket.setblocking(False)  # a manager that does not read must not stop a finger
+        mine = environment.get("WATCHDOG_PID", "") in ("", str(os.getpid()))
+        usec = environment.get("WATCHDOG_USEC", "") if mine else ""
+        self._every_s = int(usec) * 1e-6 * SHARE if usec.isdecimal() and self._socket else 0.0
+        self._due_s = 0.0
+        self._ready = False
+
+    def frame(self) -> None:
+        """An image was worked on: READY once, then WATCHDOG as often as it is due."""
+        if self._socket is None:
+            return
+        if not self._ready:
+            self._ready = True
+            self.send("READY=1")
+        now = time.monotonic()
+        if self._every_s and now >= self._due_s:
+            self._due_s = now + self._every_s
+            self.send("WATCHDOG=1")
+
+    def status(self, words: str) -> None:
+        """One line for `systemctl status`."""
+        self.send("STATUS=" + " ".join(words.split()))
+
+    def stopping(self) -> None:
+        """The end has begun."""
+        self.send("STOPPING=1")
+
+    def send(self, message: str) -> None:
+        """One datagram."""
+        if self._socket is None:
+            return
+        try:
+            self._socket.sendto(message.encode(), self._address)
+        except OSError as error:
+            log.warning("service manager at %s: %s", self._address, error.strerror)
+
+    def close(self) -> None:
+        """Let go of the socket."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
