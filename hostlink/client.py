@@ -16,14 +16,9 @@ from __future__ import annotations
 import asyncio
 import logging
 import threading
-import time
-from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from hostlink.clock import ClockMap
 from hostlink.decoder import (
     CanDecoder,
     DetailFrame,
@@ -38,19 +33,14 @@ from hostlink.decoder import (
 from hostlink.decoder import (
     Sample as DecodedSample,
 )
-from hostlink.errors import ConnectError, LinkDown, LinkTimeout, ObjectAborted, UsageError, VersionMismatch
+from hostlink.errors import ConnectError, LinkDown, LinkTimeout, UsageError, VersionMismatch
+from hostlink.finger import STALE_S, Finger, Info, Sample
 from hostlink.links import CanLink, Link, open_link
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
+from hostlink.subscription import End, Subscription
 from hostlink.wire import (
-    OBJECTS,
-    Abort,
     CanIds,
-    FaultCode,
     Kind,
-    State,
-    object_named,
-    pack_value,
-    unpack_value,
 )
 from hostlink.wire.address import Address, AddressError, parse_address
 
@@ -59,204 +49,8 @@ __all__ = ["Connection", "Finger", "Info", "Sample", "connect"]
 log = logging.getLogger(__name__)
 Value = int | float | str | bytes
 
-QUEUE = 4096  # samples an iterator may lie behind: 3 s of five fingers at 250 Hz
-STALE_S = 0.1  # default age above which `latest` gives nothing
 FINGER_S = 3.0  # default time to wait for a finger to be heard
 SERIAL_NODE = 1  # a line has no node numbers
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """One sample of one finger.
-
-    finger        node number
-    state         the values; fields: `hostlink.wire.fields`
-    host_time_s   when the image was taken, on `time.monotonic()`
-    host_error_s  bound of that time's error
-    arrival_s     when it came in, on `time.monotonic()`
-    lost_n        samples lost between the one before and this
-    """
-
-    finger: int
-    state: State
-    host_time_s: float
-    host_error_s: float
-    arrival_s: float
-    lost_n: int
-
-    @property
-    def age_s(self) -> float:
-        """Time since the image was taken."""
-        return time.monotonic() - self.host_time_s
-
-
-@dataclass(frozen=True, slots=True)
-class Info:
-    """Who a finger is; `values` holds every readable object by name."""
-
-    serial_number: str
-    software_version: str
-    calibration_id: str
-    wire_version: int
-    schema_hash: int
-    values: Mapping[str, Value]
-
-
-class Finger:
-    """One finger of a connection."""
-
-    def __init__(self, connection: Connection, node: int, objects: ObjectClient) -> None:
-        self.node = node
-        self.clock = ClockMap()
-        self.state_nmt: int | None = None  # CiA 301; 5 is operational
-        self.faults: dict[FaultCode, float] = {}  # active ones, with when they were heard of
-        self._connection = connection
-        self._objects = objects
-        self._latest: Sample | None = None
-        self.mismatch: VersionMismatch | None = None
-
-    def latest(self, max_age_s: float | None = STALE_S) -> Sample | None:
-        """The newest sample, or None if it is older than `max_age_s` (None: any age) or there was none.
-
-        Raises VersionMismatch
-        """
-        if self.mismatch is not None:
-            raise self.mismatch
-        sample = self._latest
-        if sample is None or (max_age_s is not None and time.monotonic() - sample.arrival_s > max_age_s):
-            return None
-        return sample
-
-    @property
-    def statistics(self) -> Statistics:
-        """What became of this finger's samples."""
-        return self._connection.statistics.get(self.node, Statistics())
-
-    def get(self, name: str) -> Value:
-        """Read an object by name; see WIRE.md, "Objects".
-
-        Raises UsageError: no such object; ObjectAborted, LinkTimeout, LinkDown
-        """
-        obj = _object(name)
-        try:
-            return unpack_value(obj, self._objects.read(obj.index, obj.sub))
-        except ObjectAborted as error:
-            if error.code == Abort.NO_DATA and obj.type in ("visible_string", "domain"):
-                return "" if obj.type == "visible_string" else b""  # SDO has no empty value
-            raise
-
-    def set(self, name: str, value: Value) -> None:
-        """Write an object by name.
-
-        Raises UsageError: no such object, or a value that it cannot take; ObjectAborted, LinkTimeout,
-               LinkDown
-        """
-        obj = _object(name)
-        try:
-            data = pack_value(obj, value)
-        except (TypeError, ValueError) as error:
-            raise UsageError(str(error)) from None
-        self._objects.write(obj.index, obj.sub, data)
-
-    def info(self) -> Info:
-        """Identity, settings and statistics."""
-        values: dict[str, Value] = {}
-        for obj in OBJECTS:
-            if (
-                obj.index >= 0x2000
-                and obj.access != "wo"
-                and obj.type != "domain"
-                and "max_sub" not in obj.name
-            ):
-                values[obj.name] = self.get(obj.name)
-        return Info(
-            serial_number=str(values["serial_number"]),
-            software_version=str(self.get("software_version")),
-            calibration_id=str(values["calibration_id"]),
-            wire_version=int(values["wire_version"]),
-            schema_hash=int(values["schema_hash"]),
-            values=values,
-        )
-
-    def tare(self, force: bool = False) -> None:
-        """Take a new rest frame. Raises ObjectAborted: something touches the tip (and not forced)."""
-        self.set("tare", 2 if force else 1)
-
-    def set_rate(self, rate_hz: float) -> None:
-        """Samples per second at the most; 0: one for every image."""
-        self.set("rate_hz", rate_hz)
-
-    def upload_calibration(self, file: Path | str | bytes) -> None:
-        """Give the finger another calibration file; it validates, stores and uses it.
-
-        Raises UsageError: no such file; ObjectAborted: refused, nothing changed
-        """
-        try:
-            data = file if isinstance(file, bytes) else Path(file).read_bytes()
-        except OSError as error:
-            raise UsageError(f"{file!s}: cannot be read: {error.strerror}") from None
-        self.set("calibration", data)
-
-    def calibration(self) -> bytes:
-        """The calibration file in use; empty: none."""
-        data = self.get("calibration")
-        assert isinstance(data, bytes)  # its type in the table is domain
-        return data
-
-    def sync_clock(self) -> None:
-        """Narrow the bound of `host_error_s` by a round trip: without one it rests on an assumed transit.
-
-        Raises ObjectAborted: the finger's images are not stamped by a clock that it can read
-        """
-        obj = object_named("time_us")
-        asked_s = time.monotonic()
-        device_us = unpack_value(obj, self._objects.read(obj.index, obj.sub))
-        assert isinstance(device_us, int)
-        self.clock.bracket(asked_s, device_us, time.monotonic())
-
-    def reboot(self) -> None:
-        """Restart the finger's software."""
-        self.set("reboot", 0x746F6F62)
-
-
-class _Subscription:
-    """One reader's queue."""
-
-    def __init__(self, wake: Callable[[], None] | None = None) -> None:
-        self.changed = threading.Condition()
-        self.samples: deque[Sample] = deque(maxlen=QUEUE)
-        self.error: VersionMismatch | None = None
-        self.closed = False
-        self.unread_n = 0
-        self._wake = wake
-
-    def put(
-        self, sample: Sample | None = None, error: VersionMismatch | None = None, end: bool = False
-    ) -> None:
-        with self.changed:
-            if sample is not None:
-                self.unread_n += len(self.samples) == QUEUE
-                self.samples.append(sample)
-            self.error = error or self.error
-            self.closed |= end
-            self.changed.notify()
-        if self._wake is not None:
-            self._wake()
-
-    def take(self) -> Sample | None:
-        """The oldest sample. Raises VersionMismatch, and StopIteration at the end."""
-        if self.samples:
-            return self.samples.popleft()
-        if self.error is not None:
-            error, self.error = self.error, None
-            raise error
-        if self.closed:
-            raise _End
-        return None
-
-
-class _End(Exception):
-    """The connection was closed and everything was read."""
 
 
 class Connection:
@@ -271,7 +65,7 @@ class Connection:
         self._ids = ids or CanIds()
         self._changed = threading.Condition()
         self._fingers: dict[int, Finger] = {}
-        self._subscriptions: list[_Subscription] = []
+        self._subscriptions: list[Subscription] = []
         self._callbacks: list[Callable[[Sample], None]] = []
         self._raw: list[Callable[[Any, float], None]] = []
         self._on_detail: list[Callable[[DetailFrame], None]] = []
@@ -328,7 +122,7 @@ class Connection:
                             raise LinkTimeout(f"{self.address}: no sample for {timeout_s:g} s")
                         continue
                 yield sample
-        except _End:
+        except End:
             return
         finally:
             self._subscriptions.remove(subscription)
@@ -347,7 +141,7 @@ class Connection:
                     news.clear()
                 else:
                     yield sample
-        except _End:
+        except End:
             return
         finally:
             self._subscriptions.remove(subscription)
@@ -380,6 +174,9 @@ class Connection:
     def statistics(self) -> Mapping[int, Statistics]:
         """By node number: received, lost, late, corrupt, out of order, duplicate."""
         return dict((self._can if self._is_can else self._serial).statistics)
+
+    def _statistics_of(self, node: int) -> Statistics:
+        return self.statistics.get(node, Statistics())
 
     def sync(self) -> None:
         """Send a SYNC: fingers set to it answer with their newest sample. Raises LinkDown."""
@@ -429,16 +226,16 @@ class Connection:
         finger = self._known(event.node)
         if isinstance(event, DecodedSample):
             self._deliver(finger, event)
-        elif isinstance(event, SdoFrame) and isinstance(finger._objects, SdoObjects):
-            finger._objects.answer(event.data)
-        elif isinstance(event, ObjectAnswer) and isinstance(finger._objects, SerialObjects):
-            finger._objects.answer(event.counter, event.reply)
+        elif isinstance(event, SdoFrame) and isinstance(finger.objects, SdoObjects):
+            finger.objects.answer(event.data)
+        elif isinstance(event, ObjectAnswer) and isinstance(finger.objects, SerialObjects):
+            finger.objects.answer(event.counter, event.reply)
         elif isinstance(event, Heartbeat):
             finger.state_nmt = event.state
             if event.state == 0:  # boot-up: what was wrong before is forgotten
                 finger.faults.clear()
         elif isinstance(event, Emergency):
-            _take_emergency(finger.faults, event)
+            finger.take_emergency(event)
         elif isinstance(event, DetailFrame):
             for tell in list(self._on_detail):
                 tell(event)
@@ -450,7 +247,7 @@ class Connection:
         taken = finger.clock.to_host(state.capture_time_us)
         assert taken is not None  # it was just observed
         sample = Sample(event.node, state, taken.time_s, taken.error_s, event.arrival_s, event.lost_n)
-        finger._latest, finger.mismatch = sample, None
+        finger.newest, finger.mismatch = sample, None
         for subscription in list(self._subscriptions):
             subscription.put(sample)
         for callback in list(self._callbacks):
@@ -476,7 +273,7 @@ class Connection:
             return finger
         with self._changed:
             if node not in self._fingers:
-                self._fingers[node] = Finger(self, node, self._objects(node))
+                self._fingers[node] = Finger(node, self._objects(node), lambda: self._statistics_of(node))
                 self._changed.notify_all()
             return self._fingers[node]
 
@@ -494,8 +291,8 @@ class Connection:
             raise LinkDown(f"{self.address}: not a CAN bus")
         self._link.send(can_id, data)
 
-    def _subscribe(self, wake: Callable[[], None] | None = None) -> _Subscription:
-        subscription = _Subscription(wake)
+    def _subscribe(self, wake: Callable[[], None] | None = None) -> Subscription:
+        subscription = Subscription(wake)
         self._subscriptions.append(subscription)
         for finger in self._fingers.values():
             if finger.mismatch is not None:
@@ -517,24 +314,6 @@ def connect(address: str, *, ids: CanIds | None = None) -> Connection:
 def _wake(loop: asyncio.AbstractEventLoop, news: asyncio.Event) -> None:
     if not loop.is_closed():
         loop.call_soon_threadsafe(news.set)
-
-
-def _object(name: str) -> Any:
-    try:
-        return object_named(name)
-    except KeyError:
-        raise UsageError(f'no object {name!r}; names stand in WIRE.md, "Objects"') from None
-
-
-def _take_emergency(faults: dict[FaultCode, float], event: Emergency) -> None:
-    if event.emcy == 0 and event.fault == 0:
-        faults.clear()
-    elif event.fault in FaultCode._value2member_map_:
-        code = FaultCode(event.fault)
-        if event.emcy == 0:
-            faults.pop(code, None)
-        else:
-            faults[code] = event.arrival_s
 
 
 def _add(callbacks: list[Any], callback: Any) -> Callable[[], None]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 import os
+import socket
 import threading
 import time
 from collections.abc import Callable
@@ -28,6 +29,9 @@ RETRY_S = 0.1
 READ_S = 0.1  # how soon the thread notices that the link is to be closed
 WRITE_S = 0.2
 READ_CHUNK = 4096
+SOCKETS = frozenset({"socketcan", "udp_multicast"})
+RECEIVE_BUFFER = 8 << 20  # bytes; a frame takes about 1 kB of it: 6 s of five fingers at 250 Hz
+SO_RCVBUFFORCE = 33  # linux/asm-generic/socket.h; Python does not name it
 STAMP_MAX_S = 1.0  # a stamp further from now is on another clock than the system's
 FD_CLOCK_HZ = 80_000_000  # CiA 601-3
 FD_SAMPLE_POINT = 80.0  # percent; CiA 601-3
@@ -135,12 +139,15 @@ class CanLink(Link):
                     data_bitrate=timing[1],
                     data_sample_point=FD_SAMPLE_POINT,
                 )
-            return can.Bus(**arguments)
+            bus = can.Bus(**arguments)
         except _broken() as error:
             raise ConnectError(
                 f"{address}: cannot open CAN interface {address.channel!r} ({address.interface}): "
                 f"{_words(error)}"
             ) from error
+        if address.interface in SOCKETS:
+            _widen(bus.fileno())
+        return bus
 
     def _read(self, medium: Any) -> Any:
         message = medium.recv(READ_S)
@@ -201,6 +208,15 @@ def arrival_s(data: Any) -> float:
     stamp_s = getattr(data, "timestamp", 0.0)
     age_s = time.time() - stamp_s
     return now_s - age_s if 0.0 <= age_s < STAMP_MAX_S else now_s
+
+
+def _widen(number: int) -> None:
+    """Ask for a larger receive buffer: a host that is held up for half a second must not lose samples."""
+    with socket.socket(fileno=os.dup(number)) as same:
+        for option in (SO_RCVBUFFORCE, socket.SO_RCVBUF):  # the first needs CAP_NET_ADMIN, but has no limit
+            with suppress(OSError):
+                same.setsockopt(socket.SOL_SOCKET, option, RECEIVE_BUFFER)
+                return
 
 
 def _broken() -> tuple[type[BaseException], ...]:

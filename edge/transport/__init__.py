@@ -11,8 +11,9 @@ from collections.abc import Callable, Sequence
 import can
 
 from edge.errors import SinkError
-from edge.transport.core import LinkSink, MemorySink, Sink, SinkCounters
+from edge.transport.core import LinkSink
 from edge.transport.media import Medium, MediumError, MediumFull, open_bus, open_line
+from edge.transport.sink import MemorySink, Sink, SinkCounters
 from hostlink.wire import (
     CanIds,
     Message,
