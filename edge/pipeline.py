@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edge.calibration import Calibration, uncalibrated
-from edge.errors import CalibrationError, NoPins
+from edge.errors import CalibrationError, DegenerateLayout, NoPins
 from edge.features import FeatureExtractor
 from edge.pins import Refiner, detect, take_rest
 from edge.tessellate import Tessellator
@@ -67,7 +67,10 @@ class Pipeline:
         tracks, searched = self._locate(frame.image)
         if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_unsure and tracks.n_seen >= 3):
             return Result(frame, tracks, None, None, uncalibrated(), searched)
-        cells = self._tessellator.cells(tracks) if self.demand & OF_CELLS else None
+        try:
+            cells = self._tessellator.cells(tracks) if self.demand & OF_CELLS else None
+        except DegenerateLayout:  # what is left of the pins spans no plane: as good as lost
+            return Result(frame, tracks, None, None, uncalibrated(), searched)
         features = self._extractor.extract(tracks, cells, self.demand)
         if self.calibration is None:
             reading = uncalibrated()
