@@ -47,7 +47,6 @@ from hostlink.wire.address import Address, AddressError, parse_address
 __all__ = ["Connection", "Finger", "Info", "Sample", "connect"]
 
 log = logging.getLogger(__name__)
-Value = int | float | str | bytes
 
 FINGER_S = 3.0  # default time to wait for a finger to be heard
 SERIAL_NODE = 1  # a line has no node numbers
@@ -175,8 +174,10 @@ class Connection:
         """By node number: received, lost, late, corrupt, out of order, duplicate."""
         return dict((self._can if self._is_can else self._serial).statistics)
 
-    def _statistics_of(self, node: int) -> Statistics:
-        return self.statistics.get(node, Statistics())
+    @property
+    def unread_n(self) -> int:
+        """Samples that came and went before a slow iterator, of those running now, had read them."""
+        return sum(s.unread_n for s in list(self._subscriptions))
 
     def sync(self) -> None:
         """Send a SYNC: fingers set to it answer with their newest sample. Raises LinkDown."""
@@ -276,6 +277,9 @@ class Connection:
                 self._fingers[node] = Finger(node, self._objects(node), lambda: self._statistics_of(node))
                 self._changed.notify_all()
             return self._fingers[node]
+
+    def _statistics_of(self, node: int) -> Statistics:
+        return self.statistics.get(node, Statistics())
 
     def _objects(self, node: int) -> ObjectClient:
         if not self._is_can:

@@ -20,6 +20,7 @@ from edge.node import Node, Refused
 from edge.settings import SettingsFile
 from edge.transport import CanClassicSink, CanSink, SerialSink, open_sink
 from hostlink.decoder import DetailFrame
+from hostlink.subscription import QUEUE
 from hostlink.wire import FaultCode, State, pack_state, unpack_state
 from hostlink.wire.e2e import protect_p5
 from hostlink.wire.fields import DATA_ID
@@ -397,3 +398,22 @@ def test_round_trip_bounds_the_clock_without_assumptions(pair: Pair) -> None:
     assert sample.host_error_s < SOON_S / 2  # half the round trip at the most, not the 5 s assumed
     # Both ends share this machine's clock, so the truth is known; 2 us: the wire's and the floats' rounding.
     assert abs(sample.host_time_s - sent.capture_time_us * 1e-6) <= sample.host_error_s + 2e-6
+
+
+def test_slow_reader_loses_the_oldest_and_knows(request: pytest.FixtureRequest) -> None:
+    channel = request.node.name
+    with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
+
+        def send(number: int) -> None:
+            data = pack_state(State(sample=number), number)
+            bus.send(can.Message(arbitration_id=0x181, data=data, is_fd=True, is_extended_id=False))
+
+        reader = hand.samples(timeout_s=SOON_S)
+        threading.Timer(0.05, send, (0,)).start()
+        assert next(reader).state.sample == 0
+        for number in range(1, QUEUE + 11):
+            send(number)
+        until(lambda: hand.finger(1).statistics.received_n == QUEUE + 11, "all came")
+        until(lambda: hand.unread_n == 10, "ten are gone")
+        assert next(reader).state.sample == 11
+        assert hand.statistics[1].lost_n == 0  # lost by the reader, not by the link
