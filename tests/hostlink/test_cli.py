@@ -13,7 +13,7 @@ import click
 import pytest
 
 from hostlink.cli import COMMANDS, cli, main
-from tests.hostlink.test_client import Application, Node, Pty, make_node, state
+from tests.hostlink.test_client import Application, Node, Pty, make_node, need_multicast, state
 
 PORT = 20_000 + os.getpid() % 20_000
 HOST = f"udp:239.0.0.8?port={PORT}"
@@ -43,6 +43,7 @@ class Feed:
 
 @pytest.fixture
 def finger() -> Iterator[Application]:
+    need_multicast()
     feed = Feed(f"{HOST}&node=6")
     yield feed.application
     feed.close()
