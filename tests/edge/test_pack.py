@@ -41,7 +41,7 @@ def test_every_value_has_its_place() -> None:
     for f in FIELDS:
         if f.name in values:
             limited = min(max(values[f.name], f.low), f.high)
-            assert getattr(back, f.name) == pytest.approx(limited, abs=f.scale / 2), f.name
+            assert getattr(back, f.name) == pytest.approx(limited, abs=0.501 * f.scale), f.name
     assert back.sample == 70_000 & 0xFFFF
     assert back.capture_time_us == 0
     assert back.status == Status.TOUCHED
