@@ -11,6 +11,8 @@ Rules
   a counter.
 - A frame whose pins are in doubt is sent with its status bits and without values, never left out: the
   host must see that the finger is alive and does not know.
+- Without images the loop wakes all the same: faults are announced within 0.1 s, and samples without values go
+  on at `BEAT_S`. Signals and commands only set a mark; the loop acts on it, and ends within a beat.
 - The garbage collector's full passes do not run inside the loop: what start-up made is frozen, and what a
   frame makes has no cycles.
 """
@@ -21,21 +23,25 @@ import gc
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from math import nan
 from threading import Event
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from edge.calibration import Calibration
-from edge.errors import CalibrationError, NoPins, SourceError
-from edge.health import Health
+from edge.drift import LIMIT_PX, Drift
+from edge.errors import CalibrationError, EdgeError, NoPins, SourceError
+from edge.health import Health, Vitals
+from edge.judge import ImageJudge, moved_px
+from edge.notify import Notifier
 from edge.pack import to_state
 from edge.pipeline import Pipeline, Result, tare
 from edge.transport import Sink
-from edge.types import Array, Clock, Feature, Frame, FrameSource
+from edge.types import Array, Clock, Feature, Frame, FrameSource, Reading
 from hostlink.wire import FaultCode, State, Status
 
 if TYPE_CHECKING:
@@ -49,9 +55,28 @@ STEADY_PX = 0.5  # largest motion of the pins while the rest frame is taken
 PINS_LOST_SHARE = 0.5  # below this share of pins the values are too coarse to be trusted
 DRAIN_S = 1.0  # how long a recording waits for a link that takes nothing
 LATENCIES = 1 << 14  # frames that the latency statistics look back on: 68 s at 240 frames/s
-#: Mean grey level (of the full scale) outside of which an image cannot show pins well.
-DARK, BRIGHT = 0.004, 0.98
-_SAMPLE_STEP = 16  # the image's brightness is read on every 16th row and column: 1200 pixels of 640x480
+PINS_KEPT_SHARE = 0.9  # a new rest frame with fewer pins than this share of the old one's is implausible
+WAIT_S = 0.02  # longest wait for an image before faults and commands are looked at
+BEAT_S = 0.1  # samples without images: "the slow rate" of the fault table
+#: The capture clock may run against ours by this much from one image to the next; more is a step. A process
+#: that was not scheduled for a while shows less.
+STEP_NS = 500_000_000
+#: Untouched pins that stand further off than this, in pitches, are those of a camera that moved; nearer than
+#: half of it, and it is back. 1.5 px of a pitch of 19 px: five times the largest drift.
+MOVED_PITCHES = 0.08
+#: Values whose upper end of range is the tip's limit: beyond it the tip is overloaded.
+LOADS = frozenset({"displacement_mm", "force_n", "shear_x_mm", "shear_y_mm"})
+_CAMERA = {
+    "lost": FaultCode.CAMERA_LOST,
+    "stalled": FaultCode.CAMERA_STALLED,
+    "frozen": FaultCode.CAMERA_STALLED,
+    "black": FaultCode.IMAGE_DARK,
+}
+_NOTHING = np.empty((0, 3))
+#: Faults under which nothing is learnt of where the pins rest.
+_NOT_QUIET = (
+    Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST | Status.CAMERA_MOVED
+)
 
 
 #: Somebody who wants to see results: viewer, detail stream, summary. Must return at once.
@@ -67,10 +92,13 @@ class Statistics:
     dropped_n: int = 0
     searched_n: int = 0
     unsure_n: int = 0
+    damaged_n: int = 0
+    beats_n: int = 0
     sent_n: int = 0
     pins_n: int = 0
     held_min_n: int = 0
     held_median_n: int = 0
+    drift_px: float = 0.0
     rate_hz: float = 0.0
     compute_us: tuple[float, float, float] = (0.0, 0.0, 0.0)
     latency_us: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -107,7 +135,10 @@ class App:
     calibration  of this tip, or None: values that need one are sent as invalid
     demand       what is computed
     tare_frames  how many frames make the rest frame
-    on_tare      called with the pipeline whenever a rest frame was taken
+    drift_px     largest drift of a pin that is taken off the measurement; 0: none
+    health       faults; a new one where not given
+    vitals       what is looked after beside the images; None: nothing
+    notifier     the service manager; None: nobody
     """
 
     def __init__(
@@ -119,6 +150,10 @@ class App:
         tare_frames: int = TARE_FRAMES,
         steady_px: float = STEADY_PX,
         health: Health | None = None,
+        *,
+        drift_px: float = LIMIT_PX,
+        vitals: Vitals | None = None,
+        notifier: Notifier | None = None,
     ) -> None:
         self.source = source
         self.sinks = list(sinks)
@@ -128,13 +163,24 @@ class App:
         self.watchers: list[Watcher] = []
         self.recorder: Recorder | None = None
         self.pipeline: Pipeline | None = None
+        self.drift: Drift | None = None
         self.last: Result | None = None
+        self.frame: Frame | None = None  # the newest, with a result or without
+        self.tares_n = 0
+        self._shown: frozenset[Feature] = frozenset()
+        self._vitals = vitals
+        self._notifier = notifier or Notifier({})
+        self._judge = ImageJudge()
+        self._drift_px = drift_px
         self._tare_frames = tare_frames
         self._steady_px = steady_px
         self._commands: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._stop = Event()
         self._sample = 0
-        self._last_sequence: int | None = None
+        self._last: tuple[Frame, int] | None = None  # and when it was taken in hand, our clock
+        self._skipped_n = 0
+        self._beat_due_ns = 0
+        self._broken = False  # the last frame broke the computation
         self._statistics = Statistics()
         self._compute_us, self._latency_us, self._held = _Ring(LATENCIES), _Ring(LATENCIES), _Ring(LATENCIES)
         self._started_s = 0.0
@@ -151,14 +197,18 @@ class App:
         return future
 
     def stop(self) -> None:
-        """End the loop after the frame in hand."""
+        """End the loop after the frame in hand. May be called from a signal handler; closes nothing."""
         self._stop.set()
-        self.source.close()
 
     @property
     def touched(self) -> bool:
         """Whether the last frame showed a touch; a tare now would be wrong."""
         return self.last is not None and self.last.features is not None and self.last.features.touched
+
+    @property
+    def taring(self) -> bool:
+        """Whether a rest frame is being taken."""
+        return self._taring is not None
 
     def statistics(self) -> Statistics:
         """A copy of the counters and times as they stand."""
@@ -171,10 +221,13 @@ class App:
             dropped_n=self.source.dropped_n,
             searched_n=s.searched_n,
             unsure_n=s.unsure_n,
+            damaged_n=s.damaged_n,
+            beats_n=s.beats_n,
             sent_n=s.sent_n,
             pins_n=len(self.pipeline.rest) if self.pipeline else 0,
             held_min_n=int(held.min()) if held.size else 0,
             held_median_n=int(np.median(held)) if held.size else 0,
+            drift_px=self.drift.offset_px if self.drift else 0.0,
             rate_hz=s.frames_n / elapsed_s if s.frames_n else 0.0,
             compute_us=self._compute_us.quantiles(),
             latency_us=self._latency_us.quantiles(),
@@ -187,11 +240,29 @@ class App:
         """Take a new rest frame from the next frames; samples go on without values until it is there."""
         self._taring = []
 
+    def forget_drift(self) -> None:
+        """Measure from the rest frame as it was taken, until drift is learnt anew."""
+        if self.drift is not None:
+            self.drift.forget()
+
     def set_demand(self, demand: frozenset[Feature]) -> None:
         """Compute these features from the next frame on."""
         self.demand = demand
+        self._set_demand()
+
+    def set_shown(self, features: frozenset[Feature]) -> None:
+        """What viewers look at, beyond the demand: computed for as long as they do."""
+        self._shown = features
+        self._set_demand()
+
+    def _set_demand(self) -> None:
         if self.pipeline is not None:
-            self.pipeline.demand = demand
+            self.pipeline.demand = self.demand | self._shown
+
+    def set_recorder(self, recorder: Recorder | None) -> Recorder | None:
+        """Record from the next frame on, or no more; the recorder until now, for the caller to close."""
+        before, self.recorder = self.recorder, recorder
+        return before
 
     def set_calibration(self, calibration: Calibration) -> None:
         """Use another calibration; it must belong to this tip, so the rest frame is taken anew with it."""
@@ -210,57 +281,111 @@ class App:
         gc.freeze()
         automatic = gc.isenabled()
         gc.disable()
+        if self._vitals is not None:
+            self._vitals.start()
         try:
-            for frame in self.source:
+            for frame in self._frames():
                 self._run_commands()
-                self.step(frame)
+                if frame is None:
+                    self._idle()
+                else:
+                    self.step(frame)
                 if self._stop.is_set() or self._statistics.frames_n == frames_max:
                     break
             if self.pipeline is None and self._taring is not None and not self._stop.is_set():
                 self._finish_tare(self._taring)  # a recording shorter than the tare
         finally:
+            self._notifier.stopping()
+            if self._vitals is not None:
+                self._vitals.close()
             if automatic:
                 gc.enable()
             gc.unfreeze()
             self._run_commands()
         return self.statistics()
 
+    def _frames(self) -> Iterator[Frame | None]:
+        """The source's frames; from a live source also None, whenever none came for a while."""
+        read: Callable[[float], Frame | None] | None = getattr(self.source, "read", None)
+        if read is None:
+            yield from self.source
+            return
+        while True:
+            frame = read(WAIT_S)
+            if frame is None and getattr(self.source, "ended", False):
+                return
+            yield frame
+
+    def _idle(self) -> None:
+        """No image came. Say why, and that we live."""
+        known = self.health.status
+        self._judge_camera()
+        now_ns = time.monotonic_ns()
+        if Status.CAMERA_FAULT not in self.health.status:
+            return  # a slow camera: not late yet
+        if self.health.status == known and now_ns < self._beat_due_ns:
+            return
+        self._beat_due_ns = now_ns + round(BEAT_S * 1e9)
+        self._statistics.beats_n += 1
+        frame, since_ns = self._last or (None, now_ns)
+        # On the camera's clock, as all other samples: its last time and what has passed since.
+        capture_ns = frame.capture_ns + now_ns - since_ns if frame else now_ns
+        self._send(None, capture_ns, 0.0)
+
     def step(self, frame: Frame) -> State:
         """Everything that one frame causes."""
         begun_ns = time.monotonic_ns()
         s = self._statistics
         s.frames_n += 1
-        if self._last_sequence is not None and frame.sequence > self._last_sequence + 1:
-            s.lost_by_camera_n += frame.sequence - self._last_sequence - 1
-        self._last_sequence = frame.sequence
+        self._judge_order(frame, begun_ns)
+        self._judge_camera()
+        self.frame = frame
         self._judge_image(frame)
         if self.recorder is not None:
-            self.recorder.frame(frame)
-        result = self._measure(frame)
+            self._to_recorder(lambda recorder: recorder.frame(frame))
+        result = self._measure_safely(frame)
         computed_ns = time.monotonic_ns()
         # A recorded or foreign clock cannot be subtracted from ours: then latency counts from the hand-over.
         since_ns = frame.capture_ns if frame.clock in (Clock.HOST, Clock.DRIVER) else begun_ns
+        state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)
+        self._notifier.frame()
+        if result is not None:
+            self.last = result
+            if self.recorder is not None:
+                self._to_recorder(lambda recorder: self._record(recorder, result, state))
+            for watch in list(self.watchers):
+                try:
+                    watch(result, state)
+                except Exception:
+                    log.exception("a viewer failed and is not told any more")
+                    self.watchers.remove(watch)
+        self._compute_us.add((computed_ns - begun_ns) / 1e3)
+        self._latency_us.add((time.monotonic_ns() - since_ns) / 1e3)
+        return state
+
+    def _send(self, result: Result | None, capture_ns: int, latency_us: float) -> State:
         state = to_state(
             result,
             sample=self._sample,
             status=self._status(result),
-            latency_us=(computed_ns - since_ns) / 1e3,
-            capture_time_us=frame.capture_ns // 1000,
+            latency_us=latency_us,
+            capture_time_us=capture_ns // 1000,
+            temperature_degc=self._vitals.temperature_degc if self._vitals else nan,
         )
         self._sample += 1
         for sink in self.sinks:
-            if not self.source.live:  # a recording goes as fast as the link takes it, and loses nothing
-                sink.drain(DRAIN_S)
-            s.sent_n += sink.send(state)
-        if result is not None:
-            self.last = result
-            if self.recorder is not None:
-                self._record(self.recorder, result, state)
-            for watch in self.watchers:
-                watch(result, state)
-        self._compute_us.add((computed_ns - begun_ns) / 1e3)
-        self._latency_us.add((time.monotonic_ns() - since_ns) / 1e3)
+            self._statistics.sent_n += sink.send(state)
         return state
+
+    def _to_recorder(self, put: Callable[[Recorder], object]) -> None:
+        """A recorder that fails loses its recording, never the loop."""
+        assert self.recorder is not None
+        try:
+            put(self.recorder)
+        except Exception as error:
+            log.exception("recording ends here")
+            self.recorder = None
+            self.health.report(FaultCode.DISK_FULL, True, f"recording: {error}")
 
     @staticmethod
     def _record(recorder: Recorder, result: Result, state: State) -> None:
@@ -272,6 +397,28 @@ class App:
             recorder.features(frame, result.features)
         recorder.sample(frame, asdict(state))
 
+    def _measure_safely(self, frame: Frame) -> Result | None:
+        """No image, whatever it shows, ends the loop: what cannot be computed is a lost tracker."""
+        try:
+            result = self._measure(frame)
+        except (CalibrationError, SourceError):
+            raise  # of a recording, at its start: the user's to put right
+        except Exception as error:
+            if not self._broken:
+                log.log(
+                    logging.WARNING if isinstance(error, EdgeError) else logging.ERROR,
+                    "image %d: %s", frame.sequence, error, exc_info=not isinstance(error, EdgeError),
+                )  # fmt: skip
+            self._broken = True
+            self._statistics.damaged_n += 1
+            self.health.report(FaultCode.TRACKER_LOST, True, f"image cannot be measured: {error}")
+            self._taring = [] if self._taring is not None else None
+            if self.pipeline is not None:
+                self.pipeline.forget()
+            return None
+        self._broken = False
+        return result
+
     def _measure(self, frame: Frame) -> Result | None:
         if self._taring is not None:
             self._taring.append(frame)
@@ -281,16 +428,31 @@ class App:
             self._finish_tare(frames)
         if self.pipeline is None:
             return None
-        result = self.pipeline.process(frame)
+        result = self.pipeline.process(frame, self.drift)
         s = self._statistics
         s.searched_n += result.searched
-        unsure = result.features is None
+        features = result.features
+        unsure = features is None
         s.unsure_n += unsure
         self._held.add(result.tracks.n_seen)
         n = len(self.pipeline.rest)
         self.health.report(FaultCode.TRACKER_LOST, unsure, "pins cannot be told apart")
         few = result.tracks.n_seen < PINS_LOST_SHARE * n
         self.health.report(FaultCode.PINS_LOST, few, f"{result.tracks.n_seen} of {n} pins are seen")
+        if unsure or few or Status.CAMERA_FAULT in self.health.status:
+            result = replace(
+                result, reading=Reading({}, {}, _NOTHING, calibrated=self.calibration is not None)
+            )
+        loads = result.reading.saturated & LOADS
+        # Only the far end is a load: the near end of a displacement is no touch at all.
+        over = sorted(name for name in loads if result.reading.values[name] != 0.0)
+        self.health.report(FaultCode.OVERLOAD, bool(over), f"{', '.join(over)} beyond the calibrated range")
+        if features is not None and not features.touched:
+            self._judge_place(features.displacement_px)
+        if self.drift is not None:
+            fault = self.health.status & _NOT_QUIET
+            quiet = features is not None and not features.touched and not fault
+            self.drift.learn(result.tracks, frame.capture_ns, quiet)
         return result
 
     def _finish_tare(self, frames: Sequence[Frame]) -> None:
@@ -309,8 +471,23 @@ class App:
             self.health.report(FaultCode.CALIBRATION_FOREIGN, True, str(error))
             self._refuse_tare(str(error))
         else:
-            self.pipeline = Pipeline(rest, self.calibration, self.demand)
-            for code in (FaultCode.TARE_IMPLAUSIBLE, FaultCode.CALIBRATION_FOREIGN):
+            before = len(self.pipeline.rest) if self.pipeline else 0
+            if len(rest) < PINS_KEPT_SHARE * before:
+                self._refuse_tare(
+                    f"tare: {len(rest)} pins, {before} at the last one; clear the camera's view"
+                )
+                return
+            self.pipeline = Pipeline(rest, self.calibration, self.demand | self._shown)
+            self.tares_n += 1
+            self.drift = Drift(rest, self._drift_px)
+            self._judge.learn(rest, frames[-1])
+            for code in (
+                FaultCode.TARE_IMPLAUSIBLE,
+                FaultCode.CALIBRATION_FOREIGN,
+                FaultCode.CAMERA_MOVED,
+                FaultCode.TRACKER_LOST,
+                FaultCode.PINS_LOST,
+            ):
                 self.health.report(code, False)
             self.health.report(
                 FaultCode.CALIBRATION_MISSING, self.calibration is None, "no calibration file was given"
@@ -325,12 +502,45 @@ class App:
         if self.pipeline is None:
             self._taring = []
 
+    def _judge_order(self, frame: Frame, now_ns: int) -> None:
+        """Frames that never came, and times that cannot be."""
+        s = self._statistics
+        last, self._last = self._last, (frame, now_ns)
+        if last is None:
+            return
+        before, before_ns = last
+        s.lost_by_camera_n += max(0, frame.sequence - before.sequence - 1)
+        step_ns = frame.capture_ns - before.capture_ns
+        # A recording is read at our pace, not at its own: only a step back is one.
+        off_ns = step_ns - (now_ns - before_ns) if self.source.live else min(step_ns, 0)
+        stepped = abs(off_ns) > STEP_NS or (self.source.live and step_ns < 0)
+        self.health.report(FaultCode.CLOCK_STEP, stepped, f"images' clock jumped by {off_ns / 1e9:+.3f} s")
+
+    def _judge_camera(self) -> None:
+        """What the source says of its camera."""
+        condition = getattr(self.source, "condition", "")
+        now = _CAMERA.get(condition)
+        for code in (FaultCode.CAMERA_LOST, FaultCode.CAMERA_STALLED):
+            self.health.report(code, code is now, f"{self.source.name}: {condition}")
+
     def _judge_image(self, frame: Frame) -> None:
-        level = float(frame.image[::_SAMPLE_STEP, ::_SAMPLE_STEP].mean()) / ((1 << frame.bits) - 1)
-        self.health.report(FaultCode.IMAGE_DARK, level < DARK, f"mean grey level {level:.1%} of full scale")
-        self.health.report(
-            FaultCode.IMAGE_BRIGHT, level > BRIGHT, f"mean grey level {level:.1%} of full scale"
-        )
+        judge = self._judge
+        judge.look(frame)
+        black = getattr(self.source, "condition", "") == "black"
+        self.health.report(FaultCode.IMAGE_DARK, black or bool(judge.dark), judge.dark or "black")
+        self.health.report(FaultCode.IMAGE_BRIGHT, bool(judge.bright), judge.bright)
+        self.health.report(FaultCode.IMAGE_BLURRED, bool(judge.blurred), judge.blurred)
+
+    def _judge_place(self, motion_px: Array) -> None:
+        """Whether untouched pins are where the rest frame has them."""
+        assert self.pipeline is not None
+        pitch_px = self.pipeline.rest.pattern.pitch_px
+        held = FaultCode.CAMERA_MOVED in self.health.active if self.health.status else False
+        limit_px = MOVED_PITCHES * pitch_px * (0.5 if held else 1.0)
+        by_px = moved_px(motion_px)
+        at_limit = self.drift is not None and self.drift.at_limit
+        words = f"untouched pins stand {by_px:.1f} px off the rest frame; tare"
+        self.health.report(FaultCode.CAMERA_MOVED, by_px > limit_px or at_limit, words)
 
     def _status(self, result: Result | None) -> Status:
         status = self.health.status
@@ -338,8 +548,12 @@ class App:
             status |= Status.TOUCHED
         if result is not None and result.reading.saturated:
             status |= Status.SATURATED
-        if not self.source.live:
+        if getattr(self.source, "recorded", not self.source.live):
             status |= Status.NOT_LIVE
+        skipped_n = self._statistics.lost_by_camera_n + self.source.dropped_n
+        if skipped_n != self._skipped_n:
+            self._skipped_n = skipped_n
+            status |= Status.FRAMES_DROPPED
         return status
 
     def _run_commands(self) -> None:

@@ -30,6 +30,7 @@ SURE_S = 3.0
 SEEN_SHARE = 0.95
 NEAR_PITCHES = 0.05  # 1 px of a pitch of 19 px
 GAP_S = 0.5  # a pause longer than this is not counted as time at rest
+PERIOD_S = 0.05  # of learning: nothing here is in a hurry
 
 
 class Drift:
@@ -70,12 +71,17 @@ class Drift:
         tracks  as seen, not corrected
         quiet   nothing touches, and no fault is present
         """
-        gap_s = (capture_ns - self._last_ns) * 1e-9
-        self._last_ns = capture_ns
         if self._limit_px == 0.0:
             return
+        if not quiet:
+            self._since_ns = None
+            return
+        gap_s = (capture_ns - self._last_ns) * 1e-9
+        if 0.0 <= gap_s < PERIOD_S:
+            return
+        self._last_ns = capture_ns
         away = tracks.xy_img - self._rest.xy_img
-        still = quiet and 0.0 < gap_s <= GAP_S and self._fit(tracks, away)
+        still = 0.0 < gap_s <= GAP_S and self._fit(tracks, away)
         if not still:
             self._since_ns = None
         elif self._since_ns is None:

@@ -1,10 +1,10 @@
-"""Does the image show pins as the rest frame did? Dark, overexposed, out of focus; and where pins stand at rest.
+"""Does the image show pins as the rest frame did? Dark, overexposed, out of focus; and has the camera moved?
 
 Rules
 - Dark and overexposed are judged on every image, against the full scale and against the rest frame.
-- Focus is judged in windows as wide as the pitch: wherever the pins have moved, about one pin lies in each, so
-  the judgement needs no tracking. Its measure is the energy of the gradient over the square of the contrast,
-  which light does not change, in relation to the rest frame's.
+- Focus is judged in windows as wide as the pitch: wherever the pins have moved, about one pin lies in each,
+  so the judgement needs no tracking. Its measure is the energy of the gradient over the square of the
+  contrast, which light does not change, in relation to the rest frame's.
 - Nothing is said about focus where there is no contrast to judge it by, and light explains that.
 """
 
@@ -17,8 +17,8 @@ from edge.types import Array, Frame, Image, Rest
 __all__ = ["ImageJudge", "moved_px"]
 
 _SAMPLE_STEP = 16  # brightness is read on every 16th row and column: 1200 pixels of 640x480
-#: Share of the full scale below which the mean level of an image shows nothing; share of samples at the top of
-#: the scale above which it shows too little.
+#: Share of the full scale below which the mean level of an image shows nothing; share of samples at the top
+#: of the scale above which it shows too little.
 DARK, FULL = 0.004, 0.5
 #: Against the rest frame: below the first share a fault is present, above the second it is gone. Contacts on
 #: six real tips (two sets of stills, four videos) leave level within 0.82..1.12, sharpness within 0.64..1.14;
@@ -72,7 +72,9 @@ class ImageJudge:
         """Judge one image."""
         level, full = _level(frame.image, frame.bits)
         least = max(DARK, (DIM_GONE if self.dark else DIM) * self._level)
-        self.dark = f"mean level {level:.1%} of full scale, {self._level:.1%} at rest" if level < least else ""
+        self.dark = (
+            f"mean level {level:.1%} of full scale, {self._level:.1%} at rest" if level < least else ""
+        )
         self.bright = f"{full:.0%} of the image is at full scale" if full > FULL else ""
         due = self._due_ns is None or not 0 <= self._due_ns - frame.capture_ns <= PERIOD_NS
         if due and self._at is not None:

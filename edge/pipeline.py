@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edge.calibration import Calibration, uncalibrated
+from edge.drift import Drift
 from edge.errors import CalibrationError, DegenerateLayout, NoPins
 from edge.features import FeatureExtractor
 from edge.pins import Refiner, detect, take_rest
@@ -53,15 +54,17 @@ class Pipeline:
         self.rest = rest
         self.calibration = calibration
         self.demand = demand
+        self._capture_ns: int | None = None  # of the last frame that gave features
         self._refiner = Refiner(rest)
         self.tracker = Tracker(rest)
         self._tessellator = Tessellator(rest)
         still = Tracks(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_), 1.0)
         self._extractor = FeatureExtractor(rest, self._tessellator.cells(still).rest_area_px2)
 
-    def process(self, frame: Frame, *, even_unsure: bool = False) -> Result:
+    def process(self, frame: Frame, drift: Drift | None = None, *, even_unsure: bool = False) -> Result:
         """Everything that is in demand, from one frame.
 
+        drift        taken off the pins' places before anything is computed from them
         even_unsure  values from doubtful identities too: for statistics of what a refusal avoids
         """
         tracks, searched = self._locate(frame.image)
@@ -73,9 +76,11 @@ class Pipeline:
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         features = self._extractor.extract(tracks, cells, self.demand)
         if self.calibration is None:
-            reading = uncalibrated()
+            reading = uncalibrated(features)
         else:
-            reading = self.calibration.apply(features, self.rest.pattern)
+            before_ns, self._capture_ns = self._capture_ns, frame.capture_ns
+            interval_s = None if before_ns is None else (frame.capture_ns - before_ns) * 1e-9
+            reading = self.calibration.apply(features, self.rest.pattern, interval_s)
         return Result(frame, tracks, cells, features, reading, searched)
 
     def forget(self) -> None:
