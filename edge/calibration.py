@@ -15,6 +15,10 @@ Rules
 - A value outside of the range that the data supported is set to the range's end and named in `saturated`.
 - What the file has no model for is NaN: no raw number goes out in disguise.
 - An untouched tip reads zero: that is what the tare defines.
+- What follows from calibrated values and the scale has no model of its own (`DERIVED`): pressure is force
+  over contact area; area, where no model gives it, is the contacts' in the image times the scale squared;
+  slip speed is the motion that no load explains, times the scale, over the time between two frames.
+- How many contacts there are has no unit: it goes out without a calibration too.
 - Every value has a standard deviation: the residual of the fit on held-out frames, widened where a frame
   lies far from the data (leverage), as in Bayesian linear regression.
 """
@@ -49,15 +53,15 @@ Point = tuple[float, float]
 UNTOUCHED: dict[str, float] = {
     "displacement_mm": 0.0,
     "force_n": 0.0,
-    "pressure_kpa": 0.0,
     "contact_area_mm2": 0.0,
     "shear_x_mm": 0.0,
     "shear_y_mm": 0.0,
     "torsion_deg": 0.0,
     "tilt_x_deg": math.nan,  # nothing under the tip has no tilt
     "tilt_y_deg": math.nan,
-    "orientation_deg": math.nan,
 }
+#: Made from other values and the scale, not by models of their own.
+DERIVED = ("pressure_kpa", "orientation_deg", "slip_speed_mm_s", "slip_probability")
 #: Outputs of models that are evaluated once a contact, from the contact's own inputs.
 CONTACT_OUTPUTS = ("contact_x_mm", "contact_y_mm", "contact_depth_mm")
 
@@ -318,10 +322,11 @@ class Calibration:
         """Write the file so that a reader, or a loss of power, finds the old or the new one, whole."""
         write_atomically(Path(path), self.encoded)
 
-    def apply(self, features: Features, pattern: PinPattern) -> Reading:
+    def apply(self, features: Features, pattern: PinPattern, interval_s: float | None = None) -> Reading:
         """Values of one frame in mechanical units.
 
-        pattern  of the running tip; gives the place and size of the tip's circle
+        pattern     of the running tip; gives the place and size of the tip's circle
+        interval_s  time since the frame before this one; None: not known, no speed can be given
         """
         values: dict[str, float] = {}
         sigmas: dict[str, float] = {}
@@ -337,6 +342,7 @@ class Calibration:
             for model in self._frame:
                 for name, spread in zip(model.outputs, model.sigma, strict=True):
                     values[name], sigmas[name] = UNTOUCHED[name], float(spread)
+        self._derive(features, values, sigmas, interval_s)
         contacts = self._places(features, pattern)
         return Reading(values, sigmas, contacts, frozenset(saturated), calibrated=True)
 
@@ -346,6 +352,37 @@ class Calibration:
             y, sigma, outside = model.run(z)
             for name, value, spread, over in zip(model.outputs, y, sigma, outside, strict=True):
                 yield name, float(value), float(spread), bool(over)
+
+    def _derive(
+        self,
+        features: Features,
+        values: dict[str, float],
+        sigmas: dict[str, float],
+        interval_s: float | None,
+    ) -> None:
+        """Add what follows from other values and the scale; see the file's head."""
+        found, scale = features.contacts, self.mm_per_px
+        if found is not None:
+            if "contact_area_mm2" not in values and scale is not None:
+                values["contact_area_mm2"] = sum(c.area_px2 for c in found) * scale * scale
+            if found:
+                values["orientation_deg"] = math.degrees(found[0].orientation_rad)
+        force, area = values.get("force_n"), values.get("contact_area_mm2")
+        if force is not None and area is not None:
+            if not features.touched:
+                values["pressure_kpa"] = 0.0
+            elif area > 0.0:
+                pressure = 1e3 * force / area
+                values["pressure_kpa"] = pressure
+                if "contact_area_mm2" in sigmas:
+                    parts = (1e3 * sigmas["force_n"] / area, pressure * sigmas["contact_area_mm2"] / area)
+                    sigmas["pressure_kpa"] = math.hypot(*parts)
+        if features.slip_px is not None and features.slip_probability is not None:
+            values["slip_probability"] = features.slip_probability
+            if not features.touched:
+                values["slip_speed_mm_s"] = 0.0
+            elif scale is not None and interval_s is not None and interval_s > 0.0:
+                values["slip_speed_mm_s"] = features.slip_px * scale / interval_s
 
     def _places(self, features: Features, pattern: PinPattern) -> Array:
         contacts = features.contacts or ()
@@ -361,9 +398,13 @@ class Calibration:
         return places
 
 
-def uncalibrated() -> Reading:
-    """The reading of a tip without a calibration: nothing in mechanical units."""
-    return Reading({}, {}, np.empty((0, 3)))
+def uncalibrated(features: Features | None = None) -> Reading:
+    """The reading of a tip without a calibration: nothing in mechanical units, but how many contacts.
+
+    features  None: nothing is known of this frame
+    """
+    contacts = features.contacts if features is not None else None
+    return Reading({}, {}, np.full((len(contacts or ()), 3), np.nan))
 
 
 def sensor_of(rest: Rest, serial: str) -> Sensor:
