@@ -126,7 +126,8 @@ def find_contacts(
     order = order[height[order] >= MINOR * float(height[order[0]])]
     if len(order) > 1:
         grown = _grown(surface, growth, rows[order], cols[order])
-        order = order[grown >= MINOR * grown.max()]
+        most = float(grown.max())
+        order = order[grown >= min(MINOR * most, most)]  # under shear even the most grown one may have shrunk
     rows, cols, height = rows[order], cols[order], height[order]
     group = _groups(grid, rows, cols, height)
     leaders = np.flatnonzero(group == np.arange(len(group)))[:CONTACTS_MAX]
