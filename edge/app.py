@@ -41,7 +41,7 @@ from edge.notify import Notifier
 from edge.pack import to_state
 from edge.pipeline import Pipeline, Result, tare
 from edge.transport import Sink
-from edge.types import Array, Clock, Feature, Frame, FrameSource, Reading
+from edge.types import Array, Clock, Feature, Features, Frame, FrameSource, Reading
 from hostlink.wire import FaultCode, State, Status
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ DRAIN_S = 1.0  # how long a recording waits for a link that takes nothing
 LATENCIES = 1 << 14  # frames that the latency statistics look back on: 68 s at 240 frames/s
 PINS_KEPT_SHARE = 0.9  # a new rest frame with fewer pins than this share of the old one's is implausible
 WAIT_S = 0.02  # longest wait for an image before faults and commands are looked at
+SLOW_DISK_S = 1.0  # without loss, and a recording counts as whole again
 BEAT_S = 0.1  # samples without images: "the slow rate" of the fault table
 #: The capture clock may run against ours by this much from one image to the next; more is a step. A process
 #: that was not scheduled for a while shows less.
@@ -64,8 +65,10 @@ STEP_NS = 500_000_000
 #: Untouched pins that stand further off than this, in pitches, are those of a camera that moved; nearer than
 #: half of it, and it is back. 1.5 px of a pitch of 19 px: five times the largest drift.
 MOVED_PITCHES = 0.08
-#: Values whose upper end of range is the tip's limit: beyond it the tip is overloaded.
-LOADS = frozenset({"displacement_mm", "force_n", "shear_x_mm", "shear_y_mm"})
+#: A tip of which 5 % of the pins move further than this, in pitches, is pressed or sheared beyond what it
+#: stands. Within the published range of the 331-pin tip (5 mm deep, 5 mm of shear) they move by up to 1.3.
+LOAD_PITCHES = 1.6
+OVERLOAD_SHARE = 0.05
 _CAMERA = {
     "lost": FaultCode.CAMERA_LOST,
     "stalled": FaultCode.CAMERA_STALLED,
@@ -136,6 +139,7 @@ class App:
     demand       what is computed
     tare_frames  how many frames make the rest frame
     drift_px     largest drift of a pin that is taken off the measurement; 0: none
+    load_pitches motion of the pins beyond which the tip is overloaded
     health       faults; a new one where not given
     vitals       what is looked after beside the images; None: nothing
     notifier     the service manager; None: nobody
@@ -152,6 +156,7 @@ class App:
         health: Health | None = None,
         *,
         drift_px: float = LIMIT_PX,
+        load_pitches: float = LOAD_PITCHES,
         vitals: Vitals | None = None,
         notifier: Notifier | None = None,
     ) -> None:
@@ -171,7 +176,8 @@ class App:
         self._vitals = vitals
         self._notifier = notifier or Notifier({})
         self._judge = ImageJudge()
-        self._drift_px = drift_px
+        self._drift_px, self._load_pitches = drift_px, load_pitches
+        self._recording = ("", 0, 0.0)  # why it ended; messages lost so far, and until when to say so
         self._tare_frames = tare_frames
         self._steady_px = steady_px
         self._commands: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
@@ -385,7 +391,21 @@ class App:
         except Exception as error:
             log.exception("recording ends here")
             self.recorder = None
-            self.health.report(FaultCode.DISK_FULL, True, f"recording: {error}")
+            self._recording = (f"recording: {error}", 0, 0.0)
+            self.health.report(FaultCode.DISK_FULL, True, self._recording[0])
+
+    def recording_trouble(self) -> str:
+        """Empty, or why the recording has holes or has ended: for `Vitals`."""
+        recorder, (ended, dropped_n, until_s) = self.recorder, self._recording
+        if recorder is None:
+            return ended
+        if recorder.fault is not None:
+            return f"recording: {recorder.fault}"
+        now_s = time.monotonic()
+        if recorder.dropped_n != dropped_n:
+            until_s = now_s + SLOW_DISK_S
+        self._recording = ("", recorder.dropped_n, until_s)
+        return "recording: the disk is too slow" if now_s < until_s else ""
 
     @staticmethod
     def _record(recorder: Recorder, result: Result, state: State) -> None:
@@ -443,10 +463,7 @@ class App:
             result = replace(
                 result, reading=Reading({}, {}, _NOTHING, calibrated=self.calibration is not None)
             )
-        loads = result.reading.saturated & LOADS
-        # Only the far end is a load: the near end of a displacement is no touch at all.
-        over = sorted(name for name in loads if result.reading.values[name] != 0.0)
-        self.health.report(FaultCode.OVERLOAD, bool(over), f"{', '.join(over)} beyond the calibrated range")
+        self._judge_load(features)
         if features is not None and not features.touched:
             self._judge_place(features.displacement_px)
         if self.drift is not None:
@@ -530,6 +547,18 @@ class App:
         self.health.report(FaultCode.IMAGE_DARK, black or bool(judge.dark), judge.dark or "black")
         self.health.report(FaultCode.IMAGE_BRIGHT, bool(judge.bright), judge.bright)
         self.health.report(FaultCode.IMAGE_BLURRED, bool(judge.blurred), judge.blurred)
+
+    def _judge_load(self, features: Features | None) -> None:
+        """Whether the pins move further than they may."""
+        if features is None or not features.touched:
+            self.health.report(FaultCode.OVERLOAD, False)
+            return
+        assert self.pipeline is not None
+        limit_px = self._load_pitches * self.pipeline.rest.pattern.pitch_px
+        by_px = np.hypot(features.displacement_px[:, 0], features.displacement_px[:, 1])
+        far_n = int(np.count_nonzero(by_px > limit_px))  # a lost pin is NaN, and not far
+        over = far_n > OVERLOAD_SHARE * len(by_px)
+        self.health.report(FaultCode.OVERLOAD, over, f"{far_n} pins moved by more than {limit_px:.0f} px")
 
     def _judge_place(self, motion_px: Array) -> None:
         """Whether untouched pins are where the rest frame has them."""

@@ -55,6 +55,14 @@ class TareTable(_Table, frozen=True, kw_only=True):
 
     frames_n: Count = 8
     steady_px: Annotated[float, msgspec.Meta(gt=0)] = 0.5  # largest motion of a pin while taring
+    drift_px: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.3  # largest slow drift taken off; 0: none
+
+
+class LimitsTable(_Table, frozen=True, kw_only=True):
+    """[limits] beyond which a fault is announced."""
+
+    temperature_degc: Annotated[float, msgspec.Meta(ge=30, le=120)] = 80.0  # of the board
+    load_pitches: Annotated[float, msgspec.Meta(ge=0.1, le=10)] = 1.6  # motion of 5 % of the pins
 
 
 class CalibrationTable(_Table, frozen=True, kw_only=True):
@@ -82,6 +90,7 @@ class Config(_Table, frozen=True, kw_only=True):
     source: SourceTable = SourceTable()
     link: LinkTable = LinkTable()
     tare: TareTable = TareTable()
+    limits: LimitsTable = LimitsTable()
     calibration: CalibrationTable = CalibrationTable()
     features: FeaturesTable = FeaturesTable()
     state: StateTable = StateTable()

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,8 @@ from hostlink.wire import OBJECTS
 __all__ = ["Settings", "SettingsFile"]
 
 log = logging.getLogger(__name__)
+
+TOLD_S = 1.0
 
 _STORED = {o.name: o for o in OBJECTS if o.stored and o.type != "domain"}
 
@@ -46,6 +49,7 @@ class SettingsFile:
     def __init__(self, path: Path | None = None, defaults: Settings | None = None) -> None:
         self._path = path
         self._defaults = defaults or Settings()
+        self._failed: tuple[str, float] | None = None
         self.values = self.load()
 
     def load(self) -> Settings:
@@ -73,7 +77,20 @@ class SettingsFile:
         self.values = self._defaults
         return self.values
 
+    def trouble(self) -> str:
+        """Empty, or why the last settings could not be stored, for a second after that."""
+        words, at_s = self._failed or ("", 0.0)
+        return words if words and time.monotonic() - at_s < TOLD_S else ""
+
     def _store(self, values: Settings) -> None:
+        try:
+            self._write(values)
+        except OSError as error:
+            self._failed = (f"{self._path}: {error.strerror}", time.monotonic())
+            raise
+        self._failed = None
+
+    def _write(self, values: Settings) -> None:
         if self._path is None:
             return
         self._path.parent.mkdir(parents=True, exist_ok=True)
