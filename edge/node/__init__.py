@@ -189,13 +189,16 @@ class Node:
         if active == (code in self._active):
             return
         (self._active.add if active else self._active.discard)(code)
+        if active:
+            self.objects.record(_FAULTS[code])
+        self._tell(code, active)
+
+    def _tell(self, code: FaultCode, active: bool) -> None:
         register, status = 0, Status(0)
         for held in self._active:
             register |= _FAULTS[held].register
             status |= _FAULTS[held].status
         self.objects.error_register = register
-        if active:
-            self.objects.record(_FAULTS[code])
         emcy = _FAULTS[code].emcy if active else 0
         named = int(code) if self._active else 0
         self._port.send_emergency(pack_emergency(emcy, register, named, int(status)))
@@ -207,6 +210,9 @@ class Node:
         for code in faults ^ self._link_faults:
             self._device.report(code, code in faults, f"{self.name}: {_FAULTS[code].meaning}")
         self._link_faults = faults
+        if not faults:  # what was said meanwhile nobody heard
+            for code in sorted(self._active):
+                self._tell(code, True)
 
     # ---- within -----------------------------------------------------------------------------------
 
