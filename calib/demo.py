@@ -215,10 +215,12 @@ def errors(heard: Heard) -> dict[str, float]:
 def demo(data: Path, out: Path, console: Console) -> None:
     """Play every bundled recording, print the table, write the pictures."""
     out.mkdir(parents=True, exist_ok=True)
-    table = Table(title="What the host decoded, against the simulator's truth", box=box.SIMPLE_HEAD)
-    for name in ("recording", "samples", "pins", "CAN = serial\n= computed", "contacts", "place\nmm",
-                 "depth\nmm", "shear\nmm", "direction\ndeg"):  # fmt: skip
-        table.add_column(name, justify="left" if name == "recording" else "right")
+    table = Table(
+        title="What the host decoded, against the simulator's truth", box=box.SIMPLE_HEAD, padding=(0, 1)
+    )
+    for name in ("recording", "samples", "pins", "links\nagree", "contacts", "place\nmm", "depth\nmm",
+                 "shear\nmm", "direction\ndeg"):  # fmt: skip
+        table.add_column(name, justify="left" if name == "recording" else "right", no_wrap=True)
     for name, calibration_name in RECORDINGS.items():
         calibration = Calibration.load(data / calibration_name)
         heard = play(data / f"{name}.mcap", calibration)
@@ -238,9 +240,8 @@ def demo(data: Path, out: Path, console: Console) -> None:
         )
         _pictures(heard, out)
     console.print(table)
-    console.print(
-        "Place, depth, shear, direction: mean absolute errors over frames pressed by 0.8 mm or more."
-    )
+    console.print("Links agree: what CAN FD and serial brought equals what the edge computed.")
+    console.print("Errors: mean absolute, over the frames pressed by 0.8 mm or more.")
     console.print(f"Pictures: {out}/*.png")
 
 
