@@ -216,10 +216,13 @@ def demo(data: Path, out: Path, console: Console) -> None:
     """Play every bundled recording, print the table, write the pictures."""
     out.mkdir(parents=True, exist_ok=True)
     table = Table(
-        title="What the host decoded, against the simulator's truth", box=box.SIMPLE_HEAD, padding=(0, 1)
+        title="What the host decoded, against the simulator's truth",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
     )
     for name in ("recording", "samples", "pins", "links\nagree", "contacts", "place\nmm", "depth\nmm",
-                 "shear\nmm", "direction\ndeg"):  # fmt: skip
+                 "shear\nmm", "angle\ndeg"):  # fmt: skip
         table.add_column(name, justify="left" if name == "recording" else "right", no_wrap=True)
     for name, calibration_name in RECORDINGS.items():
         calibration = Calibration.load(data / calibration_name)
