@@ -13,8 +13,8 @@ Rules
   host must see that the finger is alive and does not know.
 - Without images the loop wakes all the same: faults are announced within 0.1 s, and samples without values go
   on at `BEAT_S`. Signals and commands only set a mark; the loop acts on it, and ends within a beat.
-- The garbage collector's full passes do not run inside the loop: what start-up made is frozen, and what a
-  frame makes has no cycles.
+- The garbage collector does not run when it likes: what start-up made is frozen, what a frame makes has no
+  cycles, and once a minute, after a sample has left, what other threads made is collected.
 """
 
 from __future__ import annotations
@@ -62,6 +62,8 @@ BEAT_S = 0.1  # samples without images: "the slow rate" of the fault table
 #: The capture clock may run against ours by this much from one image to the next; more is a step. A process
 #: that was not scheduled for a while shows less.
 STEP_NS = 500_000_000
+LATE_NS = 2_000_000_000  # an image older than this, or from the future, is stamped by another clock than ours
+GARBAGE_S = 60.0  # what other threads leave in cycles (viewers, requests) is collected this often
 #: Untouched pins that stand further off than this, in pitches, are those of a camera that moved; nearer than
 #: half of it, and it is back. 1.5 px of a pitch of 19 px: five times the largest drift.
 MOVED_PITCHES = 0.08
@@ -186,6 +188,7 @@ class App:
         self._last: tuple[Frame, int] | None = None  # and when it was taken in hand, our clock
         self._skipped_n = 0
         self._beat_due_ns = 0
+        self._garbage_due_ns = time.monotonic_ns() + round(GARBAGE_S * 1e9)
         self._broken = False  # the last frame broke the computation
         self._statistics = Statistics()
         self._compute_us, self._latency_us, self._held = _Ring(LATENCIES), _Ring(LATENCIES), _Ring(LATENCIES)
@@ -352,7 +355,8 @@ class App:
         result = self._measure_safely(frame)
         computed_ns = time.monotonic_ns()
         # A recorded or foreign clock cannot be subtracted from ours: then latency counts from the hand-over.
-        since_ns = frame.capture_ns if frame.clock in (Clock.HOST, Clock.DRIVER) else begun_ns
+        ours = frame.clock in (Clock.HOST, Clock.DRIVER) and 0 <= begun_ns - frame.capture_ns < LATE_NS
+        since_ns = frame.capture_ns if ours else begun_ns
         state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)
         self._notifier.frame()
         if result is not None:
@@ -365,6 +369,9 @@ class App:
                 except Exception:
                     log.exception("a viewer failed and is not told any more")
                     self.watchers.remove(watch)
+        if begun_ns > self._garbage_due_ns:
+            self._garbage_due_ns = begun_ns + round(GARBAGE_S * 1e9)
+            gc.collect()  # after the sample has left; what start-up made is frozen and not looked at
         self._compute_us.add((computed_ns - begun_ns) / 1e3)
         self._latency_us.add((time.monotonic_ns() - since_ns) / 1e3)
         return state
