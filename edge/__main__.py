@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from edge.errors import ConfigError, EdgeError, SourceError, UsageError
+from edge.threads import share_the_processor
 
 if TYPE_CHECKING:
     from edge.app import App, Statistics
@@ -40,6 +41,35 @@ SINK_HELP = (
     "udp:239.0.0.1, serial:/dev/ttyACM0?baud=921600, slcan:/dev/ttyACM0, memory:"
 )
 SOURCE_HELP = "v4l2:0, /dev/video0, oak:, sim:press, or a file. Default: the configuration's, else v4l2:0."
+
+
+def view_options(command: Callable[..., None]) -> Callable[..., None]:
+    """What the commands with a live page share."""
+    for option in (
+        click.option(
+            "--recordings",
+            type=click.Path(path_type=Path, file_okay=False),
+            default=Path("."),
+            show_default="here",
+            help="Folder for what the page's record button makes.",
+        ),
+        click.option(
+            "--view-token",
+            metavar="[TOKEN]",
+            is_flag=False,
+            flag_value="auto",
+            help="Let the page tare and record, with this token; without a value one is made.",
+        ),
+        click.option(
+            "--view",
+            metavar="[HOST:PORT]",
+            is_flag=False,
+            flag_value="127.0.0.1:8765",
+            help="Serve a live page, by default at 127.0.0.1:8765; beyond this machine only with a token.",
+        ),
+    ):
+        command = option(command)
+    return command
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -70,6 +100,7 @@ def cli(verbose: bool) -> None:
 @click.option(
     "--record", "record_path", type=click.Path(path_type=Path), help="Write images and values to MCAP."
 )
+@view_options
 @click.option("--frames", "frames_max", type=click.IntRange(min=1), help="Stop after so many frames.")
 @click.option("--json", "as_json", is_flag=True, help="Print the closing statistics as JSON.")
 def run(
@@ -80,6 +111,9 @@ def run(
     record_path: Path | None,
     frames_max: int | None,
     as_json: bool,
+    view: str | None,
+    view_token: str | None,
+    recordings: Path,
 ) -> None:
     """Run the finger: camera in, bus out, until stopped.
 
@@ -102,6 +136,7 @@ def run(
         )
         stack.callback(source.close)
         app = _app(stack, source, config, sink_specs, calibration_path, record_path)
+        _serve(stack, app, config, view, view_token, recordings)
         _finish(app.run(frames_max), app, as_json)
 
 
@@ -118,6 +153,8 @@ def run(
 @click.option(
     "--record", "record_path", type=click.Path(path_type=Path), help="Write images and values to MCAP."
 )
+@click.option("--loop", is_flag=True, help="Again from its start when it ends, until stopped.")
+@view_options
 @click.option("--samples", is_flag=True, help="Print every sample as a line of JSON.")
 @click.option("--json", "as_json", is_flag=True, help="Print the closing summary as JSON.")
 def replay(
@@ -127,8 +164,12 @@ def replay(
     calibration_path: Path | None,
     speed: str,
     record_path: Path | None,
+    loop: bool,
     samples: bool,
     as_json: bool,
+    view: str | None,
+    view_token: str | None,
+    recordings: Path,
 ) -> None:
     """Send RECORDING (MCAP, video, folder of images) as if it were live.
 
@@ -140,15 +181,18 @@ def replay(
     from edge.summary import Summary
 
     factor = _speed(speed)
+    if loop and factor is None:
+        raise SourceError("--loop: has no end at --speed max; give a factor")
     config = load_config(config_path)
     with ExitStack() as stack:
         source: FrameSource = open_source(recording)
         if factor is not None:
             from edge.sources import Paced
 
-            source = Paced(source, speed=factor)
+            source = Paced(source, speed=factor, loop=loop)
         stack.callback(source.close)
         app = _app(stack, source, config, sink_specs, calibration_path, record_path)
+        _serve(stack, app, config, view, view_token, recordings)
         summary = Summary()
         app.watchers.append(summary.add)
         if samples:
@@ -212,7 +256,9 @@ def _app(
     """The app with everything that the options ask for; the stack closes it all."""
     from edge.app import App
     from edge.device import AppDevice, stored_calibration
+    from edge.health import Health, Vitals, room_for
     from edge.node import Node
+    from edge.notify import Notifier
     from edge.settings import Settings, SettingsFile
     from edge.transport import CanSink, SerialSink, open_sink
     from hostlink.wire import FEATURE_BITS
@@ -223,6 +269,10 @@ def _app(
     calibration = _calibration(
         calibration_path or stored_calibration(state_dir) or config.calibration.file or None
     )
+    health = Health()
+    vitals = Vitals(health, hot_degc=config.limits.temperature_degc)
+    notifier = Notifier()
+    stack.callback(notifier.close)
     app = App(
         source,
         [],
@@ -230,7 +280,13 @@ def _app(
         frozenset(config.features.demand),
         config.tare.frames_n,
         config.tare.steady_px,
+        health,
+        drift_px=config.tare.drift_px,
+        load_pitches=config.limits.load_pitches,
+        vitals=vitals,
+        notifier=notifier,
     )
+    vitals.storage.append(app.recording_trouble)
     device = AppDevice(app, config.sensor.serial, state_dir)
     settings = SettingsFile(
         state_dir / "settings.json" if state_dir else None,
@@ -240,6 +296,9 @@ def _app(
             features=sum(FEATURE_BITS.get(feature, 0) for feature in config.features.demand),
         ),
     )
+    vitals.storage.append(settings.trouble)
+    if state_dir is not None:
+        vitals.storage.append(lambda: room_for(state_dir))
     for spec in sink_specs or config.link.sinks:
         sink = open_sink(spec, node=config.sensor.node_id)
         stack.callback(sink.close)
@@ -263,6 +322,29 @@ def _app(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: app.stop())
     return app
+
+
+def _serve(
+    stack: ExitStack, app: App, config: Config, view: str | None, token: str | None, recordings: Path
+) -> None:
+    """The live page, where one is asked for."""
+    if view is None:
+        if token is not None:
+            raise UsageError("--view-token: there is no page; give --view too")
+        return
+    from hostlink.web import WebError, parse_listen
+
+    try:
+        listen = parse_listen(view, token)
+    except WebError as error:
+        raise UsageError(str(error)) from None
+    from edge.view import View
+
+    page = View(app, listen, recordings, {"serial": config.sensor.serial})
+    page.start()
+    stack.callback(page.close)
+    app.watchers.append(page.watch)
+    click.echo(f"live page: {page.server.url}", err=True)
 
 
 def _detail(node: Node) -> Callable[[Result, State], None]:
@@ -336,6 +418,7 @@ def _line(table: dict[str, Any]) -> str:
 
 def main() -> None:
     """Entry point: the user's mistakes become one line and exit code 2."""
+    share_the_processor()
     try:
         cli.main(prog_name="python -m edge", standalone_mode=False)
     except click.ClickException as error:

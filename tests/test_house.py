@@ -16,8 +16,9 @@ STDLIB = frozenset(sys.stdlib_module_names)
 #: Which of the project's own packages a room may import.
 MAY_IMPORT = {
     "hostlink/wire": ("hostlink.wire",),
+    "hostlink/web": ("hostlink.web",),
     "hostlink": ("hostlink",),
-    "edge": ("edge", "hostlink.wire"),
+    "edge": ("edge", "hostlink.wire", "hostlink.web"),
     "calib": ("calib", "edge", "hostlink"),
 }
 #: A stage's modules; stages know `edge.types` and `edge.errors`, never each other.

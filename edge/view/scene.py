@@ -1,0 +1,121 @@
+"""One frame as the page draws it: a header of few words, and arrays as they are.
+
+Rules
+- The browser does what can be done there: it gets pins and triangles and makes the cells itself. Here
+  arrays are only cast and copied (`tobytes`), which costs some 50 us, and the image becomes a JPEG, which
+  OpenCV does without the interpreter's lock.
+- Places are px of the camera's image, pixel centres on integers, whatever size the picture is sent in.
+"""
+
+from __future__ import annotations
+
+from math import degrees
+from typing import Any
+
+import cv2
+import numpy as np
+
+from edge.draw import PAPER, SAFE, Palette
+from edge.draw.palette import FULL_CHANGE, cell_colours
+from edge.draw.panels import GLOBAL_GAIN, LOCAL_GAIN
+from edge.pipeline import Result
+from edge.types import Array, Frame, Rest
+from hostlink.web import plain
+
+__all__ = ["CHART", "Arrays", "camera", "hello", "touch"]
+
+Arrays = dict[str, tuple[str, bytes]]
+
+JPEG_QUALITY = 80
+SIDE_MAX = 720  # px; a panel is no larger on most screens, and a phone's radio has to carry it
+COLOURS = 101  # steps of the cells' colours; more cannot be told apart
+
+#: What the charts show of every sample, in this order; the page finds them by name.
+CHART = (
+    "time_s",
+    "displacement_mm",
+    "shear_x_mm",
+    "shear_y_mm",
+    "torsion_deg",
+    "force_n",
+    "latency_ms",
+    "volume_px2",
+    "shear_x_px",
+    "shear_y_px",
+)
+
+
+def hello(source: str, serial: str) -> dict[str, Any]:
+    """What the page must know once."""
+    return {
+        "source": source,
+        "serial": serial,
+        "chart": CHART,
+        "palettes": {"paper": _colours(PAPER), "safe": _colours(SAFE)},
+        "full_change": FULL_CHANGE,
+        "local_gain": LOCAL_GAIN,
+        "global_gain": GLOBAL_GAIN,
+    }
+
+
+def _colours(palette: Palette) -> dict[str, Any]:
+    """By name, red first; "cells" from fully expanded to fully compressed."""
+    named = {name: list(getattr(palette, name)[::-1]) for name in Palette.__dataclass_fields__}
+    steps = cell_colours(np.linspace(-FULL_CHANGE, FULL_CHANGE, COLOURS), palette)
+    return {**named, "cells": steps[:, ::-1].tolist()}
+
+
+def camera(frame: Frame) -> tuple[dict[str, Any], Arrays]:
+    """The image, no larger than a panel."""
+    image = frame.image
+    grey = image if image.dtype == np.uint8 else (image >> max(0, frame.bits - 8)).astype(np.uint8)
+    height, width = image.shape
+    step = -(-max(height, width) // SIDE_MAX)
+    shown = (
+        grey if step == 1 else cv2.resize(grey, (width // step, height // step), interpolation=cv2.INTER_AREA)
+    )
+    _, data = cv2.imencode(".jpg", shown, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))
+    return {"size_px": [width, height]}, {"image": ("jpeg", data.tobytes())}
+
+
+def touch(result: Result, rest: Rest, surface: bool) -> tuple[dict[str, Any], Arrays]:
+    """Pins, cells, contacts and vectors of a frame; the surface too where it is wanted and was made."""
+    tracks, cells, features = result.tracks, result.cells, result.features
+    low, high = rest.xy_img.min(axis=0), rest.xy_img.max(axis=0)
+    side = float((high - low).max()) + 4 * rest.pattern.pitch_px  # room for the outer cells, and for motion
+    header: dict[str, Any] = {
+        "sequence": result.frame.sequence,
+        "pins_n": len(rest),
+        "held_n": tracks.n_seen,
+        "sure": features is not None,
+        "square": [*((low + high) / 2 - side / 2).tolist(), side],
+        "centre": rest.xy_img.mean(axis=0).tolist(),
+    }
+    arrays: Arrays = {"pins": _f4(tracks.xy_img)}
+    if features is not None:
+        header["touched"] = features.touched
+        arrays["motion"] = _f4(features.displacement_px)
+        if features.shear_px is not None:
+            header["shear_px"] = features.shear_px.tolist()
+        header["contacts"] = [
+            {
+                "xy": contact.xy_img.tolist(),
+                "peak": contact.peak,
+                "angle_deg": degrees(contact.orientation_rad),
+                "elongation": contact.elongation,
+            }
+            for contact in features.contacts or ()
+        ]
+        if surface and features.surface is not None and features.grid_img is not None:
+            x, y = features.grid_img
+            header["grid"] = [float(x[0]), float(y[0]), float(x[1] - x[0]), len(x)]
+            arrays["surface"] = _f4(features.surface)
+    if cells is not None and features is not None:
+        arrays["change"] = _f4(features.area_change)
+        arrays["points"] = _f4(np.concatenate([cells.xy_img, cells.boundary_img]))
+        arrays["triangles"] = ("u2", cells.triangles.astype("<u2").tobytes())
+    return plain(header), arrays
+
+
+def _f4(values: Array) -> tuple[str, bytes]:
+    return "f4", values.astype("<f4").tobytes()

@@ -1,0 +1,26 @@
+"""Pages in a browser: a small server for a live page, with nothing in it of fingers or cameras.
+
+    server = PageServer(listen, files, make=..., commands=..., hello=...)
+    server.start(); print(server.url); ...; server.close()
+
+The live pages of the edge and of the host are both this server with their own files, packets and commands;
+`static/` holds what their pages share (connection, charts, look). This room imports itself and aiohttp
+alone, and aiohttp only when a server starts.
+"""
+
+from __future__ import annotations
+
+from hostlink.web.listen import Listen, WebError, parse_listen
+from hostlink.web.packet import pack_packet, plain
+from hostlink.web.server import PageServer, Refused, shared_files
+
+__all__ = [
+    "Listen",
+    "PageServer",
+    "Refused",
+    "WebError",
+    "pack_packet",
+    "parse_listen",
+    "plain",
+    "shared_files",
+]

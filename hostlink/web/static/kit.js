@@ -1,0 +1,337 @@
+// What the pages share: the connection, packets, strip charts.
+//
+// - The connection says what it is doing, all the time: connecting, live, stale, disconnected (and when it will
+//   try again), refused, full. It comes back by itself.
+// - Each packet is answered ("got n"): the server sends no more than two ahead, so that a slow line shows the
+//   newest picture late, never an old one.
+// - Nothing is loaded from anywhere else.
+
+const SILENCE_MS = 3000; // the server says something 4 times a second; a line that is silent this long is dead
+const STALE_S = 1;
+const RETRY_MS = [500, 1000, 2000, 4000, 5000];
+const DENIED = 4401;
+const FULL = 1013;
+
+/** A packet as {header fields..., arrays: {name: typed array}}; layout: hostlink/web/packet.py. */
+export function unpack(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const packet = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const types = { f4: Float32Array, u2: Uint16Array, i2: Int16Array, u1: Uint8Array, jpeg: Uint8Array };
+  for (const [name, [kind, bytes, at]] of Object.entries(packet.arrays)) {
+    const Type = types[kind];
+    packet.arrays[name] = new Type(buffer, 4 + length + at, bytes / Type.BYTES_PER_ELEMENT);
+  }
+  return packet;
+}
+
+/** The line to the server. `on` has hello(hello, may), packet(packet), state(name, words), answer(answer). */
+export class Line {
+  constructor(on, wants = []) {
+    this.on = on;
+    this.wants = new Set(wants);
+    this.state = "";
+    this.failures = 0;
+    this.token = new URLSearchParams(location.hash.slice(1)).get("token") ?? "";
+    addEventListener("online", () => this.retry());
+    document.addEventListener("visibilitychange", () => document.hidden || this.retry());
+    setInterval(() => this.watch(), 250);
+    this.open();
+  }
+
+  open() {
+    clearTimeout(this.timer);
+    this.retryAt = 0;
+    this.got = 0;
+    this.heard = performance.now();
+    this.say("connecting", "connecting");
+    const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
+    this.socket = socket;
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => socket.send(JSON.stringify({ token: this.token, want: [...this.wants] }));
+    socket.onclose = (event) => this.socket === socket && this.closed(event);
+    socket.onmessage = (event) => {
+      this.heard = performance.now();
+      if (typeof event.data === "string") {
+        const said = JSON.parse(event.data);
+        if (said.hello) {
+          this.failures = 0;
+          this.on.hello(said.hello, said.may);
+        } else this.on.answer(said);
+        return;
+      }
+      socket.send(JSON.stringify({ got: ++this.got }));
+      const packet = unpack(event.data);
+      this.judge(packet);
+      this.on.packet(packet);
+    };
+  }
+
+  judge(packet) {
+    if (packet.age_s > STALE_S) this.say("stale", `nothing new for ${Math.floor(packet.age_s)} s`);
+    else this.say("live", packet.rate_hz === null ? "live" : `live, ${Math.round(packet.rate_hz)} Hz`);
+  }
+
+  closed(event) {
+    if (event.code === DENIED) {
+      this.say("refused", "the token is missing or wrong: open the page by the address that the program printed");
+      return;
+    }
+    this.why = event.code === FULL ? event.reason : "disconnected";
+    const wait = event.code === FULL ? 5000 : RETRY_MS[Math.min(this.failures++, RETRY_MS.length - 1)];
+    this.retryAt = performance.now() + wait;
+    this.timer = setTimeout(() => this.open(), wait);
+    this.watch();
+  }
+
+  retry() {
+    if (this.retryAt) this.open();
+  }
+
+  watch() {
+    const now = performance.now();
+    if (this.retryAt) {
+      const left = Math.max(1, Math.ceil((this.retryAt - now) / 1000));
+      this.say("disconnected", `${this.why}; trying again in ${left} s`);
+    } else if (this.socket.readyState === WebSocket.OPEN && now - this.heard > SILENCE_MS) {
+      const socket = this.socket;
+      this.socket = null; // a dead line answers no goodbye: do not wait for one
+      socket.close();
+      this.socket = socket;
+      this.closed({ code: 1006, reason: "" });
+      socket.onclose = null;
+    }
+  }
+
+  say(state, words) {
+    if (state === this.state && words === this.words) return;
+    [this.state, this.words] = [state, words];
+    this.on.state(state, words);
+  }
+
+  want(name, on) {
+    if (on) this.wants.add(name);
+    else this.wants.delete(name);
+    this.send({ want: [...this.wants] });
+  }
+
+  /** Ask for a command. */
+  do(name, more = {}) {
+    return this.send({ do: name, ...more });
+  }
+
+  send(what) {
+    if (this.socket?.readyState !== WebSocket.OPEN) return false;
+    this.socket.send(JSON.stringify(what));
+    return true;
+  }
+}
+
+/** The canvas at the screen's own resolution, with a context whose unit is the CSS pixel. */
+export function fit(canvas) {
+  const ratio = devicePixelRatio || 1;
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  const [w, h] = [Math.round(width * ratio), Math.round(height * ratio)];
+  if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
+  const g = canvas.getContext("2d");
+  g.setTransform(ratio, 0, 0, ratio, 0, 0);
+  g.clearRect(0, 0, width, height);
+  return { g, width, height };
+}
+
+/** Steps of 1, 2 or 5 times a power of ten, at most `most` of them over the span. */
+export function step(span, most) {
+  const power = 10 ** Math.floor(Math.log10(span / most));
+  return [1, 2, 5, 10].map((m) => m * power).find((s) => span / s <= most + 1e-9);
+}
+
+const INK = "#1b1f24";
+const MUTED = "#59626d";
+const GRID = "#e3e6ea";
+export const SERIES = ["#0060a8", "#c24a00", "#007a5a"]; // dark shades of Okabe and Ito's blue, vermilion, green
+const DASHES = [[], [6, 3], [2, 2]]; // told apart without colour too
+
+/** A strip chart: the last `seconds` of a few series over time, with axes. Values may be null or NaN: a gap. */
+export class Chart {
+  /** least: the smallest span of the vertical axis; names: of the series, for the legend; unit: of all. */
+  constructor(canvas, { unit, least = 1, names = [], seconds = 10 }) {
+    Object.assign(this, { canvas, unit, least, names, seconds });
+    this.clear();
+  }
+
+  clear() {
+    this.times = [];
+    this.values = [];
+  }
+
+  add(time, values) {
+    if (this.times.length && time <= this.times.at(-1)) return;
+    this.times.push(time);
+    this.values.push(values);
+    if (this.times.length > 256 && this.times[128] < time - this.seconds) {
+      this.times.splice(0, 128);
+      this.values.splice(0, 128);
+    }
+  }
+
+  range() {
+    let [low, high] = [0, 0]; // zero is always in view
+    const first = this.times.findIndex((t) => t >= (this.times.at(-1) ?? 0) - this.seconds);
+    for (let i = Math.max(first, 0); i < this.values.length; i++)
+      for (const v of this.values[i])
+        if (Number.isFinite(v)) {
+          if (v < low) low = v;
+          if (v > high) high = v;
+        }
+    const size = step(Math.max(high - low, this.least), 4);
+    low = Math.floor(low / size) * size;
+    high = Math.max(Math.ceil(high / size) * size, low + Math.ceil(this.least / size) * size);
+    return { low, high, size };
+  }
+
+  draw(now) {
+    const { g, width, height } = fit(this.canvas);
+    if (!width || !height) return;
+    const [left, right, top, bottom] = [46, width - 10, 8, height - 19];
+    const { low, high, size } = this.range();
+    const x = (t) => right + ((t - now) / this.seconds) * (right - left);
+    const y = (v) => bottom - ((v - low) / (high - low)) * (bottom - top);
+    const digits = Math.max(0, -Math.floor(Math.log10(size) + 1e-9));
+    g.font = "11px system-ui, sans-serif";
+    g.lineWidth = 1;
+    g.textBaseline = "middle";
+    g.textAlign = "right";
+    for (let k = Math.round(low / size); k * size <= high + size / 2; k++) {
+      const level = Math.round(y(k * size)) + 0.5;
+      g.strokeStyle = k === 0 ? "#9aa2ab" : GRID;
+      g.beginPath();
+      g.moveTo(left, level);
+      g.lineTo(right, level);
+      g.stroke();
+      g.fillStyle = MUTED;
+      g.fillText((k * size).toFixed(digits).replace("-", "−"), left - 6, level);
+    }
+    g.textBaseline = "top";
+    for (let s = 0; s <= this.seconds; s += this.seconds / 2) {
+      const at = Math.round(x(now - s)) + 0.5;
+      g.strokeStyle = GRID;
+      g.beginPath();
+      g.moveTo(at, top);
+      g.lineTo(at, bottom);
+      g.stroke();
+      g.fillStyle = MUTED;
+      g.textAlign = s === 0 ? "right" : s === this.seconds ? "left" : "center";
+      g.fillText(s === 0 ? "now" : `−${s} s`, at, bottom + 5);
+    }
+    this.series(g, now, x, y, { left, right, top, bottom });
+  }
+
+  series(g, now, x, y, box) {
+    g.save();
+    g.beginPath();
+    g.rect(box.left, box.top - 2, box.right - box.left, box.bottom - box.top + 4);
+    g.clip();
+    g.lineJoin = "round";
+    g.lineWidth = 1.6;
+    const n = this.values.at(-1)?.length ?? 0;
+    for (let k = 0; k < n; k++) {
+      g.strokeStyle = SERIES[k];
+      g.setLineDash(DASHES[k]);
+      g.beginPath();
+      let before = -Infinity;
+      for (let i = 0; i < this.times.length; i++) {
+        const [t, v] = [this.times[i], this.values[i][k]];
+        if (t < now - this.seconds - 1 || !Number.isFinite(v)) continue;
+        if (t - before > 0.5 || !Number.isFinite(this.values[i - 1]?.[k])) g.moveTo(x(t), y(v));
+        else g.lineTo(x(t), y(v));
+        before = t;
+      }
+      g.stroke();
+    }
+    g.restore();
+  }
+}
+
+/** An arrow of a page's shear: filled, with a light rim so that it stands out from anything. */
+export function arrow(g, x0, y0, x1, y1, width, colour, halo) {
+  const length = Math.hypot(x1 - x0, y1 - y0);
+  g.fillStyle = colour;
+  g.strokeStyle = halo;
+  g.lineWidth = width * 0.8;
+  g.lineJoin = "round";
+  g.beginPath();
+  if (length < width) g.arc(x0, y0, width, 0, 7); // too short to have a direction
+  else {
+    const [ux, uy] = [(x1 - x0) / length, (y1 - y0) / length];
+    const barb = Math.min(4 * width, 0.6 * length);
+    const point = (along, across) => [x0 + along * ux - across * uy, y0 + along * uy + across * ux];
+    const half = width / 2;
+    const outline = [
+      [0, half], [length - barb, half], [length - barb, barb * 0.45], [length, 0],
+      [length - barb, -barb * 0.45], [length - barb, -half], [0, -half],
+    ]; // prettier-ignore
+    outline.forEach(([a, b], i) => (i ? g.lineTo(...point(a, b)) : g.moveTo(...point(a, b))));
+    g.closePath();
+  }
+  g.stroke();
+  g.fill();
+}
+
+export const rgb = (colour, alpha = 1) => `rgb(${colour.join(" ")} / ${alpha})`;
+
+/** A number with a true minus sign; a dash where it is not known. */
+export function number(value, digits) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  const text = value.toFixed(digits);
+  return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "−");
+}
+
+let toastTimer;
+/** Words that go by themselves; with a button if `more` is [label, function]. */
+export function toast(words, ok = true, more = null) {
+  const box = document.getElementById("toast");
+  box.textContent = words;
+  box.className = ok ? "" : "bad";
+  if (more) {
+    const button = document.createElement("button");
+    button.textContent = more[0];
+    button.onclick = () => {
+      box.hidden = true;
+      more[1]();
+    };
+    box.append(button);
+  }
+  box.hidden = false;
+  clearTimeout(toastTimer);
+  toastTimer = setTimeout(() => (box.hidden = true), more ? 8000 : 4000);
+}
+
+/** Buttons with data-key: a click and the key do the same. */
+export function keys() {
+  addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+    const key = event.key === " " ? "space" : event.key.toLowerCase();
+    const button = document.querySelector(`button[data-key="${CSS.escape(key)}"]`);
+    if (!button || button.disabled || (key === "space" && event.target instanceof HTMLButtonElement)) return;
+    event.preventDefault();
+    button.click();
+  });
+}
+
+/** The connection's state as words and a class; the whole page is dimmed by it where it is not live. */
+export function showState(state, words) {
+  const box = document.getElementById("state");
+  box.textContent = words;
+  document.body.dataset.state = state;
+}
+
+/** A palette of the page, kept for the next time where the browser allows it. */
+export function remember(name, value) {
+  try {
+    if (value === undefined) return localStorage.getItem(name);
+    localStorage.setItem(name, value);
+  } catch {
+    return null; // storage is switched off: nothing is kept
+  }
+  return value;
+}
+export { INK, MUTED };
