@@ -286,6 +286,7 @@ class LinkSink:
             with self._changed:
                 self._changed.wait_for(lambda: self._closing, RETRY_S)
             return
+        self._stalled_since_s = None  # what was dropped meanwhile was the other medium's
         with self._changed:
             self._medium = medium
             self._changed.notify_all()
