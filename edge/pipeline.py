@@ -85,7 +85,7 @@ class Pipeline:
 
     def forget(self) -> None:
         """Take the next frame for itself, as after a jump: no pin positions are carried over."""
-        self.tracker = Tracker(self.rest)
+        self.tracker.forget()
 
     def _locate(self, image: Image) -> tuple[Tracks, bool]:
         predicted = self.tracker.predict()

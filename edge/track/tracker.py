@@ -51,9 +51,13 @@ class Tracker:
         self._rest_xy = rest.xy_img
         self._lattice = Lattice(rest.xy_img, rest.pattern.pitch_px)
         self._identifier = Identifier(rest, self._lattice)
-        self._xy = rest.xy_img.copy()
+        self.forget()
+
+    def forget(self) -> None:
+        """Take the next frame for itself, as after a jump from rest."""
+        self._xy = self._rest_xy.copy()
         self._velocity = np.zeros_like(self._xy)
-        self._seen: Mask = np.zeros(len(rest), bool)
+        self._seen: Mask = np.zeros(len(self._xy), bool)
         self._bend = np.zeros_like(self._xy)  # how far each pin is off its neighbours' map
         self._held = False
         self._unheld = FRESH_FRAMES  # frames since the identities were held
