@@ -36,7 +36,7 @@ bench: $(READY)
 
 ## make stability  the long run of the geometry's hard cases
 stability: $(READY)
-	OMP_NUM_THREADS=1 $(BIN)/python -m tests.bench stability --long
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.bench stability
 
 ## make fuzz       coverage-guided fuzzing of the decoder, SECONDS=60
 fuzz: $(READY)

@@ -14,6 +14,7 @@ from typing import cast
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from edge.errors import NoPins
 from edge.pins import _blobs, _pattern
@@ -36,6 +37,14 @@ _UNLIKE_PINS_MAX = 1.15
 _DEPTH_OF_NOISE = 2.0
 _DEPTH_OF_RANGE = 0.03  # of the image's own range: fainter spots are texture
 _DEPTH_OF_PINS = 0.3  # of the pins' median depth
+# Images of a tare are of one place where four of five pins moved less than this: a tenth of a radius widens
+# the edge of a mean disc by less than 1 %; the sigmas are what noise does to such a difference (2.5 are
+# expected).
+_STEADY_RADII, _STEADY_SIGMAS = 0.1, 4.0
+_STEADY_SHARE = 0.6  # of the pins that two images must share to be compared
+# Two centroids nearer than this share of the sum of their radii are one pin, or a pin and its reflection.
+# Pins in contact were never seen nearer than 2.2 radii.
+_TWIN = 0.8
 
 
 def learn_pattern(image: Image) -> PinPattern:
@@ -65,7 +74,10 @@ def inspect_image(image: Image) -> Pins:
 
 
 def take_rest(images: Sequence[Image]) -> Rest:
-    """The rest frame from one or more images of the untouched tip: found on their mean, row i defines pin i.
+    """The rest frame from one or more images of the untouched tip; row i defines pin i.
+
+    Pins are found on the mean of the largest set of images among which nothing moves: the mean of a moving
+    tip has smeared pins as no image shows them. A dark first image, as cameras give, counts for nothing.
 
     Raises  NoPins: no image, images of different size, or no pins in them
     """
@@ -74,6 +86,8 @@ def take_rest(images: Sequence[Image]) -> Rest:
         raise NoPins("no image to take the rest from; give one or more of the untouched tip")
     if len({grey.shape for grey in greys}) > 1:
         raise NoPins("images of different size cannot make one rest; give images of one camera setting")
+    if len(greys) > 1:
+        greys = [greys[i] for i in _steady(greys)]
     mean = np.zeros(greys[0].shape, np.float64)
     for grey in greys:
         mean += grey
@@ -84,6 +98,48 @@ def take_rest(images: Sequence[Image]) -> Rest:
     order = np.lexsort((pins.xy_img[:, 0], np.rint(pins.xy_img[:, 1] / pattern.pitch_px)))
     pins = Pins(pins.xy_img[order], pins.sigma_px[order], pins.radius_px[order], pins.brightness[order])
     return Rest(pins, pattern)
+
+
+def _steady(greys: Sequence[Image]) -> list[int]:
+    """Indices of the largest set of images that show the pins in the same places.
+
+    Raises  NoPins: no image shows any
+    """
+    start, rest = _first_with_pins(greys)
+    refiner = Refiner(rest)
+    xy = np.empty((len(greys), len(rest), 2))
+    for way in (range(start, len(greys)), range(start - 1, -1, -1)):
+        expected = rest.xy_img
+        for k in way:
+            xy[k] = refiner.refine(greys[k], expected).xy_img
+            expected = np.where(np.isfinite(xy[k]), xy[k], expected)
+    sigma = float(np.median(rest.pins.sigma_px))
+    limit = _STEADY_RADII * rest.pattern.pin_radius_px + _STEADY_SIGMAS * sigma
+    away = np.full((len(greys), len(greys)), np.inf)
+    for k in range(len(greys)):
+        moved = np.hypot(*np.moveaxis(xy - xy[k], -1, 0))
+        both = np.isfinite(moved)
+        enough = both.mean(axis=1) > _STEADY_SHARE
+        away[k, enough] = [np.quantile(m[b], 0.8) for m, b in zip(moved[enough], both[enough], strict=True)]
+    near = away <= limit
+    size = near.sum(axis=1)
+    # Of sets of the same size the one that is steadiest; all else equal the first.
+    total = np.where(near, away, 0.0).sum(axis=1)
+    middle = min(range(len(greys)), key=lambda k: (-size[k], total[k]))
+    return np.flatnonzero(near[middle]).tolist()
+
+
+def _first_with_pins(greys: Sequence[Image]) -> tuple[int, Rest]:
+    """The first image that shows pins, and these; raises NoPins with what is wrong with the last one."""
+    complaint = NoPins("")
+    for k, grey in enumerate(greys):
+        try:
+            pattern, pins = _learn(grey)
+        except NoPins as error:
+            complaint = error
+        else:
+            return k, Rest(pins, pattern)
+    raise complaint
 
 
 def to_grey(image: Image) -> Image:
@@ -209,9 +265,26 @@ def _centroids(grey: Image, spots: _blobs.Spots, pattern: PinPattern) -> tuple[P
         return start, 0.0
     refiner = Refiner(Rest(start, pattern))
     found = refiner.refine(grey, spots.xy_img)
+    fit = refiner.fit
     seen = ~np.isnan(found.xy_img[:, 0])
+    seen[_twins(found, np.where(seen, fit, -np.inf))] = False
     pins = Pins(found.xy_img[seen], found.sigma_px[seen], found.radius_px[seen], found.brightness[seen])
-    return pins, float(np.median(refiner.fit))
+    return pins, float(np.median(fit))
+
+
+def _twins(pins: Pins, fit: Array) -> Mask:
+    """(n,) of pins that stand in one another all but the one that a disc fits best."""
+    twin = np.zeros(len(pins), bool)
+    there = np.flatnonzero(np.isfinite(pins.xy_img[:, 0]))
+    xy, radius = pins.xy_img[there], pins.radius_px[there]
+    if len(there) < 2:
+        return twin
+    a, b = cKDTree(xy).query_pairs(2 * _TWIN * float(radius.max()), output_type="ndarray").T
+    close = np.hypot(*(xy[a] - xy[b]).T) < _TWIN * (radius[a] + radius[b])
+    for i, j in zip(there[a[close]], there[b[close]], strict=True):
+        if not (twin[i] or twin[j]):
+            twin[j if fit[i] >= fit[j] else i] = True
+    return twin
 
 
 def _complaint(grey: Image, found: str) -> str:
