@@ -21,7 +21,7 @@ from edge.features import FeatureExtractor
 from edge.pins import Refiner, detect, take_rest
 from edge.tessellate import Tessellator
 from edge.track import Tracker
-from edge.types import Cells, Feature, Features, Frame, Image, Pins, Reading, Rest, Tracks
+from edge.types import Array, Cells, Feature, Features, Frame, Image, Pins, Reading, Rest, Tracks
 
 #: Features that are made of cell areas; the others need only the pins' motion.
 OF_CELLS = frozenset(Feature) - {Feature.SHEAR, Feature.TORSION}
@@ -118,6 +118,23 @@ def _positions(image: Image, rest: Rest) -> np.ndarray:
     return Refiner(rest).refine(image, rest.xy_img).xy_img
 
 
+#: In pitches. A camera that was taken out and put back shifts and turns all pins alike; what is left after
+#: that is bending: under 0.02 from one tare to the next in the recordings at hand, over 0.2 under a touch.
+SHIFT_MAX, BEND_MAX = 0.4, 0.1
+
+
+def _moved_and_bent(before: Array, now: Array) -> tuple[float, float]:
+    """How far the pins moved together, and how far the worst twentieth is off a common turn, shift and zoom.
+
+    before, now  (n, 2) px
+    Returns      median motion and 95 % quantile of the rest, px
+    """
+    z, w = before @ (1, 1j), now @ (1, 1j)
+    shape = np.column_stack([z, np.ones_like(z)])
+    left = w - shape @ np.linalg.lstsq(shape, w, rcond=None)[0]
+    return float(np.median(np.abs(w - z))), float(np.quantile(np.abs(left), 0.95))
+
+
 def in_order_of(calibration: Calibration, rest: Rest) -> Rest:
     """The rest frame with row i being pin i of the calibration file."""
     made_with = calibration.rest
@@ -128,14 +145,17 @@ def in_order_of(calibration: Calibration, rest: Rest) -> Rest:
         )
     tracks = Tracker(made_with).identify(rest.pins)
     moved = tracks.xy_img - made_with.xy_img
-    shift = np.nanmedian(np.hypot(*moved.T)) if tracks.n_seen else np.inf
     if tracks.confidence < Tracks.LOW_CONFIDENCE or tracks.n_seen < 0.9 * len(made_with):
         raise CalibrationError(
             f"the calibration belongs to another tip: {tracks.n_seen} of its {len(made_with)} pins were found"
         )
-    if shift > made_with.pattern.pitch_px / 3:
+    shift, bend = _moved_and_bent(made_with.xy_img[tracks.seen], tracks.xy_img[tracks.seen])
+    pitch = made_with.pattern.pitch_px
+    if shift > SHIFT_MAX * pitch or bend > BEND_MAX * pitch:
         raise CalibrationError(
-            f"the pins are {shift:.1f} px off the calibration's: something touches the tip, or it is another"
+            f"the pins are shifted by {shift:.1f} px and bent by {bend:.1f} px against the calibration's "
+            f"(limits {SHIFT_MAX * pitch:.1f} and {BEND_MAX * pitch:.1f}): something touches the tip, or it is "
+            "another one"
         )
     # A pin that this tare missed stands where the calibration's pin moved with its neighbours.
     xy = np.where(tracks.seen[:, None], tracks.xy_img, made_with.xy_img + np.nanmedian(moved, axis=0))

@@ -1,0 +1,157 @@
+"""The stages together: what is computed, what is refused, how a rest frame is taken."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from edge.calibration import Calibration
+from edge.errors import CalibrationError, NoPins
+from edge.pipeline import ALL, Pipeline, in_order_of, tare
+from edge.sources import open_source
+from edge.types import Feature, Frame, Rest, Tracks
+
+TARE = 8
+
+
+@pytest.fixture(scope="module")
+def frames(request: pytest.FixtureRequest) -> list[Frame]:
+    """A press and shear on 127 pins."""
+    folder: Path = request.getfixturevalue("data_dir")
+    source = open_source(str(folder / "press_shear.mcap"))
+    taken = list(source)
+    source.close()
+    return taken
+
+
+@pytest.fixture(scope="module")
+def rest(frames: list[Frame]) -> Rest:
+    return tare([frame.image for frame in frames[:TARE]], 0.5)
+
+
+@pytest.fixture
+def calibration(data_dir: Path) -> Calibration:
+    return Calibration.load(data_dir / "hex127_flat.json")
+
+
+def test_values_follow_the_truth(frames: list[Frame], rest: Rest, calibration: Calibration) -> None:
+    pipeline = Pipeline(in_order_of(calibration, rest), calibration)
+    last = [pipeline.process(frame) for frame in frames][-1]
+    truth = frames[-1].truth
+    assert truth is not None
+    assert last.reading.values["displacement_mm"] == pytest.approx(truth["depth_mm"], abs=0.15)
+    read = (last.reading.values["shear_x_mm"], last.reading.values["shear_y_mm"])
+    assert read == pytest.approx(tuple(truth["shear_mm"]), abs=0.1)
+    assert not last.searched
+
+
+def test_a_jump_gives_what_following_gives(frames: list[Frame], rest: Rest) -> None:
+    following, jumping = Pipeline(rest), Pipeline(rest)
+    for frame in frames:
+        followed = following.process(frame)
+    jumping.forget()
+    jumped = jumping.process(frames[-1])
+    assert jumped.searched
+    np.testing.assert_allclose(jumped.tracks.xy_img, followed.tracks.xy_img, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("demand", "cells", "surface", "contacts", "modes"),
+    [
+        ({Feature.SHEAR}, False, False, False, True),
+        ({Feature.CONTACTS}, True, False, True, False),
+        ({Feature.SURFACE}, True, True, False, False),
+        (set(ALL), True, True, True, True),
+    ],
+    ids=["shear", "contacts", "surface", "all"],
+)
+def test_only_what_is_asked_for(
+    frames: list[Frame],
+    rest: Rest,
+    demand: set[Feature],
+    cells: bool,
+    surface: bool,
+    contacts: bool,
+    modes: bool,
+) -> None:
+    pipeline = Pipeline(rest, demand=frozenset(demand))
+    result = [pipeline.process(frame) for frame in frames][-1]
+    assert result.features is not None
+    assert (result.cells is not None) == cells
+    assert (result.features.surface is not None) == surface
+    assert (result.features.contacts is not None) == contacts
+    assert (result.features.modes_px is not None) == modes
+
+
+def test_an_untouched_tip_has_no_surface_and_no_contacts(frames: list[Frame], rest: Rest) -> None:
+    result = Pipeline(rest).process(frames[TARE - 1])
+    assert result.features is not None
+    assert not result.features.touched
+    assert result.features.surface is None
+    assert result.features.contacts == ()
+
+
+def test_after_the_dark_the_same_pins_are_held(frames: list[Frame], rest: Rest) -> None:
+    pipeline = Pipeline(rest)
+    for frame in frames[:20]:
+        before = pipeline.process(frame)
+    black = replace(frames[20], image=np.zeros_like(frames[20].image))
+    dark = [pipeline.process(black) for _ in range(5)]
+    assert all(result.features is None for result in dark)
+    assert all(result.tracks.confidence < Tracks.LOW_CONFIDENCE for result in dark)
+    after = pipeline.process(frames[20])
+    assert after.searched
+    assert after.tracks.n_seen == len(rest)
+    moved = np.hypot(*(after.tracks.xy_img - before.tracks.xy_img).T)
+    assert moved.max() < rest.pattern.pitch_px / 2
+
+
+def test_rows_keep_the_order_of_the_calibration(
+    frames: list[Frame], rest: Rest, calibration: Calibration
+) -> None:
+    ordered = in_order_of(calibration, rest)
+    distance = np.hypot(*(ordered.xy_img - calibration.rest.xy_img).T)
+    assert distance.max() < 0.3
+    # A tare that missed pins keeps their rows.
+    fewer = replace(rest, pins=replace(rest.pins, **{k: v[7:] for k, v in _columns(rest).items()}))
+    assert np.hypot(*(in_order_of(calibration, fewer).xy_img - ordered.xy_img).T).max() < 0.3
+
+
+def _columns(rest: Rest) -> dict[str, np.ndarray]:
+    pins = rest.pins
+    return {
+        "xy_img": pins.xy_img,
+        "sigma_px": pins.sigma_px,
+        "radius_px": pins.radius_px,
+        "brightness": pins.brightness,
+    }
+
+
+def test_another_tip_is_refused(data_dir: Path, rest: Rest) -> None:
+    other = Calibration.load(data_dir / "rings331_ball.json")
+    with pytest.raises(CalibrationError, match="320x320, the camera gives 280x210"):
+        in_order_of(other, rest)
+    same_size = replace(rest, pattern=replace(rest.pattern, size_px=other.rest.pattern.size_px))
+    with pytest.raises(CalibrationError, match=r"another tip: \d+ of its 331 pins"):
+        in_order_of(other, same_size)
+
+
+def test_a_touched_tip_is_no_rest_frame_of_the_calibration(
+    frames: list[Frame], calibration: Calibration
+) -> None:
+    touched = tare([frames[-1].image] * TARE, 0.5)
+    with pytest.raises(CalibrationError, match=r"bent by \d\.\d px .* something touches the tip"):
+        in_order_of(calibration, touched)
+
+
+def test_a_moving_tip_is_no_rest_frame(frames: list[Frame]) -> None:
+    with pytest.raises(NoPins, match="the pins moved by"):
+        tare([frame.image for frame in frames[10 : 10 + TARE]], 0.5)
+
+
+def test_no_pins_no_rest_frame() -> None:
+    with pytest.raises(NoPins):
+        tare([np.zeros((240, 320), np.uint8)] * TARE, 0.5)
