@@ -154,8 +154,8 @@ def in_order_of(calibration: Calibration, rest: Rest) -> Rest:
     if shift > SHIFT_MAX * pitch or bend > BEND_MAX * pitch:
         raise CalibrationError(
             f"the pins are shifted by {shift:.1f} px and bent by {bend:.1f} px against the calibration's "
-            f"(limits {SHIFT_MAX * pitch:.1f} and {BEND_MAX * pitch:.1f}): something touches the tip, or it is "
-            "another one"
+            f"(limits {SHIFT_MAX * pitch:.1f} and {BEND_MAX * pitch:.1f}): something touches the tip, or "
+            "it is another one"
         )
     # A pin that this tare missed stands where the calibration's pin moved with its neighbours.
     xy = np.where(tracks.seen[:, None], tracks.xy_img, made_with.xy_img + np.nanmedian(moved, axis=0))
