@@ -26,6 +26,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from math import nan
 from threading import Event
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -33,6 +34,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from edge.calibration import Calibration
+from edge.draw.palette import cell_rgba
 from edge.drift import LIMIT_PX, Drift
 from edge.errors import CalibrationError, EdgeError, NoPins, SourceError
 from edge.health import Health, Vitals
@@ -40,9 +42,10 @@ from edge.judge import ImageJudge, moved_px
 from edge.notify import Notifier
 from edge.pack import to_state
 from edge.pipeline import Pipeline, Result, tare
+from edge.tessellate import cell_polygons
 from edge.transport import Sink
 from edge.types import Array, Clock, Feature, Features, Frame, FrameSource, Reading
-from hostlink.wire import FaultCode, State, Status
+from hostlink.wire import FaultCode, State, Status, pack_state, unpack_state
 
 if TYPE_CHECKING:
     from edge.recording import Recorder
@@ -194,6 +197,7 @@ class App:
         self._compute_us, self._latency_us, self._held = _Ring(LATENCIES), _Ring(LATENCIES), _Ring(LATENCIES)
         self._started_s = 0.0
         self._taring: list[Frame] | None = []
+        self.health.listeners.append(self._note)
         if calibration is None:
             self.health.report(FaultCode.CALIBRATION_MISSING, True, "no calibration file was given")
 
@@ -359,10 +363,10 @@ class App:
         since_ns = frame.capture_ns if ours else begun_ns
         state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)
         self._notifier.frame()
+        if self.recorder is not None:
+            self._to_recorder(lambda recorder: self._record(recorder, frame, result, state))
         if result is not None:
             self.last = result
-            if self.recorder is not None:
-                self._to_recorder(lambda recorder: self._record(recorder, result, state))
             for watch in list(self.watchers):
                 try:
                     watch(result, state)
@@ -415,14 +419,28 @@ class App:
         return "recording: the disk is too slow" if now_s < until_s else ""
 
     @staticmethod
-    def _record(recorder: Recorder, result: Result, state: State) -> None:
-        frame = result.frame
-        recorder.pins(frame, result.tracks, result.features)
-        if result.cells is not None:
-            recorder.cells(frame, result.cells)
-        if result.features is not None:
-            recorder.features(frame, result.features)
-        recorder.sample(frame, asdict(state))
+    def _record(recorder: Recorder, frame: Frame, result: Result | None, state: State) -> None:
+        """References for the recorder's thread, which does the rest."""
+        if result is not None:
+            cells, features = result.cells, result.features
+            recorder.pins(frame, result.tracks, features)
+            if cells is not None and features is not None:
+                recorder.cells(
+                    frame, cells, lambda: cell_polygons(cells), lambda: cell_rgba(features.area_change)
+                )
+                recorder.features(frame, features)
+            recorder.reading(frame, result.reading)
+        # As the wire has it, rounded and saturated: what a recording says is what a host was told.
+        payload = partial(pack_state, state, state.sample)
+        recorder.sample(frame, lambda: asdict(unpack_state(payload())), payload)
+
+    def _note(self, code: FaultCode, active: bool, words: str) -> None:
+        """A fault came or went: a line in the recording."""
+        recorder = self.recorder
+        if recorder is not None:
+            recorder.event(
+                "warning" if active else "info", f"{code.name} {'on' if active else 'off'}: {words}"
+            )
 
     def _measure_safely(self, frame: Frame) -> Result | None:
         """No image, whatever it shows, ends the loop: what cannot be computed is a lost tracker."""

@@ -26,6 +26,8 @@ COMMANDS: dict[str, str] = {
     "monitor": "hostlink.cli_live:monitor",
     "record": "hostlink.cli_live:record",
     "decode": "hostlink.cli_live:decode",
+    "view": "hostlink.view.command:view",
+    "plot": "hostlink.plot:plot",
     "info": "hostlink.cli_ask:info",
     "tare": "hostlink.cli_ask:tare",
     "set": "hostlink.cli_ask:set_object",

@@ -205,10 +205,25 @@ class Recorder:
             [self._item("reading", frame, lambda: messages.to_json(messages.reading_json(frame, reading)))]
         )
 
-    def sample(self, frame: Frame, values: Mapping[str, Any], payload: bytes = b"") -> bool:
-        """Record what the bus carried: decoded fields, and the bytes themselves."""
-        about = {"sequence": frame.sequence, "values": dict(values), "payload": payload.hex()}
-        return self._put([self._item("sample", frame, lambda: messages.to_json(about))])
+    def sample(
+        self,
+        frame: Frame,
+        values: Mapping[str, Any] | Callable[[], Mapping[str, Any]],
+        payload: bytes | Callable[[], bytes] = b"",
+    ) -> bool:
+        """Record what the bus carried: decoded fields, and the bytes themselves.
+
+        values, payload  or functions that give them, called in the recorder's thread
+        """
+
+        def encode() -> bytes:
+            fields = values() if callable(values) else values
+            data = payload() if callable(payload) else payload
+            return messages.to_json(
+                {"sequence": frame.sequence, "values": dict(fields), "payload": data.hex()}
+            )
+
+        return self._put([self._item("sample", frame, encode)])
 
     def event(self, level: str, text: str, name: str = "edge") -> bool:
         """Record a line of the log. level: debug, info, warning, error, fatal."""

@@ -98,9 +98,6 @@ class Chrome:
         metrics = PHONE if phone else {"width": size[0], "height": size[1], "deviceScaleFactor": 1}
         page.call("Emulation.setDeviceMetricsOverride", {"mobile": False, **metrics})
         page.call("Emulation.setTouchEmulationEnabled", {"enabled": phone})
-        pointer = ("none", "coarse") if phone else ("hover", "fine")
-        media = [{"name": "hover", "value": pointer[0]}, {"name": "pointer", "value": pointer[1]}]
-        page.call("Emulation.setEmulatedMedia", {"features": media})
         page.call("Page.navigate", {"url": url})
         return page
 
@@ -224,8 +221,8 @@ class Page:
     def click(self, selector: str) -> None:
         """A click in the middle of an element."""
         x, y = self.evaluate(
-            f"(() => {{ const e = document.querySelector({selector!r});"
-            "e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2] })()"
+            f"(() => {{ const e = document.querySelector({selector!r}); e.scrollIntoView();"
+            "const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2] })()"
         )
         for kind in ("mousePressed", "mouseReleased"):
             self.call(

@@ -259,7 +259,7 @@ export function arrow(g, x0, y0, x1, y1, width, colour, halo) {
   g.lineWidth = width * 0.8;
   g.lineJoin = "round";
   g.beginPath();
-  if (length < width) g.arc(x0, y0, width, 0, 7); // too short to have a direction
+  if (length < width) g.arc(x0, y0, 0.6 * width, 0, 7); // too short to have a direction
   else {
     const [ux, uy] = [(x1 - x0) / length, (y1 - y0) / length];
     const barb = Math.min(4 * width, 0.6 * length);

@@ -1,0 +1,56 @@
+"""`python -m hostlink view`."""
+
+from __future__ import annotations
+
+import threading
+
+import click
+
+from hostlink.client import connect
+from hostlink.errors import UsageError
+from hostlink.web import WebError, parse_listen
+
+
+@click.command()
+@click.argument("address")
+@click.option(
+    "--listen",
+    default="127.0.0.1:8766",
+    show_default=True,
+    metavar="HOST:PORT",
+    help="Where the page is served; beyond this machine only with a token.",
+)
+@click.option(
+    "--token",
+    metavar="[TOKEN]",
+    is_flag=False,
+    flag_value="auto",
+    help="Let the page tare, with this token; without a value one is made.",
+)
+@click.option(
+    "--hand", default="1,2,3,4,5", show_default=True, help="Node numbers from thumb to little finger."
+)
+@click.option("--left", is_flag=True, help="A left hand: the thumb on the right.")
+@click.option(
+    "--seconds", type=click.FloatRange(min=0, min_open=True), help="Stop after this time; else at Ctrl-C."
+)
+def view(address: str, listen: str, token: str | None, hand: str, left: bool, seconds: float | None) -> None:
+    """Show the fingers at ADDRESS in a browser, laid out as a hand."""
+    try:
+        nodes = [int(number) for number in hand.split(",")]
+    except ValueError:
+        raise UsageError(f"--hand {hand}: give node numbers, e.g. 1,2,3,4,5") from None
+    try:
+        where = parse_listen(listen, token)
+        from hostlink.view import HandView
+
+        with connect(address) as connection:
+            page = HandView(connection, where, nodes, left)
+            page.start()
+            click.echo(f"live page: {page.server.url}", err=True)
+            try:
+                threading.Event().wait(seconds)
+            finally:
+                page.close()
+    except WebError as error:
+        raise UsageError(str(error)) from None

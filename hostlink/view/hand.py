@@ -1,0 +1,146 @@
+"""A connection's live page: every finger's newest sample, and what came since the last packet.
+
+    link thread     callback: keeps the sample
+    server thread   make: one packet for all fingers
+    worker thread   tare: asks the finger and waits for its answer
+
+Rules
+- Nothing is shown that the sensor did not send: places are mm of the tip's frame, unknown values are dashes.
+- Latency here is from capture to arrival at this host, on the mapped clock.
+"""
+
+from __future__ import annotations
+
+import time
+from array import array
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from hostlink.client import Connection, Sample
+from hostlink.errors import LinkError, VersionMismatch
+from hostlink.monitor import Board, Row
+from hostlink.web import Listen, PageServer, Refused, pack_packet
+
+__all__ = ["HandView"]
+
+CHART = ("time_s", "displacement_mm", "shear_x_mm", "shear_y_mm", "force_n", "torsion_deg", "latency_ms")
+RECENT = 256  # samples of a finger between two packets; at 30 packets a second 8 are usual
+OVERLAP_S = 0.3  # rows are sent this long: a viewer that got a packet less finds what it missed
+LOOK_S = 0.5  # rates and counts over less are noise
+
+
+class HandView:
+    """The live page of a connection.
+
+    hand  node numbers from thumb to little finger
+    left  thumb on the right: a left hand, or a right one seen from its back
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        listen: Listen,
+        hand: Sequence[int] = (1, 2, 3, 4, 5),
+        left: bool = False,
+    ) -> None:
+        self._connection = connection
+        self._board = Board(connection)
+        self._looked_s = 0.0
+        self._rows: dict[int, Row] = {}
+        self._mismatch = ""
+        self._watched = False
+        self._series: dict[int, deque[tuple[float, ...]]] = {}
+        self._counts: dict[int, int] = {}
+        self._remove = connection.on_sample(self._keep)
+        hello = {"address": str(connection.address), "chart": CHART, "hand": list(hand), "left": left}
+        self.server = PageServer(
+            listen, "hostlink.view", self._make, hello, {"tare": self._tare}, self._on_wants
+        )
+
+    def start(self) -> None:
+        """Serve the page. Raises WebError."""
+        self.server.start()
+
+    def close(self) -> None:
+        self.server.close()
+        self._remove()
+
+    # ---- the link's thread --------------------------------------------------------------------------
+
+    def _keep(self, sample: Sample) -> None:
+        if self._watched:
+            s = sample.state
+            row = (sample.arrival_s, s.displacement_mm, s.shear_x_mm, s.shear_y_mm, s.force_n, s.torsion_deg)
+            latency_ms = (sample.arrival_s - sample.host_time_s) * 1e3
+            self._series.setdefault(sample.finger, deque(maxlen=RECENT)).append((*row, latency_ms))
+            self._counts[sample.finger] = self._counts.get(sample.finger, 0) + 1
+
+    # ---- the server's thread ------------------------------------------------------------------------
+
+    def _on_wants(self, wants: frozenset[str] | None) -> None:
+        self._watched = wants is not None
+
+    def _make(self, wants: frozenset[str]) -> bytes | None:
+        now_s = time.monotonic()
+        if now_s - self._looked_s >= LOOK_S:
+            self._looked_s = now_s
+            self._look()
+        newest_s = max((series[-1][0] for series in list(self._series.values())), default=now_s)
+        header: dict[str, Any] = {
+            "now_s": now_s,
+            "age_s": now_s - newest_s,
+            "rate_hz": sum(row.rate_hz for row in self._rows.values()),
+            "faults": [] if self._connection.up else ["the link is down; it comes back by itself"],
+            "fingers": [],
+        }
+        if self._mismatch:
+            header["faults"].append(self._mismatch)
+        arrays: dict[str, tuple[str, bytes]] = {}
+        for node, row in sorted(self._rows.items()):
+            finger, recent = self._finger(node, row, now_s)
+            header["fingers"].append(finger)
+            arrays[f"rows{node}"] = ("f4", recent.tobytes())
+        return pack_packet(header, arrays)
+
+    def _look(self) -> None:
+        try:
+            self._rows = {row.finger: row for row in self._board.look()}
+            self._mismatch = ""
+        except VersionMismatch as error:
+            self._mismatch = str(error)
+
+    def _finger(self, node: int, row: Row, now_s: float) -> tuple[dict[str, Any], array[float]]:
+        """What a packet says of one finger, and its rows of the charts."""
+        counted = self._counts.get(node, 0)  # before the series: a row more is a row sent again, never lost
+        recent = array("f")
+        for values in list(self._series.get(node, ())):
+            if now_s - values[0] < OVERLAP_S:
+                recent.extend((values[0] - now_s, *values[1:]))
+        finger = self._connection.fingers[node]
+        try:
+            sample = finger.latest(Board.STALE_S)
+        except VersionMismatch:
+            sample = None
+        return {
+            "node": node,
+            "rows_n": counted,
+            "state": asdict(sample.state) if sample else None,
+            "rate_hz": row.rate_hz,
+            "lost_n": row.lost_n,
+            "corrupt_n": row.corrupt_n,
+            "words": row.words,
+        }, recent
+
+    # ---- worker threads -----------------------------------------------------------------------------
+
+    def _tare(self, said: Mapping[str, Any]) -> str:
+        try:
+            node = int(said["finger"])
+            self._connection.fingers[node].tare(bool(said.get("force")))
+        except (KeyError, TypeError, ValueError):
+            raise Refused("no such finger was heard") from None
+        except LinkError as error:
+            raise Refused(f"finger {node}: {error}") from None
+        return f"finger {node}: taking a new rest frame"
