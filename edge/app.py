@@ -391,6 +391,8 @@ class App:
         )
         self._sample += 1
         for sink in self.sinks:
+            if not self.source.live:  # a recording goes as fast as the link takes it, and loses nothing
+                sink.drain(DRAIN_S)
             self._statistics.sent_n += sink.send(state)
         return state
 
