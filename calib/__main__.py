@@ -6,6 +6,7 @@ library does not stop the others.
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module
 
@@ -47,6 +48,7 @@ def cli() -> None:
 
 
 def main() -> None:
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: processes are the parallelism here
     try:
         cli.main(prog_name="python -m calib")
     except EdgeError as error:

@@ -41,7 +41,8 @@ POSE_COLUMNS = {
 }
 COLUMNS = (
     "recording", "sequence", "step", "role", *POSE_COLUMNS,
-    "tool", "tool_radius_mm", "tool_angle_deg", "tool_distance_mm", "force_n", "place_x", "place_y",
+    "tool", "tool_radius_mm", "tool_angle_deg", "tool_distance_mm",
+    "force_n", "area_mm2", "place_x", "place_y",
 )  # fmt: skip
 QUEUE_MB = 1024.0  # the recorder drops what does not fit; a calibration may not lose a frame
 
@@ -194,24 +195,35 @@ def _row(recording: str, sequence: int, truth: dict[str, Any]) -> dict[str, Any]
     row |= {"tool_angle_deg": tool["angle_deg"], "tool_distance_mm": tool["distance_mm"]}
     if "forces_n" in truth:
         row["force_n"] = sum(truth["forces_n"])
+    if "areas_mm2" in truth:
+        row["area_mm2"] = sum(truth["areas_mm2"])
     if len(truth.get("places_mm", ())) == 1:
         row["place_x"], row["place_y"] = truth["places_mm"][0]
     return row
 
 
-def read_capture(path: Path) -> Iterator[tuple[Frame, dict[str, str]]]:
-    """Frames of a capture with their rows of the table, in the table's order within each part.
-
-    Raises  CaptureError: no table, or no recording
-    """
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """The table of a capture. Raises CaptureError: there is none, or it is no capture's."""
     table = path.with_suffix(".csv")
     try:
         with table.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
+            reader = csv.DictReader(file)
+            rows = list(reader)
     except OSError as error:
         raise CaptureError(f"{table}: {error.strerror}; finish the capture with --resume") from None
+    missing = {"recording", "sequence", "role", *POSE_COLUMNS} - set(reader.fieldnames or ())
+    if missing:
+        raise CaptureError(f"{table}: no column {sorted(missing)[0]}; not the table of a capture")
+    return rows
+
+
+def read_capture(path: Path) -> Iterator[tuple[Frame, dict[str, str]]]:
+    """Frames of a capture with their rows of the table, in the table's order.
+
+    Raises  CaptureError: no table, or no recording
+    """
     by_part: dict[str, dict[int, dict[str, str]]] = {}
-    for row in rows:
+    for row in read_rows(path):
         by_part.setdefault(row["recording"], {})[int(row["sequence"])] = row
     for name, wanted in by_part.items():
         for frame in RecordingSource(path.parent / name):

@@ -6,15 +6,16 @@ frame and the rest image, so it is the same to the last bit wherever it was comp
 
 from __future__ import annotations
 
+import itertools
+import math
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -24,13 +25,14 @@ from edge.calibration import CONTACT_INPUTS, FRAME_INPUTS, contact_inputs, frame
 from edge.errors import EdgeError
 from edge.pipeline import Pipeline
 from edge.sources import read_image
-from edge.types import Array, Complex, Feature, Frame, Image, Mask, Rest
+from edge.types import Array, Complex, Feature, Frame, Image, Index, Mask, Rest
 
-__all__ = ["DEMAND", "Extract", "executor", "extract", "gather", "measure"]
+__all__ = ["DEMAND", "Extract", "executor", "extract", "gather", "join_extracts", "measure"]
 
 #: What models are made of; slip is not, and needs a sequence.
 DEMAND = frozenset({Feature.DISPLACEMENT, Feature.SHEAR, Feature.TILT, Feature.TORSION, Feature.CONTACTS})
-CHUNK = 8  # frames a task: a process is set up in 30 ms, a frame takes 10 to 20
+CHUNK = 8  # frames a task: a tenth of a second, so that a progress bar moves and no core waits long
+IN_FLIGHT = 32  # tasks: images of 640x480 take 80 MB
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +44,9 @@ class Extract:
     confidence  (n,) how sure the pins' identities are
     seen_n      (n,) pins found
     sure        (n,) whether the edge would have sent values
+    touched     (n,) whether it saw a touch; without one it sends zeros, not what a model says
+    counts      (n,) contacts found
+    angle_rad   (n,) direction of the strongest contact's long axis; NaN: round, or none
     time_us     (n,) from image to inputs; the only column that differs from run to run
     """
 
@@ -50,12 +55,15 @@ class Extract:
     confidence: Array
     seen_n: Array
     sure: Mask
+    touched: Mask
+    counts: Index
+    angle_rad: Array
     time_us: Array
 
 
 _NOTHING = np.full(len(FRAME_INPUTS), np.nan, dtype=np.complex128)
 _NO_CONTACT = np.full(len(CONTACT_INPUTS), np.nan, dtype=np.complex128)
-_Row = tuple[Complex, Complex, float, int, bool, float]
+_Row = tuple[Complex, Complex, float, int, bool, bool, int, float, float]
 
 
 def measure(pipeline: Pipeline, image: Image) -> _Row:
@@ -68,61 +76,87 @@ def measure(pipeline: Pipeline, image: Image) -> _Row:
         result = None
     us = (time.perf_counter() - began) * 1e6
     if result is None or result.features is None:
-        return _NOTHING, _NO_CONTACT, 0.0, 0 if result is None else result.tracks.n_seen, False, us
+        seen_n = 0 if result is None else result.tracks.n_seen
+        return _NOTHING, _NO_CONTACT, 0.0, seen_n, False, False, 0, math.nan, us
     tracks, features, pattern = result.tracks, result.features, pipeline.rest.pattern
-    contact = _NO_CONTACT
+    contact, angle = _NO_CONTACT, math.nan
     if features.contacts:
         contact = contact_inputs(features.contacts[0], features, pattern)
+        angle = features.contacts[0].orientation_rad
     inputs = frame_inputs(features, pattern.tip_radius_px)
     sure = tracks.confidence >= tracks.LOW_CONFIDENCE
-    return inputs, contact, tracks.confidence, tracks.n_seen, sure, us
+    count = len(features.contacts or ())
+    return inputs, contact, tracks.confidence, tracks.n_seen, sure, features.touched, count, angle, us
 
 
 def gather(rows: Sequence[_Row]) -> Extract:
     """Rows as columns."""
-    inputs, contact, confidence, seen_n, sure, time_us = zip(*rows, strict=True)
-    return Extract(
-        np.array(inputs),
-        np.array(contact),
-        np.array(confidence),
-        np.array(seen_n),
-        np.array(sure),
-        np.array(time_us),
-    )
+    return Extract(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def _chunk(rest: Rest, paths: Sequence[Path]) -> list[_Row]:
+def join_extracts(parts: Sequence[Extract]) -> Extract:
+    """Several data sets as one."""
+    if len(parts) == 1:
+        return parts[0]
+    names = [f.name for f in fields(Extract)]
+    return Extract(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+_kept: tuple[Rest, Pipeline] | None = None  # of this process: a pipeline takes 30 ms to set up
+
+
+def _chunk(rest: Rest, frames: Sequence[Path | Image]) -> list[_Row]:
+    global _kept
     cv2.setNumThreads(1)  # one thread a process: the processes are the parallelism
-    pipeline = Pipeline(rest, demand=DEMAND)
-    rows = []
-    for path in paths:
-        rows.append(measure(pipeline, read_image(path)))
-    return rows
+    if _kept is None or not _same(_kept[0], rest):
+        _kept = rest, Pipeline(rest, demand=DEMAND)
+    pipeline = _kept[1]
+    return [measure(pipeline, read_image(f) if isinstance(f, Path) else f) for f in frames]
+
+
+def _same(a: Rest, b: Rest) -> bool:
+    return np.array_equal(a.xy_img, b.xy_img) and np.array_equal(a.pins.sigma_px, b.pins.sigma_px)
 
 
 def extract(
-    rest: Rest, paths: Sequence[Path], pool: Executor, on_done: Callable[[int], None] = lambda n: None
+    rest: Rest,
+    frames: Iterable[Path | Image],
+    pool: Executor,
+    on_done: Callable[[int], None] = lambda n: None,
 ) -> Extract:
     """Run the edge over still frames, each as a jump from rest.
 
+    frames   files, or images; read only as fast as the work is done
     pool     any executor; `executor` makes one
     on_done  called with the number of frames done since the last call
     Raises   SourceError: a file is not an image
     """
-    futures: dict[Future[Any], int] = {}
-    for start in range(0, len(paths), CHUNK):
-        futures[pool.submit(_chunk, rest, tuple(paths[start : start + CHUNK]))] = start
-    rows: list[Any] = [None] * len(paths)
+    running: dict[Future[list[_Row]], int] = {}
+    rows: dict[int, list[_Row]] = {}
+
+    def collect(at_most: int) -> None:
+        while len(running) > at_most:
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                done = future.result()
+                rows[running.pop(future)] = done
+                on_done(len(done))
+
     try:
-        for future in as_completed(futures):
-            done = future.result()
-            rows[futures[future] : futures[future] + len(done)] = done
-            on_done(len(done))
+        for number, chunk in enumerate(_chunks(frames)):
+            collect(IN_FLIGHT - 1)
+            running[pool.submit(_chunk, rest, chunk)] = number
+        collect(0)
     except BaseException:
-        for future in futures:
+        for future in running:
             future.cancel()
         raise
-    return gather(rows)
+    return gather([row for number in sorted(rows) for row in rows[number]])
+
+
+def _chunks(frames: Iterable[Path | Image]) -> Iterator[tuple[Path | Image, ...]]:
+    left = iter(frames)
+    while chunk := tuple(itertools.islice(left, CHUNK)):
+        yield chunk
 
 
 @contextmanager
@@ -135,9 +169,17 @@ def executor(dask: str | None = None, workers: int | None = None) -> Iterator[Ex
     """
     if dask is None:
         count = workers or len(os.sched_getaffinity(0))
-        # Not by fork: threads of libraries that this process loaded would be left behind locked.
-        with ProcessPoolExecutor(count, mp_context=get_context("forkserver")) as pool:
-            yield pool
+        # Not by fork: threads of libraries that this process loaded would be left behind locked. And one
+        # thread a process: a second one in each took five times as long on two busy cores.
+        before = os.environ.get("OMP_NUM_THREADS")
+        os.environ["OMP_NUM_THREADS"] = "1"
+        try:
+            with ProcessPoolExecutor(count, mp_context=get_context("forkserver")) as pool:
+                yield pool
+        finally:
+            os.environ.pop("OMP_NUM_THREADS")
+            if before is not None:
+                os.environ["OMP_NUM_THREADS"] = before
         return
     try:
         from distributed import Client

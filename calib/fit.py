@@ -18,6 +18,7 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,13 +38,14 @@ from edge.calibration import (
     Curve,
     Data,
     Moments,
+    Sensor,
     evaluate_terms,
     sensor_of,
     term_columns,
 )
-from edge.types import Array, Complex, Index, Rest
+from edge.types import Array, Complex, Index, Mask, Rest
 
-__all__ = ["Candidate", "Choice", "fit", "terms_of_spin"]
+__all__ = ["Candidate", "Choice", "fit", "terms_of_spin", "tip_of"]
 
 Letters = Sequence[tuple[str, int]]
 
@@ -64,6 +66,7 @@ class Group:
 GROUPS = (
     Group(("displacement_mm",), 0),
     Group(("force_n",), 0),
+    Group(("contact_area_mm2",), 0),
     Group(("tilt_x_deg", "tilt_y_deg"), 1),
     Group(("shear_x_mm", "shear_y_mm"), 1),
     Group(("torsion_deg",), 0),
@@ -76,6 +79,7 @@ SIZES = ((0, 1), (1, 1), (2, 1), (3, 1), (5, 1), (1, 2), (2, 2), (3, 2), (4, 2),
 #: Terms one spin off, in the same measure: what a rig's axis that misses the tip's own brings in. On the
 #: published set they halve the depth's error, and gain nothing elsewhere.
 OFF_AXIS = ((2, 1), (2, 2))
+ROUND_MIN = 0.1  # smaller over larger variance of shear, tilt or place: below it, they went one way only
 RIDGES = tuple(10.0 ** (k / 2) for k in range(-8, 7))
 FOLDS = 10
 ROWS_MIN = 12  # fewer cannot tell a model from chance
@@ -130,7 +134,20 @@ def terms_of_spin(spin: int, alphabet: Letters, factors: int) -> list[list[str]]
     ]
 
 
-def _designs(group: Group) -> Iterator[tuple[str, list[list[str]]]]:
+def _all_round(targets: Targets, rows: Mask) -> bool:
+    """Whether shear, tilt or place went in all directions: only then can terms off axis be told from chance."""
+    for x, y in (group.outputs for group in GROUPS if group.spin == 1 and len(group.outputs) == 2):
+        if x in targets.values and y in targets.values:
+            xy = np.stack([targets.values[x][rows], targets.values[y][rows]])
+            xy = xy[:, np.isfinite(xy).all(axis=0)]
+            if xy.shape[1] > 1:
+                low, high = np.linalg.eigvalsh(np.cov(xy))
+                if low > ROUND_MIN * high:
+                    return True
+    return False
+
+
+def _designs(group: Group, all_round: bool) -> Iterator[tuple[str, list[list[str]]]]:
     """Candidates by name: the terms of each."""
     if group.of_contact:
         for factors in (1, 2, 3):
@@ -138,7 +155,7 @@ def _designs(group: Group) -> Iterator[tuple[str, list[list[str]]]]:
         return
     if group.spin == 1:
         yield "mean motion", [["shear"]]
-    for (degree, factors), off in itertools.product(SIZES, (None, *OFF_AXIS)):
+    for (degree, factors), off in itertools.product(SIZES, (None, *OFF_AXIS) if all_round else (None,)):
         name = f"degree {degree}, {factors} factors"
         terms = terms_of_spin(group.spin, letters(degree), factors)
         if off is not None:
@@ -160,41 +177,41 @@ def fit(
 ) -> tuple[Calibration, list[Choice]]:
     """Fit everything that the table has columns for.
 
-    mm_per_px  scale at the tip's centre; None: not known, places of contact stay invalid
+    mm_per_px  scale on the tip; None: from contacts in known places, if there are any
     on_group   told before each group of outputs
     on_refused told why a group was left out: its values will be sent as invalid
     Returns    the calibration, and how each model was chosen
     Raises     FitError: nothing could be fitted; what the data lacks, naming the rows
     """
-    usable = extract.sure & np.isfinite(extract.inputs[:, FRAME_INPUTS.index("c00")])
+    usable = extract.sure & extract.touched & np.isfinite(extract.inputs[:, FRAME_INPUTS.index("c00")])
     if usable.sum() < ROWS_MIN:
         bad = ", ".join(targets.frames[i].name for i in np.flatnonzero(~usable)[:5])
         raise FitError(
             f"{targets.where}: {int(usable.sum())} usable frames, at least {ROWS_MIN} are needed"
             + (f"; not usable: {bad}" if bad else "")
         )
-    names = [n for n, y in targets.values.items() if np.ptp(y[usable]) > SPREAD_MIN]
-    poses = np.column_stack(list(targets.values.values()))
+    poses = np.nan_to_num(np.column_stack(list(targets.values.values())), nan=1e9)
+    jobs: dict[tuple[int, bool, bytes], list[_Job]] = {}
+    for group in GROUPS:
+        job = _job(group, targets, extract, usable)
+        if job is not None:
+            jobs.setdefault((group.spin, group.of_contact, job.rows.tobytes()), []).append(job)
     choices: list[Choice] = []
     refused: list[str] = []
-    for group in GROUPS:
-        outputs = group.outputs
-        if not any(name in names for name in outputs) or any(o not in targets.values for o in outputs):
-            continue
-        rows = usable & np.isfinite(extract.contact[:, 0]) if group.of_contact else usable
-        on_group(", ".join(outputs))
-        parts = [targets.values[o][rows] for o in outputs]
-        y = np.zeros(len(parts[0]), dtype=np.complex128)
-        y.real = parts[0]
-        if len(parts) == 2:
-            y.imag = parts[1]
+    for alike in jobs.values():
+        rows = alike[0].rows
+        on_group(", ".join(name for job in alike for name in job.group.outputs))
         frames = [path.name for path, use in zip(targets.frames, rows, strict=True) if use]
-        inputs = extract.contact[rows] if group.of_contact else extract.inputs[rows]
-        try:
-            choices.append(_choose(group, inputs, y, _folds(poses[rows]), targets.where, frames))
-        except FitError as error:
-            refused.append(str(error))
-            on_refused(str(error))
+        inputs = (extract.contact if alike[0].group.of_contact else extract.inputs)[rows]
+        round_here = _all_round(targets, rows)
+        for result in _choose(alike, inputs, _folds(poses[rows]), round_here, targets.where, frames):
+            if isinstance(result, FitError):
+                refused.append(str(result))
+                on_refused(str(result))
+            else:
+                choices.append(result)
+    order = [group.outputs for group in GROUPS]
+    choices.sort(key=lambda choice: order.index(choice.outputs))
     if not choices:
         raise FitError(
             refused[0]
@@ -202,49 +219,118 @@ def fit(
             else f"{targets.where}: no column varies by more than {SPREAD_MIN} over rows 2 to "
             f"{len(targets) + 1}; nothing could be fitted"
         )
-    content = CalibrationFile(
-        format=FORMAT,
-        version=VERSION,
-        sensor=sensor_of(rest, serial),
-        mm_per_px=mm_per_px,
-        models=[choice.model for choice in choices],
-        data=Data(
-            source=targets.where.rsplit("/", 1)[-1],
-            sha256=targets.sha256,
-            n_frames=int(usable.sum()),
-            created=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        ),
+    data = Data(
+        source=", ".join(Path(part).name for part in targets.where.split(", ")),
+        sha256=targets.sha256,
+        n_frames=int(usable.sum()),
+        created=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
     )
-    return Calibration(content), choices
+    models = [choice.model for choice in choices]
+    return _file(sensor_of(rest, serial), mm_per_px or _scale(targets, extract, rest), models, data), choices
+
+
+def _file(sensor: Sensor, mm_per_px: float | None, models: list[Curve | Moments], data: Data) -> Calibration:
+    return Calibration(CalibrationFile(FORMAT, VERSION, sensor, mm_per_px, models, data))
+
+
+def tip_of(rest: Rest) -> Calibration:
+    """A calibration that knows nothing but its tip: to compare another rest frame with."""
+    return _file(sensor_of(rest, "unnamed"), None, [], Data("", "", 0, ""))
+
+
+def _scale(targets: Targets, extract: Extract, rest: Rest) -> float | None:
+    """mm per px, from contacts whose place on the tip is known; None: there are too few, or all in one place.
+
+    How far the places in the image spread against the true ones, whichever way the rig's axes are turned.
+    """
+    if not {"contact_x_mm", "contact_y_mm"} <= targets.values.keys():
+        return None
+    true = targets.values["contact_x_mm"] + 1j * targets.values["contact_y_mm"]
+    seen = extract.contact[:, 0] * rest.pattern.tip_radius_px
+    rows = extract.sure & np.isfinite(true) & np.isfinite(seen)
+    if rows.sum() < ROWS_MIN or np.ptp(np.abs(true[rows])) < SPREAD_MIN:
+        return None
+    true, seen = true[rows] - true[rows].mean(), seen[rows] - seen[rows].mean()
+    return _short(float(abs(np.vdot(seen, true)) / np.vdot(seen, seen).real))
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """A group of outputs with its truth. Jobs of one spin over the same rows share the linear algebra.
+
+    rows  (frames,) bool, frames with truth and inputs
+    y     (rows,) complex128
+    """
+
+    group: Group
+    rows: Mask
+    y: Complex
+
+
+def _job(group: Group, targets: Targets, extract: Extract, usable: Mask) -> _Job | None:
+    """None: the table does not have these outputs, or they are the same in every frame."""
+    if any(name not in targets.values for name in group.outputs):
+        return None
+    parts = [targets.values[name] for name in group.outputs]
+    rows = usable & np.all(np.isfinite(parts), axis=0)
+    if not any(_varies(part[rows]) for part in parts):
+        return None
+    if group.of_contact:
+        rows &= np.isfinite(extract.contact[:, 0])
+    y = np.zeros(int(rows.sum()), dtype=np.complex128)
+    y.real = parts[0][rows]
+    if len(parts) == 2:
+        y.imag = parts[1][rows]
+    return _Job(group, rows, y)
+
+
+def _varies(column: Array) -> bool:
+    return bool(column.size) and float(np.ptp(column)) > SPREAD_MIN
 
 
 def _folds(poses: Array) -> Index:
     """Fold of each row; equal poses share one. Deterministic: poses are dealt out by their hash order."""
     _, group = np.unique(poses, axis=0, return_inverse=True)
-    order = np.random.default_rng(0).permutation(int(group.max()) + 1)
+    order = np.random.default_rng(0).permutation(int(group.max(initial=0)) + 1)
     return np.asarray(order[group.ravel()] % min(FOLDS, len(order)), dtype=np.int32)
 
 
+_Tried = tuple[Candidate, list[list[str]], Complex]
+
+
 def _choose(
-    group: Group,
-    inputs: Complex,
-    y: Complex,
-    fold: Index,
-    where: str,
-    frames: Sequence[str],
-) -> Choice:
-    tried: list[tuple[Candidate, list[list[str]], Complex]] = []
-    outputs, names = group.outputs, CONTACT_INPUTS if group.of_contact else FRAME_INPUTS
-    if len(y) < ROWS_MIN:
-        raise FitError(f"{where}: {' and '.join(outputs)}: {len(y)} usable frames, {ROWS_MIN} are needed")
-    for name, terms in _designs(group):
+    jobs: Sequence[_Job], inputs: Complex, fold: Index, all_round: bool, where: str, frames: Sequence[str]
+) -> list[Choice | FitError]:
+    """One model for each job."""
+    group, n = jobs[0].group, len(inputs)
+    if n < ROWS_MIN:
+        return [
+            FitError(f"{where}: {' and '.join(j.group.outputs)}: {n} usable frames, {ROWS_MIN} are needed")
+            for j in jobs
+        ]
+    names = CONTACT_INPUTS if group.of_contact else FRAME_INPUTS
+    real = len(group.outputs) == 1
+    y = np.column_stack([job.y for job in jobs])
+    tried: list[list[_Tried]] = [[] for _ in jobs]
+    for name, terms in _designs(group, all_round):
         if [] not in terms:
             terms = [*terms, []]  # preload: the paper's offset at zero shear
-        if len(terms) * ROWS_PER_TERM > len(y):
+        if len(terms) * ROWS_PER_TERM > n:
             continue
         psi = evaluate_terms(inputs, term_columns(terms, names, "fit"))
-        candidate, predicted = _cross_validate(name, psi, y, fold, real=len(outputs) == 1)
-        tried.append((candidate, terms, predicted))
+        for known, (candidate, predicted) in zip(
+            tried, _cross_validate(name, psi, y, fold, real=real), strict=True
+        ):
+            known.append((candidate, terms, predicted))
+    return [_best(job, known, inputs, fold, where, frames) for job, known in zip(jobs, tried, strict=True)]
+
+
+def _best(
+    job: _Job, tried: list[_Tried], inputs: Complex, fold: Index, where: str, frames: Sequence[str]
+) -> Choice | FitError:
+    """The smallest model within one standard error of the best."""
+    outputs, y = job.group.outputs, job.y
+    names = CONTACT_INPUTS if job.group.of_contact else FRAME_INPUTS
     curve: Curve | None = None
     if outputs == ("displacement_mm",) and np.all(np.isfinite(inputs[:, 0])):
         curve, candidate, predicted = _curve(inputs[:, 0].real, y.real, fold)
@@ -253,7 +339,7 @@ def _choose(
     explained = 1.0 - best.rms**2 / float((np.abs(y - y.mean()) ** 2).mean())
     if explained < EXPLAINED_MIN:
         worst = ", ".join(frames[i] for i in np.argsort(-np.abs(predicted - y))[:5])
-        raise FitError(
+        return FitError(
             f"{where}: {' and '.join(outputs)} cannot be told from these frames (the best model explains "
             f"{max(0.0, explained):.0%} of the variance); the rows that fit worst: {worst}"
         )
@@ -270,37 +356,50 @@ def _choose(
 
 def _cross_validate(
     name: str, psi: Complex, y: Complex, fold: Index, *, real: bool
-) -> tuple[Candidate, Complex]:
-    """Held-out predictions with the best ridge, and their error."""
-    predicted = np.zeros((len(RIDGES), len(y)), dtype=np.complex128)
+) -> list[tuple[Candidate, Complex]]:
+    """Held-out predictions with the best ridge, and their error, for each column of y.
+
+    The normal matrix of all rows is made once; a fold's is that less its own rows. One eigenvalue
+    decomposition then serves every ridge and every column: penalties from 1e-4 of a row up keep the
+    squared condition number harmless.
+    """
+    a, _ = _scaled(psi, real=real)
+    target: Any = y.real if real else y
+    gram, right = a.conj().T @ a, a.conj().T @ target
+    predicted = np.zeros((len(RIDGES), *y.shape), dtype=np.complex128)
     for k in range(int(fold.max()) + 1):
-        train, test = fold != k, fold == k
-        for r, weights in enumerate(_ridge_path(psi[train], y[train], RIDGES, real=real)):
-            predicted[r, test] = psi[test] @ weights
-    if real:
-        predicted.imag = 0.0
+        test = a[fold == k]
+        left = test.conj().T
+        e, v = np.linalg.eigh(gram - left @ test)
+        along, coordinates = test @ v, v.conj().T @ (right - left @ target[fold == k])
+        for r, ridge in enumerate(RIDGES):
+            predicted[r, fold == k] = along @ (coordinates / (np.maximum(e, 0.0) + ridge)[:, None])
     squares = np.abs(predicted - y) ** 2
-    r = int(np.argmin(squares.mean(axis=1)))
-    rms = float(np.sqrt(squares[r].mean()))
-    # Standard error of a root of a mean of squares, by the delta method.
-    error = float(squares[r].std() / np.sqrt(len(y)) / (2 * rms)) if rms else 0.0
-    return Candidate(name, psi.shape[1], rms, error, RIDGES[r]), predicted[r]
+    found = []
+    for j, means in enumerate(squares.mean(axis=1).T):
+        r = int(np.argmin(means))
+        rms = float(np.sqrt(means[r]))
+        # Standard error of a root of a mean of squares, by the delta method.
+        error = float(squares[r, :, j].std() / np.sqrt(len(y)) / (2 * rms)) if rms else 0.0
+        found.append((Candidate(name, psi.shape[1], rms, error, RIDGES[r]), predicted[r, :, j]))
+    return found
 
 
-def _ridge_path(psi: Complex, y: Complex, ridges: Sequence[float], *, real: bool) -> list[Complex]:
-    """Ridge weights of scaled terms for each penalty, from one singular value decomposition."""
-    scale = np.sqrt((np.abs(psi) ** 2).mean(axis=0))
+def _scaled(psi: Complex, *, real: bool) -> tuple[Any, Array]:
+    """Terms of unit mean square, and the scale; for a real output Re(psi w) = Re psi Re w - Im psi Im w."""
+    scale: Array = np.sqrt((np.abs(psi) ** 2).mean(axis=0))
     scale[scale < 1e-14] = np.inf  # a term that never occurs gets weight 0
     a: Any = psi / scale
-    if real:  # Re(psi w) = Re psi Re w - Im psi Im w
-        a = np.hstack([a.real, -a.imag])
+    return (np.hstack([a.real, -a.imag]) if real else a), scale
+
+
+def _ridge(psi: Complex, y: Complex, ridge: float, *, real: bool) -> Complex:
+    """Ridge weights of scaled terms."""
+    a, scale = _scaled(psi, real=real)
     u, s, vh = np.linalg.svd(a, full_matrices=False)
-    b = u.conj().T @ (y.real if real else y)
-    paths: list[Complex] = []
-    for ridge in ridges:
-        w: Any = vh.conj().T @ (s / (s**2 + ridge) * b)
-        paths.append((w[: len(scale)] + 1j * w[len(scale) :] if real else w) / scale)
-    return paths
+    w: Any = vh.conj().T @ (s / (s**2 + ridge) * (u.conj().T @ (y.real if real else y)))
+    result: Complex = (w[: len(scale)] + 1j * w[len(scale) :] if real else w) / scale
+    return result
 
 
 def _moments(
@@ -313,17 +412,25 @@ def _moments(
 ) -> Moments:
     """The chosen model on all frames, with its range, sigma and spread."""
     real = len(outputs) == 1
-    weights = _ridge_path(psi, y, [ridge], real=real)[0]
+    weights = _ridge(psi, y, ridge, real=real)
+    varied = [_varies(part) for part in (y.real, y.imag)]
     spread = _spread(psi, ridge)
     widening = np.sqrt(1.0 + (np.abs(psi @ spread.T) ** 2).sum(axis=1))
     errors = np.abs([(held_out - y).real, (held_out - y).imag][: len(outputs)]) / widening
-    truth = [y.real, y.imag][: len(outputs)]
+    sigma = [max(1e-6, _short(float(np.quantile(e, 0.6827)))) for e in errors]
+    valid = [(round(float(y.real.min()), 4), round(float(y.real.max()), 4))]
+    if not real:
+        # What is known in one direction is known in all: a round tip does not care.
+        far = round(float(np.abs([y.real, y.imag]).max()), 4)
+        valid = [(-far, far), (-far, far)]
+        if not all(varied):
+            sigma = [max(sigma)] * 2
     return Moments(
         outputs=list(outputs),
         terms=terms,
         weights=[(_short(w.real), _short(w.imag)) for w in weights],
-        valid=[(round(float(t.min()), 4), round(float(t.max()), 4)) for t in truth],
-        sigma=[max(1e-6, _short(float(np.quantile(e, 0.6827)))) for e in errors],
+        valid=valid,
+        sigma=sigma,
         spread=[[(_short(v.real, 3), _short(v.imag, 3)) for v in row] for row in spread],
     )
 
@@ -333,9 +440,8 @@ SPREAD_ROWS = 8  # directions of largest uncertainty that are kept; more widen n
 
 def _spread(psi: Complex, ridge: float) -> Complex:
     """Factor L with |L psi|^2 = psi^H (A^H A + ridge)^-1 psi, its largest directions: (r, n_terms)."""
-    scale = np.sqrt((np.abs(psi) ** 2).mean(axis=0))
-    scale[scale < 1e-14] = np.inf
-    _, s, vh = np.linalg.svd(psi / scale, full_matrices=False)
+    a, scale = _scaled(psi, real=False)
+    _, s, vh = np.linalg.svd(a, full_matrices=False)
     root = 1.0 / np.sqrt(s**2 + ridge)
     # How much each direction matters for frames like these: its variance times its uncertainty.
     rows = np.argsort(-root * s)[-SPREAD_ROWS:] if len(s) > SPREAD_ROWS else np.arange(len(s))

@@ -13,23 +13,18 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from calib.dataset import Dataset, open_dataset
 from calib.errors import TableError
 from calib.evaluate import evaluate
-from calib.extract import Extract, executor, extract
+from calib.extract import Extract, executor
 from calib.fit import Choice, fit
-from calib.targets import Targets, read_targets
 from edge.calibration import Calibration
-from edge.errors import NoPins
-from edge.pins import take_rest
-from edge.pipeline import in_order_of
-from edge.sources import read_image
-from edge.types import Rest
 
 _PATH = click.Path(path_type=Path)
 _PLACE: list[Callable[[Any], Any]] = [
-    click.argument("table", metavar="TARGETS.csv", type=_PATH),
-    click.option("--frames", "folder", required=True, type=_PATH, help="Folder of the table's frames."),
-    click.option("--rest", "rest_image", required=True, type=_PATH, help="Image of the untouched tip."),
+    click.argument("tables", metavar="TABLE...", nargs=-1, required=True, type=_PATH),
+    click.option("--frames", "folder", type=_PATH, help="Folder of the frames that TARGETS.csv names."),
+    click.option("--rest", "rest_image", type=_PATH, help="Image of the untouched tip, for TARGETS.csv."),
     click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one a core."),
     click.option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster, e.g. tcp://host:8786."),
     click.option("-q", "--quiet", is_flag=True, help="No progress bar."),
@@ -49,9 +44,9 @@ def _placed(command: Any) -> Any:
 @click.option("--mm-per-px", type=click.FloatRange(min=0, min_open=True), help="Scale at the tip's centre.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was fitted as one JSON object.")
 def fit_command(
-    table: Path,
-    folder: Path,
-    rest_image: Path,
+    tables: tuple[Path, ...],
+    folder: Path | None,
+    rest_image: Path | None,
     workers: int | None,
     dask: str | None,
     quiet: bool,
@@ -60,20 +55,22 @@ def fit_command(
     mm_per_px: float | None,
     as_json: bool,
 ) -> None:
-    """Fit a calibration to the frames that TARGETS.csv names.
+    """Fit a calibration to frames with known truth.
 
-    Columns: sensor_image and any of pose_z (mm), pose_Rx, pose_Ry (deg), shear_x, shear_y (mm), shear_Rz
-    (deg), force_z (N); a missing column is not fitted. Without --mm-per-px places of contact stay invalid.
+    TABLE is a TARGETS.csv, with --frames and --rest, or one or more captures (.mcap) of one tip.
+
+    Columns of TARGETS.csv: sensor_image and any of pose_z (mm), pose_Rx, pose_Ry (deg), shear_x, shear_y
+    (mm), shear_Rz (deg), force_z (N), area (mm2), contact_x, contact_y, contact_depth (mm); a missing
+    column is not fitted. The scale comes from contacts in known places, or from --mm-per-px; without
+    either, what is in mm of the image (places, slip speed) stays invalid.
     """
     if not output.parent.is_dir():
         raise TableError(f"{output.parent}: no such folder to write {output.name} to")
-    targets = read_targets(table, folder)
-    rest = _rest(rest_image)
-    seen = _extract(rest, targets, workers, dask, quiet)
+    data = open_dataset(tables, folder, rest_image)
     calibration, choices = fit(
-        rest,
-        targets,
-        seen,
+        data.rest,
+        data.targets,
+        _extract(data, workers, dask, quiet),
         serial=serial,
         mm_per_px=mm_per_px,
         on_refused=lambda why: click.echo(f"not fitted: {why}", err=True),
@@ -91,9 +88,9 @@ def fit_command(
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def evaluate_command(
     calibration_path: Path,
-    table: Path,
-    folder: Path,
-    rest_image: Path,
+    tables: tuple[Path, ...],
+    folder: Path | None,
+    rest_image: Path | None,
     workers: int | None,
     dask: str | None,
     quiet: bool,
@@ -101,13 +98,14 @@ def evaluate_command(
 ) -> None:
     """Errors of a calibration on frames with known truth.
 
+    TABLE is a TARGETS.csv, with --frames and --rest, or one or more captures (.mcap) of one tip.
+
     At the top stand the errors over all frames, under `accepted` those over the frames whose values the
     edge would have sent; the others it refuses, because it is not sure which pin is which.
     """
     calibration = Calibration.load(calibration_path)
-    targets = read_targets(table, folder)
-    rest = in_order_of(calibration, _rest(rest_image))
-    report = evaluate(calibration, targets, _extract(rest, targets, workers, dask, quiet))
+    data = open_dataset(tables, folder, rest_image).seen_by(calibration)
+    report = evaluate(calibration, data.targets, _extract(data, workers, dask, quiet))
     if as_json:
         click.echo(json.dumps(report))
         return
@@ -120,16 +118,9 @@ def evaluate_command(
             click.echo(f"{key:30s} {value}")
 
 
-def _rest(path: Path) -> Rest:
-    try:
-        return take_rest([read_image(path)])
-    except NoPins as error:
-        raise TableError(f"{path}: {error}; an image of the untouched tip is needed") from None
-
-
-def _extract(rest: Rest, targets: Targets, workers: int | None, dask: str | None, quiet: bool) -> Extract:
-    with executor(dask, workers) as pool, _progress("frames", len(targets), quiet) as advance:
-        return extract(rest, targets.frames, pool, advance)
+def _extract(data: Dataset, workers: int | None, dask: str | None, quiet: bool) -> Extract:
+    with executor(dask, workers) as pool, _progress("frames", len(data), quiet) as advance:
+        return data.extract(pool, advance)
 
 
 @contextmanager

@@ -4,21 +4,28 @@
     image_3.png,2.556,-3.708,-1.833,-0.517,-2.919,0.566
 
 `sensor_image` names the frame; every other column is optional, and what has no column is not fitted.
+
+The table of a capture (`calib.capture`) is read too. It has the rig's whole pose in every row, whether it
+means something there or not, so some of its truth is left out (NaN):
+- nothing touches (depth 0): no tilt, no place of contact;
+- a tool that is curved has a place and no tilt, a flat one a tilt and no place that it would keep;
+- two probes at once are for finding them, not for fitting depth or shear of one.
 """
 
 from __future__ import annotations
 
 import csv
 import hashlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from calib.errors import TableError
-from edge.types import Array
+from edge.types import Array, Index
 
-__all__ = ["COLUMNS", "Targets", "read_targets"]
+__all__ = ["COLUMNS", "Targets", "join", "read_targets", "targets_of_capture"]
 
 #: Column of the table -> calibrated value, and the column's unit.
 COLUMNS: dict[str, tuple[str, str]] = {
@@ -29,11 +36,25 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "shear_y": ("shear_y_mm", "mm"),
     "shear_Rz": ("torsion_deg", "deg"),
     "force_z": ("force_n", "N"),
+    "area": ("contact_area_mm2", "mm2"),
     "contact_x": ("contact_x_mm", "mm"),
     "contact_y": ("contact_y_mm", "mm"),
     "contact_depth": ("contact_depth_mm", "mm"),
 }
 _IMAGE = "sensor_image"
+#: Of a capture's table; `pose_z` stands for the contact's depth too, as it is the tool's.
+_OF_CAPTURE: dict[str, str] = {
+    "pose_z": "displacement_mm",
+    "pose_Rx": "tilt_x_deg",
+    "pose_Ry": "tilt_y_deg",
+    "shear_x": "shear_x_mm",
+    "shear_y": "shear_y_mm",
+    "shear_Rz": "torsion_deg",
+    "force_n": "force_n",
+    "area_mm2": "contact_area_mm2",
+    "place_x": "contact_x_mm",
+    "place_y": "contact_y_mm",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +63,7 @@ class Targets:
 
     where   the file, for messages
     frames  (n,) path of each frame
-    values  calibrated value's name -> (n,) float64 in its unit
+    values  calibrated value's name -> (n,) float64 in its unit; NaN where not known
     sha256  of the table's bytes
     """
 
@@ -54,10 +75,12 @@ class Targets:
     def __len__(self) -> int:
         return len(self.frames)
 
-    def rows(self, chosen: Array) -> Targets:
+    def rows(self, chosen: Index | Sequence[int]) -> Targets:
         """Some of the rows, by index."""
         frames = tuple(self.frames[i] for i in chosen)
-        return Targets(self.where, frames, {k: v[chosen] for k, v in self.values.items()}, self.sha256)
+        return Targets(
+            self.where, frames, {k: v[np.asarray(chosen)] for k, v in self.values.items()}, self.sha256
+        )
 
 
 def read_targets(table: str | Path, folder: str | Path) -> Targets:
@@ -111,3 +134,50 @@ def _number(text: str | None, where: str) -> float:
     if not np.isfinite(value):
         raise TableError(f"{where}: {text} is not a finite number")
     return value
+
+
+def targets_of_capture(where: str, rows: Sequence[Mapping[str, str]]) -> Targets:
+    """Truth of some rows of a capture's table; frames are named `recording#sequence`.
+
+    Raises  TableError: a cell that is no number
+    """
+    nan = float("nan")
+    columns: dict[str, list[float]] = {name: [] for name in (*_OF_CAPTURE.values(), "contact_depth_mm")}
+    for row in rows:
+        at = f"{where}: {row['recording']}#{row['sequence']}"
+        cells = {
+            name: _number(row[column], f"{at}, column {column}") if row.get(column) else nan
+            for column, name in _OF_CAPTURE.items()
+        }
+        tool, depth = row.get("tool", "flat"), cells["displacement_mm"]
+        curved = tool == "sphere"
+        if tool == "sphere" and not row.get("place_x"):  # a real rig knows where it went
+            cells["contact_x_mm"] = _number(row["pose_x"], f"{at}, column pose_x")
+            cells["contact_y_mm"] = _number(row["pose_y"], f"{at}, column pose_y")
+        if depth <= 0 or curved:
+            cells["tilt_x_deg"] = cells["tilt_y_deg"] = nan
+        if depth <= 0 or not curved:
+            cells["contact_x_mm"] = cells["contact_y_mm"] = nan
+        cells["contact_depth_mm"] = depth if depth > 0 and curved else nan
+        if tool == "two":
+            cells = dict.fromkeys(cells, nan)
+        for name, value in cells.items():
+            columns[name].append(value)
+    values = {name: np.array(column) for name, column in columns.items()}
+    known = {name: column for name, column in values.items() if np.isfinite(column).any()}
+    frames = tuple(Path(f"{row['recording']}#{row['sequence']}") for row in rows)
+    digest = hashlib.sha256(repr([sorted(row.items()) for row in rows]).encode()).hexdigest()
+    return Targets(where, frames, known, digest)
+
+
+def join(parts: Sequence[Targets]) -> Targets:
+    """Several tables as one; what one of them does not know is NaN there."""
+    if len(parts) == 1:
+        return parts[0]
+    names = list(dict.fromkeys(name for part in parts for name in part.values))
+    values = {
+        name: np.concatenate([p.values.get(name, np.full(len(p), np.nan)) for p in parts]) for name in names
+    }
+    digest = hashlib.sha256("".join(p.sha256 for p in parts).encode()).hexdigest()
+    frames = tuple(frame for part in parts for frame in part.frames)
+    return Targets(", ".join(p.where for p in parts), frames, values, digest)

@@ -390,12 +390,16 @@ class Calibration:
         for row, contact in zip(places, contacts, strict=True):
             if self.mm_per_px is not None:
                 row[:2] = (contact.xy_img - pattern.centre_img) * self.mm_per_px
-            z = contact_inputs(contact, features, pattern)
-            for model in self._contact:
-                y, _, _ = model.run(z)
-                for name, value in zip(model.outputs, y, strict=True):
-                    row[CONTACT_OUTPUTS.index(name)] = value
+            for name, value, _ in self.contact_values(contact_inputs(contact, features, pattern)):
+                row[CONTACT_OUTPUTS.index(name)] = value
         return places
+
+    def contact_values(self, z: Complex) -> Iterator[tuple[str, float, float]]:
+        """Name, value and sigma of every output of one contact, from `contact_inputs`."""
+        for model in self._contact:
+            y, sigma, _ = model.run(z)
+            for name, value, spread in zip(model.outputs, y, sigma, strict=True):
+                yield name, float(value), float(spread)
 
 
 def uncalibrated(features: Features | None = None) -> Reading:

@@ -1,0 +1,142 @@
+"""Frames with known truth, wherever they are: a table beside a folder of images, or captures.
+
+    TARGETS.csv --frames DIR --rest IMAGE      one table, one folder, one image of the untouched tip
+    A.mcap [B.mcap ...]                        captures of `calib capture`: their own rest frames and tables
+
+A data set is a list of parts, each with its own rest frame: between two captures the camera may have been
+touched, and motion counts from the rest of its own day.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+from calib.capture import read_capture, read_rows
+from calib.errors import CaptureError, TableError
+from calib.extract import Extract, extract, join_extracts
+from calib.fit import tip_of
+from calib.targets import Targets, join, read_targets, targets_of_capture
+from edge.calibration import Calibration
+from edge.errors import CalibrationError, NoPins
+from edge.pins import take_rest
+from edge.pipeline import in_order_of
+from edge.sources import read_image
+from edge.types import Image, Rest
+
+__all__ = ["Dataset", "Part", "open_dataset"]
+
+RECORDING = ".mcap"
+RESTS_MAX = 10  # images of the untouched tip that are averaged
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Frames that share a rest frame.
+
+    rows  of the table, as it stands there (captures; else empty)
+    """
+
+    rest: Rest
+    targets: Targets
+    frames: Callable[[], Iterable[Path | Image]]
+    rows: tuple[dict[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Dataset:
+    """Everything to fit to, or to evaluate on."""
+
+    parts: tuple[Part, ...]
+
+    @property
+    def rest(self) -> Rest:
+        return self.parts[0].rest
+
+    @property
+    def targets(self) -> Targets:
+        return join([part.targets for part in self.parts])
+
+    @property
+    def rows(self) -> list[dict[str, str]]:
+        return [row for part in self.parts for row in part.rows]
+
+    def __len__(self) -> int:
+        return sum(len(part.targets) for part in self.parts)
+
+    def seen_by(self, calibration: Calibration) -> Dataset:
+        """The same with the rest pins in the calibration's order.
+
+        Raises  CalibrationError: the frames show another tip
+        """
+        return Dataset(
+            tuple(Part(in_order_of(calibration, p.rest), p.targets, p.frames, p.rows) for p in self.parts)
+        )
+
+    def extract(self, pool: Executor, on_done: Callable[[int], None] = lambda n: None) -> Extract:
+        """What the edge sees in them; see `calib.extract.extract`."""
+        return join_extracts([extract(p.rest, p.frames(), pool, on_done) for p in self.parts])
+
+
+def open_dataset(tables: Sequence[Path], folder: Path | None, rest_image: Path | None) -> Dataset:
+    """Open a table with its frames, or captures.
+
+    Raises  TableError, CaptureError: one line with file, row and column
+    """
+    captures = [path for path in tables if path.suffix == RECORDING]
+    if captures:
+        if len(captures) < len(tables):
+            raise TableError(f"{tables[0]} and {captures[0]}: either one table or captures, not both")
+        if folder is not None or rest_image is not None:
+            raise TableError(f"{captures[0]}: a capture has its own frames; leave --frames and --rest away")
+        parts = tuple(_capture(path) for path in captures)
+        for path, part in zip(captures[1:], parts[1:], strict=True):
+            _must_be_same_tip(captures[0], parts[0].rest, path, part.rest)
+        return Dataset(parts)
+    if len(tables) > 1:
+        raise TableError(f"{tables[1]}: one table at a time; only captures ({RECORDING}) can be joined")
+    if folder is None or rest_image is None:
+        missing = "--frames" if folder is None else "--rest"
+        raise TableError(f"{tables[0]}: {missing} is missing; a table needs --frames DIR and --rest IMAGE")
+    targets = read_targets(tables[0], folder)
+    rest = _rest([read_image(rest_image)], rest_image)
+    return Dataset((Part(rest, targets, lambda: targets.frames),))
+
+
+def _capture(path: Path) -> Part:
+    if not path.is_file():
+        raise CaptureError(f"{path}: no such recording")
+    rows = read_rows(path)
+    samples = tuple(row for row in rows if row["role"] != "rest")
+    if not samples:
+        raise CaptureError(f"{path.with_suffix('.csv')}: no rows but rest frames; nothing to learn from")
+    rests: list[Image] = []
+    for frame, row in read_capture(path):
+        if row["role"] != "rest" or len(rests) == RESTS_MAX:
+            break
+        rests.append(frame.image)
+    if not rests:
+        raise CaptureError(f"{path}: does not begin with frames of the untouched tip (role rest)")
+
+    def frames() -> Iterator[Image]:
+        for frame, row in read_capture(path):
+            if row["role"] != "rest":
+                yield frame.image
+
+    return Part(_rest(rests, path), targets_of_capture(str(path), samples), frames, samples)
+
+
+def _rest(images: Sequence[Image], where: Path) -> Rest:
+    try:
+        return take_rest(images)
+    except NoPins as error:
+        raise TableError(f"{where}: {error}; an image of the untouched tip is needed") from None
+
+
+def _must_be_same_tip(first: Path, rest: Rest, path: Path, other: Rest) -> None:
+    try:
+        in_order_of(tip_of(rest), other)
+    except CalibrationError as error:
+        raise TableError(f"{path}: shows another tip than {first}: {error}") from None
