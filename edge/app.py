@@ -38,7 +38,7 @@ from edge.draw.palette import cell_rgba
 from edge.drift import LIMIT_PX, Drift
 from edge.errors import CalibrationError, EdgeError, NoPins, SourceError
 from edge.health import Health, Vitals
-from edge.judge import ImageJudge, moved_px
+from edge.judge import ImageJudge, PinsJudge, moved_px
 from edge.notify import Notifier
 from edge.pack import to_state
 from edge.pipeline import Pipeline, Result, tare
@@ -55,7 +55,7 @@ T = TypeVar("T")
 
 TARE_FRAMES = 8
 STEADY_PX = 0.5  # largest motion of the pins while the rest frame is taken
-PINS_LOST_SHARE = 0.5  # below this share of pins the values are too coarse to be trusted
+CLOSER_SHARE = 0.95  # below this share of pins the image is looked at more closely
 DRAIN_S = 1.0  # how long a recording waits for a link that takes nothing
 LATENCIES = 1 << 14  # frames that the latency statistics look back on: 68 s at 240 frames/s
 PINS_KEPT_SHARE = 0.9  # a new rest frame with fewer pins than this share of the old one's is implausible
@@ -181,6 +181,7 @@ class App:
         self._vitals = vitals
         self._notifier = notifier or Notifier({})
         self._judge = ImageJudge()
+        self._pins: PinsJudge | None = None
         self._drift_px, self._load_pitches = drift_px, load_pitches
         self._recording = ("", 0, 0.0)  # why it ended; messages lost so far, and until when to say so
         self._tare_frames = tare_frames
@@ -478,18 +479,25 @@ class App:
         result = self.pipeline.process(frame, self.drift)
         s = self._statistics
         s.searched_n += result.searched
+        assert self._pins is not None
+        tracks = result.tracks
+        if result.features is not None and self._pins.impossible(tracks):
+            self.pipeline.forget()  # the pattern was taken for itself, turned
+            tracks = replace(tracks, confidence=0.0)
+            result = replace(result, tracks=tracks, cells=None, features=None)
         features = result.features
         unsure = features is None
         s.unsure_n += unsure
-        self._held.add(result.tracks.n_seen)
-        n = len(self.pipeline.rest)
+        self._held.add(tracks.n_seen)
         self.health.report(FaultCode.TRACKER_LOST, unsure, "pins cannot be told apart")
-        few = result.tracks.n_seen < PINS_LOST_SHARE * n
-        self.health.report(FaultCode.PINS_LOST, few, f"{result.tracks.n_seen} of {n} pins are seen")
-        if unsure or few or Status.CAMERA_FAULT in self.health.status:
-            result = replace(
-                result, reading=Reading({}, {}, _NOTHING, calibrated=self.calibration is not None)
-            )
+        missing = self._pins.missing(tracks)
+        self.health.report(FaultCode.PINS_LOST, bool(missing), missing)
+        if unsure or tracks.n_seen < CLOSER_SHARE * len(tracks.seen):
+            self._judge.look_closer(frame)
+            self.health.report(FaultCode.IMAGE_BLURRED, bool(self._judge.blurred), self._judge.blurred)
+        if unsure or missing or Status.CAMERA_FAULT in self.health.status:
+            blank = Reading({}, {}, _NOTHING, calibrated=self.calibration is not None)
+            result = replace(result, reading=blank)
         self._judge_load(features)
         if features is not None and not features.touched:
             self._judge_place(features.displacement_px)
@@ -524,6 +532,7 @@ class App:
             self.pipeline = Pipeline(rest, self.calibration, self.demand | self._shown)
             self.tares_n += 1
             self.drift = Drift(rest, self._drift_px)
+            self._pins = PinsJudge(rest)
             self._judge.learn(rest, frames[-1])
             for code in (
                 FaultCode.TARE_IMPLAUSIBLE,

@@ -243,15 +243,11 @@ class FaultyMedium:
     def __init__(self, medium: Medium, row: _Row, random: Random) -> None:
         self._medium, self._row, self._random = medium, row, random
         self.instant = medium.instant
-        self._off = False
-
-    @property
-    def bus_off(self) -> bool:
-        return self._off or self._medium.bus_off
+        self.bus_off = False
 
     def write(self, item: Any) -> None:
         kind = self._row.now()
-        self._off = kind == "bus off"
+        self.bus_off = kind == "bus off" or self._medium.bus_off
         if kind == "down":
             raise MediumError("Network is down (on purpose)")
         if kind in ("full", "bus off"):

@@ -37,7 +37,7 @@ log = logging.getLogger(__name__)
 
 RETRY_S = 0.1  # a tenth of the second within which the link must be back
 READ_S = 0.1  # how soon a reader lets go of a failed medium
-STALL_S = 0.08  # drops for this long mean that the link is down, whatever the medium says; told within 0.1 s
+STALL_S = 0.06  # drops for this long mean that the link is down, whatever the medium says; told within 0.1 s
 DEPTH = 4  # samples waiting for a slow medium: 17 ms at 240 Hz; older ones are not worth sending
 CONTROL_DEPTH = 256  # answers waiting; a segmented upload has one under way at a time
 CLOSE_S = 1.0  # how long closing waits for what still waits to be sent

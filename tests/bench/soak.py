@@ -1,0 +1,587 @@
+"""The app under a random schedule of all faults, and its promises: `make soak SECONDS=3600`.
+
+    simulated tip -> Paced -> FaultySource -> App -> Node -> faulty bus -> host library
+                                               ^ FaultyBoard: temperature, storage
+    beside it, again and again: a process of its own that is ended by SIGTERM, and one that is killed while a
+    host writes settings and calibrations into it
+
+Promises
+- the loop lives, and no exception reaches it
+- each fault is announced within 0.1 s and cleared within 1 s after its end
+- no wrong sample leaves unflagged: displacement and shear are those of an undisturbed run, or a status bit
+  says that they may not be used; and what the host decodes is what was sent
+- the link delivers within 1 s after its fault
+- memory is flat: the median of the last third is that of the second, give or take `FLAT_MB`
+- SIGTERM ends cleanly within 1 s; after kill -9 settings and calibration are the ones last acknowledged,
+  or those under way
+
+Not known, and therefore not promised: a camera that moves while something touches the tip looks like shear.
+It is announced with the first untouched image. A frozen image is known as such after 60 ms.
+
+A second process measures by how much this machine's own load holds processes up: that much is allowed on top,
+and the worst delays with and without it stand in the table.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from bisect import bisect_left
+from collections import Counter, defaultdict
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import click
+import cv2
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from calib.sim.source import SceneSource
+from edge.app import App
+from edge.calibration import Calibration
+from edge.device import AppDevice
+from edge.health import Health, Vitals
+from edge.inject import (
+    BOARD,
+    CAMERA,
+    EXPECTED,
+    LINK,
+    Episode,
+    FaultyBoard,
+    FaultySource,
+    faulty_medium,
+    schedule,
+)
+from edge.node import Node
+from edge.pipeline import Pipeline, Result, tare
+from edge.settings import SettingsFile
+from edge.sources import Paced, open_source
+from edge.transport import CanFdSink
+from edge.transport.media import open_bus
+from edge.types import Feature
+from hostlink import connect
+from hostlink.client import Sample
+from hostlink.errors import LinkError
+from hostlink.wire import FaultCode, State, Status
+from hostlink.wire.address import parse_address
+
+ROOT = Path(__file__).resolve().parents[2]
+CALIBRATION = ROOT / "tests" / "data" / "rings331_ball.json"
+SCENE = "sim:tour?width=320&height=320&paced=0"
+NODE = 5
+
+ANNOUNCED_S = 0.1
+CLEARED_S = 1.0
+BACK_S = 1.0
+ENDED_S = 1.0
+FLAT_MB = 4.0
+WRONG_MM = 0.4  # of displacement and shear, against the undisturbed run; its own noise is 0.05 mm
+UNUSABLE = (
+    Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST | Status.TARE_FAULT
+    | Status.CAMERA_MOVED | Status.CLOCK_STEP
+)  # fmt: skip
+VALUES = ("displacement_mm", "shear_x_mm", "shear_y_mm")
+
+
+class Metronome:
+    """How long this machine does not let a process run: gaps in the beat of one that does nothing else."""
+
+    BEAT_S, GAP_S = 0.005, 0.015
+    CODE = (
+        "import sys,time\nlast=time.monotonic()\nwhile True:\n time.sleep(0.005); now=time.monotonic()\n"
+        " if now-last>0.015: print(last,now,flush=True)\n last=now"
+    )
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen([sys.executable, "-c", self.CODE], stdout=subprocess.PIPE, text=True)
+        self._ends: list[float] = []
+        self._gaps: list[float] = []
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        assert self._process.stdout
+        for line in self._process.stdout:
+            start, end = map(float, line.split())
+            self._gaps.append(end - start - self.BEAT_S)
+            self._ends.append(end)
+
+    def held_up_s(self, start_s: float, end_s: float) -> float:
+        """Sum of the gaps that ended within or just after this time."""
+        i, j = bisect_left(self._ends, start_s), bisect_left(self._ends, end_s + self.GAP_S)
+        return sum(self._gaps[i:j])
+
+    @property
+    def worst_s(self) -> float:
+        return max(self._gaps, default=0.0)
+
+    def close(self) -> None:
+        self._process.kill()
+        self._process.wait()
+
+
+@dataclass
+class Row:
+    """What became of one kind of fault. Delays in ms: worst, and worst without what the machine held up."""
+
+    injected: int = 0
+    announced: int = 0
+    cleared: int = 0
+    unseen: int = 0  # could not be seen: no untouched image within the episode
+    announce_ms: float = 0.0
+    announce_net_ms: float = 0.0
+    clear_ms: float = 0.0
+
+
+@dataclass
+class Outcome:
+    """The whole run."""
+
+    seconds: float
+    seed: int
+    rows: dict[str, Row] = field(default_factory=lambda: defaultdict(Row))
+    violations: list[str] = field(default_factory=list)
+    counts: Counter[str] = field(default_factory=Counter)
+    memory_mb: list[float] = field(default_factory=list)
+    machine_held_up_ms: float = 0.0
+    sigterm_s: list[float] = field(default_factory=list)
+    statistics: dict[str, Any] = field(default_factory=dict)
+
+    def fail(self, words: str) -> None:
+        self.violations.append(words)
+
+
+def rss_mb() -> float:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def undisturbed(scene: SceneSource, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3) VALUES and (n,) touched of each frame of the scene, without faults."""
+    frames = list(scene)
+    pipeline = Pipeline(
+        tare([f.image for f in frames[:8]], 1e9, calibration), calibration, frozenset(Feature)
+    )
+    values, touched = np.empty((len(frames), 3)), np.empty(len(frames), dtype=bool)
+    for i, frame in enumerate(frames):
+        result = pipeline.process(frame)
+        values[i] = [result.reading.values.get(name, np.nan) for name in VALUES]
+        touched[i] = result.features is not None and result.features.touched
+    return values, touched
+
+
+class Soak:
+    """One finger in this process, failing."""
+
+    def __init__(self, outcome: Outcome, rate_hz: float) -> None:
+        self.outcome = outcome
+        self.metronome = Metronome()
+        self.calibration = Calibration.load(CALIBRATION)
+        scene = open_source(SCENE)
+        assert isinstance(scene, SceneSource)
+        kept = SceneSource(scene._simulator, "tour", keep=True)  # rendered once, in memory
+        self.truth, self.touched = undisturbed(kept, self.calibration)
+        self.started_s: float | None = None
+        self.rows: dict[str, list[Episode]] = {
+            name: schedule(outcome.seed * 10 + i, outcome.seconds - 2.0, kinds)
+            for i, (name, kinds) in enumerate((("camera", CAMERA), ("link", LINK), ("board", BOARD)))
+        }
+        self.source = FaultySource(
+            Paced(kept, rate_hz, loop=True), self.rows["camera"], self.clock, outcome.seed
+        )
+        self.board = FaultyBoard(self.rows["board"], self.clock)
+        self.health = Health()
+        self.health.listeners.append(self.on_fault)
+        vitals = Vitals(self.health, self.board.temperature, [self.board.storage])
+        self.app = App(self.source, [], self.calibration, health=self.health, vitals=vitals)
+        address = parse_address(f"virtual:soak{outcome.seed}")
+        opener = faulty_medium(open_bus(address), self.rows["link"], self.clock, outcome.seed)
+        self.node = Node(
+            CanFdSink(str(address), opener, NODE), AppDevice(self.app, "soak"), SettingsFile(), NODE
+        )
+        self.health.listeners.append(self.node.report)
+        self.app.sinks.append(self.node)
+        self.app.watchers.append(self.on_result)
+        self.host = connect(str(address))
+        self.host.on_sample(self.on_sample)
+
+        self.changes: list[tuple[float, FaultCode, bool]] = []
+        self.untouched_s: list[float] = []
+        self.arrivals_s: list[float] = []
+        self.sent: dict[int, State] = {}
+        self.error: BaseException | None = None
+        self.thread = threading.Thread(target=self.run, name="loop")
+
+    def clock(self) -> float:
+        return time.monotonic() - self.started_s if self.started_s is not None else -1.0
+
+    def run(self) -> None:
+        try:
+            self.app.run()
+        except BaseException as error:  # noqa: BLE001  (the first promise: it is reported as broken)
+            self.error = error
+
+    # ---- listening --------------------------------------------------------------------------------
+
+    def on_fault(self, code: FaultCode, active: bool, words: str) -> None:
+        self.changes.append((self.clock(), code, active))
+
+    def episode(self, row: str, now_s: float) -> Episode | None:
+        for episode in self.rows[row]:
+            if episode.start_s <= now_s < episode.end_s:
+                return episode
+        return None
+
+    def on_result(self, result: Result, state: State) -> None:
+        now_s = self.clock()
+        if self.started_s is None:
+            if not state.status & UNUSABLE:
+                self.started_s = time.monotonic()
+            return
+        if result.features is not None and not result.features.touched:
+            self.untouched_s.append(now_s)
+        self.sent[state.sample & 0xFFFF] = state
+        if len(self.sent) > 4096:
+            self.sent.pop(next(iter(self.sent)))
+        self.outcome.counts["samples judged"] += 1
+        if state.status & UNUSABLE:
+            self.outcome.counts["samples flagged"] += 1
+            return
+        k = result.frame.sequence % len(self.truth)
+        off = np.abs([getattr(state, name) for name in VALUES] - self.truth[k])
+        if not np.nanmax(off, initial=0.0) > WRONG_MM:
+            return
+        episode = self.episode("camera", now_s)
+        kind = episode.kind if episode else ""
+        known_later = (kind == "shift" and self.touched[k]) or (
+            kind == "freeze" and episode is not None and now_s - episode.start_s < 2 * ANNOUNCED_S
+        )
+        if known_later:
+            self.outcome.counts[f"samples wrong, cannot be known yet ({kind})"] += 1
+        else:
+            by = f"{np.nanmax(off):.2f} mm (frame {k}, {kind or 'no fault'})"
+            self.outcome.fail(f"{now_s:.3f} s: unflagged, and wrong by {by}")
+
+    def on_sample(self, sample: Sample) -> None:
+        self.arrivals_s.append(self.clock())
+        self.outcome.counts["samples received"] += 1
+        sent = self.sent.get(sample.state.sample)
+        if sent is None:  # not yet entered (the watcher runs after the sink), or a beat without an image
+            return
+        a, b = sample.state.displacement_mm, sent.displacement_mm
+        if a == a and abs(a - b) > 0.01:
+            self.outcome.fail(f"host decoded {a:.3f} mm where {b:.3f} mm was sent")
+
+    # ---- judging ----------------------------------------------------------------------------------
+
+    def judge(self, done_s: float) -> None:
+        """Every episode that has ended long enough ago, against what was announced."""
+        outcome = self.outcome
+        for row, episodes in self.rows.items():
+            for e in episodes:
+                if e.end_s + CLEARED_S > done_s:
+                    continue
+                entry = outcome.rows[e.kind]
+                entry.injected += 1
+                if EXPECTED[e.kind]:
+                    self.judge_announced(e, entry)
+                if row == "link":
+                    self.judge_link(e)
+
+    def judge_announced(self, e: Episode, entry: Row) -> None:
+        since_s = e.start_s
+        if e.kind == "shift":
+            i = bisect_left(self.untouched_s, e.start_s)
+            if i == len(self.untouched_s) or self.untouched_s[i] > e.end_s - ANNOUNCED_S:
+                entry.unseen += 1
+                return
+            since_s = max(e.start_s, self.untouched_s[i])
+        at_s = self.announced_at(e)
+        if at_s is None:
+            self.outcome.fail(f"{e.kind} at {e.start_s:.2f} s for {e.length_s:.2f} s: not announced")
+            return
+        late_s = max(0.0, at_s - since_s)
+        net_s = max(0.0, late_s - self.metronome.held_up_s(self.at(since_s), self.at(at_s)))
+        entry.announce_ms = max(entry.announce_ms, 1e3 * late_s)
+        entry.announce_net_ms = max(entry.announce_net_ms, 1e3 * net_s)
+        if net_s > ANNOUNCED_S:
+            self.outcome.fail(f"{e.kind} at {e.start_s:.2f} s: announced after {1e3 * net_s:.0f} ms")
+        else:
+            entry.announced += 1
+        clear_s = self.cleared_at(e)
+        if clear_s is None:
+            self.outcome.fail(f"{e.kind} until {e.end_s:.2f} s: still announced {CLEARED_S:g} s later")
+            return
+        entry.cleared += 1
+        entry.clear_ms = max(entry.clear_ms, 1e3 * max(0.0, clear_s - e.end_s))
+
+    def at(self, clock_s: float) -> float:
+        assert self.started_s is not None
+        return self.started_s + clock_s
+
+    def announced_at(self, e: Episode) -> float | None:
+        """When the first of the expected faults was there; it may have been there before."""
+        for code in EXPECTED[e.kind]:
+            if self.active_at(code, e.start_s):
+                return e.start_s
+        times = [
+            t for t, code, active in self.changes
+            if active and code in EXPECTED[e.kind] and e.start_s <= t <= e.end_s + ANNOUNCED_S
+        ]  # fmt: skip
+        return min(times, default=None)
+
+    def cleared_at(self, e: Episode) -> float | None:
+        """When, after its end, none of the expected faults was there."""
+        held_s = self.metronome.held_up_s(self.at(e.end_s), self.at(e.end_s + CLEARED_S))
+        latest = e.end_s
+        for code in EXPECTED[e.kind]:
+            if not self.active_at(code, e.end_s):
+                continue
+            times = [t for t, c, active in self.changes if c is code and not active and t >= e.end_s]
+            if not times or times[0] > e.end_s + CLEARED_S + held_s:
+                return None
+            latest = max(latest, times[0])
+        return latest
+
+    def active_at(self, code: FaultCode, when_s: float) -> bool:
+        state = False
+        for t, c, active in self.changes:
+            if t > when_s:
+                break
+            if c is code:
+                state = active
+        return state
+
+    def judge_link(self, e: Episode) -> None:
+        i = bisect_left(self.arrivals_s, e.end_s)
+        back_s = self.arrivals_s[i] - e.end_s if i < len(self.arrivals_s) else float("inf")
+        held_s = self.metronome.held_up_s(self.at(e.end_s), self.at(e.end_s + BACK_S))
+        self.outcome.counts["link faults"] += 1
+        worst = self.outcome.counts["link back after at most, ms"]
+        self.outcome.counts["link back after at most, ms"] = max(worst, round(1e3 * min(back_s, 1e6)))
+        if back_s > BACK_S + held_s:
+            self.outcome.fail(f"{e.kind} until {e.end_s:.2f} s: link back after {back_s:.2f} s")
+
+    # ---- the run ----------------------------------------------------------------------------------
+
+    def start(self, patience_s: float = 60.0) -> None:
+        self.thread.start()
+        end = time.monotonic() + patience_s
+        while self.started_s is None and time.monotonic() < end:
+            self.thread.join(0.05)
+        if self.started_s is None:
+            raise RuntimeError(f"the app does not start: {self.error or self.health.active}")
+
+    def finish(self) -> None:
+        self.app.stop()
+        self.thread.join(5.0)
+        done_s = self.clock()
+        if self.thread.is_alive():
+            self.outcome.fail("the loop does not end")
+        if self.error is not None:
+            self.outcome.fail(f"the loop died: {self.error!r}")
+        self.judge(done_s)
+        memory = self.outcome.memory_mb
+        if len(memory) >= 30:
+            third = len(memory) // 3
+            grown = float(np.median(memory[-third:]) - np.median(memory[third : 2 * third]))
+            if grown > FLAT_MB:
+                self.outcome.fail(f"memory grew by {grown:.1f} MB from the second third to the last")
+        self.outcome.machine_held_up_ms = 1e3 * self.metronome.worst_s
+        self.outcome.statistics = asdict(self.app.statistics())
+
+    def close(self) -> None:
+        self.app.stop()
+        self.host.close()
+        self.node.close()
+        self.source.close()
+        self.metronome.close()
+
+
+# ---- processes that end ------------------------------------------------------------------------------
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as s:
+        s.bind(("", 0))
+        return int(s.getsockname()[1])
+
+
+class Process:
+    """The app as a process, on a bus that another process can read."""
+
+    def __init__(self, folder: Path) -> None:
+        self.address = f"udp:239.255.43.21?port={_free_port()}&ttl=0&node={NODE}"
+        self.config = folder / "edge.toml"
+        self.config.write_text(
+            f'[sensor]\nnode_id = {NODE}\n[source]\nspec = "sim:nothing?width=320&height=320"\nrate_hz = 60\n'
+            f'[link]\nsinks = ["{self.address}"]\n[state]\ndirectory = "{folder}"\n'
+        )
+        self.process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        environment = dict(os.environ, OMP_NUM_THREADS="1")
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "edge", "run", "-c", str(self.config), "--json"],
+            cwd=ROOT, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        )  # fmt: skip
+
+    def end(self, number: int, patience_s: float = 10.0) -> tuple[int, float, str]:
+        """Send a signal: exit status, seconds that the end took, what was said."""
+        assert self.process is not None
+        assert self.process.stderr is not None
+        sent_s = time.monotonic()
+        self.process.send_signal(number)
+        try:
+            code = self.process.wait(patience_s)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            code = self.process.wait()
+        took_s = time.monotonic() - sent_s
+        with self.process.stderr as pipe:
+            words = pipe.read().decode(errors="replace")
+        return code, took_s, words
+
+
+def end_cleanly(outcome: Outcome, random: Random, metronome: Metronome, folder: Path) -> None:
+    """SIGTERM at a random moment while samples flow."""
+    app = Process(folder)
+    app.start()
+    with connect(app.address) as host:
+        next(host.samples(timeout_s=60.0))
+        time.sleep(random.uniform(0.0, 0.5))  # the moment is what is random here
+        began_s = time.monotonic()
+        code, took_s, words = app.end(signal.SIGTERM)
+    net_s = took_s - metronome.held_up_s(began_s, began_s + took_s)
+    outcome.sigterm_s.append(round(took_s, 3))
+    if code != 0 or net_s > ENDED_S:
+        outcome.fail(f"SIGTERM: exit status {code} after {took_s:.2f} s: {words.strip()[-200:]}")
+
+
+def kill_while_writing(outcome: Outcome, random: Random, folder: Path) -> None:
+    """kill -9 while a host writes: what was acknowledged is there afterwards."""
+    app = Process(folder)
+    app.start()
+    calibration = CALIBRATION.read_bytes()
+    acknowledged: list[float] = []
+    tried = 0.0
+    with connect(app.address) as host:
+        next(host.samples(timeout_s=60.0))
+        finger = host.finger(NODE)
+        timer = threading.Timer(random.uniform(0.02, 1.0), lambda: app.end(signal.SIGKILL))
+        timer.start()
+        try:
+            while timer.is_alive():
+                tried = float(random.randrange(10, 200))
+                finger.set_rate(tried)
+                acknowledged.append(tried)
+                if random.random() < 0.3:
+                    finger.upload_calibration(calibration)
+                    outcome.counts["calibrations uploaded"] += 1
+        except LinkError:
+            outcome.counts["killed while asked"] += 1  # the answer never came
+        timer.join()
+    outcome.counts["kills"] += 1
+    outcome.counts["settings written"] += len(acknowledged)
+    settings = folder / "settings.json"
+    if acknowledged:
+        stored = json.loads(settings.read_text())["rate_hz"] if settings.exists() else None
+        if stored not in (acknowledged[-1], tried):
+            outcome.fail(f"kill -9: rate {acknowledged[-1]} acknowledged, {stored} stored")
+    stored_calibration = folder / "calibration.json"
+    if stored_calibration.exists() and Calibration.load(stored_calibration).outputs == frozenset():
+        outcome.fail("kill -9: the stored calibration is empty")
+
+
+def _endings(outcome: Outcome, metronome: Metronome, every_s: float, until: threading.Event) -> None:
+    random = Random(outcome.seed)
+    while True:
+        with TemporaryDirectory(prefix="soak-") as folder:
+            end_cleanly(outcome, random, metronome, Path(folder))
+            for _ in range(3):
+                kill_while_writing(outcome, random, Path(folder))
+        if until.wait(every_s):
+            return
+
+
+def soak(seconds: float, seed: int = 1, rate_hz: float = 60.0, endings_every_s: float = 120.0) -> Outcome:
+    """Run, judge, and tell. endings_every_s: 0 leaves the processes that end out."""
+    cv2.setNumThreads(1)
+    outcome = Outcome(seconds, seed)
+    with ExitStack() as stack:
+        run = Soak(outcome, rate_hz)
+        stack.callback(run.close)
+        run.start()
+        over = threading.Event()
+        endings = threading.Thread(
+            target=_endings, args=(outcome, run.metronome, endings_every_s, over), name="endings", daemon=True
+        )
+        if endings_every_s:
+            endings.start()
+        while run.clock() < seconds and run.thread.is_alive():
+            run.thread.join(1.0)
+            outcome.memory_mb.append(round(rss_mb(), 1))
+        over.set()
+        if endings_every_s:
+            endings.join(180.0)
+            if endings.is_alive() or not outcome.counts["kills"]:
+                outcome.fail("the processes that are ended did not come to an end")
+        run.finish()
+    return outcome
+
+
+def tell(outcome: Outcome, console: Console) -> None:
+    """The table of faults, the counts, the violations."""
+    table = Table(title=f"soak: {outcome.seconds:g} s, seed {outcome.seed}")
+    for name in ("fault", "injected", "announced", "cleared", "not visible",
+                 "worst announce ms", "less machine", "worst clear ms"):  # fmt: skip
+        table.add_column(name, justify="left" if name == "fault" else "right")
+    for kind, row in sorted(outcome.rows.items()):
+        told = bool(EXPECTED[kind])
+        table.add_row(
+            kind, str(row.injected), str(row.announced) if told else "-", str(row.cleared) if told else "-",
+            str(row.unseen or ""), *(f"{v:.0f}" if told else "" for v in
+            (row.announce_ms, row.announce_net_ms, row.clear_ms)),
+        )  # fmt: skip
+    console.print(table)
+    for name, n in sorted(outcome.counts.items()):
+        console.print(f"{name:55s} {n}")
+    memory = outcome.memory_mb
+    if memory:
+        third = len(memory) // 3
+        console.print(
+            f"memory MB: median of the second third {np.median(memory[third : 2 * third] or [0]):.1f}, "
+            f"of the last {np.median(memory[-third:] or [0]):.1f}, most {max(memory):.1f}"
+        )
+    console.print(f"SIGTERM to end, s: {', '.join(map(str, outcome.sigterm_s)) or 'not tried'}")
+    console.print(f"longest time the machine ran nothing of one process: {outcome.machine_held_up_ms:.0f} ms")
+    for words in outcome.violations[:50]:
+        console.print(f"VIOLATION {words}", style="red")
+    console.print(f"{len(outcome.violations)} violations")
+
+
+@click.command()
+@click.option("--seconds", default=60.0, show_default=True, type=click.FloatRange(min=10))
+@click.option("--seed", default=1, show_default=True)
+@click.option("--rate", "rate_hz", default=60.0, show_default=True, help="Frames a second.")
+@click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write the outcome here.")
+def command(seconds: float, seed: int, rate_hz: float, json_path: Path | None) -> None:
+    """The app under a random schedule of all faults, and its promises."""
+    outcome = soak(seconds, seed, rate_hz)
+    tell(outcome, Console(width=120))
+    if json_path is not None:
+        json_path.write_text(json.dumps(asdict(outcome), indent=1))
+    sys.exit(1 if outcome.violations else 0)
+
+
+if __name__ == "__main__":
+    command()
