@@ -2,6 +2,7 @@
 
     run      frames from a camera, samples onto the bus
     replay   a recording instead of a camera
+    render   a recording as a video
     inspect  what the pin detection sees in an image
 
 A user's mistake is one line on stderr and exit code 2. Heavy modules load with the command that needs them.
@@ -199,6 +200,48 @@ def replay(
             app.watchers.append(lambda result, state: click.echo(_line(asdict(state))))
         statistics = app.run()
         _finish(statistics, app, as_json, summary.report())
+
+
+@cli.command()
+@click.argument("recording")
+@click.option("-o", "--out", required=True, type=click.Path(path_type=Path), help=".mp4, .webm, .mkv or .avi")
+@click.option("--calibration", "calibration_path", type=click.Path(path_type=Path), help="Calibration file.")
+@click.option(
+    "--palette",
+    type=click.Choice(["paper", "safe"]),
+    default="paper",
+    show_default=True,
+    help="safe: orange and blue, which most colour-blind readers tell apart.",
+)
+@click.option("--rate", "rate_hz", type=click.FloatRange(1, 240), help="Pictures a second; else as recorded.")
+@click.option(
+    "--height", type=click.IntRange(120, 2160), default=640, show_default=True, help="Of a panel, px."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print what was made as JSON.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress, no closing line.")
+def render(
+    recording: str,
+    out: Path,
+    calibration_path: Path | None,
+    palette: str,
+    rate_hz: float | None,
+    height: int,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Make a video of RECORDING: cells, contacts and shear beside the camera's image.
+
+    The first frames must show the untouched tip: they are the rest frame.
+    """
+    from edge.render import render_recording
+
+    made = render_recording(
+        recording, out, _calibration(calibration_path), palette, rate_hz, height, not (quiet or as_json)
+    )
+    if as_json:
+        click.echo(_line(asdict(made)))
+    elif not quiet:
+        click.echo(f"{out}: {made.frames_n} frames at {made.rate_hz:g} Hz, {made.unsure_n} without values")
 
 
 @cli.command()

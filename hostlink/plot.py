@@ -22,7 +22,6 @@ import click
 from hostlink.decoder import Sample
 from hostlink.errors import LogError, UsageError
 from hostlink.recording import CAN_SUFFIXES, SERIAL_SUFFIX, check_suffix, decode_recording
-from hostlink.wire.fields import field_named
 
 __all__ = ["PANELS", "Series", "draw", "plot", "read_series"]
 
@@ -39,31 +38,32 @@ _GAP_S = 0.25
 class Panel:
     """title   what the axis is called
     fields  of the state frame; two are x and y
+    unit    as the axis has it
     sigma   field with the standard deviation of all of them; "": none
+    scale   the axis' unit in the wire's
+    counts  whole numbers that jump
     """
 
     title: str
     fields: tuple[str, ...]
+    unit: str
     sigma: str = ""
-
-    @property
-    def unit(self) -> str:
-        return field_named(self.fields[0]).unit
+    scale: float = 1.0
+    counts: bool = False
 
 
 PANELS = (
-    Panel("displacement", ("displacement_mm",), "displacement_sigma_mm"),
-    Panel("shear", ("shear_x_mm", "shear_y_mm"), "shear_sigma_mm"),
-    Panel("normal force", ("force_n",)),
-    Panel("pressure", ("pressure_kpa",)),
-    Panel("contact area", ("contact_area_mm2",)),
-    Panel("torsion", ("torsion_deg",)),
-    Panel("tilt", ("tilt_x_deg", "tilt_y_deg")),
-    Panel("slip speed", ("slip_speed_mm_s",)),
-    Panel("contacts", ("contact_n",)),
-    Panel("latency", ("latency_us",)),
+    Panel("displacement", ("displacement_mm",), "mm", "displacement_sigma_mm"),
+    Panel("shear", ("shear_x_mm", "shear_y_mm"), "mm", "shear_sigma_mm"),
+    Panel("normal force", ("force_n",), "N"),
+    Panel("pressure", ("pressure_kpa",), "kPa"),
+    Panel("contact area", ("contact_area_mm2",), "mm²"),
+    Panel("torsion", ("torsion_deg",), "°"),
+    Panel("tilt", ("tilt_x_deg", "tilt_y_deg"), "°"),
+    Panel("slip speed", ("slip_speed_mm_s",), "mm/s"),
+    Panel("contacts", ("contact_n",), "number", counts=True),
+    Panel("latency", ("latency_us",), "ms", scale=1e-3),
 )
-_UNITS = {"mm2": "mm²", "deg": "°", "us": "µs", "": "number"}
 _COLUMNS = tuple(dict.fromkeys(f for p in PANELS for f in (*p.fields, p.sigma) if f))
 
 
@@ -172,6 +172,7 @@ def draw(series: dict[int, Series], out: Path, title: str = "") -> tuple[str, ..
     for axes, panel in zip(rows, panels, strict=True):
         _panel(axes, panel, series)
     rows[-1].set_xlabel("time since the first sample (s)", fontsize=8)
+    figure.align_ylabels()
     if title:
         figure.suptitle(title, fontsize=9)
     try:
@@ -196,13 +197,24 @@ def _panel(axes: Any, panel: Panel, series: dict[int, Series]) -> None:
             colour = _COLOURS[(k if several else i) % len(_COLOURS)]
             axis = f" {'xy'[i]}" if len(panel.fields) == 2 else ""
             label = f"finger {node}{axis}" if several else axis.strip() or None
-            values = one.values[name]
-            axes.plot(one.time_s, values, color=colour, linestyle=_DASHES[i], linewidth=1.0, label=label)
+            values = [v * panel.scale for v in one.values[name]]
+            style = "steps-post" if panel.counts else "default"
+            axes.plot(
+                one.time_s,
+                values,
+                color=colour,
+                linestyle=_DASHES[i],
+                linewidth=1.0,
+                label=label,
+                drawstyle=style,
+            )
             if panel.sigma and one.known(panel.sigma):
                 sigma = one.values[panel.sigma]
                 low, high = ([v + sign * s for v, s in zip(values, sigma, strict=True)] for sign in (-1, 1))
                 axes.fill_between(one.time_s, low, high, color=colour, alpha=0.18, linewidth=0)
-    axes.set_ylabel(f"{panel.title}\n({_UNITS.get(panel.unit, panel.unit)})", fontsize=8)
+    axes.set_ylabel(f"{panel.title}\n({panel.unit})", fontsize=8)
+    if panel.counts:
+        axes.yaxis.get_major_locator().set_params(integer=True)
     axes.tick_params(labelsize=7)
     axes.grid(linewidth=0.4, color="#dddddd")
     axes.margins(x=0.01)

@@ -277,6 +277,21 @@ class RecordingSource:
         """The file ends in the middle; known once it has been read to its end."""
         return self.faults["truncated"] > 0
 
+    @property
+    def frames_n(self) -> int:
+        """Images that the file's index counts; 0: it has none, as after a kill."""
+        from mcap.reader import SeekingReader
+
+        with _open(self.path) as file:
+            try:
+                summary = SeekingReader(file, record_size_limit=_LIMIT).get_summary()
+            except _damage(OSError):
+                return 0
+        if summary is None or summary.statistics is None:
+            return 0
+        counts = summary.statistics.channel_message_counts
+        return sum(n for id, n in counts.items() if summary.channels[id].topic == self._topic)
+
     def attachments(self) -> dict[str, bytes]:
         return read_attachments(self.path)
 
