@@ -135,7 +135,7 @@ def terms_of_spin(spin: int, alphabet: Letters, factors: int) -> list[list[str]]
 
 
 def _all_round(targets: Targets, rows: Mask) -> bool:
-    """Whether shear, tilt or place went in all directions: only then can terms off axis be told from chance."""
+    """Whether shear, tilt or place went in all directions: else terms off axis cannot be told from chance."""
     for x, y in (group.outputs for group in GROUPS if group.spin == 1 and len(group.outputs) == 2):
         if x in targets.values and y in targets.values:
             xy = np.stack([targets.values[x][rows], targets.values[y][rows]])
