@@ -28,18 +28,14 @@ Rules
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from edge import _features
 from edge.features.surface import Heights, Surface
-from edge.types import Array, ContactRegion, Mask
+from edge.types import Array, ContactRegion, Index, Mask
 
-__all__ = ["blend", "find_contacts", "maxima"]
-
-Places = NDArray[np.intp]
+__all__ = ["ContactFinder", "blend", "maxima"]
 
 #: Share of the divergence in the relief.
 SHARP = 0.7
@@ -52,15 +48,13 @@ EDGE = 0.3
 #: round which the cells have grown by less than this share of the most. Of 200 published frames, each one
 #: flat contact, 23 have noise at the rim that passes the first test and none that passes the second.
 MINOR = 0.2
-CONTACTS_MAX = 8
+CONTACTS_MAX = 8  # as in _features.c, and so the next
 MAXIMA_MAX = 24
 #: Below this ratio of the axes the direction is noise and not reported; round probes show up to 1.4 on the
 #: simulated tip, edges 3.4 in the mean.
 ROUND = 1.5
 #: Pins within this many pitches of a small contact's middle make its place.
 REACH = 2.0
-
-_NONE = np.float32(-np.inf)
 
 
 def blend(stretch: Heights, heights: Heights) -> Heights:
@@ -76,168 +70,78 @@ def maxima(grid: Heights) -> Mask:
     grid     (h, w) float32; -inf where there is no value
     Returns  (h, w) bool, equal to skimage.morphology.local_maxima(grid)
     """
-    top = _dilate(grid)
-    # Candidates have no higher neighbour. Candidates that touch are equal, for else one would be higher:
-    # so the connected candidates are pieces of plateaus, and such a piece is a maximum unless an equal
-    # neighbour is no candidate, that is, unless the plateau goes on to where it has a higher neighbour.
-    candidate: Mask = (grid == top) & (grid > _NONE)
-    if candidate.all():
-        return np.zeros(grid.shape, dtype=np.bool_)
-    spoilt = candidate & (_dilate(np.where(candidate, _NONE, grid)) == grid)
-    if not spoilt.any():
-        return candidate
-    _, label = cv2.connectedComponents(candidate.astype(np.uint8), connectivity=8)
-    good = np.ones(int(label.max()) + 1, dtype=np.bool_)
-    good[label[spoilt]] = False
-    good[0] = False
-    out: Mask = good[label]
-    return out
+    padded, place = _padded(np.ones(grid.shape, dtype=np.bool_))
+    padded.ravel()[place] = grid.ravel()
+    mark, stack = np.zeros((2, padded.size), dtype=np.int32)
+    _features.maxima(padded, padded.shape[1], place, mark, stack)
+    top: Mask = (mark[place] == _TOP).reshape(grid.shape)
+    return np.zeros_like(top) if top.all() else top
 
 
-def _dilate(grid: Heights) -> Heights:
-    """Highest of each 3 x 3 neighbourhood. On 32 x 32 a third of the time of cv2.dilate."""
-    height, width = grid.shape
-    padded = np.full((height + 2, width + 2), _NONE)
-    padded[1:-1, 1:-1] = grid
-    rows = np.maximum(padded[:-2], padded[2:])
-    np.maximum(rows, padded[1:-1], out=rows)
-    out: Heights = np.maximum(rows[:, :-2], rows[:, 2:])
-    return np.maximum(out, rows[:, 1:-1], out=out)
+_TOP = 2  # the mark of a maximum
+_FIELDS = 7  # numbers a contact
 
 
-def find_contacts(
-    relief: Heights, surface: Surface, threshold: Heights, growth: Heights, pins_img: Array
-) -> tuple[ContactRegion, ...]:
-    """Contacts of one frame, strongest first.
+def _padded(inside: Mask) -> tuple[Heights, Index]:
+    """A grid of -inf with a border, so that every point has eight neighbours; and where the points lie."""
+    padded = np.full((inside.shape[0] + 2, inside.shape[1] + 2), -np.inf, dtype=np.float32)
+    within = np.zeros(padded.shape, dtype=np.bool_)
+    within[1:-1, 1:-1] = inside
+    return padded, np.flatnonzero(within).astype(np.int32)
 
-    relief     (k,) float32, of `blend`, at the surface's points: relative area change
-    threshold  (k,) float32, what a maximum must rise above to count
-    growth     (n,) float32, relative area change of each pin's cell
-    pins_img   (n, 2) px, where each pin is now; finite
-    Source     paper, "Contact Location and Multi-Contact Detection"
-    """
-    grid = surface.spread(relief, -np.inf)
-    rows, cols = np.nonzero(maxima(grid))
-    height = grid[rows, cols]
-    order = np.flatnonzero(height > threshold[surface.index[rows, cols]])
-    if not len(order):
-        return ()
-    order = order[np.argsort(-height[order], kind="stable")[:MAXIMA_MAX]]
-    order = order[height[order] >= MINOR * float(height[order[0]])]
-    if len(order) > 1:
-        grown = _grown(surface, growth, rows[order], cols[order])
-        most = float(grown.max())
-        order = order[grown >= min(MINOR * most, most)]  # under shear even the most grown one may have shrunk
-    rows, cols, height = rows[order], cols[order], height[order]
-    group = _groups(grid, rows, cols, height)
-    leaders = np.flatnonzero(group == np.arange(len(group)))[:CONTACTS_MAX]
-    py, px = np.nonzero(grid > EDGE * float(height[leaders[-1]]))
-    value = grid[py, px]
-    owner = np.zeros(len(px), dtype=np.intp)
-    if len(leaders) > 1:
-        d2 = (px[:, None] - cols[None, :]) ** 2 + (py[:, None] - rows[None, :]) ** 2
-        owner = group[np.argmin(d2, axis=1)]
-    origin = np.array([surface.x_img[0], surface.y_img[0]])
-    shapes, middles = [], []
-    for leader in leaders:
-        level = EDGE * float(height[leader])
-        mine = (owner == leader) & (value > level)
-        middle, *shape = _moments(px[mine], py[mine], value[mine] - np.float32(level), surface.step_px)
-        shapes.append(shape)
-        middles.append(middle + origin)
-    found = []
-    for i, leader in enumerate(leaders):
-        axis_px, elongation, angle, area = shapes[i]
-        member = group == leader
-        ridge = origin + surface.step_px * np.column_stack([cols[member], rows[member]])
-        found.append(
-            ContactRegion(
-                xy_img=_place(middles, i, axis_px, surface.pitch_px, growth, pins_img),
-                peak=_summit(grid, int(rows[leader]), int(cols[leader])),
-                area_px2=area,
-                orientation_rad=angle if elongation >= ROUND else math.nan,
-                elongation=elongation,
-                ridge_img=ridge,
-            )
+
+class ContactFinder:
+    """Looks for contacts on the grid of one surface; its arrays are made once."""
+
+    def __init__(self, surface: Surface) -> None:
+        self._surface = surface
+        self._grid, self._place = _padded(surface.inside)
+        self._mark, self._stack = np.zeros((2, self._grid.size), dtype=np.int32)
+        self._rules = np.array(
+            [
+                surface.x_img[0],
+                surface.y_img[0],
+                surface.step_px,
+                surface.pitch_px,
+                VALLEY,
+                EDGE,
+                MINOR,
+                REACH,
+            ]
         )
-    return tuple(found)
+        self._out = np.empty((CONTACTS_MAX, _FIELDS))
+        self._ridge = np.empty((MAXIMA_MAX, 2))
 
+    def find(
+        self, relief: Heights, threshold: Heights, growth: Heights, pins_img: Array
+    ) -> tuple[ContactRegion, ...]:
+        """Contacts of one frame, strongest first.
 
-def _grown(surface: Surface, growth: Heights, rows: Places, cols: Places) -> Array:
-    """Mean growth of the cells within about a pitch of each grid point."""
-    at = np.column_stack([surface.x_img[cols], surface.y_img[rows]])
-    d2 = ((at[:, None, :] - surface.rest_img[None, :, :]) ** 2).sum(axis=2)
-    weight = np.exp(d2 * (-1.0 / surface.pitch_px**2))
-    mean: Array = (weight @ growth) / weight.sum(axis=1)
-    return mean
-
-
-def _summit(grid: Heights, row: int, col: int) -> float:
-    """Height of the surface at a maximum between the grid points: a parabola along each axis."""
-    top = float(grid[row, col])
-    height = top
-    for before, after in (
-        (grid[max(row - 1, 0), col], grid[min(row + 1, len(grid) - 1), col]),
-        (grid[row, max(col - 1, 0)], grid[row, min(col + 1, len(grid) - 1)]),
-    ):
-        low, high = float(before), float(after)
-        bend = 2.0 * top - low - high
-        if 0.0 < bend < math.inf:
-            height += (high - low) ** 2 / (8.0 * bend)
-    return height
-
-
-def _groups(grid: Heights, rows: Places, cols: Places, height: Heights) -> Places:
-    """For each maximum (highest first) the first, thus highest, one that no valley parts it from."""
-    group = np.arange(len(height))
-    for j in range(1, len(height)):
-        above = (grid >= np.float32(1.0 - VALLEY) * height[j]).astype(np.uint8)
-        _, label = cv2.connectedComponents(above, connectivity=8)
-        joined = np.flatnonzero(label[rows[:j], cols[:j]] == label[rows[j], cols[j]])
-        if len(joined):
-            group[j] = group[joined[0]]
-    return group
-
-
-def _moments(px: Places, py: Places, excess: Heights, step_px: float) -> tuple[Any, ...]:
-    """Middle (2,) px from the grid's corner, long semi-axis px, elongation, angle rad, area px2."""
-    weight = excess.astype(
-        np.float64
-    )  # over the region's edge: what a grid point more or less changes is small
-    total = float(weight.sum())
-    mx, my = float(px @ weight) / total, float(py @ weight) / total
-    dx, dy = px - mx, py - my
-    # 1/12: a grid point stands for a square of one step.
-    xx = float((dx * dx) @ weight) / total + 1.0 / 12.0
-    yy = float((dy * dy) @ weight) / total + 1.0 / 12.0
-    xy = float((dx * dy) @ weight) / total
-    mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
-    elongation = math.sqrt((mean + half) / max(mean - half, 1e-9))
-    angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
-    # A uniform ellipse's semi-axis is two standard deviations.
-    axis_px = 2.0 * math.sqrt(mean + half) * step_px
-    middle = np.array([mx, my]) * step_px
-    return middle, axis_px, elongation, angle, len(px) * step_px * step_px
-
-
-def _place(
-    middles: list[Array], i: int, axis_px: float, pitch_px: float, growth: Heights, pins_img: Array
-) -> Array:
-    """Mean place of the pins round a contact's middle, weighted by their cells' growth."""
-    d2 = _distance2(pins_img, middles[i])
-    reach = max(REACH * pitch_px, 1.25 * axis_px)
-    weight = np.maximum(growth, 0.0) * np.maximum(1.0 - d2 / (reach * reach), 0.0)
-    for j, other in enumerate(middles):
-        if j != i:
-            weight = np.where(_distance2(pins_img, other) < d2, 0.0, weight)
-    total = float(weight.sum())
-    if not total > 0.0:
-        return middles[i]
-    place: Array = weight @ pins_img / total
-    return place
-
-
-def _distance2(points: Array, to: Array) -> Array:
-    x: Array = points[:, 0] - to[0]
-    y: Array = points[:, 1] - to[1]
-    return x * x + y * y
+        relief     (k,) float32, of `blend`, at the surface's points: relative area change
+        threshold  (k,) float32, what a maximum must rise above to count
+        growth     (n,) float32, relative area change of each pin's cell
+        pins_img   (n, 2) px, where each pin is now; finite
+        Source     paper, "Contact Location and Multi-Contact Detection"
+        """
+        found, ridges = _features.contacts(
+            relief, threshold, self._place, self._grid, self._mark, self._stack, self._grid.shape[1],
+            self._rules, growth, self._surface.rest_img, pins_img, self._out, self._ridge,
+        )  # fmt: skip
+        if not found:
+            return ()
+        ridge, rows = self._ridge[:ridges].copy(), self._out[:found].copy()
+        contacts, first = [], 0
+        for row, (_, _, peak, area, angle, elongation, many) in zip(rows, rows.tolist(), strict=True):
+            last = first + int(many)
+            contacts.append(
+                ContactRegion(
+                    xy_img=row[:2],
+                    peak=peak,
+                    area_px2=area,
+                    orientation_rad=angle if elongation >= ROUND else math.nan,
+                    elongation=elongation,
+                    ridge_img=ridge[first:last],
+                )
+            )
+            first = last
+        return tuple(contacts)

@@ -20,10 +20,11 @@ from enum import Enum, auto
 
 import numpy as np
 
-from edge.features.contacts import blend, find_contacts
+from edge import _features
+from edge.features.contacts import ContactFinder, blend
 from edge.features.gate import Gate
 from edge.features.modes import Modes
-from edge.features.motion import ContactPins, Slip, mean_motion, torsion
+from edge.features.motion import ContactPins, Slip, torsion
 from edge.features.surface import Surface
 from edge.types import Array, Cells, ContactRegion, Feature, Features, Rest, Tracks
 
@@ -88,12 +89,14 @@ class FeatureExtractor:
     """
 
     def __init__(self, rest: Rest, rest_area_px2: Array, *, grid: int | None = None) -> None:
-        self._xy_rest = rest.xy_img
+        self._xy_rest = np.ascontiguousarray(rest.xy_img)
+        self._rest_area_px2 = rest_area_px2
         self._inverse_area = 1.0 / rest_area_px2
         self._gate = Gate(rest)
         self._modes = Modes(rest)
         self._pins = ContactPins(rest)
         self._slip = Slip(rest)
+        self._finder: ContactFinder | None = None
         self._surface: Surface | None = None  # 10 ms to make: only when a contact is first asked about
         self._rest, self._grid = rest, grid
         self._plan = _Plan(frozenset())
@@ -105,6 +108,13 @@ class FeatureExtractor:
             self._surface = Surface(self._rest, self._grid)
         return self._surface
 
+    @property
+    def finder(self) -> ContactFinder:
+        """What looks for contacts on that grid."""
+        if self._finder is None:
+            self._finder = ContactFinder(self.surface)
+        return self._finder
+
     def extract(self, tracks: Tracks, cells: Cells | None, demand: frozenset[Feature]) -> Features:
         """What the geometry of one frame says.
 
@@ -114,17 +124,23 @@ class FeatureExtractor:
         if demand is not self._plan.demand:
             self._plan = _Plan(demand)
         plan = self._plan
-        motion = tracks.xy_img - self._xy_rest
         seen = tracks.seen
-        all_seen = tracks.n_seen == len(seen)
-        sigma = self._gate.sigma_px(tracks)
+        motion = np.empty_like(self._xy_rest)  # new: it is handed on, and remembered for slip
+        mean_x, mean_y, now_px, _ = _features.motion(
+            np.ascontiguousarray(tracks.xy_img),
+            self._xy_rest,
+            np.ascontiguousarray(tracks.sigma_px),
+            seen,
+            motion,
+        )
+        sigma = self._gate.sigma_px(now_px)
         if cells is None:
             change = np.full(len(motion), np.nan)
             touched = self._gate.touched_by_motion(motion, seen, sigma)
         else:
             change = cells.area_px2 * self._inverse_area - 1.0
             touched = self._gate.touched_by_area(change, sigma)
-        shear = mean_motion(motion, None if all_seen else seen) if plan.shear else None
+        shear = np.array([mean_x, mean_y]) if plan.shear else None
         modes = self._modes.fit(motion, seen) if plan.modes else None
         if not touched:
             self._slip.forget()
@@ -147,24 +163,23 @@ class FeatureExtractor:
         noise = self._gate.cell_noise(sigma)
         if cells is not None and (plan.volume or plan.surface or plan.contacts):
             surface = self.surface
-            growth = surface.fill(change)
-            heights = surface.heights(growth)
+            growth, heights, pressed = surface.rise(change, VOLUME_THRESHOLD * noise)
             if plan.volume:
-                volume = surface.volume_px2(heights, VOLUME_THRESHOLD * noise)
+                volume = pressed
             if plan.surface:
                 picture = surface.spread(heights, np.nan).astype(np.float64)
             if plan.contacts:
-                relief = blend(surface.stretch((cells.xy_img - self._xy_rest).astype(np.float32)), heights)
+                xy = np.ascontiguousarray(cells.xy_img)
+                relief = blend(surface.stretch(xy), heights)
                 least = surface.stretch_noise * np.float32(THRESHOLD * sigma)
                 np.maximum(least, np.float32(THRESHOLD_MIN), out=least)
-                contacts = find_contacts(relief, surface, least, growth, cells.xy_img)
+                contacts = self.finder.find(relief, least, growth, xy)
         turn = slip = probability = None
         if plan.torsion or plan.slip:
             least_change = max(THRESHOLD * noise, THRESHOLD_MIN)
-            pins = self._pins.select(np.where(change > least_change, change, 0.0))
+            pins = self._pins.select(change, least_change)
             if plan.torsion:
-                held = pins if all_seen else pins[seen[pins]]
-                turn = torsion(self._xy_rest[held], motion[held])
+                turn = torsion(self._xy_rest, motion, pins)
             if plan.slip:
                 state = self._slip.update(motion, pins, sigma)
                 slip, probability = state.slip_px, state.probability

@@ -8,6 +8,8 @@ Rules
   Without cells (nobody asked for an area) the motion about its own median decides.
 - The noise follows from the pins' own sigma until untouched frames have taught a better value; what is
   learnt stays within a factor of the prediction, so that a slow touch can never teach the gate to be deaf.
+- Fewer cells than the ring's average less noise away: their mean counts in proportion; fewer than four are
+  not listened to.
 - A touch begins above `ON` and ends below `OFF` sigmas. That bit is the only state that a single frame
   can change.
 """
@@ -18,7 +20,8 @@ import math
 
 import numpy as np
 
-from edge.types import Array, Index, Mask, Rest, Tracks
+from edge import _features
+from edge.types import Array, Index, Mask, Rest
 
 #: Relative noise of a cell's area, and of its mean over seven cells, for independent pin noise sigma_px:
 #: noise = FACTOR * sigma_px / pitch_px. Measured on a hexagonal lattice (60 draws of 576 pins, sigma
@@ -54,12 +57,12 @@ class Gate:
         self._rest_var = float(np.median(rest.pins.sigma_px)) ** 2
         self._learnt = 1.0  # measured over predicted noise
         self._touched = False
+        self._scratch = np.empty(len(rest))
+        self._centred = np.empty((len(rest), 2))
 
-    def sigma_px(self, tracks: Tracks) -> float:
-        """Noise of one coordinate of a pin's motion since rest."""
-        sigma = tracks.sigma_px if tracks.n_seen == len(tracks.seen) else tracks.sigma_px[tracks.seen]
-        now = float(sigma.mean()) if len(sigma) else 0.0
-        return float(np.sqrt(now * now + self._rest_var))
+    def sigma_px(self, now_px: float) -> float:
+        """Noise of one coordinate of a pin's motion since rest, from its mean in this frame's positions."""
+        return math.sqrt(now_px * now_px + self._rest_var)
 
     def cell_noise(self, sigma_px: float) -> float:
         """One-sigma noise of a single cell's relative area change."""
@@ -71,16 +74,15 @@ class Gate:
         change    (n,) relative area change; NaN where lost
         sigma_px  of `sigma_px`
         """
-        mean, weight = self._means(change)
-        if weight is not None and not weight.any():
+        highest = _features.ring_peak(change, 1, self._ring)
+        if math.isnan(highest):
             return self._touched  # a dark frame says nothing
         predicted = sigma_px / self._pitch_px
         limit = (OFF if self._touched else ON) * MEAN_NOISE * predicted * self._learnt
-        self._touched = self._highest(mean, weight) > limit
+        self._touched = highest > limit
         if not self._touched:
             # 1.4826 MAD = sigma; the median of |x| rather than about the median: a drift is noise too.
-            size = np.abs(change)
-            typical = float(np.median(size if weight is None else size[np.isfinite(size)]))
+            typical = _features.typical_size(change, self._scratch)
             spread = 1.4826 * typical / (CELL_NOISE * predicted) if predicted > 0.0 else 1.0
             if math.isfinite(spread):
                 self._learnt += RATE * (min(max(spread, 1.0 / TRUST), TRUST) - self._learnt)
@@ -93,25 +95,7 @@ class Gate:
         """
         if np.count_nonzero(seen) < 4:
             return self._touched
-        u = motion_px - np.median(motion_px[seen], axis=0)
-        x, weight = self._means(u[:, 0])
-        y, _ = self._means(u[:, 1])
+        _features.centred(motion_px, self._scratch, self._centred)
         limit = (OFF if self._touched else ON) * sigma_px / math.sqrt(self._width)
-        self._touched = self._highest(np.hypot(x, y), weight) > limit
+        self._touched = _features.ring_peak(self._centred, 2, self._ring) > limit
         return self._touched
-
-    def _means(self, value: Array) -> tuple[Array, Index | None]:
-        """Mean over each pin and its neighbours, and of how many; None: of all of them."""
-        mean: Array = value[self._ring].sum(axis=1) / self._width
-        if math.isfinite(float(mean.sum())):
-            return mean, None
-        seen = np.isfinite(value)
-        weight = seen[self._ring].sum(axis=1, dtype=np.int32)
-        return np.where(seen, value, 0.0)[self._ring].sum(axis=1) / np.maximum(weight, 1), weight
-
-    def _highest(self, mean: Array, weight: Index | None) -> float:
-        """Highest mean; fewer cells average less noise away, fewer than four are not listened to."""
-        if weight is None:
-            return float(mean.max())
-        score = mean * np.sqrt(weight / self._width)
-        return float(np.where(weight >= min(4, self._width), score, 0.0).max())

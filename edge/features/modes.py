@@ -24,6 +24,7 @@ import math
 
 import numpy as np
 
+from edge import _features
 from edge.types import Array, Complex, Mask, Rest
 
 __all__ = ["DEGREE", "MODE_NAMES", "MODE_POWERS", "Modes"]
@@ -56,7 +57,8 @@ class Modes:
             basis[:, column] = v * (math.sqrt(n) / left) if kept[column] else 0.0
             if kept[column]:
                 lower.append(column)
-        self._basis = basis
+        self._basis = np.ascontiguousarray(basis)
+        self._work = np.empty((k, 2 * k))
         self._gram = basis.conj().T @ basis + np.diag(np.where(kept, 0.0, n))
         # A weak ridge (a thousandth of a pin) keeps lost pins from letting high terms run away.
         self._gram += 1e-3 * np.eye(k)
@@ -65,17 +67,16 @@ class Modes:
     def fit(self, motion: Array, seen: Mask) -> Complex:
         """Least-squares coefficients over the seen pins.
 
-        motion   (n, 2) float64 px, finite where seen
+        motion   (n, 2) float64 px, contiguous, finite where seen
         Returns  (21,) complex128 px, terms `MODE_NAMES`
         """
-        motion = np.ascontiguousarray(motion)
-        d = motion.view(np.complex128)[:, 0]
-        lost = np.flatnonzero(~seen)
-        if not len(lost):
-            result: Complex = self._project @ d
+        if seen.all():
+            result: Complex = self._project @ motion.view(np.complex128)[:, 0]
             return result
-        d = d.copy()
-        d[lost] = 0.0
-        gone = self._basis[lost]
-        gram: Complex = self._gram - gone.conj().T @ gone
-        return np.asarray(np.linalg.solve(gram, self._basis.conj().T @ d), dtype=np.complex128)
+        result = np.empty(len(self._gram), dtype=np.complex128)
+        # The same sums without the lost pins, and their equations solved.
+        _features.modes(
+            self._basis.view(np.float64), self._gram.view(np.float64), motion, seen, self._work,
+            result.view(np.float64),
+        )  # fmt: skip
+        return result

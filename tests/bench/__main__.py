@@ -13,6 +13,8 @@ import click
 
 COMMANDS = {
     "identity": ("tests.bench.identity", "Pin identity after a jump, on real and simulated frames."),
+    "paced": ("tests.bench.paced", "The running app at 240 frames/s: latency, memory, losses."),
+    "speed": ("tests.bench.speed", "Time per frame and stage, against reference and floor (default)."),
     "link": ("tests.bench.link", "Fingers on one bus: losses and latency."),
     "wire": ("tests.bench.wire", "Coding of frames: processor time of one."),
     "stability": ("tests.bench.stability", "Hard cases of the geometry against exact arithmetic."),

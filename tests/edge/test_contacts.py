@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from skimage.morphology import local_maxima
 
 from calib.sim import Camera, Contact, Tip, Tool, deform
-from edge.features.contacts import blend, find_contacts, maxima
+from edge.features.contacts import ContactFinder, blend, maxima
 from edge.features.surface import Surface
 from edge.types import Array, ContactRegion, Rest
 from tests.edge.fields import CENTRE, bar, frame, make_rest, plane, push, tip
@@ -43,10 +43,9 @@ def contacts(rest: Rest, motion: Array, noise: float = 0.05, seed: int = 0) -> t
     rng = np.random.default_rng(seed)
     xy = rest.xy_img + motion + rng.normal(0.0, noise, rest.xy_img.shape)
     _, cells = frame(rest, xy)
-    growth = surface.fill(cells.area_px2 / cells.rest_area_px2 - 1.0)
+    growth, heights, _ = surface.rise(cells.area_px2 / cells.rest_area_px2 - 1.0, 0.0)
     threshold = np.maximum(surface.stretch_noise * np.float32(5.0 * noise), np.float32(0.01))
-    stretch = surface.stretch((xy - rest.xy_img).astype(np.float32))
-    return find_contacts(blend(stretch, surface.heights(growth)), surface, threshold, growth, xy)
+    return ContactFinder(surface).find(blend(surface.stretch(xy), heights), threshold, growth, xy)
 
 
 @pytest.mark.parametrize("pins", [127, 331])

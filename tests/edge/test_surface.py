@@ -7,9 +7,9 @@ import pytest
 from scipy.interpolate import CloughTocher2DInterpolator, RBFInterpolator
 
 from edge.errors import DegenerateLayout
-from edge.features.surface import Surface, firm, thin_plate_operators
+from edge.features.surface import Surface, thin_plate_operators
 from edge.types import Array
-from tests.edge.fields import CENTRE, tip
+from tests.edge.fields import CENTRE, push, tip
 
 
 def bump(xy: Array, at: Array, width: float) -> Array:
@@ -49,7 +49,7 @@ def test_smooth_bump_as_well_as_clough_tocher(pins: int) -> None:
     values = bump(rest.xy_img, at, width)
     truth = bump(surface.points_img, at, width)
     inner = np.hypot(*(surface.points_img - CENTRE).T) < 0.8 * rest.pattern.tip_radius_px
-    ours = np.abs(surface.heights(values.astype(np.float32)) - truth)[inner]
+    ours = np.abs(surface.rise(values, 0.0)[1] - truth)[inner]
     cubic = np.abs(CloughTocher2DInterpolator(rest.xy_img, values)(surface.points_img) - truth)[inner]
     # 0.1 % of the bump's height, which is less than one sigma of noise in any single cell.
     assert np.sqrt((ours**2).mean()) < 1e-3
@@ -60,17 +60,14 @@ def test_stretch_of_linear_motion_is_exact() -> None:
     rest = tip(331)
     surface = Surface(rest)
     motion = (rest.xy_img - CENTRE) @ np.array([[0.03, 0.2], [-0.1, 0.05]]) + [5.0, -3.0]
-    got = surface.stretch(motion.astype(np.float32))
-    np.testing.assert_allclose(got, 0.08, atol=2e-4)
+    np.testing.assert_allclose(surface.stretch(rest.xy_img + motion), 0.08, atol=1e-6)
 
 
 def test_stretch_noise_is_that_of_the_operator() -> None:
     rest = tip(127)
     surface = Surface(rest)
     rng = np.random.default_rng(1)
-    draws = np.stack(
-        [surface.stretch(rng.normal(0.0, 0.05, (127, 2)).astype(np.float32)) for _ in range(2000)]
-    )
+    draws = np.stack([surface.stretch(rest.xy_img + rng.normal(0.0, 0.05, (127, 2))) for _ in range(2000)])
     np.testing.assert_allclose(draws.std(axis=0), 0.05 * surface.stretch_noise, rtol=0.12)
 
 
@@ -79,18 +76,35 @@ def test_lost_pins_take_their_neighbours_mean_and_make_no_maximum() -> None:
     surface = Surface(rest)
     rng = np.random.default_rng(2)
     change = bump(rest.xy_img, CENTRE, 60.0)
-    full = surface.fill(change)
+    full, _, _ = surface.rise(change, 0.0)
     np.testing.assert_array_equal(full, change.astype(np.float32))
     change[rng.choice(331, 99, replace=False)] = np.nan
-    filled = surface.fill(change)
+    filled, _, _ = surface.rise(change, 0.0)
     assert np.isfinite(filled).all()
     assert filled.max() <= np.nanmax(change) + 1e-6
     np.testing.assert_allclose(filled, bump(rest.xy_img, CENTRE, 60.0), atol=0.12)
 
 
-def test_firm_threshold() -> None:
-    height = np.array([-1.0, 0.0, 0.1, 0.15, 0.2, 0.5], dtype=np.float32)
-    np.testing.assert_allclose(firm(height, 0.1), [0.0, 0.0, 0.0, 0.1, 0.2, 0.5], atol=1e-7)
+@pytest.mark.parametrize(("level", "counted"), [(-1.0, 0.0), (0.1, 0.0), (0.15, 0.1), (0.2, 0.2), (0.5, 0.5)])
+def test_firm_threshold(level: float, counted: float) -> None:
+    surface = Surface(tip(127))
+    _, heights, volume = surface.rise(np.full(127, level), 0.1)  # a plain: it has one height everywhere
+    np.testing.assert_allclose(heights, level, rtol=1e-3)
+    assert volume / (len(heights) * surface.step_px**2) == pytest.approx(counted, abs=1e-3)
+
+
+def test_sixteen_bits_are_enough() -> None:
+    rest = tip(331)
+    surface = Surface(rest)
+    value, along_x, along_y = thin_plate_operators(rest.xy_img, surface.points_img)
+    motion = push(rest, (20.0, -30.0), 40.0, 0.2) + np.array([12.0, -7.0])
+    stretch = along_x @ motion[:, 0] + along_y @ motion[:, 1]
+    np.testing.assert_allclose(
+        surface.stretch(rest.xy_img + motion), stretch, atol=1e-3 * np.abs(stretch).max()
+    )
+    change = 0.3 * bump(rest.xy_img, CENTRE, 40.0)
+    heights = value @ change
+    np.testing.assert_allclose(surface.rise(change, 0.0)[1], heights, atol=2e-4 * heights.max())
 
 
 def test_volume_of_noise_is_nothing_and_noise_adds_nothing_to_a_bump() -> None:
@@ -101,11 +115,11 @@ def test_volume_of_noise_is_nothing_and_noise_adds_nothing_to_a_bump() -> None:
     clean = 0.3 * bump(rest.xy_img, CENTRE, width)
 
     def volume(change: Array) -> float:
-        return surface.volume_px2(surface.heights(change.astype(np.float32)), 3.0 * noise)
+        return surface.rise(change, 3.0 * noise)[2]
 
     draws = rng.normal(0.0, noise, (50, 331))
     full = 0.3 * 2.0 * np.pi * width**2
-    raw = np.mean([np.maximum(surface.heights(d.astype(np.float32)), 0.0).sum() for d in draws])
+    raw = np.mean([np.maximum(surface.rise(d, 0.0)[1], 0.0).sum() for d in draws])
     assert raw * surface.step_px**2 > 0.01 * full  # what plain rectification would report untouched
     assert np.mean([volume(d) for d in draws]) < 2e-4 * full
     assert abs(volume(clean) / full - 1.0) < 0.03

@@ -1,0 +1,938 @@
+/* The arithmetic of `edge.features`: each function is what one of its verbs does to a frame's arrays.
+ *
+ * Idea. A frame's features are some twenty passes over a few hundred numbers. As array expressions each pass
+ * costs a microsecond or two before it begins; here one call does what belongs together.
+ *
+ * Rules
+ * - The meaning of everything (units, sources, constants) stands in the Python module named in each heading;
+ *   constants come in from there.
+ * - No allocation: results and scratch are the caller's arrays. The GIL is released where it takes long.
+ * - NaN marks a lost pin, as everywhere.
+ * - The surface's constant matrices are 16-bit integers with one step a row, as their sums are exact and they
+ *   stream through the cache in half the time; the error is 1e-4 of the highest value (tests/edge/test_surface.py).
+ */
+#include "_buffers.h"
+#include <math.h>
+#include <stdint.h>
+
+/* As in _centroid.c: the wide clone needs glibc's help; elsewhere the baseline is the target anyway. */
+#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
+#define WIDE __attribute__((target_clones("arch=x86-64-v3", "default")))
+#else
+#define WIDE
+#endif
+
+#define QUANTUM 32767.0f
+
+/* Middle of the n values, as numpy.median has it; reorders them. NaN for none. */
+static double median(double *v, Py_ssize_t n)
+{
+    if (n == 0) return NAN;
+    const Py_ssize_t k = n / 2;
+    Py_ssize_t low = 0, high = n - 1;
+    while (low < high) {
+        const double pivot = v[(low + high) / 2];
+        Py_ssize_t i = low, j = high;
+        while (i <= j) {
+            while (v[i] < pivot) i++;
+            while (v[j] > pivot) j--;
+            if (i <= j) {
+                const double t = v[i];
+                v[i++] = v[j];
+                v[j--] = t;
+            }
+        }
+        if (k <= j) high = j;
+        else if (k >= i) low = i;
+        else break;
+    }
+    if (n % 2) return v[k];
+    double below = v[0];
+    for (Py_ssize_t i = 1; i < k; i++)
+        if (v[i] > below) below = v[i];
+    return 0.5 * (below + v[k]);
+}
+
+/* In place: a symmetric positive 3 x 3 system with two right sides; the answers are columns 3 and 4. */
+static void solve_plane(double g[3][5])
+{
+    for (int r = 0; r < 3; r++) {
+        for (int c = 4; c >= r; c--) g[r][c] /= g[r][r];
+        for (int l = 0; l < 3; l++) {
+            if (l == r) continue;
+            const double f = g[l][r];
+            for (int c = r; c < 5; c++) g[l][c] -= f * g[r][c];
+        }
+    }
+}
+
+/* ---- motion: since rest, and what the gate wants of it ------------------------------------------------- */
+
+static PyObject *motion(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[5];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    if (!PyArg_ParseTuple(args, "OOOOO:motion", &o[0], &o[1], &o[2], &o[3], &o[4])) return NULL;
+    const uint8_t *seen = take(&a, o[3], '?', -1, 0, "seen");
+    if (!seen) goto done;
+    const Py_ssize_t n = count(&a);
+    const double *xy = take(&a, o[0], 'd', 2 * n, 0, "xy");
+    const double *rest = xy ? take(&a, o[1], 'd', 2 * n, 0, "rest") : NULL;
+    const double *sigma = rest ? take(&a, o[2], 'd', n, 0, "sigma") : NULL;
+    double *out = sigma ? take(&a, o[4], 'd', 2 * n, 1, "out") : NULL;
+    if (!out) goto done;
+    double x = 0, y = 0, noise = 0;
+    Py_ssize_t m = 0;
+    for (Py_ssize_t i = 0; i < n; i++) {
+        out[2 * i] = xy[2 * i] - rest[2 * i];
+        out[2 * i + 1] = xy[2 * i + 1] - rest[2 * i + 1];
+        if (!seen[i]) continue;
+        x += out[2 * i];
+        y += out[2 * i + 1];
+        noise += sigma[i];
+        m++;
+    }
+    result = m ? Py_BuildValue("(dddn)", x / m, y / m, noise / m, m) : Py_BuildValue("(dddn)", NAN, NAN, 0.0, m);
+done:
+    let_go(&a);
+    return result;
+}
+
+/* ---- gate ----------------------------------------------------------------------------------------------- */
+
+static PyObject *ring_peak(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[2];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    Py_ssize_t columns;
+    if (!PyArg_ParseTuple(args, "OnO:ring_peak", &o[0], &columns, &o[1])) return NULL;
+    const double *value = take(&a, o[0], 'd', -1, 0, "value");
+    if (!value) goto done;
+    const Py_ssize_t n = columns == 1 || columns == 2 ? count(&a) / columns : 0;
+    const int32_t *ring = take(&a, o[1], 'i', -1, 0, "ring");
+    if (!ring) goto done;
+    const Py_ssize_t width = n ? count(&a) / n : 0;
+    if (!n || width < 1 || width > 64 || width * n != count(&a)) {
+        PyErr_SetString(PyExc_ValueError, "ring_peak: sizes do not match");
+        goto done;
+    }
+    const int least = width < 4 ? (int)width : 4;
+    double root[65], best = 0;
+    for (int w = 0; w <= width; w++) root[w] = sqrt((double)w / (double)width);
+    int any = 0;
+    for (Py_ssize_t i = 0; i < n; i++) {
+        double x = 0, y = 0;
+        int weight = 0;
+        for (Py_ssize_t k = 0; k < width; k++) {
+            const int32_t j = ring[i * width + k];
+            if (j < 0 || j >= n) {
+                PyErr_SetString(PyExc_ValueError, "ring_peak: no such neighbour");
+                goto done;
+            }
+            const double *v = value + j * columns;
+            if (isnan(v[0])) continue;
+            x += v[0];
+            if (columns == 2) y += v[1];
+            weight++;
+        }
+        if (!weight) continue;
+        any = 1;
+        if (weight < least) continue;
+        const double mean = (columns == 2 ? sqrt(x * x + y * y) : x) / weight * root[weight];
+        if (mean > best) best = mean;
+    }
+    result = PyFloat_FromDouble(any ? best : NAN);
+done:
+    let_go(&a);
+    return result;
+}
+
+static PyObject *typical_size(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[2];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    if (!PyArg_ParseTuple(args, "OO:typical_size", &o[0], &o[1])) return NULL;
+    const double *value = take(&a, o[0], 'd', -1, 0, "value");
+    const Py_ssize_t n = value ? count(&a) : 0;
+    double *scratch = value ? take(&a, o[1], 'd', n, 1, "scratch") : NULL;
+    if (!scratch) goto done;
+    Py_ssize_t m = 0;
+    for (Py_ssize_t i = 0; i < n; i++)
+        if (isfinite(value[i])) scratch[m++] = fabs(value[i]);
+    result = PyFloat_FromDouble(median(scratch, m));
+done:
+    let_go(&a);
+    return result;
+}
+
+static PyObject *centred(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[3];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    if (!PyArg_ParseTuple(args, "OOO:centred", &o[0], &o[1], &o[2])) return NULL;
+    double *scratch = take(&a, o[1], 'd', -1, 1, "scratch");
+    const Py_ssize_t n = scratch ? count(&a) : 0;
+    const double *value = scratch ? take(&a, o[0], 'd', 2 * n, 0, "motion") : NULL;
+    double *out = value ? take(&a, o[2], 'd', 2 * n, 1, "out") : NULL;
+    if (!out) goto done;
+    for (int c = 0; c < 2; c++) {
+        Py_ssize_t m = 0;
+        for (Py_ssize_t i = 0; i < n; i++)
+            if (isfinite(value[2 * i + c])) scratch[m++] = value[2 * i + c];
+        const double middle = median(scratch, m);
+        for (Py_ssize_t i = 0; i < n; i++) out[2 * i + c] = value[2 * i + c] - middle;
+    }
+    result = Py_NewRef(Py_None);
+done:
+    let_go(&a);
+    return result;
+}
+
+/* ---- modes ---------------------------------------------------------------------------------------------- */
+
+typedef struct {
+    double re, im;
+} Complex;
+
+/* In place: gram (hermitian, positive) becomes its lower Cholesky factor, right the solution. */
+static int solve_hermitian(Complex *gram, Complex *right, int k)
+{
+    for (int j = 0; j < k; j++) {
+        for (int i = j; i < k; i++) {
+            Complex s = gram[i * k + j];
+            for (int l = 0; l < j; l++) {
+                const Complex p = gram[i * k + l], q = gram[j * k + l]; /* p conj(q) */
+                s.re -= p.re * q.re + p.im * q.im;
+                s.im -= p.im * q.re - p.re * q.im;
+            }
+            if (i == j) {
+                if (!(s.re > 0)) return 0;
+                gram[i * k + j].re = sqrt(s.re);
+                gram[i * k + j].im = 0;
+            } else {
+                const double d = gram[j * k + j].re;
+                gram[i * k + j].re = s.re / d;
+                gram[i * k + j].im = s.im / d;
+            }
+        }
+    }
+    for (int i = 0; i < k; i++) {
+        Complex s = right[i];
+        for (int l = 0; l < i; l++) {
+            const Complex p = gram[i * k + l], q = right[l];
+            s.re -= p.re * q.re - p.im * q.im;
+            s.im -= p.re * q.im + p.im * q.re;
+        }
+        right[i].re = s.re / gram[i * k + i].re;
+        right[i].im = s.im / gram[i * k + i].re;
+    }
+    for (int i = k - 1; i >= 0; i--) {
+        Complex s = right[i];
+        for (int l = i + 1; l < k; l++) {
+            const Complex p = gram[l * k + i], q = right[l]; /* conj(p) q */
+            s.re -= p.re * q.re + p.im * q.im;
+            s.im -= p.re * q.im - p.im * q.re;
+        }
+        right[i].re = s.re / gram[i * k + i].re;
+        right[i].im = s.im / gram[i * k + i].re;
+    }
+    return 1;
+}
+
+WIDE static int fit_modes(const Complex *basis, const Complex *gram, const double *value, const uint8_t *seen,
+                          Py_ssize_t n, int k, Complex *work, Complex *out)
+{
+    memcpy(work, gram, sizeof(Complex) * (size_t)k * (size_t)k);
+    for (int j = 0; j < k; j++) out[j].re = out[j].im = 0;
+    for (Py_ssize_t i = 0; i < n; i++) {
+        const Complex *b = basis + i * k;
+        if (seen[i]) { /* conj(b) d */
+            const double x = value[2 * i], y = value[2 * i + 1];
+            for (int j = 0; j < k; j++) {
+                out[j].re += b[j].re * x + b[j].im * y;
+                out[j].im += b[j].re * y - b[j].im * x;
+            }
+        } else { /* conj(b_r) b_c */
+            for (int r = 0; r < k; r++)
+                for (int c = 0; c <= r; c++) {
+                    work[r * k + c].re -= b[r].re * b[c].re + b[r].im * b[c].im;
+                    work[r * k + c].im -= b[r].re * b[c].im - b[r].im * b[c].re;
+                }
+        }
+    }
+    return solve_hermitian(work, out, k);
+}
+
+static PyObject *modes(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[6];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    if (!PyArg_ParseTuple(args, "OOOOOO:modes", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5])) return NULL;
+    const uint8_t *seen = take(&a, o[3], '?', -1, 0, "seen");
+    const Py_ssize_t n = seen ? count(&a) : 0;
+    Complex *out = seen ? take(&a, o[5], 'd', -1, 1, "out") : NULL;
+    const Py_ssize_t k = out ? count(&a) / 2 : 0;
+    const Complex *basis = out ? take(&a, o[0], 'd', 2 * n * k, 0, "basis") : NULL;
+    const Complex *gram = basis ? take(&a, o[1], 'd', 2 * k * k, 0, "gram") : NULL;
+    const double *value = gram ? take(&a, o[2], 'd', 2 * n, 0, "motion") : NULL;
+    Complex *work = value ? take(&a, o[4], 'd', 2 * k * k, 1, "work") : NULL;
+    if (!work) goto done;
+    if (fit_modes(basis, gram, value, seen, n, (int)k, work, out)) result = Py_NewRef(Py_None);
+    else PyErr_SetString(PyExc_ValueError, "modes: the equations have no solution");
+done:
+    let_go(&a);
+    return result;
+}
+
+/* ---- surface -------------------------------------------------------------------------------------------- */
+
+/* A lost pin takes the weighted mean of the seen ones round it. */
+static void fill(const double *value, const float *near, Py_ssize_t n, float *out)
+{
+    for (Py_ssize_t i = 0; i < n; i++) out[i] = (float)value[i];
+    for (Py_ssize_t i = 0; i < n; i++) {
+        if (!isnan(value[i])) continue;
+        float sum = 0, weight = 0;
+        for (Py_ssize_t j = 0; j < n; j++) {
+            if (isnan(value[j])) continue;
+            sum += near[i * n + j] * (float)value[j];
+            weight += near[i * n + j];
+        }
+        out[i] = sum / (weight > 1e-6f ? weight : 1e-6f);
+    }
+}
+
+/* Whole steps of the returned size; the rest of m is padding. */
+static float quantise(const float *value, Py_ssize_t n, Py_ssize_t m, int16_t *out, float top)
+{
+    const float scale = top > 0 ? QUANTUM / top : 0;
+    for (Py_ssize_t i = 0; i < n; i++) out[i] = (int16_t)lrintf(value[i] * scale);
+    for (Py_ssize_t i = n; i < m; i++) out[i] = 0;
+    return top / QUANTUM;
+}
+
+static float highest(const float *value, Py_ssize_t n)
+{
+    float top = 0;
+    for (Py_ssize_t i = 0; i < n; i++)
+        if (fabsf(value[i]) > top) top = fabsf(value[i]);
+    return top;
+}
+
+WIDE static void raise_heights(const int16_t *rows, const float *steps, Py_ssize_t k, Py_ssize_t m,
+                               const int16_t *value, float step, float *heights)
+{
+    for (Py_ssize_t p = 0; p < k; p++) {
+        const int16_t *row = rows + p * m;
+        int32_t sum = 0;
+        for (Py_ssize_t i = 0; i < m; i++) sum += row[i] * value[i];
+        heights[p] = (float)sum * steps[p] * step;
+    }
+}
+
+WIDE static double volume(const float *height, Py_ssize_t k, float level)
+{
+    double total = 0;
+    for (Py_ssize_t p = 0; p < k; p++) { /* firm shrinkage */
+        float ramp = height[p] - level;
+        ramp = ramp > 0 ? ramp + ramp : 0;
+        ramp = ramp < height[p] ? ramp : height[p];
+        total += ramp > 0 ? ramp : 0;
+    }
+    return total;
+}
+
+static PyObject *heights(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[7];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    double level;
+    if (!PyArg_ParseTuple(args, "OOOOOOOd:heights", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5], &o[6], &level)) return NULL;
+    const double *change = take(&a, o[0], 'd', -1, 0, "change");
+    const Py_ssize_t n = change ? count(&a) : 0;
+    const float *near = change ? take(&a, o[1], 'f', n * n, 0, "near") : NULL;
+    int16_t *work = near ? take(&a, o[4], 'h', -1, 1, "work") : NULL;
+    const Py_ssize_t m = work ? count(&a) : 0;
+    const float *steps = work ? take(&a, o[3], 'f', -1, 0, "steps") : NULL;
+    const Py_ssize_t k = steps ? count(&a) : 0;
+    const int16_t *rows = steps ? take(&a, o[2], 'h', k * m, 0, "rows") : NULL;
+    float *growth = rows ? take(&a, o[5], 'f', n, 1, "growth") : NULL;
+    float *out = growth ? take(&a, o[6], 'f', k, 1, "heights") : NULL;
+    if (!out) goto done;
+    if (m < n) {
+        PyErr_SetString(PyExc_ValueError, "heights: rows are shorter than there are pins");
+        goto done;
+    }
+    double total;
+    Py_BEGIN_ALLOW_THREADS
+    fill(change, near, n, growth);
+    const float step = quantise(growth, n, m, work, highest(growth, n));
+    raise_heights(rows, steps, k, m, work, step, out);
+    total = volume(out, k, (float)level);
+    Py_END_ALLOW_THREADS
+    result = PyFloat_FromDouble(total);
+done:
+    let_go(&a);
+    return result;
+}
+
+static PyObject *stretch(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[7];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    if (!PyArg_ParseTuple(args, "OOOOOOO:stretch", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5], &o[6])) return NULL;
+    const double *xy = take(&a, o[0], 'd', -1, 0, "xy");
+    const Py_ssize_t n = xy ? count(&a) / 2 : 0;
+    const double *rest = xy ? take(&a, o[1], 'd', 2 * n, 0, "rest") : NULL;
+    int16_t *work = rest ? take(&a, o[4], 'h', -1, 1, "work") : NULL;
+    const Py_ssize_t m = work ? count(&a) : 0;
+    const float *steps = work ? take(&a, o[3], 'f', -1, 0, "steps") : NULL;
+    const Py_ssize_t k = steps ? count(&a) : 0;
+    const int16_t *rows = steps ? take(&a, o[2], 'h', k * m, 0, "rows") : NULL;
+    float *bent = rows ? take(&a, o[5], 'f', 2 * n, 1, "bent") : NULL;
+    float *out = bent ? take(&a, o[6], 'f', k, 1, "stretch") : NULL;
+    if (!out) goto done;
+    if (m < 2 * n || !n) {
+        PyErr_SetString(PyExc_ValueError, "stretch: rows are shorter than there are pins");
+        goto done;
+    }
+    Py_BEGIN_ALLOW_THREADS
+    /* The part that is linear in the place stretches the same everywhere; without it the steps are finer. */
+    double g[3][5] = {{0}};
+    for (Py_ssize_t i = 0; i < n; i++) {
+        const double basis[3] = {1, rest[2 * i] - rest[0], rest[2 * i + 1] - rest[1]};
+        for (int r = 0; r < 3; r++) {
+            for (int c = 0; c < 3; c++) g[r][c] += basis[r] * basis[c];
+            for (int c = 0; c < 2; c++) g[r][3 + c] += basis[r] * (xy[2 * i + c] - rest[2 * i + c]);
+        }
+    }
+    solve_plane(g);
+    for (Py_ssize_t i = 0; i < 2 * n; i++) {
+        const int c = i & 1;
+        const double *at = rest + (i - c);
+        bent[i] = (float)(xy[i] - rest[i] - g[0][3 + c] - g[1][3 + c] * (at[0] - rest[0]) - g[2][3 + c] * (at[1] - rest[1]));
+    }
+    const float step = quantise(bent, 2 * n, m, work, highest(bent, 2 * n));
+    raise_heights(rows, steps, k, m, work, step, out);
+    const float even = (float)(g[1][3] + g[2][4]);
+    for (Py_ssize_t p = 0; p < k; p++) out[p] += even;
+    Py_END_ALLOW_THREADS
+    result = Py_NewRef(Py_None);
+done:
+    let_go(&a);
+    return result;
+}
+
+/* ---- contacts ------------------------------------------------------------------------------------------- */
+
+#define MAXIMA_MAX 24
+#define CONTACTS_MAX 8
+#define FIELDS 7
+
+enum { UNKNOWN, SLOPE, TOP };
+
+typedef struct {
+    const float *grid; /* padded by one point of -inf all round */
+    Py_ssize_t width;  /* of a padded row */
+    const int32_t *place;
+    Py_ssize_t k;
+    int32_t *mark, *stack; /* as long as the padded grid */
+} Grid;
+
+static void neighbours(Py_ssize_t width, Py_ssize_t step[8])
+{
+    const Py_ssize_t all[8] = {-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1};
+    memcpy(step, all, sizeof(all));
+}
+
+/* Marks every point TOP or SLOPE: regional maxima with plateaus, as skimage.morphology.local_maxima. */
+static void mark_maxima(const Grid *g)
+{
+    Py_ssize_t step[8];
+    neighbours(g->width, step);
+    for (Py_ssize_t p = 0; p < g->k; p++) g->mark[g->place[p]] = UNKNOWN;
+    for (Py_ssize_t p = 0; p < g->k; p++) {
+        const int32_t start = g->place[p];
+        if (g->mark[start] != UNKNOWN) continue;
+        const float h = g->grid[start];
+        int higher = !(h > -INFINITY), equal = 0;
+        for (int d = 0; d < 8; d++) {
+            const float other = g->grid[start + step[d]];
+            higher |= other > h;
+            equal |= other == h;
+        }
+        if (!equal) {
+            g->mark[start] = higher ? SLOPE : TOP;
+            continue;
+        }
+        if (!(h > -INFINITY)) {
+            g->mark[start] = SLOPE;
+            continue;
+        }
+        Py_ssize_t n = 0; /* the whole plateau, then its verdict */
+        g->stack[n++] = start;
+        g->mark[start] = SLOPE;
+        higher = 0;
+        for (Py_ssize_t i = 0; i < n; i++) {
+            for (int d = 0; d < 8; d++) {
+                const int32_t at = g->stack[i] + (int32_t)step[d];
+                const float other = g->grid[at];
+                higher |= other > h;
+                if (other == h && g->mark[at] == UNKNOWN) {
+                    g->mark[at] = SLOPE;
+                    g->stack[n++] = at;
+                }
+            }
+        }
+        if (!higher)
+            for (Py_ssize_t i = 0; i < n; i++) g->mark[g->stack[i]] = TOP;
+    }
+}
+
+/* The first of the earlier maxima that is connected to maximum j above `level`; j itself if none is. */
+static int leader_of(const Grid *g, const int32_t *at, int j, float level)
+{
+    Py_ssize_t step[8];
+    neighbours(g->width, step);
+    const int32_t visited = TOP + 1 + j;
+    Py_ssize_t n = 0;
+    int first = j;
+    g->stack[n++] = at[j];
+    g->mark[at[j]] = visited;
+    for (Py_ssize_t i = 0; i < n; i++)
+        for (int d = 0; d < 8; d++) {
+            const int32_t to = g->stack[i] + (int32_t)step[d];
+            if (g->grid[to] >= level && g->mark[to] != visited) {
+                g->mark[to] = visited;
+                g->stack[n++] = to;
+            }
+        }
+    for (int i = j - 1; i >= 0; i--)
+        if (g->mark[at[i]] == visited) first = i;
+    return first;
+}
+
+typedef struct {
+    double x0, y0, step, pitch, valley, edge, minor, reach; /* lengths in px */
+} Rules;
+
+typedef struct {
+    double n, w, x, y, xx, xy, yy, level, axis, middle[2];
+} Region;
+
+static double summit(const Grid *g, int32_t at)
+{
+    const double top = g->grid[at];
+    double height = top;
+    const Py_ssize_t step[2] = {g->width, 1};
+    for (int d = 0; d < 2; d++) {
+        const double low = g->grid[at - step[d]], high = g->grid[at + step[d]];
+        const double bend = 2 * top - low - high;
+        if (bend > 0 && isfinite(bend)) height += (high - low) * (high - low) / (8 * bend);
+    }
+    return height;
+}
+
+/* Mean growth of the cells within about a pitch; pins beyond three pitches weigh 1e-4 and are left out. */
+static double grown(const float *growth, const double *rest, Py_ssize_t n, double x, double y, double pitch)
+{
+    const double scale = -1 / (pitch * pitch);
+    double sum = 0, weight = 0;
+    for (Py_ssize_t i = 0; i < n; i++) {
+        const double dx = rest[2 * i] - x, dy = rest[2 * i + 1] - y, d = (dx * dx + dy * dy) * scale;
+        if (d < -9) continue;
+        const double w = exp(d);
+        sum += w * growth[i];
+        weight += w;
+    }
+    return weight > 0 ? sum / weight : 0;
+}
+
+static int find(const Grid *g, const float *threshold, const Rules *rule, const float *growth, const double *rest,
+                const double *pins, Py_ssize_t n, double *out, double *ridge, int *maxima_n)
+{
+    int32_t at[MAXIMA_MAX];
+    float height[MAXIMA_MAX];
+    int group[MAXIMA_MAX], leader[CONTACTS_MAX], m = 0, c = 0;
+    mark_maxima(g);
+    for (Py_ssize_t p = 0; p < g->k; p++) { /* the highest, in order; of equals the first */
+        if (g->mark[g->place[p]] != TOP) continue;
+        const float h = g->grid[g->place[p]];
+        if (!(h > threshold[p])) continue;
+        if (m == MAXIMA_MAX && !(h > height[m - 1])) continue;
+        int i = m < MAXIMA_MAX ? m++ : m - 1;
+        for (; i > 0 && height[i - 1] < h; i--) {
+            height[i] = height[i - 1];
+            at[i] = at[i - 1];
+        }
+        height[i] = h;
+        at[i] = g->place[p];
+    }
+    *maxima_n = 0;
+    if (!m) return 0;
+    int kept = 0;
+    while (kept < m && height[kept] >= (float)(rule->minor * height[0])) kept++;
+    m = kept;
+    const double origin[2] = {rule->x0 - rule->step, rule->y0 - rule->step}; /* of the padded grid */
+    if (m > 1) {
+        double mean[MAXIMA_MAX], most = -INFINITY;
+        for (int i = 0; i < m; i++) {
+            const double x = origin[0] + rule->step * (at[i] % g->width), y = origin[1] + rule->step * (at[i] / g->width);
+            mean[i] = grown(growth, rest, n, x, y, rule->pitch);
+            if (mean[i] > most) most = mean[i];
+        }
+        kept = 0;
+        for (int i = 0; i < m; i++) {
+            if (!(mean[i] >= rule->minor * most)) continue;
+            at[kept] = at[i];
+            height[kept++] = height[i];
+        }
+        m = kept;
+    }
+    for (int j = 0; j < m; j++) {
+        const int to = j ? leader_of(g, at, j, (float)(1 - rule->valley) * height[j]) : 0;
+        group[j] = to;
+        if (to == j && c < CONTACTS_MAX) leader[c++] = j;
+    }
+    Region region[CONTACTS_MAX];
+    int of[MAXIMA_MAX]; /* which region a maximum belongs to; -1: one too many */
+    for (int j = 0; j < m; j++) {
+        of[j] = -1;
+        for (int i = 0; i < c; i++)
+            if (leader[i] == group[j]) of[j] = i;
+    }
+    for (int i = 0; i < c; i++) {
+        memset(&region[i], 0, sizeof(Region));
+        region[i].level = rule->edge * height[leader[i]];
+    }
+    const float lowest = (float)region[c - 1].level;
+    for (Py_ssize_t p = 0; p < g->k; p++) {
+        const float h = g->grid[g->place[p]];
+        if (!(h > lowest)) continue;
+        const int x = g->place[p] % (int)g->width, y = g->place[p] / (int)g->width;
+        int near = 0, least = INT32_MAX;
+        for (int j = 0; c > 1 && j < m; j++) {
+            const int dx = x - at[j] % (int)g->width, dy = y - at[j] / (int)g->width;
+            const int d2 = dx * dx + dy * dy;
+            if (d2 < least) {
+                least = d2;
+                near = j;
+            }
+        }
+        if (of[near] < 0) continue;
+        Region *r = &region[of[near]];
+        if (!(h > (float)r->level)) continue;
+        const double w = h - (float)r->level;
+        r->n++;
+        r->w += w;
+        r->x += w * x;
+        r->y += w * y;
+        r->xx += w * x * x;
+        r->xy += w * x * y;
+        r->yy += w * y * y;
+    }
+    for (int i = 0; i < c; i++) {
+        Region *r = &region[i];
+        double *to = out + i * FIELDS;
+        const double x = r->x / r->w, y = r->y / r->w;
+        /* 1/12: a grid point stands for a square of one step. */
+        const double xx = r->xx / r->w - x * x + 1 / 12.0, yy = r->yy / r->w - y * y + 1 / 12.0, xy = r->xy / r->w - x * y;
+        const double mean = 0.5 * (xx + yy), half = hypot(0.5 * (xx - yy), xy);
+        r->middle[0] = origin[0] + rule->step * x;
+        r->middle[1] = origin[1] + rule->step * y;
+        r->axis = 2 * sqrt(mean + half) * rule->step; /* a uniform ellipse's semi-axis is two standard deviations */
+        to[2] = summit(g, at[leader[i]]);
+        to[3] = r->n * rule->step * rule->step;
+        to[4] = 0.5 * atan2(2 * xy, xx - yy);
+        to[5] = sqrt((mean + half) / (mean - half > 1e-9 ? mean - half : 1e-9));
+    }
+    for (int i = 0; i < c; i++) { /* place: the pins round the middle, weighted by their cells' growth */
+        const Region *r = &region[i];
+        double *to = out + i * FIELDS, sum = 0, x = 0, y = 0;
+        const double wide = 1.25 * r->axis, reach = rule->reach * rule->pitch;
+        const double limit = wide > reach ? wide * wide : reach * reach;
+        for (Py_ssize_t p = 0; p < n; p++) {
+            const double px = pins[2 * p], py = pins[2 * p + 1];
+            const double dx = px - r->middle[0], dy = py - r->middle[1], d2 = dx * dx + dy * dy;
+            if (!(growth[p] > 0) || !(d2 < limit)) continue;
+            int other = 0;
+            for (int j = 0; j < c && !other; j++) {
+                const double ex = px - region[j].middle[0], ey = py - region[j].middle[1];
+                other = j != i && ex * ex + ey * ey < d2;
+            }
+            if (other) continue;
+            const double w = growth[p] * (1 - d2 / limit);
+            sum += w;
+            x += w * px;
+            y += w * py;
+        }
+        to[0] = sum > 0 ? x / sum : r->middle[0];
+        to[1] = sum > 0 ? y / sum : r->middle[1];
+        to[6] = 0;
+    }
+    /* ridges, contact by contact */
+    int written = 0;
+    for (int i = 0; i < c; i++)
+        for (int j = 0; j < m; j++)
+            if (of[j] == i) {
+                ridge[2 * written] = origin[0] + rule->step * (at[j] % g->width);
+                ridge[2 * written + 1] = origin[1] + rule->step * (at[j] / g->width);
+                written++;
+                out[i * FIELDS + 6]++;
+            }
+    *maxima_n = written;
+    return c;
+}
+
+static PyObject *contacts(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[12];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    Py_ssize_t width;
+    if (!PyArg_ParseTuple(args, "OOOOOOnOOOOOO:contacts", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5], &width, &o[6], &o[7],
+                          &o[8], &o[9], &o[10], &o[11]))
+        return NULL;
+    const float *relief = take(&a, o[0], 'f', -1, 0, "relief");
+    const Py_ssize_t k = relief ? count(&a) : 0;
+    const float *threshold = relief ? take(&a, o[1], 'f', k, 0, "threshold") : NULL;
+    const int32_t *place = threshold ? take(&a, o[2], 'i', k, 0, "place") : NULL;
+    float *grid = place ? take(&a, o[3], 'f', -1, 1, "grid") : NULL;
+    const Py_ssize_t cells = grid ? count(&a) : 0;
+    int32_t *mark = grid ? take(&a, o[4], 'i', cells, 1, "mark") : NULL;
+    int32_t *stack = mark ? take(&a, o[5], 'i', cells, 1, "stack") : NULL;
+    const Rules *rule = stack ? take(&a, o[6], 'd', sizeof(Rules) / sizeof(double), 0, "rules") : NULL;
+    const float *growth = rule ? take(&a, o[7], 'f', -1, 0, "growth") : NULL;
+    const Py_ssize_t n = growth ? count(&a) : 0;
+    const double *rest = growth ? take(&a, o[8], 'd', 2 * n, 0, "rest") : NULL;
+    const double *pins = rest ? take(&a, o[9], 'd', 2 * n, 0, "pins") : NULL;
+    double *out = pins ? take(&a, o[10], 'd', CONTACTS_MAX * FIELDS, 1, "out") : NULL;
+    double *ridge = out ? take(&a, o[11], 'd', 2 * MAXIMA_MAX, 1, "ridge") : NULL;
+    if (!ridge) goto done;
+    for (Py_ssize_t p = 0; p < k; p++) {
+        if (place[p] <= width || place[p] >= cells - width - 1) {
+            PyErr_SetString(PyExc_ValueError, "contacts: a point lies on the grid's border");
+            goto done;
+        }
+        grid[place[p]] = relief[p];
+    }
+    const Grid g = {grid, width, place, k, mark, stack};
+    int maxima_n, found;
+    Py_BEGIN_ALLOW_THREADS
+    found = find(&g, threshold, rule, growth, rest, pins, n, out, ridge, &maxima_n);
+    Py_END_ALLOW_THREADS
+    result = Py_BuildValue("(ii)", found, maxima_n);
+done:
+    let_go(&a);
+    return result;
+}
+
+static PyObject *maxima(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[4];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    Py_ssize_t width;
+    if (!PyArg_ParseTuple(args, "OnOOO:maxima", &o[0], &width, &o[1], &o[2], &o[3])) return NULL;
+    const float *grid = take(&a, o[0], 'f', -1, 0, "grid");
+    const Py_ssize_t cells = grid ? count(&a) : 0;
+    const int32_t *place = grid ? take(&a, o[1], 'i', -1, 0, "place") : NULL;
+    const Py_ssize_t k = place ? count(&a) : 0;
+    int32_t *mark = place ? take(&a, o[2], 'i', cells, 1, "mark") : NULL;
+    int32_t *stack = mark ? take(&a, o[3], 'i', cells, 1, "stack") : NULL;
+    if (!stack) goto done;
+    for (Py_ssize_t p = 0; p < k; p++)
+        if (place[p] <= width || place[p] >= cells - width - 1) {
+            PyErr_SetString(PyExc_ValueError, "maxima: a point lies on the grid's border");
+            goto done;
+        }
+    const Grid g = {grid, width, place, k, mark, stack};
+    mark_maxima(&g);
+    result = Py_NewRef(Py_None);
+done:
+    let_go(&a);
+    return result;
+}
+
+/* ---- motion within the contact ------------------------------------------------------------------------- */
+
+static PyObject *contact_pins(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[3];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    double least;
+    if (!PyArg_ParseTuple(args, "OdOO:contact_pins", &o[0], &least, &o[1], &o[2])) return NULL;
+    const double *change = take(&a, o[0], 'd', -1, 0, "change");
+    const Py_ssize_t n = change ? count(&a) : 0;
+    const double *unit = change ? take(&a, o[1], 'd', 2 * n, 0, "unit") : NULL;
+    int32_t *out = unit ? take(&a, o[2], 'i', n, 1, "out") : NULL;
+    if (!out) goto done;
+    double total = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
+    for (Py_ssize_t i = 0; i < n; i++) {
+        const double c = change[i];
+        if (!(c > least) || !(c > 0)) continue;
+        const double u = unit[2 * i], v = unit[2 * i + 1];
+        total += c;
+        x += c * u;
+        y += c * v;
+        xx += c * u * u;
+        xy += c * u * v;
+        yy += c * v * v;
+    }
+    Py_ssize_t m = 0;
+    if (!(total > 0)) {
+        for (Py_ssize_t i = 0; i < n; i++) out[m++] = (int32_t)i;
+    } else {
+        x /= total;
+        y /= total;
+        xx = xx / total - x * x;
+        xy = xy / total - x * y;
+        yy = yy / total - y * y;
+        const double det = xx * yy - xy * xy, limit = 4 * det;
+        for (Py_ssize_t i = 0; i < n; i++) {
+            const double u = unit[2 * i] - x, v = unit[2 * i + 1] - y;
+            const int in = det > 1e-12 ? u * u * yy - 2 * u * v * xy + v * v * xx <= limit
+                                       : change[i] > least && change[i] > 0; /* one pin, or all on a line */
+            if (in) out[m++] = (int32_t)i;
+        }
+    }
+    result = PyLong_FromSsize_t(m);
+done:
+    let_go(&a);
+    return result;
+}
+
+static PyObject *torsion(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[3];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    Py_ssize_t m;
+    if (!PyArg_ParseTuple(args, "OOOn:torsion", &o[0], &o[1], &o[2], &m)) return NULL;
+    const double *rest = take(&a, o[0], 'd', -1, 0, "rest");
+    const Py_ssize_t n = rest ? count(&a) / 2 : 0;
+    const double *value = rest ? take(&a, o[1], 'd', 2 * n, 0, "motion") : NULL;
+    const int32_t *pins = value ? take(&a, o[2], 'i', -1, 0, "pins") : NULL;
+    if (!pins) goto done;
+    if (m > count(&a)) m = count(&a);
+    double x = 0, y = 0, re = 0, im = 0;
+    Py_ssize_t used = 0;
+    for (int round = 0; round < 2; round++) {
+        if (round && used) {
+            x /= (double)used;
+            y /= (double)used;
+        }
+        for (Py_ssize_t p = 0; p < m; p++) {
+            const Py_ssize_t i = pins[p];
+            if (i < 0 || i >= n || isnan(value[2 * i])) continue;
+            if (!round) {
+                x += rest[2 * i];
+                y += rest[2 * i + 1];
+                used++;
+            } else { /* conj(before) after; a common shift of `after` drops out */
+                const double bx = rest[2 * i] - x, by = rest[2 * i + 1] - y;
+                const double ax = bx + value[2 * i], ay = by + value[2 * i + 1];
+                re += bx * ax + by * ay;
+                im += bx * ay - by * ax;
+            }
+        }
+    }
+    result = PyFloat_FromDouble(used < 2 ? NAN : atan2(im, re));
+done:
+    let_go(&a);
+    return result;
+}
+
+static PyObject *slip_sums(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[4];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    Py_ssize_t m;
+    double ridge;
+    if (!PyArg_ParseTuple(args, "OOOOnd:slip_sums", &o[0], &o[1], &o[2], &o[3], &m, &ridge)) return NULL;
+    const double *now = take(&a, o[0], 'd', -1, 0, "now");
+    const Py_ssize_t n = now ? count(&a) / 2 : 0;
+    const double *before = now ? take(&a, o[1], 'd', 2 * n, 0, "before") : NULL;
+    const double *unit = before ? take(&a, o[2], 'd', 2 * n, 0, "unit") : NULL;
+    const int32_t *pins = unit ? take(&a, o[3], 'i', -1, 0, "pins") : NULL;
+    if (!pins) goto done;
+    if (m > count(&a)) m = count(&a);
+    /* Plane by least squares with a faint ridge, for each component of the step. */
+    double g[3][5] = {{0}}, size = 0, left = 0;
+    Py_ssize_t used = 0;
+    for (int round = 0; round < 2; round++) {
+        if (round) {
+            for (int r = 0; r < 3; r++) g[r][r] += ridge;
+            solve_plane(g);
+        }
+        for (Py_ssize_t p = 0; p < m; p++) {
+            const Py_ssize_t i = pins[p];
+            if (i < 0 || i >= n) continue;
+            const double dx = now[2 * i] - before[2 * i], dy = now[2 * i + 1] - before[2 * i + 1];
+            if (isnan(dx)) continue;
+            const double basis[3] = {1, unit[2 * i], unit[2 * i + 1]};
+            if (!round) {
+                for (int r = 0; r < 3; r++) {
+                    for (int c = 0; c < 3; c++) g[r][c] += basis[r] * basis[c];
+                    g[r][3] += basis[r] * dx;
+                    g[r][4] += basis[r] * dy;
+                }
+                size += dx * dx + dy * dy;
+                used++;
+            } else {
+                const double ex = dx - g[0][3] - g[1][3] * basis[1] - g[2][3] * basis[2];
+                const double ey = dy - g[0][4] - g[1][4] * basis[1] - g[2][4] * basis[2];
+                left += ex * ex + ey * ey;
+            }
+        }
+        if (!used) break;
+    }
+    result = Py_BuildValue("(ndd)", used, size, left);
+done:
+    let_go(&a);
+    return result;
+}
+
+static PyMethodDef methods[] = {
+    {"motion", motion, METH_VARARGS, "motion(xy, rest, sigma, seen, out) -> (mean x, mean y, mean sigma, seen)"},
+    {"ring_peak", ring_peak, METH_VARARGS, "ring_peak(value, columns, ring) -> float: highest mean over a ring"},
+    {"typical_size", typical_size, METH_VARARGS, "typical_size(value, scratch) -> float: median of |value|"},
+    {"centred", centred, METH_VARARGS, "centred(motion, scratch, out): less each column's median"},
+    {"modes", modes, METH_VARARGS, "modes(basis, gram, motion, seen, work, out): complex as pairs of float64"},
+    {"heights", heights, METH_VARARGS, "heights(change, near, rows, steps, work, growth, heights, level) -> float"},
+    {"stretch", stretch, METH_VARARGS, "stretch(xy, rest, rows, steps, work, bent, stretch)"},
+    {"contacts", contacts, METH_VARARGS,
+     "contacts(relief, threshold, place, grid, mark, stack, width, rules, growth, rest, pins, out, ridge)"
+     " -> (contacts, points of ridges)"},
+    {"maxima", maxima, METH_VARARGS, "maxima(grid, width, place, mark, stack): 2 in mark is a maximum"},
+    {"contact_pins", contact_pins, METH_VARARGS, "contact_pins(change, least, unit, out) -> int"},
+    {"torsion", torsion, METH_VARARGS, "torsion(rest, motion, pins, n) -> float"},
+    {"slip_sums", slip_sums, METH_VARARGS, "slip_sums(now, before, unit, pins, n, ridge) -> (pins, size, left)"},
+    {NULL, NULL, 0, NULL},
+};
+
+static struct PyModuleDef module = {
+    PyModuleDef_HEAD_INIT, "_features", "The arithmetic of edge.features.", 0, methods, NULL, NULL, NULL, NULL};
+
+PyMODINIT_FUNC PyInit__features(void) { return PyModuleDef_Init(&module); }

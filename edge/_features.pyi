@@ -1,0 +1,70 @@
+import numpy as np
+from numpy.typing import NDArray
+
+from edge.types import Array, Index, Mask
+
+Singles = NDArray[np.float32]
+Shorts = NDArray[np.int16]
+
+def motion(xy: Array, rest: Array, sigma: Array, seen: Mask, out: Array) -> tuple[float, float, float, int]:
+    """Motion since rest into `out`; its mean x and y over the seen pins, their mean sigma, their number."""
+
+def ring_peak(value: Array, columns: int, ring: Index) -> float:
+    """Highest mean over a ring, by length where there are two columns; NaN where nothing is known."""
+
+def typical_size(value: Array, scratch: Array) -> float:
+    """Median of the sizes of the finite values; NaN for none."""
+
+def centred(motion: Array, scratch: Array, out: Array) -> None:
+    """Each column less the median of its finite values."""
+
+def modes(basis: Array, gram: Array, motion: Array, seen: Mask, work: Array, out: Array) -> None:
+    """Least squares over the seen pins; complex numbers as pairs."""
+
+def heights(
+    change: Array,
+    near: Singles,
+    rows: Shorts,
+    steps: Singles,
+    work: Shorts,
+    growth: Singles,
+    heights: Singles,
+    level: float,
+) -> float:
+    """Gaps closed into `growth`, the surface into `heights`; the sum of its compressed part."""
+
+def stretch(
+    xy: Array, rest: Array, rows: Shorts, steps: Singles, work: Shorts, bent: Singles, stretch: Singles
+) -> None:
+    """Divergence of the motion's surface."""
+
+def contacts(
+    relief: Singles,
+    threshold: Singles,
+    place: Index,
+    grid: Singles,
+    mark: Index,
+    stack: Index,
+    width: int,
+    rules: Array,
+    growth: Singles,
+    rest: Array,
+    pins: Array,
+    out: Array,
+    ridge: Array,
+) -> tuple[int, int]:
+    """Contacts into `out`: x, y, peak, area, angle, elongation, points of its ridge; how many, and of points."""
+
+def maxima(grid: Singles, width: int, place: Index, mark: Index, stack: Index) -> None:
+    """Marks maxima with 2."""
+
+def contact_pins(change: Array, least: float, unit: Array, out: Index) -> int:
+    """Rows of the pins in the contact's ellipse into `out`; how many."""
+
+def torsion(rest: Array, motion: Array, pins: Index, n: int) -> float:
+    """Rotation of these pins about their middle."""
+
+def slip_sums(
+    now: Array, before: Array, unit: Array, pins: Index, n: int, ridge: float
+) -> tuple[int, float, float]:
+    """Pins that count, sum of their steps' squares, and what a plane leaves of it."""

@@ -1,0 +1,40 @@
+"""Frames to measure on: simulated, rendered once, the same for all that are compared."""
+
+from __future__ import annotations
+
+from itertools import cycle, islice
+from pathlib import Path
+
+import msgspec
+
+from calib.sim import Camera, Simulator, Tip
+from calib.sim.script import REST_FRAMES, SCENES, play
+from edge.calibration import Calibration, sensor_of
+from edge.pins import take_rest
+from edge.types import Frame
+
+__all__ = ["REST_FRAMES", "back_and_forth", "calibration_of", "scene"]
+
+
+def scene(
+    name: str = "tour", pins: int = 331, size_px: tuple[int, int] = (640, 480), radius_px: float = 0.0
+) -> list[Frame]:
+    """Every frame of a scene of the simulator; the first `REST_FRAMES` show the untouched tip.
+
+    radius_px  of the outermost pins' circle; 0: the tip fills the image
+    """
+    camera = Camera(tip=Tip(n_pins=pins), size_px=size_px, pins_radius_px=radius_px)
+    simulator = Simulator(camera, seed=1, rate_hz=240.0)
+    return [simulator.frame(contacts) for contacts in play(SCENES[name])]
+
+
+def back_and_forth(frames: list[Frame], n: int) -> list[Frame]:
+    """The frames up and down again, without a jump anywhere, until there are n."""
+    return list(islice(cycle(frames + frames[-2:0:-1]), n))
+
+
+def calibration_of(frames: list[Frame]) -> Calibration:
+    """The bundled calibration's models on this tip, whatever its camera. Right in time, not in value."""
+    rest = take_rest([frame.image for frame in frames[:REST_FRAMES]])
+    bundled = Calibration.load(Path(__file__).parents[1] / "data" / "rings331_ball.json")
+    return Calibration(msgspec.structs.replace(bundled.content, sensor=sensor_of(rest, "bench")))

@@ -1,0 +1,208 @@
+"""The process that `paced` and `speed` measure: the running app, and nothing that only a benchmark needs.
+
+    python -m tests.bench.paced_child '{"frames": "frames.npy", "seconds": 60, ...}'
+
+Frames come from a file of images through the paced source, samples leave through a CANopen node onto a
+virtual CAN FD bus, where a listener counts them. One JSON object on stdout at the end; with "every_s" a
+line of progress on stderr that often.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from edge.threads import share_the_processor
+
+share_the_processor()
+
+import numpy as np  # noqa: E402
+
+from edge.app import App  # noqa: E402
+from edge.calibration import Calibration  # noqa: E402
+from edge.device import AppDevice  # noqa: E402
+from edge.node import Node  # noqa: E402
+from edge.sources.paced import Paced  # noqa: E402
+from edge.transport import SinkCounters, open_sink  # noqa: E402
+from edge.types import Clock, Frame  # noqa: E402
+from hostlink.wire import State, unpack_state  # noqa: E402
+
+BUS = "virtual:paced"
+LISTEN_S = 0.05
+
+
+class Images:
+    """Images of a file, in order: the rest frames once at the start, then on and on without them."""
+
+    live = False
+    dropped_n = 0
+    name = "images"
+
+    def __init__(self, images: np.ndarray, rest_n: int, rate_hz: float, frames_max: int) -> None:
+        self.size_px = (images.shape[2], images.shape[1])
+        self.rate_hz = rate_hz
+        self._images = images
+        self._rest_n = rest_n
+        self._frames_max = frames_max
+
+    def __iter__(self) -> Iterator[Frame]:
+        n = len(self._images) - self._rest_n
+        for k in range(self._frames_max):
+            at = k if k < self._rest_n else self._rest_n + (k - self._rest_n) % n
+            yield Frame(self._images[at], round(k * 1e9 / self.rate_hz), k, Clock.HOST)
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+class Meter:
+    """A last sink: how old each sample is when all others have taken it."""
+
+    name = "meter"
+    up = True
+
+    def __init__(self, size: int) -> None:
+        self.age_us = np.zeros(size, dtype=np.float32)
+        self.n = 0
+        self.first_s = 0.0
+        self.cpu_s = 0.0
+
+    @property
+    def counters(self) -> SinkCounters:
+        return SinkCounters(sent=self.n)
+
+    def send(self, state: State) -> bool:
+        if not self.n:
+            self.first_s = time.monotonic()
+            self.cpu_s = time.process_time()
+        if self.n < len(self.age_us):
+            self.age_us[self.n] = time.monotonic_ns() / 1e3 - state.capture_time_us
+        self.n += 1
+        return True
+
+    def drain(self, timeout_s: float) -> bool:
+        return True
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+class Listener:
+    """Everything that arrives on the bus: counted, and looked through for gaps."""
+
+    def __init__(self) -> None:
+        import can
+
+        self._bus = can.Bus(interface="virtual", channel="paced")
+        self._done = threading.Event()
+        self.samples_n = 0
+        self.gaps_n = 0
+        self._last = -1
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._done.wait(LISTEN_S):
+            self._take()
+        self._take()
+
+    def _take(self) -> None:
+        while (message := self._bus.recv(0)) is not None:
+            if not message.is_fd:
+                continue
+            number = unpack_state(bytes(message.data)).sample
+            if self._last >= 0:
+                self.gaps_n += (number - self._last - 1) % 65536
+            self._last = number
+            self.samples_n += 1
+
+    def close(self) -> None:
+        self._done.set()
+        self._thread.join()
+        self._bus.shutdown()
+
+
+def weight() -> dict[str, float]:
+    """Resident memory of this process, MB, and what it is made of."""
+    out = {}
+    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+        name, _, rest = line.partition(":")
+        if name in ("VmRSS", "VmHWM", "RssAnon", "RssFile"):
+            out[name] = int(rest.split()[0]) / 1024
+    return out
+
+
+def main(options: dict[str, Any]) -> dict[str, Any]:
+    """Run, and say what was measured."""
+    rate_hz, seconds = float(options.get("rate_hz", 240.0)), float(options["seconds"])
+    images = np.load(options["frames"])
+    n = round(seconds * rate_hz) + options["rest_n"]
+    source = Paced(Images(images, options["rest_n"], rate_hz, n), rate_hz)
+    app = App(source, [], Calibration.load(options["calibration"]))
+    listener = Listener()
+    sink = open_sink(BUS)
+    node = Node(sink, AppDevice(app, "bench"))
+    meter = Meter(n)
+    app.sinks += [node, meter]
+    weights: list[float] = []
+    done = threading.Event()
+
+    def watch() -> None:
+        every_s = float(options.get("every_s", 5.0))
+        while not done.wait(every_s):
+            weights.append(weight()["VmRSS"])
+            if "every_s" in options:
+                recent = meter.age_us[max(0, meter.n - round(every_s * rate_hz)) : meter.n]
+                p50, p99 = np.percentile(recent, (50, 99)) if len(recent) else (0.0, 0.0)
+                line = f"{meter.n} frames, {weights[-1]:.1f} MB, p50 {p50:.0f} us, p99 {p99:.0f} us"
+                print(line, file=sys.stderr, flush=True)
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    statistics = app.run()
+    ended_s, cpu_s = time.monotonic(), time.process_time()
+    done.set()
+    watcher.join()
+    heavy = weight()
+    node.close()
+    listener.close()
+    age_us = meter.age_us[options["rest_n"] + 1 : meter.n]
+    p50, p99, p999 = np.percentile(age_us, (50, 99, 99.9))
+    return {
+        "seconds": ended_s - meter.first_s,
+        "frames_offered": source.received_n,
+        "frames_dropped": statistics.dropped_n,
+        "frames_accepted": statistics.frames_n,
+        "samples_sent": node.counters.sent,
+        "samples_refused": node.counters.dropped,
+        "samples_received": listener.samples_n,
+        "gaps": listener.gaps_n,
+        "searched": statistics.searched_n,
+        "unsure": statistics.unsure_n,
+        "pins": statistics.pins_n,
+        "p50_us": float(p50),
+        "p99_us": float(p99),
+        "p999_us": float(p999),
+        "max_us": float(age_us.max()),
+        "over_2ms": int(np.count_nonzero(age_us > 2000)),
+        "over_3ms": int(np.count_nonzero(age_us > 3000)),
+        "compute_us": list(statistics.compute_us),
+        "cpu_share": (cpu_s - meter.cpu_s) / (ended_s - meter.first_s),
+        "startup_s": meter.first_s - options["started_s"],
+        "rss_mb": heavy["VmRSS"],
+        "rss": heavy,
+        "rss_over_time_mb": weights,
+        "frames_mb": images.nbytes / 2**20,
+        "modules_n": len(sys.modules),
+        "statistics": asdict(statistics),
+    }
+
+
+if __name__ == "__main__":
+    print(json.dumps(main(json.loads(sys.argv[1]))))

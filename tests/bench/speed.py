@@ -1,0 +1,324 @@
+"""Time per frame, stage by stage: against the paper's method as it reads, and against the floor.
+
+    python -m tests.bench            tables, and plots into tests/bench/results
+    python -m tests.bench --json     one JSON object on stdout, nothing else
+    python -m tests.bench --quick    without the growth with pins and pixels
+
+Rules
+- Pipeline and reference see the same frames in one process on one thread, in turn: eight frames the one,
+  the same eight the other. So both meet the same load of the machine, and the pipeline meets a cache that
+  the reference has used, as a camera's frame finds it. The ratio is that of the medians.
+- A frame is everything from image to calibrated values, all features; packing is a stage of its own.
+- The floor: one pass, by OpenCV's vectorised sum, over as many bytes as the pins' windows have, packed.
+- Allocations are what `tracemalloc` sees of one frame's Python and NumPy objects, at their peak; and what
+  is left after many frames, which is growth.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import time
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+import cv2
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from edge.calibration import Calibration
+from edge.pack import to_state
+from edge.pipeline import ALL, Pipeline, Result, tare
+from edge.types import Feature, Frame
+from hostlink.wire import Status, pack_state
+from tests.bench.frames import REST_FRAMES, back_and_forth, calibration_of, scene
+from tests.bench.paced import run_app
+from tests.bench.reference import Reference
+
+__all__ = ["command"]
+
+HERE = Path(__file__).parent
+RESULTS = HERE / "results"
+BLOCK = 8  # frames in turn
+WARM = 24  # frames before anything is counted
+PINS = (61, 127, 331, 1000)
+SIZES = ((320, 240), (480, 360), (640, 480), (800, 600), (1280, 800))
+NARROW = 0.38 * 240  # px, a tip that fits the smallest image
+#: What people ask for: nothing touching, a grasp controller, everything.
+GRASP = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
+
+Series = dict[str, list[float]]
+
+
+def spread(us: list[float]) -> dict[str, float]:
+    """Median and tails, microseconds."""
+    p50, p99, p999 = np.percentile(us, (50, 99, 99.9))
+    return {"p50_us": float(p50), "p99_us": float(p99), "p999_us": float(p999), "n": len(us)}
+
+
+def timed(into: list[float], work: Callable[..., Any], *given: Any, **named: Any) -> Any:
+    """The work's answer; its time is appended, microseconds."""
+    begun = time.perf_counter_ns()
+    answer = work(*given, **named)
+    into.append((time.perf_counter_ns() - begun) / 1e3)
+    return answer
+
+
+def started(
+    frames: list[Frame], calibration: Calibration | None = None, demand: frozenset[Feature] = ALL
+) -> Pipeline:
+    """A pipeline that has taken its rest frame and tracks."""
+    rest = tare([frame.image for frame in frames[:REST_FRAMES]], np.inf, calibration)
+    pipeline = Pipeline(rest, calibration, demand)
+    for frame in frames:
+        pipeline.process(frame)
+    return pipeline
+
+
+def back_again(frames: list[Frame]) -> list[Frame]:
+    """From the last frame back to the first that counts, and to the last again: no jump anywhere."""
+    return frames[-2 : WARM - 1 : -1] + frames[WARM + 1 :]
+
+
+def pair(frames: list[Frame], calibration: Calibration) -> tuple[Series, Pipeline]:
+    """Pipeline and reference in turn on the same frames."""
+    pipeline = started(frames[:WARM], calibration)
+    reference = Reference(frames[0].image, pipeline.rest.pattern.pin_radius_px)
+    for frame in frames[:WARM]:
+        reference.step(frame.image)
+    times: Series = {"pipeline": [], "reference": []}
+    for at in range(WARM, len(frames), BLOCK):
+        block = frames[at : at + BLOCK]
+        for frame in block:
+            result = timed(times["pipeline"], pipeline.process, frame)
+            assert not result.searched, "the benchmark is to measure tracking"
+        for frame in block:
+            timed(times["reference"], reference.step, frame.image)
+    return times, pipeline
+
+
+def stages(frames: list[Frame], pipeline: Pipeline, rounds: int) -> Series:
+    """Each stage of the pipeline's own objects, called as it calls them."""
+    times: Series = {
+        name: [] for name in ("pins", "track", "tessellate", "features", "calibrate", "pack", "floor")
+    }
+    stacked = _windows(pipeline, frames[-1])
+    for _ in range(rounds):
+        for frame in back_again(frames):
+            place = pipeline.tracker.predict()
+            assert place is not None, "the benchmark is to measure tracking"
+            pins = timed(times["pins"], pipeline._refiner.refine, frame.image, place)
+            tracks = timed(times["track"], pipeline.tracker.follow, pins)
+            cells = timed(times["tessellate"], pipeline._tessellator.cells, tracks)
+            extract, apply = pipeline._extractor.extract, pipeline.calibration and pipeline.calibration.apply
+            features = timed(times["features"], extract, tracks, cells, pipeline.demand)
+            if apply is not None:
+                reading = timed(times["calibrate"], apply, features, pipeline.rest.pattern)
+                timed(times["pack"], packed, Result(frame, tracks, cells, features, reading, False))
+            timed(times["floor"], cv2.sumElems, stacked)
+    return {name: series for name, series in times.items() if series}
+
+
+def packed(result: Result) -> bytes:
+    """As it goes onto the bus."""
+    return pack_state(to_state(result, sample=1, status=Status(0), capture_time_us=1), 1)
+
+
+def _windows(pipeline: Pipeline, frame: Frame) -> np.ndarray:
+    """The pixels of all pins' windows, one after another."""
+    refiner, rest = pipeline._refiner, pipeline.rest
+    cut = []
+    for (x, y), kind in zip(np.rint(rest.xy_img).astype(int), refiner._kind_of, strict=True):
+        half = int(refiner._kinds[kind, 0])
+        window = frame.image[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1]
+        cut.append(window.ravel())
+    return np.ascontiguousarray(np.concatenate(cut))[None, :]
+
+
+def whole(frames: list[Frame], pipeline: Pipeline, rounds: int) -> list[float]:
+    """Frame after frame with the garbage collector as the app has it."""
+    us: list[float] = []
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        for _ in range(rounds):
+            for frame in back_again(frames):
+                timed(us, pipeline.process, frame)
+    finally:
+        gc.enable()
+        gc.unfreeze()
+    return us
+
+
+def demands(frames: list[Frame], calibration: Calibration, rounds: int) -> Series:
+    """Only what the scene needs: frames by what touches and what is asked for."""
+    lead = frames[: REST_FRAMES + 8]  # down to where the contact is well developed
+    touching = lead + back_and_forth(frames[len(lead) :], 3 * WARM)
+    nothing = back_and_forth(frames[:REST_FRAMES], len(touching))
+    out: Series = {}
+    for name, run, demand in (
+        ("nothing touches, all but the surface", nothing, ALL - {Feature.SURFACE}),
+        ("contact, displacement and shear", touching, GRASP),
+        ("contact, all but the surface", touching, ALL - {Feature.SURFACE}),
+        ("contact, all (a viewer watches)", touching, ALL),
+    ):
+        pipeline = started(run, calibration, demand)
+        out[name] = whole(run, pipeline, rounds)
+    return out
+
+
+def allocations(frames: list[Frame], pipeline: Pipeline) -> dict[str, float]:
+    """Peak of one frame, and what stays after many."""
+    run = back_again(frames)
+    tracemalloc.start()
+    try:
+        for frame in run:
+            pipeline.process(frame)
+        before = tracemalloc.get_traced_memory()[0]
+        peaks = []
+        for frame in run:
+            base = tracemalloc.get_traced_memory()[0]
+            tracemalloc.reset_peak()
+            pipeline.process(frame)
+            peaks.append(tracemalloc.get_traced_memory()[1] - base)
+        after = tracemalloc.get_traced_memory()[0]
+        result = pipeline.process(frames[-1])
+        blocks = sum(s.count for s in tracemalloc.take_snapshot().statistics("filename")) if result else 0
+    finally:
+        tracemalloc.stop()
+    return {
+        "peak_kb": float(np.median(peaks)) / 1024,
+        "growth_bytes_per_frame": (after - before) / len(run),
+        "blocks_held": float(blocks),
+    }
+
+
+def growth(rounds: int) -> dict[str, list[dict[str, Any]]]:
+    """Time per frame over pins, and over pixels with the tip kept as it is and with the tip grown."""
+    cases: dict[str, list[tuple[str, int, tuple[int, int], float]]] = {
+        "pins": [("pins", n, (640, 480), 0.0) for n in PINS],
+        "pixels, same tip": [("size", 331, size, NARROW) for size in SIZES],
+        "pixels, tip fills the image": [("size", 331, size, 0.0) for size in SIZES],
+    }
+    out: dict[str, list[dict[str, Any]]] = {}
+    for name, rows in cases.items():
+        out[name] = []
+        for _, pins, size, radius in rows:
+            frames = back_and_forth(scene("press", pins, size, radius)[REST_FRAMES:], 3 * WARM)
+            rest = scene("nothing", pins, size, radius)[:REST_FRAMES]
+            pipeline = started(rest + frames)
+            times = stages(rest + frames, pipeline, rounds)
+            out[name].append(
+                {
+                    "pins": pins,
+                    "pins_found": len(pipeline.rest),
+                    "size_px": list(size),
+                    "whole_us": float(np.sum([np.median(times[s]) for s in times if s != "floor"])),
+                    **{f"{stage}_us": float(np.median(series)) for stage, series in times.items()},
+                }
+            )
+    return out
+
+
+def plot(grown: dict[str, list[dict[str, Any]]], folder: Path) -> list[Path]:
+    """Growth as pictures."""
+    from tests.bench.plots import growth_plots
+
+    return growth_plots(grown, folder)
+
+
+def measure(quick: bool) -> dict[str, Any]:
+    """Everything, as it goes into the JSON."""
+    cv2.setNumThreads(1)
+    frames = scene("press-shear" if quick else "tour")
+    calibration = calibration_of(frames)
+    times, pipeline = pair(frames, calibration)
+    rounds = 1 if quick else 5
+    by_stage = stages(frames, pipeline, rounds)
+    alone = whole(frames, pipeline, rounds)
+    by_demand = demands(scene("press"), calibration, 4 * rounds)
+    frame_us, reference_us = (float(np.median(times[who])) for who in ("pipeline", "reference"))
+    demand_us = {name: spread(us) for name, us in by_demand.items()}
+    free, full = (demand_us[n]["p50_us"] for n in list(demand_us)[::2])
+    running = run_app(2.0 if quick else 5.0)
+    report: dict[str, Any] = {
+        "ratio_331": reference_us / frame_us,
+        "frame_us_331": frame_us,
+        "reference_us_331": reference_us,
+        "p999_us_331": spread(alone)["p999_us"],
+        "rss_mb": running["rss_mb"],
+        "startup_s": running["startup_s"],
+        "no_contact_share": free / full,
+        "pins_over_floor": float(np.median(by_stage["pins"]) / np.median(by_stage["floor"])),
+        "load": os.getloadavg()[0],
+        "paired": {who: spread(us) for who, us in times.items()},
+        "alone": spread(alone),
+        "stages": {name: spread(us) for name, us in by_stage.items()},
+        "demands": demand_us,
+        "allocations": allocations(frames, pipeline),
+        "running": running,
+    }
+    if not quick:
+        report["growth"] = growth(2)
+    return report
+
+
+def show(report: dict[str, Any]) -> None:
+    """The report as tables."""
+    console = Console()
+    table = Table("331 pins, 640x480", "median us", "p99", "p99.9", "frames")
+    rows = {
+        "whole frame, in turn with the reference": report["paired"]["pipeline"],
+        "reference": report["paired"]["reference"],
+        "whole frame, alone": report["alone"],
+        **{f"  {name}": row for name, row in report["stages"].items()},
+        **report["demands"],
+    }
+    for name, row in rows.items():
+        table.add_row(name, *(f"{row[key]:,.0f}" for key in ("p50_us", "p99_us", "p999_us", "n")))
+    console.print(table)
+    memory = report["allocations"]
+    for name, value in (
+        ("faster than the reference", f"{report['ratio_331']:.0f} times"),
+        ("window centroids over the floor", f"{report['pins_over_floor']:.1f} times"),
+        ("frame without contact over full one", f"{report['no_contact_share']:.0%}"),
+        ("memory of the running app", f"{report['rss_mb']:.0f} MB"),
+        ("start to first sample", f"{report['startup_s']:.2f} s"),
+        ("allocated at the peak of a frame", f"{memory['peak_kb']:.0f} kB"),
+        ("left over by a frame", f"{memory['growth_bytes_per_frame']:.1f} bytes"),
+        ("load of the machine", f"{report['load']:.1f}"),
+    ):
+        console.print(f"{name:38s} {value}")
+    for name, grown in report.get("growth", {}).items():
+        table = Table(f"growth with {name}", "size", "whole us", "pins", "track", "tessellate", "features")
+        for row in grown:
+            cells = (f"{row[f'{s}_us']:,.0f}" for s in ("whole", "pins", "track", "tessellate", "features"))
+            table.add_row(str(row["pins_found"]), "x".join(map(str, row["size_px"])), *cells)
+        console.print(table)
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@click.option("--quick", is_flag=True, help="Fewer frames, no growth.")
+@click.option("--out", type=click.Path(path_type=Path), default=RESULTS, help="Folder of the plots.")
+def command(as_json: bool, quick: bool, out: Path) -> None:
+    """Time per frame and stage, against the reference and the floor."""
+    report = measure(quick)
+    if "growth" in report:
+        out.mkdir(parents=True, exist_ok=True)
+        plot(report["growth"], out)
+        (out / "speed.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    if as_json:
+        click.echo(json.dumps(report))
+    else:
+        show(report)
+
+
+if __name__ == "__main__":
+    command()
