@@ -55,7 +55,6 @@ T = TypeVar("T")
 
 TARE_FRAMES = 8
 STEADY_PX = 0.5  # largest motion of the pins while the rest frame is taken
-CLOSER_SHARE = 0.95  # below this share of pins the image is looked at more closely
 DRAIN_S = 1.0  # how long a recording waits for a link that takes nothing
 LATENCIES = 1 << 14  # frames that the latency statistics look back on: 68 s at 240 frames/s
 PINS_KEPT_SHARE = 0.9  # a new rest frame with fewer pins than this share of the old one's is implausible
@@ -492,7 +491,7 @@ class App:
         self.health.report(FaultCode.TRACKER_LOST, unsure, "pins cannot be told apart")
         missing = self._pins.missing(tracks)
         self.health.report(FaultCode.PINS_LOST, bool(missing), missing)
-        if unsure or tracks.n_seen < CLOSER_SHARE * len(tracks.seen):
+        if unsure or self._pins.odd(tracks):
             self._judge.look_closer(frame)
             self.health.report(FaultCode.IMAGE_BLURRED, bool(self._judge.blurred), self._judge.blurred)
         if unsure or missing or Status.CAMERA_FAULT in self.health.status:

@@ -30,12 +30,16 @@ FLAT = 0.25  # contrast over level: a lens this far out of focus leaves no edges
 WINDOWS = 32
 #: Pins: below this share of them, or with more than this share of them in holes (lost, and all their
 #: neighbours too), values are not to be trusted: in a hole the polynomial of the motion has nothing to go by.
-#: Noise over an eighth of the image: shear wrong by up to 0.12 mm below it, 0.8 mm at 0.05, 2.8 mm at 0.2.
-SEEN_SHARE, HOLE_SHARE = 0.5, 0.02
+#: Noise over an eighth of the image: shear wrong by up to 0.12 mm at 0.02, 0.8 mm at 0.05, 2.8 mm at 0.2; and
+#: a hole over a contact hides it. Good stills of the 331-pin tip show 0.99 of the pins and no hole.
+SEEN_SHARE, HOLE_SHARE = 0.8, 0.01
 NEIGHBOURS = 6
 #: Motion of 5 % of the pins, in pitches, that no skin stands: identities are wrong. The published range of
 #: the 331-pin tip ends at 1.3; a pattern taken for itself, turned by one step of its symmetry, begins at 6.
 FAR_PITCHES, FAR_SHARE = 3.0, 0.05
+#: Pins seen with this much more noise than usual, or fewer than this share of them: look at the focus at once.
+NOISIER, FEWER = 1.3, 0.95
+USUAL_FRAMES = 64
 PERIOD_NS = 40_000_000  # of the judgement of focus, which costs 0.1 ms: a quarter of a percent of one core
 
 
@@ -128,6 +132,7 @@ class PinsJudge:
     def __init__(self, rest: Rest) -> None:
         k = min(NEIGHBOURS + 1, len(rest))
         self._rest_img = rest.xy_img
+        self._usual_px = float(np.nanmean(rest.pins.sigma_px))
         self._near = cKDTree(rest.xy_img).query(rest.xy_img, k=k)[1]
         self._far_px2 = (FAR_PITCHES * rest.pattern.pitch_px) ** 2
 
@@ -140,6 +145,16 @@ class PinsJudge:
         if tracks.n_seen < SEEN_SHARE * n or hole_n > HOLE_SHARE * n:
             return f"{tracks.n_seen} of {n} pins are seen, {hole_n} within holes of the pattern"
         return ""
+
+    def odd(self, tracks: Tracks) -> bool:
+        """Whether the image deserves a closer look: pins missing, or seen with more noise than usual."""
+        if tracks.n_seen < FEWER * len(tracks.seen):
+            return True
+        noise_px = float(tracks.sigma_px[tracks.seen].mean())
+        if noise_px > NOISIER * self._usual_px:
+            return True
+        self._usual_px += (noise_px - self._usual_px) / USUAL_FRAMES
+        return False
 
     def impossible(self, tracks: Tracks) -> bool:
         """Whether pins would have moved further than any skin does."""
