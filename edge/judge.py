@@ -37,7 +37,7 @@ NEIGHBOURS = 6
 #: Motion of 5 % of the pins, in pitches, that no skin stands: identities are wrong. The published range of
 #: the 331-pin tip ends at 1.3; a pattern taken for itself, turned by one step of its symmetry, begins at 6.
 FAR_PITCHES, FAR_SHARE = 3.0, 0.05
-#: Pins seen with this much more noise than usual, or fewer than this share of them: look at the focus at once.
+#: Pins seen with this much more noise than usual, or fewer than this share of them: look at the focus now.
 NOISIER, FEWER = 1.3, 0.95
 USUAL_FRAMES = 64
 PERIOD_NS = 40_000_000  # of the judgement of focus, which costs 0.1 ms: a quarter of a percent of one core
@@ -151,10 +151,9 @@ class PinsJudge:
         if tracks.n_seen < FEWER * len(tracks.seen):
             return True
         noise_px = float(tracks.sigma_px[tracks.seen].mean())
-        if noise_px > NOISIER * self._usual_px:
-            return True
+        odd = noise_px > NOISIER * self._usual_px
         self._usual_px += (noise_px - self._usual_px) / USUAL_FRAMES
-        return False
+        return odd
 
     def impossible(self, tracks: Tracks) -> bool:
         """Whether pins would have moved further than any skin does."""
