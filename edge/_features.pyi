@@ -53,7 +53,7 @@ def contacts(
     out: Array,
     ridge: Array,
 ) -> tuple[int, int]:
-    """Contacts into `out`: x, y, peak, area, angle, elongation, points of its ridge; how many, and of points."""
+    """Contacts into `out`: x, y, peak, area, angle, elongation, ridge points; their number, and all points."""
 
 def maxima(grid: Singles, width: int, place: Index, mark: Index, stack: Index) -> None:
     """Marks maxima with 2."""

@@ -38,8 +38,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from edge import _moments
 from edge.errors import CalibrationError
-from edge.types import Array, Complex, ContactRegion, Features, Mask, PinPattern, Pins, Reading, Rest
+from edge.types import Array, Complex, ContactRegion, Features, PinPattern, Pins, Reading, Rest
 
 FORMAT = "voronoi-touch-calibration"
 VERSION = 1
@@ -48,6 +49,7 @@ MODES = tuple(f"c{a}{d - a}" for d in range(6) for a in range(d, -1, -1))  # as 
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Point = tuple[float, float]
+Row = tuple[float, ...]
 
 #: Value names a model may have as output, and what an untouched tip reads.
 UNTOUCHED: dict[str, float] = {
@@ -177,13 +179,13 @@ class _Curve:
         if np.any(slopes < 0) and np.any(slopes > 0):
             raise CalibrationError(f"{where}.knots: outputs must rise or fall all the way (monotone)")
         self._x, self._y = knots[:, 0].copy(), knots[:, 1].copy()
-        self.sigma = np.array([model.sigma])
+        self.sigma = (float(model.sigma),)
 
-    def run(self, z: Complex) -> tuple[Array, Array, Mask]:
+    def run(self, z: Complex) -> tuple[Row, Row, tuple[bool, ...]]:
         """Value, sigma, and whether the input lies outside of the calibrated range."""
         x = float(z[self._column].real)
-        outside = np.array([not self._x[0] <= x <= self._x[-1]])
-        return np.interp([x], self._x, self._y), self.sigma, outside
+        outside = not self._x[0] <= x <= self._x[-1]
+        return (float(np.interp(x, self._x, self._y)),), self.sigma, (outside,)
 
 
 class _Moments:
@@ -194,8 +196,8 @@ class _Moments:
         n_out, n_terms = len(model.outputs), len(model.terms)
         if n_out not in (1, 2):
             raise CalibrationError(f"{where}.outputs: one name, or two for x and y")
-        self._terms = term_columns(model.terms, inputs, where)
-        self._weights = _complex_rows([model.weights], n_terms, f"{where}.weights")[0]
+        self._terms = term_columns(model.terms, inputs, where).astype(np.int32)
+        self._weights = _complex_rows([model.weights], n_terms, f"{where}.weights").view(np.float64)
         valid = np.array(model.valid, dtype=np.float64).reshape(-1, 2)
         if len(valid) != n_out or not np.all(valid[:, 0] <= valid[:, 1]):
             raise CalibrationError(
@@ -203,21 +205,20 @@ class _Moments:
             )
         if len(model.sigma) != n_out:
             raise CalibrationError(f"{where}.sigma: one for each of {n_out} outputs is needed")
-        self._low, self._high = valid.T.copy()
-        self.sigma = np.array(model.sigma)
-        self._spread = _complex_rows(model.spread, n_terms, f"{where}.spread") if model.spread else None
+        self._valid = [(float(low), float(high)) for low, high in valid]
+        self.sigma = tuple(map(float, model.sigma))
+        self._spread = _complex_rows(model.spread, n_terms, f"{where}.spread").view(np.float64)
+        self._scratch = np.empty(2 * n_terms)
 
-    def run(self, z: Complex) -> tuple[Array, Array, Mask]:
+    def run(self, z: Complex) -> tuple[Row, Row, tuple[bool, ...]]:
         """Values, sigmas, and whether each lies outside of the calibrated range."""
-        psi = evaluate_terms(z[None, :], self._terms)[0]
-        y = self._weights @ psi
-        values = np.array([y.real, y.imag])[: len(self.outputs)]
-        sigma = self.sigma
-        if self._spread is not None:
-            away = self._spread @ psi
-            sigma = sigma * math.sqrt(1.0 + float(np.vdot(away, away).real))
-        outside = (values < self._low) | (values > self._high)
-        return np.clip(values, self._low, self._high), sigma, outside
+        *values, away = _moments.run(
+            z.view(np.float64), self._terms, self._weights, self._spread, self._scratch
+        )
+        widened = math.sqrt(1.0 + away)
+        within = tuple(min(max(y, low), high) for y, (low, high) in zip(values, self._valid, strict=False))
+        outside = tuple(y < low or y > high for y, (low, high) in zip(values, self._valid, strict=False))
+        return within, tuple(s * widened for s in self.sigma), outside
 
 
 def term_columns(terms: list[list[str]], inputs: Sequence[str], where: str) -> NDArray[np.intp]:
@@ -341,7 +342,7 @@ class Calibration:
         else:
             for model in self._frame:
                 for name, spread in zip(model.outputs, model.sigma, strict=True):
-                    values[name], sigmas[name] = UNTOUCHED[name], float(spread)
+                    values[name], sigmas[name] = UNTOUCHED[name], spread
         self._derive(features, values, sigmas, interval_s)
         contacts = self._places(features, pattern)
         return Reading(values, sigmas, contacts, frozenset(saturated), calibrated=True)
@@ -350,8 +351,7 @@ class Calibration:
         """Name, value, sigma and whether out of range, of every output, from `frame_inputs`."""
         for model in self._frame:
             y, sigma, outside = model.run(z)
-            for name, value, spread, over in zip(model.outputs, y, sigma, outside, strict=True):
-                yield name, float(value), float(spread), bool(over)
+            yield from zip(model.outputs, y, sigma, outside, strict=True)
 
     def _derive(
         self,
@@ -398,8 +398,7 @@ class Calibration:
         """Name, value and sigma of every output of one contact, from `contact_inputs`."""
         for model in self._contact:
             y, sigma, _ = model.run(z)
-            for name, value, spread in zip(model.outputs, y, sigma, strict=True):
-                yield name, float(value), float(spread)
+            yield from zip(model.outputs, y, sigma, strict=True)
 
 
 def uncalibrated(features: Features | None = None) -> Reading:

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from edge import _track
 from edge.track.field import Lattice
 from edge.track.identity import Identifier
 from edge.types import Array, Mask, Pins, Rest, Tracks
@@ -50,6 +51,19 @@ class Tracker:
         """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
         self._rest_xy = rest.xy_img
         self._lattice = Lattice(rest.xy_img, rest.pattern.pitch_px)
+        mean = self._lattice.mean
+        self._tip = (
+            np.ascontiguousarray(rest.xy_img),
+            self._lattice.step_px,
+            mean.indptr.astype(np.int32),
+            mean.indices.astype(np.int32),
+            mean.data,
+            self._lattice.close.astype(np.int32),
+            self._lattice.pair.astype(np.int32),
+            self._lattice.apart_px,
+            np.array([ODD_MOTION, ODD_CHANGE, ODD_RETURN, BESIDE_SHARE]),
+        )
+        self._scratch = np.empty(5 * len(rest))
         self._identifier = Identifier(rest, self._lattice)
         self.forget()
 
@@ -76,23 +90,29 @@ class Tracker:
         pins  row i is pin i; NaN where nothing was found
         Low confidence: too few pins, or all of them too far off; identify the whole frame then.
         """
-        predicted = self._xy + self._velocity
-        found = np.isfinite(pins.xy_img[:, 0])
-        motion = pins.xy_img - self._rest_xy
-        seen, common = self._judge(motion, predicted - self._rest_xy, found)
-        bend = motion - common
-        seen = self._keep_apart(pins.xy_img, bend - self._bend, seen)
-        hidden = ~seen
-        now = pins.xy_img.copy()
-        now[hidden] = (self._rest_xy + common)[hidden]
-        bend[hidden] = 0.0
-        share = float(np.count_nonzero(seen)) / len(seen)
-        sure = self._continuity(now, share)
+        n = len(self._rest_xy)
+        now, bend, xy = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2))
+        sigma, seen = np.empty(n), np.empty(n, dtype=np.bool_)
+        n_seen, jump = _track.follow(
+            (
+                np.ascontiguousarray(pins.xy_img),
+                np.ascontiguousarray(pins.sigma_px),
+                self._xy,
+                self._velocity,
+                self._bend,
+                self._seen,
+            ),
+            self._tip,
+            self._scratch,
+            (now, bend, seen, xy, sigma),
+        )
+        share = n_seen / n
+        sure = _sure(jump, share)
         self._since_search += 1
         unusual = share < USUAL_SHARE * self._usual
         unusual |= share < FULL_SHARE * self._best and self._since_search >= SEARCH_FRAMES
         self._usual += (share - self._usual) / USUAL_FRAMES
-        tracks = _tracks(now, pins.sigma_px, seen, sure)
+        tracks = Tracks(xy, sigma, seen, sure)
         if unusual or sure < Tracks.LOW_CONFIDENCE:
             self._held = False
             self._fallback = (tracks, now, bend) if sure >= Tracks.LOW_CONFIDENCE else None
@@ -143,44 +163,16 @@ class Tracker:
         surprise = now - self._xy - self._velocity
         square = (surprise[:, 0] ** 2 + surprise[:, 1] ** 2) / self._lattice.step_px**2
         middle = len(square) // 2
-        jump = float(np.sqrt(np.partition(square, middle)[middle]))
-        return min(1.0, share / (2 * HELD_SHARE), max(0.0, 1 - jump / (2 * JUMP)))
+        return _sure(float(np.sqrt(np.partition(square, middle)[middle])), share)
 
-    def _judge(self, motion: Array, predicted: Array, found: Mask) -> tuple[Mask, Array]:
-        """Which found pins are believed, and the motion (n, 2) that the neighbours expect of each."""
-        # A lost pin comes back beside pins that were seen: a lost region heals from its edge inwards.
-        limit = ODD_CHANGE * self._lattice.step_px
-        lost = np.flatnonzero(~self._seen)
-        if len(lost):
-            beside = self._seen[self._lattice.close[lost]].mean(1) >= BESIDE_SHARE
-            limit[lost] = ODD_RETURN * beside * self._lattice.step_px[lost]
-        seen, common = found, predicted
-        for _ in range(2):  # the second round without those that the first one threw out
-            # A lost pin moves as its neighbours, which may be lost pins that move as theirs.
-            for _ in range(1 if seen.all() else 2):
-                common = self._lattice.mean @ np.where(seen[:, None], motion, common)
-            bend = motion - common
-            change = bend - self._bend
-            good = change[:, 0] ** 2 + change[:, 1] ** 2 < limit**2
-            good &= bend[:, 0] ** 2 + bend[:, 1] ** 2 < (ODD_MOTION * self._lattice.step_px) ** 2
-            before, seen = seen, found & good
-            if np.array_equal(seen, before):
-                break
-        return seen, common
 
-    def _keep_apart(self, xy: Array, off: Array, seen: Mask) -> Mask:
-        """Of two tracks that came too near to each other, the one that surprised more is lost."""
-        first, second = self._lattice.pair.T
-        x, y = xy[:, 0], xy[:, 1]
-        clash = (x[first] - x[second]) ** 2 + (y[first] - y[second]) ** 2 < self._lattice.apart_px**2
-        clash &= seen[first] & seen[second]  # NaN, not found, compares as False
-        if not clash.any():
-            return seen
-        first, second = first[clash], second[clash]
-        surprise = (off**2).sum(1)
-        kept = seen.copy()
-        kept[np.where(surprise[first] > surprise[second], first, second)] = False
-        return kept
+def _sure(jump: float, share: float) -> float:
+    """How sure the identities are.
+
+    jump   median over the pins of what was not expected of their motion, in steps to the next pin
+    share  of the pins that were seen
+    """
+    return min(1.0, share / (2 * HELD_SHARE), max(0.0, 1 - jump / (2 * JUMP)))
 
 
 def _tracks(now: Array, sigma_px: Array, seen: Mask, confidence: float) -> Tracks:
