@@ -1,0 +1,187 @@
+#!/bin/sh
+# Installs voronoi-touch as a service, for Debian 12 and later and Raspberry Pi OS, arm64 and amd64.
+#
+#   sudo deploy/install.sh                       install, or upgrade; may be run again and again
+#   sudo deploy/install.sh --finger index        ... and set up the finger "index" as node 1
+#   sudo deploy/install.sh --rollback            back to the release before
+#   sudo deploy/install.sh --uninstall           remove the software; settings and calibrations stay
+#   sudo deploy/install.sh --uninstall --purge   ... and those too
+#
+# Where things go
+#   /opt/voronoi-touch/releases/TIME   one virtual environment a release; the last two are kept
+#   /opt/voronoi-touch/current         the release in use; switching it is the upgrade, and the way back
+#   /etc/voronoi-touch/FINGER.toml     configuration; never overwritten
+#   /var/lib/voronoi-touch/FINGER      settings and uploaded calibration; no installation touches it
+#
+# Options
+#   --wheels DIR     install from wheels in DIR without network (pip download -d DIR 'voronoi-touch[edge]')
+#   --extras LIST    default edge; edge,oak for OAK modules; edge,view for the live page
+#   --node N         CANopen node of --finger, default 1
+#   --no-start       do not enable and start anything
+#   --root DIR       install below DIR (an image of a board); user, services and modules are then left alone
+set -eu
+
+here=$(cd "$(dirname "$0")" && pwd)
+action=install finger='' node=1 wheels='' extras=edge start=1 purge=0 root=''
+
+fail() {
+    echo "install: $*" >&2
+    exit 2
+}
+say() { echo "install: $*"; }
+
+while [ $# -gt 0 ]; do
+    case $1 in
+    --uninstall) action=uninstall ;;
+    --rollback) action=rollback ;;
+    --upgrade) action=install ;;
+    --purge) purge=1 ;;
+    --no-start) start=0 ;;
+    --finger | --node | --wheels | --extras | --root)
+        [ $# -ge 2 ] || fail "$1 needs a value"
+        case $1 in
+        --finger) finger=$2 ;;
+        --node) node=$2 ;;
+        --wheels) wheels=$(cd "$2" && pwd) || fail "$2: no such folder" ;;
+        --extras) extras=$2 ;;
+        --root) root=$(cd "$2" && pwd) || fail "$2: no such folder" ;;
+        esac
+        shift
+        ;;
+    -h | --help)
+        sed -n '2,/^set -eu/s/^# \{0,1\}//p' "$0"
+        exit 0
+        ;;
+    *) fail "unknown option $1; see --help" ;;
+    esac
+    shift
+done
+
+case $finger in *[!a-z0-9_-]*) fail "--finger $finger: use a-z, 0-9, - and _" ;; esac
+case $node in '' | *[!0-9]*) fail "--node $node: a number from 1 to 127" ;; esac
+if [ "$node" -lt 1 ] || [ "$node" -gt 127 ]; then fail "--node $node: a number from 1 to 127"; fi
+
+opt=/opt/voronoi-touch
+etc=$root/etc/voronoi-touch
+state=$root/var/lib/voronoi-touch
+units=$root/etc/systemd/system
+rules=$root/etc/udev/rules.d
+network=$root/etc/systemd/network
+account=voronoi-touch
+
+[ -n "$root" ] || [ "$(id -u)" = 0 ] || fail "must be root: sudo $0"
+
+# Whether a running system is to be told, and not an image of one.
+running() { [ -z "$root" ] && [ -d /run/systemd/system ]; }
+fingers() { for file in "$etc"/*.toml; do [ ! -e "$file" ] || basename "$file" .toml; done; }
+# The release that a link names, "" where there is none.
+release_of() { readlink "$1" 2>/dev/null || true; }
+switch_to() { # atomic: a start at any moment finds the old or the new one
+    ln -s "$1" "$root$opt/current.new"
+    mv -T "$root$opt/current.new" "$root$opt/current"
+}
+restart() {
+    running || return 0
+    for each in $(fingers); do
+        if systemctl is-active --quiet "voronoi-touch@$each"; then systemctl restart "voronoi-touch@$each"; fi
+    done
+}
+
+uninstall() {
+    if running; then
+        for each in $(fingers); do systemctl disable --now "voronoi-touch@$each" 2>/dev/null || true; done
+    fi
+    rm -f "$units/voronoi-touch@.service" "$rules/70-voronoi-touch.rules" "$network/80-voronoi-touch-can.network"
+    rm -rf "$root$opt"
+    if [ "$purge" = 1 ]; then
+        rm -rf "$etc" "$state"
+        if [ -z "$root" ] && id "$account" >/dev/null 2>&1; then userdel "$account"; fi
+    fi
+    if running; then
+        systemctl daemon-reload
+        udevadm control --reload
+    fi
+    if [ "$purge" = 1 ]; then say "removed, with settings"; else say "removed; $etc and $state are kept"; fi
+}
+
+rollback() {
+    before=$(release_of "$root$opt/previous")
+    if [ -z "$before" ] || [ ! -d "$root$before" ]; then fail "no release to go back to"; fi
+    now=$(release_of "$root$opt/current")
+    switch_to "$before"
+    ln -sfn "$now" "$root$opt/previous"
+    restart
+    say "back at $(basename "$before"); again to return to $(basename "$now")"
+}
+
+make_release() {
+    command -v python3 >/dev/null || fail "python3 is missing: apt-get install python3 python3-venv"
+    python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || fail "Python 3.11 or later is needed"
+    python3 -c 'import venv, ensurepip' 2>/dev/null || fail "python3-venv is missing: apt-get install python3-venv"
+    fresh=$opt/releases/$(date -u +%Y%m%dT%H%M%S)
+    while [ -e "$root$fresh" ]; do fresh=$fresh+; done
+    mkdir -p "$root$opt/releases"
+    trap 'rm -rf "$root$fresh"' EXIT # a half-made release is none
+    python3 -m venv "$root$fresh"
+    if [ -n "$wheels" ]; then
+        "$root$fresh/bin/python" -m pip install --quiet --disable-pip-version-check --no-index \
+            --find-links "$wheels" "voronoi-touch[$extras]"
+    else
+        "$root$fresh/bin/python" -m pip install --quiet --disable-pip-version-check "$here/..[$extras]"
+    fi
+    (cd / && "$root$fresh/bin/python" -m edge --version) || fail "the new release does not run"
+    trap - EXIT
+    now=$(release_of "$root$opt/current")
+    switch_to "$fresh"
+    [ -z "$now" ] || ln -sfn "$now" "$root$opt/previous"
+    for old in "$root$opt"/releases/*; do
+        case ${old#"$root"} in "$fresh" | "$now") ;; *) rm -rf "$old" ;; esac
+    done
+    say "release $(basename "$fresh")"
+}
+
+install_files() {
+    mkdir -p "$etc" "$state" "$units" "$rules" "$network"
+    install -m 644 "$here/voronoi-touch@.service" "$units/"
+    install -m 644 "$here/70-voronoi-touch.rules" "$rules/"
+    install -m 644 "$here/80-voronoi-touch-can.network" "$network/"
+    if [ -z "$root" ]; then
+        if ! id "$account" >/dev/null 2>&1; then
+            useradd --system --user-group --home-dir "$state" --no-create-home --shell /usr/sbin/nologin "$account"
+        fi
+        for group in video dialout; do
+            getent group "$group" >/dev/null || groupadd --system "$group"
+            usermod --append --groups "$group" "$account"
+        done
+    fi
+    if running; then
+        systemctl daemon-reload
+        if udevadm control --reload 2>/dev/null; then udevadm trigger --subsystem-match=video4linux; fi
+        if systemctl is-active --quiet systemd-networkd; then networkctl reload; fi
+    fi
+}
+
+set_up_finger() {
+    file=$etc/$finger.toml
+    if [ -e "$file" ]; then
+        say "$file is kept"
+    else
+        sed -e "s|^serial = .*|serial = \"$finger\"|" -e "s|^node_id = [0-9]*|node_id = $node|" \
+            -e "s|^sinks = \[\]|sinks = [\"can:can0\"]|" \
+            -e "s|^directory = \"\"|directory = \"/var/lib/voronoi-touch/$finger\"|" "$here/edge.toml" >"$file"
+        say "$file made; look at [source] and [link]"
+    fi
+    if running && [ "$start" = 1 ]; then systemctl enable --now "voronoi-touch@$finger"; fi
+}
+
+case $action in
+uninstall) uninstall ;;
+rollback) rollback ;;
+install)
+    install_files
+    make_release
+    if [ -n "$finger" ]; then set_up_finger; fi
+    restart
+    say "done; next: $opt/current/bin/python -m edge doctor --config $etc/FINGER.toml"
+    ;;
+esac
