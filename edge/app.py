@@ -60,7 +60,7 @@ LATENCIES = 1 << 14  # frames that the latency statistics look back on: 68 s at 
 PINS_KEPT_SHARE = 0.9  # a new rest frame with fewer pins than this share of the old one's is implausible
 WAIT_S = 0.02  # longest wait for an image before faults and commands are looked at
 SLOW_DISK_S = 1.0  # without loss, and a recording counts as whole again
-BEAT_S = 0.1  # samples without images: "the slow rate" of the fault table
+BEAT_S = 0.05  # samples without images: "the slow rate" of the fault table
 #: The capture clock may run against ours by this much from one image to the next; more is a step. A process
 #: that was not scheduled for a while shows less.
 STEP_NS = 500_000_000
@@ -333,6 +333,10 @@ class App:
         """No image came. Say why, and that we live."""
         known = self.health.status
         self._judge_camera()
+        for sink in self.sinks:
+            watch: Callable[[], None] | None = getattr(sink, "watch_link", None)
+            if watch is not None:
+                watch()
         now_ns = time.monotonic_ns()
         if Status.CAMERA_FAULT not in self.health.status:
             return  # a slow camera: not late yet

@@ -127,11 +127,11 @@ class _Row:
     def __init__(self, episodes: Iterable[Episode], clock: Clock) -> None:
         self._episodes = sorted(episodes, key=lambda e: e.start_s)
         self._starts = [e.start_s for e in self._episodes]
-        self._clock = clock
+        self.clock = clock
 
     def now(self) -> str:
         """Its kind, or "" where all is well."""
-        now = self._clock()
+        now = self.clock()
         i = bisect_right(self._starts, now) - 1
         return self._episodes[i].kind if i >= 0 and now < self._episodes[i].end_s else ""
 
@@ -240,14 +240,16 @@ _PICTURES: dict[str, Callable[[Any, Any], Any]] = {
 class FaultyMedium:
     """A bus or line that fails; made anew by every opening, the row goes on."""
 
-    def __init__(self, medium: Medium, row: _Row, random: Random) -> None:
-        self._medium, self._row, self._random = medium, row, random
+    def __init__(self, medium: Medium, row: _Row, random: Random, refused_s: list[float]) -> None:
+        self._medium, self._row, self._random, self._refused_s = medium, row, random, refused_s
         self.instant = medium.instant
         self.bus_off = False
 
     def write(self, item: Any) -> None:
         kind = self._row.now()
         self.bus_off = kind == "bus off" or self._medium.bus_off
+        if kind in ("down", "full", "bus off"):
+            self._refused_s.append(self._row.clock())
         if kind == "down":
             raise MediumError("Network is down (on purpose)")
         if kind in ("full", "bus off"):
@@ -282,17 +284,20 @@ def faulty_medium(
     episodes: Iterable[Episode],
     clock: Clock = time.monotonic,
     seed: int = 0,
+    refused_s: list[float] | None = None,
 ) -> Callable[[], FaultyMedium]:
     """What opens a medium that fails; for the constructors of the sinks.
 
-    episodes  kinds out of `LINK`
+    episodes   kinds out of `LINK`
+    refused_s  gets the times at which something was not sent: before that nobody could know
     """
     row, random = _Row(episodes, clock), Random(seed)
+    refused = [] if refused_s is None else refused_s
 
     def opener() -> FaultyMedium:
         if row.now() == "down":
             raise MediumError("Network is down (on purpose)")
-        return FaultyMedium(open_medium(), row, random)
+        return FaultyMedium(open_medium(), row, random, refused)
 
     return opener
 

@@ -39,7 +39,11 @@ NEIGHBOURS = 6
 FAR_PITCHES, FAR_SHARE = 3.0, 0.05
 #: Pins seen with this much more noise than usual, or fewer than this share of them: look at the focus now.
 NOISIER, FEWER = 1.3, 0.95
-USUAL_FRAMES = 64
+#: Against the share of pins usually seen: fewer than this all at once, and until this many are back, values
+#: are not to be trusted. What was usual is forgotten slowly while too few are seen, so that a pattern that has
+#: lost pins for good is used again.
+DROP_SHARE, BACK_SHARE = 0.9, 0.97
+USUAL_FRAMES, SETTLING_FRAMES = 64, 1024
 PERIOD_NS = 40_000_000  # of the judgement of focus, which costs 0.1 ms: a quarter of a percent of one core
 
 
@@ -132,19 +136,25 @@ class PinsJudge:
     def __init__(self, rest: Rest) -> None:
         k = min(NEIGHBOURS + 1, len(rest))
         self._rest_img = rest.xy_img
+        self._missing = False
+        self._usual_share = 1.0
         self._usual_px = float(np.nanmean(rest.pins.sigma_px))
         self._near = cKDTree(rest.xy_img).query(rest.xy_img, k=k)[1]
         self._far_px2 = (FAR_PITCHES * rest.pattern.pitch_px) ** 2
 
     def missing(self, tracks: Tracks) -> str:
-        """Empty, or what is missing."""
+        """Empty, or what is missing: too much at all, or suddenly, or not all of it back yet."""
         n = len(tracks.seen)
-        if tracks.n_seen == n:
-            return ""
-        hole_n = int(np.count_nonzero((~tracks.seen)[self._near].all(axis=1)))
-        if tracks.n_seen < SEEN_SHARE * n or hole_n > HOLE_SHARE * n:
-            return f"{tracks.n_seen} of {n} pins are seen, {hole_n} within holes of the pattern"
-        return ""
+        share = tracks.n_seen / n
+        hole_n = 0
+        if tracks.n_seen < n:
+            hole_n = int(np.count_nonzero((~tracks.seen)[self._near].all(axis=1)))
+        little = share < SEEN_SHARE or hole_n > HOLE_SHARE * n
+        suddenly = share < (BACK_SHARE if self._missing else DROP_SHARE) * self._usual_share
+        frames = SETTLING_FRAMES if little or suddenly else USUAL_FRAMES
+        self._usual_share += (share - self._usual_share) / frames
+        self._missing = little or suddenly
+        return f"{tracks.n_seen} of {n} pins are seen, {hole_n} within holes" if self._missing else ""
 
     def odd(self, tracks: Tracks) -> bool:
         """Whether the image deserves a closer look: pins missing, or seen with more noise than usual."""

@@ -142,7 +142,7 @@ class Node:
 
     def send(self, state: State) -> bool:
         """Send a sample if it is due; True: it left. A sample that is not due is neither sent nor counted."""
-        self._watch_link()
+        self.watch_link()
         if self.state != OPERATIONAL or not self._is_due(state.capture_time_us):
             return False
         if self.objects.transmission[1] != 254:
@@ -203,7 +203,8 @@ class Node:
         named = int(code) if self._active else 0
         self._port.send_emergency(pack_emergency(emcy, register, named, int(status)))
 
-    def _watch_link(self) -> None:
+    def watch_link(self) -> None:
+        """Tell of what the link has to complain about; called with each sample, and while there is none."""
         faults = self.sink.faults
         if faults == self._link_faults:
             return
