@@ -40,7 +40,7 @@ FAR_PITCHES, FAR_SHARE = 3.0, 0.05
 #: Pins seen with this much more noise than usual, or fewer than this share of them: look at the focus now.
 NOISIER, FEWER = 1.3, 0.95
 #: Against the share of pins usually seen: fewer than this all at once, and until this many are back, values
-#: are not to be trusted. What was usual is forgotten slowly while too few are seen, so that a pattern that has
+#: are not to be trusted. What was usual is forgotten slowly while too few are seen: a pattern that has
 #: lost pins for good is used again.
 DROP_SHARE, BACK_SHARE = 0.9, 0.97
 USUAL_FRAMES, SETTLING_FRAMES = 64, 1024
