@@ -35,6 +35,14 @@ STAGES = (
     "draw",
 )
 SHARED = ("edge.types", "edge.errors")
+#: C extensions, each of one stage.
+NATIVE = {
+    "pins": ("edge._centroid",),
+    "track": ("edge._track",),
+    "tessellate": ("edge._cells",),
+    "features": ("edge._features",),
+    "calibration": ("edge._moments",),
+}
 
 
 def imports(path: Path) -> set[str]:
@@ -74,11 +82,11 @@ def test_stages_know_only_the_types(stage: str) -> None:
     single = ROOT / "edge" / f"{stage}.py"
     files = [single] if single.is_file() else sorted((ROOT / "edge" / stage).glob("*.py"))
     assert files, f"no stage {stage}"
-    own = (f"edge.{stage}", f"edge._{stage}", "edge._centroid" if stage == "pins" else "", "edge._cells")
+    own = (f"edge.{stage}", *NATIVE.get(stage, ()))
     for path in files:
         for name in imports(path):
             if name.startswith("edge."):
-                known = name in SHARED or any(o and (name == o or name.startswith(o + ".")) for o in own)
+                known = name in SHARED or any(name == o or name.startswith(o + ".") for o in own)
                 known = known or any(name.startswith(s + ".") for s in SHARED)
                 assert known, f"{path} imports {name}: stages know edge.types and edge.errors alone"
 
