@@ -295,6 +295,7 @@ class App:
         automatic = gc.isenabled()
         gc.disable()
         if self._vitals is not None:
+            self._vitals.watches += [self._judge_camera, self._watch_links]
             self._vitals.start()
         try:
             for frame in self._frames():
@@ -333,10 +334,7 @@ class App:
         """No image came. Say why, and that we live."""
         known = self.health.status
         self._judge_camera()
-        for sink in self.sinks:
-            watch: Callable[[], None] | None = getattr(sink, "watch_link", None)
-            if watch is not None:
-                watch()
+        self._watch_links()
         now_ns = time.monotonic_ns()
         if Status.CAMERA_FAULT not in self.health.status:
             return  # a slow camera: not late yet
@@ -348,6 +346,12 @@ class App:
         # On the camera's clock, as all other samples: its last time and what has passed since.
         capture_ns = frame.capture_ns + now_ns - since_ns if frame else now_ns
         self._send(None, capture_ns, 0.0)
+
+    def _watch_links(self) -> None:
+        for sink in list(self.sinks):
+            watch: Callable[[], None] | None = getattr(sink, "watch_link", None)
+            if watch is not None:
+                watch()
 
     def step(self, frame: Frame) -> State:
         """Everything that one frame causes."""

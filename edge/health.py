@@ -4,8 +4,9 @@ The fault table itself (codes, status bits, emergency codes, how each clears) is
 Here is only which of them hold. A fault is announced when it appears and when it goes, each once; how
 often it appeared is counted.
 
-`Vitals` looks at what no image shows: temperature and storage. It has a thread of its own, for reading
-sysfs or a full disk may take milliseconds that the loop does not have.
+`Vitals` looks at what no image shows: temperature, storage, and whether camera and links still live. It has a
+thread of its own: reading sysfs may take milliseconds that the loop does not have, and a search for lost pins
+may take longer than a dead camera may stay unannounced.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ __all__ = ["Health", "Thermometer", "Vitals", "room_for"]
 
 _STATUS = {fault.code: fault.status for fault in FAULTS}
 
-PERIOD_S = 0.08  # with a reading's own time, within the 0.1 s in which a fault is announced
+PERIOD_S = 0.05  # with a reading's own time, within the 0.1 s in which a fault is announced
 HOT_DEGC = 80.0  # a Raspberry Pi begins to throttle here (maker's documentation, "frequency management")
 COOLER_K = 5.0  # the fault clears this far below
 ROOM_BYTES = 8 << 20  # below this a calibration (at most 8 MiB) could not be replaced any more
@@ -104,6 +105,7 @@ class Vitals:
 
     thermometer  gives degC, or NaN
     storage      each gives "" or words of what cannot be written: a folder, a recorder, settings
+    watches      called each time; they report by themselves
     """
 
     def __init__(
@@ -117,6 +119,7 @@ class Vitals:
         self._health = health
         self._thermometer = thermometer or Thermometer()
         self.storage = list(storage)
+        self.watches: list[Callable[[], None]] = []
         self._hot_degc = hot_degc
         self._period_s = period_s
         self._hot = False
@@ -137,6 +140,8 @@ class Vitals:
         self._health.report(FaultCode.OVER_TEMPERATURE, self._hot, f"{now:.0f} degC")
         words = "; ".join(filter(None, (ask() for ask in self.storage)))
         self._health.report(FaultCode.DISK_FULL, bool(words), words)
+        for watch in self.watches:
+            watch()
 
     def close(self) -> None:
         """End the thread."""

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from edge.types import Array, Frame, Image, Rest, Tracks
 
-__all__ = ["ImageJudge", "PinsJudge", "moved_px"]
+__all__ = ["ImageJudge", "PinsJudge", "level_of", "moved_px"]
 
 _SAMPLE_STEP = 16  # brightness is read on every 16th row and column: 1200 pixels of 640x480
 #: Share of the full scale below which the mean level of an image shows nothing; share of samples at the top
@@ -42,12 +42,13 @@ NOISIER, FEWER = 1.3, 0.95
 #: Against the share of pins usually seen: fewer than this all at once, and until this many are back, values
 #: are not to be trusted. What was usual is forgotten slowly while too few are seen: a pattern that has
 #: lost pins for good is used again.
-DROP_SHARE, BACK_SHARE = 0.9, 0.97
+DROP_SHARE, BACK_SHARE = 0.9, 0.98
+SETTLED_FRAMES = 4  # good ones in a row, until the identities of the last pins that came back are sure
 USUAL_FRAMES, SETTLING_FRAMES = 64, 1024
 PERIOD_NS = 40_000_000  # of the judgement of focus, which costs 0.1 ms: a quarter of a percent of one core
 
 
-def _level(image: Image, bits: int) -> tuple[float, float]:
+def level_of(image: Image, bits: int) -> tuple[float, float]:
     """Mean level and share of saturated pixels, of full scale."""
     samples = image[::_SAMPLE_STEP, ::_SAMPLE_STEP]
     top = (1 << bits) - 1
@@ -81,13 +82,13 @@ class ImageJudge:
         columns = chosen[:, 0, None, None] + span[None, None, :]
         self._at = rows * width + columns if len(chosen) else None
         self._noise_energy = 4.0 * rest.pattern.noise**2  # of two differences of two pixels each
-        self._level, _ = _level(frame.image, frame.bits)
+        self._level, _ = level_of(frame.image, frame.bits)
         self._rest = self._windows(frame.image)
         self._due_ns = None
 
     def look(self, frame: Frame) -> None:
         """Judge one image."""
-        level, full = _level(frame.image, frame.bits)
+        level, full = level_of(frame.image, frame.bits)
         least = max(DARK, (DIM_GONE if self.dark else DIM) * self._level)
         self.dark = (
             f"mean level {level:.1%} of full scale, {self._level:.1%} at rest" if level < least else ""
@@ -137,6 +138,7 @@ class PinsJudge:
         k = min(NEIGHBOURS + 1, len(rest))
         self._rest_img = rest.xy_img
         self._missing = False
+        self._good_n = SETTLED_FRAMES
         self._usual_share = 1.0
         self._usual_px = float(np.nanmean(rest.pins.sigma_px))
         self._near = cKDTree(rest.xy_img).query(rest.xy_img, k=k)[1]
@@ -153,7 +155,9 @@ class PinsJudge:
         suddenly = share < (BACK_SHARE if self._missing else DROP_SHARE) * self._usual_share
         frames = SETTLING_FRAMES if little or suddenly else USUAL_FRAMES
         self._usual_share += (share - self._usual_share) / frames
-        self._missing = little or suddenly
+        doubtful = little or suddenly or tracks.confidence < Tracks.LOW_CONFIDENCE
+        self._good_n = 0 if doubtful else self._good_n + 1
+        self._missing = self._good_n < SETTLED_FRAMES
         return f"{tracks.n_seen} of {n} pins are seen, {hole_n} within holes" if self._missing else ""
 
     def odd(self, tracks: Tracks) -> bool:

@@ -103,6 +103,7 @@ class Node:
         self._device = device
         self._settings = settings or SettingsFile()
         self._sending = threading.Lock()
+        self._watching = threading.Lock()
         self._latched: tuple[State, float] | None = None
         self._syncs = 0
         self._frames = 0
@@ -205,9 +206,12 @@ class Node:
 
     def watch_link(self) -> None:
         """Tell of what the link has to complain about; called with each sample, and while there is none."""
+        if self.sink.faults != self._link_faults:
+            with self._watching:  # the loop's thread and the one that looks after it
+                self._tell_of_link()
+
+    def _tell_of_link(self) -> None:
         faults = self.sink.faults
-        if faults == self._link_faults:
-            return
         for code in faults ^ self._link_faults:
             self._device.report(code, code in faults, f"{self.name}: {_FAULTS[code].meaning}")
         self._link_faults = faults
