@@ -65,6 +65,19 @@ INLINE int pixel(const Picture *p, Py_ssize_t x, Py_ssize_t y)
     return p->bytes == 1 ? row[x] : ((const unsigned short *)row)[x];
 }
 
+/* The rows of a window that lies within an 8-bit image; `stride` is a constant where it is called. */
+INLINE void take_rows(const unsigned char *from, Py_ssize_t row_bytes, int size, int stride, const short *support,
+                      int level, short *window)
+{
+    for (int j = 0; j < size; j++) {
+        for (int i = 0; i < stride; i += LANES) /* whole blocks: no remainder to do one by one */
+            for (int l = 0; l < LANES; l++) window[i + l] = (short)((from[i + l] - level) & -support[i + l]);
+        from += row_bytes;
+        window += stride;
+        support += stride;
+    }
+}
+
 /* Pixels of the window round (cx, cy) less `level`, zero outside of the support and of the image; 1 if the
  * window lies within the image. */
 INLINE int take_window(const Picture *p, int cx, int cy, const Kind *k, const short *support, int level, int shift,
@@ -73,21 +86,25 @@ INLINE int take_window(const Picture *p, int cx, int cy, const Kind *k, const sh
     const int size = 2 * k->half + 1;
     const int x0 = cx - k->half, y0 = cy - k->half;
     const int padded = x0 >= 0 && y0 >= 0 && x0 + k->stride <= p->columns && y0 + size <= p->rows;
+    if (padded && p->bytes == 1) {
+        const unsigned char *from = p->data + y0 * p->row_bytes + x0;
+        switch (k->stride) { /* the usual ones, unrolled */
+        case 16: take_rows(from, p->row_bytes, size, 16, support, level, window); break;
+        case 24: take_rows(from, p->row_bytes, size, 24, support, level, window); break;
+        case 32: take_rows(from, p->row_bytes, size, 32, support, level, window); break;
+        default: take_rows(from, p->row_bytes, size, k->stride, support, level, window);
+        }
+        return 1;
+    }
     for (int j = 0; j < size; j++) {
         short *to = window + j * k->stride;
         const short *in = support + j * k->stride;
         const Py_ssize_t y = y0 + j;
-        if (padded && p->bytes == 1) {
-            const unsigned char *from = p->data + y * p->row_bytes + x0;
-            for (int i = 0; i < k->stride; i += LANES) /* whole blocks: no remainder to do one by one */
-                for (int l = 0; l < LANES; l++) to[i + l] = (short)((from[i + l] - level) & -in[i + l]);
-        } else {
-            for (int i = 0; i < k->stride; i++) {
-                const Py_ssize_t x = x0 + i;
-                const int there = in[i] && y >= 0 && y < p->rows && x >= 0 && x < p->columns;
-                const int step = there ? (pixel(p, x, y) - level) >> shift : 0;
-                to[i] = (short)(step > STEP_MAX ? STEP_MAX : (step < -STEP_MAX ? -STEP_MAX : step));
-            }
+        for (int i = 0; i < k->stride; i++) {
+            const Py_ssize_t x = x0 + i;
+            const int there = in[i] && y >= 0 && y < p->rows && x >= 0 && x < p->columns;
+            const int step = there ? (pixel(p, x, y) - level) >> shift : 0;
+            to[i] = (short)(step > STEP_MAX ? STEP_MAX : (step < -STEP_MAX ? -STEP_MAX : step));
         }
     }
     return padded || (x0 >= 0 && y0 >= 0 && x0 + size <= p->columns && y0 + size <= p->rows);

@@ -329,10 +329,27 @@ static float highest(const float *value, Py_ssize_t n)
     return top;
 }
 
+/* Four rows at a time: the values are read once for the four, and their sums do not wait for each other. */
 WIDE static void raise_heights(const int16_t *rows, const float *steps, Py_ssize_t k, Py_ssize_t m,
-                               const int16_t *value, float step, float *heights)
+                               const int16_t *restrict value, float step, float *restrict heights)
 {
-    for (Py_ssize_t p = 0; p < k; p++) {
+    Py_ssize_t p = 0;
+    for (; p + 4 <= k; p += 4) {
+        const int16_t *restrict r0 = rows + p * m, *restrict r1 = r0 + m, *restrict r2 = r1 + m, *restrict r3 = r2 + m;
+        int32_t s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+        for (Py_ssize_t i = 0; i < m; i++) {
+            const int v = value[i];
+            s0 += r0[i] * v;
+            s1 += r1[i] * v;
+            s2 += r2[i] * v;
+            s3 += r3[i] * v;
+        }
+        heights[p] = (float)s0 * steps[p] * step;
+        heights[p + 1] = (float)s1 * steps[p + 1] * step;
+        heights[p + 2] = (float)s2 * steps[p + 2] * step;
+        heights[p + 3] = (float)s3 * steps[p + 3] * step;
+    }
+    for (; p < k; p++) {
         const int16_t *row = rows + p * m;
         int32_t sum = 0;
         for (Py_ssize_t i = 0; i < m; i++) sum += row[i] * value[i];

@@ -53,7 +53,7 @@ def contacts(
     out: Array,
     ridge: Array,
 ) -> tuple[int, int]:
-    """Contacts into `out`: x, y, peak, area, angle, elongation, ridge points; their number, and all points."""
+    """Contacts into `out`: x, y, peak, area, angle, elongation, ridge points; how many, and of points."""
 
 def maxima(grid: Singles, width: int, place: Index, mark: Index, stack: Index) -> None:
     """Marks maxima with 2."""

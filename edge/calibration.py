@@ -148,7 +148,7 @@ def frame_inputs(features: Features, tip_radius_px: float) -> Complex:
     if features.volume_px2 is not None:
         z[0] = features.volume_px2 / (math.pi * r * r)
     if features.shear_px is not None:
-        z[1] = complex(*features.shear_px) / r
+        z[1] = complex(*features.shear_px.tolist()) / r
     if features.modes_px is not None:
         z[2:] = features.modes_px / r
     return z
@@ -159,9 +159,11 @@ def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPatte
 
     Returns  (3,) complex128, dimensionless
     """
-    u, v = (contact.xy_img - pattern.centre_img) / pattern.tip_radius_px
-    shear = np.nan if features.shear_px is None else complex(*features.shear_px) / pattern.tip_radius_px
-    return np.array([complex(u, v), contact.peak, shear])
+    x, y = contact.xy_img.tolist()
+    x0, y0 = pattern.centre_img.tolist()
+    shear = math.nan if features.shear_px is None else complex(*features.shear_px.tolist())
+    r = pattern.tip_radius_px
+    return np.array([complex((x - x0) / r, (y - y0) / r), contact.peak, shear / r])
 
 
 class _Curve:

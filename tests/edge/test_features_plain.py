@@ -59,6 +59,21 @@ def step_px2(features: Features) -> float:
     return float((x[1] - x[0]) * (y[1] - y[0]))
 
 
+def same_contacts(ours: Features, plain: Features, peak: float, place_px: float) -> bool:
+    """Whether number, heights, places, areas and axes agree."""
+    mine, theirs = ours.contacts or (), plain.contacts or ()
+    if len(mine) != len(theirs):
+        return False
+    for a, b in zip(mine, theirs, strict=True):
+        # The area counts grid points: one or two more or less at the edge is what rounding can do.
+        near = abs(a.peak - b.peak) <= peak and abs(a.area_px2 - b.area_px2) <= 2.01 * step_px2(plain)
+        turned = np.angle(np.exp(2j * (a.orientation_rad - b.orientation_rad))) / 2
+        straight = min(a.elongation, b.elongation) < 2.0 or abs(turned) <= FULL_SCALE * 2 * np.pi
+        if not (near and straight and np.abs(a.xy_img - b.xy_img).max() <= place_px):
+            return False
+    return True
+
+
 def compare(pairs: list[tuple[Features, Features]]) -> None:
     """Raises AssertionError: a feature is off by more than its share of full scale."""
     scale: dict[str, float] = {}
@@ -77,17 +92,9 @@ def compare(pairs: list[tuple[Features, Features]]) -> None:
             np.testing.assert_allclose(
                 mine[name], value, rtol=0.0, atol=FULL_SCALE * scale.get(name, 0.0) + 1e-12, err_msg=name
             )
-        if len(ours.contacts or ()) != len(plain.contacts or ()):
-            other_number += 1  # a valley or a maximum lies within rounding of its threshold
-            continue
-        for a, b in zip(ours.contacts or (), plain.contacts or (), strict=True):
-            assert abs(a.peak - b.peak) <= FULL_SCALE * peak
-            np.testing.assert_allclose(a.xy_img, b.xy_img, rtol=0.0, atol=FULL_SCALE * wide_px)
-            # The area counts grid points: one or two more or less at the edge is what rounding can do.
-            assert abs(a.area_px2 - b.area_px2) <= 2.01 * step_px2(plain)
-            if min(a.elongation, b.elongation) > 2.0:
-                assert abs(np.angle(np.exp(2j * (a.orientation_rad - b.orientation_rad)))) / 2 <= 2e-3 * np.pi
-    assert other_number <= len(pairs) // 50
+        # A valley, a maximum or a pin within rounding of its border decides one way or the other.
+        other_number += not same_contacts(ours, plain, FULL_SCALE * peak, FULL_SCALE * wide_px)
+    assert other_number <= len(pairs) // 50, f"{other_number} of {len(pairs)}"
 
 
 @pytest.mark.parametrize("name", ["nothing", "press", "press_shear", "two_contacts"])
