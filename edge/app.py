@@ -192,6 +192,7 @@ class App:
         self._skipped_n = 0
         self._beat_due_ns = 0
         self._garbage_due_ns = time.monotonic_ns() + round(GARBAGE_S * 1e9)
+        self._frozen = False  # the frame in hand shows what an earlier one did
         self._broken = False  # the last frame broke the computation
         self._statistics = Statistics()
         self._compute_us, self._latency_us, self._held = _Ring(LATENCIES), _Ring(LATENCIES), _Ring(LATENCIES)
@@ -359,6 +360,8 @@ class App:
         s = self._statistics
         s.frames_n += 1
         self._judge_order(frame, begun_ns)
+        # Of this frame, not of the camera: another image may have come since, and be a good one.
+        self._frozen = getattr(self.source, "frame_condition", "") == "frozen"
         self._judge_camera()
         self.frame = frame
         self._judge_image(frame)
@@ -502,7 +505,7 @@ class App:
         if unsure or self._pins.odd(tracks):
             self._judge.look_closer(frame)
             self.health.report(FaultCode.IMAGE_BLURRED, bool(self._judge.blurred), self._judge.blurred)
-        if unsure or missing or Status.CAMERA_FAULT in self.health.status:
+        if unsure or missing or self._frozen or Status.CAMERA_FAULT in self.health.status:
             blank = Reading({}, {}, _NOTHING, calibrated=self.calibration is not None)
             result = replace(result, reading=blank)
         self._judge_load(features)
@@ -578,7 +581,7 @@ class App:
 
     def _judge_camera(self) -> None:
         """What the source says of its camera."""
-        condition = getattr(self.source, "condition", "")
+        condition = "frozen" if self._frozen else getattr(self.source, "condition", "")
         now = _CAMERA.get(condition)
         for code in (FaultCode.CAMERA_LOST, FaultCode.CAMERA_STALLED):
             self.health.report(code, code is now, f"{self.source.name}: {condition}")
@@ -586,7 +589,7 @@ class App:
     def _judge_image(self, frame: Frame) -> None:
         judge = self._judge
         judge.look(frame)
-        black = getattr(self.source, "condition", "") == "black"
+        black = getattr(self.source, "frame_condition", "") == "black"
         self.health.report(FaultCode.IMAGE_DARK, black or bool(judge.dark), judge.dark or "black")
         self.health.report(FaultCode.IMAGE_BRIGHT, bool(judge.bright), judge.bright)
         self.health.report(FaultCode.IMAGE_BLURRED, bool(judge.blurred), judge.blurred)
@@ -616,6 +619,8 @@ class App:
 
     def _status(self, result: Result | None) -> Status:
         status = self.health.status
+        if self._frozen and result is not None:
+            status |= Status.CAMERA_FAULT
         if result is not None and result.features is not None and result.features.touched:
             status |= Status.TOUCHED
         if result is not None and result.reading.saturated:

@@ -1,4 +1,4 @@
-"""`python -m edge doctor`: is everything there that a finger needs? A line a topic: ok, warn or fail, what to do.
+"""`python -m edge doctor`: is all there that a finger needs? A line a topic: ok, warn or fail, what to do.
 
     camera       found, rate, exposure, darkness
     pins         found, sharp, clear of the image's border, as many as the calibration knows

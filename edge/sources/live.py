@@ -79,6 +79,8 @@ class LiveSource:
         self._started = False
         self._last_s = 0.0
         self._condition = ""
+        self._slot_condition = ""
+        self.frame_condition = ""  # what held for the frame that `read` gave last: frozen, black
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
@@ -94,6 +96,7 @@ class LiveSource:
             if self._slot is not None:
                 self.dropped_n += 1
             self._slot = frame
+            self._slot_condition = self._condition
             self.received_n += 1
             if self._times is not None:
                 self._times.append(frame.capture_ns)
@@ -148,6 +151,7 @@ class LiveSource:
         with self._news:
             self._news.wait_for(lambda: self._slot is not None or self._ended, timeout_s)
             frame, self._slot = self._slot, None
+            self.frame_condition = self._slot_condition if frame is not None else ""
         if frame is None and self._failure is not None:
             failure, self._failure = self._failure, None
             raise failure
