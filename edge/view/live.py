@@ -46,7 +46,7 @@ BEAT_HZ = 4.0
 STALE_S = 0.5  # without a result for this long, the camera's image stands alone
 OVERLAP_S = 0.3  # charts' rows are sent this long
 RATE_S = 0.5  # the rate is counted over this time
-LOOP_S = 2.0  # a command runs between two frames; a camera that stalls sends none
+LOOP_S = 2.0  # a command runs between two frames; a loop that is busy for longer is in trouble
 #: Numbers beside the picture; fields of the state frame.
 VALUES = (
     "displacement_mm",
@@ -213,13 +213,13 @@ class View:
     # ---- worker threads -----------------------------------------------------------------------------
 
     def _in_loop(self, command: Callable[[], T]) -> T:
-        """Have the loop do it. Raises Refused: the loop gets no images, so it does nothing."""
+        """Have the loop do it between two frames. Raises Refused: it does not come to it."""
         future = self._app.post(command)
         try:
             return future.result(LOOP_S)
         except TimeoutError:
             future.cancel()
-            raise Refused("no images come in; nothing was done") from None
+            raise Refused("the loop does not answer; nothing was done") from None
 
     def _tare(self, said: Mapping[str, Any]) -> str:
         if self._app.touched and not said.get("force"):

@@ -68,9 +68,10 @@ class Chrome:
         theirs_in, self._write = os.pipe()
         self._read, theirs_out = os.pipe()
         self._process = subprocess.Popen(
-            # The browser reads descriptor 3 and writes 4, whatever numbers ours have.
+            # The browser reads descriptor 3 and writes 4, whatever numbers ours have (a plain sh takes only
+            # those of one digit).
             [
-                *("sh", "-c", f'exec "$0" "$@" 3<&{theirs_in} 4>&{theirs_out}', path, *FLAGS),
+                *("bash", "-c", f'exec "$0" "$@" 3<&{theirs_in} 4>&{theirs_out}', path, *FLAGS),
                 *(f"--user-data-dir={self._profile.name}", "about:blank"),
             ],
             pass_fds=(theirs_in, theirs_out),

@@ -1,0 +1,17 @@
+"""One browser for all tests of pages; they are skipped where there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.browser.chrome import Chrome, chromium
+
+
+@pytest.fixture(scope="session")
+def chrome() -> Iterator[Chrome]:
+    if chromium() is None:
+        pytest.skip("no Chromium: apt-get install --no-install-recommends chromium")
+    with Chrome() as running:
+        yield running

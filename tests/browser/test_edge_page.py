@@ -1,0 +1,348 @@
+"""The finger's page in a real browser: what a person would see, looked at in pixels and words."""
+
+from __future__ import annotations
+
+import base64
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from edge.recording import RecordingSource
+from tests.browser.chrome import Chrome, Page
+from tests.edge.viewing import TOKEN, Live
+
+PRESSED = -1
+LIVE = "document.body.dataset.state === 'live'"
+STATE = "document.getElementById('state').textContent"
+
+
+@pytest.fixture(scope="module")
+def live(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
+    folder = tmp_path_factory.mktemp("recordings")
+    with Live(data_dir / "press.mcap", data_dir / "rings331_ball.json", recordings=folder) as running:
+        yield running
+
+
+@pytest.fixture
+def page(live: Live, chrome: Chrome) -> Iterator[Page]:
+    live.show(0)
+    opened = chrome.open(live.url)
+    opened.until(LIVE)
+    yield opened
+    assert opened.errors == []
+    opened.close()
+
+
+def pixels(page: Page) -> np.ndarray:
+    """(h, w, 3) of the canvas of touch, once it has been drawn again."""
+    size, data = page.evaluate(
+        """new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => {
+            const canvas = document.getElementById("touch");
+            const g = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d");
+            g.fillStyle = "#fff";
+            g.fillRect(0, 0, canvas.width, canvas.height);
+            g.drawImage(canvas, 0, 0);
+            const image = g.getImageData(0, 0, canvas.width, canvas.height);
+            let text = "";
+            for (let i = 0; i < image.data.length; i += 4)
+                text += String.fromCharCode(image.data[i], image.data[i + 1], image.data[i + 2]);
+            done([[canvas.height, canvas.width], btoa(text)]);
+        })))"""
+    )
+    return np.frombuffer(base64.b64decode(data), np.uint8).reshape(*size, 3)
+
+
+def centre_of(mask: np.ndarray) -> np.ndarray:
+    """Middle (x, y) of the marked pixels."""
+    rows, columns = np.nonzero(mask)
+    return np.array([columns.mean(), rows.mean()])
+
+
+def red(image: np.ndarray) -> np.ndarray:
+    """Pixels of cells that are compressed for more than half of the scale."""
+    r, g, b = (image[..., k].astype(int) for k in range(3))
+    return (r > 190) & (g < 120) & (b < 125)
+
+
+def orange(image: np.ndarray) -> np.ndarray:
+    r, g, b = (image[..., k].astype(int) for k in range(3))
+    return (r > 220) & (g > 130) & (g < 200) & (b < 100)
+
+
+def on_canvas(live: Live, xy_img: Any, width: int) -> np.ndarray:
+    """Where a place of the image lies on the canvas: the square round the pins, with two pitches of air."""
+    pipeline = live.app.pipeline
+    assert pipeline is not None
+    rest = pipeline.rest
+    low, high = rest.xy_img.min(axis=0), rest.xy_img.max(axis=0)
+    side = float((high - low).max()) + 4 * rest.pattern.pitch_px
+    place: np.ndarray = (np.array(xy_img) - ((low + high) / 2 - side / 2) + 0.5) * width / side
+    return place
+
+
+def shown(page: Page, words: str) -> None:
+    page.until(f"document.body.innerText.includes({words!r})")
+
+
+def test_red_where_the_simulator_pressed(live: Live, page: Page) -> None:
+    untouched = pixels(page)
+    assert untouched.std() > 10, "nothing is drawn"
+    assert not red(untouched).any()
+    live.show(PRESSED)
+    shown(page, "1 contact")
+    image = pixels(page)
+    truth = live.source.frames[PRESSED].truth
+    assert truth is not None
+    width = image.shape[1]
+    where = on_canvas(live, truth["places_img"][0], width)
+    pitch = on_canvas(live, [0, 0], width) - on_canvas(live, [-11.8, 0], width)
+    assert red(image).sum() > 0.3 * pitch[0] ** 2, "about a cell and more"
+    assert np.hypot(*(centre_of(red(image)) - where)) < 1.5 * pitch[0]
+    # Left and right of the pressed place nothing is red.
+    assert not red(image)[:, : int(where[0] - 4 * pitch[0])].any()
+
+
+def test_safe_colours(live: Live, page: Page) -> None:
+    live.show(PRESSED)
+    shown(page, "1 contact")
+    page.press("c")
+    page.until("document.getElementById('safe').ariaPressed === 'true'")
+    image = pixels(page)
+    assert orange(image).sum() > 100
+    assert not red(image).any()
+    page.press("c")
+    page.until("document.getElementById('safe').ariaPressed === 'false'")
+    assert red(pixels(page)).sum() > 100
+
+
+def test_surface(live: Live, page: Page) -> None:
+    live.show(PRESSED)
+    shown(page, "1 contact")
+    cells = pixels(page)
+    n = int(page.evaluate("Number(document.body.dataset.packets)"))
+    page.press("s")
+    page.until(f"Number(document.body.dataset.packets) > {n + 10}")
+    surface = pixels(page)
+    assert red(surface).any()
+    edge = (190, 190, 190)
+    outlines, left = ((image == edge).all(axis=2).sum() for image in (cells, surface))
+    assert outlines > 5 * left, "the surface has no outlines of cells"
+
+
+def test_numbers_are_the_calibrated_ones(live: Live, page: Page) -> None:
+    live.show(PRESSED)
+    shown(page, "1 contact")
+    text = page.evaluate("document.getElementById('numbers').innerText")
+    depth = re.search(r"Depth\s*mm\s*([-\u2212\d.]+)", text)
+    assert depth is not None, text
+    assert abs(float(depth[1]) - 3.0) < 0.3
+    assert re.search(r"Pins held\s*33[01]\s*of 331", text)
+    titles = page.evaluate("[...document.querySelectorAll('.chart h2')].map(e => e.innerText)")
+    assert [" ".join(t.split()) for t in titles] == [
+        "Displacement mm", "Shear mm x y", "Torsion °", "Rate Hz", "Latency ms",
+    ]  # fmt: skip
+
+
+def test_charts_move(live: Live, page: Page) -> None:
+    live.show(0)
+    chart = "document.querySelector('.chart canvas')"
+    ink = (
+        f"(() => {{ const c = {chart};"
+        "const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;"
+        "let top = c.height; for (let i = 0; i < d.length; i += 4)"
+        "if (d[i] < 40 && d[i + 2] > 120 && d[i + 3] > 200) { top = Math.floor(i / 4 / c.width); break }"
+        "return top })()"
+    )
+    low = page.evaluate(ink)
+    live.show(PRESSED)
+    page.until(f"{ink} < {low} - 20")
+
+
+def test_tare_works_and_shows(live: Live, page: Page) -> None:
+    live.show(PRESSED)
+    shown(page, "1 contact")
+    pressed = red(pixels(page)).sum()
+    page.press("t")
+    shown(page, "something touches the tip")
+    tares_n = live.app.tares_n
+    page.click("#toast button")  # tare anyway: then the pressed tip is the rest
+    shown(page, "rest frame taken")
+    assert live.app.tares_n == tares_n + 1
+    shown(page, "untouched")
+    page.until("!document.getElementById('felt_about').textContent.includes('contact')")
+    # What the forced tare could not see (pins under the indenter) is all that may still look pressed.
+    assert red(pixels(page)).sum() < 0.3 * pressed
+    live.show(0)
+    live.app.post(live.app.begin_tare).result(20)
+    live.until(lambda: live.app.tares_n == tares_n + 2, "the rest frame of the untouched tip")
+    page.until("document.getElementById('toast').hidden")
+    page.press("t")  # nothing touches: no question is asked
+    shown(page, "rest frame taken")
+    live.show(PRESSED)
+    shown(page, "1 contact")
+    assert red(pixels(page)).any()
+
+
+def test_record_button(live: Live, page: Page) -> None:
+    page.press("r")
+    page.until("/Stop \\d\\d/.test(document.getElementById('record').textContent)")
+    page.press("r")
+    page.until("/[1-9]\\d* frames/.test(document.getElementById('toast').textContent)")
+    words = page.evaluate("document.getElementById('toast').textContent")
+    frames_n = len(list(RecordingSource(live.view._recordings / words.split(":")[0])))
+    assert f"{frames_n} frames" in words
+    assert "lost" not in words
+
+
+def test_read_only_without_the_token(live: Live, chrome: Chrome) -> None:
+    page = chrome.open(live.url.partition("#")[0])
+    page.until(LIVE)
+    assert page.evaluate("document.getElementById('tare').disabled")
+    tares_n = live.app.tares_n
+    page.press("t")
+    page.click("#tare")
+    page.until("document.getElementById('tare').title.includes('token')")
+    assert live.app.tares_n == tares_n
+    page.close()
+    wrong = chrome.open(live.url.replace(TOKEN, "not-the-token"))
+    shown(wrong, "the token is missing or wrong")
+    assert wrong.evaluate("document.body.dataset.state") == "refused"
+    wrong.close()
+
+
+def test_a_stalled_camera_shows(live: Live, page: Page) -> None:
+    live.hold()
+    page.until("document.body.dataset.state === 'stale'")
+    shown(page, "nothing new for")
+    shown(page, "camera is there but sends no images")
+    live.go_on()
+    page.until(LIVE)
+    page.until("document.getElementById('faults').children.length === 0")
+
+
+def test_hold_keeps_the_picture(live: Live, page: Page) -> None:
+    page.press(" ")
+    page.until("document.getElementById('hold').ariaPressed === 'true'")
+    before = pixels(page)
+    live.show(PRESSED)
+    assert (pixels(page) == before).all()
+    page.press(" ")
+    shown(page, "1 contact")
+
+
+def test_phone(live: Live, chrome: Chrome) -> None:
+    live.show(PRESSED)
+    page = chrome.open(live.url, phone=True)
+    page.until(LIVE)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "it must not scroll sideways"
+    boxes = page.evaluate(
+        "[...document.querySelectorAll('nav button')].map(b => { const r = b.getBoundingClientRect();"
+        "return [r.left, r.right, r.height, r.bottom] })"
+    )
+    for left, right, height, bottom in boxes:
+        assert left >= 0
+        assert right <= 390
+        assert bottom <= 844
+        assert height >= 44, "a thumb needs 44 px"
+    assert red(pixels(page)).any()
+    assert page.errors == []
+    page.close()
+
+
+def test_nothing_leaves_this_machine(live: Live, page: Page) -> None:
+    page.until("Number(document.body.dataset.packets) > 30")
+    own = f"http://127.0.0.1:{live.view.server.port}/"
+    assert {"touch.js", "kit.js", "kit.css", "touch.css"} <= {a.rsplit("/")[-1] for a in page.requests}
+    assert all(address.startswith(own) for address in page.requests), page.requests
+    assert page.sockets == [own.replace("http", "ws") + "live"]
+
+
+def test_a_second_viewer_does_not_slow_the_loop(
+    live: Live, page: Page, chrome: Chrome, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The measured ratio is printed; asserted is that both are served."""
+    compute_us: list[float] = []
+    live.app.watchers.append(lambda result, state: compute_us.append(state.latency_us))
+
+    def quantiles() -> np.ndarray:
+        compute_us.clear()
+        live.until(lambda: len(compute_us) >= 240, "four seconds of frames")
+        measured: np.ndarray = np.quantile(compute_us[:240], [0.5, 0.99])
+        return measured
+
+    live.until(lambda: live.view.server.viewers_n == 1, "the first alone")
+    one = quantiles()
+    second = chrome.open(live.url)
+    second.until("Number(document.body.dataset.packets) > 30")
+    two = quantiles()
+    second.until("Number(document.body.dataset.packets) > 60")
+    assert live.view.server.viewers_n == 2
+    second.close()
+    live.app.watchers.pop()
+    live.until(lambda: live.view.server.viewers_n == 1, "the second has left")
+    with capsys.disabled():
+        print(
+            f"\nlatency with two viewers over one: median x{two[0] / one[0]:.2f}, p99 x{two[1] / one[1]:.2f}"
+        )
+
+
+# ---- the program itself: a recording replayed, killed, started again -------------------------------------
+
+
+class Replay:
+    """`python -m edge replay --view` as a user starts it."""
+
+    def __init__(self, data_dir: Path, port: int = 0) -> None:
+        self._process = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "edge", "replay", str(data_dir / "press.mcap"), "--sink", "memory:"),
+                *("--calibration", str(data_dir / "rings331_ball.json"), "--loop", "--speed", "0.5"),
+                *("--view", f"127.0.0.1:{port}", "--view-token", TOKEN),
+            ],
+            stderr=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            text=True,
+            env={**os.environ, "OMP_NUM_THREADS": "1"},
+        )
+        assert self._process.stderr is not None
+        for line in self._process.stderr:
+            if line.startswith("live page: "):
+                self.url = line.removeprefix("live page: ").strip()
+                break
+        self.port = int(self.url.split(":")[2].split("/")[0])
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+    def stop(self) -> int:
+        self._process.send_signal(signal.SIGTERM)
+        self._process.communicate(timeout=20)
+        return self._process.returncode
+
+
+def test_disconnect_and_reconnect_are_shown(data_dir: Path, chrome: Chrome) -> None:
+    replay = Replay(data_dir)
+    page = chrome.open(replay.url)
+    page.until(LIVE)
+    shown(page, "press.mcap")
+    shown(page, "1 contact")
+    assert red(pixels(page)).any()
+    replay.kill()
+    page.until("document.body.dataset.state === 'disconnected'")
+    assert re.search(r"trying again in \d+ s", page.evaluate(STATE))
+    assert red(pixels(page)).any() or pixels(page).std() > 10, "the last picture stays"
+    again = Replay(data_dir, replay.port)
+    page.until(LIVE)
+    shown(page, "1 contact")
+    assert again.stop() == 0
+    page.until("document.body.dataset.state === 'disconnected'")
+    page.close()

@@ -1,0 +1,154 @@
+"""Plots of recordings: what is read is what was sent, and the picture shows it with units."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from math import isnan, nan
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from edge.recording import Recorder
+from edge.types import Clock, Frame
+from hostlink.cli import main
+from hostlink.errors import LogError, UsageError
+from hostlink.plot import draw, read_series
+from hostlink.recording import LogWriter
+from hostlink.wire import CanIds, Kind, State, pack_state, unpack_state
+
+RATE_HZ = 100
+START_US = (1 << 32) - 250_000  # the wire's microseconds wrap in the middle
+
+
+def states(n: int = 100) -> list[State]:
+    return [
+        State(
+            sample=k,
+            capture_time_us=START_US + k * 1_000_000 // RATE_HZ,
+            latency_us=900.0,
+            displacement_mm=k / 50 if not 20 <= k < 30 else nan,
+            displacement_sigma_mm=0.05,
+            shear_x_mm=-k / 100,
+            shear_y_mm=k / 200,
+            contact_n=k // 50,
+        )
+        for k in range(n)
+    ]
+
+
+def write_bus(path: Path, nodes: tuple[int, ...] = (1,), sent: list[State] | None = None) -> None:
+    with LogWriter(path) as log:
+        for k, state in enumerate(sent if sent is not None else states()):
+            for node in nodes:
+                can_id = CanIds().of(Kind.TPDO1, node)
+                log.write(
+                    can.Message(
+                        timestamp=1.7e9 + k / RATE_HZ,
+                        arbitration_id=can_id,
+                        is_extended_id=False,
+                        is_fd=True,
+                        data=pack_state(state, k),
+                    )
+                )
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf"])
+def test_series_are_what_was_sent(tmp_path: Path, suffix: str) -> None:
+    write_bus(tmp_path / f"a{suffix}", (1, 4))
+    series = read_series(tmp_path / f"a{suffix}")
+    assert sorted(series) == [1, 4]
+    one = series[4]
+    assert one.samples_n == 100
+    assert one.time_s == pytest.approx([k / RATE_HZ for k in range(100)], abs=1e-5)
+    for k, value in enumerate(one.values["displacement_mm"]):
+        assert isnan(value) if 20 <= k < 30 else value == pytest.approx(k / 50, abs=0.002)
+    assert not one.known("force_n")
+
+
+def test_silence_is_a_gap(tmp_path: Path) -> None:
+    sent = states()
+    write_bus(tmp_path / "a.log", sent=sent[:20] + sent[60:])
+    one = read_series(tmp_path / "a.log")[1]
+    assert one.samples_n == 60
+    assert len(one.time_s) == 61
+    assert isnan(one.values["shear_x_mm"][20])
+    assert one.time_s[19] < one.time_s[20] < one.time_s[21]
+
+
+def test_an_edge_recording_gives_the_same(tmp_path: Path) -> None:
+    write_bus(tmp_path / "a.log")
+    with Recorder(tmp_path / "a.mcap") as recorder:
+        for k, state in enumerate(states()):
+            frame = Frame(np.zeros((4, 4), np.uint8), k * 10_000_000, k, Clock.HOST)
+            recorder.sample(frame, asdict(unpack_state(pack_state(state, k))))
+    bus, edge = read_series(tmp_path / "a.log")[1], read_series(tmp_path / "a.mcap")[1]
+    assert edge.time_s == pytest.approx(bus.time_s, abs=1e-6)
+    for name in bus.values:
+        assert edge.values[name] == pytest.approx(bus.values[name], nan_ok=True), name
+
+
+def test_the_picture_has_units_and_only_what_is_known(tmp_path: Path) -> None:
+    write_bus(tmp_path / "a.log", (1, 4))
+    series = read_series(tmp_path / "a.log")
+    assert draw(series, tmp_path / "a.svg", "a.log") == ("displacement", "shear", "contacts", "latency")
+    assert draw(series, tmp_path / "a.png") == ("displacement", "shear", "contacts", "latency")
+    assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
+    assert (tmp_path / "a.png").stat().st_size > 20_000
+
+
+def run(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert isinstance(caught.value.code, int)
+    return caught.value.code
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_bus(tmp_path / "a.log", (1, 4))
+    assert run("plot", str(tmp_path / "a.log"), "--json", "--finger", "4") == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["samples"] == {"4": 100}
+    assert Path(said["out"]) == tmp_path / "a.png"
+    assert (tmp_path / "a.png").is_file()
+    assert run("plot", str(tmp_path / "a.log"), "-o", str(tmp_path / "b.pdf"), "-q") == 0
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["none.log"], "no such file"),
+        (["a.log", "-o", "a.gif"], "a picture is one of"),
+        (["a.log", "--finger", "9"], "no finger 9; it holds 1"),
+        (["a.csv"], "FD flags are lost"),
+        (["junk.mcap"], "not a recording of the edge"),
+        (["empty.log"], "holds no samples"),
+    ],
+)
+def test_mistakes_are_one_line(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    words: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_bus(tmp_path / "a.log")
+    (tmp_path / "a.csv").write_text("")
+    (tmp_path / "empty.log").write_text("")
+    (tmp_path / "junk.mcap").write_bytes(b"junk" * 100)
+    assert run("plot", *arguments) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert len(said.strip().splitlines()) == 1
+
+
+def test_nothing_known_is_told(tmp_path: Path) -> None:
+    write_bus(tmp_path / "a.log", sent=[State(sample=k, capture_time_us=k * 10_000) for k in range(20)])
+    series = read_series(tmp_path / "a.log")
+    assert draw(series, tmp_path / "a.png") == ("contacts",)
+    with pytest.raises((LogError, UsageError)):
+        draw(series, tmp_path / "nowhere" / "a.png")
