@@ -4,6 +4,7 @@
     replay   a recording instead of a camera
     render   a recording as a video
     inspect  what the pin detection sees in an image
+    doctor   is everything there that a finger needs, and what to do where it is not
 
 A user's mistake is one line on stderr and exit code 2. Heavy modules load with the command that needs them.
 """
@@ -286,6 +287,67 @@ def inspect(images: Sequence[Path], as_json: bool, overlay: Path | None) -> None
         click.echo(json.dumps(found))
     if failed:
         raise SystemExit(2)
+
+
+@cli.command()
+@click.option(
+    "-c", "--config", "config_path", type=click.Path(path_type=Path), help="TOML file; see deploy/."
+)
+@click.option("--source", "source_spec", help=SOURCE_HELP)
+@click.option("--sink", "sink_specs", multiple=True, help=SINK_HELP)
+@click.option("--calibration", "calibration_path", type=click.Path(path_type=Path), help="Calibration file.")
+@click.option("--json", "as_json", is_flag=True, help="Print the lines as JSON.")
+def doctor(
+    config_path: Path | None,
+    source_spec: str | None,
+    sink_specs: Sequence[str],
+    calibration_path: Path | None,
+    as_json: bool,
+) -> None:
+    """Look at camera, pins, calibration, link, processor, clock and disk.
+
+    Says ok, warn or fail for each, and what to do. Leave the tip untouched, and stop the service: the
+    camera is needed. Exit code 1 where something fails, 0 otherwise.
+    """
+    from msgspec.structs import replace
+
+    from edge.config import load_config
+    from edge.device import stored_calibration
+    from edge.doctor import Machine, as_table, examine, worst
+    from edge.sources import open_source
+
+    config = load_config(config_path)
+    if source_spec:
+        config = replace(config, source=replace(config.source, spec=source_spec))
+    if sink_specs:
+        config = replace(config, link=replace(config.link, sinks=tuple(sink_specs)))
+    state_dir = Path(config.state.directory) if config.state.directory else None
+    chosen = calibration_path or stored_calibration(state_dir) or config.calibration.file
+    s = config.source
+    lines = examine(
+        config,
+        lambda: open_source(
+            s.spec,
+            width=s.width,
+            height=s.height,
+            rate_hz=s.rate_hz,
+            exposure_us=s.exposure_us,
+            gain=s.gain,
+        ),
+        Path(chosen) if chosen else None,
+        Machine(),
+    )
+    if as_json:
+        click.echo(json.dumps({"worst": worst(lines), "lines": as_table(lines)}))
+    else:
+        colours = {"ok": "green", "warn": "yellow", "fail": "red"}
+        for line in lines:
+            click.echo(
+                f"{click.style(f'{line.level:4s}', colours[line.level])} {line.topic:12s} {line.words}"
+            )
+            if line.advice:
+                click.echo(f"{'':17s} -> {line.advice}")
+    raise SystemExit(worst(lines) == "fail")
 
 
 def _app(

@@ -334,6 +334,7 @@ class App:
     def _idle(self) -> None:
         """No image came. Say why, and that we live."""
         known = self.health.status
+        self._frozen = False
         self._judge_camera()
         self._watch_links()
         now_ns = time.monotonic_ns()
