@@ -62,7 +62,6 @@ class Modes:
         self._gram = basis.conj().T @ basis + np.diag(np.where(kept, 0.0, n))
         # A weak ridge (a thousandth of a pin) keeps lost pins from letting high terms run away.
         self._gram += 1e-3 * np.eye(k)
-        self._project = np.linalg.solve(self._gram, basis.conj().T)
 
     def fit(self, motion: Array, seen: Mask) -> Complex:
         """Least-squares coefficients over the seen pins.
@@ -70,11 +69,8 @@ class Modes:
         motion   (n, 2) float64 px, contiguous, finite where seen
         Returns  (21,) complex128 px, terms `MODE_NAMES`
         """
-        if seen.all():
-            result: Complex = self._project @ motion.view(np.complex128)[:, 0]
-            return result
-        result = np.empty(len(self._gram), dtype=np.complex128)
-        # The same sums without the lost pins, and their equations solved.
+        # Sums over the seen pins, and their equations solved: no BLAS, which would wake threads for it.
+        result: Complex = np.empty(len(self._gram), dtype=np.complex128)
         _features.modes(
             self._basis.view(np.float64), self._gram.view(np.float64), motion, seen, self._work,
             result.view(np.float64),
