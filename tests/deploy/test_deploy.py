@@ -1,0 +1,259 @@
+"""The files of `deploy/`: judged by systemd, by shellcheck, and by what the program takes."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from edge.config import Config, load_config
+from tests.conftest import ROOT
+
+DEPLOY = ROOT / "deploy"
+UNIT = "voronoi-touch@.service"
+SIZE_MAX_MB = 450
+
+
+def tool(name: str, package: str) -> str:
+    """Path of a tool; the test is skipped where it is not installed."""
+    path = shutil.which(name)
+    if path is None:
+        pytest.skip(f"{name} is not installed: apt-get install {package}")
+    return path
+
+
+def run(*command: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        list(map(str, command)),
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **environment},
+    )
+
+
+@pytest.fixture
+def unit(tmp_path: Path) -> Path:
+    """The unit with a program that is here, and an instance of it."""
+    text = (DEPLOY / UNIT).read_text().replace("/opt/voronoi-touch/current/bin/python", sys.executable)
+    (tmp_path / UNIT).write_text(text)
+    instance = tmp_path / UNIT.replace("@", "@index")
+    instance.write_text(text)
+    return instance
+
+
+def test_the_unit_verifies(unit: Path) -> None:
+    done = run(tool("systemd-analyze", "systemd"), "verify", "--recursive-errors=no", unit)
+    assert done.returncode == 0, done.stderr
+    assert "Unknown" not in done.stderr, done.stderr  # a misspelt key is only a warning
+
+
+def test_a_misspelt_unit_would_not_verify(unit: Path) -> None:
+    analyze = tool("systemd-analyze", "systemd")
+    unit.write_text(unit.read_text().replace("Type=notify", "Type=nonsense"))
+    assert "nonsense" in run(analyze, "verify", "--recursive-errors=no", unit).stderr
+
+
+def test_the_unit_is_hardened(unit: Path) -> None:
+    analyze = tool("systemd-analyze", "systemd")
+    done = run(analyze, "security", "--offline=true", "--threshold=25", "--no-pager", unit)
+    assert done.returncode == 0, done.stdout[-300:] + done.stderr
+
+
+@pytest.mark.parametrize("name", ["realtime.conf", "network.conf"])
+def test_the_drop_ins_fit_the_unit(unit: Path, name: str) -> None:
+    analyze = tool("systemd-analyze", "systemd")
+    unit.write_text(unit.read_text() + "\n" + (DEPLOY / name).read_text())
+    done = run(analyze, "verify", "--recursive-errors=no", unit)
+    assert done.returncode == 0, done.stderr
+    assert "Unknown" not in done.stderr, done.stderr
+
+
+@pytest.mark.parametrize(
+    "path", sorted([*DEPLOY.glob("*.sh"), *DEPLOY.glob("sbc/*.sh")]), ids=lambda p: p.name
+)
+def test_shellcheck(path: Path) -> None:
+    done = run(tool("shellcheck", "shellcheck"), "--severity=warning", path)
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_example_has_every_key_and_no_other() -> None:
+    """With its default each, and a comment on each: the example is the reference."""
+    text = (DEPLOY / "edge.toml").read_text()
+    table = tomllib.loads(text)
+    config = Config()
+    assert {name: set(section) for name, section in table.items()} == {
+        name: set(type(getattr(config, name)).__struct_fields__) for name in Config.__struct_fields__
+    }
+    assert load_config(DEPLOY / "edge.toml") == config
+    for line in text.splitlines():
+        key = re.match(r"(\w+) = ", line)
+        if key and key[1] != "demand":
+            assert re.search(r" # \w+|# 0: ", line), f"no explanation: {line}"
+
+
+def test_the_networkd_file_sets_the_four_that_matter() -> None:
+    text = (DEPLOY / "80-voronoi-touch-can.network").read_text()
+    keys = dict(line.split("=", 1) for line in text.splitlines() if "=" in line and not line.startswith("#"))
+    assert keys["BitRate"] == "1M"
+    assert keys["DataBitRate"] == "5M"
+    assert keys["FDMode"] == "yes"
+    assert keys["RestartSec"] == "100ms"
+
+
+def test_the_oak_manifest_has_documented_keys_only() -> None:
+    manifest = tomllib.loads((DEPLOY / "oakapp.toml").read_text())
+    documented = {
+        "identifier", "app_version", "entrypoint", "prepare_container", "prepare_build_container",
+        "build_steps",
+    }  # fmt: skip
+    assert manifest.keys() <= documented
+    assert {"identifier", "entrypoint"} <= manifest.keys()
+    assert all(step["type"] in ("COPY", "RUN") for step in manifest["prepare_container"])
+    assert not manifest["identifier"].startswith(("com.luxonis", "com.example"))
+
+
+# ---- the installer, on a file tree of its own -------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def wheel_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A package of the same name that installs in a moment: what is tested is the installer."""
+    folder = tmp_path_factory.mktemp("wheels")
+    info = "voronoi_touch-9.9.dist-info"
+    with zipfile.ZipFile(folder / "voronoi_touch-9.9-py3-none-any.whl", "w") as wheel:
+        wheel.writestr("edge/__init__.py", "")
+        wheel.writestr("edge/__main__.py", "print('9.9')\n")
+        wheel.writestr(
+            f"{info}/METADATA",
+            "Metadata-Version: 2.1\nName: voronoi-touch\nVersion: 9.9\nProvides-Extra: edge\n",
+        )
+        wheel.writestr(
+            f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: t\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+        )
+        wheel.writestr(f"{info}/RECORD", "")
+    return folder
+
+
+class Board:
+    """A file tree to install into."""
+
+    def __init__(self, root: Path, wheels: Path) -> None:
+        self.root, self.wheels = root, wheels
+        root.mkdir()
+
+    def install(self, *options: str) -> subprocess.CompletedProcess[str]:
+        done = run("sh", DEPLOY / "install.sh", "--root", self.root, "--wheels", self.wheels, *options)
+        assert done.returncode == 0, done.stderr + done.stdout
+        return done
+
+    @property
+    def current(self) -> str:
+        return os.readlink(self.root / "opt/voronoi-touch/current")
+
+    def kept(self) -> dict[str, str]:
+        """Configuration and state, by name."""
+        folders = (self.root / "etc/voronoi-touch", self.root / "var/lib/voronoi-touch")
+        return {str(p): p.read_text() for folder in folders for p in folder.rglob("*") if p.is_file()}
+
+
+def test_install_upgrade_rollback_uninstall(tmp_path: Path, wheel_dir: Path) -> None:
+    board = Board(tmp_path / "root", wheel_dir)
+    board.install("--finger", "index", "--node", "7")
+    config = load_config(board.root / "etc/voronoi-touch/index.toml")
+    assert (config.sensor.serial, config.sensor.node_id) == ("index", 7)
+    assert config.link.sinks == ("can:can0",)
+    assert config.state.directory == "/var/lib/voronoi-touch/index"
+    first = board.current
+    settings = board.root / "var/lib/voronoi-touch/index/settings.json"
+    settings.parent.mkdir()
+    settings.write_text('{"rate_hz": 7.0}')
+    (board.root / "etc/voronoi-touch/index.toml").write_text("[sensor]\nnode_id = 9\n")
+    kept = board.kept()
+
+    board.install("--finger", "index")  # again: an upgrade that overwrites nothing
+    second = board.current
+    assert second != first
+    assert board.kept() == kept
+    board.install("--rollback")
+    assert board.current == first
+    board.install("--rollback")
+    assert board.current == second
+    assert board.kept() == kept
+    board.install()
+    assert len(list((board.root / "opt/voronoi-touch/releases").iterdir())) == 2
+
+    board.install("--uninstall")
+    assert not (board.root / "opt/voronoi-touch").exists()
+    assert not (board.root / "etc/systemd/system" / UNIT).exists()
+    assert board.kept() == kept
+    board.install("--uninstall", "--purge")
+    assert board.kept() == {}
+
+
+def test_a_release_that_does_not_run_is_not_used(tmp_path: Path, wheel_dir: Path) -> None:
+    board = Board(tmp_path / "root", wheel_dir)
+    board.install()
+    good = board.current
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    source = next(wheel_dir.glob("*.whl"))
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(broken / source.name, "w") as new:
+        for name in old.namelist():
+            new.writestr(name, "raise SystemExit(1)" if name.endswith("__main__.py") else old.read(name))
+    done = run("sh", DEPLOY / "install.sh", "--root", board.root, "--wheels", broken)
+    assert done.returncode == 2
+    assert "does not run" in done.stderr
+    assert board.current == good
+    assert len(list((board.root / "opt/voronoi-touch/releases").iterdir())) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--node", "128"], "1 to 127"),
+        (["--node", "x"], "1 to 127"),
+        (["--finger", "../x"], "a-z"),
+        (["--colour"], "unknown option"),
+        (["--node"], "needs a value"),
+    ],
+)
+def test_mistakes_are_one_line(options: list[str], words: str) -> None:
+    done = run("sh", DEPLOY / "install.sh", *options)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+# ---- what a board has to download --------------------------------------------------------------------
+
+
+def test_the_wheels_resolve_for_arm64(tmp_path: Path) -> None:
+    """For Python 3.11, from wheels alone: nothing is compiled on the board. Prints the size there."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = [*project["dependencies"], *project["optional-dependencies"]["edge"]]
+    platforms = [f"manylinux_2_{n}_aarch64" for n in (28, 27, 17)] + ["manylinux2014_aarch64"]
+    done = run(
+        sys.executable, "-m", "pip", "download", "-q", "--disable-pip-version-check", "-d", tmp_path,
+        "--only-binary=:all:", "--python-version", "3.11", "--implementation", "cp",
+        *(o for abi in ("cp311", "abi3", "none") for o in ("--abi", abi)),
+        *(o for p in platforms for o in ("--platform", p)), *wanted,
+    )  # fmt: skip
+    if done.returncode and re.search(r"onnection|resolution|timed out|Max retries", done.stderr):
+        pytest.skip("no package index can be reached")
+    assert done.returncode == 0, done.stderr[-500:]
+    sizes = {
+        path.name.split("-")[0]: sum(entry.file_size for entry in zipfile.ZipFile(path).infolist()) / 1e6
+        for path in tmp_path.glob("*.whl")
+    }
+    total_mb = sum(sizes.values())
+    print(f"\non the board: {total_mb:.0f} MB, of them", {k: round(v) for k, v in sizes.items() if v > 5})
+    assert "depthai" not in sizes
+    assert total_mb < SIZE_MAX_MB
