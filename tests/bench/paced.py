@@ -34,7 +34,7 @@ HERE = Path(__file__).parent
 
 
 def run_app(
-    seconds: float, rate_hz: float = 240.0, every_s: float = 0.0, name: str = "press"
+    seconds: float, rate_hz: float = 240.0, every_s: float = 0.0, name: str = "press", realtime: bool = False
 ) -> dict[str, Any]:
     """Run the app in a process of its own; what `paced_child` reports."""
     frames = scene(name)
@@ -47,7 +47,8 @@ def run_app(
         calibration_of(frames).save(Path(folder) / "tip.json")
         options = {
             "frames": str(file), "rest_n": REST_FRAMES, "seconds": seconds, "rate_hz": rate_hz,
-            "calibration": str(Path(folder) / "tip.json"), "started_s": time.monotonic(),
+            "realtime": realtime, "calibration": str(Path(folder) / "tip.json"),
+            "started_s": time.monotonic(),
         } | ({"every_s": every_s} if every_s else {})  # fmt: skip
         run = subprocess.run(
             [sys.executable, "-m", "tests.bench.paced_child", json.dumps(options)],
@@ -65,15 +66,18 @@ def _burn() -> None:
 @click.option("--minutes", type=click.FloatRange(min=0.02), default=10.0, show_default=True)
 @click.option("--rate", type=click.FloatRange(1, 2000), default=240.0, show_default=True, help="Frames/s.")
 @click.option("--busy", is_flag=True, help="Keep another core busy meanwhile.")
+@click.option("--realtime", is_flag=True, help="Scheduled as by deploy/realtime.conf (needs root).")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
-def command(minutes: float, rate: float, busy: bool, as_json: bool) -> None:
+def command(minutes: float, rate: float, busy: bool, realtime: bool, as_json: bool) -> None:
     """The running app at a camera's rate. Exit code 1: a frame that the app accepted was lost."""
     burner = multiprocessing.get_context("spawn").Process(target=_burn, daemon=True) if busy else None
     if burner is not None:
         burner.start()
     load = [os.getloadavg()[0]]
     try:
-        report = run_app(60.0 * minutes, rate, 0.0 if as_json else max(1.0, minutes * 60.0 / 20.0))
+        report = run_app(
+            60.0 * minutes, rate, 0.0 if as_json else max(1.0, minutes * 60.0 / 20.0), realtime=realtime
+        )
     finally:
         if burner is not None:
             burner.terminate()
@@ -85,9 +89,9 @@ def command(minutes: float, rate: float, busy: bool, as_json: bool) -> None:
     else:
         table = Table(f"{minutes:g} minutes at {rate:g} frames/s", "")
         for key in (
-            "frames_offered", "frames_dropped", "frames_accepted", "samples_sent", "samples_received",
-            "gaps", "lost", "p50_us", "p99_us", "p999_us", "max_us", "over_2ms", "over_3ms", "cpu_share",
-            "startup_s", "rss_mb", "frames_mb",
+            "frames_offered", "dropped_at_tare", "dropped_after", "frames_accepted", "samples_sent",
+            "samples_received", "gaps", "lost", "p50_us", "p99_us", "p999_us", "max_us", "over_2ms",
+            "over_3ms", "cpu_share", "startup_s", "rss_mb", "frames_mb",
         ):  # fmt: skip
             value = report[key]
             table.add_row(key, f"{value:,}" if isinstance(value, int) else f"{value:,.2f}")

@@ -10,6 +10,7 @@ line of progress on stderr that often.
 from __future__ import annotations
 
 import json
+import os
 import sys
 import threading
 import time
@@ -62,25 +63,32 @@ class Images:
 
 
 class Meter:
-    """A last sink: how old each sample is when all others have taken it."""
+    """A last sink: how old each sample is when all others have taken it, from the tare on."""
 
     name = "meter"
     up = True
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, app: App) -> None:
+        self._app = app
+        self.tare_dropped_n = 0
+        self.tare_n = 0
         self.age_us = np.zeros(size, dtype=np.float32)
         self.n = 0
         self.first_s = 0.0
         self.cpu_s = 0.0
+        self.since_s = 0.0
 
     @property
     def counters(self) -> SinkCounters:
         return SinkCounters(sent=self.n)
 
     def send(self, state: State) -> bool:
-        if not self.n:
-            self.first_s = time.monotonic()
-            self.cpu_s = time.process_time()
+        if self._app.last is None:  # no rest frame yet
+            self.first_s = self.first_s or time.monotonic()
+            self.cpu_s, self.since_s = time.process_time(), time.monotonic()
+            self.tare_dropped_n = self._app.source.dropped_n
+            self.tare_n += 1
+            return True
         if self.n < len(self.age_us):
             self.age_us[self.n] = time.monotonic_ns() / 1e3 - state.capture_time_us
         self.n += 1
@@ -103,6 +111,7 @@ class Listener:
         self._done = threading.Event()
         self.samples_n = 0
         self.gaps_n = 0
+        self.cpu_s = 0.0
         self._last = -1
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -111,6 +120,7 @@ class Listener:
         while not self._done.wait(LISTEN_S):
             self._take()
         self._take()
+        self.cpu_s = time.thread_time()
 
     def _take(self) -> None:
         while (message := self._bus.recv(0)) is not None:
@@ -140,6 +150,8 @@ def weight() -> dict[str, float]:
 
 def main(options: dict[str, Any]) -> dict[str, Any]:
     """Run, and say what was measured."""
+    if options.get("realtime"):  # as deploy/realtime.conf has it
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(40))
     rate_hz, seconds = float(options.get("rate_hz", 240.0)), float(options["seconds"])
     images = np.load(options["frames"])
     n = round(seconds * rate_hz) + options["rest_n"]
@@ -148,7 +160,7 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
     listener = Listener()
     sink = open_sink(BUS)
     node = Node(sink, AppDevice(app, "bench"))
-    meter = Meter(n)
+    meter = Meter(n, app)
     app.sinks += [node, meter]
     weights: list[float] = []
     done = threading.Event()
@@ -172,12 +184,13 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
     heavy = weight()
     node.close()
     listener.close()
-    age_us = meter.age_us[options["rest_n"] + 1 : meter.n]
+    age_us = meter.age_us[1 : meter.n]  # the first came while the tare's waste was dropped
     p50, p99, p999 = np.percentile(age_us, (50, 99, 99.9))
     return {
-        "seconds": ended_s - meter.first_s,
+        "seconds": ended_s - meter.since_s,
         "frames_offered": source.received_n,
-        "frames_dropped": statistics.dropped_n,
+        "dropped_at_tare": meter.tare_dropped_n,
+        "dropped_after": statistics.dropped_n - meter.tare_dropped_n,
         "frames_accepted": statistics.frames_n,
         "samples_sent": node.counters.sent,
         "samples_refused": node.counters.dropped,
@@ -193,7 +206,7 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
         "over_2ms": int(np.count_nonzero(age_us > 2000)),
         "over_3ms": int(np.count_nonzero(age_us > 3000)),
         "compute_us": list(statistics.compute_us),
-        "cpu_share": (cpu_s - meter.cpu_s) / (ended_s - meter.first_s),
+        "cpu_share": (cpu_s - listener.cpu_s - meter.cpu_s) / (ended_s - meter.since_s),
         "startup_s": meter.first_s - options["started_s"],
         "rss_mb": heavy["VmRSS"],
         "rss": heavy,
