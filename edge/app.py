@@ -59,6 +59,8 @@ DRAIN_S = 1.0  # how long a recording waits for a link that takes nothing
 LATENCIES = 1 << 14  # frames that the latency statistics look back on: 68 s at 240 frames/s
 PINS_KEPT_SHARE = 0.9  # a new rest frame with fewer pins than this share of the old one's is implausible
 WAIT_S = 0.02  # longest wait for an image before faults and commands are looked at
+#: A frame that takes longer than this is one whose pins are searched for: that is said before they are found.
+SEARCH_NS = 30_000_000
 SLOW_DISK_S = 1.0  # without loss, and a recording counts as whole again
 BEAT_S = 0.05  # samples without images: "the slow rate" of the fault table
 #: The capture clock may run against ours by this much from one image to the next; more is a step. A process
@@ -192,6 +194,7 @@ class App:
         self._skipped_n = 0
         self._beat_due_ns = 0
         self._garbage_due_ns = time.monotonic_ns() + round(GARBAGE_S * 1e9)
+        self._begun_ns: int | None = None  # when the frame in hand was taken up
         self._frozen = False  # the frame in hand shows what an earlier one did
         self._broken = False  # the last frame broke the computation
         self._statistics = Statistics()
@@ -296,7 +299,7 @@ class App:
         automatic = gc.isenabled()
         gc.disable()
         if self._vitals is not None:
-            self._vitals.watches += [self._judge_camera, self._watch_links]
+            self._vitals.watches += [self._judge_camera, self._watch_links, self._watch_loop]
             self._vitals.start()
         try:
             for frame in self._frames():
@@ -349,6 +352,13 @@ class App:
         capture_ns = frame.capture_ns + now_ns - since_ns if frame else now_ns
         self._send(None, capture_ns, 0.0)
 
+    def _watch_loop(self) -> None:
+        """Called from another thread: whether the frame in hand takes long."""
+        begun_ns = self._begun_ns
+        if begun_ns is None or self._taring is not None or time.monotonic_ns() - begun_ns < SEARCH_NS:
+            return
+        self.health.report(FaultCode.TRACKER_LOST, True, "the pins are being searched for")
+
     def _watch_links(self) -> None:
         for sink in list(self.sinks):
             watch: Callable[[], None] | None = getattr(sink, "watch_link", None)
@@ -368,7 +378,9 @@ class App:
         self._judge_image(frame)
         if self.recorder is not None:
             self._to_recorder(lambda recorder: recorder.frame(frame))
+        self._begun_ns = begun_ns
         result = self._measure_safely(frame)
+        self._begun_ns = None
         computed_ns = time.monotonic_ns()
         # A recorded or foreign clock cannot be subtracted from ours: then latency counts from the hand-over.
         ours = frame.clock in (Clock.HOST, Clock.DRIVER) and 0 <= begun_ns - frame.capture_ns < LATE_NS

@@ -264,7 +264,8 @@ class Soak:
             return
         episode = self.episode("camera", now_s)
         kind = episode.kind if episode else ""
-        known_later = (kind == "shift" and self.touched[k]) or (
+        touched = self.touched[k] or (result.features is not None and result.features.touched)
+        known_later = (kind == "shift" and touched) or (
             kind == "freeze" and episode is not None and now_s - episode.start_s < 2 * ANNOUNCED_S
         )
         if known_later:
