@@ -32,8 +32,9 @@ NEAR_WIDTH = 1.6
 GRADIENT_RIDGE = 0.05
 # No two tracks come nearer than half a pitch, or this share of their distance at rest where that is less.
 APART = 0.5
-APART_OF_REST = 0.75
+APART_OF_REST = 0.85
 N_CLOSE = 8
+EVERY = slice(None)
 
 
 class Lattice:
@@ -100,24 +101,27 @@ class Lattice:
         apart = distance[:, : self.close.shape[1]].ravel()[first]
         self.apart_px = np.minimum(APART, APART_OF_REST * apart) * pitch_px
 
-    def predict(self, motion: Array, known: Mask) -> tuple[Array, Array, Array]:
+    def predict(
+        self, motion: Array, known: Mask, rows: NDArray[np.intp] | slice = EVERY
+    ) -> tuple[Array, Array, Array]:
         """Motion of each pin as its known neighbours have it; the pin itself has no say.
 
-        motion (h, n, 2) px, whatever where not known; known (h, n) bool
-        Returns (h, n, 2) motion, (h, n) sum of the neighbours' weights, (h, n, 2, 2) gradient per pitch
+        motion (h, n, 2) px, whatever where not known; known (h, n) bool; rows: of which r pins, all without
+        Returns (h, r, 2) motion, (h, r) sum of the neighbours' weights, (h, r, 2, 2) gradient per pitch
         """
-        seen = known[:, self.near].astype(np.float64)
+        near = self.near[rows]
+        seen = known[:, near].astype(np.float64)
         # Unique entries of the symmetric normal matrix, inverted by its adjugate: 331 LAPACK calls on
         # 3x3 matrices take three times as long.
-        w, x, y, xx, xy, yy = np.moveaxis((seen[:, :, None, :] @ self._normal)[:, :, 0], -1, 0)
+        w, x, y, xx, xy, yy = np.moveaxis((seen[:, :, None, :] @ self._normal[rows])[:, :, 0], -1, 0)
         w, xx, yy = w + 1e-9, xx + GRADIENT_RIDGE, yy + GRADIENT_RIDGE
         a, b, c = xx * yy - xy * xy, xy * y - x * yy, x * xy - xx * y
         adjugate = np.stack(
             [a, b, c, b, w * yy - y * y, x * y - w * xy, c, x * y - w * xy, w * xx - x * x], -1
         )
         adjugate /= (w * a + x * b + y * c)[..., None]
-        value = np.where(known[..., None], motion, 0.0)[:, self.near]
-        solution = adjugate.reshape(*known.shape, 3, 3) @ (self._right @ value)
+        value = np.where(known[..., None], motion, 0.0)[:, near]
+        solution = adjugate.reshape(*w.shape, 3, 3) @ (self._right[rows] @ value)
         return solution[..., 0, :], w, solution[..., 1:, :]
 
     def disagreement(self, motion: Array, known: Mask) -> Array:

@@ -71,6 +71,7 @@ FORGIVEN, MOST = 0.025, 0.8
 # FIT_TORN where free blobs lie near these: they are not missing, then, but elsewhere.
 BELIEF_ROUNDS, FIT, FIT_OF_USUAL, FIT_BESIDE, FIT_TORN = 2, 0.06, 3.0, 0.16, 0.12
 WHOLE = 0.8  # share of its neighbours that a pin must have, not to stand beside missing ones
+ISLAND = 8  # pins that must hang together to be believed
 EFFORT = 3.0  # pins, for a root-mean-square motion of one step
 GUESSED_SHARE = 0.9  # of all pins or blobs: then a guess that was grown needs no comparison with coarse fits
 WORTH_GROWING = 0.4  # share of the winner's agreeing pins that a rival has before it grows
@@ -286,9 +287,16 @@ class Identifier:
             whole = known >= WHOLE * around
             limit = np.maximum(FIT, FIT_OF_USUAL * usual)
             limit = np.where(whole, limit, np.minimum(limit, most))
-            good = good & (off < limit) & (2 * known >= around)
-        for _ in range(BELIEF_ROUNDS):  # what that leaves of a torn clump are islands
-            good = good & (2 * np.append(good, False)[ring].sum(1) >= around)
+            good = good & (off < limit) & (3 * known >= around)
+        # What that leaves of a torn clump are islands.
+        label = self._pieces(best.motion, good, self._link)
+        good = good & (np.bincount(label[good], minlength=n)[label] >= ISLAND)
+        # Two that came too near to each other: one is a reflection, or both are one.
+        first, second = self._lattice.pair.T
+        gap = self._rest_xy[first] + best.motion[first] - self._rest_xy[second] - best.motion[second]
+        clash = good[first] & good[second] & ((gap**2).sum(1) < self._lattice.apart_px**2)
+        first, second = first[clash], second[clash]
+        good[np.where(off[first] > off[second], first, second)] = False
         return good
 
     def _confidence(self, best: _Match, rival: _Match) -> float:
@@ -335,26 +343,36 @@ class Identifier:
         return nearest.xy[blob] - self._rest_xy, ours
 
     def _largest_piece(self, motion: Array, known: Mask, links: _Links) -> Mask:
+        label = self._pieces(motion, known, links)
+        return label == np.bincount(label[known], minlength=1).argmax() if known.any() else known
+
+    def _pieces(self, motion: Array, known: Mask, links: _Links) -> NDArray[np.intp]:
+        """(n,) label of the piece that each known pin hangs together with."""
         a, b = links.a, links.b
         tie = known[a] & known[b] & (np.hypot(*(motion[a] - motion[b]).T) < links.seam_px)
         n = len(known)
         graph = coo_matrix((np.ones(int(tie.sum()), bool), (a[tie], b[tie])), shape=(n, n))
         label: NDArray[np.intp] = connected_components(graph, directed=False)[1]
-        return label == np.bincount(label[known], minlength=1).argmax() if known.any() else known
+        return label
 
     def _grow(self, nearest: _Nearest, motion: Array, seed: Mask) -> _Match:
+        n = len(seed)
         known, value = seed[None], motion[None]
-        before = np.full(len(seed), -1)
+        before = np.where(seed, -2, -1)  # of the seed all counts as new
+        predicted, support = np.zeros((1, n, 2)), np.zeros((1, n))
+        rows = np.arange(n)
         for _ in range(SWEEPS):
-            predicted, support, _ = self._lattice.predict(value, known)
+            predicted[:, rows], support[:, rows], _ = self._lattice.predict(value, known, rows)
             blob, _, known = nearest.match(
                 self._rest_xy + predicted, GROW_GATE * self._step_px, support > GROW_SUPPORT
             )
             value = nearest.xy[blob] - self._rest_xy
             now = np.where(known[0], blob[0], -1)
-            if np.array_equal(now, before):
+            changed = now != before
+            if not changed.any():
                 break
             before = now
+            rows = np.flatnonzero(changed[self._lattice.near].any(1))
         return self._judge(nearest, blob[0], value[0], known[0])
 
     def _judge(self, nearest: _Nearest, blob: Blob, motion: Array, known: Mask) -> _Match:
