@@ -19,6 +19,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "capture": ("calib.commands", "capture_command", "Run a protocol on a rig and record it with its truth."),
     "demo": ("calib.fit_commands", "demo_command", "The whole chain on bundled recordings."),
     "fit": ("calib.fit_commands", "fit_command", "Fit a calibration to frames with known truth."),
+    "report": ("calib.report.command", "report_command", "One page: errors, curves, speed against error."),
     "evaluate": ("calib.fit_commands", "evaluate_command", "Errors of a calibration on known frames."),
 }
 

@@ -16,9 +16,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.errors import TableError
 from edge.calibration import CONTACT_INPUTS, FRAME_INPUTS, contact_inputs, frame_inputs
@@ -59,6 +61,10 @@ class Extract:
     counts: Index
     angle_rad: Array
     time_us: Array
+
+    def rows(self, chosen: NDArray[np.integer[Any]] | Sequence[int]) -> Extract:
+        """Some of the rows, by index."""
+        return Extract(*(getattr(self, f.name)[np.asarray(chosen)] for f in fields(self)))
 
 
 _NOTHING = np.full(len(FRAME_INPUTS), np.nan, dtype=np.complex128)

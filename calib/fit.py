@@ -45,7 +45,17 @@ from edge.calibration import (
 )
 from edge.types import Array, Complex, Index, Mask, Rest
 
-__all__ = ["Candidate", "Choice", "fit", "terms_of_spin", "tip_of"]
+__all__ = [
+    "Candidate",
+    "Choice",
+    "cross_validated_curve",
+    "cross_validated_terms",
+    "fit",
+    "letters",
+    "paper_curve",
+    "terms_of_spin",
+    "tip_of",
+]
 
 Letters = Sequence[tuple[str, int]]
 
@@ -383,6 +393,27 @@ def _cross_validate(
         error = float(squares[r, :, j].std() / np.sqrt(len(y)) / (2 * rms)) if rms else 0.0
         found.append((Candidate(name, psi.shape[1], rms, error, RIDGES[r]), predicted[r, :, j]))
     return found
+
+
+def cross_validated_terms(psi: Complex, y: Complex, poses: Array) -> Complex:
+    """Prediction of each row by a ridge model of these terms that has not seen its pose.
+
+    psi      (n, n_terms), of `evaluate_terms`
+    y        (n,) complex truth, x + i y
+    poses    (n, any): equal rows stay together
+    Returns  (n,) complex128
+    """
+    return _cross_validate("", psi, y[:, None], _folds(poses), real=False)[0][1]
+
+
+def paper_curve(volume: Array, depth: Array) -> Curve:
+    """The paper's displacement curve of these frames; both (n,)."""
+    return _curve(volume, depth, _folds(depth[:, None]))[0]
+
+
+def cross_validated_curve(volume: Array, depth: Array) -> Array:
+    """Prediction of each row by the paper's curve that has not seen its depth; both (n,)."""
+    return _curve(volume, depth, _folds(depth[:, None]))[2].real
 
 
 def _scaled(psi: Complex, *, real: bool) -> tuple[Any, Array]:

@@ -19,11 +19,13 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.errors import TableError
-from edge.types import Array, Index
+from edge.types import Array
 
 __all__ = ["COLUMNS", "Targets", "join", "read_targets", "targets_of_capture"]
 
@@ -75,7 +77,7 @@ class Targets:
     def __len__(self) -> int:
         return len(self.frames)
 
-    def rows(self, chosen: Index | Sequence[int]) -> Targets:
+    def rows(self, chosen: NDArray[np.integer[Any]] | Sequence[int]) -> Targets:
         """Some of the rows, by index."""
         frames = tuple(self.frames[i] for i in chosen)
         return Targets(

@@ -15,7 +15,11 @@ COMMANDS = {
     "identity": ("tests.bench.identity", "Pin identity after a jump, on real and simulated frames."),
     "paced": ("tests.bench.paced", "The running app at 240 frames/s: latency, memory, losses."),
     "speed": ("tests.bench.speed", "Time per frame and stage, against reference and floor (default)."),
+    "real": ("tests.bench.real", "Errors on the published recordings, five splits and a learning curve."),
+    "videos": ("tests.bench.videos", "Identities held through the published videos."),
+    "hazards": ("tests.bench.hazards", "Rendered hazards through the whole chain: identities, place, depth."),
     "link": ("tests.bench.link", "Fingers on one bus: losses and latency."),
+    "viewers": ("tests.bench.viewers", "Viewers of the live page: what they cost the loop."),
     "wire": ("tests.bench.wire", "Coding of frames: processor time of one."),
     "stability": ("tests.bench.stability", "Hard cases of the geometry against exact arithmetic."),
 }

@@ -1,0 +1,105 @@
+"""Errors against known truth: counted over all frames, and over those that would have been sent."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.evaluate import evaluate
+from calib.fit import fit
+from edge.calibration import Calibration
+from tests.calib.synthetic import REST, make, targets
+
+KEYS = {
+    "n_frames",
+    "n_refused",
+    "displacement_mae_mm",
+    "tilt_mae_deg",
+    "shear_mae_mm",
+    "shear_direction_mean_deg",
+    "shear_direction_median_deg",
+    "torsion_mae_deg",
+    "sigma_coverage_68",
+    "frame_time_us_median",
+}
+
+
+@pytest.fixture(scope="module")
+def calibration() -> Calibration:
+    extract, values = make(300, noise=0.02)
+    return fit(REST, targets(values), extract, mm_per_px=None)[0]
+
+
+def test_every_promised_number_is_there_and_json(calibration: Calibration) -> None:
+    extract, values = make(100, seed=4)
+    report = json.loads(json.dumps(evaluate(calibration, targets(values), extract)))
+    assert report.keys() >= KEYS
+    assert report["n_frames"] == 100
+    assert report["tilt_mae_deg"] == [None, None]
+    assert report["frame_time_us_median"] == 1000.0
+
+
+def test_errors_are_those_of_the_truth_that_is_given(calibration: Calibration) -> None:
+    extract, values = make(200, seed=5)
+    exact = evaluate(calibration, targets(values), extract)
+    values["displacement_mm"] = values["displacement_mm"] + 0.5
+    off = evaluate(calibration, targets(values), extract)
+    assert exact["displacement_mae_mm"] < 0.05
+    assert off["displacement_mae_mm"] == pytest.approx(0.5, abs=0.05)
+    assert off["sigma_coverage_68_each"]["displacement_mm"] < 0.05
+
+
+def test_direction_is_an_angle_whichever_way_round(calibration: Calibration) -> None:
+    extract, values = make(400, seed=6)
+    shear = (values["shear_x_mm"] + 1j * values["shear_y_mm"]) * np.exp(1j * np.radians(-10.0))
+    values["shear_x_mm"], values["shear_y_mm"] = shear.real, shear.imag
+    report = evaluate(calibration, targets(values), extract)
+    assert report["shear_direction_mean_deg"] == pytest.approx(10.0, abs=0.6)
+    assert report["shear_direction_median_deg"] == pytest.approx(10.0, abs=0.6)
+    assert report["shear_magnitude_mae_mm"] < 0.1
+
+
+def test_refused_frames_are_counted_and_stay_in_the_errors(calibration: Calibration) -> None:
+    extract, values = make(100, seed=7)
+    values["displacement_mm"] = values["displacement_mm"].copy()
+    values["displacement_mm"][:10] += 3.0
+    sure = extract.sure.copy()
+    sure[:10] = False
+    report = evaluate(calibration, targets(values), replace(extract, sure=sure))
+    assert report["n_refused"] == 10
+    assert report["displacement_mae_mm"] > 0.25
+    assert report["accepted"]["displacement_mae_mm"] < 0.05
+
+
+def test_a_frame_without_a_value_leaves_no_mean(calibration: Calibration) -> None:
+    """It is not left out in silence."""
+    extract, values = make(50, seed=8)
+    inputs, sure, touched = extract.inputs.copy(), extract.sure.copy(), extract.touched.copy()
+    inputs[3] = np.nan
+    sure[3] = touched[3] = False
+    report = evaluate(
+        calibration, targets(values), replace(extract, inputs=inputs, sure=sure, touched=touched)
+    )
+    assert report["displacement_mae_mm"] is None
+    assert report["accepted"]["displacement_mae_mm"] is not None
+
+
+def test_an_untouched_tip_reads_zero_here_as_on_the_edge(calibration: Calibration) -> None:
+    extract, values = make(40, seed=9)
+    values = {name: np.zeros_like(column) for name, column in values.items()}
+    touched = np.zeros(40, dtype=np.bool_)
+    report = evaluate(calibration, targets(values), replace(extract, touched=touched))
+    assert report["displacement_mae_mm"] == 0.0
+    assert report["shear_mae_mm"] == [0.0, 0.0]
+
+
+def test_truth_that_is_not_known_is_not_judged(calibration: Calibration) -> None:
+    extract, values = make(60, seed=10)
+    values["torsion_deg"] = values["torsion_deg"].copy()
+    values["torsion_deg"][:30] = np.nan
+    report = evaluate(calibration, targets(values), extract)
+    assert report["torsion_mae_deg"] is not None
+    assert report["torsion_mae_deg"] < 0.2

@@ -1,0 +1,212 @@
+"""Fitting: known laws are found, small ones preferred, and data that cannot support a fit is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.errors import FitError
+from calib.evaluate import predict
+from calib.fit import fit, letters, terms_of_spin
+from edge.calibration import Calibration, Curve, Moments
+from edge.types import Array
+from tests.calib.synthetic import REST, make, of_inputs, targets
+
+
+def test_terms_have_the_spin_that_was_asked_for() -> None:
+    spin = dict(letters(3))
+    for wanted in (0, 1):
+        for term in terms_of_spin(wanted, letters(3), 3):
+            assert sum(spin[name] for name in term) == wanted
+    assert [] in terms_of_spin(0, letters(1), 2)
+    assert [] not in terms_of_spin(1, letters(1), 2)
+
+
+def test_known_laws_are_found_on_frames_that_were_not_fitted() -> None:
+    extract, values = make(300, noise=0.01)
+    calibration, choices = fit(REST, targets(values), extract, mm_per_px=None)
+    fresh, true = make(200, seed=1)
+    read, _ = predict(calibration, fresh)
+    for name, column in true.items():
+        inside = np.abs(column - np.mean(column)) < 2 * np.std(column)  # beyond the fitted range it saturates
+        assert np.abs(read[name] - column)[inside].mean() < 0.02
+    assert {c.outputs for c in choices} == {
+        ("displacement_mm",),
+        ("shear_x_mm", "shear_y_mm"),
+        ("torsion_deg",),
+    }
+
+
+def test_the_smallest_of_equally_good_models_is_taken() -> None:
+    extract, values = make(300, noise=0.02)
+    mean = extract.inputs[:, 1]  # the paper's: linear in the mean motion
+    values["shear_x_mm"], values["shear_y_mm"] = 40 * mean.real + 0.2, 40 * mean.imag
+    rng = np.random.default_rng(3)
+    values["shear_x_mm"] = values["shear_x_mm"] + 0.05 * rng.normal(size=300)
+    _, choices = fit(REST, targets(values), extract, mm_per_px=None)
+    shear = next(c for c in choices if c.outputs[0] == "shear_x_mm")
+    assert shear.chosen.name == "mean motion"
+    assert shear.chosen.n_terms == 2  # with the constant: preload
+    assert isinstance(shear.model, Moments)
+    constant = shear.model.weights[shear.model.terms.index([])]
+    assert constant[0] == pytest.approx(0.2, abs=0.02)
+
+
+def test_the_paper_s_curve_wins_where_depth_follows_the_volume() -> None:
+    extract, values = make(200)
+    volume = np.linspace(0.0, 0.3, 200)
+    inputs = extract.inputs.copy()
+    inputs[:, 0] = volume
+    depth = 5.0 * np.sqrt(volume / 0.3)
+    _, choices = fit(REST, targets({"displacement_mm": depth}), of_inputs(inputs), mm_per_px=None)
+    model = choices[0].model
+    assert isinstance(model, Curve)
+    outputs = [y for _, y in model.knots]
+    assert outputs == sorted(outputs)
+
+
+def test_turning_tip_and_touch_turns_the_shear() -> None:
+    extract, values = make(300, noise=0.01)
+    x_only = values["shear_x_mm"] * 0
+    calibration, _ = fit(REST, targets(values), extract, mm_per_px=None)
+    turned = extract.inputs.copy()
+    angle = np.exp(1j * np.radians(50.0))
+    from edge.calibration import FRAME_INPUTS, MODES
+
+    turned[:, 1] *= angle
+    for name in MODES:
+        turned[:, FRAME_INPUTS.index(name)] *= angle ** (1 - int(name[1]) + int(name[2]))
+    before, _ = predict(calibration, extract)
+    after, _ = predict(calibration, of_inputs(turned))
+    a = before["shear_x_mm"] + 1j * before["shear_y_mm"] - (0.1 - 0.05j)
+    b = after["shear_x_mm"] + 1j * after["shear_y_mm"] - (0.1 - 0.05j)
+    inside = np.abs(a) < 1.5
+    assert np.abs(b - a * angle)[inside].mean() < 0.02
+    assert not x_only.any()
+
+
+def test_a_sweep_along_x_calibrates_every_direction() -> None:
+    extract, _ = make(120)
+    inputs = extract.inputs * 0
+    sweep = np.linspace(-0.04, 0.04, 120)
+    inputs[:, 1] = inputs[:, 2] = sweep
+    values = {"shear_x_mm": 50 * sweep, "shear_y_mm": 0 * sweep}
+    calibration, _ = fit(REST, targets(values), of_inputs(inputs), mm_per_px=None)
+    read, sigma = predict(calibration, of_inputs(inputs * 1j))
+    np.testing.assert_allclose(read["shear_y_mm"], 50 * sweep, atol=1e-3)
+    np.testing.assert_allclose(read["shear_x_mm"], 0.0, atol=1e-3)
+    np.testing.assert_array_equal(sigma["shear_x_mm"], sigma["shear_y_mm"])
+
+
+def test_sigma_is_that_of_held_out_frames() -> None:
+    extract, values = make(500, noise=0.1)
+    calibration, _ = fit(REST, targets(values), extract, mm_per_px=None)
+    fresh, true = make(400, seed=9, noise=0.1)
+    read, sigma = predict(calibration, fresh)
+    for name in true:
+        assert 0.55 < np.mean(np.abs(read[name] - true[name]) <= sigma[name]) < 0.8
+        assert np.median(sigma[name]) == pytest.approx(0.1, rel=0.35)
+
+
+def test_the_file_comes_back_as_it_was(tmp_path: object) -> None:
+    extract, values = make(100, noise=0.01)
+    calibration, _ = fit(REST, targets(values), extract, mm_per_px=0.12, serial="A7")
+    again = Calibration.parse(calibration.encoded, "cal.json")
+    assert again.content == calibration.content
+    assert again.content.sensor.serial == "A7"
+    read, _ = predict(calibration, extract)
+    same, _ = predict(again, extract)
+    for name, column in read.items():
+        np.testing.assert_array_equal(column, same[name])
+
+
+def test_untouched_and_doubtful_frames_are_not_fitted() -> None:
+    extract, values = make(100, noise=0.01)
+    spoilt = {name: column.copy() for name, column in values.items()}
+    for column in spoilt.values():
+        column[:20] = 1e3
+    sure, touched = extract.sure.copy(), extract.touched.copy()
+    sure[:10] = False
+    touched[10:20] = False
+    calibration, _ = fit(REST, targets(spoilt), replace(extract, sure=sure, touched=touched), mm_per_px=None)
+    assert calibration.content.data.n_frames == 80
+    read, _ = predict(calibration, extract)
+    assert np.abs(read["displacement_mm"] - values["displacement_mm"])[20:].mean() < 0.05
+
+
+def test_the_scale_comes_from_known_places() -> None:
+    extract, values = make(60)
+    rng = np.random.default_rng(0)
+    place = 8.0 * (rng.uniform(-1, 1, 60) + 1j * rng.uniform(-1, 1, 60))
+    contact = extract.contact.copy()
+    turned = place * np.exp(0.3j)  # a rig whose axes are turned against the image's
+    contact[:] = 0.2
+    contact[:, 0] = turned / 0.12 / REST.pattern.tip_radius_px
+    values |= {"contact_x_mm": place.real, "contact_y_mm": place.imag}
+    calibration, _ = fit(REST, targets(values), replace(extract, contact=contact), mm_per_px=None)
+    assert calibration.mm_per_px == pytest.approx(0.12, rel=1e-4)
+
+
+# -- refusals: one line, naming the rows ---------------------------------------------------------------
+
+
+def refused(values: dict[str, Array], n: int | None = None) -> str:
+    extract, _ = make(n or len(next(iter(values.values()))))
+    with pytest.raises(FitError) as caught:
+        fit(REST, targets(values), extract, mm_per_px=None)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert "table.csv" in text
+    return text
+
+
+def test_too_few_rows() -> None:
+    _, values = make(9)
+    text = refused(values)
+    assert "9 usable frames, at least 12 are needed" in text
+
+
+def test_frames_that_cannot_be_used_are_named() -> None:
+    extract, values = make(20)
+    sure = np.zeros(20, dtype=np.bool_)
+    sure[:5] = True
+    with pytest.raises(FitError, match=r"5 usable frames.*not usable: image_5\.png, image_6\.png"):
+        fit(REST, targets(values), replace(extract, sure=sure), mm_per_px=None)
+
+
+def test_no_spread() -> None:
+    text = refused({"displacement_mm": np.full(40, 2.0)})
+    assert "no column varies" in text
+    assert "rows 2 to 41" in text
+
+
+def test_shuffled_labels() -> None:
+    _, values = make(200)
+    rng = np.random.default_rng(0)
+    text = refused({"displacement_mm": rng.permutation(values["displacement_mm"])})
+    assert "displacement_mm cannot be told from these frames" in text
+    assert "image_" in text
+
+
+def test_depth_that_rises_and_falls_with_the_volume_gets_no_curve() -> None:
+    """Not monotone: the volume explains nothing, and no other input does."""
+    rng = np.random.default_rng(1)
+    inputs = np.zeros((80, 23), dtype=np.complex128)
+    volume = np.linspace(0.0, 0.3, 80)
+    inputs[:, 0] = volume
+    inputs[:, 1:] = 1e-3 * (rng.normal(size=(80, 22)) + 1j * rng.normal(size=(80, 22)))
+    depth = 5 * np.sin(volume / 0.3 * 6 * np.pi)
+    with pytest.raises(FitError, match=r"displacement_mm cannot be told.*rows that fit worst: image_"):
+        fit(REST, targets({"displacement_mm": depth}), of_inputs(inputs), mm_per_px=None)
+
+
+def test_one_bad_column_does_not_take_the_others_along() -> None:
+    extract, values = make(200)
+    values["torsion_deg"] = np.random.default_rng(0).permutation(values["torsion_deg"])
+    told: list[str] = []
+    calibration, _ = fit(REST, targets(values), extract, mm_per_px=None, on_refused=told.append)
+    assert len(told) == 1
+    assert "torsion_deg" in told[0]
+    assert calibration.outputs == {"displacement_mm", "shear_x_mm", "shear_y_mm"}
