@@ -5,7 +5,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 SECONDS ?= 60
 
-.PHONY: demo test bench lint types unit stability fuzz soak generate clean help
+.PHONY: demo test bench lint types unit test-browser stability fuzz soak sbc-test generate clean help
 
 help:
 	@sed -n 's/^## //p' Makefile
@@ -30,6 +30,10 @@ types: $(READY)
 unit: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest
 
+## make test-browser  the live pages in headless Chromium; part of `make test`, skipped where there is none
+test-browser: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/browser
+
 ## make bench      time per frame and stage, against the reference and the floor
 bench: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.bench
@@ -42,6 +46,15 @@ stability: $(READY)
 fuzz: $(READY)
 	$(BIN)/pip install -q -c constraints.txt atheris
 	$(BIN)/python tests/fuzz/fuzz_decoder.py -max_total_time=$(SECONDS)
+
+## make soak       the app under a random schedule of all faults, and its promises; SECONDS=3600
+soak: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.bench soak --seconds $(SECONDS)
+
+## make sbc-test   an emulated arm64 board: installer, service, kernel CAN (root, QEMU; see deploy/sbc/build.sh)
+sbc-test: $(READY)
+	PYTHON=$(abspath $(BIN))/python deploy/sbc/build.sh
+	$(BIN)/python deploy/sbc/run.py
 
 ## make generate   write DBC, EDS, C codec and WIRE.md from the tables in hostlink/wire
 generate: $(READY)

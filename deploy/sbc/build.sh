@@ -116,6 +116,7 @@ WantedBy=multi-user.target
 UNIT
 mkdir -p root/etc/systemd/system/multi-user.target.wants
 ln -sf ../sbc-test.service root/etc/systemd/system/multi-user.target.wants/sbc-test.service
+ln -sf /dev/null root/etc/systemd/system/serial-getty@ttyAMA0.service # the console is the tests'
 rm -f board.img
 truncate -s 2500M board.img
 mke2fs -q -t ext4 -O ^has_journal -d root -F board.img

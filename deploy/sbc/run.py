@@ -38,6 +38,7 @@ def main() -> int:
         for line in board.stdout:
             text = line.rstrip()
             at_s = time.monotonic() - begun_s
+            text = text[max(0, text.find("CHECK ")) :]  # the console may hold a prompt before it
             print(f"{at_s:6.0f} {text}", flush=True)
             if text.startswith(("CHECK", "TIME", "SHOW", "BOARD", "    ")):
                 lines.append(text)
