@@ -20,7 +20,6 @@ from edge.draw.palette import FULL_CHANGE, cell_colours
 from edge.draw.panels import GLOBAL_GAIN, LOCAL_GAIN
 from edge.pipeline import Result
 from edge.types import Array, Frame, Rest
-from hostlink.web import plain
 
 __all__ = ["CHART", "Arrays", "camera", "hello", "touch"]
 
@@ -114,7 +113,7 @@ def touch(result: Result, rest: Rest, surface: bool) -> tuple[dict[str, Any], Ar
         arrays["change"] = _f4(features.area_change)
         arrays["points"] = _f4(np.concatenate([cells.xy_img, cells.boundary_img]))
         arrays["triangles"] = ("u2", cells.triangles.astype("<u2").tobytes())
-    return plain(header), arrays
+    return header, arrays
 
 
 def _f4(values: Array) -> tuple[str, bytes]:

@@ -275,7 +275,7 @@ class PageServer:
 
     def _tidy(self) -> None:
         self._tidying = None
-        gc.collect()  # what was there at the start is frozen: 2 ms, measured with 16 viewers
+        gc.collect()  # what was there at the start is frozen: 0.5 ms after 16 viewers left
 
     async def _admit(self, viewer: _Viewer) -> bool:
         """Read the first message, {"token": ..., "want": [...]}, and answer with the greeting."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
@@ -22,9 +24,13 @@ FINGERS = (1, 2, 3, 5)  # the ring finger is missing
 
 
 class Hand:
-    """Fingers that send, each pressed as deep as its number says in tenths of a millimetre and more."""
+    """Fingers that send, each pressed as deep as its number says in tenths of a millimetre and more.
 
-    def __init__(self) -> None:
+    moving  instead pressed and let go, over and over, one after the other
+    """
+
+    def __init__(self, moving: bool = False) -> None:
+        self._sample = moving_sample if moving else sample
         pairs = {n: make_node(f"{BUS}&node={n}") for n in FINGERS}
         self.nodes = {n: node for n, (node, _) in pairs.items()}
         self.applications = {n: application for n, (_, application) in pairs.items()}
@@ -40,7 +46,7 @@ class Hand:
             k += 1
             for n, node in self.nodes.items():
                 if self.running.is_set():
-                    node.send(sample(n, k))
+                    node.send(self._sample(n, k))
 
     def close(self) -> None:
         self._stop.set()
@@ -62,6 +68,25 @@ def sample(n: int, k: int) -> State:
         shear_y_mm=0.4,
         contact_n=len(contacts),
         contacts=contacts,
+    )
+
+
+def moving_sample(n: int, k: int) -> State:
+    t = k / 100
+    depth = max(0.0, 2.4 * math.sin(1.4 * t - 0.9 * n))
+    turn = 0.8 * t + n
+    place = Contact(3.0 * math.cos(turn), 4.0 * math.sin(turn), depth / 2)
+    return replace(
+        sample(n, k),
+        status=Status.TOUCHED if depth else Status(0),
+        displacement_mm=depth,
+        force_n=0.6 * depth,
+        shear_x_mm=0.4 * depth * math.cos(turn),
+        shear_y_mm=0.3 * depth * math.sin(turn),
+        torsion_deg=4 * depth * math.sin(t),
+        orientation_deg=30.0 if n == 2 and depth else math.nan,
+        contact_n=int(depth > 0),
+        contacts=(place,) if depth else (),
     )
 
 

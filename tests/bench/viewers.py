@@ -1,0 +1,209 @@
+"""What viewers of the live page cost the loop: its compute time with and without them, in one run.
+
+    python -m tests.bench viewers --seconds 10 --rounds 3
+
+One process runs the app at a camera's rate with its page; the viewers are another process, as browsers are.
+Phases alternate with phases where nobody watches, round after round, so that what else the machine does
+falls on all alike. Compute is from taking a frame in hand to the sample's hand-over; memory is this process'
+resident set after a collection.
+
+    nobody       the page is served, no viewer
+    one, two     viewers with the camera's image
+    crowd        as many as the page takes (16)
+    coming       100 open, look at 5 packets and close, over the phase; one more never reads
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import json
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from edge.app import App
+from edge.sources import Paced
+from edge.threads import share_the_processor
+from edge.view import View
+from hostlink.web import parse_listen
+from hostlink.web.server import VIEWERS_MAX
+from tests.bench.frames import scene
+
+PHASES = {"nobody": 0, "one": 1, "two": 2, "crowd": VIEWERS_MAX, "coming": -100}
+SETTLE_S = 1.0
+
+
+class _Frames:
+    """Frames in memory as a recording; loops without a jump."""
+
+    live, dropped_n, name = False, 0, "bench"
+
+    def __init__(self, rate_hz: float) -> None:
+        frames = scene("press")
+        self._frames = [*frames, *frames[-2:0:-1]]
+        height, width = frames[0].image.shape
+        self.size_px, self.rate_hz = (width, height), rate_hz
+
+    def __iter__(self) -> Any:
+        return iter(self._frames)
+
+    def close(self) -> None: ...
+
+
+async def _look(session: Any, url: str, until_s: float, packets_max: int = 0) -> int:
+    async with session.ws_connect(url, max_msg_size=0) as socket:
+        await socket.send_json({"want": ["image"]})
+        got_n = 0
+        async for message in socket:
+            if message.type is message.type.BINARY:
+                got_n += 1
+                await socket.send_json({"got": got_n})
+            if time.monotonic() > until_s or (packets_max and got_n == packets_max):
+                break
+        return got_n
+
+
+async def _watch(url: str, viewers_n: int, seconds: float) -> int:
+    """Be so many viewers; how many packets they got. Negative: come and go, and one never reads."""
+    import aiohttp
+
+    until_s = time.monotonic() + seconds
+    async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as session:
+        if viewers_n > 0:
+            return sum(await asyncio.gather(*(_look(session, url, until_s) for _ in range(viewers_n))))
+        async with session.ws_connect(url, max_msg_size=0, autoping=False) as silent:
+            await silent.send_json({"want": ["image"]})
+            tasks = []
+            for _ in range(-viewers_n):
+                tasks.append(asyncio.create_task(_look(session, url, until_s, 5)))
+                await asyncio.sleep(seconds / -viewers_n * 0.9)
+            return sum(await asyncio.gather(*tasks))
+
+
+def _rss_mb() -> float:
+    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+        if line.startswith("VmRSS"):
+            return int(line.split()[1]) / 1024
+    return float("nan")
+
+
+def _be_watched(url: str, viewers_n: int, seconds: float, begin: Callable[[], None]) -> int:
+    """Have another process be the viewers; `begin` is called when it is up and nothing watches yet."""
+    command = [sys.executable, "-m", "tests.bench.viewers", "--watch", url, str(viewers_n)]
+    with subprocess.Popen(
+        [*command, "--seconds", str(seconds)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as child:
+        assert child.stdin is not None
+        assert child.stdout is not None
+        assert child.stdout.readline() == "ready\n"
+        begin()
+        child.stdin.write("go\n")
+        child.stdin.flush()
+        return int(child.stdout.readline())
+
+
+def measure(seconds: float, rounds: int, rate_hz: float) -> dict[str, Any]:
+    """Run all phases, with the processor shared as the app shares it.
+
+    Returns  per phase the loop's compute quantiles, packets and memory
+    """
+    share_the_processor()
+    source = Paced(_Frames(rate_hz), rate_hz, loop=True)  # type: ignore[arg-type]
+    app = App(source, [])
+    view = View(app, parse_listen("127.0.0.1:0"))
+    view.start()
+    app.watchers.append(view.watch)
+    compute_us: list[float] = []
+    step = app.step
+
+    def timed(frame: Any) -> Any:
+        begun_ns = time.perf_counter_ns()
+        state = step(frame)
+        compute_us.append((time.perf_counter_ns() - begun_ns) / 1e3)
+        return state
+
+    app.step = timed  # type: ignore[method-assign]
+    loop = threading.Thread(target=app.run)
+    loop.start()
+    time.sleep(3 * SETTLE_S)
+    url = f"{view.server.url}live"
+    taken: dict[str, list[float]] = {name: [] for name in PHASES}
+    packets: dict[str, int] = dict.fromkeys(PHASES, 0)
+    rss_mb: dict[str, float] = {}
+    for _ in range(rounds):
+        for name, viewers_n in PHASES.items():
+            time.sleep(SETTLE_S)
+            if viewers_n:
+                packets[name] += _be_watched(url, viewers_n, seconds, compute_us.clear)
+            else:
+                compute_us.clear()
+                time.sleep(seconds)
+            taken[name] += compute_us
+            gc.collect()
+            rss_mb[name] = _rss_mb()
+    app.stop()
+    source.close()
+    loop.join()
+    view.close()
+    rows = {}
+    for name, values in taken.items():
+        p50, p99, p999 = np.percentile(values, (50, 99, 99.9))
+        each = packets[name] / rounds / max(1, PHASES[name]) / seconds if PHASES[name] > 0 else 0.0
+        rows[name] = {
+            "frames": len(values),
+            "p50_us": float(p50),
+            "p99_us": float(p99),
+            "p99.9_us": float(p999),
+            "packets_hz": each,
+            "rss_mb": rss_mb[name],
+        }
+    return {
+        "rate_hz": rate_hz,
+        "rounds": rounds,
+        "seconds": seconds,
+        "phases": rows,
+        "cut_off_n": view.server.cut_off_n,
+    }
+
+
+@click.command()
+@click.option("--seconds", type=click.FloatRange(min=1), default=10.0, show_default=True, help="Of a phase.")
+@click.option("--rounds", type=click.IntRange(1, 100), default=3, show_default=True)
+@click.option("--rate", type=click.FloatRange(1, 2000), default=240.0, show_default=True, help="Frames/s.")
+@click.option("--json", "json_file", type=click.Path(path_type=Path), help="Write the figures there too.")
+@click.option("--watch", nargs=2, hidden=True, help="Be the viewers: address, how many.")
+def command(
+    seconds: float, rounds: int, rate: float, json_file: Path | None, watch: tuple[str, str] | None
+) -> None:  # fmt: skip
+    """What viewers of the live page cost the loop."""
+    if watch is not None:
+        import aiohttp  # noqa: F401  (so that its loading is over before the measurement begins)
+
+        click.echo("ready")
+        sys.stdin.readline()
+        click.echo(asyncio.run(_watch(watch[0], int(watch[1]), seconds)))
+        return
+    made = measure(seconds, rounds, rate)
+    table = Table("", *next(iter(made["phases"].values())), "p99 / nobody's")
+    base = made["phases"]["nobody"]["p99_us"]
+    for name, row in made["phases"].items():
+        table.add_row(name, *(f"{value:,.0f}" for value in row.values()), f"{row['p99_us'] / base:.2f}")
+    console = Console()
+    console.print(table)
+    console.print(f"cut off because they never read: {made['cut_off_n']}")
+    if json_file is not None:
+        json_file.write_text(json.dumps(made, indent=2) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    command()
