@@ -1,0 +1,190 @@
+"""What is wrong now, the board's vital signs, and the service manager."""
+
+from __future__ import annotations
+
+import math
+import socket
+import threading
+from pathlib import Path
+
+import pytest
+
+from edge.health import Health, Thermometer, Vitals, room_for
+from edge.notify import Notifier
+from hostlink.wire import FAULTS, FaultCode, Status
+
+
+def test_each_fault_is_told_once_when_it_comes_and_once_when_it_goes() -> None:
+    health = Health()
+    told: list[tuple[FaultCode, bool, str]] = []
+    health.listeners.append(lambda *what: told.append(what))
+    for active in (True, True, False, False, True):
+        health.report(FaultCode.CAMERA_LOST, active, "gone")
+    lost = FaultCode.CAMERA_LOST
+    assert told == [(lost, True, "gone"), (lost, False, "gone"), (lost, True, "gone")]
+    assert health.appeared[lost] == 2
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda f: f.code.name)
+def test_each_fault_sets_its_bit_until_the_last_of_the_bit_is_gone(fault: object) -> None:
+    health = Health()
+    others = [f for f in FAULTS if f.status == fault.status]  # type: ignore[attr-defined]
+    for other in others:
+        health.report(other.code, True)
+    for i, other in enumerate(others):
+        assert health.status == other.status
+        assert len(health.active) == len(others) - i
+        health.report(other.code, False)
+    assert health.status == Status(0)
+
+
+def test_a_listener_may_ask_back() -> None:
+    health = Health()
+    seen: list[dict[FaultCode, str]] = []
+    health.listeners.append(lambda *_: seen.append(health.active))
+    health.report(FaultCode.BUS_OFF, True, "x")
+    assert seen == [{FaultCode.BUS_OFF: "x"}]
+
+
+def test_many_threads_leave_a_consistent_set() -> None:
+    health = Health()
+    balance = dict.fromkeys(FaultCode, 0)
+
+    def listen(code: FaultCode, active: bool, words: str) -> None:
+        balance[code] += 1 if active else -1
+        assert balance[code] in (0, 1)
+
+    health.listeners.append(listen)
+
+    def work(seed: int) -> None:
+        for i in range(2000):
+            health.report(FaultCode(1 + (i * 7 + seed) % 17), (i + seed) % 3 == 0)
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert {code for code, n in balance.items() if n} == set(health.active)
+
+
+# ---- vital signs --------------------------------------------------------------------------------------
+
+
+def zone(root: Path, number: int, text: str) -> None:
+    folder = root / f"thermal_zone{number}"
+    folder.mkdir(parents=True)
+    (folder / "temp").write_text(text)
+
+
+def test_the_hottest_zone_counts_and_silent_ones_do_not(tmp_path: Path) -> None:
+    assert math.isnan(Thermometer(tmp_path)())
+    zone(tmp_path, 0, "41200\n")
+    zone(tmp_path, 1, "56100\n")
+    zone(tmp_path, 2, "\n")
+    assert Thermometer(tmp_path)() == 56.1
+
+
+def test_heat_is_told_and_cleared_with_hysteresis() -> None:
+    health, degc = Health(), [0.0]
+    vitals = Vitals(health, lambda: degc[0])
+    told = []
+    for value in (79.0, 80.0, 78.0, 75.0, 74.9, 79.9, math.nan):
+        degc[0] = value
+        vitals.look()
+        told.append(FaultCode.OVER_TEMPERATURE in health.active)
+    assert told == [False, True, True, True, False, False, False]
+
+
+def test_storage_trouble_is_told_with_its_words() -> None:
+    health, words = Health(), ["", "disk A", ""]
+    vitals = Vitals(health, lambda: math.nan, [lambda: "", lambda: words.pop(0)])
+    vitals.look()
+    assert not health.active
+    vitals.look()
+    assert health.active == {FaultCode.DISK_FULL: "disk A"}
+    vitals.look()
+    assert not health.active
+
+
+def test_room(tmp_path: Path) -> None:
+    assert room_for(tmp_path) == ""
+    assert "wanted" in room_for(tmp_path, 1 << 60)
+    assert "No such file" in room_for(tmp_path / "no")
+
+
+def test_vitals_look_again_and_again_until_closed() -> None:
+    again, n = threading.Event(), [0]
+
+    def read() -> float:
+        n[0] += 1
+        if n[0] == 3:
+            again.set()
+        return 20.0
+
+    vitals = Vitals(Health(), read, period_s=0.001)
+    vitals.start()
+    assert again.wait(5.0)
+    vitals.close()
+    assert vitals.temperature_degc == 20.0
+    seen = n[0]
+    assert not vitals._thread.is_alive()
+    assert n[0] == seen
+
+
+# ---- the service manager --------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def manager(tmp_path: Path) -> socket.socket:
+    """What systemd listens on."""
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    listener.bind(str(tmp_path / "notify"))
+    listener.setblocking(False)
+    return listener
+
+
+def heard(manager: socket.socket) -> list[str]:
+    messages = []
+    while True:
+        try:
+            messages.append(manager.recv(4096).decode())
+        except BlockingIOError:
+            return messages
+
+
+def test_ready_once_then_the_watchdog_while_images_flow(manager: socket.socket) -> None:
+    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "4"})  # fed every us
+    assert heard(manager) == []  # not ready before the first image
+    for _ in range(3):
+        notifier.frame()
+    assert heard(manager) == ["READY=1", "WATCHDOG=1", "WATCHDOG=1", "WATCHDOG=1"]
+    notifier.stopping()
+    notifier.close()
+    notifier.frame()
+    assert heard(manager) == ["STOPPING=1"]
+
+
+def test_the_watchdog_is_fed_no_more_often_than_asked(manager: socket.socket) -> None:
+    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "60000000"})
+    for _ in range(100):
+        notifier.frame()
+    assert heard(manager) == ["READY=1", "WATCHDOG=1"]
+
+
+def test_another_process_s_watchdog_is_not_ours(manager: socket.socket) -> None:
+    environment = {"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "4", "WATCHDOG_PID": "1"}
+    Notifier(environment).frame()
+    assert heard(manager) == ["READY=1"]
+
+
+def test_abstract_names() -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind("\0voronoi-touch-test")
+        Notifier({"NOTIFY_SOCKET": "@voronoi-touch-test"}).status("two\nlines")
+        assert listener.recv(100) == b"STATUS=two lines"
+
+
+def test_without_a_manager_nothing_happens(tmp_path: Path) -> None:
+    Notifier({}).frame()
+    Notifier({"NOTIFY_SOCKET": str(tmp_path / "gone")}).frame()
