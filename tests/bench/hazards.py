@@ -1,0 +1,278 @@
+"""What goes wrong in front of a camera, rendered and sent through every stage from pixels to contacts.
+
+A sphere presses, is held and shears, on 127 and 331 pins; each hazard spoils the images of the same press.
+Counted against the simulator's truth:
+
+swapped   pins tracked at another pin's place in a frame whose identities are called sure
+place     distance of the strongest contact from the true place, px
+depth     displacement from the volume, by a table made from another clean press, mm
+touches   frames of an untouched tip that raise a contact
+
+A hazard holds with no pin swapped, no touch raised, and errors within 1.5 of the clean ones.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from calib.sim import Blob, Camera, Contact, Look, Tip, Tool, deform
+from calib.sim.mechanics import Deformation
+from calib.sim.render import Renderer
+from edge.pipeline import Pipeline, tare
+from edge.types import Array, Frame, Tracks
+
+RESULTS = Path(__file__).parent / "results"
+RATE_HZ = 60.0
+TARE_N, DOWN_N, HOLD_N, SHEAR_N = 8, 20, 6, 12
+SPOILED_FROM = TARE_N + 4  # the tip is known and followed when things go wrong
+DARK = (20, 32)  # frames without light, or behind a hand: a fifth of a second here
+BALL = Contact(Tool("sphere", radius_mm=3.0), x_mm=3.0, y_mm=-2.0)
+LOOK = Look(rim=120.0, leds=4)
+TIMES_CLEAN = 1.5
+# A clean error of a hundredth of a pixel leaves nothing to multiply: never less than this is asked for.
+LEAST_PX, LEAST_MM = 0.5, 0.02
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What one frame looks like: light, and share of the frame's time that the shutter is open."""
+
+    look: Look
+    exposure: float = 0.0
+
+
+Spoil = Callable[[Camera, int, Array, np.random.Generator], Scene]
+
+
+def _clean(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
+    return Scene(LOOK)
+
+
+def _dropped(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
+    n = len(xy)
+    dead = np.random.default_rng(n).permutation(n)[: round(0.3 * n)]
+    return Scene(replace(LOOK, dead=frozenset(dead.tolist())))
+
+
+def _blinking(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
+    dead = np.flatnonzero(rng.random(len(xy)) < 0.3)
+    return Scene(replace(LOOK, dead=frozenset(dead.tolist())))
+
+
+def _spurious(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
+    place = np.random.default_rng(50)
+    angle, far = place.uniform(0, 2 * np.pi, 50), camera.radius_px * np.sqrt(place.random(50))
+    at = camera.centre_img + far[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    size = 0.8 * _pin_radius(camera)
+    return Scene(replace(LOOK, blobs=tuple(Blob((float(x), float(y)), size, LOOK.pin) for x, y in at)))
+
+
+def _dropped_spurious(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
+    look = _spurious(camera, k, xy, rng).look
+    return Scene(replace(look, dead=_dropped(camera, k, xy, rng).look.dead))
+
+
+def _merged(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
+    """Light between ten pins and their neighbours joins them to one blob."""
+    gap = np.hypot(*(xy[:, None] - xy).transpose(2, 0, 1)) + 1e9 * np.eye(len(xy))
+    chosen = np.random.default_rng(10).permutation(len(xy))[:10]
+    middle = (xy[chosen] + xy[gap[chosen].argmin(1)]) / 2
+    size = 0.8 * _pin_radius(camera)
+    return Scene(replace(LOOK, blobs=tuple(Blob((float(x), float(y)), size, LOOK.pin) for x, y in middle)))
+
+
+def _motion_blur(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
+    return Scene(LOOK, exposure=1.0)
+
+
+def _gain(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
+    return Scene(replace(LOOK, gain=float(np.clip(0.7 * 2 ** ((k - SPOILED_FROM) / RATE_HZ * 2), 0.7, 1.4))))
+
+
+def _reflection(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
+    """A bright patch as wide as two pins runs over the tip."""
+    x, y = camera.centre_img + camera.radius_px * np.array([-1 + 2 * (k - SPOILED_FROM) / 34, 0.15])
+    return Scene(replace(LOOK, blobs=(Blob((float(x), float(y)), 2.5 * _pin_radius(camera), 220.0),)))
+
+
+def _dark(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
+    return Scene(replace(LOOK, gain=0.002) if DARK[0] <= k < DARK[1] else LOOK)
+
+
+def _hand(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
+    """Something bright and near, out of focus, covers all but a corner."""
+    if not DARK[0] <= k < DARK[1]:
+        return Scene(LOOK)
+    x, y = camera.centre_img + np.array([0.2, 0.1]) * camera.radius_px
+    cover = Blob((float(x), float(y)), camera.radius_px, 180.0)
+    return Scene(replace(LOOK, pin=12.0, blobs=(cover,)))
+
+
+HAZARDS: dict[str, Spoil] = {
+    "clean": _clean,
+    "30 % of the pins dark": _dropped,
+    "30 % blinking": _blinking,
+    "50 false blobs": _spurious,
+    "30 % dark, 50 false blobs": _dropped_spurious,
+    "10 pairs merged": _merged,
+    "motion blur, shutter open all the time": _motion_blur,
+    "gain doubles in half a second": _gain,
+    "a reflection runs across": _reflection,
+    "dark for a while": _dark,
+    "a hand over the lens": _hand,
+}
+
+
+def _pin_radius(camera: Camera) -> float:
+    return float(camera.tip.pin_radius_mm * np.median(camera.scale_px(deform(camera.tip, ()).tips_mm)))
+
+
+def poses(depth_mm: float, touched: bool) -> Iterator[tuple[Contact, ...]]:
+    """Untouched, down, held, sheared; or as long untouched."""
+    for _ in range(SPOILED_FROM):
+        yield ()
+    for k in range(1, DOWN_N + HOLD_N + SHEAR_N + 1):
+        down = depth_mm * min(k / DOWN_N, 1.0)
+        aside = max(0, k - DOWN_N - HOLD_N) / SHEAR_N
+        yield ((replace(BALL, depth_mm=round(down, 6), shear_x_mm=round(0.8 * aside, 6)),) if touched else ())
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One hazard on one tip."""
+
+    tip: str
+    hazard: str
+    frames: int
+    unsure: int
+    swapped: int
+    place_px: float
+    depth_mm: float
+    touches: int
+    holds: bool = True
+
+
+@lru_cache(maxsize=512)
+def _deformed(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
+    return deform(tip, contacts)
+
+
+def play(
+    camera: Camera, spoil: Spoil, seed: int, depth_mm: float, touched: bool
+) -> Iterator[tuple[int, Array, Array | None, float, Pipeline, Frame]]:
+    """Per frame after the tare: number, true pins, true place, true depth, the pipeline and the image."""
+    rng = np.random.default_rng(seed)
+    pipeline: Pipeline | None = None
+    rest_images = []
+    before: Deformation | None = None
+    for k, contacts in enumerate(poses(depth_mm, touched)):
+        now = _deformed(camera.tip, contacts)
+        at = camera.project(now.tips_mm)
+        scene = spoil(camera, k, at, rng) if k >= SPOILED_FROM else Scene(LOOK)
+        image, xy = Renderer(camera, scene.look).image(now, rng, before, scene.exposure, k)
+        before = now
+        if k < TARE_N:
+            rest_images.append(image)
+            continue
+        if pipeline is None:
+            pipeline = Pipeline(tare(rest_images, 0.5))
+        place = None
+        if contacts and contacts[0].depth_mm > 0:
+            tip = camera.tip
+            r = tip.dome_radius_mm
+            x, y = now.places_mm[0]
+            root = np.array([[x, y, np.sqrt(r * r - x * x - y * y)]]) * (1 - tip.pin_length_mm / r)
+            place = camera.project(root)[0]
+        depth = contacts[0].depth_mm if contacts else 0.0
+        yield k, xy, place, depth, pipeline, Frame(image, round(k * 1e9 / RATE_HZ), k)
+
+
+def swaps(tracks: Tracks, rest_xy: Array, start_xy: Array, xy: Array) -> int:
+    """Pins tracked nearer to another pin's true place than to their own.
+
+    rest_xy, start_xy  (n, 2), (m, 2): rest frame as tared, and the true pins then: who is who
+    """
+    own = np.hypot(*(rest_xy[:, None] - start_xy).transpose(2, 0, 1)).argmin(1)
+    now = np.hypot(*(tracks.xy_img[tracks.seen][:, None] - xy).transpose(2, 0, 1)).argmin(1)
+    return int(np.sum(now != own[tracks.seen]))
+
+
+def measure(
+    camera: Camera, name: str, spoil: Spoil, table: tuple[Array, Array], seed: int
+) -> tuple[Outcome, tuple[Array, Array]]:
+    """The hazard's outcome; and volume against depth as measured, sorted."""
+    start = camera.project(_deformed(camera.tip, ()).tips_mm)
+    unsure = swapped = frames = 0
+    place_error, volume, depth_of = [], [], []
+    for k, xy, place, depth, pipeline, frame in play(camera, spoil, seed, 2.5, touched=True):
+        result = pipeline.process(frame)
+        frames += 1
+        if result.features is None:
+            unsure += 1
+            continue
+        swapped += swaps(result.tracks, pipeline.rest.xy_img, start, xy)
+        if k < SPOILED_FROM or place is None or depth < 0.75 or result.features.volume_px2 is None:
+            continue
+        volume.append(result.features.volume_px2)
+        depth_of.append(depth)
+        if result.features.contacts:
+            place_error.append(float(np.hypot(*(result.features.contacts[0].xy_img - place))))
+    touches = 0
+    for _, _, _, _, pipeline, frame in play(camera, spoil, seed + 1, 0.0, touched=False):
+        features = pipeline.process(frame).features
+        touches += features is not None and (features.touched or bool(features.contacts))
+    known_volume, known_depth = table if len(table[0]) else (np.sort(volume), np.sort(depth_of))
+    error = np.interp(volume, known_volume, known_depth) - depth_of
+    outcome = Outcome(
+        f"{len(camera.tip.rays)} pins", name, frames, unsure, swapped,
+        float(np.mean(place_error)) if place_error else np.nan,
+        float(np.mean(np.abs(error))) if len(error) else np.nan, touches,
+    )  # fmt: skip
+    return outcome, (np.sort(volume), np.sort(depth_of))
+
+
+def outcomes(n_pins: int, seed: int, names: tuple[str, ...] = tuple(HAZARDS)) -> Iterator[Outcome]:
+    """The clean press first; the others held against it."""
+    camera = Camera(tip=Tip(n_pins=n_pins))
+    empty = (np.empty(0), np.empty(0))
+    _, table = measure(camera, "clean", _clean, empty, seed + 100)
+    clean: Outcome | None = None
+    for name in names:
+        outcome, _ = measure(camera, name, HAZARDS[name], table, seed)
+        clean = clean or outcome
+        holds = outcome.swapped == 0 and outcome.touches == 0
+        holds &= outcome.place_px <= max(TIMES_CLEAN * clean.place_px, LEAST_PX)
+        holds &= outcome.depth_mm <= max(TIMES_CLEAN * clean.depth_mm, LEAST_MM)
+        yield replace(outcome, holds=bool(holds))
+
+
+@click.command(name="hazards", help="Rendered hazards through the whole chain: identities, place, depth.")
+@click.option("--seed", default=1, show_default=True)
+@click.option(
+    "--out",
+    default=RESULTS,
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder for hazards.json.  [default: tests/bench/results]",
+)
+def command(seed: int, out: Path) -> None:
+    """Exit code 1 where a hazard does not hold."""
+    console = Console()
+    got = [o for n in (127, 331) for o in track(outcomes(n, seed), f"{n} pins", total=len(HAZARDS))]
+    table = Table("tip", "hazard", "frames", "unsure", "swapped", "place px", "depth mm", "touches", "holds")
+    for o in got:
+        table.add_row(*(f"{v:.3f}" if isinstance(v, float) else str(v) for v in asdict(o).values()))
+    console.print(table)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "hazards.json").write_text(json.dumps([asdict(o) for o in got], indent=1) + "\n")
+    if not all(o.holds for o in got):
+        raise SystemExit(1)

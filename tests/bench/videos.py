@@ -1,0 +1,194 @@
+"""Pins held through the published videos: identities, distances, jumps, doubts, and where the shear points.
+
+No video has a truth. Counted is what must be so if identities hold: played forwards and backwards every pin
+ends where it began; two tracks never come nearer than half a pitch (or what they keep at rest, where that is
+less); a pin never leaps against its neighbours from one frame to the next.
+
+The names `north` and `west` are where the tip is dragged. Both videos begin loaded or moving, so a direction
+needs the untouched tip: the pose that most frames show, found in a first pass.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import click
+import cv2
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from edge.pins import Refiner, detect, take_rest
+from edge.track import Tracker
+from edge.track.field import Lattice
+from edge.types import Array, Image, Rest, Tracks
+from tests.bench.identity import REAL, RESULTS, picture
+
+NAMES = ("Movement4", "north", "west", "flatSkin")
+STRIDES = (1, 2, 4, 8)
+TARE_FRAMES = 8  # as the configuration has it
+LEAP = 0.5  # steps to the next pin, against the neighbours, from one frame to the next
+STRONG = 0.1  # share of the frames with the largest shear that say where it points
+
+
+@dataclass(frozen=True)
+class Play:
+    """One way through one video.
+
+    n_rest       pins of the rest frame
+    held         pins seen in the sure frames: median and worst
+    unsure       frames whose identities were in doubt
+    searched     frames that were searched as a whole
+    nearest      least distance of two tracks, in pitches
+    leaps        pins that moved against their neighbours by more than LEAP steps in one frame
+    left         there and back: pins that ended more than a third of a pitch from where they began
+    """
+
+    video: str
+    way: str
+    frames: int
+    n_rest: int
+    held: tuple[int, int]
+    unsure: int
+    searched: int
+    nearest: float
+    leaps: int
+    left: int | None
+
+
+def read(name: str) -> list[Image]:
+    """All frames, grey."""
+    path = REAL / "video" / f"{name}.avi"
+    video = cv2.VideoCapture(str(path))
+    frames: list[Image] = []
+    while (got := video.read())[0]:
+        frames.append(np.asarray(cv2.cvtColor(got[1], cv2.COLOR_BGR2GRAY), np.uint8))
+    if not frames:
+        raise click.ClickException(f"{path}: no video; set VORONOI_TOUCH_REAL to the recordings' folder")
+    return frames
+
+
+def run(images: Sequence[Image], rest: Rest) -> tuple[list[Tracks], int]:
+    """Tracks of each image, and how many images were searched as a whole."""
+    refiner, tracker = Refiner(rest), Tracker(rest)
+    out, searched = [], 0
+    for image in images:
+        predicted = tracker.predict()
+        tracks = None if predicted is None else tracker.follow(refiner.refine(image, predicted))
+        if tracks is None or tracks.confidence < Tracks.LOW_CONFIDENCE:
+            tracks, searched = tracker.identify(detect(image, rest.pattern)), searched + 1
+        out.append(tracks)
+    return out, searched
+
+
+def judge(video: str, way: str, rest: Rest, tracks: list[Tracks], searched: int, back: bool) -> Play:
+    lattice = Lattice(rest.xy_img, rest.pattern.pitch_px)
+    pitch = rest.pattern.pitch_px
+    sure = [t for t in tracks if t.confidence >= Tracks.LOW_CONFIDENCE]
+    nearest, leaps, before = np.inf, 0, None
+    for t in sure:
+        a, b = lattice.pair.T
+        gap = np.hypot(*(t.xy_img[a] - t.xy_img[b]).T)
+        nearest = min(nearest, float(np.nanmin(gap, initial=np.inf)) / pitch)
+        motion = np.where(t.seen[:, None], t.xy_img - rest.xy_img, 0.0)
+        common, _, _ = lattice.predict(motion[None], t.seen[None])
+        bend = np.where(t.seen[:, None], motion - common[0], np.nan)
+        if before is not None:
+            leaps += int(np.sum(np.hypot(*(bend - before).T) > LEAP * lattice.step_px))
+        before = bend
+    left = None
+    if back:
+        off = np.hypot(*(sure[-1].xy_img - rest.xy_img).T)
+        left = int(np.sum(off > pitch / 3))
+    count = [t.n_seen for t in sure] or [0]
+    return Play(
+        video, way, len(tracks), len(rest), (int(np.median(count)), min(count)),
+        len(tracks) - len(sure), searched, round(nearest, 3), leaps, left,
+    )  # fmt: skip
+
+
+def untouched(images: Sequence[Image]) -> Rest:
+    """The rest frame from where the tip stays most of the time."""
+    first = take_rest(images[:TARE_FRAMES])
+    tracks, _ = run(images, first)
+    mean = np.array(
+        [
+            np.nanmean(t.xy_img - first.xy_img, axis=0) if t.confidence >= 0.5 else (np.inf, np.inf)
+            for t in tracks
+        ]
+    )
+    usable = np.flatnonzero(np.isfinite(mean[:, 0]))
+    apart = np.hypot(*(mean[usable, None] - mean[usable]).transpose(2, 0, 1))
+    middle = usable[int(np.sum(apart < 1.0, axis=1).argmax())]
+    return take_rest(images[middle : middle + TARE_FRAMES])
+
+
+def shear(rest: Rest, tracks: list[Tracks]) -> Array:
+    """(k, 2) px, mean motion of the pins in each sure frame."""
+    sure = [t for t in tracks if t.confidence >= Tracks.LOW_CONFIDENCE]
+    return np.array([np.nanmean(t.xy_img - rest.xy_img, axis=0) for t in sure])
+
+
+def direction(motion: Array) -> tuple[float, float]:
+    """Degrees from x (right) towards up, and px: of the mean of the strongest frames."""
+    size = np.hypot(*motion.T)
+    x, y = motion[size >= np.quantile(size, 1 - STRONG)].mean(0)
+    return float(np.rad2deg(np.arctan2(-y, x))), float(np.hypot(x, y))
+
+
+@click.command(name="videos", help="Identities held through the published videos.")
+@click.option("--pictures", type=click.Path(file_okay=False, path_type=Path), help="Folder for overlays.")
+@click.option(
+    "--out",
+    default=RESULTS,
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder for videos.json.  [default: tests/bench/results]",
+)
+def command(pictures: Path | None, out: Path) -> None:
+    """Exit code 1 where Movement4 does not end where it began."""
+    console = Console()
+    plays: list[Play] = []
+    pointing: dict[str, dict[str, tuple[float, float]]] = {}
+    for name in NAMES:
+        images = read(name)
+        rest = take_rest(images[:TARE_FRAMES])
+        tracks, searched = run(images, rest)
+        plays.append(judge(name, "start to end", rest, tracks, searched, back=False))
+        if pictures is not None:
+            _draw(pictures, name, images, rest, tracks)
+        if name == "Movement4":
+            for stride in STRIDES:
+                there = images[::stride]
+                both = run([*there, *there[::-1]], rest)
+                plays.append(judge(name, f"there and back, every {stride}", rest, *both, back=True))
+        if name in ("north", "west"):
+            calm = untouched(images)
+            at_ease, searched = run(images, calm)
+            plays.append(judge(name, "tare where it is untouched", calm, at_ease, searched, back=False))
+            pointing[name] = {
+                "first frames": direction(shear(rest, tracks)),
+                "untouched": direction(shear(calm, at_ease)),
+            }
+    table = Table("video", "way", "frames", "rest", "held", "unsure", "searched", "nearest", "leaps", "left")
+    for p in plays:
+        table.add_row(*("" if v is None else str(v) for v in asdict(p).values()))
+    console.print(table)
+    for name, ways in pointing.items():
+        for tare, (angle, size) in ways.items():
+            console.print(f"{name}: shear points to {angle:.0f} deg (90: up), {size:.1f} px; tare: {tare}")
+    out.mkdir(parents=True, exist_ok=True)
+    report = {"plays": [asdict(p) for p in plays], "shear_deg_px": pointing}
+    (out / "videos.json").write_text(json.dumps(report, indent=1) + "\n")
+    if any(p.left for p in plays):
+        raise SystemExit(1)
+
+
+def _draw(folder: Path, name: str, images: Sequence[Image], rest: Rest, tracks: list[Tracks]) -> None:
+    """Twelve frames evenly through the video, motion of each pin on them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for k in np.linspace(0, len(images) - 1, 12).astype(int):
+        text = f"{name} {k}: {tracks[k].n_seen} of {len(rest)}, confidence {tracks[k].confidence:.2f}"
+        cv2.imwrite(str(folder / f"{name}_{k:04d}.png"), picture(images[k], rest, tracks[k], text))
