@@ -198,6 +198,8 @@ done:
 
 /* ---- modes ---------------------------------------------------------------------------------------------- */
 
+#define MODES_MAX 64
+
 typedef struct {
     double re, im;
 } Complex;
@@ -247,26 +249,49 @@ static int solve_hermitian(Complex *gram, Complex *right, int k)
     return 1;
 }
 
-WIDE static int fit_modes(const Complex *basis, const Complex *gram, const double *value, const uint8_t *seen,
-                          Py_ssize_t n, int k, Complex *work, Complex *out)
+/* `re`, `im`: (n, k) planes of the basis. Where no pin is lost, the equations are those of `inverse`. */
+WIDE static int fit_modes(const double *restrict re, const double *restrict im, const Complex *gram, const Complex *inverse,
+                          const double *value, const uint8_t *seen, Py_ssize_t n, int k, Complex *work, Complex *out)
 {
-    memcpy(work, gram, sizeof(Complex) * (size_t)k * (size_t)k);
-    for (int j = 0; j < k; j++) out[j].re = out[j].im = 0;
+    double sum_re[MODES_MAX] = {0}, sum_im[MODES_MAX] = {0};
+    int lost = 0;
     for (Py_ssize_t i = 0; i < n; i++) {
-        const Complex *b = basis + i * k;
-        if (seen[i]) { /* conj(b) d */
-            const double x = value[2 * i], y = value[2 * i + 1];
-            for (int j = 0; j < k; j++) {
-                out[j].re += b[j].re * x + b[j].im * y;
-                out[j].im += b[j].re * y - b[j].im * x;
-            }
-        } else { /* conj(b_r) b_c */
-            for (int r = 0; r < k; r++)
-                for (int c = 0; c <= r; c++) {
-                    work[r * k + c].re -= b[r].re * b[c].re + b[r].im * b[c].im;
-                    work[r * k + c].im -= b[r].re * b[c].im - b[r].im * b[c].re;
-                }
+        const double *restrict r = re + i * k, *restrict q = im + i * k;
+        if (!seen[i]) {
+            lost = 1;
+            continue;
         }
+        const double x = value[2 * i], y = value[2 * i + 1];
+        for (int j = 0; j < k; j++) { /* conj(b) d */
+            sum_re[j] += r[j] * x + q[j] * y;
+            sum_im[j] += r[j] * y - q[j] * x;
+        }
+    }
+    if (!lost) {
+        for (int r = 0; r < k; r++) {
+            Complex s = {0, 0};
+            for (int c = 0; c < k; c++) {
+                const Complex p = inverse[r * k + c];
+                s.re += p.re * sum_re[c] - p.im * sum_im[c];
+                s.im += p.re * sum_im[c] + p.im * sum_re[c];
+            }
+            out[r] = s;
+        }
+        return 1;
+    }
+    memcpy(work, gram, sizeof(Complex) * (size_t)k * (size_t)k);
+    for (Py_ssize_t i = 0; i < n; i++) {
+        if (seen[i]) continue;
+        const double *p = re + i * k, *q = im + i * k;
+        for (int r = 0; r < k; r++)
+            for (int c = 0; c <= r; c++) { /* conj(b_r) b_c */
+                work[r * k + c].re -= p[r] * p[c] + q[r] * q[c];
+                work[r * k + c].im -= p[r] * q[c] - q[r] * p[c];
+            }
+    }
+    for (int j = 0; j < k; j++) {
+        out[j].re = sum_re[j];
+        out[j].im = sum_im[j];
     }
     return solve_hermitian(work, out, k);
 }
@@ -274,20 +299,22 @@ WIDE static int fit_modes(const Complex *basis, const Complex *gram, const doubl
 static PyObject *modes(PyObject *self, PyObject *args)
 {
     (void)self;
-    PyObject *o[6];
+    PyObject *o[8];
     Arrays a = {.n = 0};
     PyObject *result = NULL;
-    if (!PyArg_ParseTuple(args, "OOOOOO:modes", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5])) return NULL;
-    const uint8_t *seen = take(&a, o[3], '?', -1, 0, "seen");
+    if (!PyArg_ParseTuple(args, "OOOOOOOO:modes", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5], &o[6], &o[7])) return NULL;
+    const uint8_t *seen = take(&a, o[5], '?', -1, 0, "seen");
     const Py_ssize_t n = seen ? count(&a) : 0;
-    Complex *out = seen ? take(&a, o[5], 'd', -1, 1, "out") : NULL;
+    Complex *out = seen ? take(&a, o[7], 'd', -1, 1, "out") : NULL;
     const Py_ssize_t k = out ? count(&a) / 2 : 0;
-    const Complex *basis = out ? take(&a, o[0], 'd', 2 * n * k, 0, "basis") : NULL;
-    const Complex *gram = basis ? take(&a, o[1], 'd', 2 * k * k, 0, "gram") : NULL;
-    const double *value = gram ? take(&a, o[2], 'd', 2 * n, 0, "motion") : NULL;
-    Complex *work = value ? take(&a, o[4], 'd', 2 * k * k, 1, "work") : NULL;
+    const double *re = out ? take(&a, o[0], 'd', n * k, 0, "re") : NULL;
+    const double *im = re ? take(&a, o[1], 'd', n * k, 0, "im") : NULL;
+    const Complex *gram = im ? take(&a, o[2], 'd', 2 * k * k, 0, "gram") : NULL;
+    const Complex *inverse = gram ? take(&a, o[3], 'd', 2 * k * k, 0, "inverse") : NULL;
+    const double *value = inverse ? take(&a, o[4], 'd', 2 * n, 0, "motion") : NULL;
+    Complex *work = value ? take(&a, o[6], 'd', 2 * k * k, 1, "work") : NULL;
     if (!work) goto done;
-    if (fit_modes(basis, gram, value, seen, n, (int)k, work, out)) result = Py_NewRef(Py_None);
+    if (k <= MODES_MAX && fit_modes(re, im, gram, inverse, value, seen, n, (int)k, work, out)) result = Py_NewRef(Py_None);
     else PyErr_SetString(PyExc_ValueError, "modes: the equations have no solution");
 done:
     let_go(&a);
@@ -936,7 +963,7 @@ static PyMethodDef methods[] = {
     {"ring_peak", ring_peak, METH_VARARGS, "ring_peak(value, columns, ring) -> float: highest mean over a ring"},
     {"typical_size", typical_size, METH_VARARGS, "typical_size(value, scratch) -> float: median of |value|"},
     {"centred", centred, METH_VARARGS, "centred(motion, scratch, out): less each column's median"},
-    {"modes", modes, METH_VARARGS, "modes(basis, gram, motion, seen, work, out): complex as pairs of float64"},
+    {"modes", modes, METH_VARARGS, "modes(re, im, gram, inverse, motion, seen, work, out): complex as pairs of float64"},
     {"heights", heights, METH_VARARGS, "heights(change, near, rows, steps, work, growth, heights, level) -> float"},
     {"stretch", stretch, METH_VARARGS, "stretch(xy, rest, rows, steps, work, bent, stretch)"},
     {"contacts", contacts, METH_VARARGS,

@@ -18,7 +18,9 @@ def typical_size(value: Array, scratch: Array) -> float:
 def centred(motion: Array, scratch: Array, out: Array) -> None:
     """Each column less the median of its finite values."""
 
-def modes(basis: Array, gram: Array, motion: Array, seen: Mask, work: Array, out: Array) -> None:
+def modes(
+    re: Array, im: Array, gram: Array, inverse: Array, motion: Array, seen: Mask, work: Array, out: Array
+) -> None:
     """Least squares over the seen pins; complex numbers as pairs."""
 
 def heights(

@@ -57,11 +57,12 @@ class Modes:
             basis[:, column] = v * (math.sqrt(n) / left) if kept[column] else 0.0
             if kept[column]:
                 lower.append(column)
-        self._basis = np.ascontiguousarray(basis)
+        self._re, self._im = np.ascontiguousarray(basis.real), np.ascontiguousarray(basis.imag)
         self._work = np.empty((k, 2 * k))
         self._gram = basis.conj().T @ basis + np.diag(np.where(kept, 0.0, n))
         # A weak ridge (a thousandth of a pin) keeps lost pins from letting high terms run away.
         self._gram += 1e-3 * np.eye(k)
+        self._inverse = np.ascontiguousarray(np.linalg.inv(self._gram)).view(np.float64)
 
     def fit(self, motion: Array, seen: Mask) -> Complex:
         """Least-squares coefficients over the seen pins.
@@ -72,7 +73,7 @@ class Modes:
         # Sums over the seen pins, and their equations solved: no BLAS, which would wake threads for it.
         result: Complex = np.empty(len(self._gram), dtype=np.complex128)
         _features.modes(
-            self._basis.view(np.float64), self._gram.view(np.float64), motion, seen, self._work,
+            self._re, self._im, self._gram.view(np.float64), self._inverse, motion, seen, self._work,
             result.view(np.float64),
         )  # fmt: skip
         return result

@@ -7,9 +7,11 @@
 Rules
 - Pipeline and reference see the same frames in one process on one thread, in turn: eight frames the one,
   the same eight the other. So both meet the same load of the machine, and the pipeline meets a cache that
-  the reference has used, as a camera's frame finds it. The ratio is that of the medians.
+  the reference has used, as a camera's frame finds it. The ratio is that of the medians. The clock of the
+  pair is the thread's own time on the processor: what other programs take is in no one's account. All other
+  times are the wall's.
 - A frame is everything from image to calibrated values, all features; packing is a stage of its own.
-- The floor: one pass, by OpenCV's vectorised sum, over as many bytes as the pins' windows have, packed.
+- The floor: every pixel of every pin's window read once, where it lies, by compiled code (`floor.c`).
 - Allocations are what `tracemalloc` sees of one frame's Python and NumPy objects, at their peak; and what
   is left after many frames, which is growth.
 """
@@ -36,6 +38,7 @@ from edge.pack import to_state
 from edge.pipeline import ALL, Pipeline, Result, tare
 from edge.types import Feature, Frame
 from hostlink.wire import Status, pack_state
+from tests.bench.floor import Floor
 from tests.bench.frames import REST_FRAMES, back_and_forth, calibration_of, scene
 from tests.bench.paced import run_app
 from tests.bench.reference import Reference
@@ -53,6 +56,14 @@ NARROW = 0.38 * 240  # px, a tip that fits the smallest image
 GRASP = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
 
 Series = dict[str, list[float]]
+
+
+def on_processor(into: list[float], work: Callable[..., Any], *given: Any) -> Any:
+    """The work's answer; this thread's time on the processor is appended, microseconds."""
+    begun = time.thread_time_ns()
+    answer = work(*given)
+    into.append((time.thread_time_ns() - begun) / 1e3)
+    return answer
 
 
 def spread(us: list[float]) -> dict[str, float]:
@@ -95,10 +106,10 @@ def pair(frames: list[Frame], calibration: Calibration) -> tuple[Series, Pipelin
     for at in range(WARM, len(frames), BLOCK):
         block = frames[at : at + BLOCK]
         for frame in block:
-            result = timed(times["pipeline"], pipeline.process, frame)
+            result = on_processor(times["pipeline"], pipeline.process, frame)
             assert not result.searched, "the benchmark is to measure tracking"
         for frame in block:
-            timed(times["reference"], reference.step, frame.image)
+            on_processor(times["reference"], reference.step, frame.image)
     return times, pipeline
 
 
@@ -107,7 +118,7 @@ def stages(frames: list[Frame], pipeline: Pipeline, rounds: int) -> Series:
     times: Series = {
         name: [] for name in ("pins", "track", "tessellate", "features", "calibrate", "pack", "floor")
     }
-    stacked = _windows(pipeline, frames[-1])
+    floor = Floor(pipeline)
     for _ in range(rounds):
         for frame in back_again(frames):
             place = pipeline.tracker.predict()
@@ -120,24 +131,13 @@ def stages(frames: list[Frame], pipeline: Pipeline, rounds: int) -> Series:
             if apply is not None:
                 reading = timed(times["calibrate"], apply, features, pipeline.rest.pattern)
                 timed(times["pack"], packed, Result(frame, tracks, cells, features, reading, False))
-            timed(times["floor"], cv2.sumElems, stacked)
+            timed(times["floor"], floor.read, frame.image)
     return {name: series for name, series in times.items() if series}
 
 
 def packed(result: Result) -> bytes:
     """As it goes onto the bus."""
     return pack_state(to_state(result, sample=1, status=Status(0), capture_time_us=1), 1)
-
-
-def _windows(pipeline: Pipeline, frame: Frame) -> np.ndarray:
-    """The pixels of all pins' windows, one after another."""
-    refiner, rest = pipeline._refiner, pipeline.rest
-    cut = []
-    for (x, y), kind in zip(np.rint(rest.xy_img).astype(int), refiner._kind_of, strict=True):
-        half = int(refiner._kinds[kind, 0])
-        window = frame.image[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1]
-        cut.append(window.ravel())
-    return np.ascontiguousarray(np.concatenate(cut))[None, :]
 
 
 def whole(frames: list[Frame], pipeline: Pipeline, rounds: int) -> list[float]:
