@@ -51,9 +51,7 @@ def view_options(command: Callable[..., None]) -> Callable[..., None]:
         click.option(
             "--recordings",
             type=click.Path(path_type=Path, file_okay=False),
-            default=Path("."),
-            show_default="here",
-            help="Folder for what the page's record button makes.",
+            help="Folder for what the page's record button makes. Default: in the state folder, else here.",
         ),
         click.option(
             "--view-token",
@@ -104,6 +102,7 @@ def cli(verbose: bool) -> None:
 )
 @view_options
 @click.option("--frames", "frames_max", type=click.IntRange(min=1), help="Stop after so many frames.")
+@click.option("-q", "--quiet", is_flag=True, help="No closing statistics.")
 @click.option("--json", "as_json", is_flag=True, help="Print the closing statistics as JSON.")
 def run(
     config_path: Path | None,
@@ -112,10 +111,11 @@ def run(
     calibration_path: Path | None,
     record_path: Path | None,
     frames_max: int | None,
+    quiet: bool,
     as_json: bool,
     view: str | None,
     view_token: str | None,
-    recordings: Path,
+    recordings: Path | None,
 ) -> None:
     """Run the finger: camera in, bus out, until stopped.
 
@@ -139,7 +139,7 @@ def run(
         stack.callback(source.close)
         app = _app(stack, source, config, sink_specs, calibration_path, record_path)
         _serve(stack, app, config, view, view_token, recordings)
-        _finish(app.run(frames_max), app, as_json)
+        _finish(app.run(frames_max), app, as_json, quiet)
 
 
 @cli.command()
@@ -158,6 +158,7 @@ def run(
 @click.option("--loop", is_flag=True, help="Again from its start when it ends, until stopped.")
 @view_options
 @click.option("--samples", is_flag=True, help="Print every sample as a line of JSON.")
+@click.option("-q", "--quiet", is_flag=True, help="No closing summary.")
 @click.option("--json", "as_json", is_flag=True, help="Print the closing summary as JSON.")
 def replay(
     recording: str,
@@ -168,10 +169,11 @@ def replay(
     record_path: Path | None,
     loop: bool,
     samples: bool,
+    quiet: bool,
     as_json: bool,
     view: str | None,
     view_token: str | None,
-    recordings: Path,
+    recordings: Path | None,
 ) -> None:
     """Send RECORDING (MCAP, video, folder of images) as if it were live.
 
@@ -200,7 +202,7 @@ def replay(
         if samples:
             app.watchers.append(lambda result, state: click.echo(_line(asdict(state))))
         statistics = app.run()
-        _finish(statistics, app, as_json, summary.report())
+        _finish(statistics, app, as_json, quiet, summary.report())
 
 
 @cli.command()
@@ -430,7 +432,7 @@ def _app(
 
 
 def _serve(
-    stack: ExitStack, app: App, config: Config, view: str | None, token: str | None, recordings: Path
+    stack: ExitStack, app: App, config: Config, view: str | None, token: str | None, recordings: Path | None
 ) -> None:
     """The live page, where one is asked for."""
     if view is None:
@@ -445,6 +447,8 @@ def _serve(
         raise UsageError(str(error)) from None
     from edge.view import View
 
+    if recordings is None:
+        recordings = Path(config.state.directory) / "recordings" if config.state.directory else Path(".")
     page = View(app, listen, recordings, {"serial": config.sensor.serial})
     page.start()
     stack.callback(page.close)
@@ -486,8 +490,12 @@ def _speed(text: str) -> float | None:
     return factor
 
 
-def _finish(statistics: Statistics, app: App, as_json: bool, extra: dict[str, Any] | None = None) -> None:
+def _finish(
+    statistics: Statistics, app: App, as_json: bool, quiet: bool, extra: dict[str, Any] | None = None
+) -> None:
     """Print what happened."""
+    if quiet and not as_json:
+        return
     table = {**asdict(statistics), **(extra or {})}
     table["sinks"] = {
         f"{i} {sink.name}": {"sent": sink.counters.sent, "dropped": sink.counters.dropped}
@@ -521,11 +529,16 @@ def _line(table: dict[str, Any]) -> str:
     return json.dumps(plain(table))
 
 
+def program_name(script: str, module: str) -> str:
+    """What the user typed: shells complete the installed script, by `_VORONOI_TOUCH_EDGE_COMPLETE`."""
+    return script if Path(sys.argv[0]).name == script else f"python -m {module}"
+
+
 def main() -> None:
     """Entry point: the user's mistakes become one line and exit code 2."""
     share_the_processor()
     try:
-        cli.main(prog_name="python -m edge", standalone_mode=False)
+        cli.main(prog_name=program_name("voronoi-touch-edge", "edge"), standalone_mode=False)
     except click.ClickException as error:
         error.show()
         sys.exit(2)

@@ -71,8 +71,11 @@ def cli() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and exit: 0 done, 1 the link or the sensor failed, 2 the user's mistake."""
+    # Shells complete the installed script, by _VORONOI_TOUCH_HOST_COMPLETE.
+    script = os.path.basename(sys.argv[0]) == "voronoi-touch-host"
+    name = "voronoi-touch-host" if script else "python -m hostlink"
     try:
-        code = cli.main(args=arguments, prog_name="python -m hostlink", standalone_mode=False)
+        code = cli.main(args=arguments, prog_name=name, standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         sys.exit(2)
