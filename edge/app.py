@@ -149,6 +149,7 @@ class App:
     health       faults; a new one where not given
     vitals       what is looked after beside the images; None: nothing
     notifier     the service manager; None: nobody
+    clock_ns     the host's monotonic clock
     """
 
     def __init__(
@@ -165,6 +166,7 @@ class App:
         load_pitches: float = LOAD_PITCHES,
         vitals: Vitals | None = None,
         notifier: Notifier | None = None,
+        clock_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self.source = source
         self.sinks = list(sinks)
@@ -181,6 +183,7 @@ class App:
         self._shown: frozenset[Feature] = frozenset()
         self._vitals = vitals
         self._notifier = notifier or Notifier({})
+        self._clock_ns = clock_ns
         self._judge = ImageJudge()
         self._pins: PinsJudge | None = None
         self._drift_px, self._load_pitches = drift_px, load_pitches
@@ -193,7 +196,7 @@ class App:
         self._last: tuple[Frame, int] | None = None  # and when it was taken in hand, our clock
         self._skipped_n = 0
         self._beat_due_ns = 0
-        self._garbage_due_ns = time.monotonic_ns() + round(GARBAGE_S * 1e9)
+        self._garbage_due_ns = clock_ns() + round(GARBAGE_S * 1e9)
         self._begun_ns: int | None = None  # when the frame in hand was taken up
         self._frozen = False  # the frame in hand shows what an earlier one did
         self._broken = False  # the last frame broke the computation
@@ -340,7 +343,7 @@ class App:
         self._frozen = False
         self._judge_camera()
         self._watch_links()
-        now_ns = time.monotonic_ns()
+        now_ns = self._clock_ns()
         if Status.CAMERA_FAULT not in self.health.status:
             return  # a slow camera: not late yet
         if self.health.status == known and now_ns < self._beat_due_ns:
@@ -355,7 +358,7 @@ class App:
     def _watch_loop(self) -> None:
         """Called from another thread: whether the frame in hand takes long."""
         begun_ns = self._begun_ns
-        if begun_ns is None or self._taring is not None or time.monotonic_ns() - begun_ns < SEARCH_NS:
+        if begun_ns is None or self._taring is not None or self._clock_ns() - begun_ns < SEARCH_NS:
             return
         self.health.report(FaultCode.TRACKER_LOST, True, "the pins are being searched for")
 
@@ -367,7 +370,7 @@ class App:
 
     def step(self, frame: Frame) -> State:
         """Everything that one frame causes."""
-        begun_ns = time.monotonic_ns()
+        begun_ns = self._clock_ns()
         s = self._statistics
         s.frames_n += 1
         self._judge_order(frame, begun_ns)
@@ -381,7 +384,7 @@ class App:
         self._begun_ns = begun_ns
         result = self._measure_safely(frame)
         self._begun_ns = None
-        computed_ns = time.monotonic_ns()
+        computed_ns = self._clock_ns()
         # A recorded or foreign clock cannot be subtracted from ours: then latency counts from the hand-over.
         ours = frame.clock in (Clock.HOST, Clock.DRIVER) and 0 <= begun_ns - frame.capture_ns < LATE_NS
         since_ns = frame.capture_ns if ours else begun_ns
@@ -401,7 +404,7 @@ class App:
             self._garbage_due_ns = begun_ns + round(GARBAGE_S * 1e9)
             gc.collect()  # after the sample has left; what start-up made is frozen and not looked at
         self._compute_us.add((computed_ns - begun_ns) / 1e3)
-        self._latency_us.add((time.monotonic_ns() - since_ns) / 1e3)
+        self._latency_us.add((self._clock_ns() - since_ns) / 1e3)
         return state
 
     def _send(self, result: Result | None, capture_ns: int, latency_us: float) -> State:

@@ -52,6 +52,8 @@ def level_of(image: Image, bits: int) -> tuple[float, float]:
     """Mean level and share of saturated pixels, of full scale."""
     samples = image[::_SAMPLE_STEP, ::_SAMPLE_STEP]
     top = (1 << bits) - 1
+    if not samples.size:
+        return 0.0, 0.0
     return float(samples.mean()) / top, float(np.count_nonzero(samples >= top)) / samples.size
 
 

@@ -41,7 +41,7 @@ check "install.sh" sh /shared/deploy/install.sh --wheels /shared/deploy/sbc/.cac
 echo "TIME install $((SECONDS - start)) s"
 show "size" du -sm /opt/voronoi-touch
 check "own user without a shell" grep -q '^voronoi-touch:.*nologin' /etc/passwd
-check "the unit is sound" systemd-analyze verify --recursive-errors=no $unit
+check "the unit is sound" systemd-analyze verify --recursive-errors=no $unit.service
 sed -i 's|can:can0|can:vcan0|' /etc/voronoi-touch/index.toml
 mkdir -p /etc/systemd/system/$unit.service.d /var/lib/recording
 cp /shared/tests/data/press.mcap /shared/tests/data/rings331_ball.json /var/lib/recording/

@@ -1,0 +1,410 @@
+"""The loop and its faults: each row of the table seen, announced, cleared; values only where they hold."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from edge.app import BEAT_S, App
+from edge.calibration import Calibration
+from edge.health import Health, Vitals
+from edge.inject import _PICTURES
+from edge.sources import open_source
+from edge.transport import MemorySink
+from edge.types import Clock, Frame, Image
+from hostlink.wire import FAULTS, FaultCode, State, Status
+
+PERIOD_NS = 10_000_000
+STATUS = {fault.code: fault.status for fault in FAULTS}
+
+
+@pytest.fixture(scope="module")
+def frames(data_dir: Path) -> list[Frame]:
+    """8 untouched, then a ball pressed in."""
+    return list(open_source(str(data_dir / "press.mcap")))
+
+
+@pytest.fixture(scope="module")
+def calibration(data_dir: Path) -> Calibration:
+    return Calibration.load(data_dir / "rings331_ball.json")
+
+
+class Camera:
+    """A live camera whose state the test sets."""
+
+    name, size_px, rate_hz, live, dropped_n = "test camera", (320, 320), 100.0, True, 0
+    condition = frame_condition = ""
+
+    def __init__(self) -> None:
+        self.ended = False
+        self.waiting = threading.Semaphore(0)
+
+    def __iter__(self) -> Any:
+        raise AssertionError("a live source is read, not iterated")
+
+    def read(self, timeout_s: float) -> None:
+        """No image; does not wait, so that a test takes no longer than it must."""
+        self.waiting.release()
+
+    def close(self) -> None:
+        self.ended = True
+
+
+class Finger:
+    """An app with a camera, fed frame by frame on a clock of the test's."""
+
+    def __init__(self, frames: list[Frame], calibration: Calibration | None, **options: Any) -> None:
+        self.camera, self.sink = Camera(), MemorySink()
+        self.health = Health()
+        self.now_ns = self.jumped_ns = self.n = 0
+        options = {"clock_ns": lambda: self.now_ns, **options}
+        self.app = App(self.camera, [self.sink], calibration, health=self.health, **options)
+        self.frames = frames
+        for k in range(8):
+            self.see(frames[k].image)
+
+    def see(self, image: Image, skip: int = 0, jump_ns: int = 0) -> State:
+        self.n += 1 + skip
+        self.jumped_ns += jump_ns
+        self.now_ns = self.n * PERIOD_NS
+        return self.app.step(Frame(image, self.now_ns + self.jumped_ns, self.n, Clock.DEVICE))
+
+    @property
+    def faults(self) -> set[FaultCode]:
+        return set(self.health.active)
+
+
+@pytest.fixture
+def finger(frames: list[Frame], calibration: Calibration) -> Finger:
+    return Finger(frames, calibration)
+
+
+def measured(state: State) -> bool:
+    """Whether there is any value that somebody could control on."""
+    return not math.isnan(state.displacement_mm) or state.contact_n > 0
+
+
+def test_all_is_well(finger: Finger) -> None:
+    state = finger.see(finger.frames[25].image)
+    assert state.status == Status.TOUCHED
+    assert state.displacement_mm == pytest.approx(3.0, abs=0.3)
+    assert not finger.faults
+
+
+PICTURES: list[tuple[str, FaultCode]] = [
+    ("black", FaultCode.IMAGE_DARK),
+    ("dim", FaultCode.IMAGE_DARK),
+    ("bright", FaultCode.IMAGE_BRIGHT),
+    ("blur", FaultCode.IMAGE_BLURRED),
+    ("shift", FaultCode.CAMERA_MOVED),
+    ("cover", FaultCode.PINS_LOST),
+]
+
+
+@pytest.mark.parametrize(("kind", "code"), PICTURES)
+def test_what_an_image_shows_is_announced_with_it_and_cleared(
+    finger: Finger, kind: str, code: FaultCode
+) -> None:
+    random = np.random.default_rng(0)
+    rest = finger.frames[7].image
+    finger.see(rest)
+    states = [finger.see(_PICTURES[kind](rest, random)) for _ in range(5)]  # 50 ms
+    assert code in finger.faults
+    assert STATUS[code] in states[-1].status
+    for _ in range(10):
+        last = finger.see(rest)
+    assert not finger.faults
+    assert last.status == Status(0)
+
+
+@pytest.mark.parametrize("kind", ["black", "bright", "cover", "blur"])
+def test_a_touch_that_is_hidden_is_never_reported_as_none(finger: Finger, kind: str) -> None:
+    """The first image of a fault already: no value without a bit that says not to use it."""
+    random = np.random.default_rng(0)
+    pressed = finger.frames[25].image
+    finger.see(pressed)
+    doubtful = Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST
+    for _ in range(3):
+        state = finger.see(_PICTURES[kind](pressed, random))
+        if not state.status & doubtful:
+            assert state.displacement_mm == pytest.approx(3.0, abs=0.4)
+
+
+def test_a_block_of_noise_gives_the_right_value_or_none(finger: Finger) -> None:
+    random = np.random.default_rng(5)
+    pressed = finger.frames[25].image
+    truth = finger.see(pressed)
+    flagged = 0
+    for _ in range(20):
+        state = finger.see(_PICTURES["corrupt"](pressed, random))
+        if state.status & (Status.PINS_LOST | Status.TRACKER_LOST):
+            flagged += 1
+            assert not measured(state)
+        else:
+            assert state.displacement_mm == pytest.approx(truth.displacement_mm, abs=0.4)
+            assert state.shear_x_mm == pytest.approx(truth.shear_x_mm, abs=0.4)
+    assert flagged
+
+
+@pytest.mark.parametrize(
+    ("condition", "code"),
+    [
+        ("lost", FaultCode.CAMERA_LOST),
+        ("stalled", FaultCode.CAMERA_STALLED),
+        ("frozen", FaultCode.CAMERA_STALLED),
+    ],
+)
+def test_what_the_source_says_of_its_camera(finger: Finger, condition: str, code: FaultCode) -> None:
+    finger.camera.condition = condition
+    state = finger.see(finger.frames[20].image)
+    assert finger.faults == {code}
+    assert Status.CAMERA_FAULT in state.status
+    assert not measured(state)
+    finger.camera.condition = ""
+    state = finger.see(finger.frames[21].image)
+    assert not finger.faults
+    assert measured(state)
+
+
+def test_a_frozen_frame_is_not_used_even_when_the_camera_is_well_again(finger: Finger) -> None:
+    finger.camera.frame_condition = "frozen"
+    state = finger.see(finger.frames[20].image)
+    assert Status.CAMERA_FAULT in state.status
+    assert not measured(state)
+
+
+def test_a_clock_step_is_told_for_one_sample(finger: Finger) -> None:
+    rest = finger.frames[7].image
+    seen = [
+        Status.CLOCK_STEP in finger.see(rest, jump_ns=jump).status
+        for jump in (0, 5_000_000_000, 0, -3_000_000_000, 0)
+    ]
+    assert seen == [False, True, False, True, False]
+
+
+def test_skipped_frames_are_told_with_the_next_sample(finger: Finger) -> None:
+    rest = finger.frames[7].image
+    seen = [Status.FRAMES_DROPPED in finger.see(rest, skip=skip).status for skip in (0, 3, 0)]
+    assert seen == [False, True, False]
+    finger.camera.dropped_n = 2  # taken from the queue by newer ones
+    assert Status.FRAMES_DROPPED in finger.see(rest).status
+    assert finger.app.statistics().lost_by_camera_n == 3
+
+
+def test_overload(frames: list[Frame], calibration: Calibration) -> None:
+    finger = Finger(frames, calibration, load_pitches=0.05)
+    assert Status.OVERLOAD in finger.see(frames[25].image).status
+    assert finger.faults == {FaultCode.OVERLOAD}
+    finger.see(frames[7].image)
+    assert not finger.faults
+
+
+def test_no_calibration_is_a_fault_until_there_is_one(frames: list[Frame], calibration: Calibration) -> None:
+    finger = Finger(frames, None)
+    state = finger.see(frames[7].image)
+    assert finger.faults == {FaultCode.CALIBRATION_MISSING}
+    assert Status.UNCALIBRATED in state.status
+    finger.app.set_calibration(calibration)
+    for k in range(9):
+        state = finger.see(frames[k % 8].image)
+    assert not finger.faults
+    assert state.status == Status(0)
+
+
+def test_a_foreign_calibration_is_refused_in_words(frames: list[Frame], calibration: Calibration) -> None:
+    turned = [replace(f, image=np.ascontiguousarray(cv2.resize(f.image, (400, 400)))) for f in frames[:8]]
+    finger = Finger(turned, calibration)
+    assert FaultCode.CALIBRATION_FOREIGN in finger.faults
+    assert "320x320" in finger.health.active[FaultCode.CALIBRATION_FOREIGN]
+    assert Status.UNCALIBRATED in finger.see(turned[0].image).status
+
+
+def test_a_tare_under_way_of_a_press_is_implausible_and_keeps_the_old_one(finger: Finger) -> None:
+    rest = finger.app.pipeline.rest if finger.app.pipeline else None
+    finger.app.begin_tare()
+    for k in range(12, 20):  # the ball goes down
+        finger.see(finger.frames[k].image)
+    assert FaultCode.TARE_IMPLAUSIBLE in finger.faults
+    assert finger.app.pipeline is not None
+    assert finger.app.pipeline.rest is rest
+    finger.app.begin_tare()
+    for _ in range(9):
+        finger.see(finger.frames[7].image)
+    assert not finger.faults
+
+
+def test_heat_and_disk_reach_the_samples(frames: list[Frame], calibration: Calibration) -> None:
+    health = Health()
+    now: dict[str, Any] = {"degc": 91.0, "disk": "no space left"}
+    vitals = Vitals(health, lambda: now["degc"], [lambda: now["disk"]])
+    camera, sink, k = Camera(), MemorySink(), 0
+    app = App(camera, [sink], calibration, health=health, vitals=vitals, clock_ns=lambda: k * PERIOD_NS)
+    vitals.look()
+    for k in range(9):
+        state = app.step(Frame(frames[k].image, k * PERIOD_NS, k, Clock.DEVICE))
+    assert state.status == Status.OVER_TEMPERATURE | Status.STORAGE_FAULT
+    assert state.temperature_degc == 91.0
+    now.update(degc=40.0, disk="")
+    vitals.look()
+    k = 9
+    assert app.step(Frame(frames[8].image, k * PERIOD_NS, k, Clock.DEVICE)).status == Status(0)
+
+
+# ---- the loop lives ------------------------------------------------------------------------------------
+
+
+def in_thread(app: App) -> threading.Thread:
+    thread = threading.Thread(target=app.run)
+    thread.start()
+    return thread
+
+
+def until(condition: Callable[[], object]) -> None:
+    done = threading.Event()
+    for _ in range(2000):
+        if condition():
+            return
+        done.wait(0.005)
+    raise AssertionError("never")
+
+
+@pytest.fixture
+def awake(frames: list[Frame], calibration: Calibration) -> Finger:
+    """A finger on the real clock."""
+    return Finger(frames, calibration, clock_ns=time.monotonic_ns)
+
+
+def test_without_images_samples_go_on_and_say_why(awake: Finger) -> None:
+    finger = awake
+    finger.camera.condition = "lost"
+    before = len(finger.sink.states)
+    thread = in_thread(finger.app)
+    until(lambda: len(finger.sink.states) >= before + 3)
+    finger.app.stop()
+    thread.join(5.0)
+    assert not thread.is_alive()
+    beats = list(finger.sink.states)[before:]
+    assert all(Status.CAMERA_FAULT in s.status and not measured(s) for s in beats)
+    assert [s.sample for s in beats] == list(range(beats[0].sample, beats[0].sample + len(beats)))
+    steps_us = np.diff([s.capture_time_us for s in beats])
+    assert steps_us.min() >= 0.9e6 * BEAT_S  # the slow rate, on the camera's clock
+    assert beats[0].capture_time_us >= finger.n * PERIOD_NS // 1000
+
+
+def test_a_slow_camera_is_no_fault(awake: Finger) -> None:
+    finger = awake
+    before = len(finger.sink.states)
+    thread = in_thread(finger.app)
+    for _ in range(20):
+        assert finger.camera.waiting.acquire(timeout=5.0)
+    finger.app.stop()
+    thread.join(5.0)
+    assert len(finger.sink.states) == before
+
+
+def test_commands_run_without_images(finger: Finger) -> None:
+    thread = in_thread(finger.app)
+    assert finger.app.post(lambda: 42).result(5.0) == 42
+    finger.app.stop()
+    thread.join(5.0)
+
+
+def test_a_stop_from_a_signal_handler_closes_nothing(finger: Finger) -> None:
+    finger.app.stop()
+    finger.app.run()
+    assert not finger.camera.ended
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((1, 1), np.uint8),
+        np.zeros((0, 320), np.uint8),
+        np.full((320, 320), 255, np.uint8),
+        np.random.default_rng(0).integers(0, 255, (320, 320), dtype=np.uint8),
+        np.zeros((200, 100), np.uint8),
+        np.full((320, 320), 60_000, np.uint16),
+    ],
+    ids=["one pixel", "empty", "white", "noise", "small", "16 bits"],
+)
+def test_no_image_ends_the_loop(finger: Finger, image: Image) -> None:
+    with np.errstate(all="ignore"):
+        state = finger.see(image)
+    assert not measured(state)
+    assert state.status & (Status.TRACKER_LOST | Status.PINS_LOST | Status.IMAGE_FAULT)
+    for _ in range(10):
+        last = finger.see(finger.frames[7].image)
+    assert last.status == Status(0)
+
+
+def test_a_viewer_that_fails_is_sent_away(finger: Finger) -> None:
+    told: list[int] = []
+
+    def bad(result: object, state: State) -> None:
+        raise RuntimeError("of its own making")
+
+    finger.app.watchers += [bad, lambda result, state: told.append(state.sample)]
+    finger.see(finger.frames[7].image)
+    finger.see(finger.frames[7].image)
+    assert len(told) == 2
+    assert bad not in finger.app.watchers
+
+
+class Recorder:
+    fault: str | None = None
+    dropped_n = 0
+
+    def __getattr__(self, name: str) -> Callable[..., bool]:
+        return lambda *_, **__: True
+
+
+def test_a_recorder_s_trouble_is_told(finger: Finger) -> None:
+    recorder: Any = Recorder()
+    finger.app.recorder = recorder
+    assert finger.app.recording_trouble() == ""
+    recorder.dropped_n = 5
+    assert "too slow" in finger.app.recording_trouble()
+    recorder.fault = "no space left"
+    assert "no space left" in finger.app.recording_trouble()
+    finger.app.recorder = None
+    assert finger.app.recording_trouble() == ""
+
+
+def test_a_recorder_that_breaks_costs_the_recording_alone(finger: Finger) -> None:
+    class Broken(Recorder):
+        def frame(self, frame: Frame) -> bool:
+            raise OSError("gone")
+
+    broken: Any = Broken()
+    finger.app.recorder = broken
+    assert measured(finger.see(finger.frames[20].image))
+    assert finger.app.recorder is None
+    assert finger.faults == {FaultCode.DISK_FULL}
+
+
+def test_drift_is_learnt_at_rest_and_can_be_forgotten(frames: list[Frame], calibration: Calibration) -> None:
+    finger = Finger(frames, calibration, drift_px=0.3)
+    rest = frames[7].image
+    moved = cv2.warpAffine(
+        rest, np.array([[1.0, 0, 0.25], [0, 1.0, 0]]), (320, 320), borderMode=cv2.BORDER_REPLICATE
+    )
+    for _ in range(1000):  # 10 s at 100 frames/s
+        finger.see(moved)
+    assert 0.005 < finger.app.statistics().drift_px <= 0.3
+    finger.app.forget_drift()
+    assert finger.app.statistics().drift_px == 0.0
+
+
+def test_what_is_not_there_now_says_so(frames: list[Frame], calibration: Calibration) -> None:
+    finger = Finger(frames, calibration)
+    finger.camera.recorded = True  # type: ignore[attr-defined]
+    assert Status.NOT_LIVE in finger.see(frames[7].image).status
