@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 typedef struct {
-    double odd_motion, odd_change, odd_return, beside_share;
+    double odd_motion, odd_change, odd_return, beside_share, bend_kept;
 } Rules;
 
 typedef struct {
@@ -60,14 +60,19 @@ static void judge(const Frame *f)
         for (int d = 0; d < 2; d++)
             f->common[2 * i + d] = f->last[2 * i + d] + f->velocity[2 * i + d] - f->rest[2 * i + d];
     }
+    int mapped = 0; /* whether common is what the neighbours say, without the pin's own bend */
     for (int round = 0; round < 2; round++) {
         int all = 1;
         for (Py_ssize_t i = 0; i < n; i++) all &= f->seen[i];
         /* A lost pin moves as its neighbours, which may be lost pins that move as theirs. */
         for (int pass = 0; pass < (all ? 1 : 2); pass++) {
             for (Py_ssize_t i = 0; i < n; i++)
-                for (int d = 0; d < 2; d++)
-                    f->given[2 * i + d] = f->seen[i] ? f->found[2 * i + d] - f->rest[2 * i + d] : f->common[2 * i + d];
+                for (int d = 0; d < 2; d++) {
+                    const Py_ssize_t at = 2 * i + d;
+                    const double alone = f->common[at] + (mapped ? f->last_bend[at] : 0);
+                    f->given[at] = f->seen[i] ? f->found[at] - f->rest[at] : alone;
+                }
+            mapped = 1;
             for (Py_ssize_t i = 0; i < n; i++) {
                 double x = 0, y = 0;
                 for (int32_t k = f->start[i]; k < f->start[i + 1]; k++) {
@@ -126,9 +131,9 @@ static double settle(const Frame *f, Py_ssize_t *n_seen)
         double square = 0;
         for (int d = 0; d < 2; d++) {
             const Py_ssize_t at = 2 * i + d;
-            f->now[at] = f->seen[i] ? f->found[at] : f->rest[at] + f->common[at];
+            if (!f->seen[i]) f->bend[at] = f->rule->bend_kept * f->last_bend[at];
+            f->now[at] = f->seen[i] ? f->found[at] : f->rest[at] + f->common[at] + f->bend[at];
             f->xy_out[at] = f->seen[i] ? f->found[at] : NAN;
-            if (!f->seen[i]) f->bend[at] = 0;
             const double surprise = f->now[at] - f->last[at] - f->velocity[at];
             square += surprise * surprise;
         }

@@ -23,11 +23,12 @@ __all__ = ["Tracker"]
 VELOCITY_DAMPING = 0.7  # share of the last motion that is expected again
 # In steps to the next pin. How far a pin's motion may be off its neighbours' local map: the skin bends
 # under a contact, by 0.34 steps at the most on the published 331-pin set; from frame to frame that bend
-# changes slowly. A pin that was lost has no bend of its own and must fit closely.
+# changes slowly. A pin that was lost keeps the bend that it had, fading, and must fit that closely.
 ODD_MOTION = 0.5
 ODD_CHANGE = 0.25
 ODD_RETURN = 0.35
 BESIDE_SHARE = 0.5
+BEND_KEPT = 0.95  # of the bend, from frame to frame without the pin: a blinking pin at a contact's edge returns
 # A common surprise of this much is as near to the next pin as to the own one: look at the whole frame.
 JUMP = 0.35
 # Share of all pins seen, and of those usually seen, at which the identities are given up: when a third
@@ -61,7 +62,7 @@ class Tracker:
             self._lattice.close.astype(np.int32),
             self._lattice.pair.astype(np.int32),
             self._lattice.apart_px,
-            np.array([ODD_MOTION, ODD_CHANGE, ODD_RETURN, BESIDE_SHARE]),
+            np.array([ODD_MOTION, ODD_CHANGE, ODD_RETURN, BESIDE_SHARE, BEND_KEPT]),
         )
         self._scratch = np.empty(5 * len(rest))
         self._identifier = Identifier(rest, self._lattice)

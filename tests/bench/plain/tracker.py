@@ -22,11 +22,12 @@ __all__ = ["Tracker"]
 VELOCITY_DAMPING = 0.7  # share of the last motion that is expected again
 # In steps to the next pin. How far a pin's motion may be off its neighbours' local map: the skin bends
 # under a contact, by 0.34 steps at the most on the published 331-pin set; from frame to frame that bend
-# changes slowly. A pin that was lost has no bend of its own and must fit closely.
+# changes slowly. A pin that was lost keeps the bend that it had, fading, and must fit that closely.
 ODD_MOTION = 0.5
 ODD_CHANGE = 0.25
 ODD_RETURN = 0.35
 BESIDE_SHARE = 0.5
+BEND_KEPT = 0.95
 # A common surprise of this much is as near to the next pin as to the own one: look at the whole frame.
 JUMP = 0.35
 # Share of all pins seen, and of those usually seen, at which the identities are given up: when a third
@@ -84,8 +85,8 @@ class Tracker:
         seen = self._keep_apart(pins.xy_img, bend - self._bend, seen)
         hidden = ~seen
         now = pins.xy_img.copy()
-        now[hidden] = (self._rest_xy + common)[hidden]
-        bend[hidden] = 0.0
+        bend[hidden] = BEND_KEPT * self._bend[hidden]
+        now[hidden] = (self._rest_xy + common + bend)[hidden]
         share = float(np.count_nonzero(seen)) / len(seen)
         sure = self._continuity(now, share)
         self._since_search += 1
@@ -155,10 +156,12 @@ class Tracker:
             beside = self._seen[self._lattice.close[lost]].mean(1) >= BESIDE_SHARE
             limit[lost] = ODD_RETURN * beside * self._lattice.step_px[lost]
         seen, common = found, predicted
+        alone = predicted  # motion of a pin that is not seen
         for _ in range(2):  # the second round without those that the first one threw out
             # A lost pin moves as its neighbours, which may be lost pins that move as theirs.
             for _ in range(1 if seen.all() else 2):
-                common = self._lattice.mean @ np.where(seen[:, None], motion, common)
+                common = self._lattice.mean @ np.where(seen[:, None], motion, alone)
+                alone = common + self._bend
             bend = motion - common
             change = bend - self._bend
             good = change[:, 0] ** 2 + change[:, 1] ** 2 < limit**2
