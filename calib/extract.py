@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -27,12 +27,13 @@ from edge.calibration import CONTACT_INPUTS, FRAME_INPUTS, contact_inputs, frame
 from edge.errors import EdgeError
 from edge.pipeline import Pipeline
 from edge.sources import read_image
-from edge.types import Array, Complex, Feature, Frame, Image, Index, Mask, Rest
+from edge.types import Array, Complex, Feature, Frame, Image, Index, Mask, Pins, Rest
 
 __all__ = ["DEMAND", "Extract", "executor", "extract", "gather", "join_extracts", "measure"]
 
 #: What models are made of; slip is not, and needs a sequence.
 DEMAND = frozenset({Feature.DISPLACEMENT, Feature.SHEAR, Feature.TILT, Feature.TORSION, Feature.CONTACTS})
+LOOKS = 4  # at one image: a lost clump heals from its edge inwards, a ring of pins a look
 CHUNK = 8  # frames a task: a tenth of a second, so that a progress bar moves and no core waits long
 IN_FLIGHT = 32  # tasks: images of 640x480 take 80 MB
 
@@ -73,11 +74,23 @@ _Row = tuple[Complex, Complex, float, int, bool, bool, int, float, float]
 
 
 def measure(pipeline: Pipeline, image: Image) -> _Row:
-    """One row of an `Extract`: an image taken for itself, as a jump from rest."""
+    """One row of an `Extract`: an image taken for itself, as a jump from rest, and held.
+
+    A jump leaves out pins that moved as no neighbour did: those at the top of a sharp probe. The frame
+    after it, which shows the same while a rig holds still, finds them in their windows; here the image
+    stands for it.
+    """
     pipeline.forget()
     began = time.perf_counter()
     try:
         result = pipeline.process(Frame(image, 0, 0), even_unsure=True)
+        for _ in range(LOOKS - 1):
+            if result.tracks.confidence < result.tracks.LOW_CONFIDENCE or result.tracks.seen.all():
+                break
+            again = pipeline.process(Frame(image, 0, 0), even_unsure=True)
+            if again.tracks.n_seen <= result.tracks.n_seen:
+                break
+            result = again
     except EdgeError:
         result = None
     us = (time.perf_counter() - began) * 1e6
@@ -115,6 +128,9 @@ def _chunk(rest: Rest, frames: Sequence[Path | Image]) -> list[_Row]:
     global _kept
     cv2.setNumThreads(1)  # one thread a process: the processes are the parallelism
     if _kept is None or not _same(_kept[0], rest):
+        # Arrays that came over a network are views of what was received: copied, they are aligned and ours.
+        pins = Pins(*(np.array(getattr(rest.pins, f.name), order="C") for f in fields(Pins)))
+        rest = Rest(pins, replace(rest.pattern, centre_img=np.array(rest.pattern.centre_img)))
         _kept = rest, Pipeline(rest, demand=DEMAND)
     pipeline = _kept[1]
     return [measure(pipeline, read_image(f) if isinstance(f, Path) else f) for f in frames]

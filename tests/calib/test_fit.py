@@ -10,7 +10,7 @@ import pytest
 from calib.errors import FitError
 from calib.evaluate import predict
 from calib.fit import fit, letters, terms_of_spin
-from edge.calibration import Calibration, Curve, Moments
+from edge.calibration import FRAME_INPUTS, MODES, Calibration, Curve, Moments
 from edge.types import Array
 from tests.calib.synthetic import REST, make, of_inputs, targets
 
@@ -55,7 +55,7 @@ def test_the_smallest_of_equally_good_models_is_taken() -> None:
 
 
 def test_the_paper_s_curve_wins_where_depth_follows_the_volume() -> None:
-    extract, values = make(200)
+    extract, _ = make(200)
     volume = np.linspace(0.0, 0.3, 200)
     inputs = extract.inputs.copy()
     inputs[:, 0] = volume
@@ -69,12 +69,9 @@ def test_the_paper_s_curve_wins_where_depth_follows_the_volume() -> None:
 
 def test_turning_tip_and_touch_turns_the_shear() -> None:
     extract, values = make(300, noise=0.01)
-    x_only = values["shear_x_mm"] * 0
     calibration, _ = fit(REST, targets(values), extract, mm_per_px=None)
     turned = extract.inputs.copy()
     angle = np.exp(1j * np.radians(50.0))
-    from edge.calibration import FRAME_INPUTS, MODES
-
     turned[:, 1] *= angle
     for name in MODES:
         turned[:, FRAME_INPUTS.index(name)] *= angle ** (1 - int(name[1]) + int(name[2]))
@@ -84,7 +81,6 @@ def test_turning_tip_and_touch_turns_the_shear() -> None:
     b = after["shear_x_mm"] + 1j * after["shear_y_mm"] - (0.1 - 0.05j)
     inside = np.abs(a) < 1.5
     assert np.abs(b - a * angle)[inside].mean() < 0.02
-    assert not x_only.any()
 
 
 def test_a_sweep_along_x_calibrates_every_direction() -> None:

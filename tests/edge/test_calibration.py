@@ -14,9 +14,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from edge.calibration import Calibration, frame_inputs
+from calib.fit import tip_of
+from calib.sim import Camera, Simulator, Tip
+from edge.calibration import Calibration, frame_inputs, uncalibrated
 from edge.errors import CalibrationError
-from edge.types import ContactRegion, Features, PinPattern
+from edge.pins import take_rest
+from edge.pipeline import in_order_of
+from edge.types import ContactRegion, Features, PinPattern, Rest
 
 PATTERN = PinPattern(4.0, 20.0, np.array([320.0, 240.0]), 200.0, 10.0, 180.0, 2.0, (640, 480))
 
@@ -115,6 +119,81 @@ def test_contact_places_are_in_the_tip_frame() -> None:
     contact = ContactRegion(np.array([340.0, 230.0]), 0.3, 100.0, math.nan, 1.0, np.zeros((1, 2)))
     reading = parse(content()).apply(features(0.1, (0.0, 0.0), (contact,)), PATTERN)
     np.testing.assert_allclose(reading.contacts[0, :2], [2.0, -1.0])
+
+
+def _forced() -> Calibration:
+    """With a force model: 2 N at a volume of 0.05, and a scale of 0.1 mm/px."""
+    table = content()
+    table["models"].append(
+        {
+            "type": "curve",
+            "output": "force_n",
+            "input": "volume",
+            "knots": [[0.0, 0.0], [0.1, 4.0]],
+            "sigma": 0.1,
+        }
+    )
+    return parse(table)
+
+
+def test_pressure_is_force_over_the_contacts_area() -> None:
+    edge = ContactRegion(np.array([340.0, 230.0]), 0.3, 5000.0, math.radians(30.0), 3.0, np.zeros((1, 2)))
+    reading = _forced().apply(features(0.05, (0.0, 0.0), (edge,)), PATTERN)
+    assert reading.values["force_n"] == pytest.approx(2.0)
+    assert reading.values["contact_area_mm2"] == pytest.approx(50.0)
+    assert reading.values["pressure_kpa"] == pytest.approx(40.0)
+    assert reading.values["orientation_deg"] == pytest.approx(30.0)
+
+
+def test_without_a_force_gauge_there_is_no_pressure() -> None:
+    spot = ContactRegion(np.array([340.0, 230.0]), 0.3, 5000.0, math.nan, 1.0, np.zeros((1, 2)))
+    reading = parse(content()).apply(features(0.05, (0.0, 0.0), (spot,)), PATTERN)
+    assert "pressure_kpa" not in reading.values
+    assert math.isnan(reading.values["orientation_deg"])
+
+
+def test_slip_speed_needs_a_scale_and_the_time_between_two_frames() -> None:
+    slipping = Features(
+        area_change=np.zeros(4),
+        displacement_px=np.zeros((4, 2)),
+        touched=True,
+        slip_px=0.5,
+        slip_probability=0.9,
+    )
+    calibrated = parse(content())
+    reading = calibrated.apply(slipping, PATTERN, interval_s=0.01)
+    assert reading.values["slip_speed_mm_s"] == pytest.approx(0.5 * 0.1 / 0.01)
+    assert reading.values["slip_probability"] == 0.9
+    for interval in (None, 0.0, -0.01):
+        assert "slip_speed_mm_s" not in calibrated.apply(slipping, PATTERN, interval).values
+    bare = content()
+    bare["mm_per_px"] = None
+    assert "slip_speed_mm_s" not in parse(bare).apply(slipping, PATTERN, 0.01).values
+
+
+def test_an_uncalibrated_tip_counts_its_contacts_and_places_none() -> None:
+    spot = ContactRegion(np.array([340.0, 230.0]), 0.3, 100.0, math.nan, 1.0, np.zeros((1, 2)))
+    reading = uncalibrated(features(0.1, (0.0, 0.0), (spot, spot)))
+    assert len(reading.contacts) == 2
+    assert np.isnan(reading.contacts).all()
+    assert not reading.values
+    assert not reading.calibrated
+    assert len(uncalibrated().contacts) == 0
+
+
+def _rest_of(tip: Tip, seed: int = 0, size: tuple[int, int] = (240, 240)) -> Rest:
+    return take_rest([Simulator(Camera(tip=tip, size_px=size), seed=seed).frame().image])
+
+
+def test_another_sensor_s_pins_are_refused() -> None:
+    made_with = tip_of(_rest_of(Tip(127, "hex")))
+    own = in_order_of(made_with, _rest_of(Tip(127, "hex"), seed=5))
+    assert np.abs(own.xy_img - made_with.rest.xy_img).max() < 1.0
+    for other in (Tip(91, "hex"), Tip(127, "rings"), Tip(121, "square")):
+        with pytest.raises(CalibrationError, match=r"belongs to another tip|off the calibration's"):
+            in_order_of(made_with, _rest_of(other))
+    with pytest.raises(CalibrationError, match="240x240, the camera gives 320x240"):
+        in_order_of(made_with, _rest_of(Tip(127, "hex"), size=(320, 240)))
 
 
 def test_inputs_are_free_of_resolution() -> None:

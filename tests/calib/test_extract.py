@@ -1,0 +1,259 @@
+"""Many frames: the same bits wherever they are computed; captures; the commands from end to end."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import Executor, Future
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from calib.__main__ import cli, main
+from calib.capture import capture
+from calib.dataset import Dataset, open_dataset
+from calib.errors import CaptureError, TableError
+from calib.extract import Extract, executor
+from calib.protocols import Plan, Step
+from calib.rig.base import CLEAR, Pose
+from calib.rig.simulated import CameraTable, SimulatedRig, Simulation
+from calib.sim import Tip, Tool
+from edge.calibration import Calibration
+from edge.errors import SourceError
+
+SMALL = Simulation(tip=Tip(127, "hex"), camera=CameraTable(size_px=(240, 240)))
+BALL = Tool("sphere", 3.0)
+
+
+def plan(n: int = 36) -> Plan:
+    """Presses of a ball at random places, depths and shears."""
+    rng = np.random.default_rng(2)
+    steps = [Step(CLEAR, BALL, 3, "rest")]
+    for _ in range(n):
+        x, y, sx, sy = np.round(rng.uniform(-1, 1, 4) * [5, 5, 0.8, 0.8], 3).tolist()
+        depth = round(float(rng.uniform(0.8, 3.0)), 3)
+        steps.append(Step(Pose(x_mm=x, y_mm=y, depth_mm=depth, shear_x_mm=sx, shear_y_mm=sy), BALL, 1))
+    return Plan("random", tuple(steps))
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("capture") / "random.mcap"
+    capture(lambda first: SimulatedRig(SMALL, first), plan(), path)
+    return path
+
+
+class Here(Executor):
+    """Runs the work in this process, so that the oracle needs no other."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:  # noqa: BLE001  (handed on, as every executor does)
+            future.set_exception(error)
+        return future
+
+
+@pytest.fixture(scope="module")
+def seen_here(recording: Path) -> Extract:
+    return open_dataset([recording], None, None).extract(Here())
+
+
+def assert_same(a: Extract, b: Extract) -> None:
+    for name in ("inputs", "contact", "confidence", "seen_n", "sure", "touched", "counts", "angle_rad"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_processes_give_the_same_bits(recording: Path, seen_here: Extract, workers: int) -> None:
+    done: list[int] = []
+    with executor(workers=workers) as pool:
+        seen = open_dataset([recording], None, None).extract(pool, done.append)
+    assert_same(seen, seen_here)
+    assert sum(done) == len(seen.sure) == 36
+
+
+def test_a_cluster_gives_the_same_bits(recording: Path, seen_here: Extract) -> None:
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+        ) as cluster,
+        executor(cluster.scheduler_address) as pool,
+    ):
+        seen = open_dataset([recording], None, None).extract(pool)
+    assert_same(seen, seen_here)
+
+
+def test_no_cluster_at_the_address_is_one_line() -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(TableError, match="no scheduler answers"), executor("tcp://127.0.0.1:1"):
+        pass
+
+
+def test_what_is_seen_follows_the_pose(recording: Path, seen_here: Extract) -> None:
+    targets = open_dataset([recording], None, None).targets
+    assert seen_here.sure.all()
+    assert seen_here.touched.all()
+    assert (seen_here.counts == 1).mean() > 0.9
+    volume, depth = seen_here.inputs[:, 0].real, targets.values["displacement_mm"]
+    assert np.corrcoef(volume, depth)[0, 1] > 0.8
+
+
+def test_a_frame_is_taken_for_itself(recording: Path, seen_here: Extract) -> None:
+    """The order of the frames changes nothing."""
+    data = open_dataset([recording], None, None)
+    part = data.parts[0]
+    backward = Dataset((type(part)(part.rest, part.targets, lambda: list(part.frames())[::-1], part.rows),))
+    np.testing.assert_array_equal(backward.extract(Here()).inputs[::-1], seen_here.inputs)
+
+
+# -- from the command line -----------------------------------------------------------------------------
+
+
+def images_of(recording: Path, folder: Path) -> tuple[Path, Path, Path]:
+    """The capture as a table beside a folder of images: table, folder, rest image."""
+    data = open_dataset([recording], None, None)
+    frames = folder / "frames"
+    frames.mkdir()
+    values = data.targets.values
+    lines = ["sensor_image,pose_z,shear_x,shear_y,force_z,contact_x,contact_y"]
+    names = ("displacement_mm", "shear_x_mm", "shear_y_mm", "force_n", "contact_x_mm", "contact_y_mm")
+    for i, image in enumerate(data.parts[0].frames()):
+        cv2.imwrite(str(frames / f"{i}.png"), np.asarray(image))
+        lines.append(",".join([f"{i}.png", *(repr(float(values[name][i])) for name in names)]))
+    rest = folder / "rest.png"
+    cv2.imwrite(str(rest), SimulatedRig(SMALL).frame().image)
+    table = folder / "targets.csv"
+    table.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return table, frames, rest
+
+
+def run(*arguments: str | Path) -> str:
+    done = CliRunner().invoke(cli, [str(a) for a in arguments], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+def test_fit_and_evaluate_a_capture(recording: Path, tmp_path: Path) -> None:
+    path = tmp_path / "cal.json"
+    out = run("fit", recording, "-o", path, "--workers", "1", "-q", "--json", "--serial", "A1")
+    assert {tuple(m["outputs"]) for m in json.loads(out)["models"]} >= {("displacement_mm",), ("force_n",)}
+    calibration = Calibration.load(path)
+    assert calibration.mm_per_px is not None
+    assert 0.1 < calibration.mm_per_px / (2 * 16.7 / (2 * 0.38 * 240)) < 2.0
+    report = json.loads(run("evaluate", path, recording, "--workers", "1", "-q", "--json"))
+    assert report["n_frames"] == 36
+    assert report["n_refused"] == 0
+    assert report["displacement_mae_mm"] < 0.15
+    assert report["contact_place_mean_mm"] < 0.5
+
+
+def test_fit_and_evaluate_a_table(recording: Path, tmp_path: Path) -> None:
+    table, frames, rest = images_of(recording, tmp_path)
+    path = tmp_path / "cal.json"
+    place = ("--frames", frames, "--rest", rest, "--workers", "1", "-q")
+    assert "displacement_mm" in run("fit", table, *place, "-o", path)
+    report = json.loads(run("evaluate", path, table, *place, "--json"))
+    assert report["displacement_mae_mm"] < 0.15
+    assert report["tilt_mae_deg"] == [None, None]
+
+
+def test_another_tip_s_frames_are_refused(recording: Path, tmp_path: Path) -> None:
+    path = tmp_path / "cal.json"
+    run("fit", recording, "-o", path, "--workers", "1", "-q")
+    other = tmp_path / "other.mcap"
+    tip = Simulation(tip=Tip(91, "hex"), camera=CameraTable(size_px=(240, 240)))
+    capture(lambda first: SimulatedRig(tip, first), plan(2), other)
+    with pytest.raises(Exception, match=r"another tip|pins") as caught:
+        run("evaluate", path, other, "--workers", "1", "-q")
+    assert "\n" not in str(caught.value)
+    with pytest.raises(TableError, match="shows another tip than"):
+        open_dataset([recording, other], None, None)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["{table}", "--frames", "{frames}"], "--rest is missing"),
+        (["{table}", "--rest", "{rest}"], "--frames is missing"),
+        (["{table}", "{table}", "--frames", "{frames}", "--rest", "{rest}"], "one table at a time"),
+        (["{table}", "{capture}"], "not both"),
+        (["{capture}", "--rest", "{rest}"], "a capture has its own frames"),
+        (["{table}", "--frames", "{frames}", "--rest", "{table}"], "targets.csv"),
+        (["{table}", "--frames", "{frames}", "--rest", "{black}"], "an image of the untouched tip is needed"),
+        (["{none}.mcap"], "no such recording"),
+    ],
+)
+def test_mistakes_are_one_line_and_exit_code_2(
+    recording: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    expected: str,
+) -> None:
+    table, frames, rest = images_of(recording, tmp_path)
+    black = tmp_path / "black.png"
+    cv2.imwrite(str(black), np.zeros((240, 240), np.uint8))
+    names = {
+        "table": table,
+        "frames": frames,
+        "rest": rest,
+        "capture": recording,
+        "black": black,
+        "none": "none",
+    }
+    given = [argument.format(**names) for argument in arguments]
+    monkeypatch.setattr("sys.argv", ["calib", "fit", *given, "-q", "-o", str(tmp_path / "cal.json")])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert expected in lines[0]
+    assert not (tmp_path / "cal.json").exists()
+
+
+def test_a_frame_that_is_no_image_is_named(recording: Path, tmp_path: Path) -> None:
+    table, frames, rest = images_of(recording, tmp_path)
+    (frames / "7.png").write_bytes(b"this is a letter")
+    with pytest.raises(SourceError, match=r"7\.png") as caught, executor(workers=1) as pool:
+        open_dataset([table], frames, rest).extract(pool)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_capture_that_has_only_rest_frames_or_none(recording: Path, tmp_path: Path) -> None:
+    empty = tmp_path / "rest.mcap"
+    capture(lambda first: SimulatedRig(SMALL, first), Plan("rest", plan(0).steps), empty)
+    with pytest.raises(CaptureError, match="no rows but rest frames"):
+        open_dataset([empty], None, None)
+    bare = tmp_path / "bare.mcap"
+    capture(lambda first: SimulatedRig(SMALL, first), Plan("bare", plan(2).steps[1:]), bare)
+    with pytest.raises(CaptureError, match="does not begin with frames of the untouched tip"):
+        open_dataset([bare], None, None)
+
+
+@pytest.mark.real
+def test_published_frames(real_dir: Path, tmp_path: Path) -> None:
+    """A sample: 90 frames fit, 30 judge. The full run is `python -m tests.bench real`."""
+    where = real_dir / "tactip331_binary"
+    lines = (where / "targets.csv").read_text().splitlines()
+    train, test = tmp_path / "train.csv", tmp_path / "test.csv"
+    train.write_text("\n".join([lines[0], *lines[1:91]]) + "\n")
+    test.write_text("\n".join([lines[0], *lines[91:121]]) + "\n")
+    path = tmp_path / "cal.json"
+    place = ("--frames", where / "frames", "--rest", where / "rest.png", "-q")
+    run("fit", train, *place, "-o", path)
+    report = json.loads(run("evaluate", path, test, *place, "--json"))
+    assert report["n_frames"] == 30
+    assert report["n_refused"] <= 1
+    assert report["displacement_mae_mm"] < 0.25
+    assert max(report["tilt_mae_deg"]) < 3.0
+    assert max(report["shear_mae_mm"]) < 1.5
+    assert report["shear_direction_median_deg"] < 13.0
+    assert 0.5 < report["sigma_coverage_68"] < 0.85
