@@ -103,7 +103,7 @@ Description=checks of the emulated board
 After=multi-user.target
 [Service]
 Type=oneshot
-ExecStart=/bin/bash /shared/deploy/sbc/guest.sh
+ExecStart=/bin/bash -c "cp /shared/deploy/sbc/guest.sh /run/ && exec bash /run/guest.sh"
 StandardOutput=tty
 StandardError=tty
 TTYPath=/dev/ttyAMA0
