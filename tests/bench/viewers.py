@@ -18,6 +18,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import json
+import os
 import subprocess
 import sys
 import threading
@@ -189,6 +190,7 @@ def command(
     if watch is not None:
         import aiohttp  # noqa: F401  (so that its loading is over before the measurement begins)
 
+        os.nice(19)  # browsers run on another machine: they must not take the loop's processor
         click.echo("ready")
         sys.stdin.readline()
         click.echo(asyncio.run(_watch(watch[0], int(watch[1]), seconds)))
