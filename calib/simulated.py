@@ -83,6 +83,7 @@ def calibrate_simulated(
     values = {
         "displacement_mm": np.array([p.depth_mm for p in poses]),
         "force_n": np.array([sum(t["forces_n"]) for t in truths]),
+        "contact_area_mm2": np.array([sum(t["areas_mm2"]) for t in truths]),
         "shear_x_mm": np.array([p.shear_x_mm for p in poses]),
         "shear_y_mm": np.array([p.shear_y_mm for p in poses]),
         "torsion_deg": np.array([p.twist_deg for p in poses]),

@@ -29,6 +29,7 @@ import contextlib
 import hashlib
 import math
 import os
+import stat
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -453,6 +454,8 @@ def write_atomically(path: Path, content: bytes) -> None:
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
+            # A temporary file is its owner's alone; this one is read by whoever runs the edge.
+            os.fchmod(file.fileno(), stat.S_IMODE(path.stat().st_mode) if path.exists() else 0o644)
             file.write(content)
             file.flush()
             os.fsync(file.fileno())

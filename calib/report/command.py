@@ -219,9 +219,9 @@ def _paper(page: Page, out: Path, seen: dict[str, Seen]) -> list[Check]:
     )
     section.text(
         "Calibration curves (paper, Fig. 10): volume of deformation over displacement, mean motion of the "
-        "pins over "
-        f"shear. The shear line misses zero by {line['offset_px']:+.2f} px, the unsheared frames read "
-        f"{line['at_rest_px']:.2f} px: preload, which the models carry as their constant term."
+        f"pins over shear. The straight line misses zero by {line['offset_px']:+.2f} px, unsheared frames read "
+        f"{line['at_rest_px']:.2f} px. An offset of unsheared frames is preload, as in the paper; the models "
+        "carry it as their constant term, and follow the bend that the line does not."
     )
     section.picture(out / "curves.png", "displacement and shear curves")
     values, _ = predict(calibration, round_.extract)

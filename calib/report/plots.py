@@ -86,13 +86,16 @@ def directions(path: Path, true: Complex, read: Complex) -> float:
     round_ = figure.add_subplot(1, 2, 1, projection="polar")
     round_.plot(np.angle(true), np.abs(true), "o", mfc="none", mec=TRUE, ms=8, label="rig")
     round_.plot(np.angle(read), np.abs(read), ".", color=LINE, ms=4, label="read")
-    round_.set_title("Shear, mm", loc="left")
+    round_.set_title("Shear, circles every 0.5 mm", loc="left")
+    round_.set_rticks(np.arange(0.5, float(np.abs(true).max()) + 0.3, 0.5))
+    round_.set_yticklabels([])
     round_.legend(frameon=False, loc="lower left", bbox_to_anchor=(-0.15, -0.1))
     flat = figure.add_subplot(1, 2, 2)
     flat.axhline(0.0, color=TRUE, lw=1)
     flat.plot(angle, off, ".", color=LINE, ms=4)
     flat.set(xlabel="true direction, deg", ylabel="error, deg", xticks=range(0, 361, 60))
     flat.set_title(f"Error: {np.abs(off).mean():.3f} deg in the mean (paper: 2.3)", loc="left")
+    figure.subplots_adjust(wspace=0.3)
     _save(figure, path)
     return float(np.abs(off).mean())
 
@@ -170,7 +173,14 @@ def trade(path: Path, rows: Sequence[Row]) -> None:
             bbox={"fc": "white", "ec": "none", "alpha": 0.8},
         )  # fmt: skip
         axis.set_xscale("log")
-        axis.set_ylim(0.0, 1.75 * float(y.max()) + 1e-12)
+        # A decade at least, so that there is a labelled tick; and room above for the names.
+        axis.set_xlim(float(x.min()) / 2.0, max(2.0 * float(x.max()), 5.0 * float(x.min())))
+        low, high = float(y.min()), float(y.max())
+        if low > 0.0 and high > 20.0 * low:
+            axis.set_yscale("log")
+            axis.set_ylim(low / 2.0, high * (high / low) ** 0.9)
+        else:
+            axis.set_ylim(0.0, 1.75 * high + 1e-12)
         axis.set(xlabel="time per frame, us", ylabel=f"error, {here[0].unit}")
         axis.set_title(stage, loc="left")
     for axis in axes.flat[len(stages) :]:

@@ -216,6 +216,10 @@ def test_saved_and_loaded_is_the_same(tmp_path: Path) -> None:
     assert loaded.content == made.content
     assert loaded.content_id == made.content_id
     assert list(tmp_path.iterdir()) == [path]
+    assert path.stat().st_mode & 0o777 == 0o644
+    path.chmod(0o600)
+    made.save(path)
+    assert path.stat().st_mode & 0o777 == 0o600
 
 
 def _damage(*path: str | int, value: Any) -> dict[str, Any]:
