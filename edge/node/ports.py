@@ -27,7 +27,7 @@ __all__ = ["CanPort", "SerialPort", "StandardNode", "object_dictionary"]
 
 NMT, SYNC, EMERGENCY, SDO_RESPONSE, SDO_REQUEST, HEARTBEAT = 0x000, 0x080, 0x080, 0x580, 0x600, 0x700
 STOPPED = "STOPPED"
-UPLOAD_MAX = 16 << 20  # bytes; a calibration is some 100 kB, and memory on the board is not for the taking
+UPLOAD_MAX = 8 << 20  # bytes, as `edge.calibration` takes: memory on the board is not for the taking
 
 
 def object_dictionary() -> Any:
@@ -167,6 +167,11 @@ class CanPort(_Port):
         elif kind == SYNC and len(data) <= 1:  # CiA 301: empty, or one counter
             self._on_sync()
         elif kind == SDO_REQUEST and len(data) == 8 and self.node.nmt.state != STOPPED:
+            server = self.node.sdo
+            if len(server._buffer) > UPLOAD_MAX:  # `canopen` would go on collecting segments for ever
+                server._buffer = bytearray()
+                server.abort(Abort.LENGTH)
+                return
             self._network.notify(SDO_REQUEST + self.node.id, data, message.timestamp)
 
 
