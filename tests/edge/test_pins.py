@@ -135,6 +135,32 @@ def test_rest_has_the_same_rows_whatever_the_noise() -> None:
         take_rest([np.zeros((4, 4), np.uint8), np.zeros((5, 4), np.uint8)])
 
 
+def test_rest_is_taken_from_the_images_in_which_nothing_moves() -> None:
+    """Dark first images, a tip that is still being let go, then five of it at rest."""
+    truth = hexagon(6, 26.0, (320.0, 240.0))
+    rng = np.random.default_rng(4)
+    images = [np.zeros((480, 640), np.uint8)] * 2
+    calm = draw((640, 480), truth, 6.0, 1.0, 110.0, 30.0)
+    for shift in (9, 5, 2, 0, 0, 0, 0, 0):
+        images.append(expose(np.roll(calm, shift, axis=1), 2.0, rng))
+    pins = take_rest(images).pins
+    assert missed_and_false(pins, truth, 0.2) == (0, 0)
+    moving = take_rest(images[:4])
+    assert missed_and_false(moving.pins, truth + np.array([9.0, 0.0]), 0.3) == (0, 0)
+
+
+def test_a_reflection_on_a_pin_makes_no_second_one() -> None:
+    """A small bright spot on the edge of a large pin answers at a scale of its own."""
+    truth = hexagon(6, 32.0, (320.0, 240.0))
+    image = draw((640, 480), truth, 9.0, 1.0, 90.0, 30.0)
+    spot = truth[40] + np.array([7.0, 0.0])
+    image += draw((640, 480), spot[None], 5.0, 1.0, 100.0, 0.0)
+    pins = detect(expose(image, 1.0, np.random.default_rng(5)))
+    gap = cKDTree(pins.xy_img).query(pins.xy_img, k=2)[0][:, 1]
+    assert gap.min() > 16.0
+    assert len(pins) == len(truth)
+
+
 @pytest.mark.real
 def test_real_grey_stills_show_331_pins_and_nothing_outside(real_dir: Path) -> None:
     files = sorted((real_dir / "tactip331_gray" / "frames").glob("*.png"))

@@ -236,6 +236,36 @@ def test_when_a_third_vanishes_and_the_search_knows_no_better_following_stands()
     assert tracker.predict() is not None
 
 
+def test_a_pin_that_blinks_at_a_contacts_edge_comes_back_to_its_place() -> None:
+    """It stands well off its neighbours' map, further than a pin without a past may."""
+    xy = LAYOUTS["hexagonal127"]
+    tracker = held(xy)
+    pin = 30
+    off = np.zeros_like(xy)
+    for k in range(1, 6):
+        off[pin] = [0.09 * k * PITCH_PX, 0.0]
+        assert tracker.follow(pins_at(xy + off)).n_seen == 127
+    dark = xy + off
+    dark[pin] = np.nan
+    for _ in range(3):
+        assert not tracker.follow(pins_at(dark)).seen[pin]
+    predicted = tracker.predict()
+    assert predicted is not None
+    assert np.hypot(*(predicted - xy - off)[pin]) < 0.15 * PITCH_PX
+    assert tracker.follow(pins_at(xy + off)).n_seen == 127
+
+
+def test_a_false_blob_beside_a_missing_pin_is_not_taken_for_it() -> None:
+    xy = LAYOUTS["rings331"]
+    now = xy + np.array([6.0, 3.0])
+    blobs = now.copy()
+    blobs[100] += [0.15 * PITCH_PX, 0.0]  # agrees within a fifth of a step, but not as closely as the others
+    tracks = Tracker(rest_at(xy)).identify(pins_at(blobs))
+    assert tracks.confidence > 0.9
+    assert not tracks.seen[100]
+    assert tracks.n_seen == 330
+
+
 def test_tracks_keep_apart_whatever_is_found() -> None:
     rng = np.random.default_rng(8)
     xy = LAYOUTS["hexagonal127"]
@@ -297,10 +327,12 @@ def test_movement4_there_and_back_ends_where_it_began(real_dir: Path, step: int)
     refiner, tracker = Refiner(rest), Tracker(rest)
     there = frames[::step]
     seen_n, doubtful = [], 0
+    tracks = tracker.identify(detect(frames[0], rest.pattern))
     for image in there + there[::-1]:
         predicted = tracker.predict()
-        tracks = None if predicted is None else tracker.follow(refiner.refine(image, predicted))
-        if tracks is None or tracks.confidence < Tracks.LOW_CONFIDENCE:
+        if predicted is not None:
+            tracks = tracker.follow(refiner.refine(image, predicted))
+        if predicted is None or tracks.confidence < Tracks.LOW_CONFIDENCE:
             tracks = tracker.identify(detect(image, rest.pattern))
         if tracks.confidence < Tracks.LOW_CONFIDENCE:
             doubtful += 1
