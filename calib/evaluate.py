@@ -34,6 +34,10 @@ def predict(calibration: Calibration, extract: Extract) -> tuple[dict[str, Array
     for i, z in enumerate(extract.contact):
         for name, value, sigma in calibration.contact_values(z):
             values[name][i], sigmas[name][i] = value, sigma
+    if {"contact_depth_mm", "displacement_mm"} <= values.keys():
+        single = extract.counts == 1  # as `Calibration.apply` has it
+        for table in (values, sigmas):
+            table["contact_depth_mm"][single] = table["displacement_mm"][single]
     return values, sigmas
 
 

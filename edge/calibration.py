@@ -18,6 +18,8 @@ Rules
 - What follows from calibrated values and the scale has no model of its own (`DERIVED`): pressure is force
   over contact area; area, where no model gives it, is the contacts' in the image times the scale squared;
   slip speed is the motion that no load explains, times the scale, over the time between two frames.
+- A single contact's depth is the frame's displacement: all pins bear witness to it, and on a ball that is
+  fifteen times closer than what its maximum alone says (0.05 against 0.8 mm rms).
 - How many contacts there are has no unit: it goes out without a calibration too.
 - Every value has a standard deviation: the residual of the fit on held-out frames, widened where a frame
   lies far from the data (leverage), as in Bayesian linear regression.
@@ -348,6 +350,8 @@ class Calibration:
                     values[name], sigmas[name] = UNTOUCHED[name], spread
         self._derive(features, values, sigmas, interval_s)
         contacts = self._places(features, pattern)
+        if len(contacts) == 1 and "displacement_mm" in values:
+            contacts[0, 2] = values["displacement_mm"]
         return Reading(values, sigmas, contacts, frozenset(saturated), calibrated=True)
 
     def frame_values(self, z: Complex) -> Iterator[tuple[str, float, float, bool]]:

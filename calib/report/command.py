@@ -219,7 +219,7 @@ def _paper(page: Page, out: Path, seen: dict[str, Seen]) -> list[Check]:
     )
     section.text(
         "Calibration curves (paper, Fig. 10): volume of deformation over displacement, mean motion of the "
-        f"pins over shear. The straight line misses zero by {line['offset_px']:+.2f} px, unsheared frames read "
+        f"pins over shear. The line misses zero by {line['offset_px']:+.2f} px, unsheared frames read "
         f"{line['at_rest_px']:.2f} px. An offset of unsheared frames is preload, as in the paper; the models "
         "carry it as their constant term, and follow the bend that the line does not."
     )

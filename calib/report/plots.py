@@ -83,7 +83,7 @@ def directions(path: Path, true: Complex, read: Complex) -> float:
     off = np.degrees(np.angle(read * true.conj()))
     angle = np.degrees(np.angle(true)) % 360.0
     figure = plt.figure(figsize=(10, 4.2))
-    round_ = figure.add_subplot(1, 2, 1, projection="polar")
+    round_: Any = figure.add_subplot(1, 2, 1, projection="polar")
     round_.plot(np.angle(true), np.abs(true), "o", mfc="none", mec=TRUE, ms=8, label="rig")
     round_.plot(np.angle(read), np.abs(read), ".", color=LINE, ms=4, label="read")
     round_.set_title("Shear, circles every 0.5 mm", loc="left")

@@ -121,6 +121,14 @@ def test_contact_places_are_in_the_tip_frame() -> None:
     np.testing.assert_allclose(reading.contacts[0, :2], [2.0, -1.0])
 
 
+def test_the_depth_of_a_single_contact_is_the_frame_s() -> None:
+    spot = ContactRegion(np.array([340.0, 230.0]), 0.3, 100.0, math.nan, 1.0, np.zeros((1, 2)))
+    one = parse(content()).apply(features(0.05, (0.0, 0.0), (spot,)), PATTERN)
+    two = parse(content()).apply(features(0.05, (0.0, 0.0), (spot, spot)), PATTERN)
+    assert one.contacts[0, 2] == one.values["displacement_mm"] == pytest.approx(1.0)
+    assert np.isnan(two.contacts[:, 2]).all()
+
+
 def _forced() -> Calibration:
     """With a force model: 2 N at a volume of 0.05, and a scale of 0.1 mm/px."""
     table = content()
