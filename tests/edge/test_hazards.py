@@ -1,0 +1,18 @@
+"""Hazards rendered through the whole chain, short: identities, and no touch where nothing touches."""
+
+from __future__ import annotations
+
+import pytest
+
+from calib.sim import Camera, Tip
+from tests.bench.hazards import measure
+
+HOLDS = ("30 % blinking", "dark for a while", "a hand over the lens")
+
+
+@pytest.mark.parametrize("hazard", HOLDS)
+def test_no_pin_is_swapped_and_nothing_touches_by_itself(hazard: str) -> None:
+    outcome = measure(Camera(tip=Tip(n_pins=127), size_px=(320, 240)), None, hazard, seed=3)
+    assert outcome.swapped == 0
+    assert outcome.touches == 0
+    assert outcome.unsure <= 14  # the dark itself, and what it takes to look again
