@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from random import Random
+
+import pytest
 from rich.console import Console
 
 from edge.inject import BOARD, CAMERA, LINK
-from tests.bench.soak import soak, tell
+from hostlink import connect
+from hostlink.errors import ConnectError
+from tests.bench.soak import Outcome, kill_while_writing, soak, tell
 
 SECONDS = 32.0  # each kind of camera fault once or more
 
@@ -19,3 +25,15 @@ def test_the_promises_hold() -> None:
     assert set(outcome.rows) == {*CAMERA, *LINK, *BOARD}
     assert outcome.counts["samples judged"] > 5 * SECONDS
     assert 0 < outcome.counts["samples flagged"] < outcome.counts["samples judged"]
+
+
+def test_a_kill_loses_no_settings_and_no_calibration(tmp_path: Path) -> None:
+    try:
+        connect("udp:239.255.43.20?ttl=0").close()
+    except ConnectError as error:
+        pytest.skip(f"no UDP multicast here: {error}")
+    outcome = Outcome(0.0, 1)
+    kill_while_writing(outcome, Random(4), tmp_path)
+    assert outcome.violations == []
+    assert outcome.counts["kills"] == 1
+    assert outcome.counts["settings written"] > 0

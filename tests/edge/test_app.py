@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
+import os
+import signal
+import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -408,3 +414,28 @@ def test_what_is_not_there_now_says_so(frames: list[Frame], calibration: Calibra
     finger = Finger(frames, calibration)
     finger.camera.recorded = True  # type: ignore[attr-defined]
     assert Status.NOT_LIVE in finger.see(frames[7].image).status
+
+
+# ---- as a process ---------------------------------------------------------------------------------------
+
+
+def test_the_service_manager_hears_ready_watchdog_and_stopping(data_dir: Path, tmp_path: Path) -> None:
+    """And SIGTERM is a clean end: status 0, the closing statistics printed."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(60.0)
+        environment = {**os.environ, "NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "400000"}
+        command = [sys.executable, "-m", "edge", "replay", str(data_dir / "press.mcap"), "--loop", "--json"]
+        with subprocess.Popen(
+            [*command, "--sink", "memory:"], env=environment, stdout=subprocess.PIPE, text=True
+        ) as process:
+            assert manager.recv(100) == b"READY=1"
+            assert manager.recv(100) == b"WATCHDOG=1"
+            assert manager.recv(100) == b"WATCHDOG=1"  # a tenth of a second later: images flow
+            process.send_signal(signal.SIGTERM)
+            while (heard := manager.recv(100)) == b"WATCHDOG=1":
+                pass
+            assert heard == b"STOPPING=1"
+            out, _ = process.communicate(timeout=30.0)
+    assert process.returncode == 0
+    assert json.loads(out.splitlines()[-1])["frames_n"] > 0
