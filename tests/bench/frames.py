@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import cycle, islice
 from pathlib import Path
 
@@ -23,7 +24,9 @@ def scene(
 
     radius_px  of the outermost pins' circle; 0: the tip fills the image
     """
-    camera = Camera(tip=Tip(n_pins=pins), size_px=size_px, pins_radius_px=radius_px)
+    thin = min(1.0, math.sqrt(331 / pins))  # more pins than usual must be thinner to stand apart
+    tip = Tip(n_pins=pins, pin_radius_mm=0.6 * thin)
+    camera = Camera(tip=tip, size_px=size_px, pins_radius_px=radius_px)
     simulator = Simulator(camera, seed=1, rate_hz=240.0)
     return [simulator.frame(contacts) for contacts in play(SCENES[name])]
 
