@@ -1,0 +1,112 @@
+"""The report: alternatives measured against truth, a page that holds what it shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from calib.__main__ import cli
+from calib.errors import TableError
+from calib.fit import fit
+from calib.report import plots, study
+from calib.report.command import Check, edges
+from calib.report.page import Page, model_table, write_page
+from calib.sim import Camera, Contact, Simulator, Tip, Tool
+from edge.pipeline import Pipeline, Result, tare
+from edge.types import Frame, Rest
+from tests.calib.synthetic import REST, make, targets
+
+DEPTHS = np.linspace(0.5, 4.0, 24)
+
+
+@pytest.fixture(scope="module")
+def pressed() -> tuple[Rest, list[Frame], list[Result]]:
+    """A flat press of growing depth on a small tip."""
+    simulator = Simulator(Camera(tip=Tip(127, "hex"), size_px=(240, 240)))
+    rest = tare([simulator.frame().image for _ in range(3)], np.inf)
+    pipeline = Pipeline(rest)
+    frames = [simulator.frame((Contact(Tool("flat"), depth_mm=float(d)),)) for d in DEPTHS]
+    return rest, frames, [pipeline.process(frame, even_unsure=True) for frame in frames]
+
+
+def test_windows_are_close_to_the_truth_and_marked(pressed: tuple[Rest, list[Frame], list[Result]]) -> None:
+    rest, frames, _ = pressed
+    rows = {row.choice: row for row in study.detectors(rest, frames[:4])}
+    ours = rows["fitted discs in windows"]
+    assert ours.chosen
+    assert ours.error < 0.1
+    assert sum(row.chosen for row in rows.values()) == 1
+
+
+def test_the_kept_mesh_has_the_areas_of_qhull(pressed: tuple[Rest, list[Frame], list[Result]]) -> None:
+    rest, _, results = pressed
+    exact, kept = study.tessellations(rest, results[::8])
+    assert kept.chosen
+    assert not exact.chosen
+    assert kept.error < 1e-6
+
+
+def test_every_surface_carries_the_depth(pressed: tuple[Rest, list[Frame], list[Result]]) -> None:
+    rest, _, results = pressed
+    rows = study.surfaces(rest, results, DEPTHS)
+    assert all(row.error < 0.4 for row in rows)
+    assert [row.chosen for row in rows].count(True) == 1
+    assert rows[0].choice.startswith("Clough-Tocher")
+
+
+def test_richer_shear_models_are_closer_where_the_law_has_products() -> None:
+    extract, values = make(300, noise=0.05)
+    rows = {r.choice.split(" (")[0]: r for r in study.shear_models(REST, targets(values), extract)}
+    linear, products = rows["modes to degree 1, linear"], rows["modes to degree 1, and their products"]
+    assert products.error < 0.5 * linear.error
+    assert rows["plain mean of all pins"].error > products.error
+
+
+def test_a_page_shows_terms_weights_and_no_markup_of_its_texts(tmp_path: Path) -> None:
+    extract, values = make(100, noise=0.02)
+    _, choices = fit(REST, targets(values), extract, mm_per_px=None)
+    page = Page("A & B")
+    section = page.section("<models>")
+    section.text("1 < 2")
+    model_table(section, choices)
+    write_page(page, tmp_path / "index.html")
+    text = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert "A &amp; B" in text
+    assert "&lt;models&gt;" in text
+    assert "1 &lt; 2" in text
+    for choice in choices:
+        for term in getattr(choice.model, "terms", []):
+            assert f"<code>{' · '.join(term) or '1'}</code>" in text
+
+
+def test_what_nothing_beats_in_both_is_the_front() -> None:
+    x, y = np.array([1.0, 2.0, 3.0, 2.0]), np.array([3.0, 2.0, 2.5, 2.0])
+    np.testing.assert_array_equal(plots._front(x, y), [True, True, False, True])
+
+
+def test_the_trade_s_picture_is_drawn(tmp_path: Path) -> None:
+    rows = [study.Row("pins", "a", 10.0, 0.5, "px"), study.Row("pins", "b", 90.0, 0.01, "px", "why")]
+    plots.trade(tmp_path / "trade.png", rows)
+    assert (tmp_path / "trade.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_checks_hold_from_their_side() -> None:
+    assert Check("error", 1.0, 0.5, "mm").holds
+    assert not Check("error", 1.0, 1.5, "mm").holds
+    assert not Check("error", 1.0, float("nan"), "mm").holds
+    assert Check("share", 99.0, 100.0, "%", at_least=True).holds
+
+
+def test_bars_lie_in_every_direction() -> None:
+    angles = {step.tool.angle_deg for step in edges().steps if step.frames and step.role == "sample"}
+    assert angles == set(np.arange(0.0, 180.0, 10.0))
+
+
+def test_a_folder_without_a_table_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TableError, match=r"no targets\.csv"):
+        CliRunner().invoke(
+            cli, ["report", "-o", str(tmp_path), "--real", str(tmp_path)], catch_exceptions=False
+        )
