@@ -22,7 +22,7 @@ from calib.capture import capture, read_capture
 from calib.dataset import Dataset, open_dataset
 from calib.errors import TableError
 from calib.evaluate import evaluate, predict
-from calib.extract import DEMAND, Extract, executor, join_extracts
+from calib.extract import DEMAND, LOOKS, Extract, executor, join_extracts
 from calib.fit import Choice, fit, paper_curve
 from calib.protocols import PROTOCOLS, Plan, Step
 from calib.report import plots, study
@@ -423,5 +423,7 @@ def _results(rest: Any, frames: list[Frame]) -> list[Result]:
     results = []
     for frame in frames:
         pipeline.forget()
-        results.append(pipeline.process(frame, even_unsure=True))
+        for _ in range(LOOKS):  # a jump, and held: as `calib.extract.measure` has it
+            result = pipeline.process(frame, even_unsure=True)
+        results.append(result)
     return results

@@ -180,7 +180,7 @@ def trade(path: Path, rows: Sequence[Row]) -> None:
             axis.set_yscale("log")
             axis.set_ylim(low / 2.0, high * (high / low) ** 0.9)
         else:
-            axis.set_ylim(0.0, 1.75 * high + 1e-12)
+            axis.set_ylim(0.0, (1.2 + 0.09 * len(here)) * high + 1e-12)
         axis.set(xlabel="time per frame, us", ylabel=f"error, {here[0].unit}")
         axis.set_title(stage, loc="left")
     for axis in axes.flat[len(stages) :]:
