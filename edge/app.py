@@ -358,7 +358,10 @@ class App:
     def _watch_loop(self) -> None:
         """Called from another thread: whether the frame in hand takes long."""
         begun_ns = self._begun_ns
-        if begun_ns is None or self._taring is not None or self._clock_ns() - begun_ns < SEARCH_NS:
+        # A recording waits for its search; and the first frame after a tare has to search.
+        if begun_ns is None or self._taring is not None or self.last is None or not self.source.live:
+            return
+        if self._clock_ns() - begun_ns < SEARCH_NS:
             return
         self.health.report(FaultCode.TRACKER_LOST, True, "the pins are being searched for")
 
