@@ -28,7 +28,8 @@ ODD_MOTION = 0.5
 ODD_CHANGE = 0.25
 ODD_RETURN = 0.35
 BESIDE_SHARE = 0.5
-BEND_KEPT = 0.95  # of the bend, from frame to frame without the pin: a blinking pin at a contact's edge returns
+# Of the bend, from frame to frame without the pin: one that blinks at the edge of a contact returns.
+BEND_KEPT = 0.95
 # A common surprise of this much is as near to the next pin as to the own one: look at the whole frame.
 JUMP = 0.35
 # Share of all pins seen, and of those usually seen, at which the identities are given up: when a third
