@@ -35,6 +35,7 @@ __all__ = ["DEMAND", "Extract", "executor", "extract", "gather", "join_extracts"
 DEMAND = frozenset({Feature.DISPLACEMENT, Feature.SHEAR, Feature.TILT, Feature.TORSION, Feature.CONTACTS})
 LOOKS = 4  # at one image: a lost clump heals from its edge inwards, a ring of pins a look
 CHUNK = 8  # frames a task: a tenth of a second, so that a progress bar moves and no core waits long
+CLUSTER_TIMEOUT_S = 10.0  # for a scheduler to answer
 IN_FLIGHT = 32  # tasks: images of 640x480 take 80 MB
 
 
@@ -208,7 +209,7 @@ def executor(dask: str | None = None, workers: int | None = None) -> Iterator[Ex
     except ImportError as error:
         raise TableError(f"--dask {dask}: {error}; install voronoi-touch[cluster]") from None
     try:
-        client = Client(dask, timeout="10s", set_as_default=False)
+        client = Client(dask, timeout=CLUSTER_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError) as error:
         raise TableError(f"--dask {dask}: no scheduler answers there ({error})") from None
     with client:

@@ -89,8 +89,9 @@ def test_a_cluster_gives_the_same_bits(recording: Path, seen_here: Extract) -> N
     assert_same(seen, seen_here)
 
 
-def test_no_cluster_at_the_address_is_one_line() -> None:
+def test_no_cluster_at_the_address_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
+    monkeypatch.setattr("calib.extract.CLUSTER_TIMEOUT_S", 0.5)
     with pytest.raises(TableError, match="no scheduler answers"), executor("tcp://127.0.0.1:1"):
         pass
 
