@@ -36,7 +36,7 @@ import time
 from bisect import bisect_left
 from collections import Counter, defaultdict
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
@@ -591,7 +591,7 @@ def command(seconds: float, seed: int, rate_hz: float, json_path: Path | None) -
     outcome = soak(seconds, seed, rate_hz)
     tell(outcome, Console(width=120))
     if json_path is not None:
-        json_path.write_text(json.dumps(asdict(outcome), indent=1))
+        json_path.write_text(json.dumps(asdict(replace(outcome, rows=dict(outcome.rows))), indent=1))
     sys.exit(1 if outcome.violations else 0)
 
 
