@@ -1,7 +1,7 @@
 """A wheel of this project for arm64, made on any machine: `python deploy/sbc/cross_wheel.py FOLDER`.
 
-The extensions use the limited API, whose headers do not depend on the processor: compiled by the cross compiler
-(Debian: gcc-aarch64-linux-gnu) they replace this machine's in the wheel that setuptools has made.
+The extensions use the limited API, whose headers do not depend on the processor: compiled by the cross
+compiler (Debian: gcc-aarch64-linux-gnu) they replace this machine's in the wheel that setuptools has made.
 """
 
 from __future__ import annotations
@@ -40,7 +40,10 @@ def main(target: Path) -> Path:
     with TemporaryDirectory() as name:
         folder = Path(name)
         subprocess.run(
-            [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", name, "."],
+            [
+                *(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps"),
+                *("--no-build-isolation", "-w", name, "."),
+            ],
             cwd=ROOT,
             check=True,
         )  # fmt: skip

@@ -1,4 +1,6 @@
-"""`make sbc-test`: boots the emulated board, watches its console, writes RESULT.md. See build.sh and guest.sh.
+"""`make sbc-test`: boots the emulated board, watches its console, writes RESULT.md.
+
+What it boots is made by build.sh; what runs on it is guest.sh.
 
 No KVM is needed: QEMU's own translation. Its times say nothing about real boards.
 """
@@ -53,8 +55,8 @@ def main() -> int:
     stamp = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     body = "\n".join(lines)
     (HERE / "RESULT.md").write_text(
-        f"# Emulated board: last result\n\n`make sbc-test`, {stamp}, {time.monotonic() - begun_s:.0f} s from power "
-        f"on: {len(checks)} checks, {len(failed)} failed.\n\n```\n{body}\n```\n"
+        f"# Emulated board: last result\n\n`make sbc-test`, {stamp}, {time.monotonic() - begun_s:.0f} s from "
+        f"power on: {len(checks)} checks, {len(failed)} failed.\n\n```\n{body}\n```\n"
     )
     print(f"{len(checks)} checks, {len(failed)} failed", *failed, sep="\n")
     return 1 if failed else 0
