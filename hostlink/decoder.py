@@ -10,7 +10,8 @@ Rules
   stale: it is counted and dropped, for a controller must not act on it.
 - Loss is counted from the senders' counters: the E2E counter tells samples lost from samples that the
   divider left out, the 16-bit sample number tells how often that counter went round. A silence longer
-  than 65536 samples (4.5 minutes at 240 Hz) counts modulo that.
+  than 32768 samples (2.3 minutes at 240 Hz) looks like a restart: one sample is dropped, and the loss is
+  not counted.
 - Another version raises VersionMismatch, once a node. Frames of another layout look like noise, but noise
   implies another data id in each frame (see `wire.e2e`) and another layout the same one again and again.
   What was decoded beside it in the same call comes with the next call.

@@ -5,7 +5,10 @@
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 cache=$here/.cache
-mirror=${MIRROR:-http://deb.debian.org/debian}
+# The mirror that this machine itself uses, unless told otherwise.
+# shellcheck disable=SC2016  # apt fills it in, not the shell
+mirror=${MIRROR:-$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' | head -n 1)}
+mirror=${mirror%/}
 python=${PYTHON:-$here/../../.venv/bin/python}
 packages=systemd-sysv,udev,dbus,kmod,iproute2,can-utils,python3,python3-venv
 mkdir -p "$cache"
