@@ -134,7 +134,18 @@ def _chunk(rest: Rest, frames: Sequence[Path | Image]) -> list[_Row]:
         rest = Rest(pins, replace(rest.pattern, centre_img=np.array(rest.pattern.centre_img)))
         _kept = rest, Pipeline(rest, demand=DEMAND)
     pipeline = _kept[1]
-    return [measure(pipeline, read_image(f) if isinstance(f, Path) else f) for f in frames]
+    return [measure(pipeline, _read(f, rest) if isinstance(f, Path) else f) for f in frames]
+
+
+def _read(path: Path, rest: Rest) -> Image:
+    image = read_image(path)
+    width, height = rest.pattern.size_px
+    if image.shape != (height, width):
+        raise TableError(
+            f"{path}: {image.shape[1]}x{image.shape[0]} px, but the rest image is {width}x{height}; "
+            "both must come from the same camera"
+        )
+    return image
 
 
 def _same(a: Rest, b: Rest) -> bool:

@@ -228,6 +228,16 @@ def test_a_frame_that_is_no_image_is_named(recording: Path, tmp_path: Path) -> N
     assert "\n" not in str(caught.value)
 
 
+def test_a_frame_of_another_size_is_named(recording: Path, tmp_path: Path) -> None:
+    table, frames, rest = images_of(recording, tmp_path)
+    image = cv2.imread(str(frames / "7.png"), cv2.IMREAD_GRAYSCALE)
+    cv2.imwrite(str(frames / "7.png"), image[:-10])
+    said = r"7\.png: .* both must come from the same camera"
+    with pytest.raises(TableError, match=said) as caught, executor(workers=1) as pool:
+        open_dataset([table], frames, rest).extract(pool)
+    assert "\n" not in str(caught.value)
+
+
 def test_a_capture_that_has_only_rest_frames_or_none(recording: Path, tmp_path: Path) -> None:
     empty = tmp_path / "rest.mcap"
     capture(lambda first: SimulatedRig(SMALL, first), Plan("rest", plan(0).steps), empty)
