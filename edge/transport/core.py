@@ -117,9 +117,11 @@ class LinkSink:
             finally:
                 self._writing.release()
         with self._changed:
-            self._samples.append(items)
-            dropped = len(self._samples) > DEPTH
-            if dropped:
+            held = self._medium is medium  # lost since: what waits now would be old when the link is back
+            if held:
+                self._samples.append(items)
+            dropped = not held or len(self._samples) > DEPTH
+            if held and dropped:
                 self._samples.popleft()
             self._changed.notify_all()
         return not dropped or self._count(dropped=1)

@@ -7,10 +7,11 @@ import os
 import threading
 import time
 import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
@@ -342,6 +343,29 @@ def test_pty_closed_and_reopened(pty: Pty) -> None:
     assert sink.send(state(3))
     assert unpack_state(pty.frames(1)[0][1]).sample == 3  # a gap, nothing old
     until(lambda: sink.counters.reconnects == 1, "counted")
+    sink.close()
+
+
+def test_a_sample_that_meets_the_loss_is_not_kept_for_later(pty: Pty) -> None:
+    sink = open_sink(f"serial:{pty.path}")
+    assert isinstance(sink, SerialSink)
+    assert sink.send(state(0))
+    assert unpack_state(pty.frames(1)[0][1]).sample == 0
+    encode = sink.encode
+
+    def lose_meanwhile(sample: State, counter: int) -> Sequence[Any]:
+        pty.close()
+        pty.path.unlink()
+        until(lambda: sink._medium is None, "the loss is noticed")
+        return encode(sample, counter)
+
+    sink.encode = lose_meanwhile  # type: ignore[method-assign]
+    assert not sink.send(state(1))
+    sink.encode = encode  # type: ignore[method-assign]
+    pty.open()
+    until(lambda: sink.up, "the line is back")
+    assert sink.send(state(2))
+    assert unpack_state(pty.frames(1)[0][1]).sample == 2
     sink.close()
 
 
