@@ -19,6 +19,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Callable, Iterator
+from copy import copy
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final
@@ -58,6 +59,9 @@ def check_suffix(path: Path | str, allowed: tuple[str, ...] = (*CAN_SUFFIXES, SE
     return path
 
 
+BLF_CHANNELS = 0xFFFF  # a file counts channels from 1, in 16 bits
+
+
 class LogWriter:
     """Writes CAN messages to a `.log` or `.blf` file; a context manager.
 
@@ -72,20 +76,25 @@ class LogWriter:
         self.written_n = 0
         self.stepped_n = 0
         self._last_s: float | None = None
-        binary = self.path.suffix.lower() == ".blf"
+        self._binary = self.path.suffix.lower() == ".blf"
         try:
-            self._writer: Any = (can.BLFWriter if binary else can.CanutilsLogWriter)(str(self.path))
+            self._writer: Any = (can.BLFWriter if self._binary else can.CanutilsLogWriter)(str(self.path))
         except OSError as error:
             raise LogError(f"{self.path}: cannot be written: {error.strerror}") from None
 
     def write(self, message: can.Message) -> None:
         """Appends a message. Raises LogError: the file cannot be written (disk full)."""
+        from can.util import channel2int
+
         time_s = round(message.timestamp, 6)
         if self._last_s is not None and time_s < self._last_s:
             time_s = self._last_s
             self.stepped_n += 1
         self._last_s = time_s
         message = _with_time(message, time_s)
+        if self._binary:  # .blf has 16 bits for a channel; a name with no small number in it is channel 0
+            number = channel2int(message.channel)
+            message.channel = number if number is not None and number < BLF_CHANNELS else 0
         try:
             self._writer.on_message_received(message)
         except OSError as error:
@@ -107,10 +116,6 @@ class LogWriter:
 
 def _with_time(message: can.Message, time_s: float) -> can.Message:
     """The message with another time; the caller's own is left as it is."""
-    from copy import copy
-
-    if message.timestamp == time_s:
-        return message
     message = copy(message)
     message.timestamp = time_s
     return message

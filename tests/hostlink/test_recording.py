@@ -121,3 +121,12 @@ def test_decoder_of_the_wrong_kind(tmp_path: Path) -> None:
         list(decode_recording(tmp_path / "a.log", SerialDecoder()))
     with pytest.raises(TypeError, match="SerialDecoder"):
         list(decode_recording(tmp_path / "a.serial", CanDecoder()))
+
+
+def test_a_channel_with_a_long_number_is_recorded(tmp_path: Path) -> None:
+    message = can.Message(timestamp=1.5, arbitration_id=0x181, data=b"12345678", channel="bus-1d1372d93861")
+    with LogWriter(tmp_path / "bus.blf") as writer:
+        writer.write(message)
+    assert message.channel == "bus-1d1372d93861"
+    (back,) = read_log(tmp_path / "bus.blf")
+    assert (back.arbitration_id, bytes(back.data), back.channel) == (0x181, b"12345678", 0)
