@@ -28,11 +28,12 @@ from edge.errors import ConfigError, EdgeError, SourceError, UsageError
 from edge.threads import share_the_processor
 
 if TYPE_CHECKING:
-    from edge.app import App, Statistics
+    from edge.app import App
     from edge.calibration import Calibration
     from edge.config import Config
     from edge.node import Node
     from edge.pipeline import Result
+    from edge.statistics import Statistics
     from edge.types import FrameSource
     from hostlink.wire import State
 

@@ -25,7 +25,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from functools import partial
 from math import nan
 from threading import Event
@@ -37,14 +37,15 @@ from edge.calibration import Calibration
 from edge.draw.palette import cell_rgba
 from edge.drift import LIMIT_PX, Drift
 from edge.errors import CalibrationError, EdgeError, NoPins, SourceError
+from edge.faults import LOAD_PITCHES, NO_CALIBRATION, Faults
 from edge.health import Health, Vitals
-from edge.judge import ImageJudge, PinsJudge, moved_px
 from edge.notify import Notifier
 from edge.pack import to_state
 from edge.pipeline import Pipeline, Result, tare
+from edge.statistics import Ring, Statistics
 from edge.tessellate import cell_polygons
 from edge.transport import Sink
-from edge.types import Array, Clock, Feature, Features, Frame, FrameSource, Reading
+from edge.types import Clock, Feature, Frame, FrameSource, Reading
 from hostlink.wire import FaultCode, State, Status, pack_state, unpack_state
 
 if TYPE_CHECKING:
@@ -56,84 +57,16 @@ T = TypeVar("T")
 TARE_FRAMES = 8
 STEADY_PX = 0.5  # largest motion of the pins while the rest frame is taken
 DRAIN_S = 1.0  # how long a recording waits for a link that takes nothing
-LATENCIES = 1 << 14  # frames that the latency statistics look back on: 68 s at 240 frames/s
 PINS_KEPT_SHARE = 0.9  # a new rest frame with fewer pins than this share of the old one's is implausible
 WAIT_S = 0.02  # longest wait for an image before faults and commands are looked at
-#: A frame that takes longer than this is one whose pins are searched for: that is said before they are found.
-SEARCH_NS = 30_000_000
 SLOW_DISK_S = 1.0  # without loss, and a recording counts as whole again
 BEAT_S = 0.05  # samples without images: "the slow rate" of the fault table
-#: The capture clock may run against ours by this much from one image to the next; more is a step. A process
-#: that was not scheduled for a while shows less.
-STEP_NS = 500_000_000
 LATE_NS = 2_000_000_000  # an image older than this, or from the future, is stamped by another clock than ours
 GARBAGE_S = 60.0  # what other threads leave in cycles (viewers, requests) is collected this often
-#: Untouched pins that stand further off than this, in pitches, are those of a camera that moved; nearer than
-#: half of it, and it is back. 1.5 px of a pitch of 19 px: five times the largest drift.
-MOVED_PITCHES = 0.08
-#: A tip of which 5 % of the pins move further than this, in pitches, is pressed or sheared beyond what it
-#: stands. Within the published range of the 331-pin tip (5 mm deep, 5 mm of shear) they move by up to 1.3.
-LOAD_PITCHES = 1.6
-OVERLOAD_SHARE = 0.05
-_CAMERA = {
-    "lost": FaultCode.CAMERA_LOST,
-    "stalled": FaultCode.CAMERA_STALLED,
-    "frozen": FaultCode.CAMERA_STALLED,
-    "black": FaultCode.IMAGE_DARK,
-}
 _NOTHING = np.empty((0, 3))
-#: Faults under which nothing is learnt of where the pins rest.
-_NOT_QUIET = (
-    Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST | Status.CAMERA_MOVED
-)
-
 
 #: Somebody who wants to see results: viewer, detail stream, summary. Must return at once.
 Watcher = Callable[[Result, State], None]
-
-
-@dataclass(slots=True)
-class Statistics:
-    """What the loop has done since it started. Times: median, 99 %, 99.9 % of the last `LATENCIES` frames."""
-
-    frames_n: int = 0
-    lost_by_camera_n: int = 0
-    dropped_n: int = 0
-    searched_n: int = 0
-    unsure_n: int = 0
-    damaged_n: int = 0
-    beats_n: int = 0
-    sent_n: int = 0
-    pins_n: int = 0
-    held_min_n: int = 0
-    held_median_n: int = 0
-    drift_px: float = 0.0
-    rate_hz: float = 0.0
-    compute_us: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    latency_us: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    faults: dict[str, int] = field(default_factory=dict)
-
-
-class _Ring:
-    """The last values of a series, preallocated."""
-
-    def __init__(self, size: int) -> None:
-        self._values = np.zeros(size)
-        self._n = 0
-
-    def add(self, value: float) -> None:
-        self._values[self._n % len(self._values)] = value
-        self._n += 1
-
-    @property
-    def values(self) -> Array:
-        return self._values[: min(self._n, len(self._values))]
-
-    def quantiles(self) -> tuple[float, float, float]:
-        if not self._n:
-            return (0.0, 0.0, 0.0)
-        a, b, c = np.quantile(self.values, (0.5, 0.99, 0.999))
-        return (float(a), float(b), float(c))
 
 
 class App:
@@ -184,29 +117,25 @@ class App:
         self._vitals = vitals
         self._notifier = notifier or Notifier({})
         self._clock_ns = clock_ns
-        self._judge = ImageJudge()
-        self._pins: PinsJudge | None = None
-        self._drift_px, self._load_pitches = drift_px, load_pitches
+        self._faults = Faults(source, self.health, load_pitches, clock_ns)
+        self._drift_px = drift_px
         self._recording = ("", 0, 0.0)  # why it ended; messages lost so far, and until when to say so
         self._tare_frames = tare_frames
         self._steady_px = steady_px
         self._commands: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._stop = Event()
         self._sample = 0
-        self._last: tuple[Frame, int] | None = None  # and when it was taken in hand, our clock
-        self._skipped_n = 0
         self._beat_due_ns = 0
         self._garbage_due_ns = clock_ns() + round(GARBAGE_S * 1e9)
         self._begun_ns: int | None = None  # when the frame in hand was taken up
-        self._frozen = False  # the frame in hand shows what an earlier one did
         self._broken = False  # the last frame broke the computation
         self._statistics = Statistics()
-        self._compute_us, self._latency_us, self._held = _Ring(LATENCIES), _Ring(LATENCIES), _Ring(LATENCIES)
+        self._compute_us, self._latency_us, self._held = Ring(), Ring(), Ring()
         self._started_s = 0.0
         self._taring: list[Frame] | None = []
         self.health.listeners.append(self._note)
         if calibration is None:
-            self.health.report(FaultCode.CALIBRATION_MISSING, True, "no calibration file was given")
+            self.health.report(FaultCode.CALIBRATION_MISSING, True, NO_CALIBRATION)
 
     # ---- from other threads ------------------------------------------------------------------------
 
@@ -302,7 +231,7 @@ class App:
         automatic = gc.isenabled()
         gc.disable()
         if self._vitals is not None:
-            self._vitals.watches += [self._judge_camera, self._watch_links, self._watch_loop]
+            self._vitals.watches += [self._faults.camera, self._watch_links, self._watch_loop]
             self._vitals.start()
         try:
             for frame in self._frames():
@@ -340,8 +269,8 @@ class App:
     def _idle(self) -> None:
         """No image came. Say why, and that we live."""
         known = self.health.status
-        self._frozen = False
-        self._judge_camera()
+        self._faults.frozen = False
+        self._faults.camera()
         self._watch_links()
         now_ns = self._clock_ns()
         if Status.CAMERA_FAULT not in self.health.status:
@@ -350,20 +279,16 @@ class App:
             return
         self._beat_due_ns = now_ns + round(BEAT_S * 1e9)
         self._statistics.beats_n += 1
-        frame, since_ns = self._last or (None, now_ns)
+        frame, since_ns = self._faults.last or (None, now_ns)
         # On the camera's clock, as all other samples: its last time and what has passed since.
         capture_ns = frame.capture_ns + now_ns - since_ns if frame else now_ns
         self._send(None, capture_ns, 0.0)
 
     def _watch_loop(self) -> None:
         """Called from another thread: whether the frame in hand takes long."""
-        begun_ns = self._begun_ns
         # A recording waits for its search; and the first frame after a tare has to search.
-        if begun_ns is None or self._taring is not None or self.last is None or not self.source.live:
-            return
-        if self._clock_ns() - begun_ns < SEARCH_NS:
-            return
-        self.health.report(FaultCode.TRACKER_LOST, True, "the pins are being searched for")
+        if self._taring is None and self.last is not None and self.source.live:
+            self._faults.slow(self._begun_ns)
 
     def _watch_links(self) -> None:
         for sink in list(self.sinks):
@@ -376,12 +301,10 @@ class App:
         begun_ns = self._clock_ns()
         s = self._statistics
         s.frames_n += 1
-        self._judge_order(frame, begun_ns)
-        # Of this frame, not of the camera: another image may have come since, and be a good one.
-        self._frozen = getattr(self.source, "frame_condition", "") == "frozen"
-        self._judge_camera()
+        s.lost_by_camera_n += self._faults.order(frame, begun_ns)
+        self._faults.camera()
         self.frame = frame
-        self._judge_image(frame)
+        self._faults.image(frame)
         if self.recorder is not None:
             self._to_recorder(lambda recorder: recorder.frame(frame))
         self._begun_ns = begun_ns
@@ -414,7 +337,7 @@ class App:
         state = to_state(
             result,
             sample=self._sample,
-            status=self._status(result),
+            status=self._faults.status(result, self._statistics.lost_by_camera_n + self.source.dropped_n),
             latency_us=latency_us,
             capture_time_us=capture_ns // 1000,
             temperature_degc=self._vitals.temperature_degc if self._vitals else nan,
@@ -506,34 +429,25 @@ class App:
         if self.pipeline is None:
             return None
         result = self.pipeline.process(frame, self.drift)
-        s = self._statistics
+        faults, s = self._faults, self._statistics
         s.searched_n += result.searched
-        assert self._pins is not None
-        tracks = result.tracks
-        if result.features is not None and self._pins.impossible(tracks):
-            self.pipeline.forget()  # the pattern was taken for itself, turned
-            tracks = replace(tracks, confidence=0.0)
+        if result.features is not None and faults.impossible(result.tracks):
+            self.pipeline.forget()
+            tracks = replace(result.tracks, confidence=0.0)
             result = replace(result, tracks=tracks, cells=None, features=None)
-        features = result.features
-        unsure = features is None
-        s.unsure_n += unsure
+        tracks, features = result.tracks, result.features
+        s.unsure_n += features is None
         self._held.add(tracks.n_seen)
-        self.health.report(FaultCode.TRACKER_LOST, unsure, "pins cannot be told apart")
-        missing = self._pins.missing(tracks)
-        self.health.report(FaultCode.PINS_LOST, bool(missing), missing)
-        if unsure or self._pins.odd(tracks):
-            self._judge.look_closer(frame)
-            self.health.report(FaultCode.IMAGE_BLURRED, bool(self._judge.blurred), self._judge.blurred)
-        if unsure or missing or self._frozen or Status.CAMERA_FAULT in self.health.status:
+        if not faults.pins(frame, tracks, features) or faults.blind:
             blank = Reading({}, {}, _NOTHING, calibrated=self.calibration is not None)
             result = replace(result, reading=blank)
-        self._judge_load(features)
-        if features is not None and not features.touched:
-            self._judge_place(features.displacement_px)
-        if self.drift is not None:
-            fault = self.health.status & _NOT_QUIET
-            quiet = features is not None and not features.touched and not fault
-            self.drift.learn(result.tracks, frame.capture_ns, quiet)
+        faults.load(features)
+        drift = self.drift
+        untouched = features is not None and not features.touched
+        if features is not None and untouched:
+            faults.place(features.displacement_px, drift is not None and drift.at_limit)
+        if drift is not None:
+            drift.learn(tracks, frame.capture_ns, untouched and faults.quiet)
         return result
 
     def _finish_tare(self, frames: Sequence[Frame]) -> None:
@@ -561,19 +475,7 @@ class App:
             self.pipeline = Pipeline(rest, self.calibration, self.demand | self._shown)
             self.tares_n += 1
             self.drift = Drift(rest, self._drift_px)
-            self._pins = PinsJudge(rest)
-            self._judge.learn(rest, frames[-1])
-            for code in (
-                FaultCode.TARE_IMPLAUSIBLE,
-                FaultCode.CALIBRATION_FOREIGN,
-                FaultCode.CAMERA_MOVED,
-                FaultCode.TRACKER_LOST,
-                FaultCode.PINS_LOST,
-            ):
-                self.health.report(code, False)
-            self.health.report(
-                FaultCode.CALIBRATION_MISSING, self.calibration is None, "no calibration file was given"
-            )
+            self._faults.learn(rest, frames[-1], self.calibration is not None)
             log.info("%s: rest frame with %d pins", self.source.name, len(rest))
 
     def _refuse_tare(self, why: str) -> None:
@@ -583,74 +485,6 @@ class App:
         self.health.report(FaultCode.TARE_IMPLAUSIBLE, True, why)
         if self.pipeline is None:
             self._taring = []
-
-    def _judge_order(self, frame: Frame, now_ns: int) -> None:
-        """Frames that never came, and times that cannot be."""
-        s = self._statistics
-        last, self._last = self._last, (frame, now_ns)
-        if last is None:
-            return
-        before, before_ns = last
-        s.lost_by_camera_n += max(0, frame.sequence - before.sequence - 1)
-        step_ns = frame.capture_ns - before.capture_ns
-        # A recording is read at our pace, not at its own: only a step back is one.
-        off_ns = step_ns - (now_ns - before_ns) if self.source.live else min(step_ns, 0)
-        stepped = abs(off_ns) > STEP_NS or (self.source.live and step_ns < 0)
-        self.health.report(FaultCode.CLOCK_STEP, stepped, f"images' clock jumped by {off_ns / 1e9:+.3f} s")
-
-    def _judge_camera(self) -> None:
-        """What the source says of its camera."""
-        condition = "frozen" if self._frozen else getattr(self.source, "condition", "")
-        now = _CAMERA.get(condition)
-        for code in (FaultCode.CAMERA_LOST, FaultCode.CAMERA_STALLED):
-            self.health.report(code, code is now, f"{self.source.name}: {condition}")
-
-    def _judge_image(self, frame: Frame) -> None:
-        judge = self._judge
-        judge.look(frame)
-        black = getattr(self.source, "frame_condition", "") == "black"
-        self.health.report(FaultCode.IMAGE_DARK, black or bool(judge.dark), judge.dark or "black")
-        self.health.report(FaultCode.IMAGE_BRIGHT, bool(judge.bright), judge.bright)
-        self.health.report(FaultCode.IMAGE_BLURRED, bool(judge.blurred), judge.blurred)
-
-    def _judge_load(self, features: Features | None) -> None:
-        """Whether the pins move further than they may."""
-        if features is None or not features.touched:
-            self.health.report(FaultCode.OVERLOAD, False)
-            return
-        assert self.pipeline is not None
-        limit_px = self._load_pitches * self.pipeline.rest.pattern.pitch_px
-        by_px = np.hypot(features.displacement_px[:, 0], features.displacement_px[:, 1])
-        far_n = int(np.count_nonzero(by_px > limit_px))  # a lost pin is NaN, and not far
-        over = far_n > OVERLOAD_SHARE * len(by_px)
-        self.health.report(FaultCode.OVERLOAD, over, f"{far_n} pins moved by more than {limit_px:.0f} px")
-
-    def _judge_place(self, motion_px: Array) -> None:
-        """Whether untouched pins are where the rest frame has them."""
-        assert self.pipeline is not None
-        pitch_px = self.pipeline.rest.pattern.pitch_px
-        held = FaultCode.CAMERA_MOVED in self.health.active if self.health.status else False
-        limit_px = MOVED_PITCHES * pitch_px * (0.5 if held else 1.0)
-        by_px = moved_px(motion_px)
-        at_limit = self.drift is not None and self.drift.at_limit
-        words = f"untouched pins stand {by_px:.1f} px off the rest frame; tare"
-        self.health.report(FaultCode.CAMERA_MOVED, by_px > limit_px or at_limit, words)
-
-    def _status(self, result: Result | None) -> Status:
-        status = self.health.status
-        if self._frozen and result is not None:
-            status |= Status.CAMERA_FAULT
-        if result is not None and result.features is not None and result.features.touched:
-            status |= Status.TOUCHED
-        if result is not None and result.reading.saturated:
-            status |= Status.SATURATED
-        if getattr(self.source, "recorded", not self.source.live):
-            status |= Status.NOT_LIVE
-        skipped_n = self._statistics.lost_by_camera_n + self.source.dropped_n
-        if skipped_n != self._skipped_n:
-            self._skipped_n = skipped_n
-            status |= Status.FRAMES_DROPPED
-        return status
 
     def _run_commands(self) -> None:
         while self._commands:

@@ -45,15 +45,18 @@ class Health:
         self.appeared: Counter[FaultCode] = Counter()
         self.status = Status(0)
 
-    def report(self, code: FaultCode, active: bool, words: str = "") -> None:
-        """Say whether a fault holds now; saying it again changes nothing."""
+    def report(self, code: FaultCode, active: bool, words: str | Callable[[], str] = "") -> None:
+        """Say whether a fault holds now; saying it again changes nothing.
+
+        words  what is known of it, or a function that says so, called only when the fault appears
+        """
         if active == (code in self._active):  # without the lock: this is asked a dozen times a frame
             return
         with self._lock:
             if active == (code in self._active):
                 return
             if active:
-                self._active[code] = words
+                words = self._active[code] = words() if callable(words) else words
                 self.appeared[code] += 1
             else:
                 words = self._active.pop(code)

@@ -188,3 +188,18 @@ def test_abstract_names() -> None:
 def test_without_a_manager_nothing_happens(tmp_path: Path) -> None:
     Notifier({}).frame()
     Notifier({"NOTIFY_SOCKET": str(tmp_path / "gone")}).frame()
+
+
+def test_words_are_made_for_a_fault_that_appears_and_for_no_other() -> None:
+    health, made = Health(), []
+
+    def words() -> str:
+        made.append(1)
+        return "gone"
+
+    health.report(FaultCode.CAMERA_LOST, False, words)
+    assert not made
+    health.report(FaultCode.CAMERA_LOST, True, words)
+    health.report(FaultCode.CAMERA_LOST, True, words)
+    assert len(made) == 1
+    assert health.active == {FaultCode.CAMERA_LOST: "gone"}

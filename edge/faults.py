@@ -1,0 +1,205 @@
+"""Which faults hold, by what the loop sees: camera, order of images, picture, pins, load, place.
+
+`edge.judge` measures what one image or one set of pins shows; here that becomes faults, and status bits.
+Every judgement is one method, is made of every frame, and reports to `Health` each time: a fault that does
+not hold any more is cleared by the same line that raised it. Words are made only for a fault that appears.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from edge.health import Health
+from edge.judge import ImageJudge, PinsJudge, moved_px
+from edge.pipeline import Result
+from edge.types import Array, Features, Frame, FrameSource, Rest, Tracks
+from hostlink.wire import FaultCode, Status
+
+__all__ = ["LOAD_PITCHES", "NO_CALIBRATION", "SEARCH_NS", "Faults"]
+
+#: A frame that takes longer than this is one whose pins are searched for: that is said before they are found.
+SEARCH_NS = 30_000_000
+#: The capture clock may run against ours by this much from one image to the next; more is a step. A process
+#: that was not scheduled for a while shows less.
+STEP_NS = 500_000_000
+#: Untouched pins that stand further off than this, in pitches, are those of a camera that moved; nearer than
+#: half of it, and it is back. 1.5 px of a pitch of 19 px: five times the largest drift.
+MOVED_PITCHES = 0.08
+#: A tip of which 5 % of the pins move further than this, in pitches, is pressed or sheared beyond what it
+#: stands. Within the published range of the 331-pin tip (5 mm deep, 5 mm of shear) they move by up to 1.3.
+LOAD_PITCHES = 1.6
+OVERLOAD_SHARE = 0.05
+NO_CALIBRATION = "no calibration file was given"
+_CAMERA = {
+    "lost": FaultCode.CAMERA_LOST,
+    "stalled": FaultCode.CAMERA_STALLED,
+    "frozen": FaultCode.CAMERA_STALLED,
+    "black": FaultCode.IMAGE_DARK,
+}
+#: What a new rest frame puts right.
+_OF_THE_REST = (
+    FaultCode.TARE_IMPLAUSIBLE,
+    FaultCode.CALIBRATION_FOREIGN,
+    FaultCode.CAMERA_MOVED,
+    FaultCode.TRACKER_LOST,
+    FaultCode.PINS_LOST,
+)
+#: Faults under which nothing is learnt of where the pins rest.
+_NOT_QUIET = (
+    Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST | Status.CAMERA_MOVED
+)
+
+
+class Faults:
+    """Judges one finger's frames and what was made of them.
+
+    source        what it says of its camera is believed
+    health        is told
+    load_pitches  motion of the pins beyond which the tip is overloaded
+    clock_ns      the host's monotonic clock
+    """
+
+    def __init__(
+        self,
+        source: FrameSource,
+        health: Health,
+        load_pitches: float,
+        clock_ns: Callable[[], int],
+    ) -> None:
+        self._source, self._health, self._clock_ns = source, health, clock_ns
+        self._load_pitches = load_pitches
+        self._image = ImageJudge()
+        self._pins: PinsJudge | None = None
+        self._pitch_px = 0.0
+        self._skipped_n = 0
+        self.last: tuple[Frame, int] | None = None  # the newest, and when it was taken in hand, our clock
+        self.frozen = False  # the frame in hand shows what an earlier one did
+
+    @property
+    def blind(self) -> bool:
+        """Whether the camera gives no images, or none that may be used."""
+        return self.frozen or Status.CAMERA_FAULT in self._health.status
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing is wrong that would spoil what is learnt of the pins at rest."""
+        return not self._health.status & _NOT_QUIET
+
+    def learn(self, rest: Rest, frame: Frame, calibrated: bool) -> None:
+        """From now on this is what an untouched tip looks like; `frame` shows it."""
+        self._pins = PinsJudge(rest)
+        self._pitch_px = rest.pattern.pitch_px
+        self._image.learn(rest, frame)
+        for code in _OF_THE_REST:
+            self._health.report(code, False)
+        self._health.report(FaultCode.CALIBRATION_MISSING, not calibrated, NO_CALIBRATION)
+
+    def camera(self) -> None:
+        """What the source says of its camera."""
+        condition = "frozen" if self.frozen else getattr(self._source, "condition", "")
+        now = _CAMERA.get(condition)
+        for code in (FaultCode.CAMERA_LOST, FaultCode.CAMERA_STALLED):
+            self._health.report(code, code is now, lambda: f"{self._source.name}: {condition}")
+
+    def order(self, frame: Frame, now_ns: int) -> int:
+        """Times that cannot be. Returns how many frames never came, before this one."""
+        # Of this frame, not of the camera: another image may have come since, and be a good one.
+        self.frozen = getattr(self._source, "frame_condition", "") == "frozen"
+        last, self.last = self.last, (frame, now_ns)
+        if last is None:
+            return 0
+        before, before_ns = last
+        step_ns = frame.capture_ns - before.capture_ns
+        # A recording is read at our pace, not at its own: only a step back is one.
+        live = self._source.live
+        off_ns = step_ns - (now_ns - before_ns) if live else min(step_ns, 0)
+        stepped = abs(off_ns) > STEP_NS or (live and step_ns < 0)
+        self._health.report(
+            FaultCode.CLOCK_STEP, stepped, lambda: f"images' clock jumped by {off_ns / 1e9:+.3f} s"
+        )
+        return max(0, frame.sequence - before.sequence - 1)
+
+    def image(self, frame: Frame) -> None:
+        """Light and focus."""
+        judge, health = self._image, self._health
+        judge.look(frame)
+        black = getattr(self._source, "frame_condition", "") == "black"
+        health.report(FaultCode.IMAGE_DARK, black or bool(judge.dark), judge.dark or "black")
+        health.report(FaultCode.IMAGE_BRIGHT, bool(judge.bright), judge.bright)
+        health.report(FaultCode.IMAGE_BLURRED, bool(judge.blurred), judge.blurred)
+
+    def slow(self, begun_ns: int | None) -> None:
+        """Whether the frame in hand takes long. Called from another thread.
+
+        begun_ns  when it was taken up, our clock; None: there is none, or nobody waits for it
+        """
+        if begun_ns is not None and self._clock_ns() - begun_ns >= SEARCH_NS:
+            self._health.report(FaultCode.TRACKER_LOST, True, "the pins are being searched for")
+
+    def impossible(self, tracks: Tracks) -> bool:
+        """Whether pins moved further than any skin does: the pattern was taken for itself, turned."""
+        assert self._pins is not None
+        return self._pins.impossible(tracks)
+
+    def pins(self, frame: Frame, tracks: Tracks, features: Features | None) -> bool:
+        """Whether pins are seen and told apart. False: no values may be sent of this frame."""
+        assert self._pins is not None
+        unsure = features is None
+        self._health.report(FaultCode.TRACKER_LOST, unsure, "pins cannot be told apart")
+        missing = self._pins.missing(tracks)
+        self._health.report(FaultCode.PINS_LOST, bool(missing), missing)
+        if unsure or self._pins.odd(tracks):
+            self._image.look_closer(frame)
+            blurred = self._image.blurred
+            self._health.report(FaultCode.IMAGE_BLURRED, bool(blurred), blurred)
+        return not (unsure or missing)
+
+    def load(self, features: Features | None) -> None:
+        """Whether the pins move further than they may."""
+        if features is None or not features.touched:
+            self._health.report(FaultCode.OVERLOAD, False)
+            return
+        limit_px = self._load_pitches * self._pitch_px
+        by_px = np.hypot(features.displacement_px[:, 0], features.displacement_px[:, 1])
+        far_n = int(np.count_nonzero(by_px > limit_px))  # a lost pin is NaN, and not far
+        over = far_n > OVERLOAD_SHARE * len(by_px)
+        self._health.report(
+            FaultCode.OVERLOAD, over, lambda: f"{far_n} pins moved by more than {limit_px:.0f} px"
+        )
+
+    def place(self, motion_px: Array, drifted: bool) -> None:
+        """Whether untouched pins are where the rest frame has them.
+
+        motion_px  (n, 2) since rest; NaN where lost
+        drifted    what was learnt of their drift is at its limit
+        """
+        held = self._health.status and FaultCode.CAMERA_MOVED in self._health.active
+        limit_px = MOVED_PITCHES * self._pitch_px * (0.5 if held else 1.0)
+        by_px = moved_px(motion_px)
+        self._health.report(
+            FaultCode.CAMERA_MOVED,
+            by_px > limit_px or drifted,
+            lambda: f"untouched pins stand {by_px:.1f} px off the rest frame; tare",
+        )
+
+    def status(self, result: Result | None, skipped_n: int) -> Status:
+        """The sample's status bits.
+
+        skipped_n  frames lost so far, by whomever
+        """
+        status = self._health.status
+        if result is not None:
+            if self.frozen:
+                status |= Status.CAMERA_FAULT
+            if result.features is not None and result.features.touched:
+                status |= Status.TOUCHED
+            if result.reading.saturated:
+                status |= Status.SATURATED
+        if getattr(self._source, "recorded", not self._source.live):
+            status |= Status.NOT_LIVE
+        if skipped_n != self._skipped_n:
+            self._skipped_n = skipped_n
+            status |= Status.FRAMES_DROPPED
+        return status
