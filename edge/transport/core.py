@@ -12,8 +12,9 @@ Rules
 - A write that cannot block (SocketCAN, virtual bus, UDP) happens in the caller's thread: a hand-over to
   another thread costs up to a switch interval of the interpreter. The rest belongs to the worker.
 - A full buffer (ENOBUFS, bus-off, nobody listening) drops and keeps the medium. Any other error closes it,
-  and the worker opens it again every RETRY_S. Only the worker opens and closes, and it waits for the
-  reader to let go first: a file number that is closed under a waiting reader may be another's by then.
+  and the worker opens it again, at most every RETRY_S; it counts as up with the first frame that leaves.
+- Only the worker opens and closes, and it waits for the reader to let go first: a file number that is
+  closed under a waiting reader may be another's by then.
 - At start-up a medium that cannot be opened is the user's mistake: SinkError. Later it is a counter.
 """
 
@@ -68,6 +69,7 @@ class LinkSink:
         self._periodic: dict[int, _Periodic] = {}
         self._failed: Medium | None = None
         self._was_down = False
+        self._opened_s = time.monotonic()
         self._stalled_since_s: float | None = None
         self._write_began_s: float | None = None
         self._busy = False
@@ -91,7 +93,8 @@ class LinkSink:
     def up(self) -> bool:
         since = (self._stalled_since_s, self._write_began_s)
         stuck = any(t is not None and time.monotonic() - t > STALL_S for t in since)
-        return self._medium is not None and not stuck
+        # A medium that opens need not be one that takes frames: the first one that leaves shows it.
+        return self._medium is not None and not self._was_down and not stuck
 
     @property
     def faults(self) -> frozenset[FaultCode]:
@@ -211,7 +214,8 @@ class LinkSink:
         with self._changed:
             if self._medium is not medium:
                 return
-            log.warning("%s: %s", self.name, error)
+            if not self._was_down:
+                log.warning("%s: %s", self.name, error)
             self._medium, self._failed, self._was_down = None, medium, True
             waiting = len(self._samples)
             self._samples.clear()
@@ -282,11 +286,15 @@ class LinkSink:
     def _reopen(self) -> None:
         failed, self._failed = self._failed, None
         self._let_go(failed)
+        # SocketCAN opens on an interface that is down, and fails at once: no reason to try without end.
+        with self._changed:
+            pause_s = self._opened_s + RETRY_S - time.monotonic()
+            if self._changed.wait_for(lambda: self._closing, max(0.0, pause_s)):
+                return
+        self._opened_s = time.monotonic()
         try:
             medium = self._open_medium()
         except MediumError:
-            with self._changed:
-                self._changed.wait_for(lambda: self._closing, RETRY_S)
             return
         self._stalled_since_s = None  # what was dropped meanwhile was the other medium's
         with self._changed:

@@ -11,6 +11,7 @@ import logging
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, Protocol
 
 import can
@@ -26,6 +27,7 @@ FULL = frozenset({errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK})
 FD_CLOCK_HZ = 80_000_000  # CiA 601-3's recommended CAN FD clock
 FD_SAMPLE_POINT = 80.0  # percent, both phases; CiA 601-3
 READ_CHUNK = 4096
+INTERFACES = Path("/sys/class/net")
 
 # Error frames of SocketCAN: class bits in the identifier (linux/can/error.h).
 CAN_ERR_BUSOFF = 0x40
@@ -68,15 +70,20 @@ class CanMedium:
     """A python-can bus.
 
     instant  whether its `send(timeout=0)` returns at once
+    carrier  file of a SocketCAN interface that holds 1 while its controller is on the bus. The kernel takes
+             frames for one that is off, and throws them away: there a write proves nothing
     """
 
-    def __init__(self, bus: can.BusABC, instant: bool) -> None:
+    def __init__(self, bus: can.BusABC, instant: bool, carrier: Path | None = None) -> None:
         self.instant = instant
         self.bus_off = False
         self._bus = bus
+        self._carrier = carrier
         self._timeout_s = 0.0 if instant else WRITE_S
 
     def write(self, item: can.Message) -> None:
+        if self.bus_off and self._carrier is not None:
+            raise MediumFull("bus-off")
         try:
             self._bus.send(item, timeout=self._timeout_s)
         except _BROKEN as error:
@@ -96,6 +103,9 @@ class CanMedium:
             elif message.arbitration_id & CAN_ERR_RESTARTED:
                 self.bus_off = False
             return None
+        if self.bus_off and self._carrier is not None:  # also where the word of the restart was missed
+            with suppress(OSError):  # an interface that is down has no answer
+                self.bus_off = self._carrier.read_text().strip() != "1"
         return message
 
     def close(self) -> None:
@@ -151,7 +161,8 @@ def open_bus(address: Address) -> Callable[[], CanMedium]:
                     data_bitrate=timing[1],
                     data_sample_point=FD_SAMPLE_POINT,
                 )
-            return CanMedium(can.Bus(**arguments), address.interface in INSTANT)
+            carrier = INTERFACES / address.channel / "carrier" if address.interface == "socketcan" else None
+            return CanMedium(can.Bus(**arguments), address.interface in INSTANT, carrier)
         except (*_BROKEN, ImportError, AttributeError) as error:
             raise MediumError(
                 f"cannot open CAN interface {address.channel!r} ({address.interface}): {_words(error)}"

@@ -19,6 +19,7 @@ from can.interfaces.virtual import VirtualBus
 
 from edge.errors import SinkError
 from edge.transport import CanClassicSink, CanFdSink, LinkSink, MediumError, MemorySink, SerialSink, open_sink
+from edge.transport.core import RETRY_S
 from edge.transport.media import CanMedium, open_line
 from hostlink.wire import (
     Assembler,
@@ -180,8 +181,8 @@ def test_interface_down_and_back(channel: str, flaky: Flaky, fd_sink: CanFdSink)
         assert fd_sink.faults == {FaultCode.LINK_DOWN}
         assert fd_sink.counters.dropped == 19
         flaky.down = False
-        until(lambda: fd_sink.up, "the link is back")
-        assert fd_sink.send(state(20))
+        until(lambda: fd_sink.send(state(20)), "the link is back")
+        assert fd_sink.up
         received = [host.recv(SOON_S) for _ in range(2)]
     assert [unpack_state(bytes(m.data)).sample for m in received if m] == [0, 20]
     assert fd_sink.counters.reconnects == 1
@@ -207,6 +208,54 @@ def test_bus_off_is_seen_and_forgotten(channel: str, fd_sink: CanFdSink) -> None
         until(lambda: fd_sink.faults == {FaultCode.BUS_OFF}, "bus-off")
         assert fd_sink.send(state(1))
         assert fd_sink.faults == frozenset()
+
+
+def test_bus_off_of_an_interface_of_the_kernel_lasts_until_its_carrier_is_back(
+    channel: str, tmp_path: Path
+) -> None:
+    carrier = tmp_path / "carrier"
+    carrier.write_text("0\n")
+    sink = CanFdSink("kernel", lambda: CanMedium(FlakyBus(channel), True, carrier))
+    with can.Bus(interface="virtual", channel=channel) as host:
+        host.send(can.Message(is_error_frame=True, arbitration_id=0x40))
+        until(lambda: sink.faults == {FaultCode.BUS_OFF}, "bus-off")
+        assert not sink.send(state(0))  # the kernel would take it, and throw it away
+        assert sink.faults == {FaultCode.BUS_OFF}
+        carrier.write_text("1\n")
+        until(lambda: sink.send(state(1)), "carrier")
+        assert sink.faults == frozenset()
+        message = host.recv(SOON_S)
+    sink.close()
+    assert message is not None
+    assert unpack_state(bytes(message.data)).sample == 1
+
+
+def test_a_medium_that_opens_and_fails_at_once_is_not_tried_without_end(channel: str) -> None:
+    opened = 0
+
+    class Down(FlakyBus):
+        """As SocketCAN on an interface that is down."""
+
+        def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+            raise can.CanOperationError("Network is down", errno.ENETDOWN)
+
+    def opener() -> CanMedium:
+        nonlocal opened
+        opened += 1
+        return CanMedium(FlakyBus(channel) if opened == 1 else Down(channel), True)
+
+    sink = CanFdSink("down", opener)
+    assert sink.send(state(0))
+    medium = sink._medium
+    assert medium is not None
+    sink._lose(medium, OSError("gone"))
+    until(lambda: opened >= 4, "three attempts")
+    assert not sink.up
+    assert sink.faults == {FaultCode.LINK_DOWN}
+    begun, before = time.monotonic(), opened
+    until(lambda: opened >= before + 3, "three more")
+    assert time.monotonic() - begun > 1.9 * RETRY_S
+    sink.close()
 
 
 def test_hanging_medium_does_not_hold_the_loop(channel: str) -> None:
@@ -339,8 +388,7 @@ def test_pty_closed_and_reopened(pty: Pty) -> None:
     assert not sink.send(state(2))
     assert sink.counters.dropped == dropped + 1
     pty.open()
-    until(lambda: sink.up, "the line is back")
-    assert sink.send(state(3))
+    until(lambda: sink.send(state(3)), "the line is back")
     assert unpack_state(pty.frames(1)[0][1]).sample == 3  # a gap, nothing old
     until(lambda: sink.counters.reconnects == 1, "counted")
     sink.close()
@@ -363,8 +411,7 @@ def test_a_sample_that_meets_the_loss_is_not_kept_for_later(pty: Pty) -> None:
     assert not sink.send(state(1))
     sink.encode = encode  # type: ignore[method-assign]
     pty.open()
-    until(lambda: sink.up, "the line is back")
-    assert sink.send(state(2))
+    until(lambda: sink.send(state(2)), "the line is back")
     assert unpack_state(pty.frames(1)[0][1]).sample == 2
     sink.close()
 
