@@ -364,7 +364,7 @@ def _app(
     """The app with everything that the options ask for; the stack closes it all."""
     from edge.app import App
     from edge.device import AppDevice, stored_calibration
-    from edge.health import Health, Vitals, room_for
+    from edge.health import FaultLog, Health, Vitals, room_for
     from edge.node import Node
     from edge.notify import Notifier
     from edge.settings import Settings, SettingsFile
@@ -394,6 +394,7 @@ def _app(
         vitals=vitals,
         notifier=notifier,
     )
+    health.listeners.append(FaultLog(health, notifier.status))
     vitals.storage.append(app.recording_trouble)
     device = AppDevice(app, config.sensor.serial, state_dir)
     settings = SettingsFile(

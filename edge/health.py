@@ -11,8 +11,10 @@ may take longer than a dead camera may stay unannounced.
 
 from __future__ import annotations
 
+import logging
 import os
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -21,7 +23,9 @@ from pathlib import Path
 
 from hostlink.wire import FAULTS, FaultCode, Status
 
-__all__ = ["Health", "Thermometer", "Vitals", "room_for"]
+__all__ = ["FaultLog", "Health", "Thermometer", "Vitals", "room_for"]
+
+log = logging.getLogger(__name__)
 
 _STATUS = {fault.code: fault.status for fault in FAULTS}
 
@@ -72,6 +76,47 @@ class Health:
         """Faults that hold now, with what is known of each."""
         with self._lock:
             return dict(self._active)
+
+
+class FaultLog:
+    """A line in the log for each fault that comes, and one when it goes; a listener of `Health`.
+
+    A fault that flickers gets one pair of lines a second, and the next one says how often it came.
+
+    status  told in one line what holds now: for `systemctl status`
+    """
+
+    EVERY_S = 1.0
+
+    def __init__(
+        self,
+        health: Health,
+        status: Callable[[str], None],
+        clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._health = health
+        self._status = status
+        self._clock_s = clock_s
+        self._said_s: dict[FaultCode, float] = {}
+        self._untold: Counter[FaultCode] = Counter()
+        self._open: set[FaultCode] = set()  # lines of a beginning that still want one of the end
+
+    def __call__(self, code: FaultCode, active: bool, words: str) -> None:
+        """Called by `Health`, from any thread, one at a time."""
+        now_s = self._clock_s()
+        if not active:
+            if code in self._open:
+                self._open.discard(code)
+                log.warning("%s off", code.name)
+        elif now_s - self._said_s.get(code, -self.EVERY_S) < self.EVERY_S:
+            self._untold[code] += 1
+        else:
+            more = self._untold.pop(code, 0)
+            log.warning("%s on: %s%s", code.name, words, f" (and {more} times before)" if more else "")
+            self._said_s[code] = now_s
+            self._open.add(code)
+        held = self._health.active
+        self._status("; ".join(f"{c.name}: {w}" for c, w in held.items()) or "no fault")
 
 
 class Thermometer:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from edge.health import Health, Thermometer, Vitals, room_for
+from edge.health import FaultLog, Health, Thermometer, Vitals, room_for
 from edge.notify import Notifier
 from hostlink.wire import FAULTS, FaultCode, Status
 
@@ -44,6 +44,33 @@ def test_a_listener_may_ask_back() -> None:
     health.listeners.append(lambda *_: seen.append(health.active))
     health.report(FaultCode.BUS_OFF, True, "x")
     assert seen == [{FaultCode.BUS_OFF: "x"}]
+
+
+def test_each_fault_is_a_line_in_the_log_and_one_when_it_goes(caplog: pytest.LogCaptureFixture) -> None:
+    health, status = Health(), list[str]()
+    health.listeners.append(FaultLog(health, status.append))
+    health.report(FaultCode.BUS_OFF, True, "can0")
+    health.report(FaultCode.DISK_FULL, True, "no room")
+    health.report(FaultCode.BUS_OFF, False)
+    assert caplog.messages == ["BUS_OFF on: can0", "DISK_FULL on: no room", "BUS_OFF off"]
+    assert status == ["BUS_OFF: can0", "BUS_OFF: can0; DISK_FULL: no room", "DISK_FULL: no room"]
+
+
+def test_a_fault_that_flickers_does_not_flood_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    now_s = 0.0
+    health = Health()
+    health.listeners.append(FaultLog(health, lambda words: None, lambda: now_s))
+    for _ in range(240):
+        health.report(FaultCode.PINS_LOST, True, "few")
+        health.report(FaultCode.PINS_LOST, False)
+        now_s += 1 / 240
+    now_s += 1.0
+    health.report(FaultCode.PINS_LOST, True, "few")
+    assert caplog.messages == [
+        "PINS_LOST on: few",
+        "PINS_LOST off",
+        "PINS_LOST on: few (and 239 times before)",
+    ]
 
 
 def test_many_threads_leave_a_consistent_set() -> None:
