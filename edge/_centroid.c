@@ -12,7 +12,10 @@
  * Rules
  * - No allocation and no Python object inside the loop; the GIL is released.
  * - Templates are made by the caller, for PHASES x PHASES subpixel offsets, in 16-bit integers, zero outside of
- *   the support circle and in rows of a multiple of LANES. d is orthogonal to 1; tx and ty to 1 and d.
+ *   the support circle, in rows of a multiple of LANES and planes of a multiple of BLOCK. d is orthogonal to 1;
+ *   tx and ty to 1 and d.
+ * - One pass over a window's pixels: nine pins in ten are answered by the first, and all sums cost what the
+ *   pixels' way to the processor does. Divisions are of the pin alone; what is the template's stands in `norms`.
  * - Levels are taken relative to the window's middle, so that all sums are exact integers.
  * - Two pins never answer from one blob: of a pair closer than their clash distance the one that went
  *   further from its prediction is lost.
@@ -22,12 +25,17 @@
 #include <string.h>
 
 #define LANES 8
+#define BLOCK 32 /* planes are padded to a multiple of it: no remainder to do one by one */
+#define PLANE_MAX (((2 * HALF_MAX + 1) * STRIDE_MAX + BLOCK - 1) / BLOCK * BLOCK)
+#define AHEAD 3 /* pins between the one in hand and the one whose window is on its way */
 #define PHASES 4
 #define HALF_MAX 39
 #define STRIDE_MAX 80
 #define STEP_MAX 4095 /* 12 bits; the caller scales the templates so that no sum of 32 bits overflows */
 #define STEPS_MAX 8
-#define NORMS 15
+#define NORMS 22
+#define NEAR (0.75 / PHASES) /* px: a step this short is the last */
+#define FAR 0.35             /* px: the slopes alone are enough for a step this long */
 #define KINDS_MAX 128
 
 /* The wide clone needs the dynamic linker's help, which glibc gives; elsewhere the baseline (NEON on
@@ -54,9 +62,9 @@ typedef struct {
     double sd, stx, sty, s1, su, sv, s2; /* sums over the support: I d, I tx, I ty, I, I u, I v, I^2 */
 } Sums;
 
-INLINE double length(double x, double y) /* hypot without its care for overflow */
+INLINE double square(double x, double y) /* of the length */
 {
-    return sqrt(x * x + y * y);
+    return x * x + y * y;
 }
 
 INLINE int pixel(const Picture *p, Py_ssize_t x, Py_ssize_t y)
@@ -65,16 +73,44 @@ INLINE int pixel(const Picture *p, Py_ssize_t x, Py_ssize_t y)
     return p->bytes == 1 ? row[x] : ((const unsigned short *)row)[x];
 }
 
-/* The rows of a window that lies within an 8-bit image; `stride` is a constant where it is called. */
-INLINE void take_rows(const unsigned char *from, Py_ssize_t row_bytes, int size, int stride, const short *support,
-                      int level, short *window)
+/* The rows of a window that lies within an 8-bit image, one after the other; `stride` is a constant where it is
+ * called, so that a row is two or three moves. */
+INLINE void take_rows(const unsigned char *from, Py_ssize_t row_bytes, int size, int stride, unsigned char *to)
 {
     for (int j = 0; j < size; j++) {
-        for (int i = 0; i < stride; i += LANES) /* whole blocks: no remainder to do one by one */
-            for (int l = 0; l < LANES; l++) window[i + l] = (short)((from[i + l] - level) & -support[i + l]);
+        memcpy(to, from, (size_t)stride);
         from += row_bytes;
-        window += stride;
-        support += stride;
+        to += stride;
+    }
+}
+
+/* The window round (cx, cy) as it lies in an 8-bit image; 0 where it does not lie within it. */
+INLINE int take_bytes(const Picture *p, int cx, int cy, const Kind *k, unsigned char *to)
+{
+    const int size = 2 * k->half + 1;
+    const int x0 = cx - k->half, y0 = cy - k->half;
+    if (p->bytes != 1 || x0 < 0 || y0 < 0 || x0 + k->stride > p->columns || y0 + size > p->rows) return 0;
+    const unsigned char *from = p->data + y0 * p->row_bytes + x0;
+    switch (k->stride) { /* the usual ones, unrolled */
+    case 16: take_rows(from, p->row_bytes, size, 16, to); break;
+    case 24: take_rows(from, p->row_bytes, size, 24, to); break;
+    case 32: take_rows(from, p->row_bytes, size, 32, to); break;
+    default: take_rows(from, p->row_bytes, size, k->stride, to);
+    }
+    return 1;
+}
+
+/* Have the memory bring the window round (x, y): the processor does not guess which rows come next. */
+INLINE void fetch_window(const Picture *p, double x, double y, const Kind *k)
+{
+    if (!(x >= k->half && y >= k->half && x < (double)(p->columns - k->half) && y < (double)(p->rows - k->half - 1)))
+        return;
+    const int size = 2 * k->half + 1;
+    const unsigned char *row =
+        p->data + ((int)(y + 0.5) - k->half) * p->row_bytes + ((int)(x + 0.5) - k->half) * p->bytes;
+    for (int j = 0; j < size; j++, row += p->row_bytes) {
+        __builtin_prefetch(row);
+        __builtin_prefetch(row + size * p->bytes - 1);
     }
 }
 
@@ -85,17 +121,6 @@ INLINE int take_window(const Picture *p, int cx, int cy, const Kind *k, const sh
 {
     const int size = 2 * k->half + 1;
     const int x0 = cx - k->half, y0 = cy - k->half;
-    const int padded = x0 >= 0 && y0 >= 0 && x0 + k->stride <= p->columns && y0 + size <= p->rows;
-    if (padded && p->bytes == 1) {
-        const unsigned char *from = p->data + y0 * p->row_bytes + x0;
-        switch (k->stride) { /* the usual ones, unrolled */
-        case 16: take_rows(from, p->row_bytes, size, 16, support, level, window); break;
-        case 24: take_rows(from, p->row_bytes, size, 24, support, level, window); break;
-        case 32: take_rows(from, p->row_bytes, size, 32, support, level, window); break;
-        default: take_rows(from, p->row_bytes, size, k->stride, support, level, window);
-        }
-        return 1;
-    }
     for (int j = 0; j < size; j++) {
         short *to = window + j * k->stride;
         const short *in = support + j * k->stride;
@@ -107,46 +132,45 @@ INLINE int take_window(const Picture *p, int cx, int cy, const Kind *k, const sh
             to[i] = (short)(step > STEP_MAX ? STEP_MAX : (step < -STEP_MAX ? -STEP_MAX : step));
         }
     }
-    return padded || (x0 >= 0 && y0 >= 0 && x0 + size <= p->columns && y0 + size <= p->rows);
+    return x0 >= 0 && y0 >= 0 && x0 + size <= p->columns && y0 + size <= p->rows;
 }
 
-/* What the step needs of a window, and what the answer needs besides: sums of integer products, which compilers
- * vectorise without being asked. `t` holds d, tx, ty of one phase, `common` support, u, v. */
-INLINE void correlate(const short *restrict w, const short *restrict t, const Kind *k, const double *norms, Sums *s)
+/* All that the answer needs of a window, in one pass: sums of integer products, which compilers vectorise without
+ * being asked. `t` holds d, tx, ty of one phase, `common` support, u, v. `wide`: squares of 12 bits do not fit a
+ * sum of 32. */
+#define SUM_UP(PIXELS, LEVEL, SQUARE)                                                                          \
+    do {                                                                                                       \
+        const short *restrict td = t, *restrict tx = t + n, *restrict ty = tx + n;                             \
+        const short *restrict in = common, *restrict pu = common + n, *restrict pv = pu + n;                   \
+        int d = 0, ex = 0, ey = 0, one = 0, u = 0, v = 0;                                                      \
+        SQUARE w2 = 0;                                                                                         \
+        for (int i = 0; i < n; i++) {                                                                          \
+            const short w = (short)((PIXELS)[i] - (LEVEL)), within = (short)(w * in[i]);                       \
+            d += w * td[i];                                                                                    \
+            ex += w * tx[i];                                                                                   \
+            ey += w * ty[i];                                                                                   \
+            one += w * in[i];                                                                                  \
+            u += w * pu[i];                                                                                    \
+            v += w * pv[i];                                                                                    \
+            w2 += w * within;                                                                                  \
+        }                                                                                                      \
+        *s = (Sums){d * norms[13], ex * norms[14], ey * norms[14], one, u, v, (double)w2};                 \
+    } while (0)
+
+INLINE void sums_of_bytes(const unsigned char *restrict pixels, int level, const short *t, const short *common,
+                          const Kind *k, const double *norms, Sums *s)
 {
-    const int n = (2 * k->half + 1) * k->stride; /* a multiple of LANES */
-    int d = 0, tx = 0, ty = 0;
-    for (int i = 0; i < n; i++) {
-        d += w[i] * t[i];
-        tx += w[i] * t[n + i];
-        ty += w[i] * t[2 * n + i];
-    }
-    s->sd = d * norms[13];
-    s->stx = tx * norms[14];
-    s->sty = ty * norms[14];
+    const int n = (int)(k->step / 3) & -BLOCK; /* it is a multiple */
+    const short low = (short)level;
+    SUM_UP(pixels, low, int);
 }
 
-INLINE void moments(const short *restrict w, const short *restrict common, const Kind *k, int wide, Sums *s)
+INLINE void sums_of_shorts(const short *restrict pixels, int wide, const short *t, const short *common, const Kind *k,
+                           const double *norms, Sums *s)
 {
-    const int n = (2 * k->half + 1) * k->stride;
-    int one = 0, u = 0, v = 0, square = 0;
-    for (int i = 0; i < n; i++) {
-        one += w[i] * common[i];
-        u += w[i] * common[n + i];
-        v += w[i] * common[2 * n + i];
-    }
-    s->s2 = 0;
-    if (wide) { /* squares of 12 bits do not fit a sum of 32 */
-        long long total = 0;
-        for (int i = 0; i < n; i++) total += w[i] * w[i];
-        s->s2 = (double)total;
-    } else {
-        for (int i = 0; i < n; i++) square += w[i] * w[i];
-        s->s2 = square;
-    }
-    s->s1 = one;
-    s->su = u;
-    s->sv = v;
+    const int n = (int)(k->step / 3) & -BLOCK;
+    if (wide) SUM_UP(pixels, 0, long long);
+    else SUM_UP(pixels, 0, int);
 }
 
 typedef struct {
@@ -169,22 +193,23 @@ INLINE int phase_of(double fraction) /* of (-0.5, 0.5] */
  * a straight edge hides in part: the middle moves by about 0.9 radius x m at worst, so a pin hidden by half is off
  * by 1 to 5 of these sigmas; radius x m would be right for it, and would call every pin that is not quite round
  * (m of 0.08 on real tips) uncertain by half a pixel, which it is not. */
-INLINE double sigma_of(double noise_sigma, double rest, double freedom, double energy, double noise, double radius)
+INLINE double sigma_of(double noise_variance, double rest, double freedom, double energy, double noise, double radius)
 {
     const double missing = rest - freedom * (noise + 1.0 / 12.0);
     const double m = missing > 0 && energy > 0 ? missing / energy : 0;
-    return length(noise_sigma, radius * m * m);
+    const double hidden = radius * m * m;
+    return sqrt(noise_variance + hidden * hidden);
 }
 
 /* A pin that the image's border cuts: the same fit over the pixels there are, of 1, d, tx, ty alone. `ex`, `ey`
  * are the step from the phase's centre. 0 where less than a third of the pin's variation is in view. */
-static int fit_cut(const Picture *p, const short *window, const short *common, const short *t, const Kind *k, int cx, int cy,
-                   const double *norms, double noise, Answer *out, double *ex, double *ey)
+static int fit_cut(const Picture *p, const short *window, const short *common, const short *t, const Kind *k, int cx,
+                   int cy, const double *norms, double noise, Answer *out, double *ex, double *ey)
 {
     enum { SIZE = 4 };
     double m[SIZE][SIZE + 1] = {{0}}, energy = 0, sum = 0, seen = 0, inverse_trace = 0;
     const int size = 2 * k->half + 1;
-    const Py_ssize_t plane = (Py_ssize_t)size * k->stride;
+    const Py_ssize_t plane = k->step / 3;
     for (int j = 0; j < size; j++) {
         for (int i = 0; i < size; i++) {
             const Py_ssize_t at = (Py_ssize_t)j * k->stride + i;
@@ -235,32 +260,38 @@ static int fit_cut(const Picture *p, const short *window, const short *common, c
     *ex = answer[2] / answer[1];
     *ey = answer[3] / answer[1];
     out->amplitude = answer[1];
-    out->sigma = sigma_of(sqrt(variance * inverse_trace) / answer[1], rest, seen - SIZE, energy, noise, norms[12]);
+    out->sigma = sigma_of(variance * inverse_trace / (answer[1] * answer[1]), rest, seen - SIZE, energy, noise, norms[12]);
     out->fit = explained / energy;
     return 1;
 }
 
 /* norms of one phase: 0 pixels in the support, 1 sum d^2, 2 sum tx^2, 3 sum ty^2, 4 sum tx u, 5 sum ty v,
  * 6 sum u^2, 7 sum v^2, where u and v are freed of 1 and d by taking off 8, 9 (their means) and 10, 11
- * (their share of d); 12 the radius; 13, 14 what one step of the integers in d and in tx, ty is worth */
+ * (their share of d); 12 the radius; 13, 14 what one step of the integers in d and in tx, ty is worth; 15..18
+ * one over 0..3; 19, 20 one over the determinants of (tx, u) and (ty, v); 21 one over the degrees of freedom */
 INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, const Kind *k, const short *templates,
                      const double *norms)
 {
-    short window[(2 * HALF_MAX + 1) * STRIDE_MAX];
+    short window[PLANE_MAX];
+    unsigned char bytes[PLANE_MAX];
     const short *common = templates + k->first, *phases = common + k->step;
     Answer a = {x, y, NAN, 0, 0};
     const double x0 = x, y0 = y;
-    const double step_max = 0.5 * (k->half > 4 ? k->half - 2 : 2);
+    const double step_max = 0.5 * (k->half > 4 ? k->half - 2 : 2), reach2 = limit->reach * limit->reach;
     if (!isfinite(x) || !isfinite(y)) return a;
     int had_x = -1, had_y = -1;
-    int level = 0, whole = 0;
+    int level = 0, inside = 0, whole = 0;
+    const int plane = (int)(k->step / 3), used = (2 * k->half + 1) * k->stride;
+    memset(window + used, 0, (size_t)(plane - used) * sizeof(short));
+    memset(bytes + used, 0, (size_t)(plane - used));
     for (int turn = 0; turn < STEPS_MAX; turn++) {
         if (x < 0 || y < 0 || x > (double)(p->columns - 1) || y > (double)(p->rows - 1)) return a;
-        const int cx = (int)lround(x), cy = (int)lround(y);
+        const int cx = (int)(x + 0.5), cy = (int)(y + 0.5);
         const int px = phase_of(x - cx), py = phase_of(y - cy);
         if (cx != had_x || cy != had_y) {
             level = pixel(p, cx, cy);
-            whole = take_window(p, cx, cy, k, common, level, limit->shift, window);
+            inside = take_bytes(p, cx, cy, k, bytes);
+            whole = inside || take_window(p, cx, cy, k, common, level, limit->shift, window);
             had_x = cx;
             had_y = cy;
         }
@@ -272,11 +303,11 @@ INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, 
             Answer cut;
             double ex, ey;
             if (!fit_cut(p, window, common, t, k, cx, cy, n, limit->noise, &cut, &ex, &ey)) return a;
-            const double far = length(ex, ey), shorten = far > step_max ? step_max / far : 1;
+            const double far = sqrt(square(ex, ey)), shorten = far > step_max ? step_max / far : 1;
             x = cx + ox + shorten * ex;
             y = cy + oy + shorten * ey;
-            if (length(x - x0, y - y0) > limit->reach) return a;
-            if (far < 0.75 / PHASES || turn == STEPS_MAX - 1) {
+            if (square(x - x0, y - y0) > reach2) return a;
+            if (far < NEAR || turn == STEPS_MAX - 1) {
                 a = cut;
                 a.x = x;
                 a.y = y;
@@ -286,56 +317,55 @@ INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, 
             continue;
         }
         Sums s;
-        correlate(window, t, k, n, &s);
-        const double amplitude = s.sd / n[1];
+        if (inside) sums_of_bytes(bytes, level, t, common, k, n, &s);
+        else sums_of_shorts(window, p->bytes == 2, t, common, k, n, &s);
+        const double amplitude = s.sd * n[16], inverse = 1 / amplitude;
         if (!(amplitude > 0)) return a;
         if (turn < STEPS_MAX - 3) { /* far off: go nearer first, by the slopes alone */
-            const double ex = s.stx / (n[2] * amplitude), ey = s.sty / (n[3] * amplitude), far = length(ex, ey);
-            if (far > 0.35) {
-                const double shorten = far > step_max ? step_max / far : 1;
+            const double ex = s.stx * n[17] * inverse, ey = s.sty * n[18] * inverse, far2 = square(ex, ey);
+            if (far2 > FAR * FAR) {
+                const double shorten = far2 > step_max * step_max ? step_max / sqrt(far2) : 1;
                 x = cx + ox + shorten * ex;
                 y = cy + oy + shorten * ey;
-                if (length(x - x0, y - y0) > limit->reach) return a;
+                if (square(x - x0, y - y0) > reach2) return a;
                 continue;
             }
         }
-        moments(window, common, k, p->bytes == 2, &s);
-        const double mean = s.s1 / n[0];
         const double su = s.su - n[8] * s.s1 - n[10] * s.sd, sv = s.sv - n[9] * s.s1 - n[11] * s.sd;
-        const double energy = s.s2 - mean * s.s1;
+        const double energy = s.s2 - s.s1 * s.s1 * n[15];
         /* The slope of the surroundings and the step, together; then the slope shrunk by how sure it is:
          * where it is within its own noise, leaving it out costs nothing and saves a fifth of the noise. */
-        const double det_x = n[2] * n[6] - n[4] * n[4], det_y = n[3] * n[7] - n[5] * n[5];
-        double gx = (n[2] * su - n[4] * s.stx) / det_x, gy = (n[3] * sv - n[5] * s.sty) / det_y;
-        double ex = (n[6] * s.stx - n[4] * su) / det_x, ey = (n[7] * s.sty - n[5] * sv) / det_y;
-        double rest = energy - s.sd * amplitude - (gx * su + ex * s.stx) - (gy * sv + ey * s.sty);
-        double variance = (rest > 0 ? rest : 0) / (n[0] > 8 ? n[0] - 6 : 2) + 1.0 / 12.0;
-        const double vx = variance * n[2] / det_x, vy = variance * n[3] / det_y;
-        const double sure_x = gx * gx / (4 * vx), sure_y = gy * gy / (4 * vy); /* in units of two sigmas */
-        const double keep_x = sure_x > 1 ? 1 - 1 / sure_x : 0, keep_y = sure_y > 1 ? 1 - 1 / sure_y : 0;
+        double gx = (n[2] * su - n[4] * s.stx) * n[19], gy = (n[3] * sv - n[5] * s.sty) * n[20];
+        double ex = (n[6] * s.stx - n[4] * su) * n[19], ey = (n[7] * s.sty - n[5] * sv) * n[20];
+        const double rest = energy - s.sd * amplitude - (gx * su + ex * s.stx) - (gy * sv + ey * s.sty);
+        const double variance = (rest > 0 ? rest : 0) * n[21] + 1.0 / 12.0;
+        const double two_sigmas2 = 4 * variance;
+        const double limit_x = two_sigmas2 * n[2] * n[19], limit_y = two_sigmas2 * n[3] * n[20];
+        const double keep_x = gx * gx > limit_x ? 1 - limit_x / (gx * gx) : 0;
+        const double keep_y = gy * gy > limit_y ? 1 - limit_y / (gy * gy) : 0;
         /* what a slope of the surroundings explains is no evidence against the disc */
         const double level_energy = energy - gx * su - gy * sv;
         gx *= keep_x;
         gy *= keep_y;
-        ex = (s.stx - n[4] * gx) / n[2];
-        ey = (s.sty - n[5] * gy) / n[3];
-        double dx = ox + cx + ex / amplitude - x, dy = oy + cy + ey / amplitude - y;
-        const double far = length(ex, ey) / amplitude;
-        const double step = length(dx, dy);
-        if (step > step_max) {
-            dx *= step_max / step;
-            dy *= step_max / step;
+        ex = (s.stx - n[4] * gx) * n[17] * inverse;
+        ey = (s.sty - n[5] * gy) * n[18] * inverse;
+        double dx = ox + cx + ex - x, dy = oy + cy + ey - y;
+        const double step2 = square(dx, dy);
+        if (step2 > step_max * step_max) {
+            const double shorten = step_max / sqrt(step2);
+            dx *= shorten;
+            dy *= shorten;
         }
         x += dx;
         y += dy;
-        if (length(x - x0, y - y0) > limit->reach) return a;
-        if (far < 0.75 / PHASES || turn == STEPS_MAX - 1) {
-            const double loss_x = 1 + keep_x * n[4] * n[4] / det_x, loss_y = 1 + keep_y * n[5] * n[5] / det_y;
-            const double spread = 0.5 * (loss_x / n[2] + loss_y / n[3]);
+        if (square(x - x0, y - y0) > reach2) return a;
+        if (square(ex, ey) < NEAR * NEAR || turn == STEPS_MAX - 1) {
+            const double loss_x = 1 + keep_x * n[4] * n[4] * n[19], loss_y = 1 + keep_y * n[5] * n[5] * n[20];
+            const double spread = 0.5 * (loss_x * n[17] + loss_y * n[18]);
             a.x = x;
             a.y = y;
-            a.amplitude = ldexp(amplitude, limit->shift);
-            a.sigma = sigma_of(sqrt(variance * spread) / amplitude, rest, n[0] - 6, level_energy, limit->noise, n[12]);
+            a.amplitude = limit->shift ? ldexp(amplitude, limit->shift) : amplitude;
+            a.sigma = sigma_of(variance * spread * inverse * inverse, rest, n[0] - 6, level_energy, limit->noise, n[12]);
             a.fit = level_energy > 0 ? s.sd * amplitude / level_energy : 0;
             return a;
         }
@@ -370,9 +400,12 @@ WIDE static void follow_all(const Picture *p, const double *predicted, Py_ssize_
                             const Kind *kinds, const short *templates, const double *norms, const Limits *limit,
                             Answer *out)
 {
-    for (Py_ssize_t i = 0; i < n; i++)
+    for (Py_ssize_t i = 0; i < n; i++) {
+        const Py_ssize_t next = i + AHEAD < n ? i + AHEAD : i;
+        fetch_window(p, predicted[2 * next], predicted[2 * next + 1], kinds + kind_of[next]);
         out[i] = follow(p, predicted[2 * i], predicted[2 * i + 1], limit, kinds + kind_of[i], templates,
                         norms + (Py_ssize_t)kind_of[i] * PHASES * PHASES * NORMS);
+    }
 }
 
 static void judge(const double *predicted, Py_ssize_t n, const double *rest_amplitude, const Limits *limit,
@@ -398,15 +431,16 @@ static void judge(const double *predicted, Py_ssize_t n, const double *rest_ampl
         }
         order[j] = who;
     }
+    const double clash2 = limit->clash * limit->clash;
     for (Py_ssize_t i = 0; i < n; i++) {
         Answer *a = out + order[i];
         for (Py_ssize_t j = i + 1; j < n && !isnan(a->x); j++) {
             Answer *b = out + order[j];
             if (isnan(b->x)) continue;
             if (b->x - a->x > limit->clash) break;
-            if (length(b->x - a->x, b->y - a->y) > limit->clash) continue;
+            if (square(b->x - a->x, b->y - a->y) > clash2) continue;
             const double *pa = predicted + 2 * order[i], *pb = predicted + 2 * order[j];
-            Answer *loser = length(a->x - pa[0], a->y - pa[1]) > length(b->x - pb[0], b->y - pb[1]) ? a : b;
+            Answer *loser = square(a->x - pa[0], a->y - pa[1]) > square(b->x - pb[0], b->y - pb[1]) ? a : b;
             loser->x = loser->y = loser->sigma = NAN;
         }
     }
@@ -426,7 +460,7 @@ PyDoc_STRVAR(refine_doc,
              "kind_of         (n,) int32, which of the kinds each pin is\n"
              "kinds           (k, 4) int64: half width, row stride, first template, length of three planes\n"
              "templates       int16: per kind: support, u, v, then per phase d, tx, ty\n"
-             "norms           (k, 16, 15) float64\n"
+             "norms           (k, 16, 22) float64\n"
              "rest_amplitude  (n,) float64\n"
              "limits          (6,) float64: fit_min, amplitude_share, reach_px, clash_px, noise variance of a pixel,\n"
              "                spare bits\n"
@@ -476,7 +510,8 @@ static PyObject *refine(PyObject *self, PyObject *args)
         const long long *row = view[KINDS].buf;
         for (Py_ssize_t i = 0; i < k; i++, row += 4) {
             kinds[i] = (Kind){(int)row[0], (int)row[1], (Py_ssize_t)row[2], (Py_ssize_t)row[3]};
-            const Py_ssize_t need = (Py_ssize_t)(2 * row[0] + 1) * row[1] * 3;
+            const Py_ssize_t plane = (Py_ssize_t)(2 * row[0] + 1) * row[1];
+            const Py_ssize_t need = (plane + BLOCK - 1) / BLOCK * BLOCK * 3;
             if (row[0] < 1 || row[0] > HALF_MAX || row[1] % LANES || row[1] < 2 * row[0] + 1 || row[1] > STRIDE_MAX ||
                 row[2] < 0 || row[3] != need || (row[2] + row[3] * (PHASES * PHASES + 1)) * 2 > view[TEMPLATES].len) {
                 complain("refine: a template that does not fit its table");

@@ -24,6 +24,7 @@ from edge.types import Array, Image, Pins, Rest
 
 PHASES = 4
 _LANES = 8
+_BLOCK = 32  # as in _centroid.c: planes are padded to a multiple of it
 _HALF_MAX = 39
 _STEP_MAX = 4095  # a pixel against the window's middle, grey levels; brighter images lose their last bits
 _GAIN_MAX = 2.5  # how much brighter than at rest the pins may become before they saturate
@@ -100,7 +101,7 @@ class Refiner:
 def _tables(
     radii: tuple[float, ...], edge_px: float, pitch_px: float
 ) -> tuple[NDArray[np.int64], Shorts, Array]:
-    """Kinds (k, 4) int64, templates int16 and norms (k, 16, 15) as `_centroid.refine` wants them."""
+    """Kinds (k, 4) int64, templates int16 and norms (k, 16, 22) as `_centroid.refine` wants them."""
     kinds, parts, norms = [], [], []
     first = 0
     for radius in radii:
@@ -114,7 +115,7 @@ def _tables(
 
 @lru_cache(maxsize=64)
 def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int, Shorts, Array]:
-    """Half width, row stride, planes (17, 3, rows, stride) and norms (16, 15) of one radius.
+    """Half width, row stride, planes (17, 3, rows * stride, padded) and norms (16, 22) of one radius.
 
     The first three planes are the support and the columns and rows in it; then for each phase the disc freed
     of a constant, and its slopes in x and y freed of both.
@@ -145,9 +146,13 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int
         _dot(columns, d) / _dot(d, d), _dot(rows, d) / _dot(d, d),
         radius, 1.0 / scale[0], 1.0 / scale[1],
     ]  # fmt: skip
-    planes = np.zeros((PHASES * PHASES + 1, 3, size, stride), np.int16)
-    planes[0, :, :, :size] = np.stack([one[0], columns * one[0], rows * one[0]])
-    planes[1:, :, :, :size] = np.rint(np.stack([d * scale[0], tx * scale[1], ty * scale[1]], axis=1))
+    pixels, _, tx2, ty2, tx_u, ty_v, u2, v2 = map(np.asarray, norm[:8])
+    divisors = (*norm[:4], tx2 * u2 - tx_u**2, ty2 * v2 - ty_v**2, np.where(pixels > 8, pixels - 6, 2))
+    norm += [1.0 / divisor for divisor in divisors]
+    planes = np.zeros((PHASES * PHASES + 1, 3, -(-size * stride // _BLOCK) * _BLOCK), np.int16)
+    rows_of = planes[:, :, : size * stride].reshape(-1, 3, size, stride)[..., :size]
+    rows_of[0] = np.stack([one[0], columns * one[0], rows * one[0]])
+    rows_of[1:] = np.rint(np.stack([d * scale[0], tx * scale[1], ty * scale[1]], axis=1))
     columns_of_norms = [
         np.broadcast_to(np.asarray(value, np.float64).ravel(), PHASES * PHASES) for value in norm
     ]
