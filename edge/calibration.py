@@ -52,7 +52,6 @@ MODES = tuple(f"c{a}{d - a}" for d in range(6) for a in range(d, -1, -1))  # as 
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Point = tuple[float, float]
-Row = tuple[float, ...]
 
 #: Value names a model may have as output, and what an untouched tip reads.
 UNTOUCHED: dict[str, float] = {
@@ -166,64 +165,73 @@ def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPatte
     x0, y0 = pattern.centre_img.tolist()
     shear = math.nan if features.shear_px is None else complex(*features.shear_px.tolist())
     r = pattern.tip_radius_px
-    return np.array([complex((x - x0) / r, (y - y0) / r), contact.peak, shear / r])
+    return np.array([complex((x - x0) / r, (y - y0) / r), contact.peak, shear / r], dtype=np.complex128)
 
 
-class _Curve:
-    """A curve ready to run."""
-
-    def __init__(self, model: Curve, inputs: Sequence[str], where: str) -> None:
-        self.outputs: tuple[str, ...] = (model.output,)
-        self._column = int(term_columns([[model.input]], inputs, where)[0, 0])
-        knots = np.array(model.knots, dtype=np.float64).reshape(-1, 2)
-        if len(knots) < 2 or not np.all(np.isfinite(knots)):
-            raise CalibrationError(f"{where}.knots: at least two finite points are needed")
-        if np.any(np.diff(knots[:, 0]) <= 0):
-            raise CalibrationError(f"{where}.knots: inputs must increase from knot to knot")
-        slopes = np.diff(knots[:, 1])
-        if np.any(slopes < 0) and np.any(slopes > 0):
-            raise CalibrationError(f"{where}.knots: outputs must rise or fall all the way (monotone)")
-        self._x, self._y = knots[:, 0].copy(), knots[:, 1].copy()
-        self.sigma = (float(model.sigma),)
-
-    def run(self, z: Complex) -> tuple[Row, Row, tuple[bool, ...]]:
-        """Value, sigma, and whether the input lies outside of the calibrated range."""
-        x = float(z[self._column].real)
-        outside = not self._x[0] <= x <= self._x[-1]
-        return (float(np.interp(x, self._x, self._y)),), self.sigma, (outside,)
+def _curve(model: Curve, inputs: Sequence[str], where: str) -> tuple[int, Array, float]:
+    """A curve as `edge._moments` takes it."""
+    column = int(term_columns([[model.input]], inputs, where)[0, 0])
+    knots = np.array(model.knots, dtype=np.float64).reshape(-1, 2)
+    if len(knots) < 2 or not np.all(np.isfinite(knots)):
+        raise CalibrationError(f"{where}.knots: at least two finite points are needed")
+    if np.any(np.diff(knots[:, 0]) <= 0):
+        raise CalibrationError(f"{where}.knots: inputs must increase from knot to knot")
+    slopes = np.diff(knots[:, 1])
+    if np.any(slopes < 0) and np.any(slopes > 0):
+        raise CalibrationError(f"{where}.knots: outputs must rise or fall all the way (monotone)")
+    return column, knots, float(model.sigma)
 
 
-class _Moments:
-    """A polynomial ready to run."""
+def _polynomial(
+    model: Moments, inputs: Sequence[str], where: str
+) -> tuple[NDArray[np.int32], Array, Array, Array, Array]:
+    """A polynomial as `edge._moments` takes it."""
+    n_out, n_terms = len(model.outputs), len(model.terms)
+    if n_out not in (1, 2):
+        raise CalibrationError(f"{where}.outputs: one name, or two for x and y")
+    terms = term_columns(model.terms, inputs, where).astype(np.int32)
+    weights = _complex_rows([model.weights], n_terms, f"{where}.weights").view(np.float64)
+    valid = np.array(model.valid, dtype=np.float64).reshape(-1, 2)
+    if len(valid) != n_out or not np.all(valid[:, 0] <= valid[:, 1]):
+        raise CalibrationError(f"{where}.valid: one range [low, high] for each of {n_out} outputs is needed")
+    if len(model.sigma) != n_out:
+        raise CalibrationError(f"{where}.sigma: one for each of {n_out} outputs is needed")
+    spread = _complex_rows(model.spread, n_terms, f"{where}.spread").view(np.float64)
+    return terms, weights, spread, valid, np.array(model.sigma, dtype=np.float64)
 
-    def __init__(self, model: Moments, inputs: Sequence[str], where: str) -> None:
-        self.outputs: tuple[str, ...] = tuple(model.outputs)
-        n_out, n_terms = len(model.outputs), len(model.terms)
-        if n_out not in (1, 2):
-            raise CalibrationError(f"{where}.outputs: one name, or two for x and y")
-        self._terms = term_columns(model.terms, inputs, where).astype(np.int32)
-        self._weights = _complex_rows([model.weights], n_terms, f"{where}.weights").view(np.float64)
-        valid = np.array(model.valid, dtype=np.float64).reshape(-1, 2)
-        if len(valid) != n_out or not np.all(valid[:, 0] <= valid[:, 1]):
-            raise CalibrationError(
-                f"{where}.valid: one range [low, high] for each of {n_out} outputs is needed"
-            )
-        if len(model.sigma) != n_out:
-            raise CalibrationError(f"{where}.sigma: one for each of {n_out} outputs is needed")
-        self._valid = [(float(low), float(high)) for low, high in valid]
-        self.sigma = tuple(map(float, model.sigma))
-        self._spread = _complex_rows(model.spread, n_terms, f"{where}.spread").view(np.float64)
-        self._scratch = np.empty(2 * n_terms)
 
-    def run(self, z: Complex) -> tuple[Row, Row, tuple[bool, ...]]:
-        """Values, sigmas, and whether each lies outside of the calibrated range."""
-        *values, away = _moments.run(
-            z.view(np.float64), self._terms, self._weights, self._spread, self._scratch
-        )
-        widened = math.sqrt(1.0 + away)
-        within = tuple(min(max(y, low), high) for y, (low, high) in zip(values, self._valid, strict=False))
-        outside = tuple(y < low or y > high for y, (low, high) in zip(values, self._valid, strict=False))
-        return within, tuple(s * widened for s in self.sigma), outside
+class _Models:
+    """The models that share their inputs, ready to run.
+
+    outputs  names, in the file's order
+    sigmas   each output's, near the data
+    """
+
+    def __init__(self, models: Sequence[tuple[Curve | Moments, str]], inputs: Sequence[str]) -> None:
+        ready: list[_moments.Curve | _moments.Polynomial] = []
+        outputs: list[str] = []
+        sigmas: list[float] = []
+        for model, where in models:
+            if isinstance(model, Curve):
+                ready.append(_curve(model, inputs, where))
+                outputs.append(model.output)
+                sigmas.append(float(model.sigma))
+            else:
+                ready.append(_polynomial(model, inputs, where))
+                outputs += model.outputs
+                sigmas += map(float, model.sigma)
+        self.outputs, self.sigmas = tuple(outputs), tuple(sigmas)
+        self._models = _moments.Models(len(inputs), tuple(ready))
+
+    def run(self, z: Complex) -> Array:
+        """Value, sigma, and 1 where out of range, else 0.
+
+        z        (rows, inputs) complex128
+        Returns  (rows, outputs, 3)
+        """
+        out = np.empty((len(z), len(self.outputs), 3))
+        self._models.run(z.view(np.float64), out)
+        return out
 
 
 def term_columns(terms: list[list[str]], inputs: Sequence[str], where: str) -> NDArray[np.intp]:
@@ -284,8 +292,8 @@ class Calibration:
         self.content_id = int.from_bytes(hashlib.sha256(msgspec.json.encode(content)).digest()[:4], "little")
         self.mm_per_px = content.mm_per_px
         self.rest = _rest(content.sensor, f"{where}: sensor")
-        self._frame: list[_Curve | _Moments] = []
-        self._contact: list[_Curve | _Moments] = []
+        of_frame: list[tuple[Curve | Moments, str]] = []
+        of_contact: list[tuple[Curve | Moments, str]] = []
         seen: set[str] = set()
         for i, model in enumerate(content.models):
             at = f"{where}: models[{i}]"
@@ -298,9 +306,12 @@ class Calibration:
                 if name in seen:
                     raise CalibrationError(f"{at}: a second model for '{name}'")
                 seen.add(name)
-            inputs = CONTACT_INPUTS if per_contact else FRAME_INPUTS
-            ready = _Curve(model, inputs, at) if isinstance(model, Curve) else _Moments(model, inputs, at)
-            (self._contact if per_contact else self._frame).append(ready)
+            (of_contact if per_contact else of_frame).append((model, at))
+        self._frame = _Models(of_frame, FRAME_INPUTS)
+        self._contact = _Models(of_contact, CONTACT_INPUTS)
+        self._columns = [CONTACT_OUTPUTS.index(name) for name in self._contact.outputs]
+        self._untouched = {name: UNTOUCHED[name] for name in self._frame.outputs}
+        self._untouched_sigmas = dict(zip(self._frame.outputs, self._frame.sigmas, strict=True))
         self.outputs = frozenset(seen)
 
     @classmethod
@@ -334,31 +345,28 @@ class Calibration:
         pattern     of the running tip; gives the place and size of the tip's circle
         interval_s  time since the frame before this one; None: not known, no speed can be given
         """
-        values: dict[str, float] = {}
-        sigmas: dict[str, float] = {}
-        saturated: set[str] = set()
+        saturated: frozenset[str] = frozenset()
         if features.touched:
-            for name, value, sigma, outside in self.frame_values(
-                frame_inputs(features, pattern.tip_radius_px)
-            ):
-                values[name], sigmas[name] = value, sigma
-                if outside and math.isfinite(value):
-                    saturated.add(name)
+            rows = self._frame.run(frame_inputs(features, pattern.tip_radius_px)[None])[0]
+            ys, spreads, outside = rows.T.tolist()
+            names = self._frame.outputs
+            values, sigmas = dict(zip(names, ys, strict=True)), dict(zip(names, spreads, strict=True))
+            if any(outside):
+                beyond = zip(names, ys, outside, strict=True)
+                saturated = frozenset(name for name, y, out in beyond if out and math.isfinite(y))
         else:
-            for model in self._frame:
-                for name, spread in zip(model.outputs, model.sigma, strict=True):
-                    values[name], sigmas[name] = UNTOUCHED[name], spread
+            values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
         self._derive(features, values, sigmas, interval_s)
         contacts = self._places(features, pattern)
         if len(contacts) == 1 and "displacement_mm" in values:
             contacts[0, 2] = values["displacement_mm"]
-        return Reading(values, sigmas, contacts, frozenset(saturated), calibrated=True)
+        return Reading(values, sigmas, contacts, saturated, calibrated=True)
 
     def frame_values(self, z: Complex) -> Iterator[tuple[str, float, float, bool]]:
         """Name, value, sigma and whether out of range, of every output, from `frame_inputs`."""
-        for model in self._frame:
-            y, sigma, outside = model.run(z)
-            yield from zip(model.outputs, y, sigma, outside, strict=True)
+        rows = self._frame.run(z[None])[0].tolist()
+        for name, (y, sigma, outside) in zip(self._frame.outputs, rows, strict=True):
+            yield name, y, sigma, bool(outside)
 
     def _derive(
         self,
@@ -392,20 +400,23 @@ class Calibration:
                 values["slip_speed_mm_s"] = features.slip_px * scale / interval_s
 
     def _places(self, features: Features, pattern: PinPattern) -> Array:
-        contacts = features.contacts or ()
+        contacts = features.contacts
+        if not contacts:
+            return np.empty((0, 3))
         places = np.full((len(contacts), 3), np.nan)
-        for row, contact in zip(places, contacts, strict=True):
-            if self.mm_per_px is not None:
+        if self.mm_per_px is not None:
+            for row, contact in zip(places, contacts, strict=True):
                 row[:2] = (contact.xy_img - pattern.centre_img) * self.mm_per_px
-            for name, value, _ in self.contact_values(contact_inputs(contact, features, pattern)):
-                row[CONTACT_OUTPUTS.index(name)] = value
+        if self._columns:
+            z = np.array([contact_inputs(contact, features, pattern) for contact in contacts])
+            places[:, self._columns] = self._contact.run(z)[:, :, 0]
         return places
 
     def contact_values(self, z: Complex) -> Iterator[tuple[str, float, float]]:
         """Name, value and sigma of every output of one contact, from `contact_inputs`."""
-        for model in self._contact:
-            y, sigma, _ = model.run(z)
-            yield from zip(model.outputs, y, sigma, strict=True)
+        rows = self._contact.run(z[None])[0].tolist()
+        for name, (y, sigma, _) in zip(self._contact.outputs, rows, strict=True):
+            yield name, y, sigma
 
 
 def uncalibrated(features: Features | None = None) -> Reading:

@@ -16,7 +16,15 @@ import pytest
 
 from calib.fit import tip_of
 from calib.sim import Camera, Simulator, Tip
-from edge.calibration import Calibration, frame_inputs, uncalibrated
+from edge._moments import Models
+from edge.calibration import (
+    Calibration,
+    Moments,
+    evaluate_terms,
+    frame_inputs,
+    term_columns,
+    uncalibrated,
+)
 from edge.errors import CalibrationError
 from edge.pins import take_rest
 from edge.pipeline import in_order_of
@@ -295,3 +303,60 @@ def test_a_kill_while_writing_leaves_a_whole_file(tmp_path: Path) -> None:
             assert Calibration.load(path).content == made.content
         os.kill(process.pid, signal.SIGKILL)
     assert Calibration.load(path).content == made.content
+
+
+def test_all_models_in_one_call_are_each_model_in_numpy() -> None:
+    """Curves by `numpy.interp`, polynomials by `evaluate_terms`; far out, NaN and several rows included."""
+    table = content()
+    table["models"][0]["knots"] = [[-0.3, 5.0], [0.0, 4.0], [0.1, 2.0], [0.4, -1.0]]
+    model = parse(table).content.models[1]
+    assert isinstance(model, Moments)
+    rng = np.random.default_rng(3)
+    z = rng.normal(0.0, 0.2, (200, 2)) + 1j * rng.normal(0.0, 0.2, (200, 2))
+    z[7, 0] = np.nan
+    terms = term_columns(model.terms, ("volume", "shear"), "test")
+    knots = np.array(table["models"][0]["knots"])
+    spread = np.array(model.spread) @ (1, 1j)
+    out = np.empty((200, 3, 3))
+    polynomial = (
+        terms.astype(np.int32),
+        np.array(model.weights),
+        np.array(model.spread),
+        np.array(model.valid),
+        np.array(model.sigma),
+    )
+    Models(2, ((0, knots, 0.02), polynomial)).run(z.view(np.float64), out)
+    psi = evaluate_terms(z, terms)
+    y = psi @ (np.array(model.weights) @ (1, 1j))
+    away = (np.abs(psi @ spread.T) ** 2).sum(axis=1)
+    np.testing.assert_allclose(out[:, 0, 0], np.interp(z[:, 0].real, *knots.T), rtol=1e-13)
+    assert np.isnan(out[7, :, 0]).all()
+    for i, part in enumerate((y.real, y.imag)):
+        np.testing.assert_allclose(out[:, 1 + i, 0], np.clip(part, -2.0, 2.0), rtol=1e-12)
+        np.testing.assert_allclose(out[:, 1 + i, 1], model.sigma[i] * np.sqrt(1.0 + away), rtol=1e-12)
+        np.testing.assert_array_equal(out[:, 1 + i, 2], np.abs(part) > 2.0)
+    x = z[:, 0].real
+    np.testing.assert_array_equal(out[:, 0, 2], ~((x >= -0.3) & (x <= 0.4)))
+    assert 0 < np.count_nonzero(out[:, 1, 2]) < 200
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        (0, np.zeros((1, 2)), 0.1),
+        (9, np.zeros((2, 2)), 0.1),
+        (0, np.zeros((2, 2), dtype=np.float32), 0.1),
+        (np.full((1, 1), 9, np.int32), np.zeros(2), np.zeros((0, 2)), np.zeros(2), np.zeros(1)),
+        (np.zeros((1, 1), np.int32), np.zeros(2), np.zeros((1, 3)), np.zeros(2), np.zeros(1)),
+        (np.zeros((1, 1), np.int32), np.zeros(2), np.zeros((0, 2)), np.zeros(6), np.zeros(3)),
+        (np.zeros((3, 1), np.int32), np.zeros(4), np.zeros((0, 2)), np.zeros(2), np.zeros(1)),
+    ],
+)
+def test_models_that_do_not_fit_their_tables_are_refused(model: Any) -> None:
+    with pytest.raises(ValueError, match=r"curve|polynomial|term|items|input"):
+        Models(2, (model,))
+    sound = Models(2, ((0, np.array([[0.0, 0.0], [1.0, 1.0]]), 0.1),))
+    with pytest.raises(ValueError, match=r"run|items"):
+        sound.run(np.zeros(3), np.zeros((1, 1, 3)))
+    with pytest.raises(ValueError, match="items"):
+        sound.run(np.zeros((1, 4)), np.zeros((1, 1, 2)))
