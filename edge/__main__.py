@@ -56,17 +56,19 @@ def view_options(command: Callable[..., None]) -> Callable[..., None]:
         ),
         click.option(
             "--view-token",
-            metavar="[TOKEN]",
-            is_flag=False,
-            flag_value="auto",
-            help="Let the page tare and record, with this token; without a value one is made.",
+            metavar="TOKEN|auto",
+            help="Let the page tare and record, with this token of 8 characters or more; auto makes one.",
+        ),
+        click.option(
+            "--view-at",
+            metavar="HOST:PORT",
+            help="Serve the live page there; beyond this machine only with a token.",
         ),
         click.option(
             "--view",
-            metavar="[HOST:PORT]",
-            is_flag=False,
-            flag_value="127.0.0.1:8765",
-            help="Serve a live page, by default at 127.0.0.1:8765; beyond this machine only with a token.",
+            "view_here",
+            is_flag=True,
+            help="Serve a live page at 127.0.0.1:8765, or where --view-at says.",
         ),
     ):
         command = option(command)
@@ -114,7 +116,8 @@ def run(
     frames_max: int | None,
     quiet: bool,
     as_json: bool,
-    view: str | None,
+    view_here: bool,
+    view_at: str | None,
     view_token: str | None,
     recordings: Path | None,
 ) -> None:
@@ -138,8 +141,9 @@ def run(
             gain=s.gain,
         )
         stack.callback(source.close)
-        app = _app(stack, source, config, sink_specs, calibration_path, record_path)
-        _serve(stack, app, config, view, view_token, recordings)
+        app = _app(stack, source, config, sink_specs, calibration_path)
+        view = view_at or ("" if view_here else None)
+        _aside(stack, app, config, record_path, view, view_token, recordings)
         _finish(app.run(frames_max), app, as_json, quiet)
 
 
@@ -172,7 +176,8 @@ def replay(
     samples: bool,
     quiet: bool,
     as_json: bool,
-    view: str | None,
+    view_here: bool,
+    view_at: str | None,
     view_token: str | None,
     recordings: Path | None,
 ) -> None:
@@ -196,8 +201,9 @@ def replay(
 
             source = Paced(source, speed=factor, loop=loop)
         stack.callback(source.close)
-        app = _app(stack, source, config, sink_specs, calibration_path, record_path)
-        _serve(stack, app, config, view, view_token, recordings)
+        app = _app(stack, source, config, sink_specs, calibration_path)
+        view = view_at or ("" if view_here else None)
+        _aside(stack, app, config, record_path, view, view_token, recordings)
         summary = Summary()
         app.watchers.append(summary.add)
         if samples:
@@ -359,7 +365,6 @@ def _app(
     config: Config,
     sink_specs: Sequence[str],
     calibration_path: Path | None,
-    record_path: Path | None,
 ) -> App:
     """The app with everything that the options ask for; the stack closes it all."""
     from edge.app import App
@@ -420,42 +425,42 @@ def _app(
             app.sinks.append(node)
         else:
             app.sinks.append(sink)
-    if record_path is not None:
-        from edge.recording import Recorder
-
-        recorder = Recorder(record_path, tip={"serial": config.sensor.serial}, rate_hz=source.rate_hz)
-        stack.callback(recorder.close)
-        if calibration is not None:
-            recorder.attach("calibration.json", calibration.encoded)
-        app.recorder = recorder
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: app.stop())
     return app
 
 
-def _serve(
-    stack: ExitStack, app: App, config: Config, view: str | None, token: str | None, recordings: Path | None
+def _aside(
+    stack: ExitStack,
+    app: App,
+    config: Config,
+    record: Path | None,
+    view: str | None,
+    token: str | None,
+    recordings: Path | None,
 ) -> None:
-    """The live page, where one is asked for."""
-    if view is None:
-        if token is not None:
-            raise UsageError("--view-token: there is no page; give --view too")
+    """Recorder and live page, where they are asked for.
+
+    view  HOST:PORT; "": the default; None: no page
+    """
+    if view is None and token is not None:
+        raise UsageError("--view-token: there is no page; give --view too")
+    if view is None and record is None:
         return
+    from edge.aside import Aside
     from hostlink.web import WebError, parse_listen
 
     try:
-        listen = parse_listen(view, token)
+        listen = None if view is None else parse_listen(view, token)
     except WebError as error:
         raise UsageError(str(error)) from None
-    from edge.view import View
-
     if recordings is None:
         recordings = Path(config.state.directory) / "recordings" if config.state.directory else Path(".")
-    page = View(app, listen, recordings, {"serial": config.sensor.serial})
-    page.start()
-    stack.callback(page.close)
-    app.watchers.append(page.watch)
-    click.echo(f"live page: {page.server.url}", err=True)
+    aside = Aside(app, listen, record, recordings, {"serial": config.sensor.serial})
+    stack.callback(aside.close)
+    aside.start()
+    if listen is not None:
+        click.echo(f"live page: {aside.url}", err=True)
 
 
 def _detail(node: Node) -> Callable[[Result, State], None]:

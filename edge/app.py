@@ -25,16 +25,14 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
-from dataclasses import asdict, replace
-from functools import partial
+from dataclasses import replace
 from math import nan
 from threading import Event
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from edge.calibration import Calibration
-from edge.draw.palette import cell_rgba
 from edge.drift import LIMIT_PX, Drift
 from edge.errors import CalibrationError, EdgeError, NoPins, SourceError
 from edge.faults import LOAD_PITCHES, NO_CALIBRATION, Faults
@@ -43,13 +41,9 @@ from edge.notify import Notifier
 from edge.pack import to_state
 from edge.pipeline import Pipeline, Result, tare
 from edge.statistics import Ring, Statistics
-from edge.tessellate import cell_polygons
 from edge.transport import Sink
 from edge.types import Clock, Feature, Frame, FrameSource, Reading
-from hostlink.wire import FaultCode, State, Status, pack_state, unpack_state
-
-if TYPE_CHECKING:
-    from edge.recording import Recorder
+from hostlink.wire import FaultCode, State, Status
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -67,6 +61,24 @@ _NOTHING = np.empty((0, 3))
 
 #: Somebody who wants to see results: viewer, detail stream, summary. Must return at once.
 Watcher = Callable[[Result, State], None]
+
+
+class Recording(Protocol):
+    """A recorder as the loop sees it. Must return at once.
+
+    fault      why nothing is recorded any more
+    dropped_n  messages that were lost, because the disk is too slow
+    """
+
+    @property
+    def fault(self) -> str | None: ...
+
+    @property
+    def dropped_n(self) -> int: ...
+
+    def take(self, frame: Frame, result: Result | None, state: State) -> None: ...
+
+    def event(self, level: str, text: str) -> None: ...
 
 
 class App:
@@ -107,7 +119,8 @@ class App:
         self.demand = demand
         self.health = health or Health()
         self.watchers: list[Watcher] = []
-        self.recorder: Recorder | None = None
+        self.turns: list[Callable[[], None]] = []
+        self.recorder: Recording | None = None
         self.pipeline: Pipeline | None = None
         self.drift: Drift | None = None
         self.last: Result | None = None
@@ -208,7 +221,7 @@ class App:
         if self.pipeline is not None:
             self.pipeline.demand = self.demand | self._shown
 
-    def set_recorder(self, recorder: Recorder | None) -> Recorder | None:
+    def set_recorder(self, recorder: Recording | None) -> Recording | None:
         """Record from the next frame on, or no more; the recorder until now, for the caller to close."""
         before, self.recorder = self.recorder, recorder
         return before
@@ -240,6 +253,7 @@ class App:
                     self._idle()
                 else:
                     self.step(frame)
+                self._end_turn()
                 if self._stop.is_set() or self._statistics.frames_n == frames_max:
                     break
             if self.pipeline is None and self._taring is not None and not self._stop.is_set():
@@ -305,8 +319,6 @@ class App:
         self._faults.camera()
         self.frame = frame
         self._faults.image(frame)
-        if self.recorder is not None:
-            self._to_recorder(lambda recorder: recorder.frame(frame))
         self._begun_ns = begun_ns
         result = self._measure_safely(frame)
         self._begun_ns = None
@@ -315,9 +327,10 @@ class App:
         ours = frame.clock in (Clock.HOST, Clock.DRIVER) and 0 <= begun_ns - frame.capture_ns < LATE_NS
         since_ns = frame.capture_ns if ours else begun_ns
         state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)
+        self._latency_us.add((self._clock_ns() - since_ns) / 1e3)
         self._notifier.frame()
         if self.recorder is not None:
-            self._to_recorder(lambda recorder: self._record(recorder, frame, result, state))
+            self._take(self.recorder, frame, result, state)
         if result is not None:
             self.last = result
             for watch in list(self.watchers):
@@ -330,7 +343,6 @@ class App:
             self._garbage_due_ns = begun_ns + round(GARBAGE_S * 1e9)
             gc.collect()  # after the sample has left; what start-up made is frozen and not looked at
         self._compute_us.add((computed_ns - begun_ns) / 1e3)
-        self._latency_us.add((self._clock_ns() - since_ns) / 1e3)
         return state
 
     def _send(self, result: Result | None, capture_ns: int, latency_us: float) -> State:
@@ -349,11 +361,19 @@ class App:
             self._statistics.sent_n += sink.send(state)
         return state
 
-    def _to_recorder(self, put: Callable[[Recorder], object]) -> None:
+    def _end_turn(self) -> None:
+        """Tell whoever looks at every turn, with an image or without; who fails is told no more."""
+        for turn in list(self.turns):
+            try:
+                turn()
+            except Exception:
+                log.exception("a viewer failed and is not told any more")
+                self.turns.remove(turn)
+
+    def _take(self, recorder: Recording, frame: Frame, result: Result | None, state: State) -> None:
         """A recorder that fails loses its recording, never the loop."""
-        assert self.recorder is not None
         try:
-            put(self.recorder)
+            recorder.take(frame, result, state)
         except Exception as error:
             log.exception("recording ends here")
             self.recorder = None
@@ -372,22 +392,6 @@ class App:
             until_s = now_s + SLOW_DISK_S
         self._recording = ("", recorder.dropped_n, until_s)
         return "recording: the disk is too slow" if now_s < until_s else ""
-
-    @staticmethod
-    def _record(recorder: Recorder, frame: Frame, result: Result | None, state: State) -> None:
-        """References for the recorder's thread, which does the rest."""
-        if result is not None:
-            cells, features = result.cells, result.features
-            recorder.pins(frame, result.tracks, features)
-            if cells is not None and features is not None:
-                recorder.cells(
-                    frame, cells, lambda: cell_polygons(cells), lambda: cell_rgba(features.area_change)
-                )
-                recorder.features(frame, features)
-            recorder.reading(frame, result.reading)
-        # As the wire has it, rounded and saturated: what a recording says is what a host was told.
-        payload = partial(pack_state, state, state.sample)
-        recorder.sample(frame, lambda: asdict(unpack_state(payload())), payload)
 
     def _note(self, code: FaultCode, active: bool, words: str) -> None:
         """A fault came or went: a line in the recording."""

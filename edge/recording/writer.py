@@ -241,6 +241,11 @@ class Recorder:
             ]
         )
 
+    def lose(self, messages_n: int) -> None:
+        """Messages were lost on their way here: they count, and the gap is written into the file."""
+        with self._wake:
+            self.dropped_n += messages_n
+
     def attach(self, name: str, data: bytes, media_type: str = "application/json") -> None:
         """Store a file inside of the recording: calibration, configuration."""
         now = self._now_ns() if self._learn else self._last_log_ns

@@ -22,10 +22,8 @@ from hostlink.web import WebError, parse_listen
 )
 @click.option(
     "--token",
-    metavar="[TOKEN]",
-    is_flag=False,
-    flag_value="auto",
-    help="Let the page tare, with this token; without a value one is made.",
+    metavar="TOKEN|auto",
+    help="Let the page tare, with this token of 8 characters or more; auto makes one.",
 )
 @click.option(
     "--hand", default="1,2,3,4,5", show_default=True, help="Node numbers from thumb to little finger."

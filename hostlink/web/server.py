@@ -8,7 +8,6 @@ Rules
 - A viewer says what it got; two packets at most are under way to it. What it is too slow for it never gets:
   the next one is the newest. One that has not answered for `PATIENCE_S` is cut off. So a viewer costs two
   packets of memory, whatever it does.
-- What connections leave behind is collected here where automatic collection is switched off.
 - More than `VIEWERS_MAX` are sent away with a word, so that the cost of all of them is bounded.
 - Files come from memory, from a fixed table: no path reaches the file system.
 - Names that do not belong to this server (DNS rebinding) and pages of others (`Origin`) are refused.
@@ -17,7 +16,6 @@ Rules
 from __future__ import annotations
 
 import asyncio
-import gc
 import json
 import logging
 import threading
@@ -46,7 +44,6 @@ UNDER_WAY = 2  # one being drawn, one on its way: 30 Hz over a line with up to 6
 PATIENCE_S = 5.0
 VIEWERS_MAX = 16  # 16 viewers cost the server's thread 2 % of a core
 MESSAGE_MAX = 4096  # bytes; what viewers say is short
-TIDY_S = 2.0  # after a viewer left; many that leave at once cost one collection
 SLOW_TOKEN_S = 0.5  # a wrong token is answered this late: guessing takes for ever
 
 _TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
@@ -135,7 +132,6 @@ class PageServer:
         self._thread: threading.Thread | None = None
         self._stop: asyncio.Event | None = None
         self._watched: asyncio.Event | None = None
-        self._tidying: asyncio.TimerHandle | None = None
 
     @property
     def url(self) -> str:
@@ -251,7 +247,6 @@ class PageServer:
                 await socket.close(code=4401, message=b"the token is missing or wrong")
         finally:
             self._places_taken_n -= 1
-            self._tidy_later()
         return socket
 
     async def _attend(self, viewer: _Viewer) -> None:
@@ -267,15 +262,6 @@ class PageServer:
             feeder.cancel()
             self._viewers.discard(viewer)
             self._tell_wants()
-
-    def _tidy_later(self) -> None:
-        """Sockets and their tasks refer to each other in circles, which only the collector undoes."""
-        if self._tidying is None and self._loop is not None and not gc.isenabled():
-            self._tidying = self._loop.call_later(TIDY_S, self._tidy)
-
-    def _tidy(self) -> None:
-        self._tidying = None
-        gc.collect()  # what was there at the start is frozen: 0.5 ms after 16 viewers left
 
     async def _admit(self, viewer: _Viewer) -> bool:
         """Read the first message, {"token": ..., "want": [...]}, and answer with the greeting."""

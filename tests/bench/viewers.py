@@ -2,15 +2,17 @@
 
     python -m tests.bench viewers --seconds 10 --rounds 3
 
-One process runs the app at a camera's rate with its page; the viewers are another process, as browsers are.
-Phases alternate with phases where nobody watches, round after round, so that what else the machine does
-falls on all alike. Compute is from taking a frame in hand to the sample's hand-over; memory is this process'
-resident set after a collection.
+One process runs the app at a camera's rate, its page is served by the second process (`edge.aside`), and the
+viewers are a third one, as browsers are. Phases alternate with phases where nobody watches, round after
+round, so that what else the machine does falls on all alike. Times are from taking a frame in hand: to the
+sample's hand-over, and to the end of the turn (with what is copied for viewers or recorder). Loads are
+processor time of the two processes; memory is their resident sets, the loop's after a collection.
 
     nobody       the page is served, no viewer
     one, two     viewers with the camera's image
     crowd        as many as the page takes (16)
     coming       100 open, look at 5 packets and close, over the phase; one more never reads
+    recording    nobody watches; images and values are recorded without loss
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -33,14 +36,14 @@ from rich.console import Console
 from rich.table import Table
 
 from edge.app import App
+from edge.aside import Aside
 from edge.sources import Paced
 from edge.threads import share_the_processor
-from edge.view import View
 from hostlink.web import parse_listen
 from hostlink.web.server import VIEWERS_MAX
 from tests.bench.frames import scene
 
-PHASES = {"nobody": 0, "one": 1, "two": 2, "crowd": VIEWERS_MAX, "coming": -100}
+PHASES = {"nobody": 0, "one": 1, "two": 2, "crowd": VIEWERS_MAX, "coming": -100, "recording": 0}
 SETTLE_S = 1.0
 
 
@@ -91,11 +94,33 @@ async def _watch(url: str, viewers_n: int, seconds: float) -> int:
             return sum(await asyncio.gather(*tasks))
 
 
-def _rss_mb() -> float:
-    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+def _rss_mb(pid: int) -> float:
+    for line in Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines():
         if line.startswith("VmRSS"):
             return int(line.split()[1]) / 1024
     return float("nan")
+
+
+def _cpu_s(pid: int) -> float:
+    """Processor time that a process has used, all its threads."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+async def _press(url: str, token: str, button: str) -> None:
+    """Press a button of the page, and wait for what comes of it."""
+    import aiohttp
+
+    async with aiohttp.ClientSession() as session, session.ws_connect(url, max_msg_size=0) as socket:
+        await socket.send_json({"token": token, "want": []})
+        await socket.receive_json()
+        await socket.send_json({"do": button})
+        async for message in socket:
+            if message.type is message.type.TEXT:
+                said = json.loads(message.data)
+                if not said["ok"]:
+                    raise RuntimeError(said["words"])
+                return
 
 
 def _be_watched(url: str, viewers_n: int, seconds: float, begin: Callable[[], None]) -> int:
@@ -121,59 +146,102 @@ def measure(seconds: float, rounds: int, rate_hz: float) -> dict[str, Any]:
     share_the_processor()
     source = Paced(_Frames(rate_hz), rate_hz, loop=True)  # type: ignore[arg-type]
     app = App(source, [])
-    view = View(app, parse_listen("127.0.0.1:0"))
-    view.start()
-    app.watchers.append(view.watch)
-    compute_us: list[float] = []
-    step = app.step
+    with tempfile.TemporaryDirectory(prefix="viewers-") as folder:
+        token = "bench-token"
+        aside = Aside(app, parse_listen("127.0.0.1:0", token), recordings=Path(folder))
+        aside.start()
+        assert aside.process is not None
+        sent_us: list[float] = []
+        turn_us: list[float] = []
+        step, end_turn, send = app.step, app._end_turn, app._send
+        begun_ns = 0
 
-    def timed(frame: Any) -> Any:
-        begun_ns = time.perf_counter_ns()
-        state = step(frame)
-        compute_us.append((time.perf_counter_ns() - begun_ns) / 1e3)
-        return state
+        def stepped(frame: Any) -> Any:
+            nonlocal begun_ns
+            begun_ns = time.perf_counter_ns()
+            return step(frame)
 
-    app.step = timed  # type: ignore[method-assign]
-    loop = threading.Thread(target=app.run)
-    loop.start()
-    time.sleep(3 * SETTLE_S)
-    url = f"{view.server.url}live"
-    taken: dict[str, list[float]] = {name: [] for name in PHASES}
-    packets: dict[str, int] = dict.fromkeys(PHASES, 0)
-    rss_mb: dict[str, float] = {}
-    for _ in range(rounds):
-        for name, viewers_n in PHASES.items():
-            time.sleep(SETTLE_S)
-            if viewers_n:
-                packets[name] += _be_watched(url, viewers_n, seconds, compute_us.clear)
-            else:
-                compute_us.clear()
-                time.sleep(seconds)
-            taken[name] += compute_us
-            gc.collect()
-            rss_mb[name] = _rss_mb()
-    app.stop()
-    source.close()
-    loop.join()
-    view.close()
+        def sent(*arguments: Any) -> Any:
+            state = send(*arguments)
+            sent_us.append((time.perf_counter_ns() - begun_ns) / 1e3)
+            return state
+
+        def ended() -> None:
+            end_turn()
+            turn_us.append((time.perf_counter_ns() - begun_ns) / 1e3)
+
+        app.step, app._send, app._end_turn = stepped, sent, ended  # type: ignore[method-assign]
+        loop = threading.Thread(target=app.run)
+        loop.start()
+        time.sleep(3 * SETTLE_S)
+        url = f"http://127.0.0.1:{aside.port}/live"
+        taken: dict[str, list[list[float]]] = {name: [[], []] for name in PHASES}
+        packets: dict[str, int] = dict.fromkeys(PHASES, 0)
+        cpu_s: dict[str, list[float]] = {name: [0.0, 0.0] for name in PHASES}
+        rss_mb: dict[str, tuple[float, float]] = {}
+        dropped_n, lost_n = 0, 0
+        pids = (os.getpid(), aside.process.pid)
+
+        def begin() -> None:
+            sent_us.clear()
+            turn_us.clear()
+
+        for _ in range(rounds):
+            for name, viewers_n in PHASES.items():
+                time.sleep(SETTLE_S)
+                before_s = [_cpu_s(pid) for pid in pids]
+                before_n = source.dropped_n
+                if viewers_n:
+                    packets[name] += _be_watched(url, viewers_n, seconds, begin)
+                elif name == "recording":
+                    asyncio.run(_press(url, token, "record"))
+                    begin()
+                    time.sleep(seconds)
+                else:
+                    begin()
+                    time.sleep(seconds)
+                taken[name][0] += sent_us
+                taken[name][1] += turn_us
+                for k, pid in enumerate(pids):
+                    cpu_s[name][k] += _cpu_s(pid) - before_s[k]
+                if name == "recording":
+                    lost_n += aside.dropped_n
+                    asyncio.run(_press(url, token, "record"))
+                    dropped_n += source.dropped_n - before_n
+                    for path in Path(folder).glob("*.mcap"):
+                        path.unlink()
+                gc.collect()
+                rss_mb[name] = (_rss_mb(pids[0]), _rss_mb(pids[1]))
+        cut_off_n = aside.page.cut_off_n
+        app.stop()
+        source.close()
+        loop.join()
+        aside.close()
     rows = {}
-    for name, values in taken.items():
-        p50, p99, p999 = np.percentile(values, (50, 99, 99.9))
+    for name, (to_send, to_end) in taken.items():
+        p50, p99, p999 = np.percentile(to_send, (50, 99, 99.9))
         each = packets[name] / rounds / max(1, PHASES[name]) / seconds if PHASES[name] > 0 else 0.0
         rows[name] = {
-            "frames": len(values),
+            "frames": len(to_send),
             "p50_us": float(p50),
             "p99_us": float(p99),
             "p99.9_us": float(p999),
+            "turn_p50_us": float(np.percentile(to_end, 50)),
+            "turn_p99_us": float(np.percentile(to_end, 99)),
             "packets_hz": each,
-            "rss_mb": rss_mb[name],
+            "loop_load_%": 100 * cpu_s[name][0] / seconds / rounds,
+            "aside_load_%": 100 * cpu_s[name][1] / seconds / rounds,
+            "rss_mb": rss_mb[name][0],
+            "aside_rss_mb": rss_mb[name][1],
         }
     return {
         "rate_hz": rate_hz,
         "rounds": rounds,
         "seconds": seconds,
         "phases": rows,
-        "cut_off_n": view.server.cut_off_n,
+        "cut_off_n": cut_off_n,
+        "recording_lost_n": lost_n,
+        "recording_skipped_n": dropped_n,
     }
 
 
@@ -200,9 +268,12 @@ def command(
     base = made["phases"]["nobody"]["p99_us"]
     for name, row in made["phases"].items():
         table.add_row(name, *(f"{value:,.0f}" for value in row.values()), f"{row['p99_us'] / base:.2f}")
-    console = Console()
+    console = Console(width=160)
     console.print(table)
-    console.print(f"cut off because they never read: {made['cut_off_n']}")
+    console.print(
+        f"cut off because they never read: {made['cut_off_n']}; while recording, messages lost: "
+        f"{made['recording_lost_n']}, frames skipped by the loop: {made['recording_skipped_n']}"
+    )
     if json_file is not None:
         json_file.write_text(json.dumps(made, indent=2) + "\n", encoding="utf-8")
 

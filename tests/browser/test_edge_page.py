@@ -198,7 +198,7 @@ def test_record_button(live: Live, page: Page) -> None:
     page.press("r")
     page.until("/[1-9]\\d* frames/.test(document.getElementById('toast').textContent)")
     words = page.evaluate("document.getElementById('toast').textContent")
-    frames_n = len(list(RecordingSource(live.view._recordings / words.split(":")[0])))
+    frames_n = len(list(RecordingSource(live.recordings / words.split(":")[0])))
     assert f"{frames_n} frames" in words
     assert "lost" not in words
 
@@ -260,7 +260,7 @@ def test_phone(live: Live, chrome: Chrome) -> None:
 
 def test_nothing_leaves_this_machine(live: Live, page: Page) -> None:
     page.until("Number(document.body.dataset.packets) > 30")
-    own = f"http://127.0.0.1:{live.view.server.port}/"
+    own = f"http://127.0.0.1:{live.aside.port}/"
     assert {"touch.js", "kit.js", "kit.css", "touch.css"} <= {a.rsplit("/")[-1] for a in page.requests}
     assert all(address.startswith(own) for address in page.requests), page.requests
     assert page.sockets == [own.replace("http", "ws") + "live"]
@@ -279,16 +279,16 @@ def test_a_second_viewer_does_not_slow_the_loop(
         measured: np.ndarray = np.quantile(compute_us[:240], [0.5, 0.99])
         return measured
 
-    live.until(lambda: live.view.server.viewers_n == 1, "the first alone")
+    live.until(lambda: live.aside.page.viewers_n == 1, "the first alone")
     one = quantiles()
     second = chrome.open(live.url)
     second.until("Number(document.body.dataset.packets) > 30")
     two = quantiles()
     second.until("Number(document.body.dataset.packets) > 60")
-    assert live.view.server.viewers_n == 2
+    assert live.aside.page.viewers_n == 2
     second.close()
     live.app.watchers.pop()
-    live.until(lambda: live.view.server.viewers_n == 1, "the second has left")
+    live.until(lambda: live.aside.page.viewers_n == 1, "the second has left")
     with capsys.disabled():
         print(
             f"\nlatency with two viewers over one: median x{two[0] / one[0]:.2f}, p99 x{two[1] / one[1]:.2f}"
@@ -306,7 +306,7 @@ class Replay:
             [
                 *(sys.executable, "-m", "edge", "replay", str(data_dir / "press.mcap"), "--sink", "memory:"),
                 *("--calibration", str(data_dir / "rings331_ball.json"), "--loop", "--speed", "0.5"),
-                *("--view", f"127.0.0.1:{port}", "--view-token", TOKEN),
+                *("--view-at", f"127.0.0.1:{port}", "--view-token", TOKEN),
             ],
             stderr=subprocess.PIPE,
             stdout=subprocess.DEVNULL,

@@ -387,7 +387,7 @@ def test_a_recorder_s_trouble_is_told(finger: Finger) -> None:
 
 def test_a_recorder_that_breaks_costs_the_recording_alone(finger: Finger) -> None:
     class Broken(Recorder):
-        def frame(self, frame: Frame) -> bool:
+        def take(self, *_: object) -> None:
             raise OSError("gone")
 
     broken: Any = Broken()

@@ -11,6 +11,7 @@ import pytest
 from mcap.reader import make_reader
 
 from edge.app import App
+from edge.aside.tape import Tape
 from edge.calibration import Calibration
 from edge.recording import Recorder, RecordingSource, read_messages
 from edge.recording.topics import proto
@@ -34,7 +35,7 @@ def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
             Calibration.load(data_dir / "rings331_ball.json"),
         )
         with Recorder(path, rate_hz=60) as recorder:
-            app.recorder = recorder
+            app.recorder = Tape(recorder)
             app.run()
         sink.close()
         while (message := bus.recv(0.5)) is not None:

@@ -3,7 +3,7 @@
 with Live(data_dir / "press.mcap") as live:
     live.show(0); live.show(-1)      # untouched, pressed; shown again and again, 60 times a second
     live.hold(); live.go_on()        # the camera stalls, and comes back
-    live.url, live.app, live.view
+    live.url, live.app, live.aside
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from types import TracebackType
 from typing import Any, Self
 
 from edge.app import App
+from edge.aside import Aside
 from edge.calibration import Calibration
 from edge.recording import RecordingSource
 from edge.sources import LiveSource
 from edge.types import Clock, Frame
-from edge.view import View
 from hostlink.web import parse_listen
 
 TOKEN = "a-token-for-tests"
@@ -71,27 +71,30 @@ class Live:
         recordings: Path = Path("."),
         rate_hz: float = RATE_HZ,
         port: int = 0,
+        record: Path | None = None,
         **options: Any,
     ) -> None:
+        self.recordings = recordings
         self.source = Stepper(recording, rate_hz)
         self.app = App(
             self.source, [], Calibration.load(calibration) if calibration is not None else None, **options
         )
-        self.view = View(self.app, parse_listen(f"127.0.0.1:{port}", token), recordings, {"serial": "T-1"})
+        listen = parse_listen(f"127.0.0.1:{port}", token)
+        self.aside = Aside(self.app, listen, record, recordings, {"serial": "T-1"})
         self._changed = threading.Condition()
-        self.app.watchers += [self.view.watch, self._told]
+        self.app.turns.append(self._told)
         self._thread = threading.Thread(target=self.app.run)
 
     @property
     def url(self) -> str:
-        return self.view.server.url
+        return self.aside.url
 
-    def _told(self, *_: object) -> None:
+    def _told(self) -> None:
         with self._changed:
             self._changed.notify_all()
 
     def until(self, condition: Any, what: str) -> None:
-        """Wait until something holds, looked at with every frame."""
+        """Wait until something holds, looked at with every turn of the loop."""
         with self._changed:
             assert self._changed.wait_for(condition, SOON_S), f"never: {what}"
 
@@ -111,7 +114,7 @@ class Live:
         self.source.going.set()
 
     def __enter__(self) -> Self:
-        self.view.start()
+        self.aside.start()
         self._thread.start()
         self.until(lambda: self.app.last is not None, "a first result")
         return self
@@ -119,7 +122,7 @@ class Live:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.view.close()
+        self.aside.close()
         self.app.stop()
         self.source.close()
         self._thread.join()

@@ -1,0 +1,254 @@
+"""The second process: `python -m edge.aside DATA CONTROL MEMORY`, with inherited file descriptors.
+
+    main thread     Inbox -> recorder, page
+    "control"       answers to what viewers asked the loop for
+    "view"          the page's server; its commands in worker threads
+    "recorder"      encodes and writes
+
+It ends when the data channel ends, whether the loop has closed it or died: then what came is written. Signals
+are the loop's: a service manager sends them to both.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from concurrent.futures import Future
+from datetime import datetime
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from edge.threads import share_the_processor
+
+share_the_processor()
+
+import cv2  # noqa: E402  (after the libraries' threads are counted)
+
+from edge.aside.channel import Inbox, receive  # noqa: E402
+from edge.aside.messages import (  # noqa: E402
+    Answer,
+    Ask,
+    Attach,
+    Begin,
+    Event,
+    Fed,
+    Ready,
+    Recorded,
+    Show,
+    Take,
+    Wants,
+    Watched,
+)
+from edge.aside.tape import Tape  # noqa: E402
+from edge.errors import EdgeError  # noqa: E402
+from edge.recording import TOPICS, Recorder  # noqa: E402
+from hostlink.web import Refused  # noqa: E402
+
+log = logging.getLogger("edge.aside")
+
+NICE = 5  # the loop goes first; a third of its share is enough for a recording on a processor that is full
+REPORT_S = 0.1  # the loop hears of page and recorder this often, where something changed
+LOOP_S = 5.0  # the loop's side gives up earlier
+DRAIN_S = 5.0  # for what is under way when a recording ends
+
+
+class Worker:
+    """What runs here.
+
+    control  to the loop's process
+    inbox    from it
+    """
+
+    def __init__(self, control: socket.socket, inbox: Inbox, begin: Begin) -> None:
+        self._control, self._inbox, self._begin = control, inbox, begin
+        self._tape: Tape | None = None
+        self._switching = threading.Lock()  # of recordings, by one worker thread at a time
+        self._fed = threading.Event()
+        self._asked: dict[int, Future[str]] = {}
+        self._numbers = count()
+        self._told: dict[type, object] = {Watched: Watched(), Recorded: Recorded()}
+        self._due_s = 0.0
+        if begin.record:
+            self._tape = Tape(self._recorder(Path(begin.record)))
+        self._page: Any = None
+        if begin.listen is not None:
+            from edge.view import Page
+
+            self._page = Page(
+                begin.listen,
+                begin.source,
+                begin.tip.get("serial", ""),
+                {"tare": self._tare, "record": self._record},
+                self._on_wants,
+            )
+            self._page.start()
+
+    @property
+    def port(self) -> int:
+        return self._page.server.port if self._page is not None else 0
+
+    def run(self) -> None:
+        """Until the loop's process closes the channel, or dies."""
+        threading.Thread(target=self._hear, name="control", daemon=True).start()
+        while (message := self._inbox.get()) is not None:
+            tape = self._tape
+            match message:
+                case Show():
+                    self._page.show(message)
+                case Take(frame, result, state, lost_n):
+                    if self._page is not None:
+                        self._page.take(frame, result, state)
+                    if tape is not None:
+                        tape.recorder.lose(lost_n)
+                        tape.take(frame, result, state)
+                case Event(level, text) if tape is not None:
+                    tape.event(level, text)
+                case Attach(name, data) if tape is not None:
+                    tape.recorder.attach(name, data.tobytes())
+                case Fed():
+                    self._fed.set()
+            now_s = time.monotonic()
+            if now_s >= self._due_s:
+                self._due_s = now_s + REPORT_S
+                self._report()
+        if self._page is not None:
+            self._page.close()
+        with self._switching:
+            if self._tape is not None:
+                self._tape.recorder.close()
+                self._report()
+
+    # ---- to and from the loop -----------------------------------------------------------------------
+
+    def _tell(self, message: object) -> None:
+        try:
+            self._control.send(pickle.dumps(message))
+        except OSError:
+            log.debug("the loop's process has ended")  # and the data channel with it
+
+    def _report(self) -> None:
+        """How page and recording are, where that has changed."""
+        now: list[object] = []
+        if self._page is not None:
+            server = self._page.server
+            now.append(Watched(server.viewers_n, server.sent_n, server.cut_off_n))
+        tape = self._tape
+        if tape is not None:
+            now.append(Recorded(_frames_n(tape.recorder), tape.dropped_n, tape.fault))
+            if self._page is not None:
+                self._page.recording = {
+                    "file": tape.path.name,
+                    "frames_n": _frames_n(tape.recorder),
+                    "dropped_n": tape.dropped_n,
+                    "fault": tape.fault,
+                }
+        elif self._page is not None:
+            self._page.recording = None
+        for message in now:
+            if message != self._told[type(message)]:
+                self._told[type(message)] = message
+                self._tell(message)
+
+    def _on_wants(self, wants: frozenset[str] | None) -> None:
+        self._tell(Wants(wants))
+        self._report()  # the last viewer leaves, and nothing will come that could report it
+
+    def _hear(self) -> None:
+        while packet := receive(self._control):
+            answer: Answer = pickle.loads(packet)
+            future = self._asked.pop(answer.number, None)
+            if future is not None:
+                future.set_result(answer.refused)
+
+    def _ask(self, what: str, force: bool = False) -> None:
+        """Have the loop do something. Raises Refused."""
+        number, future = next(self._numbers), Future[str]()
+        self._asked[number] = future
+        self._tell(Ask(number, what, force))
+        try:
+            refused = future.result(LOOP_S)
+        except TimeoutError:
+            refused = "the loop does not answer"
+        if refused:
+            raise Refused(refused)
+
+    # ---- commands of viewers, in worker threads -----------------------------------------------------
+
+    def _tare(self, said: Mapping[str, Any]) -> str:
+        self._ask("tare", bool(said.get("force")))
+        return "taking a new rest frame"
+
+    def _record(self, said: Mapping[str, Any]) -> str:
+        with self._switching:
+            return self._begin_recording() if self._tape is None else self._end_recording(self._tape)
+
+    def _recorder(self, path: Path) -> Recorder:
+        return Recorder(path, tip=self._begin.tip, rate_hz=self._begin.rate_hz)
+
+    def _begin_recording(self) -> str:
+        folder = Path(self._begin.recordings)
+        name = f"{self._begin.tip.get('serial', 'tip')}-{datetime.now():%Y%m%d-%H%M%S}.mcap"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            recorder = self._recorder(folder / name)
+        except EdgeError as error:
+            raise Refused(str(error)) from None
+        except OSError as error:
+            raise Refused(f"{folder}: {error.strerror}; give another folder") from None
+        self._tape = Tape(recorder)
+        try:
+            self._ask("feed")
+        except Refused:
+            self._tape = None
+            recorder.close()
+            raise
+        return f"recording {name}"
+
+    def _end_recording(self, tape: Tape) -> str:
+        self._fed.clear()
+        self._ask("starve")
+        self._fed.wait(DRAIN_S)  # all that the loop has put has come
+        self._tape = None
+        recorder = tape.recorder
+        recorder.close()
+        frames_n = _frames_n(recorder)
+        if recorder.fault:
+            raise Refused(f"{recorder.path.name}: {frames_n} frames, then {recorder.fault}")
+        lost = f", {recorder.dropped_n} messages lost" if recorder.dropped_n else ""
+        return f"{recorder.path.name}: {frames_n} frames{lost}"
+
+
+def _frames_n(recorder: Recorder) -> int:
+    return recorder.written_n[TOPICS["frame"].name]
+
+
+def main() -> None:
+    """Serve and record until the loop's process ends."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    data, control, memory = (int(text) for text in sys.argv[1:4])
+    os.nice(NICE)
+    cv2.setNumThreads(1)
+    inbox = Inbox(socket.socket(fileno=data), memory)
+    with socket.socket(fileno=control) as connection:
+        begin: Begin = pickle.loads(receive(connection))
+        logging.basicConfig(level=begin.log_level, format="%(levelname)s %(name)s: %(message)s")
+        try:
+            worker = Worker(connection, inbox, begin)
+        except EdgeError as error:
+            connection.send(pickle.dumps(Ready(refused=str(error), kind=type(error).__name__)))
+        else:
+            connection.send(pickle.dumps(Ready(worker.port)))
+            worker.run()
+
+
+if __name__ == "__main__":
+    main()
