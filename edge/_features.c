@@ -321,22 +321,72 @@ done:
     return result;
 }
 
+/* ---- roughness ------------------------------------------------------------------------------------------ */
+
+/* 1.4826 times the median size of what the pins are off their neighbours; -1: no such neighbour. */
+static double rough(const double *xy, const double *rest, const uint8_t *seen, const int32_t *near, const double *weight,
+                    Py_ssize_t n, Py_ssize_t width, double *scratch)
+{
+    Py_ssize_t m = 0;
+    for (Py_ssize_t i = 0; i < n; i++) {
+        if (!seen[i]) continue;
+        double x = 0, y = 0;
+        for (Py_ssize_t k = 0; k < width; k++) {
+            const int32_t j = near[i * width + k];
+            if (j < 0 || j >= n) return -1;
+            x += weight[i * width + k] * (xy[2 * j] - rest[2 * j]);
+            y += weight[i * width + k] * (xy[2 * j + 1] - rest[2 * j + 1]);
+        }
+        scratch[m++] = fabs(x);
+        scratch[m++] = fabs(y);
+    }
+    return m ? 1.4826 * median(scratch, m) : 0;
+}
+
+static PyObject *roughness(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[6];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    if (!PyArg_ParseTuple(args, "OOOOOO:roughness", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5])) return NULL;
+    const uint8_t *seen = take(&a, o[2], '?', -1, 0, "seen");
+    const Py_ssize_t n = seen ? count(&a) : 0;
+    const double *xy = seen ? take(&a, o[0], 'd', 2 * n, 0, "xy") : NULL;
+    const double *rest = xy ? take(&a, o[1], 'd', 2 * n, 0, "rest") : NULL;
+    const int32_t *near = rest ? take(&a, o[3], 'i', -1, 0, "near") : NULL;
+    const Py_ssize_t width = near && n ? count(&a) / n : 0;
+    const double *weight = near ? take(&a, o[4], 'd', n * width, 0, "weight") : NULL;
+    double *scratch = weight ? take(&a, o[5], 'd', 2 * n, 1, "scratch") : NULL;
+    if (!scratch) goto done;
+    const double sigma = rough(xy, rest, seen, near, weight, n, width, scratch);
+    if (sigma < 0) PyErr_SetString(PyExc_ValueError, "roughness: no such neighbour");
+    else result = PyFloat_FromDouble(sigma);
+done:
+    let_go(&a);
+    return result;
+}
+
 /* ---- surface -------------------------------------------------------------------------------------------- */
 
-/* A lost pin takes the weighted mean of the seen ones round it. */
-static void fill(const double *value, const float *near, Py_ssize_t n, float *out)
+/* A lost pin's cell grows by what the skin between its neighbours does: the determinant of the motion's slope. */
+static int fill(const double *value, const double *xy, const double *rest, const int32_t *ring, const double *slope,
+                Py_ssize_t n, Py_ssize_t width, float *out)
 {
-    for (Py_ssize_t i = 0; i < n; i++) out[i] = (float)value[i];
     for (Py_ssize_t i = 0; i < n; i++) {
+        out[i] = (float)value[i];
         if (!isnan(value[i])) continue;
-        float sum = 0, weight = 0;
-        for (Py_ssize_t j = 0; j < n; j++) {
-            if (isnan(value[j])) continue;
-            sum += near[i * n + j] * (float)value[j];
-            weight += near[i * n + j];
+        double g[2][2] = {{0}}; /* [motion][direction] */
+        for (Py_ssize_t k = 0; k < width; k++) {
+            const int32_t j = ring[i * width + k];
+            if (j < 0 || j >= n) return 0;
+            for (int c = 0; c < 2; c++)
+                for (int d = 0; d < 2; d++)
+                    g[c][d] += slope[2 * (i * width + k) + d] * (xy[2 * j + c] - rest[2 * j + c]);
         }
-        out[i] = sum / (weight > 1e-6f ? weight : 1e-6f);
+        out[i] = (float)((1 + g[0][0]) * (1 + g[1][1]) - g[0][1] * g[1][0] - 1);
     }
+    return 1;
 }
 
 /* Whole steps of the returned size; the rest of m is padding. */
@@ -399,29 +449,34 @@ WIDE static double volume(const float *height, Py_ssize_t k, float level)
 static PyObject *heights(PyObject *self, PyObject *args)
 {
     (void)self;
-    PyObject *o[7];
+    PyObject *o[10];
     Arrays a = {.n = 0};
     PyObject *result = NULL;
     double level;
-    if (!PyArg_ParseTuple(args, "OOOOOOOd:heights", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5], &o[6], &level)) return NULL;
+    if (!PyArg_ParseTuple(args, "O(OOOO)OOOOOd:heights", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5], &o[6], &o[7], &o[8],
+                          &o[9], &level))
+        return NULL;
     const double *change = take(&a, o[0], 'd', -1, 0, "change");
     const Py_ssize_t n = change ? count(&a) : 0;
-    const float *near = change ? take(&a, o[1], 'f', n * n, 0, "near") : NULL;
-    int16_t *work = near ? take(&a, o[4], 'h', -1, 1, "work") : NULL;
+    const double *xy = change ? take(&a, o[1], 'd', 2 * n, 0, "xy") : NULL;
+    const double *rest = xy ? take(&a, o[2], 'd', 2 * n, 0, "rest") : NULL;
+    const int32_t *ring = rest ? take(&a, o[3], 'i', -1, 0, "ring") : NULL;
+    const Py_ssize_t width = ring && n ? count(&a) / n : 0;
+    const double *slope = ring ? take(&a, o[4], 'd', 2 * n * width, 0, "slope") : NULL;
+    int16_t *work = slope ? take(&a, o[7], 'h', -1, 1, "work") : NULL;
     const Py_ssize_t m = work ? count(&a) : 0;
-    const float *steps = work ? take(&a, o[3], 'f', -1, 0, "steps") : NULL;
+    const float *steps = work ? take(&a, o[6], 'f', -1, 0, "steps") : NULL;
     const Py_ssize_t k = steps ? count(&a) : 0;
-    const int16_t *rows = steps ? take(&a, o[2], 'h', k * m, 0, "rows") : NULL;
-    float *growth = rows ? take(&a, o[5], 'f', n, 1, "growth") : NULL;
-    float *out = growth ? take(&a, o[6], 'f', k, 1, "heights") : NULL;
+    const int16_t *rows = steps ? take(&a, o[5], 'h', k * m, 0, "rows") : NULL;
+    float *growth = rows ? take(&a, o[8], 'f', n, 1, "growth") : NULL;
+    float *out = growth ? take(&a, o[9], 'f', k, 1, "heights") : NULL;
     if (!out) goto done;
-    if (m < n) {
-        PyErr_SetString(PyExc_ValueError, "heights: rows are shorter than there are pins");
+    if (m < n || !fill(change, xy, rest, ring, slope, n, width, growth)) {
+        PyErr_SetString(PyExc_ValueError, "heights: rows are shorter than there are pins, or no such neighbour");
         goto done;
     }
     double total;
     Py_BEGIN_ALLOW_THREADS
-    fill(change, near, n, growth);
     const float step = quantise(growth, n, m, work, highest(growth, n));
     raise_heights(rows, steps, k, m, work, step, out);
     total = volume(out, k, (float)level);
@@ -964,7 +1019,9 @@ static PyMethodDef methods[] = {
     {"typical_size", typical_size, METH_VARARGS, "typical_size(value, scratch) -> float: median of |value|"},
     {"centred", centred, METH_VARARGS, "centred(motion, scratch, out): less each column's median"},
     {"modes", modes, METH_VARARGS, "modes(re, im, gram, inverse, motion, seen, work, out): complex as pairs of float64"},
-    {"heights", heights, METH_VARARGS, "heights(change, near, rows, steps, work, growth, heights, level) -> float"},
+    {"roughness", roughness, METH_VARARGS, "roughness(xy, rest, seen, near, weight, scratch) -> float: noise of a pin"},
+    {"heights", heights, METH_VARARGS,
+     "heights(change, (xy, rest, ring, slope), rows, steps, work, growth, heights, level) -> float"},
     {"stretch", stretch, METH_VARARGS, "stretch(xy, rest, rows, steps, work, bent, stretch)"},
     {"contacts", contacts, METH_VARARGS,
      "contacts(relief, threshold, place, grid, mark, stack, width, rules, growth, rest, pins, out, ridge)"

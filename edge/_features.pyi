@@ -23,9 +23,12 @@ def modes(
 ) -> None:
     """Least squares over the seen pins; complex numbers as pairs."""
 
+def roughness(xy: Array, rest: Array, seen: Mask, near: Index, weight: Array, scratch: Array) -> float:
+    """Robust noise of the seen pins' motion against their neighbours'."""
+
 def heights(
     change: Array,
-    near: Singles,
+    motion: tuple[Array, Array, Index, Array],
     rows: Shorts,
     steps: Singles,
     work: Shorts,

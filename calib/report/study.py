@@ -196,8 +196,10 @@ def surfaces(rest: Rest, results: Sequence[Result], depths: Array) -> list[Row]:
     for size in sorted({*SIZES, used}):
         surface = Surface(rest, size)
         volumes, us = [], []
-        for growth in change:
-            (_, _, volume), took = timed(lambda: surface.rise(growth, 0.01), 3)  # noqa: B023
+        for result, growth in zip(results, change, strict=True):
+            assert result.cells is not None
+            xy = np.ascontiguousarray(result.cells.xy_img)
+            (_, _, volume), took = timed(lambda: surface.rise(growth, xy, 0.01), 3)  # noqa: B023
             volumes.append(volume)
             us.append(took)
         why = ""

@@ -11,6 +11,9 @@ Rules
 - Without cells nothing that comes from areas can be given: it stays None, area change all NaN.
 - State: the gate's bit and learnt noise, and the last frame's motion for slip. Nothing else depends on
   the frame before.
+- A lost pin counts as where its neighbours say it is (`Cells.xy_img`), in the modes and in the mean motion
+  too: a polynomial through the seen pins alone is another one, and a model of many terms makes 0.25 mm of
+  depth of the difference (331 simulated pins, 30 % dark; 0.06 mm so).
 - Lengths in px of the image, areas as a share of the cell at rest: `calibration` knows millimetres.
 """
 
@@ -23,6 +26,7 @@ import numpy as np
 from edge import _features
 from edge.features.contacts import ContactFinder, blend
 from edge.features.gate import Gate
+from edge.features.local import Neighbourhood
 from edge.features.modes import Modes
 from edge.features.motion import ContactPins, Slip, torsion
 from edge.features.surface import Surface
@@ -92,8 +96,10 @@ class FeatureExtractor:
         self._xy_rest = np.ascontiguousarray(rest.xy_img)
         self._rest_area_px2 = rest_area_px2
         self._inverse_area = 1.0 / rest_area_px2
-        self._gate = Gate(rest)
+        self._near = Neighbourhood(rest)
+        self._gate = Gate(rest, self._near)
         self._modes = Modes(rest)
+        self._everyone = np.ones(len(rest), dtype=np.bool_)
         self._pins = ContactPins(rest)
         self._slip = Slip(rest)
         self._finder: ContactFinder | None = None
@@ -105,7 +111,7 @@ class FeatureExtractor:
     def surface(self) -> Surface:
         """The grid and its operator."""
         if self._surface is None:
-            self._surface = Surface(self._rest, self._grid)
+            self._surface = Surface(self._rest, self._grid, self._near)
         return self._surface
 
     @property
@@ -126,7 +132,7 @@ class FeatureExtractor:
         plan = self._plan
         seen = tracks.seen
         motion = np.empty_like(self._xy_rest)  # new: it is handed on, and remembered for slip
-        mean_x, mean_y, now_px, _ = _features.motion(
+        mean_x, mean_y, now_px, seen_n = _features.motion(
             np.ascontiguousarray(tracks.xy_img),
             self._xy_rest,
             np.ascontiguousarray(tracks.sigma_px),
@@ -140,8 +146,12 @@ class FeatureExtractor:
         else:
             change = cells.area_px2 * self._inverse_area - 1.0
             touched = self._gate.touched_by_area(change, sigma)
+        whole, known = motion, seen
+        if cells is not None and 0 < seen_n < len(seen):
+            whole, known = cells.xy_img - self._xy_rest, self._everyone
+            mean_x, mean_y = whole.mean(axis=0).tolist()
         shear = np.array([mean_x, mean_y]) if plan.shear else None
-        modes = self._modes.fit(motion, seen) if plan.modes else None
+        modes = self._modes.fit(whole, known) if plan.modes else None
         if not touched:
             self._slip.forget()
             areas = cells is not None
@@ -163,13 +173,13 @@ class FeatureExtractor:
         noise = self._gate.cell_noise(sigma)
         if cells is not None and (plan.volume or plan.surface or plan.contacts):
             surface = self.surface
-            growth, heights, pressed = surface.rise(change, VOLUME_THRESHOLD * noise)
+            xy = np.ascontiguousarray(cells.xy_img)
+            growth, heights, pressed = surface.rise(change, xy, VOLUME_THRESHOLD * noise)
             if plan.volume:
                 volume = pressed
             if plan.surface:
                 picture = surface.spread(heights, np.nan).astype(np.float64)
             if plan.contacts:
-                xy = np.ascontiguousarray(cells.xy_img)
                 relief = blend(surface.stretch(xy), heights)
                 least = surface.stretch_noise * np.float32(THRESHOLD * sigma)
                 np.maximum(least, np.float32(THRESHOLD_MIN), out=least)

@@ -21,7 +21,8 @@ import math
 import numpy as np
 
 from edge import _features
-from edge.types import Array, Index, Mask, Rest
+from edge.features.local import Neighbourhood
+from edge.types import Array, Mask, Rest
 
 #: Relative noise of a cell's area, and of its mean over seven cells, for independent pin noise sigma_px:
 #: noise = FACTOR * sigma_px / pitch_px. Measured on a hexagonal lattice (60 draws of 576 pins, sigma
@@ -36,22 +37,11 @@ TRUST = 3.0
 RATE = 1.0 / 64.0
 
 
-def neighbours(xy: Array, k: int = 6) -> Index:
-    """The pin itself and its k nearest ones.
-
-    xy       (n, 2) any unit
-    Returns  (n, k + 1) int32, nearest first; fewer columns where there are fewer pins
-    """
-    d2 = ((xy[:, None, :] - xy[None, :, :]) ** 2).sum(axis=2)
-    np.fill_diagonal(d2, -1.0)
-    return np.argsort(d2, axis=1, kind="stable")[:, : k + 1].astype(np.int32)
-
-
 class Gate:
     """Touched or not, frame by frame."""
 
-    def __init__(self, rest: Rest) -> None:
-        self._ring = neighbours(rest.xy_img)
+    def __init__(self, rest: Rest, near: Neighbourhood) -> None:
+        self._ring = near.ring
         self._width = self._ring.shape[1]
         self._pitch_px = rest.pattern.pitch_px
         self._rest_var = float(np.median(rest.pins.sigma_px)) ** 2

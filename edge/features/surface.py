@@ -14,7 +14,7 @@ volume is the paper's, from areas.
 Rules
 - Heights are relative area changes of material cells, at the cells' rest places: the surface is fixed to
   the skin. Where a point of it lies in the current image is `contacts`' business.
-- A lost pin takes the mean of its seen neighbours: never higher than they, so it makes no maximum.
+- A lost pin's cell has grown as the skin between its neighbours has: the determinant of the motion's slope.
 - With a fixed boundary the areas sum to a constant and so does the plain integral. The volume is
   therefore that of the compressed (positive) part. Rectified noise has a positive mean; heights below the
   noise's threshold count nothing, those above twice the threshold count whole (firm shrinkage), so an
@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from edge import _features
 from edge.errors import DegenerateLayout
+from edge.features.local import Neighbourhood
 from edge.types import Array, Mask, Rest
 
 __all__ = ["Heights", "Surface", "thin_plate_operators"]
@@ -109,8 +110,9 @@ class Surface:
     stretch_noise  (k,) float32, noise of `stretch` per px of a pin's
     """
 
-    def __init__(self, rest: Rest, size: int | None = None) -> None:
+    def __init__(self, rest: Rest, size: int | None = None, near: Neighbourhood | None = None) -> None:
         pattern = rest.pattern
+        self._near = near or Neighbourhood(rest)
         radius = pattern.tip_radius_px
         if size is None:
             wanted = round(2.0 * radius / pattern.pitch_px * STEPS_PER_PITCH) + 1
@@ -135,14 +137,12 @@ class Surface:
         self._bent = np.empty(2 * len(rest), dtype=np.float32)
         self._work_value = self._work[: self._value.shape[1]]
         self.stretch_noise: Heights = np.sqrt((pairs**2).sum(axis=1)).astype(np.float32)
-        d2 = ((rest.xy_img[:, None, :] - rest.xy_img[None, :, :]) ** 2).sum(axis=2)
-        # Neighbours within about a pitch count, those at two pitches for 2 %.
-        self._near = np.exp(-d2 / pattern.pitch_px**2).astype(np.float32)
 
-    def rise(self, change: Array, level: float) -> tuple[Heights, Heights, float]:
+    def rise(self, change: Array, xy_img: Array, level: float) -> tuple[Heights, Heights, float]:
         """The surface through the area changes.
 
-        change   (n,) NaN where lost: such a pin takes its seen neighbours' weighted mean
+        change   (n,) NaN where lost: such a pin's cell grows as the skin between its neighbours
+        xy_img   (n, 2) px, where the pins are; finite
         level    threshold of the volume
         Returns  growth (n,) float32, the changes with the gaps closed; heights (k,) float32 at the k points;
                  volume px2, the integral of the compressed part
@@ -150,7 +150,14 @@ class Surface:
         growth = np.empty(len(change), dtype=np.float32)
         heights = np.empty(len(self._flat), dtype=np.float32)
         total = _features.heights(
-            change, self._near, self._value, self._value_step, self._work_value, growth, heights, level
+            change,
+            (xy_img, self.rest_img, self._near.ring, self._near.slope),
+            self._value,
+            self._value_step,
+            self._work_value,
+            growth,
+            heights,
+            level,
         )
         return growth, heights, total * self.step_px * self.step_px
 

@@ -43,7 +43,7 @@ def contacts(rest: Rest, motion: Array, noise: float = 0.05, seed: int = 0) -> t
     rng = np.random.default_rng(seed)
     xy = rest.xy_img + motion + rng.normal(0.0, noise, rest.xy_img.shape)
     _, cells = frame(rest, xy)
-    growth, heights, _ = surface.rise(cells.area_px2 / cells.rest_area_px2 - 1.0, 0.0)
+    growth, heights, _ = surface.rise(cells.area_px2 / cells.rest_area_px2 - 1.0, rest.xy_img, 0.0)
     threshold = np.maximum(surface.stretch_noise * np.float32(5.0 * noise), np.float32(0.01))
     return ContactFinder(surface).find(blend(surface.stretch(xy), heights), threshold, growth, xy)
 

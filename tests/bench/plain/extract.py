@@ -124,8 +124,10 @@ class FeatureExtractor:
         else:
             change = cells.area_px2 * self._inverse_area - 1.0
             touched = self._gate.touched_by_area(change, sigma)
-        shear = mean_motion(motion, None if all_seen else seen) if plan.shear else None
-        modes = self._modes.fit(motion, seen) if plan.modes else None
+        whole = motion if cells is None else cells.xy_img - self._xy_rest
+        known = seen if cells is None else np.ones_like(seen)
+        shear = mean_motion(whole, None if known.all() else known) if plan.shear else None
+        modes = self._modes.fit(whole, known) if plan.modes else None
         if not touched:
             self._slip.forget()
             areas = cells is not None
@@ -147,7 +149,7 @@ class FeatureExtractor:
         noise = self._gate.cell_noise(sigma)
         if cells is not None and (plan.volume or plan.surface or plan.contacts):
             surface = self.surface
-            growth = surface.fill(change)
+            growth = surface.fill(change, whole)
             heights = surface.heights(growth)
             if plan.volume:
                 volume = surface.volume_px2(heights, VOLUME_THRESHOLD * noise)

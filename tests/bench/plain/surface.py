@@ -14,7 +14,7 @@ volume is the paper's, from areas.
 Rules
 - Heights are relative area changes of material cells, at the cells' rest places: the surface is fixed to
   the skin. Where a point of it lies in the current image is `contacts`' business.
-- A lost pin takes the mean of its seen neighbours: never higher than they, so it makes no maximum.
+- A lost pin's cell has grown as the skin between its neighbours has: the determinant of the motion's slope.
 - With a fixed boundary the areas sum to a constant and so does the plain integral. The volume is
   therefore that of the compressed (positive) part. Rectified noise has a positive mean; heights below the
   noise's threshold count nothing, those above twice the threshold count whole (firm shrinkage), so an
@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge.errors import DegenerateLayout
+from edge.features.local import Neighbourhood
 from edge.types import Array, Mask, Rest
 
 __all__ = ["Heights", "Surface", "firm", "thin_plate_operators"]
@@ -141,25 +142,22 @@ class Surface:
         pairs = np.stack([along_x, along_y], axis=2).reshape(len(value), -1)
         self._stretch = pairs.astype(np.float32)
         self.stretch_noise: Heights = np.sqrt((pairs**2).sum(axis=1)).astype(np.float32)
-        d2 = ((rest.xy_img[:, None, :] - rest.xy_img[None, :, :]) ** 2).sum(axis=2)
-        # Neighbours within about a pitch count, those at two pitches for 2 %.
-        self._near = np.exp(-d2 / pattern.pitch_px**2).astype(np.float32)
+        near = Neighbourhood(rest)
+        self._ring = near.ring
+        self._slope = near.slope.reshape(*near.ring.shape, 2)
 
-    def fill(self, values: Array) -> Heights:
-        """Values with the gaps of lost pins closed by their neighbours' weighted mean.
+    def fill(self, values: Array, motion_px: Array) -> Heights:
+        """Area changes with those of lost pins taken from the slope of the motion round them.
 
-        values   (n,) or (n, 2), NaN where lost
-        Returns  float32 of the same shape, finite
+        values     (n,), NaN where lost
+        motion_px  (n, 2) finite
+        Returns    (n,) float32, finite
         """
         value = values.astype(np.float32)
-        gap = np.isnan(value) if value.ndim == 1 else np.isnan(value[:, 0])
-        lost = np.flatnonzero(gap)
+        lost = np.flatnonzero(np.isnan(value))
         if len(lost):
-            value[lost] = 0.0
-            near = self._near[lost]
-            near[:, lost] = 0.0
-            near /= np.maximum(near.sum(axis=1, keepdims=True), np.float32(1e-6))
-            value[lost] = near @ value
+            slope = np.einsum("nkd,nkc->ncd", self._slope[lost], motion_px[self._ring[lost]])
+            value[lost] = np.linalg.det(np.eye(2) + slope) - 1.0
         return value
 
     def heights(self, values: Heights) -> Heights:
