@@ -41,7 +41,7 @@
  * in the coordinates' own sense (x right, y up).
  */
 #define PY_SSIZE_T_CLEAN
-#include <Python.h>
+#include "_buffers.h"
 #include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -668,6 +668,129 @@ static int get_doubles(PyObject *object, Py_buffer *view, Py_ssize_t n, int flag
     return 0;
 }
 
+/* ---------------------------------------------------------------- the points of a frame */
+
+/* As in _centroid.c: the wide clone needs glibc's help. The arithmetic is the same in both. */
+#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
+#define WIDE __attribute__((target_clones("arch=x86-64-v3", "default")))
+#else
+#define WIDE
+#endif
+
+/* sum += row . points, x and y; four sums of each, that do not wait for each other */
+static void add_dot(const double *row, const double *points, Py_ssize_t n, double sum[2])
+{
+    double x[4] = {0}, y[4] = {0};
+    Py_ssize_t i = 0;
+    for (; i + 4 <= n; i += 4)
+        for (int k = 0; k < 4; k++) {
+            x[k] += row[i + k] * points[2 * (i + k)];
+            y[k] += row[i + k] * points[2 * (i + k) + 1];
+        }
+    for (; i < n; i++) {
+        x[0] += row[i] * points[2 * i];
+        y[0] += row[i] * points[2 * i + 1];
+    }
+    sum[0] += (x[0] + x[1]) + (x[2] + x[3]);
+    sum[1] += (y[0] + y[1]) + (y[2] + y[3]);
+}
+
+/* The n pins into `points`, lost ones where the least bending puts them: see edge.tessellate.lost. One pin's
+ * motion is taken out, so that a far origin costs no digits. */
+static void fill_lost(const double *xy, const double *rest, Py_ssize_t n, const int32_t *lost, Py_ssize_t m,
+                      const double *rows, const double *inverse, double *right, double *points)
+{
+    Py_ssize_t first = 0;
+    while (first < m && lost[first] == first) first++;
+    const double shift[2] = {xy[2 * first] - rest[2 * first], xy[2 * first + 1] - rest[2 * first + 1]};
+    for (Py_ssize_t i = 0; i < 2 * n; i++) points[i] = xy[i] - rest[i] - shift[i & 1];
+    for (Py_ssize_t l = 0; l < m; l++) points[2 * lost[l]] = points[2 * lost[l] + 1] = 0.0;
+    for (Py_ssize_t l = 0; l < m; l++) {
+        right[2 * l] = right[2 * l + 1] = 0.0;
+        add_dot(rows + l * n, points, n, right + 2 * l);
+    }
+    memcpy(points, xy, (size_t)(2 * n) * sizeof(double));
+    for (Py_ssize_t l = 0; l < m; l++) {
+        double bend[2] = {0.0, 0.0};
+        add_dot(inverse + l * m, right, m, bend);
+        for (int c = 0; c < 2; c++) points[2 * lost[l] + c] = rest[2 * lost[l] + c] + shift[c] - bend[c];
+    }
+}
+
+/* Points round the pins move as the rim's pins say: `weights` (r, b), a row for each pin of the rim. */
+WIDE static void carry_along(const double *pins, const double *rest, const int32_t *rim, Py_ssize_t r,
+                             const double *restrict weights, const double *rest_around, Py_ssize_t b,
+                             double *restrict x, double *restrict y, double *around)
+{
+    const Py_ssize_t one = rim[0];
+    const double shift[2] = {pins[2 * one] - rest[2 * one], pins[2 * one + 1] - rest[2 * one + 1]};
+    for (Py_ssize_t p = 0; p < b; p++) x[p] = y[p] = 0.0;
+    for (Py_ssize_t k = 0; k < r; k++) {
+        const Py_ssize_t i = rim[k];
+        const double dx = pins[2 * i] - rest[2 * i] - shift[0], dy = pins[2 * i + 1] - rest[2 * i + 1] - shift[1];
+        const double *restrict w = weights + k * b;
+        for (Py_ssize_t p = 0; p < b; p++) {
+            x[p] += w[p] * dx;
+            y[p] += w[p] * dy;
+        }
+    }
+    for (Py_ssize_t p = 0; p < b; p++) {
+        around[2 * p] = x[p] + rest_around[2 * p] + shift[0];
+        around[2 * p + 1] = y[p] + rest_around[2 * p + 1] + shift[1];
+    }
+}
+
+static PyObject *place(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[10];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    if (!PyArg_ParseTuple(args, "OO(OOOO)(OOO)O:place", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5], &o[6], &o[7], &o[8],
+                          &o[9]))
+        return NULL;
+    const double *xy = take(&a, o[0], 'd', -1, 0, "xy");
+    const Py_ssize_t n = xy ? count(&a) / 2 : 0;
+    const double *rest = xy ? take(&a, o[1], 'd', 2 * n, 0, "rest") : NULL;
+    const int32_t *rim = rest ? take(&a, o[2], 'i', -1, 0, "rim") : NULL;
+    const Py_ssize_t r = rim ? count(&a) : 0;
+    const double *around = rim ? take(&a, o[4], 'd', -1, 0, "around") : NULL;
+    const Py_ssize_t b = around ? count(&a) / 2 : 0;
+    const double *weights = around ? take(&a, o[3], 'd', r * b, 0, "weights") : NULL;
+    double *scratch = weights ? take(&a, o[5], 'd', 2 * b, 1, "scratch") : NULL;
+    const int32_t *lost = scratch ? take(&a, o[6], 'i', -1, 0, "lost") : NULL;
+    const Py_ssize_t m = lost ? count(&a) : 0;
+    const double *rows = lost ? take(&a, o[7], 'd', m * n, 0, "rows") : NULL;
+    const double *inverse = rows ? take(&a, o[8], 'd', m * m, 0, "inverse") : NULL;
+    double *points = inverse ? take(&a, o[9], 'd', 2 * (n + b), 1, "points") : NULL;
+    if (!points) goto done;
+    int sound = n > m && r > 0;
+    for (Py_ssize_t k = 0; k < r; k++) sound &= rim[k] >= 0 && rim[k] < n;
+    for (Py_ssize_t l = 0; l < m; l++) sound &= lost[l] >= 0 && lost[l] < n && (l == 0 || lost[l] > lost[l - 1]);
+    double *right = malloc((size_t)(2 * m + 1) * sizeof(double));
+    if (!sound || !right) {
+        free(right);
+        if (sound) PyErr_NoMemory();
+        else PyErr_SetString(PyExc_ValueError, "place: no such pin, or none left");
+        goto done;
+    }
+    if (m) fill_lost(xy, rest, n, lost, m, rows, inverse, right, points);
+    else memcpy(points, xy, (size_t)(2 * n) * sizeof(double));
+    free(right);
+    carry_along(points, rest, rim, r, weights, around, b, scratch, scratch + b, points + 2 * n);
+    result = Py_NewRef(Py_None);
+done:
+    let_go(&a);
+    return result;
+}
+
+static PyMethodDef functions[] = {
+    {"place", place, METH_VARARGS,
+     "place(xy, rest, (rim, weights, around, scratch), (lost, rows, inverse), points): writes the pins, lost ones "
+     "filled in, and the points round them."},
+    {NULL, NULL, 0, NULL},
+};
+
 static PyObject *mesh_update(MeshObject *self, PyObject *args)
 {
     PyObject *points, *areas;
@@ -757,7 +880,7 @@ static PyType_Slot mesh_slots[] = {
 static PyType_Spec mesh_spec = {"edge._cells.Mesh", sizeof(MeshObject), 0, Py_TPFLAGS_DEFAULT, mesh_slots};
 
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "_cells", "Kept Delaunay triangulation and cell areas.",
-                                    -1, NULL, NULL, NULL, NULL, NULL};
+                                    -1, functions, NULL, NULL, NULL, NULL};
 
 PyMODINIT_FUNC PyInit__cells(void)
 {

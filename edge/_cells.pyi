@@ -1,6 +1,27 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from edge.types import Array, Index
+
+def place(
+    xy: Array,
+    rest: Array,
+    ring: tuple[Index, Array, Array, Array],
+    gap: tuple[Index, Array, Array],
+    points: Array,
+    /,
+) -> None:
+    """Writes the points of a frame: the pins, lost ones filled in, and the points round them.
+
+    xy, rest  (n, 2); of `xy`, lost rows are not used
+    ring      rim (r,), its weights (r, b) in the motion of the points round, these at rest (b, 2), and
+              scratch (2, b)
+    gap       the lost pins (m,) ascending, their rows (m, n) of the bending matrix, and the inverse (m, m) of
+              its block
+    points    (n + b, 2), written
+    Raises    ValueError: no such pin, none left, wrong sizes
+    """
+
 class Mesh:
     """Kept Delaunay triangulation of moving points, and the areas of their Voronoi cells.
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from edge._cells import Mesh
+from edge._cells import Mesh, place
 from edge.errors import DegenerateLayout
 from edge.tessellate.boundary import carry_matrix, make_boundary, make_fence
-from edge.tessellate.layout import must_span, pitch_of
+from edge.tessellate.layout import must_span, pitch_of, spans
 from edge.tessellate.lost import LostPins
 from edge.types import Array, Cells, Index, Rest, Tracks
 
@@ -33,14 +35,12 @@ class Tessellator:
         fence = make_fence(boundary, pitch_px)
         n, b, f = len(xy), len(boundary), len(fence)
         self._rest_img = xy
-        self._rim = rim
-        self._rim_rest_img = xy[rim]
-        self._around_rest_img = np.concatenate([boundary, fence])
-        self._carry = carry_matrix(self._rim_rest_img, boundary, fence, pitch_px)
+        carry = np.ascontiguousarray(carry_matrix(xy[rim], boundary, fence, pitch_px).T)
+        self._ring = (rim, carry, np.concatenate([boundary, fence]), np.empty((2, b + f)))
         self._n_boundary = b
         self._lost = LostPins(xy, pitch_px)
         self._mesh = Mesh(n, b, f)
-        self._points = np.concatenate([xy, boundary, fence])  # rewritten every frame
+        self._points = np.concatenate([xy, boundary, fence])  # of the last frame
         self._rest_area_px2 = np.empty(n)
         self._mesh.update(self._points, self._rest_area_px2)
         self._rest_area_px2.flags.writeable = False
@@ -57,48 +57,36 @@ class Tessellator:
         """Area of each pin's bounded cell in this frame.
 
         tracks.xy_img  (n, 2) px, row i is pin i; NaN where lost
-        Returns        new arrays; but `rest_area_px2` and `triangles` are shared by frames and read-only,
-                       and `xy_img` is that of `tracks` where no pin is lost
+        Returns        new arrays; but `rest_area_px2` and `triangles` are shared by frames and read-only
         Raises         DegenerateLayout: fewer than 3 visible pins, or all on a line
         """
         n = len(self._rest_img)
-        all_seen = bool(tracks.seen.all())
-        xy = tracks.xy_img if all_seen else self._lost.fill(tracks.xy_img, tracks.seen)
-        around = self._around(xy)
-        self._points[:n] = xy
-        self._points[n:] = around
+        gap = self._lost.gap(tracks.seen)
+        self._points = points = np.empty_like(self._points)
+        place(np.ascontiguousarray(tracks.xy_img), self._rest_img, self._ring, gap, points)
         area = np.empty(n)
         try:
-            changes = self._mesh.update(self._points, area)
+            changes = self._mesh.update(points, area)
         except ValueError as error:
             raise DegenerateLayout(f"{n} pins, {tracks.n_seen} of them seen: {error}") from error
-        total_px2 = area.sum()
-        if np.isnan(total_px2):  # rare: a cell is not bounded
-            total_px2 = np.nansum(area)
+        total_px2 = float(np.add.reduce(area))
+        if math.isnan(total_px2):  # rare: a cell is not bounded
+            total_px2 = float(np.nansum(area)) if spans(points[:n]) else 0.0
         if total_px2 < self._collapsed_px2:
             raise DegenerateLayout(f"{n} pins, {tracks.n_seen} of them seen: all on a line or at one place")
         if changes != self._changes:
             self._triangles = np.frombuffer(self._mesh.triangles(), dtype=np.int32).reshape(-1, 3)
             self._changes = changes
-        if not all_seen:
-            area[~tracks.seen] = np.nan
+        lost = gap[0]
+        if len(lost):
+            area[lost] = np.nan
         return Cells(
             area_px2=area,
             rest_area_px2=self._rest_area_px2,
-            xy_img=xy,
+            xy_img=points[:n],
             triangles=self._triangles,
-            boundary_img=around[: self._n_boundary],
+            boundary_img=points[n : n + self._n_boundary],
         )
-
-    def _around(self, xy: Array) -> Array:
-        """(b + f, 2) px, the artificial points and the fence for pins at `xy`."""
-        motion = xy[self._rim] - self._rim_rest_img
-        shift = motion[0].copy()  # taken out, so that a far origin costs no digits
-        motion -= shift
-        out: Array = self._carry @ motion
-        out += self._around_rest_img
-        out += shift
-        return out
 
 
 def cell_polygons(cells: Cells) -> list[Array]:

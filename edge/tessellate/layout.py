@@ -8,7 +8,7 @@ from edge._cells import Mesh
 from edge.errors import DegenerateLayout
 from edge.types import Array
 
-__all__ = ["affine_terms", "must_span", "pitch_of"]
+__all__ = ["affine_terms", "must_span", "pitch_of", "spans"]
 
 # Directions in which pins spread less than this share of their longest extent count as a line.
 LINE = 1e-9
@@ -22,13 +22,18 @@ def must_span(xy: Array, what: str) -> None:
         raise DegenerateLayout(f"{what}: a coordinate is not finite")
     if len(xy) < 3:
         raise DegenerateLayout(f"{what}: {len(xy)} pins; cells need at least 3 that span a plane")
+    if not spans(xy):
+        raise DegenerateLayout(f"{what}: all {len(xy)} pins on a line; cells need pins that span a plane")
+
+
+def spans(xy: Array) -> bool:
+    """Whether finite points are not all on a line or at one place."""
     about_mean = xy - xy.mean(axis=0)
     scatter = about_mean.T @ about_mean
     if scatter[0, 0] * scatter[1, 1] - scatter[0, 1] ** 2 > CLEARLY_FLAT * np.trace(scatter) ** 2:
-        return  # the usual case, without a decomposition
+        return True  # the usual case, without a decomposition
     spread = np.linalg.svd(about_mean, compute_uv=False)
-    if not spread[1] > LINE * spread[0]:
-        raise DegenerateLayout(f"{what}: all {len(xy)} pins on a line; cells need pins that span a plane")
+    return bool(spread[1] > LINE * spread[0])
 
 
 def pitch_of(xy: Array) -> float:

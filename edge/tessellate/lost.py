@@ -12,7 +12,10 @@ import numpy as np
 from edge.tessellate.layout import affine_terms, must_span
 from edge.types import Array, Index, Mask
 
-__all__ = ["LostPins"]
+__all__ = ["Gap", "LostPins"]
+
+#: Lost pins (m,) ascending, their rows (m, n) of the bending matrix, the inverse (m, m) of its block.
+Gap = tuple[Index, Array, Array]
 
 # Neighbours that predict a pin: within this many pitches. Two rings of a hexagonal lattice.
 NEIGHBOUR_PITCHES = 2.1
@@ -32,32 +35,22 @@ class LostPins:
     def __init__(self, rest_img: Array, pitch_px: float) -> None:
         self._rest_img = rest_img
         self._bending = _bending_matrix(rest_img, pitch_px)
-        self._key = b""  # the set that the two below are for
-        self._lost: Index = np.empty(0, dtype=np.int32)
-        self._rows: Array = np.empty((0, 0))  # (lost, n), of the bending matrix
-        self._inverse: Array = np.empty((0, 0))  # (lost, lost), of its block
+        self._key = np.ones(len(rest_img), dtype=np.bool_).tobytes()  # the set that the gap is for
+        self._gap: Gap = (np.empty(0, np.int32), np.empty((0, len(rest_img))), np.empty((0, 0)))
 
-    def fill(self, xy: Array, seen: Mask) -> Array:
-        """A copy of `xy` with the lost pins put in.
+    def gap(self, seen: Mask) -> Gap:
+        """What `edge._cells.place` needs to put the lost pins in.
 
-        xy       (n, 2) px; rows that are not seen are not read
         Raises   DegenerateLayout: fewer than 3 pins seen, or all on a line
         """
         key = seen.tobytes()
         if key != self._key:
             must_span(self._rest_img[seen], "seen pins")
-            self._lost = np.flatnonzero(~seen).astype(np.int32)
-            self._rows = self._bending[self._lost]
-            self._inverse = np.linalg.inv(self._rows[:, self._lost]).astype(np.float64, copy=False)
-            self._key = key
-        lost = self._lost
-        motion = xy - self._rest_img
-        shift = motion[seen.argmax()].copy()  # taken out, so that a far origin costs no digits
-        motion -= shift
-        motion[lost] = 0.0
-        full = np.array(xy)
-        full[lost] = self._rest_img[lost] + shift - self._inverse @ (self._rows @ motion)
-        return full
+            lost = np.flatnonzero(~seen).astype(np.int32)
+            rows = self._bending[lost]
+            inverse = np.linalg.inv(rows[:, lost]).astype(np.float64, copy=False)
+            self._gap, self._key = (lost, rows, np.ascontiguousarray(inverse)), key
+        return self._gap
 
 
 def _bending_matrix(xy: Array, pitch_px: float) -> Array:
