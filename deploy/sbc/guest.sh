@@ -32,14 +32,16 @@ is_active() { [ "$(systemctl is-active $unit)" = active ]; }
 pid() { systemctl show -p MainPID --value $unit; }
 program() { # what the unit runs
     mkdir -p "$(dirname "$dropin")"
-    # An emulated processor takes 20 s for what a board does in one.
-    printf '[Service]\nExecStart=\nExecStart=%s -m edge %s\nTimeoutStartSec=300\n' "$python" "$*" >"$dropin"
+    # An emulated processor takes 20 s for what a board does in one: to start, and for the first rest frame.
+    printf '[Service]\nExecStart=\nExecStart=%s -m edge %s\nTimeoutStartSec=300\nWatchdogSec=60\n' \
+        "$python" "$*" >"$dropin"
     systemctl daemon-reload
 }
-# Six images a second: what an emulated processor computes without falling behind.
-replay="replay $recording/press.mcap --loop --speed 0.1 --config /etc/voronoi-touch/index.toml --calibration $recording/rings331_ball.json"
+# Three images a second: what an emulated processor computes without falling behind.
+replay="replay $recording/press.mcap --loop --speed 0.05 --config /etc/voronoi-touch/index.toml --calibration $recording/rings331_ball.json"
 sink() { sed -i "s|^sinks = .*|sinks = [\"$1\"]|" /etc/voronoi-touch/index.toml; }
 
+# shellcheck disable=SC1091
 echo "BOARD $(uname -srm), $(. /etc/os-release && echo "$PRETTY_NAME"), $(systemctl --version | head -1)"
 for module in vcan can-raw kvaser_pci slcan; do modprobe $module; done
 modprobe vivid n_devs=1 node_types=0x1
@@ -74,7 +76,7 @@ with connect("can:vcan0") as host:
     samples = host.samples(timeout_s=30)
     got = [next(samples) for _ in range(20)]
 assert len({s.state.sample for s in got}) == 20, got
-assert any(s.state.displacement_mm > 0 for s in got), got  # NaN is not
+assert any(s.state.displacement_mm >= 0 for s in got), got[-1]  # NaN is not
 PY
 listen vcan0,581:7FF
 cansend vcan0 601#4018100100000000
@@ -96,7 +98,7 @@ check "interface down: the service lives" is_active
 ticks=$(cut -d' ' -f14,15 "/proc/$before/stat" | tr ' ' +)
 sleep 4
 echo "SHOW processor time while the link is down"
-echo "    $(($(cut -d' ' -f14,15 "/proc/$before/stat" | tr ' ' +) - ($ticks))) ticks of 10 ms in 4 s"
+echo "    $(($(cut -d' ' -f14,15 "/proc/$before/stat" | tr ' ' +) - ticks)) ticks of 10 ms in 4 s"
 ip link set vcan0 up
 check "interface up: frames flow again" frames vcan0 8
 check "in the same process" [ "$(pid)" = "$before" ]
@@ -116,7 +118,7 @@ listen vcan0,701:7FF
 kill -STOP "$before"
 check "watchdog: a process that hangs is replaced" heard '701 +\[1\] +00'
 check "frames flow again" frames vcan0 8
-check "the journal says why" journal "$begun" -i 'watchdog'
+check "the journal says why" journal "$begun" '[Ww]atchdog'
 show "the journal" sh -c "journalctl -u $unit --no-pager --since @$begun -o cat | head -n 6"
 
 # ---- classic CAN with a real driver and bit timing: a pair of emulated controllers ----
@@ -178,6 +180,7 @@ check "in the same process" [ "$(pid)" = "$before" ]
 
 # ---- a camera of the kernel's own (vivid), pulled away and put back ----
 sink can:vcan0
+sed -i 's|^width = .*|width = 320|; s|^height = .*|height = 180|' /etc/voronoi-touch/index.toml # its smallest
 program run --source v4l2:0 --config /etc/voronoi-touch/index.toml
 systemctl restart $unit
 check "a V4L2 camera: frames flow" frames vcan0 8
