@@ -126,6 +126,8 @@ class PinPattern:
     size_px          (width, height) of the image it was learnt from
     edge_px          standard deviation of the blur that a pin's edge shows, pixel included
     radius_range_px  smallest and largest radius (2nd and 98th percentile); (0, 0) means as pin_radius_px
+    count            pins of the untouched tip; 0: not known, and pins cut by the view's border not looked for
+    glints_img       arcs of light beside the pins that look like a cut pin's, and are there without one
     """
 
     pin_radius_px: float
@@ -138,6 +140,8 @@ class PinPattern:
     size_px: tuple[int, int]
     edge_px: float = 0.8
     radius_range_px: tuple[float, float] = (0.0, 0.0)
+    count: int = 0
+    glints_img: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ Idea
 - Spots of all sizes are gathered (`_blobs`); the size that most of the light in spots has is the pins'. What
   does not fit its neighbours is thrown out, what fills a gap is taken in (`_pattern`).
 - With a pattern at hand only its own size is looked for. Its absolute brightness is not used: light changes.
+  Where pins are missing, those that the view's border cuts are found too (`_cut`); a rest frame has none.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from scipy.spatial import cKDTree
 
 from edge.errors import NoPins
 from edge.pins import _blobs, _pattern
+from edge.pins._cut import find_cut
 from edge.pins._refine import Refiner
 from edge.types import Array, Image, Mask, PinPattern, Pins, Rest
 
@@ -65,7 +67,16 @@ def detect(image: Image, pattern: PinPattern | None = None) -> Pins:
     grey = to_grey(image)
     if pattern is None:
         return _learn(grey)[1]
-    return _centroids(grey, _find(grey, pattern), pattern)[0]
+    whole = _centroids(grey, _find(grey, pattern), pattern)[0]
+    if len(whole) >= pattern.count:
+        return whole
+    cut = find_cut(grey, whole, pattern, pattern.count - len(whole))
+    return Pins(
+        np.concatenate([whole.xy_img, cut.xy_img]),
+        np.concatenate([whole.sigma_px, cut.sigma_px]),
+        np.concatenate([whole.radius_px, cut.radius_px]),
+        np.concatenate([whole.brightness, cut.brightness]),
+    )
 
 
 def inspect_image(image: Image) -> Pins:
@@ -196,7 +207,9 @@ def _learn(grey: Image) -> tuple[PinPattern, Pins]:
     if len(spots) >= _PINS_MIN:
         pins, fit = _centroids(grey, spots, pattern)
         if len(pins) >= _PINS_MIN and _pattern.unevenness(spots) + 1.0 - fit < _UNLIKE_PINS_MAX:
-            return pattern, pins
+            at_rest = replace(pattern, count=len(pins))
+            glints = find_cut(grey, pins, at_rest, len(pins)).xy_img
+            return replace(at_rest, glints_img=tuple((float(x), float(y)) for x, y in glints)), pins
     raise NoPins(_complaint(grey, "spots, but neither round nor even"))
 
 

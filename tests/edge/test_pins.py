@@ -161,6 +161,38 @@ def test_a_reflection_on_a_pin_makes_no_second_one() -> None:
     assert len(pins) == len(truth)
 
 
+@pytest.mark.parametrize("radius", [6.0, 9.0])
+def test_pins_that_a_round_frame_cuts_are_found_by_their_arc(radius: float) -> None:
+    """The tip moves behind the housing's rim: slivers of its outermost pins are left, and an arc of glare."""
+    pitch, side = 3.4 * radius, 54 * radius
+    rng = np.random.default_rng(6)
+    truth = hexagon(6, pitch, (side / 2, side / 2))
+    reach = np.hypot(*(truth - side / 2).T).max()
+    y, x = np.mgrid[: int(side), : int(side)]
+    frame = np.hypot(x - side / 2, y - side / 2) < reach + 1.5 * radius
+    glare = np.array([[side / 2, side / 2 - reach - 2 * radius]])
+    size = (int(side), int(side))
+    fixed = draw(size, glare, radius, 0.9, 120, 0) * frame + 40
+
+    def seen(pins: Array) -> Image:
+        return expose(draw(size, pins, radius, 0.9, 120, 0) * frame + fixed, 2.0, rng)
+
+    rest = take_rest([seen(truth)])
+    assert len(rest) == rest.pattern.count == 127
+    n_cut, normal = 0, []
+    for angle in np.linspace(0, 6, 7):
+        moved = truth + 1.0 * pitch * np.array([np.cos(angle), np.sin(angle)])
+        pins = detect(seen(moved), rest.pattern)
+        gap = cKDTree(moved).query(pins.xy_img)[0]
+        assert gap.max() < 0.5 * radius  # neither the glare nor a sliver's own middle
+        hidden = np.hypot(*(moved - side / 2).T) > reach + 1.4 * radius
+        cut = cKDTree(moved[hidden]).query(pins.xy_img)[0] < 0.3 * radius
+        n_cut += int(cut.sum())
+        normal.extend(gap[cut] / np.sqrt(2) / pins.sigma_px[cut])
+    assert n_cut >= 15
+    assert np.sqrt(np.mean(np.square(normal))) < 1.5
+
+
 @pytest.mark.real
 def test_real_grey_stills_show_331_pins_and_nothing_outside(real_dir: Path) -> None:
     files = sorted((real_dir / "tactip331_gray" / "frames").glob("*.png"))
