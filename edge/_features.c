@@ -509,6 +509,7 @@ static PyObject *stretch(PyObject *self, PyObject *args)
         PyErr_SetString(PyExc_ValueError, "stretch: rows are shorter than there are pins");
         goto done;
     }
+    float step, even;
     Py_BEGIN_ALLOW_THREADS
     /* The part that is linear in the place stretches the same everywhere; without it the steps are finer. */
     double g[3][5] = {{0}};
@@ -525,12 +526,12 @@ static PyObject *stretch(PyObject *self, PyObject *args)
         const double *at = rest + (i - c);
         bent[i] = (float)(xy[i] - rest[i] - g[0][3 + c] - g[1][3 + c] * (at[0] - rest[0]) - g[2][3 + c] * (at[1] - rest[1]));
     }
-    const float step = quantise(bent, 2 * n, m, work, highest(bent, 2 * n));
+    step = quantise(bent, 2 * n, m, work, highest(bent, 2 * n));
     raise_heights(rows, steps, k, m, work, step, out);
-    const float even = (float)(g[1][3] + g[2][4]);
+    even = (float)(g[1][3] + g[2][4]);
     for (Py_ssize_t p = 0; p < k; p++) out[p] += even;
     Py_END_ALLOW_THREADS
-    result = Py_NewRef(Py_None);
+    result = Py_BuildValue("(dd)", (double)step, (double)even);
 done:
     let_go(&a);
     return result;
@@ -627,7 +628,43 @@ static int leader_of(const Grid *g, const int32_t *at, int j, float level)
 
 typedef struct {
     double x0, y0, step, pitch, valley, edge, minor, reach; /* lengths in px */
+    double part;                                            /* a valley's least depth in sigmas of the noise there */
+    double fine_x0, fine_y0, fine_step, elongated, small, near, fine_valley, fine_part, aligned; /* of `part_in_two` */
 } Rules;
+
+/* Where the pins are, and what gives their noise. */
+typedef struct {
+    const float *growth;
+    const double *rest, *xy;
+    Py_ssize_t n;
+    const uint8_t *seen;
+    const int32_t *near;
+    const double *weight;
+    Py_ssize_t width;
+    double *scratch;
+    double sigma; /* of a pin, px; < 0: not known yet */
+} Tip;
+
+/* The pins' noise is looked up only where something hangs on it. */
+static double noise_of(Tip *tip)
+{
+    if (tip->sigma < 0) {
+        const double sigma = rough(tip->xy, tip->rest, tip->seen, tip->near, tip->weight, tip->n, tip->width, tip->scratch);
+        tip->sigma = sigma > 0 ? sigma : 0;
+    }
+    return tip->sigma;
+}
+
+/* A sharper field on a finer grid. */
+typedef struct {
+    const int16_t *rows, *work; /* work: the motion in whole steps, as `stretch` left it */
+    const float *steps, *gain;
+    const int32_t *place, *coarse; /* where each point is in the fine grid; the coarse point that it lies at */
+    Py_ssize_t n, m, width;
+    float *grid;
+    int32_t *mark, *stack, *live;
+    float step, even;
+} Fine;
 
 typedef struct {
     double n, w, x, y, xx, xy, yy, level, axis, middle[2];
@@ -641,6 +678,7 @@ static double summit(const Grid *g, int32_t at)
     for (int d = 0; d < 2; d++) {
         const double low = g->grid[at - step[d]], high = g->grid[at + step[d]];
         const double bend = 2 * top - low - high;
+        if (low > top || high > top) continue; /* no maximum of this field: one of two that the sharper one has */
         if (bend > 0 && isfinite(bend)) height += (high - low) * (high - low) / (8 * bend);
     }
     return height;
@@ -661,80 +699,102 @@ static double grown(const float *growth, const double *rest, Py_ssize_t n, doubl
     return weight > 0 ? sum / weight : 0;
 }
 
-static int find(const Grid *g, const float *threshold, const Rules *rule, const float *growth, const double *rest,
-                const double *pins, Py_ssize_t n, double *out, double *ridge, int *maxima_n)
+/* Whether a region is one touch or two that lie too near each other for the coarse field: the sharp field is
+ * looked at within the region alone, and must have two maxima, one on each side of the middle, along the region's
+ * axis, parted by a valley that is deep against the lower one and against the pins' noise. 1: `at` are the two. */
+WIDE static int part_in_two(const Grid *g, const Fine *f, const Rules *rule, Tip *tip, int label, const Region *r, double angle,
+                       int32_t at[2])
 {
-    int32_t at[MAXIMA_MAX];
-    float height[MAXIMA_MAX];
-    int group[MAXIMA_MAX], leader[CONTACTS_MAX], m = 0, c = 0;
-    mark_maxima(g);
-    for (Py_ssize_t p = 0; p < g->k; p++) { /* the highest, in order; of equals the first */
-        if (g->mark[g->place[p]] != TOP) continue;
-        const float h = g->grid[g->place[p]];
-        if (!(h > threshold[p])) continue;
-        if (m == MAXIMA_MAX && !(h > height[m - 1])) continue;
-        int i = m < MAXIMA_MAX ? m++ : m - 1;
-        for (; i > 0 && height[i - 1] < h; i--) {
-            height[i] = height[i - 1];
-            at[i] = at[i - 1];
-        }
-        height[i] = h;
-        at[i] = g->place[p];
+    Py_ssize_t live = 0, step[8];
+    neighbours(f->width, step);
+    for (Py_ssize_t p = 0; p < f->n; p++) f->mark[f->place[p]] = g->mark[g->place[f->coarse[p]]] == label;
+    for (Py_ssize_t p = 0; p < f->n; p++) { /* the region and what touches it */
+        int near = f->mark[f->place[p]];
+        for (int d = 0; d < 8 && !near; d++) near = f->mark[f->place[p] + step[d]];
+        if (!near) continue;
+        const int16_t *restrict row = f->rows + p * f->m;
+        int32_t sum = 0;
+        for (Py_ssize_t i = 0; i < f->m; i++) sum += row[i] * f->work[i];
+        f->grid[f->place[p]] = (float)sum * f->steps[p] * f->step + f->even;
+        f->live[live++] = (int32_t)p;
     }
-    *maxima_n = 0;
-    if (!m) return 0;
-    int kept = 0;
-    while (kept < m && height[kept] >= (float)(rule->minor * height[0])) kept++;
-    m = kept;
+    int found = 0, m = 0;
+    int32_t top[MAXIMA_MAX], point[MAXIMA_MAX];
+    for (Py_ssize_t i = 0; i < live; i++) { /* strict maxima in the region, highest first */
+        const int32_t here = f->place[f->live[i]];
+        const float h = f->grid[here];
+        int below = f->mark[here];
+        for (int d = 0; d < 8 && below; d++) below = f->grid[here + step[d]] < h;
+        if (!below || (m == MAXIMA_MAX && !(h > f->grid[top[m - 1]]))) continue;
+        int k = m < MAXIMA_MAX ? m++ : m - 1;
+        for (; k > 0 && f->grid[top[k - 1]] < h; k--) {
+            top[k] = top[k - 1];
+            point[k] = point[k - 1];
+        }
+        top[k] = here;
+        point[k] = f->live[i];
+    }
+    const Grid fine = {f->grid, f->width, NULL, 0, f->mark, f->stack};
+    const double along[2] = {cos(angle), sin(angle)};
+    for (Py_ssize_t i = 0; i < live; i++) f->mark[f->place[f->live[i]]] = UNKNOWN;
+    for (int j = 1; j < m && !found; j++) {
+        const float h = f->grid[top[j]];
+        const double noise = rule->fine_part * noise_of(tip) * f->gain[point[j]];
+        const double deep = rule->fine_valley * h > noise ? rule->fine_valley * h : noise;
+        if (!(h > 0) || leader_of(&fine, top, j, (float)(h - deep)) != j) continue;
+        for (int i = 0; i < j && !found; i++) {
+            const double ax = rule->fine_x0 + rule->fine_step * (top[i] % f->width - 1) - r->middle[0];
+            const double ay = rule->fine_y0 + rule->fine_step * (top[i] / f->width - 1) - r->middle[1];
+            const double bx = rule->fine_x0 + rule->fine_step * (top[j] % f->width - 1) - r->middle[0];
+            const double by = rule->fine_y0 + rule->fine_step * (top[j] / f->width - 1) - r->middle[1];
+            const double s = ax * along[0] + ay * along[1], t = bx * along[0] + by * along[1];
+            const double apart = hypot(bx - ax, by - ay);
+            found = s * t < 0 && apart <= rule->near * rule->pitch && fabs(t - s) >= rule->aligned * apart;
+            if (found) {
+                at[0] = g->place[f->coarse[point[i]]];
+                at[1] = g->place[f->coarse[point[j]]];
+            }
+        }
+    }
+    for (Py_ssize_t i = 0; i < live; i++) f->grid[f->place[f->live[i]]] = -INFINITY;
+    return found && at[0] != at[1];
+}
+
+/* The maxima that count, each with the contact it belongs to (-1: one too many), and each contact's first. */
+typedef struct {
+    int32_t at[MAXIMA_MAX + CONTACTS_MAX];
+    float height[MAXIMA_MAX + CONTACTS_MAX];
+    int of[MAXIMA_MAX + CONTACTS_MAX], leader[CONTACTS_MAX], m, c;
+} Tops;
+
+/* Grid points above a share of their contact's highest belong to it: moments and shape. Marks them. */
+static void measure(const Grid *g, const Rules *rule, const Tops *t, Region *region, double *out)
+{
     const double origin[2] = {rule->x0 - rule->step, rule->y0 - rule->step}; /* of the padded grid */
-    if (m > 1) {
-        double mean[MAXIMA_MAX], most = -INFINITY;
-        for (int i = 0; i < m; i++) {
-            const double x = origin[0] + rule->step * (at[i] % g->width), y = origin[1] + rule->step * (at[i] / g->width);
-            mean[i] = grown(growth, rest, n, x, y, rule->pitch);
-            if (mean[i] > most) most = mean[i];
-        }
-        kept = 0;
-        for (int i = 0; i < m; i++) {
-            if (!(mean[i] >= rule->minor * most)) continue;
-            at[kept] = at[i];
-            height[kept++] = height[i];
-        }
-        m = kept;
-    }
-    for (int j = 0; j < m; j++) {
-        const int to = j ? leader_of(g, at, j, (float)(1 - rule->valley) * height[j]) : 0;
-        group[j] = to;
-        if (to == j && c < CONTACTS_MAX) leader[c++] = j;
-    }
-    Region region[CONTACTS_MAX];
-    int of[MAXIMA_MAX]; /* which region a maximum belongs to; -1: one too many */
-    for (int j = 0; j < m; j++) {
-        of[j] = -1;
-        for (int i = 0; i < c; i++)
-            if (leader[i] == group[j]) of[j] = i;
-    }
-    for (int i = 0; i < c; i++) {
+    float lowest = INFINITY;
+    for (int i = 0; i < t->c; i++) {
         memset(&region[i], 0, sizeof(Region));
-        region[i].level = rule->edge * height[leader[i]];
+        region[i].level = rule->edge * t->height[t->leader[i]];
+        if (region[i].level < lowest) lowest = (float)region[i].level;
     }
-    const float lowest = (float)region[c - 1].level;
     for (Py_ssize_t p = 0; p < g->k; p++) {
         const float h = g->grid[g->place[p]];
+        g->mark[g->place[p]] = -1;
         if (!(h > lowest)) continue;
         const int x = g->place[p] % (int)g->width, y = g->place[p] / (int)g->width;
         int near = 0, least = INT32_MAX;
-        for (int j = 0; c > 1 && j < m; j++) {
-            const int dx = x - at[j] % (int)g->width, dy = y - at[j] / (int)g->width;
+        for (int j = 0; t->c > 1 && j < t->m; j++) {
+            const int dx = x - t->at[j] % (int)g->width, dy = y - t->at[j] / (int)g->width;
             const int d2 = dx * dx + dy * dy;
             if (d2 < least) {
                 least = d2;
                 near = j;
             }
         }
-        if (of[near] < 0) continue;
-        Region *r = &region[of[near]];
+        if (t->of[near] < 0) continue;
+        Region *r = &region[t->of[near]];
         if (!(h > (float)r->level)) continue;
+        g->mark[g->place[p]] = t->of[near];
         const double w = h - (float)r->level;
         r->n++;
         r->w += w;
@@ -744,7 +804,7 @@ static int find(const Grid *g, const float *threshold, const Rules *rule, const 
         r->xy += w * x * y;
         r->yy += w * y * y;
     }
-    for (int i = 0; i < c; i++) {
+    for (int i = 0; i < t->c; i++) {
         Region *r = &region[i];
         double *to = out + i * FIELDS;
         const double x = r->x / r->w, y = r->y / r->w;
@@ -754,27 +814,129 @@ static int find(const Grid *g, const float *threshold, const Rules *rule, const 
         r->middle[0] = origin[0] + rule->step * x;
         r->middle[1] = origin[1] + rule->step * y;
         r->axis = 2 * sqrt(mean + half) * rule->step; /* a uniform ellipse's semi-axis is two standard deviations */
-        to[2] = summit(g, at[leader[i]]);
+        to[2] = summit(g, t->at[t->leader[i]]);
         to[3] = r->n * rule->step * rule->step;
         to[4] = 0.5 * atan2(2 * xy, xx - yy);
         to[5] = sqrt((mean + half) / (mean - half > 1e-9 ? mean - half : 1e-9));
     }
+}
+
+/* `fine`: NULL where it is not made yet; `wanted` says whether it would have been looked at. */
+static int find(const Grid *g, const float *threshold, const float *gain, const Rules *rule, Tip *tip, const Fine *fine,
+                double *out, double *ridge, int *maxima_n, int *wanted)
+{
+    Tops t = {.m = 0, .c = 0};
+    int32_t *at = t.at;
+    float *height = t.height, room[MAXIMA_MAX]; /* room: of the noise at each maximum */
+    int group[MAXIMA_MAX];
+    *wanted = 0;
+    *maxima_n = 0;
+    mark_maxima(g);
+    for (Py_ssize_t p = 0; p < g->k; p++) { /* the highest, in order; of equals the first */
+        if (g->mark[g->place[p]] != TOP) continue;
+        const float h = g->grid[g->place[p]];
+        if (!(h > threshold[p])) continue;
+        if (t.m == MAXIMA_MAX && !(h > height[t.m - 1])) continue;
+        int i = t.m < MAXIMA_MAX ? t.m++ : t.m - 1;
+        for (; i > 0 && height[i - 1] < h; i--) {
+            height[i] = height[i - 1];
+            at[i] = at[i - 1];
+            room[i] = room[i - 1];
+        }
+        height[i] = h;
+        at[i] = g->place[p];
+        room[i] = gain[p];
+    }
+    if (!t.m) return 0;
+    int kept = 0;
+    while (kept < t.m && height[kept] >= (float)(rule->minor * height[0])) kept++;
+    t.m = kept;
+    const double origin[2] = {rule->x0 - rule->step, rule->y0 - rule->step}; /* of the padded grid */
+    if (t.m > 1) {
+        double mean[MAXIMA_MAX], most = -INFINITY;
+        for (int i = 0; i < t.m; i++) {
+            const double x = origin[0] + rule->step * (at[i] % g->width), y = origin[1] + rule->step * (at[i] / g->width);
+            mean[i] = grown(tip->growth, tip->rest, tip->n, x, y, rule->pitch);
+            if (mean[i] > most) most = mean[i];
+        }
+        kept = 0;
+        for (int i = 0; i < t.m; i++) {
+            if (!(mean[i] >= rule->minor * most)) continue;
+            at[kept] = at[i];
+            room[kept] = room[i];
+            height[kept++] = height[i];
+        }
+        t.m = kept;
+    }
+    for (int j = 0; j < t.m; j++) {
+        const float noise = j ? (float)(rule->part * noise_of(tip)) * room[j] : 0;
+        const float valley = (float)rule->valley * height[j], deep = valley > noise ? valley : noise;
+        const int to = j ? leader_of(g, at, j, height[j] - deep) : 0;
+        group[j] = to;
+        if (to == j && t.c < CONTACTS_MAX) t.leader[t.c++] = j;
+    }
+    for (int j = 0; j < t.m; j++) {
+        t.of[j] = -1;
+        for (int i = 0; i < t.c; i++)
+            if (t.leader[i] == group[j]) t.of[j] = i;
+    }
+    Region region[CONTACTS_MAX];
+    measure(g, rule, &t, region, out);
+    const int whole = t.c;
+    int parted = 0;
+    for (int i = 0; i < whole && t.c < CONTACTS_MAX; i++) {
+        if (!(out[i * FIELDS + 5] > rule->elongated) || !(region[i].axis < rule->small * rule->pitch)) continue;
+        int32_t two[2];
+        *wanted = 1;
+        if (!fine || !part_in_two(g, fine, rule, tip, i, &region[i], out[i * FIELDS + 4], two)) continue;
+        const int first = t.leader[i]; /* its chain of maxima makes way for the two */
+        kept = 0;
+        for (int j = 0; j < t.m; j++) {
+            if (t.of[j] == i && j != first) continue;
+            for (int l = 0; l < t.c; l++)
+                if (t.leader[l] == j) t.leader[l] = kept;
+            at[kept] = at[j];
+            height[kept] = height[j];
+            t.of[kept++] = t.of[j];
+        }
+        t.m = kept;
+        for (int l = 0; l < 2; l++) {
+            const int j = l ? t.m++ : t.leader[i];
+            at[j] = two[l];
+            height[j] = g->grid[two[l]];
+            t.of[j] = l ? t.c : i;
+            t.leader[t.of[j]] = j;
+        }
+        t.c++;
+        parted = 1;
+    }
+    if (parted) {
+        for (int i = 1; i < t.c; i++) /* strongest first, again */
+            for (int j = i; j > 0 && height[t.leader[j]] > height[t.leader[j - 1]]; j--) {
+                const int l = t.leader[j];
+                t.leader[j] = t.leader[j - 1];
+                t.leader[j - 1] = l;
+                for (int k = 0; k < t.m; k++) t.of[k] = t.of[k] == j ? j - 1 : t.of[k] == j - 1 ? j : t.of[k];
+            }
+        measure(g, rule, &t, region, out);
+    }
+    const int c = t.c;
     for (int i = 0; i < c; i++) { /* place: the pins round the middle, weighted by their cells' growth */
         const Region *r = &region[i];
         double *to = out + i * FIELDS, sum = 0, x = 0, y = 0;
         const double wide = 1.25 * r->axis, reach = rule->reach * rule->pitch;
         const double limit = wide > reach ? wide * wide : reach * reach;
-        for (Py_ssize_t p = 0; p < n; p++) {
-            const double px = pins[2 * p], py = pins[2 * p + 1];
+        for (Py_ssize_t p = 0; p < tip->n; p++) {
+            const double px = tip->xy[2 * p], py = tip->xy[2 * p + 1];
             const double dx = px - r->middle[0], dy = py - r->middle[1], d2 = dx * dx + dy * dy;
-            if (!(growth[p] > 0) || !(d2 < limit)) continue;
+            if (!(tip->growth[p] > 0) || !(d2 < limit)) continue;
             int other = 0;
             for (int j = 0; j < c && !other; j++) {
                 const double ex = px - region[j].middle[0], ey = py - region[j].middle[1];
                 other = j != i && ex * ex + ey * ey < d2;
             }
             if (other) continue;
-            const double w = growth[p] * (1 - d2 / limit);
+            const double w = tip->growth[p] * (1 - d2 / limit);
             sum += w;
             x += w * px;
             y += w * py;
@@ -786,8 +948,8 @@ static int find(const Grid *g, const float *threshold, const Rules *rule, const 
     /* ridges, contact by contact */
     int written = 0;
     for (int i = 0; i < c; i++)
-        for (int j = 0; j < m; j++)
-            if (of[j] == i) {
+        for (int j = 0; j < t.m && written < MAXIMA_MAX; j++)
+            if (t.of[j] == i) {
                 ridge[2 * written] = origin[0] + rule->step * (at[j] % g->width);
                 ridge[2 * written + 1] = origin[1] + rule->step * (at[j] / g->width);
                 written++;
@@ -797,31 +959,72 @@ static int find(const Grid *g, const float *threshold, const Rules *rule, const 
     return c;
 }
 
+/* The fine grid's arrays; 0: an exception is set. */
+static int take_fine(Arrays *a, PyObject *tuple, Fine *f, Py_ssize_t k)
+{
+    PyObject *o[9];
+    double step, even;
+    if (!PyArg_ParseTuple(tuple, "OOOOOOOOOndd:fine", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5], &o[6], &o[7], &o[8], &f->width,
+                          &step, &even))
+        return 0;
+    f->step = (float)step;
+    f->even = (float)even;
+    f->work = take(a, o[1], 'h', -1, 0, "work");
+    f->m = f->work ? count(a) : 0;
+    f->steps = f->work ? take(a, o[2], 'f', -1, 0, "steps") : NULL;
+    f->n = f->steps ? count(a) : 0;
+    f->rows = f->steps ? take(a, o[0], 'h', f->n * f->m, 0, "rows") : NULL;
+    f->gain = f->rows ? take(a, o[3], 'f', f->n, 0, "gain") : NULL;
+    f->place = f->gain ? take(a, o[4], 'i', f->n, 0, "place") : NULL;
+    f->coarse = f->place ? take(a, o[5], 'i', f->n, 0, "coarse") : NULL;
+    f->grid = f->coarse ? take(a, o[6], 'f', -1, 1, "grid") : NULL;
+    const Py_ssize_t cells = f->grid ? count(a) : 0;
+    int32_t *marks = f->grid ? take(a, o[7], 'i', 2 * cells, 1, "mark and stack") : NULL;
+    f->live = marks ? take(a, o[8], 'i', f->n, 1, "live") : NULL;
+    if (!f->live) return 0;
+    f->mark = marks;
+    f->stack = marks + cells;
+    for (Py_ssize_t p = 0; p < f->n; p++)
+        if (f->coarse[p] < 0 || f->coarse[p] >= k || f->place[p] <= f->width || f->place[p] >= cells - f->width - 1) {
+            PyErr_SetString(PyExc_ValueError, "contacts: a fine point lies on the grid's border");
+            return 0;
+        }
+    return 1;
+}
+
 static PyObject *contacts(PyObject *self, PyObject *args)
 {
     (void)self;
-    PyObject *o[12];
-    Arrays a = {.n = 0};
+    PyObject *o[17], *sharp;
+    Arrays a = {.n = 0}, b = {.n = 0}, c = {.n = 0}; /* one holds sixteen */
     PyObject *result = NULL;
     Py_ssize_t width;
-    if (!PyArg_ParseTuple(args, "OOOOOOnOOOOOO:contacts", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5], &width, &o[6], &o[7],
-                          &o[8], &o[9], &o[10], &o[11]))
+    Tip tip = {.sigma = -1};
+    Fine fine;
+    if (!PyArg_ParseTuple(args, "OOO(OOOOn)O(OOOO)(OOO)O!OO:contacts", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5], &o[6], &width,
+                          &o[7], &o[8], &o[9], &o[10], &o[11], &o[12], &o[13], &o[14], &PyTuple_Type, &sharp, &o[15], &o[16]))
         return NULL;
     const float *relief = take(&a, o[0], 'f', -1, 0, "relief");
     const Py_ssize_t k = relief ? count(&a) : 0;
     const float *threshold = relief ? take(&a, o[1], 'f', k, 0, "threshold") : NULL;
-    const int32_t *place = threshold ? take(&a, o[2], 'i', k, 0, "place") : NULL;
-    float *grid = place ? take(&a, o[3], 'f', -1, 1, "grid") : NULL;
+    const float *gain = threshold ? take(&a, o[2], 'f', k, 0, "gain") : NULL;
+    const int32_t *place = gain ? take(&a, o[3], 'i', k, 0, "place") : NULL;
+    float *grid = place ? take(&a, o[4], 'f', -1, 1, "grid") : NULL;
     const Py_ssize_t cells = grid ? count(&a) : 0;
-    int32_t *mark = grid ? take(&a, o[4], 'i', cells, 1, "mark") : NULL;
-    int32_t *stack = mark ? take(&a, o[5], 'i', cells, 1, "stack") : NULL;
-    const Rules *rule = stack ? take(&a, o[6], 'd', sizeof(Rules) / sizeof(double), 0, "rules") : NULL;
-    const float *growth = rule ? take(&a, o[7], 'f', -1, 0, "growth") : NULL;
-    const Py_ssize_t n = growth ? count(&a) : 0;
-    const double *rest = growth ? take(&a, o[8], 'd', 2 * n, 0, "rest") : NULL;
-    const double *pins = rest ? take(&a, o[9], 'd', 2 * n, 0, "pins") : NULL;
-    double *out = pins ? take(&a, o[10], 'd', CONTACTS_MAX * FIELDS, 1, "out") : NULL;
-    double *ridge = out ? take(&a, o[11], 'd', 2 * MAXIMA_MAX, 1, "ridge") : NULL;
+    int32_t *mark = grid ? take(&a, o[5], 'i', cells, 1, "mark") : NULL;
+    int32_t *stack = mark ? take(&a, o[6], 'i', cells, 1, "stack") : NULL;
+    const Rules *rule = stack ? take(&a, o[7], 'd', sizeof(Rules) / sizeof(double), 0, "rules") : NULL;
+    tip.growth = rule ? take(&b, o[8], 'f', -1, 0, "growth") : NULL;
+    tip.n = tip.growth ? count(&b) : 0;
+    tip.rest = tip.growth ? take(&b, o[9], 'd', 2 * tip.n, 0, "rest") : NULL;
+    tip.xy = tip.rest ? take(&b, o[10], 'd', 2 * tip.n, 0, "xy") : NULL;
+    tip.seen = tip.xy ? take(&b, o[11], '?', tip.n, 0, "seen") : NULL;
+    tip.near = tip.seen ? take(&b, o[12], 'i', -1, 0, "near") : NULL;
+    tip.width = tip.near && tip.n ? count(&b) / tip.n : 0;
+    tip.weight = tip.near ? take(&b, o[13], 'd', tip.n * tip.width, 0, "weight") : NULL;
+    tip.scratch = tip.weight ? take(&b, o[14], 'd', 2 * tip.n, 1, "scratch") : NULL;
+    double *out = tip.scratch ? take(&b, o[15], 'd', CONTACTS_MAX * FIELDS, 1, "out") : NULL;
+    double *ridge = out ? take(&b, o[16], 'd', 2 * MAXIMA_MAX, 1, "ridge") : NULL;
     if (!ridge) goto done;
     for (Py_ssize_t p = 0; p < k; p++) {
         if (place[p] <= width || place[p] >= cells - width - 1) {
@@ -830,13 +1033,17 @@ static PyObject *contacts(PyObject *self, PyObject *args)
         }
         grid[place[p]] = relief[p];
     }
+    const int sharper = PyTuple_Size(sharp) > 0;
+    if (sharper && !take_fine(&c, sharp, &fine, k)) goto done;
     const Grid g = {grid, width, place, k, mark, stack};
-    int maxima_n, found;
+    int maxima_n, found, wanted;
     Py_BEGIN_ALLOW_THREADS
-    found = find(&g, threshold, rule, growth, rest, pins, n, out, ridge, &maxima_n);
+    found = find(&g, threshold, gain, rule, &tip, sharper ? &fine : NULL, out, ridge, &maxima_n, &wanted);
     Py_END_ALLOW_THREADS
-    result = Py_BuildValue("(ii)", found, maxima_n);
+    result = Py_BuildValue("(iii)", found, maxima_n, wanted);
 done:
+    let_go(&c);
+    let_go(&b);
     let_go(&a);
     return result;
 }
@@ -1022,10 +1229,10 @@ static PyMethodDef methods[] = {
     {"roughness", roughness, METH_VARARGS, "roughness(xy, rest, seen, near, weight, scratch) -> float: noise of a pin"},
     {"heights", heights, METH_VARARGS,
      "heights(change, (xy, rest, ring, slope), rows, steps, work, growth, heights, level) -> float"},
-    {"stretch", stretch, METH_VARARGS, "stretch(xy, rest, rows, steps, work, bent, stretch)"},
+    {"stretch", stretch, METH_VARARGS, "stretch(xy, rest, rows, steps, work, bent, stretch) -> (step of work, part that is even)"},
     {"contacts", contacts, METH_VARARGS,
-     "contacts(relief, threshold, place, grid, mark, stack, width, rules, growth, rest, pins, out, ridge)"
-     " -> (contacts, points of ridges)"},
+     "contacts(relief, threshold, gain, (place, grid, mark, stack, width), rules, (growth, rest, xy, seen),"
+     " (near, weight, scratch), fine, out, ridge) -> (contacts, points of ridges, whether fine was wanted)"},
     {"maxima", maxima, METH_VARARGS, "maxima(grid, width, place, mark, stack): 2 in mark is a maximum"},
     {"contact_pins", contact_pins, METH_VARARGS, "contact_pins(change, least, unit, out) -> int"},
     {"torsion", torsion, METH_VARARGS, "torsion(rest, motion, pins, n) -> float"},

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,25 +42,23 @@ def heights(
 
 def stretch(
     xy: Array, rest: Array, rows: Shorts, steps: Singles, work: Shorts, bent: Singles, stretch: Singles
-) -> None:
-    """Divergence of the motion's surface."""
+) -> tuple[float, float]:
+    """Divergence of the motion's surface; step of the motion in `work`, and divergence of its even part."""
 
 def contacts(
     relief: Singles,
     threshold: Singles,
-    place: Index,
-    grid: Singles,
-    mark: Index,
-    stack: Index,
-    width: int,
+    gain: Singles,
+    grid: tuple[Index, Singles, Index, Index, int],
     rules: Array,
-    growth: Singles,
-    rest: Array,
-    pins: Array,
+    pins: tuple[Singles, Array, Array, Mask],
+    local: tuple[Index, Array, Array],
+    fine: tuple[Any, ...],
     out: Array,
     ridge: Array,
-) -> tuple[int, int]:
-    """Contacts into `out`: x, y, peak, area, angle, elongation, ridge points; how many, and of points."""
+) -> tuple[int, int, int]:
+    """Contacts into `out`: x, y, peak, area, angle, elongation, ridge points; how many, how many points,
+    and whether a sharper field was asked for."""
 
 def maxima(grid: Singles, width: int, place: Index, mark: Index, stack: Index) -> None:
     """Marks maxima with 2."""

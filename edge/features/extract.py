@@ -183,7 +183,7 @@ class FeatureExtractor:
                 relief = blend(surface.stretch(xy), heights)
                 least = surface.stretch_noise * np.float32(THRESHOLD * sigma)
                 np.maximum(least, np.float32(THRESHOLD_MIN), out=least)
-                contacts = self.finder.find(relief, least, growth, xy)
+                contacts = self.finder.find(relief, least, growth, xy, seen)
         turn = slip = probability = None
         if plan.torsion or plan.slip:
             least_change = max(THRESHOLD * noise, THRESHOLD_MIN)

@@ -34,7 +34,7 @@ from edge.errors import DegenerateLayout
 from edge.features.local import Neighbourhood
 from edge.types import Array, Mask, Rest
 
-__all__ = ["Heights", "Surface", "thin_plate_operators"]
+__all__ = ["Heights", "Surface", "in_steps", "thin_plate_operators"]
 
 Heights = NDArray[np.float32]
 
@@ -104,15 +104,18 @@ class Surface:
     x_img, y_img   (g,) px: places of the grid's columns and rows
     step_px        distance of neighbouring grid points
     rest_img       (n, 2) px, the pins at rest
+    near           what the pins' neighbours say of them
     inside         (g, g) bool: within the tip's circle; "the k points" are these, row by row
     index          (g, g) which of the k points; -1 outside
     points_img     (k, 2) px
     stretch_noise  (k,) float32, noise of `stretch` per px of a pin's
+    motion         int16, what `stretch` saw last: the motion less its even part, in whole `motion_step`;
+                   for other operators on it. `even_stretch` is the divergence of the even part.
     """
 
     def __init__(self, rest: Rest, size: int | None = None, near: Neighbourhood | None = None) -> None:
         pattern = rest.pattern
-        self._near = near or Neighbourhood(rest)
+        self.near = near or Neighbourhood(rest)
         radius = pattern.tip_radius_px
         if size is None:
             wanted = round(2.0 * radius / pattern.pitch_px * STEPS_PER_PITCH) + 1
@@ -129,13 +132,14 @@ class Surface:
         self.index[self.inside] = np.arange(len(self._flat))
         self.points_img = np.column_stack([self.x_img[self._flat % size], self.y_img[self._flat // size]])
         value, along_x, along_y = thin_plate_operators(rest.xy_img, self.points_img)
-        self._value, self._value_step = _in_steps(value)
+        self._value, self._value_step = in_steps(value)
         # x and y side by side, as the motion's rows come: one product.
         pairs = np.stack([along_x, along_y], axis=2).reshape(len(value), -1)
-        self._slope, self._slope_step = _in_steps(pairs)
-        self._work = np.empty(self._slope.shape[1], dtype=np.int16)
+        self._slope, self._slope_step = in_steps(pairs)
+        self.motion = np.empty(self._slope.shape[1], dtype=np.int16)
+        self.motion_step = self.even_stretch = 0.0
         self._bent = np.empty(2 * len(rest), dtype=np.float32)
-        self._work_value = self._work[: self._value.shape[1]]
+        self._work_value = np.empty(self._value.shape[1], dtype=np.int16)
         self.stretch_noise: Heights = np.sqrt((pairs**2).sum(axis=1)).astype(np.float32)
 
     def rise(self, change: Array, xy_img: Array, level: float) -> tuple[Heights, Heights, float]:
@@ -151,7 +155,7 @@ class Surface:
         heights = np.empty(len(self._flat), dtype=np.float32)
         total = _features.heights(
             change,
-            (xy_img, self.rest_img, self._near.ring, self._near.slope),
+            (xy_img, self.rest_img, self.near.ring, self.near.slope),
             self._value,
             self._value_step,
             self._work_value,
@@ -168,7 +172,9 @@ class Surface:
         Returns  (k,) float32, relative change of area there, to first order; new
         """
         out = np.empty(len(self._flat), dtype=np.float32)
-        _features.stretch(xy_img, self.rest_img, self._slope, self._slope_step, self._work, self._bent, out)
+        self.motion_step, self.even_stretch = _features.stretch(
+            xy_img, self.rest_img, self._slope, self._slope_step, self.motion, self._bent, out
+        )
         return out
 
     def spread(self, heights: Heights, outside: float) -> Heights:
@@ -178,7 +184,7 @@ class Surface:
         return grid.reshape(self.size, self.size)
 
 
-def _in_steps(operator: Array) -> tuple[NDArray[np.int16], Heights]:
+def in_steps(operator: Array) -> tuple[NDArray[np.int16], Heights]:
     """An operator's rows as whole numbers of a step, and the step of each.
 
     Returns  (m, w) int16, w a multiple of 16, for the vector units; (m,) float32

@@ -9,11 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib.sim import Camera, Contact, Tip, Tool, deform
 from edge.features import FeatureExtractor
 from edge.pipeline import ALL, Pipeline, tare
 from edge.sources import open_source
-from edge.types import Features, Frame
+from edge.tessellate import Tessellator
+from edge.types import Features, Frame, Tracks
 from tests.bench.plain import FeatureExtractor as PlainExtractor
+from tests.edge.fields import CENTRE, make_rest
 
 DATA = Path(__file__).parents[1] / "data"
 FULL_SCALE = 1e-3  # share of the largest value in the recording by which a feature may differ
@@ -103,6 +106,27 @@ def test_bundled_recordings(name: str) -> None:
     assert len(pairs) > 5
     assert any(ours.touched for ours, _ in pairs) == (name != "nothing")
     compare(pairs)
+
+
+def test_close_pairs_are_parted_alike() -> None:
+    """The second look, which none of the recordings needs."""
+    camera = Camera(tip=Tip())
+    rest_xy = camera.project(camera.tip.tips_mm)
+    rest = make_rest(rest_xy + (CENTRE - camera.centre_img), 18.9)
+    tessellator = Tessellator(rest)
+    ours = FeatureExtractor(rest, tessellator.rest_area_px2)
+    plain = PlainExtractor(rest, tessellator.rest_area_px2)
+    rng, pairs = np.random.default_rng(3), []
+    for distance in (3.0, 3.5, 4.0, 4.5):
+        for angle in (0.0, 40.0, 100.0):
+            tool = Tool("two", 1.0, angle, distance)
+            moved = camera.project(deform(camera.tip, (Contact(tool, x_mm=1.0, depth_mm=2.0),)).tips_mm)
+            xy = rest.xy_img + moved - rest_xy + rng.normal(0.0, 0.05, rest_xy.shape)
+            tracks = Tracks(xy, np.full(331, 0.05), np.ones(331, dtype=np.bool_), 1.0)
+            cells = tessellator.cells(tracks)
+            pairs.append((ours.extract(tracks, cells, ALL), plain.extract(tracks, cells, ALL)))
+    assert {len(mine.contacts or ()) for mine, _ in pairs} == {1, 2}
+    assert all(same_contacts(mine, theirs, 1e-2, 1.0) for mine, theirs in pairs)
 
 
 @pytest.mark.real

@@ -1,29 +1,4 @@
-"""Contact places: regional maxima of the skin's stretch, merged into contacts by prominence.
-
-    relief on a grid -> maxima() -> above the noise -> joined where no valley parts them
-                      -> one region a group: place, area, axis, ridge
-
-Idea: a probe makes one maximum, a long edge a chain of them, a flat surface a ring or a rough plateau.
-Maxima with no real valley between them are one contact: to part them the surface must go down by `VALLEY`
-of the lower one on every way from one to the other. That is topographic prominence, relative.
-
-The surface is a blend: 0.7 of the divergence of the pins' motion (`Surface.stretch`), 0.3 of the surface
-through the cells' areas. The divergence is sharp: of random pairs of probes 4 mm apart, 331 pins of 2.1 mm
-pitch, simulated, it parts 88 %, the areas 12 %, since a cell's area averages over two pitches. But areas
-are the steadier of the two where pins are badly seen: on the published webcam videos the divergence alone
-breaks single touches up more often. The mixture parts 85 %, never breaks a simulated edge (1 % before).
-
-Rules
-- Plateau semantics of MATLAB's `imregionalmax` and `skimage.morphology.local_maxima`: connected grid
-  points (8 neighbours) of one height, all of whose other neighbours are lower; a grid of one height has none.
-- The region of a contact is what rises above `EDGE` of its highest point: a share of the peak and not a
-  fixed height, so that it does not grow with the depth alone.
-- Cells bear witness: round a maximum they have grown too. At the rim, where the surface has pins on one
-  side only, a single pin's noise is a slope and a slope a maximum, but no cell has grown there.
-- A contact's place is where its pins are now, weighted by how much their cells have grown: the pull of
-  a shear on the pattern of growth and its pull on the pins nearly cancel in it.
-- Strongest first, `CONTACTS_MAX` at the most.
-"""
+"""Contact places as `edge.features.contacts` finds them, in plain NumPy and OpenCV: the oracle."""
 
 from __future__ import annotations
 
@@ -34,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edge.features.divergence import divergence_operator
 from edge.types import Array, ContactRegion, Mask
 from tests.bench.plain.surface import Heights, Surface
 
@@ -52,6 +28,9 @@ EDGE = 0.3
 #: round which the cells have grown by less than this share of the most. Of 200 published frames, each one
 #: flat contact, 23 have noise at the rim that passes the first test and none that passes the second.
 MINOR = 0.2
+#: As in `edge.features.contacts`.
+PART, LONG, SMALL, NEAR, ALIGNED = 10.0, 1.5, 3.0, 3.0, 0.7
+FINE_VALLEY, FINE_PART, FINE_STEPS_PER_PITCH = 0.3, 8.0, 2.0
 CONTACTS_MAX = 8
 MAXIMA_MAX = 24
 #: Below this ratio of the axes the direction is noise and not reported; round probes show up to 1.4 on the
@@ -105,8 +84,38 @@ def _dilate(grid: Heights) -> Heights:
     return np.maximum(out, rows[:, 1:-1], out=out)
 
 
+class FineField:
+    """The sharper field on its own grid, and the surface's point that each of its points lies at."""
+
+    def __init__(self, surface: Surface) -> None:
+        x0, x1, y0, y1 = surface.x_img[0], surface.x_img[-1], surface.y_img[0], surface.y_img[-1]
+        size = round((x1 - x0) / surface.pitch_px * FINE_STEPS_PER_PITCH) + 1
+        self.x_img, self.y_img = np.linspace(x0, x1, size), np.linspace(y0, y1, size)
+        rows = np.rint((self.y_img - y0) / surface.step_px).astype(int)
+        columns = np.rint((self.x_img - x0) / surface.step_px).astype(int)
+        self.coarse = surface.index[np.ix_(rows, columns)]
+        inside = self.coarse >= 0
+        points = np.column_stack([a[inside] for a in np.meshgrid(self.x_img, self.y_img)])
+        self._inside = inside
+        self._operator = divergence_operator(surface.rest_img, points, surface.pitch_px)
+        self.gain = np.zeros(inside.shape)
+        self.gain[inside] = np.sqrt((self._operator**2).sum(axis=1))
+
+    def field(self, motion_px: Array) -> Array:
+        """(h, w), NaN outside of the tip."""
+        out = np.full(self._inside.shape, np.nan)
+        out[self._inside] = self._operator @ motion_px.ravel()
+        return out
+
+
 def find_contacts(
-    relief: Heights, surface: Surface, threshold: Heights, growth: Heights, pins_img: Array
+    relief: Heights,
+    surface: Surface,
+    threshold: Heights,
+    growth: Heights,
+    pins_img: Array,
+    noise_px: float,
+    fine: FineField,
 ) -> tuple[ContactRegion, ...]:
     """Contacts of one frame, strongest first.
 
@@ -114,6 +123,7 @@ def find_contacts(
     threshold  (k,) float32, what a maximum must rise above to count
     growth     (n,) float32, relative area change of each pin's cell
     pins_img   (n, 2) px, where each pin is now; finite
+    noise_px   of a pin, as its neighbours show it
     Source     paper, "Contact Location and Multi-Contact Detection"
     """
     grid = surface.spread(relief, -np.inf)
@@ -129,25 +139,38 @@ def find_contacts(
         most = float(grown.max())
         order = order[grown >= min(MINOR * most, most)]  # under shear even the most grown one may have shrunk
     rows, cols, height = rows[order], cols[order], height[order]
-    group = _groups(grid, rows, cols, height)
+    deep = np.maximum(VALLEY * height, PART * noise_px * surface.stretch_noise[surface.index[rows, cols]])
+    group = _groups(grid, rows, cols, height, deep)
     leaders = np.flatnonzero(group == np.arange(len(group)))[:CONTACTS_MAX]
-    py, px = np.nonzero(grid > EDGE * float(height[leaders[-1]]))
-    value = grid[py, px]
-    owner = np.zeros(len(px), dtype=np.intp)
-    if len(leaders) > 1:
-        d2 = (px[:, None] - cols[None, :]) ** 2 + (py[:, None] - rows[None, :]) ** 2
-        owner = group[np.argmin(d2, axis=1)]
+    shapes, owner = _shapes(grid, surface, rows, cols, height, group, leaders)
+    field: Array | None = None
+    pairs: dict[int, tuple[int, int]] = {}
+    for i, leader in enumerate(leaders.tolist()):
+        middle, axis_px, elongation, angle, _ = shapes[i]
+        room = len(leaders) + len(pairs) < CONTACTS_MAX
+        if not (elongation > LONG and axis_px < SMALL * surface.pitch_px and room):
+            continue
+        field = fine.field(pins_img - surface.rest_img) if field is None else field
+        two = _part_in_two(field, fine, surface, owner == leader, middle, angle, noise_px)
+        if two is not None:
+            pairs[leader] = two
+    if pairs:
+        tops = [(r, c, g) for r, c, g in zip(rows, cols, group, strict=True) if g not in pairs]
+        for leader, two in pairs.items():
+            for k, label in zip(two, (leader, len(group) + leader), strict=True):
+                r, c = np.argwhere(surface.index == k)[0]
+                tops.append((r, c, label))
+        rows, cols, labels = np.array(tops).T
+        height = grid[rows, cols]
+        group = np.array([int(np.flatnonzero(labels == g)[0]) for g in labels])
+        leaders = np.unique(group)
+        leaders = leaders[np.argsort(-height[leaders], kind="stable")]
+        shapes, _ = _shapes(grid, surface, rows, cols, height, group, leaders)
     origin = np.array([surface.x_img[0], surface.y_img[0]])
-    shapes, middles = [], []
-    for leader in leaders:
-        level = EDGE * float(height[leader])
-        mine = (owner == leader) & (value > level)
-        middle, *shape = _moments(px[mine], py[mine], value[mine] - np.float32(level), surface.step_px)
-        shapes.append(shape)
-        middles.append(middle + origin)
+    middles = [shape[0] for shape in shapes]
     found = []
     for i, leader in enumerate(leaders):
-        axis_px, elongation, angle, area = shapes[i]
+        _, axis_px, elongation, angle, area = shapes[i]
         member = group == leader
         ridge = origin + surface.step_px * np.column_stack([cols[member], rows[member]])
         found.append(
@@ -161,6 +184,65 @@ def find_contacts(
             )
         )
     return tuple(found)
+
+
+def _shapes(
+    grid: Heights,
+    surface: Surface,
+    rows: Places,
+    cols: Places,
+    height: Heights,
+    group: Places,
+    leaders: Places,
+) -> tuple[list[Any], Places]:
+    """Middle, axis, elongation, angle, area of each leader's region; and (h, w) whose region a point is."""
+    owner = np.full(grid.shape, -1)
+    py, px = np.nonzero(grid > EDGE * float(height[leaders].min()))
+    nearest = np.argmin((px[:, None] - cols[None, :]) ** 2 + (py[:, None] - rows[None, :]) ** 2, axis=1)
+    of = group[nearest] if len(leaders) > 1 else np.full(len(px), leaders[0])
+    origin = np.array([surface.x_img[0], surface.y_img[0]])
+    shapes = []
+    for leader in leaders:
+        level = EDGE * float(height[leader])
+        mine = (of == leader) & (grid[py, px] > level)
+        owner[py[mine], px[mine]] = leader
+        middle, *shape = _moments(px[mine], py[mine], grid[py, px][mine] - np.float32(level), surface.step_px)
+        shapes.append((middle + origin, *shape))
+    return shapes, owner
+
+
+def _part_in_two(
+    field: Array, fine: FineField, surface: Surface, mine: Mask, middle: Array, angle: float, noise_px: float
+) -> tuple[int, int] | None:
+    """The two of the surface's points that a region's two maxima in the sharper field lie at."""
+    member: Mask = (fine.coarse >= 0) & mine[surface.inside][np.maximum(fine.coarse, 0)]
+    live = cv2.dilate(member.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool) & np.isfinite(field)
+    grid = np.where(live, field, -np.inf).astype(np.float32)
+    others = np.ones((3, 3), np.uint8)
+    others[1, 1] = 0
+    rows, cols = np.nonzero(
+        member & (grid > cv2.dilate(np.where(live, grid, -3e38).astype(np.float32), others))
+    )
+    order = np.argsort(-grid[rows, cols], kind="stable")[:MAXIMA_MAX]
+    rows, cols = rows[order], cols[order]
+    at = np.column_stack([fine.x_img[cols], fine.y_img[rows]]) - middle
+    along = at @ [math.cos(angle), math.sin(angle)]
+    for j in range(1, len(rows)):
+        h = float(grid[rows[j], cols[j]])
+        deep = max(FINE_VALLEY * h, FINE_PART * noise_px * float(fine.gain[rows[j], cols[j]]))
+        _, label = cv2.connectedComponents((grid >= h - deep).astype(np.uint8), connectivity=8)
+        if not h > 0.0 or np.any(label[rows[:j], cols[:j]] == label[rows[j], cols[j]]):
+            continue
+        for i in range(j):
+            apart = math.hypot(*(at[j] - at[i]))
+            if (
+                along[i] * along[j] < 0.0
+                and apart <= NEAR * surface.pitch_px
+                and abs(along[j] - along[i]) >= ALIGNED * apart
+            ):
+                two = int(fine.coarse[rows[i], cols[i]]), int(fine.coarse[rows[j], cols[j]])
+                return two if two[0] != two[1] else None
+    return None
 
 
 def _grown(surface: Surface, growth: Heights, rows: Places, cols: Places) -> Array:
@@ -181,17 +263,19 @@ def _summit(grid: Heights, row: int, col: int) -> float:
         (grid[row, max(col - 1, 0)], grid[row, min(col + 1, len(grid) - 1)]),
     ):
         low, high = float(before), float(after)
+        if low > top or high > top:  # one of two that the sharper field has
+            continue
         bend = 2.0 * top - low - high
         if 0.0 < bend < math.inf:
             height += (high - low) ** 2 / (8.0 * bend)
     return height
 
 
-def _groups(grid: Heights, rows: Places, cols: Places, height: Heights) -> Places:
+def _groups(grid: Heights, rows: Places, cols: Places, height: Heights, deep: Heights) -> Places:
     """For each maximum (highest first) the first, thus highest, one that no valley parts it from."""
     group = np.arange(len(height))
     for j in range(1, len(height)):
-        above = (grid >= np.float32(1.0 - VALLEY) * height[j]).astype(np.uint8)
+        above = (grid >= height[j] - deep[j]).astype(np.uint8)
         _, label = cv2.connectedComponents(above, connectivity=8)
         joined = np.flatnonzero(label[rows[:j], cols[:j]] == label[rows[j], cols[j]])
         if len(joined):

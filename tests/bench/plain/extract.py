@@ -20,8 +20,9 @@ from enum import Enum, auto
 
 import numpy as np
 
-from edge.types import Array, Cells, ContactRegion, Feature, Features, Rest, Tracks
-from tests.bench.plain.contacts import blend, find_contacts
+from edge.features.local import Neighbourhood
+from edge.types import Array, Cells, ContactRegion, Feature, Features, Mask, Rest, Tracks
+from tests.bench.plain.contacts import FineField, blend, find_contacts
 from tests.bench.plain.gate import Gate
 from tests.bench.plain.modes import Modes
 from tests.bench.plain.motion import ContactPins, Slip, mean_motion, torsion
@@ -94,6 +95,8 @@ class FeatureExtractor:
         self._modes = Modes(rest)
         self._pins = ContactPins(rest)
         self._slip = Slip(rest)
+        self._near = Neighbourhood(rest)
+        self._fine: FineField | None = None
         self._surface: Surface | None = None  # 10 ms to make: only when a contact is first asked about
         self._rest, self._grid = rest, grid
         self._plan = _Plan(frozenset())
@@ -104,6 +107,19 @@ class FeatureExtractor:
         if self._surface is None:
             self._surface = Surface(self._rest, self._grid)
         return self._surface
+
+    @property
+    def fine(self) -> FineField:
+        """The sharper field."""
+        if self._fine is None:
+            self._fine = FineField(self.surface)
+        return self._fine
+
+    def _noise_px(self, motion_px: Array, seen: Mask) -> float:
+        """Noise of a pin, as its neighbours show it."""
+        near = self._near
+        off = np.einsum("nk,nkc->nc", near.residual, motion_px[near.near])[seen]
+        return 1.4826 * float(np.median(np.abs(off))) if len(off) else 0.0
 
     def extract(self, tracks: Tracks, cells: Cells | None, demand: frozenset[Feature]) -> Features:
         """What the geometry of one frame says.
@@ -159,7 +175,9 @@ class FeatureExtractor:
                 relief = blend(surface.stretch((cells.xy_img - self._xy_rest).astype(np.float32)), heights)
                 least = surface.stretch_noise * np.float32(THRESHOLD * sigma)
                 np.maximum(least, np.float32(THRESHOLD_MIN), out=least)
-                contacts = find_contacts(relief, surface, least, growth, cells.xy_img)
+                contacts = find_contacts(
+                    relief, surface, least, growth, cells.xy_img, self._noise_px(whole, seen), self.fine
+                )
         turn = slip = probability = None
         if plan.torsion or plan.slip:
             least_change = max(THRESHOLD * noise, THRESHOLD_MIN)
