@@ -235,7 +235,10 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     data, control, memory = (int(text) for text in sys.argv[1:4])
-    os.nice(NICE)
+    os.sched_setscheduler(
+        0, os.SCHED_OTHER, os.sched_param(0)
+    )  # the loop may have been given real-time priority
+    os.setpriority(os.PRIO_PROCESS, 0, max(NICE, os.getpriority(os.PRIO_PROCESS, 0)))
     cv2.setNumThreads(1)
     inbox = Inbox(socket.socket(fileno=data), memory)
     with socket.socket(fileno=control) as connection:

@@ -138,7 +138,7 @@ def _be_watched(url: str, viewers_n: int, seconds: float, begin: Callable[[], No
         return int(child.stdout.readline())
 
 
-def measure(seconds: float, rounds: int, rate_hz: float) -> dict[str, Any]:
+def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> dict[str, Any]:
     """Run all phases, with the processor shared as the app shares it.
 
     Returns  per phase the loop's compute quantiles, packets and memory
@@ -171,7 +171,13 @@ def measure(seconds: float, rounds: int, rate_hz: float) -> dict[str, Any]:
             turn_us.append((time.perf_counter_ns() - begun_ns) / 1e3)
 
         app.step, app._send, app._end_turn = stepped, sent, ended  # type: ignore[method-assign]
-        loop = threading.Thread(target=app.run)
+
+        def run() -> None:
+            if fifo:  # of this thread and of the camera's, which it starts
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+            app.run()
+
+        loop = threading.Thread(target=run)
         loop.start()
         time.sleep(3 * SETTLE_S)
         url = f"http://127.0.0.1:{aside.port}/live"
@@ -248,12 +254,20 @@ def measure(seconds: float, rounds: int, rate_hz: float) -> dict[str, Any]:
 @click.command()
 @click.option("--seconds", type=click.FloatRange(min=1), default=10.0, show_default=True, help="Of a phase.")
 @click.option("--rounds", type=click.IntRange(1, 100), default=3, show_default=True)
+@click.option(
+    "--fifo", is_flag=True, help="Real-time priority, so that other load is not measured; needs root."
+)
 @click.option("--rate", type=click.FloatRange(1, 2000), default=240.0, show_default=True, help="Frames/s.")
 @click.option("--json", "json_file", type=click.Path(path_type=Path), help="Write the figures there too.")
 @click.option("--watch", nargs=2, hidden=True, help="Be the viewers: address, how many.")
 def command(
-    seconds: float, rounds: int, rate: float, json_file: Path | None, watch: tuple[str, str] | None
-) -> None:  # fmt: skip
+    seconds: float,
+    rounds: int,
+    fifo: bool,
+    rate: float,
+    json_file: Path | None,
+    watch: tuple[str, str] | None,
+) -> None:
     """What viewers of the live page cost the loop."""
     if watch is not None:
         import aiohttp  # noqa: F401  (so that its loading is over before the measurement begins)
@@ -263,7 +277,7 @@ def command(
         sys.stdin.readline()
         click.echo(asyncio.run(_watch(watch[0], int(watch[1]), seconds)))
         return
-    made = measure(seconds, rounds, rate)
+    made = measure(seconds, rounds, rate, fifo)
     table = Table("", *next(iter(made["phases"].values())), "p99 / nobody's")
     base = made["phases"]["nobody"]["p99_us"]
     for name, row in made["phases"].items():
