@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from edge import _judge
 from edge.health import Health
 from edge.judge import ImageJudge, PinsJudge, moved_px
 from edge.pipeline import Result
@@ -162,9 +163,9 @@ class Faults:
             self._health.report(FaultCode.OVERLOAD, False)
             return
         limit_px = self._load_pitches * self._pitch_px
-        by_px = np.hypot(features.displacement_px[:, 0], features.displacement_px[:, 1])
-        far_n = int(np.count_nonzero(by_px > limit_px))  # a lost pin is NaN, and not far
-        over = far_n > OVERLOAD_SHARE * len(by_px)
+        motion_px = features.displacement_px
+        far_n = _judge.far(np.ascontiguousarray(motion_px), None, limit_px)  # a lost pin is not far
+        over = far_n > OVERLOAD_SHARE * len(motion_px)
         self._health.report(
             FaultCode.OVERLOAD, over, lambda: f"{far_n} pins moved by more than {limit_px:.0f} px"
         )

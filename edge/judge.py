@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from edge import _judge
 from edge.types import Array, Frame, Image, Rest, Tracks
 
 __all__ = ["ImageJudge", "PinsJudge", "level_of", "moved_px"]
@@ -50,11 +51,9 @@ PERIOD_NS = 40_000_000  # of the judgement of focus, which costs 0.1 ms: a quart
 
 def level_of(image: Image, bits: int) -> tuple[float, float]:
     """Mean level and share of saturated pixels, of full scale."""
-    samples = image[::_SAMPLE_STEP, ::_SAMPLE_STEP]
     top = (1 << bits) - 1
-    if not samples.size:
-        return 0.0, 0.0
-    return float(samples.mean()) / top, float(np.count_nonzero(samples >= top)) / samples.size
+    total, full, n = _judge.levels(image, _SAMPLE_STEP, top)
+    return (total / (n * top), full / n) if n else (0.0, 0.0)
 
 
 class ImageJudge:
@@ -138,13 +137,13 @@ class PinsJudge:
 
     def __init__(self, rest: Rest) -> None:
         k = min(NEIGHBOURS + 1, len(rest))
-        self._rest_img = rest.xy_img
+        self._rest_img = np.ascontiguousarray(rest.xy_img)
         self._missing = False
         self._good_n = SETTLED_FRAMES
         self._usual_share = 1.0
         self._usual_px = float(np.nanmean(rest.pins.sigma_px))
         self._near = cKDTree(rest.xy_img).query(rest.xy_img, k=k)[1]
-        self._far_px2 = (FAR_PITCHES * rest.pattern.pitch_px) ** 2
+        self._far_px = FAR_PITCHES * rest.pattern.pitch_px
 
     def missing(self, tracks: Tracks) -> str:
         """Empty, or what is missing: too much at all, or suddenly, or not all of it back yet."""
@@ -173,9 +172,8 @@ class PinsJudge:
 
     def impossible(self, tracks: Tracks) -> bool:
         """Whether pins would have moved further than any skin does."""
-        motion = tracks.xy_img - self._rest_img
-        far = np.einsum("ij,ij->i", motion, motion) > self._far_px2  # a lost pin is NaN, and not far
-        return int(np.count_nonzero(far)) > FAR_SHARE * len(far)
+        far_n = _judge.far(np.ascontiguousarray(tracks.xy_img), self._rest_img, self._far_px)
+        return far_n > FAR_SHARE * len(self._rest_img)
 
 
 def moved_px(motion_px: Array) -> float:
@@ -183,5 +181,4 @@ def moved_px(motion_px: Array) -> float:
 
     motion_px  (n, 2) since rest, of an untouched tip; NaN where lost
     """
-    length = np.hypot(motion_px[:, 0], motion_px[:, 1])
-    return float(np.nanmedian(length)) if np.isfinite(length).any() else 0.0
+    return _judge.middle_length(np.ascontiguousarray(motion_px), np.empty(len(motion_px)))
