@@ -136,34 +136,68 @@ def annotations_of(
     points    (n, 2) px; dots; rows with NaN are left out
     polygons  (k, 2) px each; outlines, filled with colours[i] (r, g, b, a in 0..1)
     """
-    when = stamp(log_ns)
-    annotation, point2, colour = proto("PointsAnnotation"), proto("Point2"), proto("Color")
+    annotation, colour = proto("PointsAnnotation"), proto("Color")
+    outline = annotation(
+        timestamp=stamp(log_ns),
+        type=annotation.LINE_LOOP,
+        outline_color=colour(r=0.35, g=0.35, b=0.35, a=0.8),
+        thickness=1.0,
+    ).SerializeToString()
+    chosen = [i for i, p in enumerate(polygons) if len(p) >= 3 and np.isfinite(p).all()]
     shapes = []
-    for polygon, rgba in zip(polygons, colours, strict=True):
-        if len(polygon) < 3 or not np.isfinite(polygon).all():
-            continue
-        shapes.append(
-            annotation(
-                timestamp=when,
-                type=annotation.LINE_LOOP,
-                points=[point2(x=x, y=y) for x, y in (polygon + _PIXEL_CENTRE).tolist()],
-                outline_color=colour(r=0.35, g=0.35, b=0.35, a=0.8),
-                fill_color=colour(r=rgba[0], g=rgba[1], b=rgba[2], a=rgba[3]),
-                thickness=1.0,
-            )
-        )
+    if chosen:
+        ends = np.cumsum([len(polygons[i]) for i in chosen]).tolist()
+        corners = _points(np.concatenate([polygons[i] for i in chosen]))
+        fills = _doubles(np.asarray([colours[i] for i in chosen]), _FILL_COLOR)
+        for begin, end, fill in zip([0, *ends], ends, fills, strict=False):
+            shapes.append(outline + corners[begin:end].tobytes() + fill.tobytes())
     if points is not None:
-        visible = points[np.isfinite(points).all(axis=1)] + _PIXEL_CENTRE
-        shapes.append(
-            annotation(
-                timestamp=when,
-                type=annotation.POINTS,
-                points=[point2(x=x, y=y) for x, y in visible.tolist()],
-                outline_color=colour(r=1.0, g=0.8, b=0.0, a=1.0),
-                thickness=3.0,
-            )
-        )
-    return bytes(proto("ImageAnnotations")(points=shapes).SerializeToString())
+        visible = points[np.isfinite(points).all(axis=1)]
+        dots = annotation(
+            timestamp=stamp(log_ns),
+            type=annotation.POINTS,
+            outline_color=colour(r=1.0, g=0.8, b=0.0, a=1.0),
+            thickness=3.0,
+        ).SerializeToString()
+        shapes.append(dots + _points(visible).tobytes())
+    return b"".join(_POINTS_FIELD + _varint(len(shape)) + shape for shape in shapes)
+
+
+#: Fields of the schemas, as the wire has them: number << 3 | 2 for what has a length. Some thousand small
+#: messages a picture are written by NumPy; made one by one they cost 5 ms. Parts of a message may follow one
+#: another in any order, and what is written twice is merged (protobuf, "Encoding").
+_POINTS_FIELD = b"\x12"  # foxglove.ImageAnnotations.points
+_POINT = 0x1A  # foxglove.PointsAnnotation.points
+_FILL_COLOR = 0x32  # foxglove.PointsAnnotation.fill_color
+
+
+def _points(xy_img: Array) -> NDArray[np.uint8]:
+    """(n, 20) bytes: the points of an annotation, in Foxglove's pixels."""
+    return _doubles(xy_img + _PIXEL_CENTRE, _POINT)
+
+
+def _doubles(values: Array, field: int) -> NDArray[np.uint8]:
+    """Messages that hold doubles, numbered from 1, as a field: one a row.
+
+    values   (n, k), k < 14
+    Returns  (n, 2 + 9 k) bytes
+    """
+    n, k = values.shape
+    rows = np.empty((n, 2 + 9 * k), np.uint8)
+    rows[:, 0], rows[:, 1] = field, 9 * k
+    each = rows[:, 2:].reshape(n, k, 9)
+    each[:, :, 0] = np.arange(1, k + 1) << 3 | 1
+    each[:, :, 1:] = np.ascontiguousarray(values, "<f8").view(np.uint8).reshape(n, k, 8)
+    return rows
+
+
+def _varint(number: int) -> bytes:
+    data = bytearray()
+    while number > 0x7F:
+        data.append(number & 0x7F | 0x80)
+        number >>= 7
+    data.append(number)
+    return bytes(data)
 
 
 def features_json(frame: Frame, features: Features) -> dict[str, Any]:

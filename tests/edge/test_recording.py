@@ -24,7 +24,7 @@ from edge.recording import (
     read_metadata,
 )
 from edge.recording.messages import annotations_of
-from edge.recording.topics import proto
+from edge.recording.topics import proto, stamp
 from edge.types import Cells, Clock, ContactRegion, Features, Frame, Reading, Tracks
 
 STEP_NS = 4_166_667
@@ -513,3 +513,36 @@ def test_annotations_leave_out_what_is_not_a_polygon() -> None:
         annotations_of(0, polygons=[np.zeros((2, 2)), np.full((3, 2), np.nan)], colours=[(1, 0, 0, 1)] * 2)
     )
     assert len(shapes.points) == 0
+
+
+def test_annotations_are_what_the_schema_s_own_writer_makes() -> None:
+    random = np.random.default_rng(3)
+    polygons = [random.normal(size=(k, 2)) * 300 for k in (3, 6, 40)]
+    colours = [tuple(random.random(4).tolist()) for _ in polygons]
+    dots = np.array([[0.0, -0.5], [np.nan, 1.0], [7.25, 3.0]])
+    made = proto("ImageAnnotations").FromString(
+        annotations_of(1_500_000_000, points=dots, polygons=polygons, colours=colours)
+    )
+    annotation, point, colour = proto("PointsAnnotation"), proto("Point2"), proto("Color")
+    when = stamp(1_500_000_000)
+    expected = [
+        annotation(
+            timestamp=when,
+            type=annotation.LINE_LOOP,
+            points=[point(x=x + 0.5, y=y + 0.5) for x, y in polygon.tolist()],
+            outline_color=colour(r=0.35, g=0.35, b=0.35, a=0.8),
+            fill_color=colour(r=r, g=g, b=b, a=a),
+            thickness=1.0,
+        )
+        for polygon, (r, g, b, a) in zip(polygons, colours, strict=True)
+    ]
+    expected.append(
+        annotation(
+            timestamp=when,
+            type=annotation.POINTS,
+            points=[point(x=0.5, y=0.0), point(x=7.75, y=3.5)],
+            outline_color=colour(r=1.0, g=0.8, b=0.0, a=1.0),
+            thickness=3.0,
+        )
+    )
+    assert list(made.points) == expected
