@@ -150,11 +150,14 @@ class Connection:
         return _add(self._callbacks, callback)
 
     def on_detail(self, callback: Callable[[DetailFrame], None]) -> Callable[[], None]:
-        """Call this with every frame of the detail stream, from the link's thread."""
+        """Call this with every frame of the detail stream, from the link's thread; no more once it fails."""
         return _add(self._on_detail, callback)
 
     def on_raw(self, callback: Callable[[Any, float], None]) -> Callable[[], None]:
-        """Call this with all that comes in (can.Message or bytes) and its arrival: for recorders."""
+        """Call this with all that comes in (can.Message or bytes) and its arrival: for recorders.
+
+        From the link's thread; no more once it fails.
+        """
         return _add(self._raw, callback)
 
     # ---- the link ---------------------------------------------------------------------------------
@@ -208,8 +211,7 @@ class Connection:
     # ---- the link's thread ------------------------------------------------------------------------
 
     def _receive(self, data: Any, arrival_s: float) -> None:
-        for tap in list(self._raw):
-            tap(data, arrival_s)
+        _tell(self._raw, data, arrival_s)
         try:
             if self._is_can:
                 if data.is_extended_id:
@@ -238,8 +240,7 @@ class Connection:
         elif isinstance(event, Emergency):
             finger.take_emergency(event)
         elif isinstance(event, DetailFrame):
-            for tell in list(self._on_detail):
-                tell(event)
+            _tell(self._on_detail, event)
 
     def _deliver(self, finger: Finger, event: DecodedSample) -> None:
         state = event.state
@@ -313,6 +314,17 @@ def connect(address: str, *, ids: CanIds | None = None) -> Connection:
         return Connection(parse_address(address), ids)
     except AddressError as error:
         raise ConnectError(str(error)) from None
+
+
+def _tell(callbacks: list[Any], *what: Any) -> None:
+    """Call them all; one that fails is told no more, and the link's thread goes on."""
+    for callback in list(callbacks):
+        try:
+            callback(*what)
+        except Exception:
+            log.exception("a callback failed and is not called any more")
+            if callback in callbacks:  # it may have been removed meanwhile
+                callbacks.remove(callback)
 
 
 def _wake(loop: asyncio.AbstractEventLoop, news: asyncio.Event) -> None:

@@ -27,7 +27,8 @@ class Sample:
     finger        node number
     state         the values; fields: `hostlink.wire.fields`
     host_time_s   when the image was taken, on `time.monotonic()`
-    host_error_s  bound of that time's error
+    host_error_s  bound of that time's error; until `finger.sync_clock()` was called it takes the shortest way
+                  of a sample to this host to last 2 ms at the most (`hostlink.clock.TRANSIT_S`)
     arrival_s     when it came in, on `time.monotonic()`
     lost_n        samples lost between the one before and this
     """

@@ -14,6 +14,7 @@ import os
 import socket
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -37,7 +38,7 @@ FD_CLOCK_HZ = 80_000_000  # CiA 601-3
 FD_SAMPLE_POINT = 80.0  # percent; CiA 601-3
 
 
-class Link:
+class Link(ABC):
     """One open medium and its thread; base of CAN and serial.
 
     on_data  called with (what came, arrival s) from the link's thread
@@ -106,17 +107,21 @@ class Link:
 
     # What the medium is:
 
+    @abstractmethod
     def _open(self) -> Any:
-        raise NotImplementedError
+        """Open it. Raises ConnectError."""
 
+    @abstractmethod
     def _read(self, medium: Any) -> Any:
-        raise NotImplementedError
+        """What has come; None: nothing within READ_S."""
 
+    @abstractmethod
     def _write(self, medium: Any, item: Any) -> None:
-        raise NotImplementedError
+        """Send one item."""
 
+    @abstractmethod
     def _close(self, medium: Any) -> None:
-        raise NotImplementedError
+        """Let go of it."""
 
 
 class CanLink(Link):

@@ -13,6 +13,7 @@ from __future__ import annotations
 import threading
 import time
 import zlib
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterator
 
@@ -59,7 +60,7 @@ class Watch:
         return self.condition
 
 
-class LiveSource:
+class LiveSource(ABC):
     """Base of live sources; a subclass gives `_work`, which runs in the thread and calls `_offer`."""
 
     live = True
@@ -86,9 +87,9 @@ class LiveSource:
 
     # -- for the subclass ---------------------------------------------------------------------
 
+    @abstractmethod
     def _work(self) -> None:
         """Read until `_closing` is set or there is nothing more."""
-        raise NotImplementedError
 
     def _offer(self, frame: Frame) -> None:
         """Hand over a frame; an older one that no one took is dropped."""

@@ -23,6 +23,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -44,7 +45,7 @@ CONTROL_DEPTH = 256  # answers waiting; a segmented upload has one under way at 
 CLOSE_S = 1.0  # how long closing waits for what still waits to be sent
 
 
-class LinkSink:
+class LinkSink(ABC):
     """A sink on a medium that can fail: the rules at the head of this file. Base of CAN and serial.
 
     open_medium  opens the medium; raises MediumError with a line for the user
@@ -85,9 +86,9 @@ class LinkSink:
 
     # ---- what the loop sees -----------------------------------------------------------------------
 
+    @abstractmethod
     def encode(self, state: State, counter: int) -> Sequence[Any]:
         """The items that carry one sample."""
-        raise NotImplementedError
 
     @property
     def up(self) -> bool:

@@ -365,6 +365,29 @@ def test_callback_that_fails_costs_nobody_else(request: pytest.FixtureRequest) -
     assert len(heard) == 1
 
 
+def test_a_tap_that_fails_is_taken_off_and_the_link_goes_on(request: pytest.FixtureRequest) -> None:
+    bus = f"virtual:{request.node.name}"
+    node, _ = make_node(f"{bus}?node=1")
+    called: list[float] = []
+    heard: list[object] = []
+
+    def bad(data: object, arrival_s: float) -> None:
+        called.append(arrival_s)
+        raise RuntimeError("of its own making")
+
+    with hostlink.connect(bus) as hand:
+        end = hand.on_raw(bad)
+        hand.on_raw(lambda data, _: heard.append(data))
+        node.send(state(0))
+        until(lambda: hand.latest(1) is not None, "the sample")
+        node.send(state(1))
+        until(lambda: (s := hand.latest(1)) is not None and s.state.sample == 1, "the next")
+        end()  # it is off already, and that is no error
+    node.close()
+    assert len(called) == 1
+    assert len(heard) > 1
+
+
 @pytest.mark.parametrize(
     ("address", "words"),
     [
