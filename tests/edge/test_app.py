@@ -99,6 +99,18 @@ def measured(state: State) -> bool:
     return not math.isnan(state.displacement_mm) or state.contact_n > 0
 
 
+@pytest.mark.parametrize(
+    "seed", [23, 34, 42, 49, 57, 69, 77, 81, 94, 147, 148]
+)  # once wrong by 0.4 mm and more
+def test_a_piece_of_noise_over_a_contact_gives_no_wrong_value(finger: Finger, seed: int) -> None:
+    for frame in finger.frames[8:]:
+        sure = finger.see(frame.image)
+    state = finger.see(_PICTURES["corrupt"](finger.frames[-1].image, np.random.default_rng(seed)))
+    if not state.status & (Status.PINS_LOST | Status.TRACKER_LOST):
+        assert state.displacement_mm == pytest.approx(sure.displacement_mm, abs=0.4)
+        assert state.shear_x_mm == pytest.approx(sure.shear_x_mm, abs=0.4)
+
+
 def test_all_is_well(finger: Finger) -> None:
     state = finger.see(finger.frames[25].image)
     assert state.status == Status.TOUCHED
