@@ -100,7 +100,30 @@ done:
     return result;
 }
 
+#define RING_MAX 64
+
 /* ---- gate ----------------------------------------------------------------------------------------------- */
+
+/* Median of both components of the motion over a ring, of the pins that are known; how many these are, -1: no such. */
+static int ring_median(const double *motion, const double *minus, const int32_t *ring, Py_ssize_t width, Py_ssize_t n,
+                       double out[2])
+{
+    double v[2][RING_MAX];
+    int m = 0;
+    for (Py_ssize_t k = 0; k < width; k++) {
+        const int32_t j = ring[k];
+        if (j < 0 || j >= n) return -1;
+        const double x = motion[2 * j] - (minus ? minus[2 * j] : 0), y = motion[2 * j + 1] - (minus ? minus[2 * j + 1] : 0);
+        if (isnan(x)) continue;
+        int i = m, l = m++;
+        for (; i > 0 && v[0][i - 1] > x; i--) v[0][i] = v[0][i - 1];
+        v[0][i] = x;
+        for (; l > 0 && v[1][l - 1] > y; l--) v[1][l] = v[1][l - 1];
+        v[1][l] = y;
+    }
+    for (int c = 0; c < 2 && m; c++) out[c] = 0.5 * (v[c][(m - 1) / 2] + v[c][m / 2]);
+    return m;
+}
 
 static PyObject *ring_peak(PyObject *self, PyObject *args)
 {
@@ -116,36 +139,96 @@ static PyObject *ring_peak(PyObject *self, PyObject *args)
     const int32_t *ring = take(&a, o[1], 'i', -1, 0, "ring");
     if (!ring) goto done;
     const Py_ssize_t width = n ? count(&a) / n : 0;
-    if (!n || width < 1 || width > 64 || width * n != count(&a)) {
+    if (!n || width < 1 || width > RING_MAX || width * n != count(&a)) {
         PyErr_SetString(PyExc_ValueError, "ring_peak: sizes do not match");
         goto done;
     }
     const int least = width < 4 ? (int)width : 4;
-    double root[65], best = 0;
+    double root[RING_MAX + 1], best = 0;
     for (int w = 0; w <= width; w++) root[w] = sqrt((double)w / (double)width);
     int any = 0;
+    Py_ssize_t row = 0;
     for (Py_ssize_t i = 0; i < n; i++) {
-        double x = 0, y = 0;
+        double size = 0;
         int weight = 0;
-        for (Py_ssize_t k = 0; k < width; k++) {
-            const int32_t j = ring[i * width + k];
-            if (j < 0 || j >= n) {
-                PyErr_SetString(PyExc_ValueError, "ring_peak: no such neighbour");
-                goto done;
+        if (columns == 2) {
+            double middle[2];
+            weight = ring_median(value, NULL, ring + i * width, width, n, middle);
+            if (weight > 0) size = hypot(middle[0], middle[1]);
+        } else {
+            for (Py_ssize_t k = 0; k < width; k++) {
+                const int32_t j = ring[i * width + k];
+                if (j < 0 || j >= n) {
+                    weight = -1;
+                    break;
+                }
+                if (isnan(value[j])) continue;
+                size += value[j];
+                weight++;
             }
-            const double *v = value + j * columns;
-            if (isnan(v[0])) continue;
-            x += v[0];
-            if (columns == 2) y += v[1];
-            weight++;
+            if (weight > 0) size /= weight;
+        }
+        if (weight < 0) {
+            PyErr_SetString(PyExc_ValueError, "ring_peak: no such neighbour");
+            goto done;
         }
         if (!weight) continue;
         any = 1;
         if (weight < least) continue;
-        const double mean = (columns == 2 ? sqrt(x * x + y * y) : x) / weight * root[weight];
-        if (mean > best) best = mean;
+        size *= root[weight];
+        if (size > best) {
+            best = size;
+            row = i;
+        }
     }
-    result = PyFloat_FromDouble(any ? best : NAN);
+    result = Py_BuildValue("(dn)", any ? best : NAN, row);
+done:
+    let_go(&a);
+    return result;
+}
+
+/* Whether the skin grows by more than `limit` in the ring of `first`, or by more than `anywhere` in any other, when
+ * each pin moves as the median of its ring does. */
+static PyObject *coherent(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[5];
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    double limit, anywhere;
+    Py_ssize_t first;
+    if (!PyArg_ParseTuple(args, "OOOOOddn:coherent", &o[0], &o[1], &o[2], &o[3], &o[4], &limit, &anywhere, &first))
+        return NULL;
+    const double *xy = take(&a, o[0], 'd', -1, 0, "xy");
+    const Py_ssize_t n = xy ? count(&a) / 2 : 0;
+    const double *rest = xy ? take(&a, o[1], 'd', 2 * n, 0, "rest") : NULL;
+    const int32_t *ring = rest ? take(&a, o[2], 'i', -1, 0, "ring") : NULL;
+    const Py_ssize_t width = ring && n ? count(&a) / n : 0;
+    const double *slope = ring ? take(&a, o[3], 'd', 2 * n * width, 0, "slope") : NULL;
+    double *middle = slope ? take(&a, o[4], 'd', 2 * n, 1, "scratch") : NULL;
+    if (!middle) goto done;
+    if (width < 1 || width > RING_MAX || first < 0 || first >= n) {
+        PyErr_SetString(PyExc_ValueError, "coherent: sizes do not match");
+        goto done;
+    }
+    for (Py_ssize_t i = 0; i < n; i++) middle[2 * i] = NAN; /* looked up where it is wanted */
+    int found = 0;
+    for (Py_ssize_t turn = 0; turn < width + n && !found; turn++) { /* where the cells have grown most, then anywhere */
+        const Py_ssize_t i = turn < width ? ring[first * width + turn] : turn - width;
+        double g[2][2] = {{0}};
+        for (Py_ssize_t k = 0; k < width; k++) {
+            const int32_t j = i < 0 || i >= n ? -1 : ring[i * width + k];
+            if (j < 0 || j >= n ||
+                (isnan(middle[2 * j]) && ring_median(xy, rest, ring + j * width, width, n, middle + 2 * j) < 0)) {
+                PyErr_SetString(PyExc_ValueError, "coherent: no such neighbour");
+                goto done;
+            }
+            for (int c = 0; c < 2; c++)
+                for (int d = 0; d < 2; d++) g[c][d] += slope[2 * (i * width + k) + d] * middle[2 * j + c];
+        }
+        found = (1 + g[0][0]) * (1 + g[1][1]) - g[0][1] * g[1][0] - 1 > (turn < width ? limit : anywhere);
+    }
+    result = PyBool_FromLong(found);
 done:
     let_go(&a);
     return result;
@@ -1222,7 +1305,8 @@ done:
 
 static PyMethodDef methods[] = {
     {"motion", motion, METH_VARARGS, "motion(xy, rest, sigma, seen, out) -> (mean x, mean y, mean sigma, seen)"},
-    {"ring_peak", ring_peak, METH_VARARGS, "ring_peak(value, columns, ring) -> float: highest mean over a ring"},
+    {"ring_peak", ring_peak, METH_VARARGS, "ring_peak(value, columns, ring) -> (highest mean over a ring, or median, its row)"},
+    {"coherent", coherent, METH_VARARGS, "coherent(xy, rest, ring, slope, scratch, limit, anywhere, first) -> bool"},
     {"typical_size", typical_size, METH_VARARGS, "typical_size(value, scratch) -> float: median of |value|"},
     {"centred", centred, METH_VARARGS, "centred(motion, scratch, out): less each column's median"},
     {"modes", modes, METH_VARARGS, "modes(re, im, gram, inverse, motion, seen, work, out): complex as pairs of float64"},

@@ -11,8 +11,22 @@ Shorts = NDArray[np.int16]
 def motion(xy: Array, rest: Array, sigma: Array, seen: Mask, out: Array) -> tuple[float, float, float, int]:
     """Motion since rest into `out`; its mean x and y over the seen pins, their mean sigma, their number."""
 
-def ring_peak(value: Array, columns: int, ring: Index) -> float:
-    """Highest mean over a ring, by length where there are two columns; NaN where nothing is known."""
+def ring_peak(value: Array, columns: int, ring: Index) -> tuple[float, int]:
+    """Highest mean over a ring, or length of the median where there are two columns, and the ring's row;
+    NaN where nothing is known."""
+
+def coherent(
+    xy: Array,
+    rest: Array,
+    ring: Index,
+    slope: Array,
+    scratch: Array,
+    limit: float,
+    anywhere: float,
+    first: int,
+) -> bool:
+    """Whether the skin grows by more than the limit in that row's ring, or by more than the other limit in
+    any, when each pin moves as its ring's median."""
 
 def typical_size(value: Array, scratch: Array) -> float:
     """Median of the sizes of the finite values; NaN for none."""

@@ -145,7 +145,8 @@ class FeatureExtractor:
             touched = self._gate.touched_by_motion(motion, seen, sigma)
         else:
             change = cells.area_px2 * self._inverse_area - 1.0
-            touched = self._gate.touched_by_area(change, sigma)
+            xy = np.ascontiguousarray(cells.xy_img)
+            touched = self._gate.touched_by_area(change, xy, sigma)
         whole, known = motion, seen
         if cells is not None and 0 < seen_n < len(seen):
             whole, known = cells.xy_img - self._xy_rest, self._everyone
@@ -173,7 +174,6 @@ class FeatureExtractor:
         noise = self._gate.cell_noise(sigma)
         if cells is not None and (plan.volume or plan.surface or plan.contacts):
             surface = self.surface
-            xy = np.ascontiguousarray(cells.xy_img)
             growth, heights, pressed = surface.rise(change, xy, VOLUME_THRESHOLD * noise)
             if plan.volume:
                 volume = pressed

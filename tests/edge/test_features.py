@@ -97,6 +97,28 @@ def test_untouched_frames_with_blinking_pins_never_touch() -> None:
         assert got.contacts == ()
 
 
+@pytest.mark.parametrize("pins", [127, 331])
+@pytest.mark.parametrize("with_cells", [True, False])
+def test_a_reflection_that_draws_pins_aside_is_no_touch(pins: int, with_cells: bool) -> None:
+    """One pin, or two neighbours towards the light between them; a touch beside it is still felt."""
+    rest = tip(pins)
+    made, light = extractor(rest), extractor(rest)
+    rng = np.random.default_rng(6)
+    inner = np.flatnonzero(np.hypot(*(rest.xy_img - CENTRE).T) < 0.7 * rest.pattern.tip_radius_px)
+    for k, pin in enumerate(rng.choice(inner, 12, replace=False)):
+        other = int(np.argsort(np.hypot(*(rest.xy_img - rest.xy_img[pin]).T))[1])
+        towards = (rest.xy_img[other] - rest.xy_img[pin]) / rest.pattern.pitch_px
+        motion = np.zeros_like(rest.xy_img)
+        motion[pin] = 2.0 * towards
+        if k % 2:
+            motion[other] = -2.0 * towards
+        tracks, cells = noisy(rest, motion, rng)
+        assert not made.extract(tracks, cells if with_cells else None, ALL).touched
+        at = CENTRE + rng.uniform(-20.0, 20.0, 2)
+        tracks, cells = noisy(rest, motion + push(rest, tuple(at - CENTRE), 40.0, 0.05), rng)
+        assert light.extract(tracks, cells if with_cells else None, ALL).touched
+
+
 @pytest.mark.parametrize("actual", [0.03, 0.12])
 def test_gate_learns_the_noise(actual: float) -> None:
     """Pins say 0.05 px; the truth is less or more. Afterwards no false touch, and no deafness."""

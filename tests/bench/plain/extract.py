@@ -139,7 +139,7 @@ class FeatureExtractor:
             touched = self._gate.touched_by_motion(motion, seen, sigma)
         else:
             change = cells.area_px2 * self._inverse_area - 1.0
-            touched = self._gate.touched_by_area(change, sigma)
+            touched = self._gate.touched_by_area(change, cells.xy_img, sigma)
         whole = motion if cells is None else cells.xy_img - self._xy_rest
         known = seen if cells is None else np.ones_like(seen)
         shear = mean_motion(whole, None if known.all() else known) if plan.shear else None

@@ -15,9 +15,12 @@ Rules
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 
+from edge.features.gate import ANYWHERE, COHERENT, MEDIAN_NOISE
+from edge.features.local import Neighbourhood
 from edge.types import Array, Index, Mask, Rest, Tracks
 
 #: Relative noise of a cell's area, and of its mean over seven cells, for independent pin noise sigma_px:
@@ -33,22 +36,14 @@ TRUST = 3.0
 RATE = 1.0 / 64.0
 
 
-def neighbours(xy: Array, k: int = 6) -> Index:
-    """The pin itself and its k nearest ones.
-
-    xy       (n, 2) any unit
-    Returns  (n, k + 1) int32, nearest first; fewer columns where there are fewer pins
-    """
-    d2 = ((xy[:, None, :] - xy[None, :, :]) ** 2).sum(axis=2)
-    np.fill_diagonal(d2, -1.0)
-    return np.argsort(d2, axis=1, kind="stable")[:, : k + 1].astype(np.int32)
-
-
 class Gate:
     """Touched or not, frame by frame."""
 
     def __init__(self, rest: Rest) -> None:
-        self._ring = neighbours(rest.xy_img)
+        near = Neighbourhood(rest)
+        self._ring = near.ring
+        self._slope = near.slope.reshape(*near.ring.shape, 2)
+        self._rest_img = rest.xy_img
         self._width = self._ring.shape[1]
         self._pitch_px = rest.pattern.pitch_px
         self._rest_var = float(np.median(rest.pins.sigma_px)) ** 2
@@ -65,10 +60,11 @@ class Gate:
         """One-sigma noise of a single cell's relative area change."""
         return CELL_NOISE / self._pitch_px * sigma_px * self._learnt
 
-    def touched_by_area(self, change: Array, sigma_px: float) -> bool:
+    def touched_by_area(self, change: Array, xy_img: Array, sigma_px: float) -> bool:
         """Decide on one frame's area changes, and learn from it if nothing touches.
 
         change    (n,) relative area change; NaN where lost
+        xy_img    (n, 2) px, where the pins are; finite
         sigma_px  of `sigma_px`
         """
         mean, weight = self._means(change)
@@ -77,6 +73,12 @@ class Gate:
         predicted = sigma_px / self._pitch_px
         limit = (OFF if self._touched else ON) * MEAN_NOISE * predicted * self._learnt
         self._touched = self._highest(mean, weight) > limit
+        if self._touched:
+            middle = np.median((xy_img - self._rest_img)[self._ring], axis=1)
+            slope = np.einsum("nkd,nkc->ncd", self._slope, middle[self._ring])
+            grown = np.linalg.det(np.eye(2) + slope) - 1.0
+            first = self._ring[int(np.argmax(self._scores(mean, weight)))]
+            self._touched = bool(grown[first].max() > COHERENT * limit or grown.max() > ANYWHERE * limit)
         if not self._touched:
             # 1.4826 MAD = sigma; the median of |x| rather than about the median: a drift is noise too.
             size = np.abs(change)
@@ -93,11 +95,13 @@ class Gate:
         """
         if np.count_nonzero(seen) < 4:
             return self._touched
-        u = motion_px - np.median(motion_px[seen], axis=0)
-        x, weight = self._means(u[:, 0])
-        y, _ = self._means(u[:, 1])
-        limit = (OFF if self._touched else ON) * sigma_px / math.sqrt(self._width)
-        self._touched = self._highest(np.hypot(x, y), weight) > limit
+        u = (motion_px - np.median(motion_px[seen], axis=0))[self._ring]
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # rings without any seen pin
+            middle = np.nanmedian(u, axis=1)
+        size = np.nan_to_num(np.hypot(*middle.T))
+        limit = (OFF if self._touched else ON) * MEDIAN_NOISE * sigma_px / math.sqrt(self._width)
+        self._touched = self._highest(size, seen[self._ring].sum(axis=1, dtype=np.int32)) > limit
         return self._touched
 
     def _means(self, value: Array) -> tuple[Array, Index | None]:
@@ -110,8 +114,11 @@ class Gate:
         return np.where(seen, value, 0.0)[self._ring].sum(axis=1) / np.maximum(weight, 1), weight
 
     def _highest(self, mean: Array, weight: Index | None) -> float:
-        """Highest mean; fewer cells average less noise away, fewer than four are not listened to."""
+        return float(self._scores(mean, weight).max())
+
+    def _scores(self, mean: Array, weight: Index | None) -> Array:
+        """Means as they count; fewer cells average less noise away, fewer than four are not listened to."""
         if weight is None:
-            return float(mean.max())
+            return mean
         score = mean * np.sqrt(weight / self._width)
-        return float(np.where(weight >= min(4, self._width), score, 0.0).max())
+        return np.where(weight >= min(4, self._width), score, 0.0)
