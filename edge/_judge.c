@@ -5,6 +5,7 @@
 #include "_buffers.h"
 #include <math.h>
 #include <stdint.h>
+#include <stdlib.h>
 
 /* Sum of every step-th pixel of every step-th row, and how many of them reach `top`. */
 static PyObject *levels(PyObject *self, PyObject *args)
@@ -114,7 +115,85 @@ done:
     return result;
 }
 
+/* From the k-th lowest of n levels to the k-th highest, counted from 0. */
+static double span_of(uint16_t *level, Py_ssize_t n, Py_ssize_t k, int wide, double *room)
+{
+    if (wide) {
+        for (Py_ssize_t i = 0; i < n; i++) room[i] = level[i];
+        const double low = select_kth(room, n, k);
+        return select_kth(room, n, n - 1 - k) - low;
+    }
+    Py_ssize_t many[256] = {0}, below = 0;
+    for (Py_ssize_t i = 0; i < n; i++) many[level[i]]++;
+    int low = 0, high = 255;
+    while ((below += many[low]) <= k) low++;
+    for (below = many[high]; below <= k; below += many[high]) high--;
+    return high - low;
+}
+
+/* Of each window: mean square of the differences of neighbours, along x and along y together; and the span of its
+ * levels without the lowest and the highest twentieth. Returns the mean level. */
+static PyObject *windows(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *object, *places, *wanted;
+    Py_ssize_t side;
+    Py_buffer view;
+    Arrays a = {.n = 0};
+    PyObject *result = NULL;
+    uint16_t *level = NULL;
+    double *room = NULL;
+    if (!PyArg_ParseTuple(args, "OOnO:windows", &object, &places, &side, &wanted)) return NULL;
+    if (PyObject_GetBuffer(object, &view, PyBUF_STRIDES | PyBUF_FORMAT) < 0) return NULL;
+    const int wide = view.format && !strcmp(view.format, "H"), narrow = view.format && !strcmp(view.format, "B");
+    const int32_t *corner = take(&a, places, 'i', -1, 0, "corners");
+    const Py_ssize_t m = corner ? count(&a) / 2 : 0;
+    double *out = corner ? take(&a, wanted, 'd', 2 * m, 1, "out") : NULL;
+    if (!out) goto done;
+    int sound = view.ndim == 2 && (wide || narrow) && side > 1 && side < 1 << 14;
+    for (Py_ssize_t w = 0; sound && w < m; w++)
+        sound = corner[2 * w] >= 0 && corner[2 * w + 1] >= 0 && corner[2 * w] + side <= view.shape[1] &&
+                corner[2 * w + 1] + side <= view.shape[0];
+    if (!sound) {
+        PyErr_SetString(PyExc_ValueError, "windows: an image (h, w) of uint8 or uint16 and windows within it are wanted");
+        goto done;
+    }
+    const Py_ssize_t n = side * side;
+    level = malloc((size_t)n * sizeof(*level));
+    room = malloc((size_t)n * sizeof(*room));
+    if (!level || !room) {
+        PyErr_NoMemory();
+        goto done;
+    }
+    double total = 0;
+    for (Py_ssize_t w = 0; w < m; w++) {
+        double sum = 0, energy = 0;
+        for (Py_ssize_t y = 0; y < side; y++) {
+            const char *row = (const char *)view.buf + (corner[2 * w + 1] + y) * view.strides[0];
+            row += corner[2 * w] * view.strides[1];
+            uint16_t *to = level + y * side;
+            for (Py_ssize_t x = 0; x < side; x++, row += view.strides[1]) {
+                to[x] = wide ? *(const uint16_t *)row : *(const uint8_t *)row;
+                const double dx = x ? to[x] - to[x - 1] : 0, dy = y ? to[x] - to[x - side] : 0;
+                energy += dx * dx + dy * dy;
+                sum += to[x];
+            }
+        }
+        out[2 * w] = energy / (double)(side * (side - 1));
+        out[2 * w + 1] = span_of(level, n, n / 20, wide, room);
+        total += sum / (double)n;
+    }
+    result = PyFloat_FromDouble(m ? total / (double)m : 0);
+done:
+    free(level);
+    free(room);
+    let_go(&a);
+    PyBuffer_Release(&view);
+    return result;
+}
+
 static PyMethodDef methods[] = {
+    {"windows", windows, METH_VARARGS, "windows(image, corners, side, out) -> mean level; out: (energy, span) of each"},
     {"levels", levels, METH_VARARGS, "levels(image, step, top) -> (sum of samples, how many reach top, how many)"},
     {"far", far, METH_VARARGS, "far(now, before, limit) -> how many points lie further apart; None: are longer"},
     {"middle_length", middle_length, METH_VARARGS, "middle_length(vectors, scratch) -> median length of (n, 2)"},

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from edge import _judge
-from edge.types import Array, Frame, Image, Mask, Rest, Tracks
+from edge.types import Array, Frame, Image, Index, Mask, Rest, Tracks
 
 __all__ = ["ImageJudge", "PinsJudge", "level_of", "moved_px"]
 
@@ -72,7 +72,9 @@ class ImageJudge:
     def __init__(self) -> None:
         self.dark = self.bright = self.blurred = ""
         self.sharpness = 1.0  # in relation to the rest frame's
-        self._at: np.ndarray | None = None
+        self._corners: Index = np.empty((0, 2), np.int32)
+        self._side = 0
+        self._seen = np.empty((0, 2))
         self._rest = (0.0, 0.0, 0.0)
         self._noise_energy = 0.0
         self._level = 0.0
@@ -82,16 +84,15 @@ class ImageJudge:
         """Take this image of the untouched tip as what is right."""
         height, width = frame.image.shape
         half = max(3, round(rest.pattern.pitch_px / 2))
-        span = np.arange(-half, half + 1)
-        xy = np.rint(rest.xy_img).astype(np.intp)
+        xy = np.rint(rest.xy_img).astype(np.int32)
         inside = np.all((xy >= half) & (xy < [width - half, height - half]), axis=1)
         chosen = xy[inside][:: max(1, np.count_nonzero(inside) // WINDOWS)]
-        rows = chosen[:, 1, None, None] + span[None, :, None]
-        columns = chosen[:, 0, None, None] + span[None, None, :]
-        self._at = rows * width + columns if len(chosen) else None
+        self._corners = np.ascontiguousarray(chosen - half, np.int32)
+        self._side = 2 * half + 1
+        self._seen = np.empty((len(chosen), 2))
         self._noise_energy = 4.0 * rest.pattern.noise**2  # of two differences of two pixels each
         self._level, _ = level_of(frame.image, frame.bits)
-        self._rest = self._windows(frame.image)
+        self._rest = self._windows(frame.image) if len(chosen) else (0.0, 0.0, 0.0)
         self._due_ns = None
 
     def look(self, frame: Frame) -> None:
@@ -103,13 +104,13 @@ class ImageJudge:
         )
         self.bright = f"{full:.0%} of the image is at full scale" if full > FULL else ""
         due = self._due_ns is None or not 0 <= self._due_ns - frame.capture_ns <= PERIOD_NS
-        if due and self._at is not None:
+        if due and len(self._corners):
             self._due_ns = frame.capture_ns + PERIOD_NS
             self._judge_focus(frame.image)
 
     def look_closer(self, frame: Frame) -> None:
         """Judge the focus now: pins went missing in this image."""
-        if self._at is not None:
+        if len(self._corners):
             self._judge_focus(frame.image)
 
     def _judge_focus(self, image: Image) -> None:
@@ -124,19 +125,10 @@ class ImageJudge:
 
     def _windows(self, image: Image) -> tuple[float, float, float]:
         """Energy of the gradient over the contrast squared; contrast; level: medians over the windows."""
-        pixels = image.reshape(-1)[self._at].astype(np.float32)
-        dx, dy = np.diff(pixels, axis=2), np.diff(pixels, axis=1)
-        energy = (dx * dx).mean(axis=(1, 2)) + (dy * dy).mean(axis=(1, 2)) - self._noise_energy
-        flat = pixels.reshape(len(pixels), -1)
-        # The 5th and 95th of a hundred, by partition: a percentile would sort and interpolate.
-        k = flat.shape[1] // 20
-        ordered = np.partition(flat, (k, flat.shape[1] - 1 - k), axis=1)
-        contrast = np.maximum(ordered[:, -1 - k] - ordered[:, k], 1.0)
-        return (
-            float(np.median(energy / contrast**2)),
-            float(np.median(contrast)),
-            float(flat.mean()),
-        )
+        level = _judge.windows(image, self._corners, self._side, self._seen)
+        contrast = np.maximum(self._seen[:, 1], 1.0)
+        energy = (self._seen[:, 0] - self._noise_energy) / contrast**2
+        return float(np.median(energy)), float(np.median(contrast)), level
 
 
 class PinsJudge:
