@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from edge.errors import ConfigError, EdgeError, SourceError, UsageError
+from edge.progress import counting, waiting
 from edge.threads import share_the_processor
 
 if TYPE_CHECKING:
@@ -132,18 +133,22 @@ def run(
     config = load_config(config_path)
     with ExitStack() as stack:
         s = config.source
-        source = open_source(
-            source_spec or s.spec,
-            width=s.width,
-            height=s.height,
-            rate_hz=s.rate_hz,
-            exposure_us=s.exposure_us,
-            gain=s.gain,
-        )
-        stack.callback(source.close)
-        app = _app(stack, source, config, sink_specs, calibration_path)
-        view = view_at or ("" if view_here else None)
-        _aside(stack, app, config, record_path, view, view_token, recordings)
+        spec = source_spec or s.spec
+        with waiting(f"opening {spec}", not quiet):
+            source = open_source(
+                spec,
+                width=s.width,
+                height=s.height,
+                rate_hz=s.rate_hz,
+                exposure_us=s.exposure_us,
+                gain=s.gain,
+            )
+            stack.callback(source.close)
+            app = _app(stack, source, config, sink_specs, calibration_path)
+            view = view_at or ("" if view_here else None)
+            url = _aside(stack, app, config, record_path, view, view_token, recordings)
+        if url:
+            click.echo(f"live page: {url}", err=True)
         _finish(app.run(frames_max), app, as_json, quiet)
 
 
@@ -195,20 +200,27 @@ def replay(
         raise SourceError("--loop: has no end at --speed max; give a factor")
     config = load_config(config_path)
     with ExitStack() as stack:
-        source: FrameSource = open_source(recording)
-        if factor is not None:
-            from edge.sources import Paced
+        with waiting(f"opening {recording}", not quiet):
+            source: FrameSource = open_source(recording)
+            total_n = getattr(source, "frames_n", 0)
+            if factor is not None:
+                from edge.sources import Paced
 
-            source = Paced(source, speed=factor, loop=loop)
-        stack.callback(source.close)
-        app = _app(stack, source, config, sink_specs, calibration_path)
-        view = view_at or ("" if view_here else None)
-        _aside(stack, app, config, record_path, view, view_token, recordings)
+                source = Paced(source, speed=factor, loop=loop)
+            stack.callback(source.close)
+            app = _app(stack, source, config, sink_specs, calibration_path)
+            view = view_at or ("" if view_here else None)
+            url = _aside(stack, app, config, record_path, view, view_token, recordings)
+        if url:
+            click.echo(f"live page: {url}", err=True)
         summary = Summary()
         app.watchers.append(summary.add)
         if samples:
             app.watchers.append(lambda result, state: click.echo(_line(asdict(state))))
-        statistics = app.run()
+        shown = not (quiet or samples or loop)
+        with counting("replay", total_n, shown) as count:
+            app.turns.append(lambda: count(app.frames_n))
+            statistics = app.run()
         _finish(statistics, app, as_json, quiet, summary.report())
 
 
@@ -333,19 +345,20 @@ def doctor(
     state_dir = Path(config.state.directory) if config.state.directory else None
     chosen = calibration_path or stored_calibration(state_dir) or config.calibration.file
     s = config.source
-    lines = examine(
-        config,
-        lambda: open_source(
-            s.spec,
-            width=s.width,
-            height=s.height,
-            rate_hz=s.rate_hz,
-            exposure_us=s.exposure_us,
-            gain=s.gain,
-        ),
-        Path(chosen) if chosen else None,
-        Machine(),
-    )
+    with waiting("looking at camera, link and machine", not as_json):
+        lines = examine(
+            config,
+            lambda: open_source(
+                s.spec,
+                width=s.width,
+                height=s.height,
+                rate_hz=s.rate_hz,
+                exposure_us=s.exposure_us,
+                gain=s.gain,
+            ),
+            Path(chosen) if chosen else None,
+            Machine(),
+        )
     if as_json:
         click.echo(json.dumps({"worst": worst(lines), "lines": as_table(lines)}))
     else:
@@ -438,15 +451,16 @@ def _aside(
     view: str | None,
     token: str | None,
     recordings: Path | None,
-) -> None:
+) -> str:
     """Recorder and live page, where they are asked for.
 
-    view  HOST:PORT; "": the default; None: no page
+    view     HOST:PORT; "": the default; None: no page
+    Returns  the page's address; "": none
     """
     if view is None and token is not None:
         raise UsageError("--view-token: there is no page; give --view too")
     if view is None and record is None:
-        return
+        return ""
     from edge.aside import Aside
     from hostlink.web import WebError, parse_listen
 
@@ -459,8 +473,7 @@ def _aside(
     aside = Aside(app, listen, record, recordings, {"serial": config.sensor.serial})
     stack.callback(aside.close)
     aside.start()
-    if listen is not None:
-        click.echo(f"live page: {aside.url}", err=True)
+    return aside.url if listen is not None else ""
 
 
 def _detail(node: Node) -> Callable[[Result, State], None]:

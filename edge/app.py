@@ -168,6 +168,11 @@ class App:
         return self.last is not None and self.last.features is not None and self.last.features.touched
 
     @property
+    def frames_n(self) -> int:
+        """Frames since the start."""
+        return self._statistics.frames_n
+
+    @property
     def taring(self) -> bool:
         """Whether a rest frame is being taken."""
         return self._taring is not None

@@ -24,6 +24,7 @@ from edge.draw import PAPER, SAFE, View, picture
 from edge.draw import render as write_video
 from edge.errors import NoPins, SourceError
 from edge.pipeline import Pipeline, Result, tare
+from edge.progress import bar
 from edge.sources import open_source
 from edge.tessellate import cell_polygons
 from edge.types import Feature, Reading
@@ -103,31 +104,16 @@ def render_recording(
                 caption=caption(result),
             )
 
-    with _bar(progress) as bar:
-        task = bar.add_task(out.name, total=getattr(source, "frames_n", 0) or None)
-        drawn = (_told(bar, task, one) for one in pictures())
+    with bar(progress) as shown:
+        task = shown.add_task(out.name, total=getattr(source, "frames_n", 0) or None)
+        drawn = (_told(shown, task, one) for one in pictures())
         frames_n = write_video(drawn, out, rate_hz)
     source.close()
     return Made(frames_n, unsure_n, len(rest), rate_hz)
 
 
-def _bar(shown: bool) -> Progress:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        disable=not (shown and console.is_terminal),
-    )
-
-
-def _told(bar: Progress, task: TaskID, one: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    bar.advance(task)
+def _told(shown: Progress, task: TaskID, one: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    shown.advance(task)
     return one
 
 

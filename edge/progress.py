@@ -1,0 +1,75 @@
+"""What a terminal shows of work that takes longer than two seconds; on stderr, and only on a terminal.
+
+Rules
+- Nothing of it runs beside the loop: a spinner ends before frames are read, and the bar of a replay is drawn
+  by the loop itself, `DRAWN_HZ` times a second, after the sample has left.
+- rich is loaded where something is shown, not before.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+__all__ = ["bar", "counting", "waiting"]
+
+DRAWN_HZ = 4.0
+
+
+@contextmanager
+def waiting(what: str, shown: bool) -> Iterator[None]:
+    """A spinner with a few words, for as long as this lasts."""
+    if not (shown and sys.stderr.isatty()):
+        yield
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(what):
+        yield
+
+
+def bar(shown: bool, auto_refresh: bool = True) -> Progress:
+    """How much of how many is done, and how long it will take."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        auto_refresh=auto_refresh,
+        disable=not (shown and console.is_terminal),
+    )
+
+
+@contextmanager
+def counting(what: str, total_n: int, shown: bool) -> Iterator[Callable[[int], None]]:
+    """A bar that is drawn by whoever counts.
+
+    total_n  0: not known
+    Returns  to be called with how many are done, as often as one likes
+    """
+    if not (shown and sys.stderr.isatty()):
+        yield lambda done_n: None
+        return
+    with bar(True, auto_refresh=False) as drawn:
+        task = drawn.add_task(what, total=total_n or None)
+        due_s = 0.0
+
+        def count(done_n: int) -> None:
+            nonlocal due_s
+            now_s = time.monotonic()
+            if now_s >= due_s:
+                due_s = now_s + 1 / DRAWN_HZ
+                drawn.update(task, completed=done_n, refresh=True)
+
+        yield count
