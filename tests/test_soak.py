@@ -11,7 +11,7 @@ from rich.console import Console
 from edge.inject import BOARD, CAMERA, LINK
 from hostlink import connect
 from hostlink.errors import ConnectError
-from tests.bench.soak import Outcome, kill_while_writing, soak, tell
+from tests.bench.soak import Outcome, kill_while_uploading, kill_while_writing, soak, tell
 
 SECONDS = 32.0  # each kind of camera fault once or more
 
@@ -27,13 +27,27 @@ def test_the_promises_hold() -> None:
     assert 0 < outcome.counts["samples flagged"] < outcome.counts["samples judged"]
 
 
-def test_a_kill_loses_no_settings_and_no_calibration(tmp_path: Path) -> None:
+@pytest.fixture
+def multicast() -> None:
+    """The bus that two processes can share without hardware."""
     try:
         connect("udp:239.255.43.20?ttl=0").close()
     except ConnectError as error:
         pytest.skip(f"no UDP multicast here: {error}")
+
+
+@pytest.mark.usefixtures("multicast")
+def test_a_kill_loses_no_settings(tmp_path: Path) -> None:
     outcome = Outcome(0.0, 1)
     kill_while_writing(outcome, Random(4), tmp_path)
     assert outcome.violations == []
     assert outcome.counts["kills"] == 1
     assert outcome.counts["settings written"] > 0
+
+
+@pytest.mark.usefixtures("multicast")
+def test_a_kill_at_the_write_of_a_calibration_leaves_the_old_or_the_new_one(tmp_path: Path) -> None:
+    outcome = Outcome(0.0, 1)
+    kill_while_uploading(outcome, Random(4), tmp_path, at_the_write=True)
+    assert outcome.violations == []
+    assert outcome.counts["kills"] == 1
