@@ -76,8 +76,9 @@ def to_state(
     if measured is None:
         return State(status=status, **frame)
     reading, tracks = measured.reading, measured.tracks
-    unknown = (reading.values.keys() | reading.sigmas.keys()) - VALUES
-    if unknown:
+    values, sigmas, n = reading.values, reading.sigmas, len(tracks.seen)
+    if not (VALUES.issuperset(values) and VALUES.issuperset(sigmas)):
+        unknown = (values.keys() | sigmas.keys()) - VALUES
         raise KeyError(f"the state frame has no field {', '.join(sorted(unknown))}")
     if not reading.calibrated:
         status |= Status.UNCALIBRATED
@@ -85,17 +86,14 @@ def to_state(
         status |= Status.SATURATED
     if tracks.confidence < Tracks.LOW_CONFIDENCE:
         status |= Status.TRACKER_LOST
-    values: dict[str, Any] = {name: _worst(reading.sigmas, of) for name, of in SIGMAS.items()}
-    contacts = tuple(Contact(*row) for row in reading.contacts[:CONTACTS_MAX].tolist())
+    frame |= values
+    for name, of in SIGMAS.items():
+        frame[name] = max([sigmas[part] for part in of if part in sigmas], default=nan)
+    found = reading.contacts
     return State(
         status=status,
-        pins_tracked=tracks.n_seen / len(tracks.seen) if len(tracks.seen) else nan,
-        contact_n=len(reading.contacts),
-        contacts=contacts,
+        pins_tracked=tracks.n_seen / n if n else nan,
+        contact_n=len(found),
+        contacts=tuple([Contact(*row) for row in found[:CONTACTS_MAX].tolist()]) if len(found) else (),
         **frame,
-        **(values | reading.values),
     )
-
-
-def _worst(sigmas: dict[str, float], of: tuple[str, ...]) -> float:
-    return max((sigmas[name] for name in of if name in sigmas), default=nan)
