@@ -230,20 +230,31 @@ def _frames_n(recorder: Recorder) -> int:
     return recorder.written_n[TOPICS["frame"].name]
 
 
+def step_back() -> None:
+    """Behind the loop: ordinary scheduling, below it, and off the core of a loop that is given real time."""
+    real_time = os.sched_getscheduler(0) in (os.SCHED_FIFO, os.SCHED_RR)
+    others = set(range(os.cpu_count() or 1)) - os.sched_getaffinity(0)
+    try:
+        if real_time:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.setpriority(os.PRIO_PROCESS, 0, max(NICE, os.getpriority(os.PRIO_PROCESS, 0)))
+        if real_time and others:
+            os.sched_setaffinity(0, others)
+    except OSError as error:  # a sandbox that forbids it; deploy/ has one that does not
+        log.warning("viewers and recorder run with the loop's own priority: %s", error.strerror)
+
+
 def main() -> None:
     """Serve and record until the loop's process ends."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     data, control, memory = (int(text) for text in sys.argv[1:4])
-    os.sched_setscheduler(
-        0, os.SCHED_OTHER, os.sched_param(0)
-    )  # the loop may have been given real-time priority
-    os.setpriority(os.PRIO_PROCESS, 0, max(NICE, os.getpriority(os.PRIO_PROCESS, 0)))
     cv2.setNumThreads(1)
     inbox = Inbox(socket.socket(fileno=data), memory)
     with socket.socket(fileno=control) as connection:
         begin: Begin = pickle.loads(receive(connection))
         logging.basicConfig(level=begin.log_level, format="%(levelname)s %(name)s: %(message)s")
+        step_back()
         try:
             worker = Worker(connection, inbox, begin)
         except EdgeError as error:

@@ -210,3 +210,30 @@ def test_faults_are_lines_of_the_recording(live: Live) -> None:
     live.aside.close()
     texts = [m.message for _, _, m in read_messages(live.recordings / "all.mcap", ["/events"])]
     assert any("OVER_TEMPERATURE on: too warm for a test" in text for text in texts)
+
+
+def test_it_steps_back_behind_the_loop(live: Live) -> None:
+    process = live.aside.process
+    assert process is not None
+    assert os.getpriority(os.PRIO_PROCESS, process.pid) >= max(5, os.getpriority(os.PRIO_PROCESS, 0))
+
+
+def test_it_leaves_real_time_and_the_loop_s_core_to_the_loop() -> None:
+    """As under deploy/realtime.conf; where this may not be tried, it is skipped."""
+    code = (
+        "import os, sys\n"
+        "mine = min(os.sched_getaffinity(0))\n"
+        "try: os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))\n"
+        "except PermissionError: sys.exit(77)\n"
+        "if len(os.sched_getaffinity(0)) < os.cpu_count() or os.cpu_count() < 2: sys.exit(77)\n"
+        "os.sched_setaffinity(0, {mine})\n"
+        "from edge.aside.__main__ import step_back\n"
+        "step_back()\n"
+        "assert os.sched_getscheduler(0) == os.SCHED_OTHER\n"
+        "assert mine not in os.sched_getaffinity(0)\n"
+        "assert os.getpriority(os.PRIO_PROCESS, 0) >= 5\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    if done.returncode == 77:
+        pytest.skip("needs the right to real-time scheduling, and two processors")
+    assert done.returncode == 0, done.stderr
