@@ -1,4 +1,4 @@
-/* The arithmetic of `edge.judge` and `edge.faults` that every frame asks for: one pass over some hundred numbers each.
+/* The arithmetic of `edge.judge` and `edge.faults` that every frame asks for: each a pass over some hundred numbers.
  *
  * Meaning and limits stand there. NaN marks a lost pin; it is not far, and has no length.
  */
@@ -155,7 +155,7 @@ static PyObject *windows(PyObject *self, PyObject *args)
         sound = corner[2 * w] >= 0 && corner[2 * w + 1] >= 0 && corner[2 * w] + side <= view.shape[1] &&
                 corner[2 * w + 1] + side <= view.shape[0];
     if (!sound) {
-        PyErr_SetString(PyExc_ValueError, "windows: an image (h, w) of uint8 or uint16 and windows within it are wanted");
+        PyErr_SetString(PyExc_ValueError, "windows: an image (h, w) of uint8 or uint16, and windows within it");
         goto done;
     }
     const Py_ssize_t n = side * side;

@@ -107,7 +107,8 @@ static int take_polynomial(Models *self, Model *m, PyObject *item)
     const Py_ssize_t factors = count(&a) / 2, odd = (pairs | count(&a)) & 1;
     m->longest = m->terms ? cells / m->terms : 0;
     m->spread = m->terms ? factors / m->terms : 0;
-    if (odd || m->outputs < 1 || m->outputs > OUTPUTS_MAX || m->longest * m->terms != cells || m->spread * m->terms != factors) {
+    if (odd || m->outputs < 1 || m->outputs > OUTPUTS_MAX || m->longest * m->terms != cells ||
+        m->spread * m->terms != factors) {
         wrong("a polynomial's arrays do not belong together");
         goto done;
     }

@@ -310,6 +310,7 @@ class Calibration:
         self._frame = _Models(of_frame, FRAME_INPUTS)
         self._contact = _Models(of_contact, CONTACT_INPUTS)
         self._columns = [CONTACT_OUTPUTS.index(name) for name in self._contact.outputs]
+        self._placed = seen >= {"contact_x_mm", "contact_y_mm"}
         self._untouched = {name: UNTOUCHED[name] for name in self._frame.outputs}
         self._untouched_sigmas = dict(zip(self._frame.outputs, self._frame.sigmas, strict=True))
         self.outputs = frozenset(seen)
@@ -404,7 +405,7 @@ class Calibration:
         if not contacts:
             return np.empty((0, 3))
         places = np.full((len(contacts), 3), np.nan)
-        if self.mm_per_px is not None:
+        if self.mm_per_px is not None and not self._placed:
             for row, contact in zip(places, contacts, strict=True):
                 row[:2] = (contact.xy_img - pattern.centre_img) * self.mm_per_px
         if self._columns:
