@@ -25,8 +25,9 @@ from calib.evaluate import evaluate, predict
 from calib.extract import DEMAND, LOOKS, Extract, executor, join_extracts
 from calib.fit import Choice, fit, paper_curve
 from calib.protocols import PROTOCOLS, Plan, Step
-from calib.report import plots, study
+from calib.report import plots, slip, study
 from calib.report.page import Page, model_table, write_page
+from calib.report.pairs import RESOLVED, pairs, resolvable_mm, shares
 from calib.rig.base import CLEAR, Pose
 from calib.rig.simulated import SimulatedRig, Simulation, load_simulation
 from calib.sim import Tool
@@ -54,7 +55,7 @@ def edges() -> Plan:
     return Plan("edges", tuple(steps))
 
 
-PLANS: dict[str, Callable[[], Plan]] = {**PROTOCOLS, "edges": edges}
+PLANS: dict[str, Callable[[], Plan]] = {**PROTOCOLS, "edges": edges, "pairs": pairs}
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +128,8 @@ def report_command(
             _captured(captures / f"{name}.mcap", plan(), simulation, bar)
         seen = {name: _see([captures / f"{name}.mcap"], None, pool, bar) for name in PLANS}
         published = _see([real / "targets.csv"], real, pool, bar) if real is not None else None
-        checks, rows = make_report(out, captures, seen, published)
+        slipped = _drags(simulation, pool, bar)
+        checks, rows = make_report(out, captures, seen, slipped, published)
     for check in checks:
         mark = "holds" if check.holds else "MISSES"
         sign = ">=" if check.at_least else "<="
@@ -155,8 +157,23 @@ def _see(tables: list[Path], folder: Path | None, pool: Executor, bar: Progress)
     return Seen(data, data.extract(pool, lambda n: bar.advance(task, n)))
 
 
+def _drags(simulation: Simulation, pool: Executor, bar: Progress) -> list[slip.Slipped]:
+    """One after the other in the picture, side by side on the processors."""
+    running = [pool.submit(slip.drag, simulation, one) for one in slip.DRAGS]
+    task = bar.add_task("drag until it slides", total=len(running))
+    done = []
+    for future in running:
+        done.append(future.result())
+        bar.advance(task)
+    return done
+
+
 def make_report(
-    out: Path, captures: Path, seen: dict[str, Seen], published: Seen | None
+    out: Path,
+    captures: Path,
+    seen: dict[str, Seen],
+    slipped: list[slip.Slipped],
+    published: Seen | None,
 ) -> tuple[list[Check], list[study.Row]]:
     """Write the page, its pictures and tables."""
     page, checks = Page("Calibration report"), []
@@ -164,6 +181,7 @@ def make_report(
     checks += _paper(page, out, seen)
     checks += _tilted(page, seen["surface"])
     checks += _contacts(page, out, seen)
+    checks += _slip(page, slipped)
     if published is not None:
         _real(page, out, published)
     rows = _study(page, out, captures, seen, published)
@@ -304,14 +322,21 @@ def _contacts(page: Page, out: Path, seen: dict[str, Seen]) -> list[Check]:
     )
     section.picture(out / "places.png", "error of the contact's place over the tip")
     single = float((probes.extract.counts[tool == "sphere"] == 1).mean()) * 100.0
-    counts = []
-    for distance in np.unique(gap[tool == "two"]):
-        found = probes.extract.counts[(tool == "two") & (gap == distance)]
-        counts.append((f"{distance:g}", *(f"{float((found == k).mean()) * 100:.0f}" for k in (1, 2)),
-                       f"{float((found > 2).mean()) * 100:.0f}"))  # fmt: skip
-    section.text("Two probes of 1 mm radius, 2 mm deep, six directions: found as, % of frames.")
-    section.table(("distance, mm", "one", "two", "more"), counts)
-    pairs = {d: probes.extract.counts[(tool == "two") & (gap == d)] for d in (4.0, 5.0)}
+    apart = seen["pairs"]
+    apart_mm = np.array([float(row["tool_distance_mm"]) for row in apart.data.rows])
+    found = shares(apart_mm, apart.extract.counts)
+    plots.apart(out / "pairs.png", found)
+    section.text(
+        "Two probes of 1 mm radius, 2 mm deep, anywhere within 5 mm of the axis and any way round: resolved "
+        f"(found as two in {RESOLVED:g} % of the frames and more) from {resolvable_mm(found):g} mm on. The "
+        f"pins are {_pitch_mm(calibration, apart):.1f} mm apart."
+    )
+    section.picture(out / "pairs.png", "share of pairs found as one, two, more, over their distance")
+    section.table(
+        ("distance, mm", "one, %", "two, %", "more, %"),
+        [tuple(f"{value:g}" if i == 0 else f"{value:.0f}" for i, value in enumerate(row)) for row in found],
+    )
+    by_gap = {d: probes.extract.counts[(tool == "two") & (gap == d)] for d in (4.0, 5.0)}
     bars = seen["edges"]
     angle = np.array([float(row["tool_angle_deg"]) for row in bars.data.rows])
     turned = np.abs((np.degrees(bars.extract.angle_rad) - angle + 90.0) % 180.0 - 90.0)
@@ -326,14 +351,65 @@ def _contacts(page: Page, out: Path, seen: dict[str, Seen]) -> list[Check]:
         Check("place of a single contact, mean over the tip", 0.2, off, "mm"),
         Check("single probes found as one", 99.0, single, "%", at_least=True),
         Check(
-            "probes 4 mm apart found as two", 99.0, float((pairs[4.0] == 2).mean()) * 100, "%", at_least=True
+            "probes 4 mm apart found as two", 99.0, float((by_gap[4.0] == 2).mean()) * 100, "%", at_least=True
         ),
         Check(
-            "probes 5 mm apart found as two", 99.0, float((pairs[5.0] == 2).mean()) * 100, "%", at_least=True
+            "probes 5 mm apart found as two", 99.0, float((by_gap[5.0] == 2).mean()) * 100, "%", at_least=True
         ),
-        Check("a third contact beside two probes", 0.0, float((probes.extract.counts > 2).mean()) * 100, "%"),
+        Check(
+            "random pairs 4 mm apart and more found as two",
+            RESOLVED,
+            float((apart.extract.counts[apart_mm >= 4.0] == 2).mean()) * 100,
+            "%",
+            at_least=True,
+        ),
+        Check(
+            "random pairs 2 mm apart found as one",
+            RESOLVED,
+            float((apart.extract.counts[apart_mm == 2.0] == 1).mean()) * 100,
+            "%",
+            at_least=True,
+        ),
+        Check(
+            "a third contact beside two probes",
+            0.0,
+            float((np.concatenate([probes.extract.counts, apart.extract.counts]) > 2).mean()) * 100,
+            "%",
+        ),
         Check("direction of a long contact, mean", 3.0, float(np.nanmean(turned)), "deg"),
     ]
+
+
+def _pitch_mm(calibration: Calibration, seen: Seen) -> float:
+    return (calibration.mm_per_px or math.nan) * seen.data.rest.pattern.pitch_px
+
+
+def _slip(page: Page, slipped: list[slip.Slipped]) -> list[Check]:
+    section = page.section("Slip")
+    every = slip.outcome(slip.join(slipped))
+    section.text(
+        f"A tool pressed {slip.DEPTH_MM:g} mm deep is dragged {slip.WAY_MM:g} mm in a second at "
+        "several frictions, until it creeps (slides in part, from the contact's rim inwards) and then "
+        "glides. Slip counts as felt at a probability over one half. Gliding moves no pin: no camera behind "
+        "the skin sees it. What is felt is the creep before it: "
+        f"{every.felt_percent:.0f} % of its frames; the speed read there is the skin's own motion against "
+        f"itself, {every.read_mm_s:.2f} mm/s where the tool runs at {every.true_mm_s:.2f} mm/s over the "
+        "contact in the mean."
+    )
+    rows = []
+    for one, seen in zip(slip.DRAGS, slipped, strict=True):
+        o = slip.outcome(seen)
+        numbers = (o.false_percent, o.felt_percent, o.glide_percent, 100.0 * o.felt_from)
+        speeds = (o.true_mm_s, o.read_mm_s)
+        cells = [f"{v:.0f}" for v in numbers] + [f"{v:.2f}" for v in speeds]
+        cells = ["-" if cell == "nan" else cell for cell in cells]
+        rows.append((one.tool.kind, f"{one.friction:g}", *cells))
+    section.table(
+        ("tool", "friction", "felt while it sticks, %", "while it creeps, %", "while it glides, %",
+         "first felt when so much slides, %", "tool over skin, mm/s", "read, mm/s"),
+        rows,
+    )  # fmt: skip
+    return [Check("slip felt while the contact sticks", 1.0, every.false_percent, "%")]
 
 
 def _real(page: Page, out: Path, published: Seen) -> None:

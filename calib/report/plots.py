@@ -16,7 +16,7 @@ from edge.types import Array, Complex, Mask
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
-__all__ = ["curves", "directions", "place_map", "real_scatter", "trade"]
+__all__ = ["apart", "curves", "directions", "place_map", "real_scatter", "trade"]
 
 DPI = 110
 INK, TRUE, LINE, MARK = "#20242c", "#9aa3b2", "#1f6feb", "#d1495b"
@@ -116,6 +116,17 @@ def place_map(path: Path, true: Complex, raw: Complex, read: Complex) -> None:
     axes[0].set(ylabel="y, mm (down in the image)")
     axes[0].invert_yaxis()
     figure.colorbar(shown, ax=axes, label="error, mm (arrows: four times as long)", shrink=0.85)
+    _save(figure, path)
+
+
+def apart(path: Path, rows: list[tuple[float, float, float, float]]) -> None:
+    """Share of pairs of probes found as one, two, more, over their distance; rows of `pairs.shares`."""
+    distance, *found = np.array(rows).T
+    figure, axes = plt.subplots(figsize=(6, 3.6))
+    for share, name in zip(found, ("one", "two", "more"), strict=True):
+        axes.plot(distance, share, "o-", label=f"found as {name}")
+    axes.set(xlabel="distance of the two probes, mm", ylabel="% of frames")
+    axes.legend(frameon=False)
     _save(figure, path)
 
 

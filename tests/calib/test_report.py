@@ -11,9 +11,11 @@ from click.testing import CliRunner
 from calib.__main__ import cli
 from calib.errors import TableError
 from calib.fit import fit
-from calib.report import plots, study
+from calib.report import plots, slip, study
 from calib.report.command import Check, edges
 from calib.report.page import Page, model_table, write_page
+from calib.report.pairs import pairs, resolvable_mm, shares
+from calib.rig.simulated import Simulation
 from calib.sim import Camera, Contact, Simulator, Tip, Tool
 from edge.pipeline import Pipeline, Result, tare
 from edge.types import Frame, Rest
@@ -110,3 +112,48 @@ def test_a_folder_without_a_table_is_refused(tmp_path: Path) -> None:
         CliRunner().invoke(
             cli, ["report", "-o", str(tmp_path), "--real", str(tmp_path)], catch_exceptions=False
         )
+
+
+def test_pairs_are_resolved_from_the_distance_on_from_which_all_are_two() -> None:
+    gap = np.repeat([2.0, 3.0, 4.0, 5.0], 4)
+    counts = np.array([1, 1, 1, 1, 2, 2, 2, 2, 2, 1, 2, 3, 2, 2, 2, 2], dtype=np.int32)
+    rows = shares(gap, counts)
+    assert rows == [
+        (2.0, 100.0, 0.0, 0.0),
+        (3.0, 0.0, 100.0, 0.0),
+        (4.0, 25.0, 50.0, 25.0),
+        (5.0, 0.0, 100.0, 0.0),
+    ]
+    assert resolvable_mm(rows) == 5.0  # 3 mm was luck: 4 mm is not
+    assert resolvable_mm(rows[:3]) == np.inf
+    steps = [step for step in pairs().steps if step.frames and step.role == "sample"]
+    assert {step.tool.distance_mm for step in steps} >= {2.0, 4.0, 8.0}
+    assert max(np.hypot(step.pose.x_mm, step.pose.y_mm) for step in steps) <= 5.0
+
+
+def test_slip_is_judged_by_what_the_contact_did() -> None:
+    seen = slip.Slipped(
+        share=np.array([0.0, 0.0, 0.2, 0.4, 0.6, 1.0, 1.0]),
+        true_mm_s=np.array([0.0, 0.0, 0.5, 1.0, 2.0, 6.0, 6.0]),
+        read_mm_s=np.array([0.0, 0.0, 0.0, 0.5, 0.7, 0.0, 0.0]),
+        probability=np.array([0.0, 0.9, 0.0, 0.9, 1.0, 0.2, 0.1]),
+    )
+    got = slip.outcome(slip.join([seen, seen]))
+    assert got.false_percent == 50.0
+    assert got.felt_percent == pytest.approx(200.0 / 3.0)
+    assert got.glide_percent == 0.0
+    assert (got.true_mm_s, got.read_mm_s) == (pytest.approx(1.5), pytest.approx(0.6))
+    assert slip.outcome(seen).felt_from == 0.0
+    silent = slip.Slipped(seen.share, seen.true_mm_s, seen.read_mm_s, np.zeros(7))
+    assert np.isnan(slip.outcome(silent).felt_from)
+
+
+def test_a_drag_creeps_before_it_glides() -> None:
+    tip = Tip(127, "hex")
+    seen = slip.drag(Simulation(tip=tip), slip.Drag(Tool("flat"), 0.35, 30.0))
+    assert len(seen.share) > 50
+    assert seen.share[0] < slip.STICKS
+    assert seen.share[-1] > slip.GLIDES
+    assert seen.true_mm_s[-1] == pytest.approx(slip.WAY_MM, rel=0.05)  # all of it: 3 mm in a second
+    assert slip.outcome(seen).false_percent == 0.0
+    assert slip.outcome(seen).felt_percent > 0.0

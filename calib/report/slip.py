@@ -1,0 +1,149 @@
+"""Slip read against slip made: a tool is pressed on the simulated tip and dragged until it slides.
+
+Truth is the simulator's friction: which share of the contact's area slides under the drag, and how far the
+tool has run over the skin there. Three kinds of frames are told apart: the contact sticks; it creeps, that
+is, slides in part, from its rim inwards; it glides as a whole. Gliding moves no pin, so nothing behind the
+skin can see it (`edge.features.motion`): what can be judged is whether the creep before it is felt, and when.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from calib.rig.simulated import Simulation
+from calib.sim import Contact, Tool
+from calib.simulated import TARE_FRAMES, mm_per_px
+from edge.pipeline import Pipeline, tare
+from edge.types import Array, Feature, Mask
+
+__all__ = ["DRAGS", "Drag", "Outcome", "Slipped", "drag", "join", "outcome"]
+
+DOWN_N, STILL_N, DRAG_N = 6, 6, 60
+DEPTH_MM, WAY_MM = 2.0, 3.0
+#: Below the first share of its area that slides a contact sticks; above the second it glides as a whole.
+STICKS, GLIDES = 0.05, 0.95
+PROBABLE = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Drag:
+    """One tool, how rough it is, and where it is dragged to."""
+
+    tool: Tool
+    friction: float
+    angle_deg: float
+
+
+#: Rough, usual and smooth; what is dragged by 3 mm in a second.
+DRAGS = (
+    Drag(Tool("flat"), 2.0, 20.0),
+    Drag(Tool("flat"), 1.0, 65.0),
+    Drag(Tool("flat"), 0.35, 110.0),
+    Drag(Tool("sphere", radius_mm=6.0), 2.0, 200.0),
+    Drag(Tool("sphere", radius_mm=6.0), 1.0, 245.0),
+    Drag(Tool("sphere", radius_mm=6.0), 0.35, 290.0),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Slipped:
+    """The frames of one drag.
+
+    share        (n,) true share of the contact's area that slides
+    true_mm_s    (n,) mean speed of the tool over the skin, over the contact's area
+    read_mm_s    (n,) as the edge has it
+    probability  (n,) as the edge has it
+    """
+
+    share: Array
+    true_mm_s: Array
+    read_mm_s: Array
+    probability: Array
+
+
+def poses(drag: Drag) -> Iterator[Contact]:
+    """Down, still, then along a line at an even speed."""
+    a = np.deg2rad(drag.angle_deg)
+    for k in range(1, DOWN_N + 1):
+        yield Contact(drag.tool, depth_mm=DEPTH_MM * k / DOWN_N)
+    for _ in range(STILL_N):
+        yield Contact(drag.tool, depth_mm=DEPTH_MM)
+    for k in range(1, DRAG_N + 1):
+        way = WAY_MM * k / DRAG_N
+        yield Contact(
+            drag.tool, depth_mm=DEPTH_MM, shear_x_mm=float(way * np.cos(a)), shear_y_mm=float(way * np.sin(a))
+        )
+
+
+def drag(simulation: Simulation, one: Drag) -> Slipped:
+    """Play one drag through the whole chain."""
+    simulation = replace(simulation, tip=replace(simulation.tip, friction=one.friction))
+    simulator = simulation.simulator()
+    scale = mm_per_px(simulator) * simulation.rate_hz
+    rest = tare([simulator.frame().image for _ in range(TARE_FRAMES)], np.inf)
+    pipeline = Pipeline(rest, demand=frozenset({Feature.SLIP}))
+    rows, before = [], np.zeros(2)
+    for k, contact in enumerate(poses(one)):
+        frame = simulator.frame((contact,))
+        assert frame.truth is not None
+        features = pipeline.process(frame).features
+        slid = np.array(frame.truth["slid_mm"][0])
+        ran, before = float(np.hypot(*(slid - before))), slid
+        if features is None or features.slip_px is None or k < DOWN_N:
+            continue
+        rows.append(
+            (
+                frame.truth["slip"][0],
+                ran * simulation.rate_hz,
+                features.slip_px * scale,
+                features.slip_probability,
+            )
+        )
+    return Slipped(*np.array(rows, dtype=np.float64).T)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a drag, or several, showed. NaN where there was no such frame.
+
+    false_percent   of the frames that stick: slip called probable
+    felt_percent    of the frames that creep
+    glide_percent   of the frames that glide
+    felt_from       share of the contact that slid when slip was first felt
+    true_mm_s, read_mm_s  mean speeds over the frames that creep and were felt
+    """
+
+    false_percent: float
+    felt_percent: float
+    glide_percent: float
+    felt_from: float
+    true_mm_s: float
+    read_mm_s: float
+
+
+def outcome(seen: Slipped) -> Outcome:
+    """Of one drag."""
+    felt = seen.probability > PROBABLE
+    creeps = (seen.share >= STICKS) & (seen.share <= GLIDES)
+    both = felt & creeps
+    return Outcome(
+        100.0 * _mean(felt[seen.share < STICKS]),
+        100.0 * _mean(felt[creeps]),
+        100.0 * _mean(felt[seen.share > GLIDES]),
+        float(seen.share[felt][0]) if felt.any() else math.nan,
+        _mean(seen.true_mm_s[both]),
+        _mean(seen.read_mm_s[both]),
+    )
+
+
+def _mean(values: Array | Mask) -> float:
+    return float(values.mean()) if len(values) else math.nan
+
+
+def join(drags: Sequence[Slipped]) -> Slipped:
+    """Several drags as one."""
+    return Slipped(*(np.concatenate([getattr(d, f.name) for d in drags]) for f in fields(Slipped)))
