@@ -184,6 +184,7 @@ def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> 
         taken: dict[str, list[list[float]]] = {name: [[], []] for name in PHASES}
         packets: dict[str, int] = dict.fromkeys(PHASES, 0)
         cpu_s: dict[str, list[float]] = {name: [0.0, 0.0] for name in PHASES}
+        elapsed_s: dict[str, float] = dict.fromkeys(PHASES, 0.0)
         rss_mb: dict[str, tuple[float, float]] = {}
         dropped_n, lost_n = 0, 0
         pids = (os.getpid(), aside.process.pid)
@@ -195,7 +196,7 @@ def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> 
         for _ in range(rounds):
             for name, viewers_n in PHASES.items():
                 time.sleep(SETTLE_S)
-                before_s = [_cpu_s(pid) for pid in pids]
+                before_s, since_s = [_cpu_s(pid) for pid in pids], time.monotonic()
                 before_n = source.dropped_n
                 if viewers_n:
                     packets[name] += _be_watched(url, viewers_n, seconds, begin)
@@ -208,6 +209,7 @@ def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> 
                     time.sleep(seconds)
                 taken[name][0] += sent_us
                 taken[name][1] += turn_us
+                elapsed_s[name] += time.monotonic() - since_s
                 for k, pid in enumerate(pids):
                     cpu_s[name][k] += _cpu_s(pid) - before_s[k]
                 if name == "recording":
@@ -235,8 +237,8 @@ def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> 
             "turn_p50_us": float(np.percentile(to_end, 50)),
             "turn_p99_us": float(np.percentile(to_end, 99)),
             "packets_hz": each,
-            "loop_load_%": 100 * cpu_s[name][0] / seconds / rounds,
-            "aside_load_%": 100 * cpu_s[name][1] / seconds / rounds,
+            "loop_load_%": 100 * cpu_s[name][0] / elapsed_s[name],
+            "aside_load_%": 100 * cpu_s[name][1] / elapsed_s[name],
             "rss_mb": rss_mb[name][0],
             "aside_rss_mb": rss_mb[name][1],
         }
