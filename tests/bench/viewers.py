@@ -144,7 +144,7 @@ def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> 
     Returns  per phase the loop's compute quantiles, packets and memory
     """
     share_the_processor()
-    source = Paced(_Frames(rate_hz), rate_hz, loop=True)  # type: ignore[arg-type]
+    source = Paced(_Frames(rate_hz), rate_hz, loop=True)
     app = App(source, [])
     with tempfile.TemporaryDirectory(prefix="viewers-") as folder:
         token = "bench-token"
@@ -170,7 +170,8 @@ def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> 
             end_turn()
             turn_us.append((time.perf_counter_ns() - begun_ns) / 1e3)
 
-        app.step, app._send, app._end_turn = stepped, sent, ended  # type: ignore[method-assign]
+        for name, timed in (("step", stepped), ("_send", sent), ("_end_turn", ended)):
+            setattr(app, name, timed)
 
         def run() -> None:
             if fifo:  # of this thread and of the camera's, which it starts
