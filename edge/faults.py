@@ -132,12 +132,19 @@ class Faults:
         health.report(FaultCode.IMAGE_BLURRED, bool(judge.blurred), judge.blurred)
 
     def slow(self, begun_ns: int | None) -> None:
-        """Whether the frame in hand takes long. Called from another thread.
+        """Whether the frame in hand takes long, and the light of the one that waits. For another thread.
 
         begun_ns  when it was taken up, our clock; None: there is none, or nobody waits for it
         """
         if begun_ns is not None and self._clock_ns() - begun_ns >= SEARCH_NS:
             self._health.report(FaultCode.TRACKER_LOST, True, "the pins are being searched for")
+            peek: Callable[[], Frame | None] | None = getattr(self._source, "peek", None)
+            waiting = peek() if peek is not None else None
+            if waiting is not None:  # what it shows need not wait for the end of the search
+                dark, bright = self._image.light(waiting)
+                for code, words in ((FaultCode.IMAGE_DARK, dark), (FaultCode.IMAGE_BRIGHT, bright)):
+                    if words:
+                        self._health.report(code, True, words)
 
     def impossible(self, tracks: Tracks) -> bool:
         """Whether pins moved further than any skin does: the pattern was taken for itself, turned."""

@@ -85,6 +85,7 @@ CLOCK_S = 5.0
 DROP_SHARE = 0.3
 DELAY_S = 0.02
 HOT_DEGC, COOL_DEGC = 95.0, 45.0
+KINDS_KEPT = 256
 
 Clock = Callable[[], float]
 
@@ -142,6 +143,7 @@ class FaultySource(LiveSource):
     source    a live source; closed with this one
     episodes  kinds out of `CAMERA`
     clock     seconds; the schedule's
+    kinds     what was done to the newest images, by sequence number; "" nothing
     """
 
     def __init__(
@@ -157,6 +159,7 @@ class FaultySource(LiveSource):
         self._frozen: Frame | None = None
         self._clock_ns = 0  # by how much this camera's clock is off
         self._stepped = False
+        self.kinds: dict[int, str] = {}
 
     def _work(self) -> None:
         while not self._closing.is_set():
@@ -172,6 +175,9 @@ class FaultySource(LiveSource):
                 continue
             seen = self._see(kind, frame)
             if seen is not None:
+                self.kinds[seen.sequence] = kind
+                if len(self.kinds) > KINDS_KEPT:
+                    self.kinds.pop(next(iter(self.kinds)))
                 self._say(self._watch.look(seen))
                 self._offer(seen)
 

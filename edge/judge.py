@@ -97,16 +97,18 @@ class ImageJudge:
 
     def look(self, frame: Frame) -> None:
         """Judge one image."""
-        level, full = level_of(frame.image, frame.bits)
-        least = max(DARK, (DIM_GONE if self.dark else DIM) * self._level)
-        self.dark = (
-            f"mean level {level:.1%} of full scale, {self._level:.1%} at rest" if level < least else ""
-        )
-        self.bright = f"{full:.0%} of the image is at full scale" if full > FULL else ""
+        self.dark, self.bright = self.light(frame)
         due = self._due_ns is None or not 0 <= self._due_ns - frame.capture_ns <= PERIOD_NS
         if due and len(self._corners):
             self._due_ns = frame.capture_ns + PERIOD_NS
             self._judge_focus(frame.image)
+
+    def light(self, frame: Frame) -> tuple[str, str]:
+        """Words for too dark and overexposed, "" where it is not; remembers nothing."""
+        level, full = level_of(frame.image, frame.bits)
+        least = max(DARK, (DIM_GONE if self.dark else DIM) * self._level)
+        dark = f"mean level {level:.1%} of full scale, {self._level:.1%} at rest" if level < least else ""
+        return dark, f"{full:.0%} of the image is at full scale" if full > FULL else ""
 
     def look_closer(self, frame: Frame) -> None:
         """Judge the focus now: pins went missing in this image."""

@@ -158,6 +158,10 @@ class LiveSource(ABC):
             raise failure
         return frame
 
+    def peek(self) -> Frame | None:
+        """The frame that the next `read` would give, for another thread to look at; None: none waits."""
+        return self._slot
+
     def __iter__(self) -> Iterator[Frame]:
         while (frame := self.read()) is not None:
             yield frame

@@ -298,8 +298,8 @@ class Soak:
         off = np.abs([getattr(state, name) for name in VALUES] - self.truth[k])
         if not np.nanmax(off, initial=0.0) > WRONG_MM:
             return
+        kind = self.source.kinds.get(result.frame.sequence, "")  # an image may outlast its episode
         episode = self.episode("camera", now_s)
-        kind = episode.kind if episode else ""
         touched = self.touched[k] or (result.features is not None and result.features.touched)
         known_later = (kind == "shift" and touched) or (
             kind == "freeze" and episode is not None and now_s - episode.start_s < 2 * ANNOUNCED_S

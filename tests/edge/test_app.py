@@ -105,7 +105,8 @@ def measured(state: State) -> bool:
 def test_a_piece_of_noise_over_a_contact_gives_no_wrong_value(finger: Finger, seed: int) -> None:
     for frame in finger.frames[8:]:
         sure = finger.see(frame.image)
-    state = finger.see(_PICTURES["corrupt"](finger.frames[-1].image, np.random.default_rng(seed)))
+    noisy: Image = _PICTURES["corrupt"](finger.frames[-1].image, np.random.default_rng(seed))
+    state = finger.see(noisy)
     if not state.status & (Status.PINS_LOST | Status.TRACKER_LOST):
         assert state.displacement_mm == pytest.approx(sure.displacement_mm, abs=0.4)
         assert state.shear_x_mm == pytest.approx(sure.shear_x_mm, abs=0.4)
@@ -275,6 +276,20 @@ def test_heat_and_disk_reach_the_samples(frames: list[Frame], calibration: Calib
     vitals.look()
     k = 9
     assert app.step(Frame(frames[7].image, k * PERIOD_NS, k, Clock.DEVICE)).status == Status(0)
+
+
+def test_the_light_of_a_waiting_image_is_told_while_pins_are_searched_for(finger: Finger) -> None:
+    finger.see(finger.frames[9].image)
+    dark = Frame(np.zeros_like(finger.frames[9].image), finger.now_ns, finger.n + 1, Clock.DEVICE)
+    finger.camera.peek = lambda: dark  # type: ignore[attr-defined]
+    begun_ns = finger.now_ns
+    finger.app._faults.slow(begun_ns)  # it does not take long yet
+    assert finger.faults == set()
+    finger.now_ns += 40_000_000
+    finger.app._faults.slow(begun_ns)
+    assert finger.faults == {FaultCode.TRACKER_LOST, FaultCode.IMAGE_DARK}
+    finger.see(finger.frames[10].image)
+    assert finger.faults == set()
 
 
 # ---- the loop lives ------------------------------------------------------------------------------------
