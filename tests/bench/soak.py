@@ -710,7 +710,9 @@ def command(seconds: float, seed: int, rate_hz: float, out: Path) -> None:
     outcome = soak(seconds, seed, rate_hz)
     tell(outcome, Console(width=120))
     out.mkdir(parents=True, exist_ok=True)
-    table = asdict(replace(outcome, rows=dict(outcome.rows)))
+    # A Counter does not survive asdict: it would count the pairs.
+    table = asdict(replace(outcome, rows=dict(outcome.rows), counts=Counter()))
+    table["counts"] = dict(outcome.counts)
     (out / "soak.json").write_text(json.dumps(table, indent=1))
     with (out / "soak.md").open("w") as file:
         day = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
