@@ -34,7 +34,7 @@ pid() { systemctl show -p MainPID --value $unit; }
 program() { # what the unit runs
     mkdir -p "$(dirname "$dropin")"
     # An emulated processor takes 20 s for what a board does in one: to start, and for the first rest frame.
-    printf '[Service]\nExecStart=\nExecStart=%s -m edge %s\nTimeoutStartSec=300\nWatchdogSec=60\n' \
+    printf '[Service]\nExecStart=\nExecStart=%s -m edge %s\nTimeoutStartSec=300\nWatchdogSec=60\nTimeoutStopSec=60\n' \
         "$python" "$*" >"$dropin"
     systemctl daemon-reload
 }
