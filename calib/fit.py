@@ -130,7 +130,9 @@ def letters(degree: int) -> Letters:
 #: Of one contact: its place, the mean motion (both turn with the tip), its height and its size.
 #: Without the size the depth of one of several contacts is known to 0.6..0.7 mm rms, with it to 0.2..0.3
 #: (a ball of 3 mm anywhere on simulated tips of 127 and 331 pins).
-CONTACT_LETTERS: Letters = (("p", 1), ("p*", -1), ("shear", 1), ("shear*", -1), ("peak", 0), ("size", 0))
+CONTACT_LETTERS: Letters = (("p", 1), ("p*", -1), ("shear", 1), ("shear*", -1), ("peak", 0))
+#: The size is for the depth alone: a place has enough to choose from.
+DEPTH_LETTERS: Letters = (*CONTACT_LETTERS, ("size", 0))
 
 
 def terms_of_spin(spin: int, alphabet: Letters, factors: int) -> list[list[str]]:
@@ -163,7 +165,8 @@ def _designs(group: Group, all_round: bool) -> Iterator[tuple[str, list[list[str
     """Candidates by name: the terms of each."""
     if group.of_contact:
         for factors in (1, 2, 3):
-            yield f"place, {factors} factors", terms_of_spin(group.spin, CONTACT_LETTERS, factors)
+            alphabet = CONTACT_LETTERS if group.spin == 1 else DEPTH_LETTERS
+            yield f"place, {factors} factors", terms_of_spin(group.spin, alphabet, factors)
         return
     if group.spin == 1:
         yield "mean motion", [["shear"]]

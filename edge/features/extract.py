@@ -70,6 +70,10 @@ VOLUME_THRESHOLD = 3.0
 THRESHOLD_MIN = 0.01
 
 
+#: Share of the pins that must be seen for the others to be filled in: with fewer it is no interpolation.
+FILL_LEAST = 0.5
+
+
 class _Plan:
     """A demand, looked up once: an enum's hash is Python code, and 50 of them a frame cost 20 us."""
 
@@ -148,7 +152,7 @@ class FeatureExtractor:
             xy = np.ascontiguousarray(cells.xy_img)
             touched = self._gate.touched_by_area(change, xy, sigma)
         whole, known = motion, seen
-        if cells is not None and 0 < seen_n < len(seen):
+        if cells is not None and FILL_LEAST * len(seen) <= seen_n < len(seen) and seen_n:
             whole, known = cells.xy_img - self._xy_rest, self._everyone
             mean_x, mean_y = whole.mean(axis=0).tolist()
         shear = np.array([mean_x, mean_y]) if plan.shear else None

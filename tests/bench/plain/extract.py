@@ -20,6 +20,7 @@ from enum import Enum, auto
 
 import numpy as np
 
+from edge.features.extract import FILL_LEAST
 from edge.features.local import Neighbourhood
 from edge.types import Array, Cells, ContactRegion, Feature, Features, Mask, Rest, Tracks
 from tests.bench.plain.contacts import FineField, blend, find_contacts
@@ -141,9 +142,11 @@ class FeatureExtractor:
             change = cells.area_px2 * self._inverse_area - 1.0
             touched = self._gate.touched_by_area(change, cells.xy_img, sigma)
         whole = motion if cells is None else cells.xy_img - self._xy_rest
-        known = seen if cells is None else np.ones_like(seen)
-        shear = mean_motion(whole, None if known.all() else known) if plan.shear else None
-        modes = self._modes.fit(whole, known) if plan.modes else None
+        filled = cells is not None and tracks.n_seen >= FILL_LEAST * len(seen)
+        known = np.ones_like(seen) if filled else seen
+        given = whole if filled else motion
+        shear = mean_motion(given, None if known.all() else known) if plan.shear else None
+        modes = self._modes.fit(given, known) if plan.modes else None
         if not touched:
             self._slip.forget()
             areas = cells is not None
