@@ -41,6 +41,7 @@ class Lattice:
     """Neighbours of each pin at rest, and local affine prediction from them.
 
     edge    (e, 2) int, Delaunay edges, each once, none longer than LONGEST_EDGE pitches
+    corner  (t, 3) int, Delaunay triangles of such edges
     ring    (n, k) int, Delaunay neighbours, filled up with n
     near    (n, N_NEAR) int, nearest pins
     mean    (n, n) sparse: `predict` where every pin is known, as one product
@@ -63,6 +64,8 @@ class Lattice:
         )
         length = np.hypot(*(rest_xy[edge[:, 0]] - rest_xy[edge[:, 1]]).T)
         self.edge = edge[length < LONGEST_EDGE * pitch_px]
+        sides = rest_xy[corners] - rest_xy[np.roll(corners, 1, axis=1)]
+        self.corner = corners[(np.hypot(sides[..., 0], sides[..., 1]) < LONGEST_EDGE * pitch_px).all(1)]
         along = rest_xy[self.edge[:, 1]] - rest_xy[self.edge[:, 0]]
         sixfold = np.angle(np.sum(np.exp(6j * np.arctan2(along[:, 1], along[:, 0])))) / 6
         self.direction_rad = float(sixfold)

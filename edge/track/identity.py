@@ -27,6 +27,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from edge.track.field import Lattice, Polynomial
+from edge.track.mend import mend
 from edge.types import Array, Mask, Rest
 
 __all__ = ["Identifier", "Identity"]
@@ -218,28 +219,39 @@ class Identifier:
         if m < 4:
             return Identity(np.full(n, -1), 0, 0.0)
         nearest = _Nearest(blob_xy, self._low, self._high)
-        best, confidence = None, 0.0
+        best, rival = None, None
         tried: list[_Match] = []
         for k, (motion, seed) in enumerate(self._starts(nearest, guesses or [])):
             if any(m.holds(motion, seed) for m in tried):
                 continue
             found = self._grow(nearest, motion, seed)
-            rival = self._rival(nearest, found)
-            while rival.score > found.score:
-                found, rival = rival, self._rival(nearest, rival)
+            other = self._rival(nearest, found)
+            while other.score > found.score:
+                found, other = other, self._rival(nearest, other)
             tried.append(found)
-            if best is None or found.score > best.score:
-                best, confidence = found, self._confidence(found, rival)
-            sure = confidence > SURE and best.n_clash <= FEW_CLASHES
+            if best is None or rival is None or found.score > best.score:
+                best, rival = found, other
+            sure = self._confidence(best, rival) > SURE and best.n_clash <= FEW_CLASHES
             if k == 0 and guesses:
                 sure &= best.n_agree > GUESSED_SHARE * min(n, m) and best.effort < GUESSED_EFFORT
             if sure:
                 break
         assert best is not None
-        for other in tried:
-            if other is not best and not other.holds(best.motion, best.agree):
-                confidence = min(confidence, self._confidence(best, other))
-        return Identity(np.where(self._believed(best), best.blob, -1), best.n_agree, confidence)
+        assert rival is not None
+        rivals = [rival, *(m for m in tried if m is not best and not m.holds(best.motion, best.agree))]
+        believed = self._believed(best)
+        blob, good = mend(self._lattice, blob_xy, best.blob, believed)
+        if np.count_nonzero(good) > np.count_nonzero(believed):
+            best = self._mended(best, blob, good, blob_xy)
+        confidence = min(self._confidence(best, other) for other in rivals)
+        return Identity(np.where(good, blob, -1), best.n_agree, confidence)
+
+    def _mended(self, match: _Match, blob: Blob, good: Mask, blob_xy: Array) -> _Match:
+        """The match with what was torn in one piece again: pins without a blob are what still clashes."""
+        motion = blob_xy[blob] - self._rest_xy
+        lost = len(good) - int(np.count_nonzero(good))
+        effort = self._effort(motion[good] / self._step_px[good, None], self._round[good])
+        return _Match(blob, motion, good, good, min(match.n_clash, lost), effort)
 
     def _starts(self, nearest: _Nearest, guesses: list[Array]) -> Iterator[tuple[Array, Mask]]:
         """Motion (n, 2) and the pins (n,) to grow from: guesses as they are, then coarse fits, best first."""
