@@ -40,10 +40,10 @@ TORN_LEAST, TORN_SURE, TORN_SHARE = 2, 5, 0.5
 LARGEST = 0.5  # of all pins; a larger place has too little round it to say where its pins are
 REACH = 3.5  # pitches round the place, of the pins that say where its own are expected
 LEAST_ROUND = 8  # pins
-ROUNDS = 6  # of expecting and assigning; it is at rest after two or three
-STIFF = 0.05  # ridge of the smooth surface, on distances in pitches: it smooths over one pin, not over two
+ROUNDS = 6  # of expecting and assigning, at the most; it stops where nothing changes
+STIFF = 0.05  # ridge of the smooth surface, on distances in pitches; chosen, not tuned
 # Area of the skin between three neighbours, now over then: 0.16 to 3.4 in simulated presses of 5 mm by a ball
-# of 2 mm, less on the published sets.
+# of 2 mm (60 presses); not measured on the published sets.
 SHRINK_MAX, STRETCH_MAX = 0.15, 5.0
 # Steps off the neighbours' local map: 0.34 on the published sets, to 0.94 before a ball of 2 mm that was
 # dragged. That is believed where hardly a blob is missing or false: equal counts are no chance then.
