@@ -16,6 +16,7 @@ check() { # name, command...: ok where the command succeeds
     if "$@" >/run/check.out 2>&1; then echo "CHECK ok $name ($((SECONDS - begun)) s)"; else
         echo "CHECK FAIL $name ($((SECONDS - begun)) s): $(tail -n 3 /run/check.out | tr '\n' ' ')"
         show "the journal at that moment" journalctl -u $unit --no-pager -n 12 -o short-monotonic
+        return 1
     fi
 }
 show() { echo "SHOW $1"; shift; "$@" 2>&1 | sed 's/^/    /'; }
@@ -175,7 +176,11 @@ check "it lives" is_active
 ip link set "$serial" down # this driver has no restart of its own: as a person, or systemd-networkd, would
 ip link set "$serial" up
 check "recovered: error-active" state ERROR-ACTIVE
-check "frames reach the adapter again" tell "frames 181 8" came
+check "frames reach the adapter again" tell "frames 181 8" came || {
+    show "ip -s -d link then" ip -s -d link show "$serial"
+    show "its queue" tc -s qdisc show dev "$serial"
+    show "what the service said of the link" sh -c "journalctl -u $unit --since @$begun --no-pager -o short-monotonic | grep -v TRACKER"
+}
 check "the service says so" journal "$begun" 'BUS_OFF off'
 check "in the same process" [ "$(pid)" = "$before" ]
 
