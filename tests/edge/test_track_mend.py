@@ -1,0 +1,64 @@
+"""Torn places of a match: assigned as a whole where that can be proven, lost where it cannot."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from edge.track.field import Lattice
+from edge.track.mend import Blob, mend
+from edge.types import Array, Mask
+from tests.edge.test_track import PITCH_PX, hexagonal
+
+N = 169
+
+
+def torn(rows: int) -> tuple[Lattice, Array, Blob, Mask]:
+    """Lattice, blobs (n, 2) with blob i that of pin i, and a match: as many rows slipped by one pin.
+
+    In each of them a pin has the blob of the next one, which is lost, as is the one after that.
+    """
+    xy = hexagonal(7)
+    lattice = Lattice(xy, PITCH_PX)
+    rng = np.random.default_rng(3)
+    now = xy + np.array([2.0, -1.0]) + rng.normal(0, 0.05, xy.shape)
+    blob, good = np.arange(N), np.ones(N, bool)
+    heights = np.unique(np.round(xy[:, 1], 3))
+    for height in heights[len(heights) // 2 :][:rows]:
+        row = np.flatnonzero(np.abs(xy[:, 1] - height) < 1e-2)
+        row = row[np.argsort(xy[row, 0])]
+        first, second, third = row[len(row) // 2 - 1 : len(row) // 2 + 2]
+        blob[first] = second
+        good[[second, third]] = False
+    return lattice, now, blob, good
+
+
+def test_slipped_rows_get_their_own_blobs_back() -> None:
+    lattice, now, blob, good = torn(2)
+    assert np.sum(good & (blob != np.arange(N))) == 2
+    mended, found = mend(lattice, now, blob, good)
+    assert found.all()
+    assert np.array_equal(mended, np.arange(N))
+
+
+def test_where_a_blob_is_missing_no_pin_keeps_anothers() -> None:
+    """Of three rows one has lost a blob: counts do not agree, and what does not fit is lost, not the rest."""
+    lattice, now, blob, good = torn(3)
+    gone = np.flatnonzero(~good)[-1]
+    owner = np.delete(np.arange(N), gone)
+    good = good & (blob != gone)
+    index = np.full(N, -1)
+    index[owner] = np.arange(N - 1)
+    mended, found = mend(lattice, now[owner], np.where(good, index[blob], 0), good)
+    assert np.all(owner[mended[found]] == np.flatnonzero(found))
+    assert np.count_nonzero(found) > N - 30
+
+
+def test_a_dark_pin_beside_no_free_blob_is_no_torn_place() -> None:
+    lattice, now, _, good = torn(0)
+    good[N // 2] = False
+    owner = np.flatnonzero(good)
+    index = np.zeros(N, np.intp)
+    index[owner] = np.arange(len(owner))
+    mended, found = mend(lattice, now[owner], index, good)
+    assert np.array_equal(found, good)
+    assert np.array_equal(mended, index)
