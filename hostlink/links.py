@@ -152,6 +152,10 @@ class CanLink(Link):
             ) from error
         if address.interface in SOCKETS:
             _widen(bus.fileno())
+        if address.interface == "socketcan":
+            # An interface that goes down says so once, to the reader or to a writer: a reader that was woken
+            # for it after the writer had got it would wait for ever.
+            os.set_blocking(bus.fileno(), False)
         return bus
 
     def _read(self, medium: Any) -> Any:

@@ -161,8 +161,14 @@ def open_bus(address: Address) -> Callable[[], CanMedium]:
                     data_bitrate=timing[1],
                     data_sample_point=FD_SAMPLE_POINT,
                 )
-            carrier = INTERFACES / address.channel / "carrier" if address.interface == "socketcan" else None
-            return CanMedium(can.Bus(**arguments), address.interface in INSTANT, carrier)
+            bus = can.Bus(**arguments)
+            carrier = None
+            if address.interface == "socketcan":
+                carrier = INTERFACES / address.channel / "carrier"
+                # An interface that goes down says so once, to a reader or to a writer. A reader that was
+                # woken for it after the writer was told would wait for ever, and hold the link with it.
+                os.set_blocking(bus.fileno(), False)
+            return CanMedium(bus, address.interface in INSTANT, carrier)
         except (*_BROKEN, ImportError, AttributeError) as error:
             raise MediumError(
                 f"cannot open CAN interface {address.channel!r} ({address.interface}): {_words(error)}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import socket
 import threading
 import time
 import tty
@@ -15,12 +16,13 @@ from typing import Any
 
 import can
 import pytest
+from can.interfaces.socketcan.socketcan import capture_message
 from can.interfaces.virtual import VirtualBus
 
 from edge.errors import SinkError
 from edge.transport import CanClassicSink, CanFdSink, LinkSink, MediumError, MemorySink, SerialSink, open_sink
 from edge.transport.core import RETRY_S
-from edge.transport.media import CanMedium, open_line
+from edge.transport.media import CanMedium, open_bus, open_line
 from hostlink.wire import (
     Assembler,
     CanIds,
@@ -208,6 +210,32 @@ def test_bus_off_is_seen_and_forgotten(channel: str, fd_sink: CanFdSink) -> None
         until(lambda: fd_sink.faults == {FaultCode.BUS_OFF}, "bus-off")
         assert fd_sink.send(state(1))
         assert fd_sink.faults == frozenset()
+
+
+def test_a_reader_woken_for_what_a_writer_was_told_does_not_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The kernel says once that an interface is down; whoever reads after that must not hold the link."""
+    ours, theirs = socket.socketpair()
+
+    class Woken:
+        def __init__(self, **arguments: object) -> None:
+            assert arguments["interface"] == "socketcan"
+
+        def fileno(self) -> int:
+            return ours.fileno()
+
+        def recv(self, timeout_s: float) -> can.Message | None:
+            return capture_message(ours)  # as after a select that said there was something
+
+    monkeypatch.setattr(can, "Bus", Woken)
+    late = threading.Timer(
+        SOON_S, theirs.close
+    )  # ends the wait of a reader that does wait, with another error
+    with ours, theirs:
+        medium = open_bus(parse_address("can:can0"))()
+        late.start()
+        with pytest.raises(MediumError):
+            medium.read(0.01)
+        late.cancel()
 
 
 def test_bus_off_of_an_interface_of_the_kernel_lasts_until_its_carrier_is_back(
