@@ -38,8 +38,8 @@ MARGINS = (1, 3, 5)  # rings of neighbours that are set free besides; a slip may
 # What cannot be mended there is lost, and what is round it where it does not fit the pins further out.
 TORN_LEAST, TORN_SURE, TORN_SHARE = 2, 5, 0.5
 # Rings round a place that stays torn, and steps off the smooth surface further out, that a pin there may be.
-# Without any of this 96 pins of 744 sure frames were swapped and 3646 missed (331 pins: 240 simulated jumps of
-# four hazards, 600 rendered flat presses); at 0.1, 0.15, 0.2 steps 3, 7, 12 of 763 and 4288, 3542, 3202.
+# Without any of this 96 pins of 744 sure frames were swapped and 3646 missed (331 pins: 240 simulated jumps
+# of four hazards, 600 rendered flat presses); at 0.1, 0.15, 0.2 steps 3, 7, 12 of 763 and 4288, 3542, 3202.
 LOST_MARGIN, FITS = 1, 0.15
 LARGEST = 0.5  # of all pins; a larger place has too little round it to say where its pins are
 REACH = 3.5  # pitches round the place, of the pins that say where its own are expected
