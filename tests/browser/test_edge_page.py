@@ -38,6 +38,7 @@ def page(live: Live, chrome: Chrome) -> Iterator[Page]:
     live.show(0)
     opened = chrome.open(live.url)
     opened.until(LIVE)
+    opened.until("Number(document.body.dataset.packets) > 0")  # the first picture came
     yield opened
     assert opened.errors == []
     opened.close()

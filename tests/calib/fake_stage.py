@@ -12,6 +12,7 @@ import fcntl
 import os
 import pty
 import re
+import select
 import struct
 import termios
 import threading
@@ -46,6 +47,7 @@ class FakeStage:
         fcntl.ioctl(self._mine, termios.TIOCPKT, struct.pack("i", 1))
         self.port = os.ttyname(theirs)
         self._theirs = theirs
+        self._ended, self._end = os.pipe()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
@@ -65,9 +67,12 @@ class FakeStage:
     def _run(self) -> None:
         pending = b""
         while True:
+            ready, _, _ = select.select([self._mine, self._ended], [], [])
+            if self._ended in ready:
+                return
             try:
                 data = os.read(self._mine, 256)
-            except OSError:  # the pty was closed
+            except OSError:  # the other side was closed
                 return
             if not data:
                 return
@@ -126,5 +131,8 @@ class FakeStage:
         self._say("ok")
 
     def close(self) -> None:
-        os.close(self._theirs)
-        os.close(self._mine)
+        """The thread ends first: a number that is closed under it may be the next fake's before it reads."""
+        os.close(self._end)
+        self._thread.join()
+        for descriptor in (self._ended, self._theirs, self._mine):
+            os.close(descriptor)
