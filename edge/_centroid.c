@@ -21,6 +21,7 @@
  *   further from its prediction is lost.
  */
 #include <Python.h>
+#include "_select.h"
 #include <math.h>
 #include <string.h>
 
@@ -371,29 +372,6 @@ INLINE Answer follow(const Picture *p, double x, double y, const Limits *limit, 
         }
     }
     return a;
-}
-
-/* k-th smallest; reorders `v` */
-static double select_kth(double *v, Py_ssize_t n, Py_ssize_t kth)
-{
-    Py_ssize_t low = 0, high = n - 1;
-    while (low < high) {
-        const double pivot = v[(low + high) / 2];
-        Py_ssize_t i = low, j = high;
-        while (i <= j) {
-            while (v[i] < pivot) i++;
-            while (v[j] > pivot) j--;
-            if (i <= j) {
-                const double t = v[i];
-                v[i++] = v[j];
-                v[j--] = t;
-            }
-        }
-        if (kth <= j) high = j;
-        else if (kth >= i) low = i;
-        else break;
-    }
-    return v[kth];
 }
 
 WIDE static void follow_all(const Picture *p, const double *predicted, Py_ssize_t n, const int *kind_of,

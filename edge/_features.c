@@ -12,6 +12,7 @@
  *   stream through the cache in half the time; the error is 1e-4 of the highest value (tests/edge/test_surface.py).
  */
 #include "_buffers.h"
+#include "_select.h"
 #include <math.h>
 #include <stdint.h>
 
@@ -29,28 +30,12 @@ static double median(double *v, Py_ssize_t n)
 {
     if (n == 0) return NAN;
     const Py_ssize_t k = n / 2;
-    Py_ssize_t low = 0, high = n - 1;
-    while (low < high) {
-        const double pivot = v[(low + high) / 2];
-        Py_ssize_t i = low, j = high;
-        while (i <= j) {
-            while (v[i] < pivot) i++;
-            while (v[j] > pivot) j--;
-            if (i <= j) {
-                const double t = v[i];
-                v[i++] = v[j];
-                v[j--] = t;
-            }
-        }
-        if (k <= j) high = j;
-        else if (k >= i) low = i;
-        else break;
-    }
-    if (n % 2) return v[k];
+    const double middle = select_kth(v, n, k);
+    if (n % 2) return middle;
     double below = v[0];
     for (Py_ssize_t i = 1; i < k; i++)
         if (v[i] > below) below = v[i];
-    return 0.5 * (below + v[k]);
+    return 0.5 * (below + middle);
 }
 
 /* In place: a symmetric positive 3 x 3 system with two right sides; the answers are columns 3 and 4. */

@@ -3,6 +3,7 @@
  * Meaning and limits stand there. NaN marks a lost pin; it is not far, and has no length.
  */
 #include "_buffers.h"
+#include "_select.h"
 #include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -62,29 +63,6 @@ static PyObject *far(PyObject *self, PyObject *args)
 done:
     let_go(&a);
     return result;
-}
-
-/* k-th smallest; reorders `v` */
-static double select_kth(double *v, Py_ssize_t n, Py_ssize_t k)
-{
-    Py_ssize_t low = 0, high = n - 1;
-    while (low < high) {
-        const double pivot = v[(low + high) / 2];
-        Py_ssize_t i = low, j = high;
-        while (i <= j) {
-            while (v[i] < pivot) i++;
-            while (v[j] > pivot) j--;
-            if (i <= j) {
-                const double t = v[i];
-                v[i++] = v[j];
-                v[j--] = t;
-            }
-        }
-        if (k <= j) high = j;
-        else if (k >= i) low = i;
-        else break;
-    }
-    return v[k];
 }
 
 /* Median length of the vectors, as numpy.nanmedian has it; 0 where there is none. */

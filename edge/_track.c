@@ -5,6 +5,7 @@
  * stand in the Python module, which hands them in.
  */
 #include "_buffers.h"
+#include "_select.h"
 #include <math.h>
 #include <stdint.h>
 
@@ -22,28 +23,6 @@ typedef struct {
     double *now, *bend, *xy_out, *sigma_out;
     uint8_t *seen;
 } Frame;
-
-static double select_kth(double *v, Py_ssize_t n, Py_ssize_t kth)
-{
-    Py_ssize_t low = 0, high = n - 1;
-    while (low < high) {
-        const double pivot = v[(low + high) / 2];
-        Py_ssize_t i = low, j = high;
-        while (i <= j) {
-            while (v[i] < pivot) i++;
-            while (v[j] > pivot) j--;
-            if (i <= j) {
-                const double t = v[i];
-                v[i++] = v[j];
-                v[j--] = t;
-            }
-        }
-        if (kth <= j) high = j;
-        else if (kth >= i) low = i;
-        else break;
-    }
-    return v[kth];
-}
 
 static void judge(const Frame *f)
 {
@@ -209,7 +188,274 @@ done:
     return result;
 }
 
+/* The rest lattice: k nearest pins of each, how much they count, and where they are, in pitches. */
+typedef struct {
+    Py_ssize_t n, k;
+    const int32_t *near;
+    const double *weight, *offset;
+    double ridge;
+} Map;
+
+/* Weighted least squares of an affine map: value[2] at the pin, gradient[4] = (d/dx of x, y; d/dy of x, y). */
+static double predict_one(const Map *map, const double *motion, const uint8_t *known, Py_ssize_t i, double *value,
+                          double *gradient)
+{
+    double w = 1e-9, x = 0, y = 0, xx = map->ridge, xy = 0, yy = map->ridge, r[3][2] = {{0, 0}, {0, 0}, {0, 0}};
+    for (Py_ssize_t c = i * map->k; c < (i + 1) * map->k; c++) {
+        const int32_t at = map->near[c];
+        const double weight = map->weight[c];
+        if (!known[at] || weight <= 0) continue;
+        const double wx = weight * map->offset[2 * c], wy = weight * map->offset[2 * c + 1];
+        w += weight, x += wx, y += wy;
+        xx += wx * map->offset[2 * c], xy += wx * map->offset[2 * c + 1], yy += wy * map->offset[2 * c + 1];
+        for (int d = 0; d < 2; d++) {
+            const double m = motion[2 * at + d];
+            r[0][d] += weight * m, r[1][d] += wx * m, r[2][d] += wy * m;
+        }
+    }
+    const double a = xx * yy - xy * xy, b = xy * y - x * yy, c = x * xy - xx * y;
+    const double det = w * a + x * b + y * c, e = x * y - w * xy;
+    for (int d = 0; d < 2; d++) {
+        value[d] = (a * r[0][d] + b * r[1][d] + c * r[2][d]) / det;
+        if (!gradient) continue;
+        gradient[d] = (b * r[0][d] + (w * yy - y * y) * r[1][d] + e * r[2][d]) / det;
+        gradient[2 + d] = (c * r[0][d] + e * r[1][d] + (w * xx - x * x) * r[2][d]) / det;
+    }
+    return w;
+}
+
+/* Blobs, and a raster that says which is nearest: exact but for its cells' size. */
+typedef struct {
+    Py_ssize_t m, columns, rows;
+    const double *xy;
+    const int32_t *table;
+    double left, top, per_px;
+} Blobs;
+
+static int32_t nearest(const Blobs *b, double x, double y)
+{
+    const double column = fmin(fmax((x - b->left) * b->per_px, 0), (double)(b->columns - 1));
+    const double row = fmin(fmax((y - b->top) * b->per_px, 0), (double)(b->rows - 1));
+    return b->table[(Py_ssize_t)(row + 0.5) * b->columns + (Py_ssize_t)(column + 0.5)];
+}
+
+/* Each pin takes the blob nearest to `at`, within its gate, and no blob is taken twice: the nearer pin has it.
+ * owner (m,) is scratch. */
+static void match_one(const Blobs *b, Py_ssize_t n, const double *at, const double *gate, int32_t *owner,
+                      int32_t *blob, double *square, uint8_t *ours)
+{
+    for (Py_ssize_t j = 0; j < b->m; j++) owner[j] = -1;
+    for (Py_ssize_t i = 0; i < n; i++) {
+        const int32_t j = blob[i] = nearest(b, at[2 * i], at[2 * i + 1]);
+        const double dx = b->xy[2 * j] - at[2 * i], dy = b->xy[2 * j + 1] - at[2 * i + 1];
+        square[i] = dx * dx + dy * dy;
+        ours[i] = square[i] < gate[i] * gate[i];
+        if (!ours[i]) continue;
+        const int32_t other = owner[j];
+        if (other >= 0 && square[other] <= square[i]) {
+            ours[i] = 0;
+        } else {
+            if (other >= 0) ours[other] = 0;
+            owner[j] = (int32_t)i;
+        }
+    }
+}
+
+static int take_map(Arrays *a, PyObject *tuple, Map *map)
+{
+    PyObject *near, *weight, *offset;
+    if (!PyArg_ParseTuple(tuple, "OOOd:map", &near, &weight, &offset, &map->ridge)) return 0;
+    if (!(map->near = take(a, near, 'i', -1, 0, "near"))) return 0;
+    const Py_ssize_t size = count(a);
+    map->k = map->n ? size / map->n : 0;
+    return (map->weight = take(a, weight, 'd', size, 0, "weight")) &&
+           (map->offset = take(a, offset, 'd', 2 * size, 0, "offset"));
+}
+
+static int take_blobs(Arrays *a, PyObject *tuple, Blobs *b)
+{
+    PyObject *xy, *table;
+    if (!PyArg_ParseTuple(tuple, "OOnddd:blobs", &xy, &table, &b->columns, &b->left, &b->top, &b->per_px)) return 0;
+    if (!(b->xy = take(a, xy, 'd', -1, 0, "blobs"))) return 0;
+    b->m = count(a) / 2;
+    if (!(b->table = take(a, table, 'i', -1, 0, "table"))) return 0;
+    b->rows = b->columns > 0 ? count(a) / b->columns : 0;
+    if (b->m && b->rows) return 1;
+    PyErr_SetString(PyExc_ValueError, "no blobs");
+    return 0;
+}
+
+static PyObject *predict(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *motion, *known, *tuple, *value, *support, *gradient, *result = NULL;
+    Arrays a = {.n = 0};
+    Map map;
+    if (!PyArg_ParseTuple(args, "OOO!OOO:predict", &motion, &known, &PyTuple_Type, &tuple, &value, &support, &gradient))
+        return NULL;
+    const uint8_t *is_known = take(&a, known, '?', -1, 0, "known");
+    if (!is_known) goto done;
+    const Py_ssize_t n = map.n = count(&a);
+    const double *moved = take(&a, motion, 'd', 2 * n, 0, "motion");
+    double *out = moved ? take(&a, value, 'd', 2 * n, 1, "value") : NULL;
+    double *sum = out ? take(&a, support, 'd', n, 1, "support") : NULL;
+    double *slope = sum ? take(&a, gradient, 'd', 4 * n, 1, "gradient") : NULL;
+    if (!slope || !take_map(&a, tuple, &map)) goto done;
+    for (Py_ssize_t i = 0; i < n; i++) sum[i] = predict_one(&map, moved, is_known, i, out + 2 * i, slope + 4 * i);
+    result = Py_NewRef(Py_None);
+done:
+    let_go(&a);
+    return result;
+}
+
+static PyObject *match(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *at_, *gate_, *tuple, *blob_, *square_, *ours_, *result = NULL;
+    Arrays a = {.n = 0};
+    Blobs blobs;
+    int32_t *owner = NULL;
+    if (!PyArg_ParseTuple(args, "OOO!OOO:match", &at_, &gate_, &PyTuple_Type, &tuple, &blob_, &square_, &ours_))
+        return NULL;
+    const double *gate = take(&a, gate_, 'd', -1, 0, "gate");
+    if (!gate) goto done;
+    const Py_ssize_t n = count(&a);
+    const double *at = take(&a, at_, 'd', -1, 0, "at");
+    if (!at || !n) goto done;
+    const Py_ssize_t hypotheses = count(&a) / (2 * n), all = hypotheses * n;
+    int32_t *blob = take(&a, blob_, 'i', all, 1, "blob");
+    double *square = blob ? take(&a, square_, 'd', all, 1, "square") : NULL;
+    uint8_t *ours = square ? take(&a, ours_, '?', all, 1, "ours") : NULL;
+    if (!ours || !take_blobs(&a, tuple, &blobs)) goto done;
+    if (!(owner = malloc((size_t)blobs.m * sizeof *owner))) {
+        PyErr_NoMemory();
+        goto done;
+    }
+    for (Py_ssize_t h = 0; h < all; h += n)
+        match_one(&blobs, n, at + 2 * h, gate, owner, blob + h, square + h, ours + h);
+    result = Py_NewRef(Py_None);
+done:
+    free(owner);
+    let_go(&a);
+    return result;
+}
+
+typedef struct {
+    const double *rest, *gate;
+    double least_support;
+    int sweeps;
+} Growth;
+
+/* Every sweep judges every pin anew: one whose neighbours changed is predicted again, and all are matched. */
+static int sweep(const Map *map, const Blobs *blobs, const Growth *g, double *motion, uint8_t *known, int32_t *blob)
+{
+    const Py_ssize_t n = map->n;
+    double *real = malloc((size_t)n * 4 * sizeof *real);
+    int32_t *whole = malloc((size_t)(n + blobs->m) * sizeof *whole);
+    uint8_t *changed = malloc((size_t)n);
+    if (!real || !whole || !changed) {
+        free(real), free(whole), free(changed);
+        return 0;
+    }
+    double *at = real, *gate = real + 2 * n, *square = real + 3 * n;
+    int32_t *before = whole, *owner = whole + n;
+    for (Py_ssize_t i = 0; i < n; i++) before[i] = known[i] ? -2 : -1; /* of the seed all counts as new */
+    memset(changed, 1, (size_t)n);
+    for (int round = 0; round < g->sweeps; round++) {
+        for (Py_ssize_t i = 0; i < n; i++) {
+            int anew = round == 0;
+            for (Py_ssize_t c = i * map->k; !anew && c < (i + 1) * map->k; c++) anew = changed[map->near[c]];
+            if (!anew) continue;
+            double value[2];
+            gate[i] = predict_one(map, motion, known, i, value, NULL) > g->least_support ? g->gate[i] : 0;
+            for (int d = 0; d < 2; d++) at[2 * i + d] = g->rest[2 * i + d] + value[d];
+        }
+        match_one(blobs, n, at, gate, owner, blob, square, known);
+        int any = 0;
+        for (Py_ssize_t i = 0; i < n; i++) {
+            const int32_t now = known[i] ? blob[i] : -1;
+            any |= changed[i] = now != before[i];
+            before[i] = now;
+            for (int d = 0; d < 2; d++) motion[2 * i + d] = blobs->xy[2 * blob[i] + d] - g->rest[2 * i + d];
+        }
+        if (!any) break;
+    }
+    free(real), free(whole), free(changed);
+    return 1;
+}
+
+static PyObject *grow(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *motion_, *known_, *blob_, *map_, *blobs_, *rest_, *gate_, *result = NULL;
+    Arrays a = {.n = 0};
+    Map map;
+    Blobs blobs;
+    Growth g;
+    if (!PyArg_ParseTuple(args, "OOOO!O!OOdi:grow", &motion_, &known_, &blob_, &PyTuple_Type, &map_, &PyTuple_Type,
+                          &blobs_, &rest_, &gate_, &g.least_support, &g.sweeps))
+        return NULL;
+    uint8_t *known = take(&a, known_, '?', -1, 1, "known");
+    if (!known) goto done;
+    const Py_ssize_t n = map.n = count(&a);
+    double *motion = take(&a, motion_, 'd', 2 * n, 1, "motion");
+    int32_t *blob = motion ? take(&a, blob_, 'i', n, 1, "blob") : NULL;
+    if (!blob || !(g.rest = take(&a, rest_, 'd', 2 * n, 0, "rest"))) goto done;
+    if (!(g.gate = take(&a, gate_, 'd', n, 0, "gate")) || !take_map(&a, map_, &map)) goto done;
+    if (!take_blobs(&a, blobs_, &blobs)) goto done;
+    if (sweep(&map, &blobs, &g, motion, known, blob)) result = Py_NewRef(Py_None);
+    else PyErr_NoMemory();
+done:
+    let_go(&a);
+    return result;
+}
+
+static int32_t root(int32_t *label, int32_t i)
+{
+    while (label[i] != i) i = label[i] = label[label[i]];
+    return i;
+}
+
+static PyObject *pieces(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *motion_, *known_, *first_, *second_, *seam_, *label_, *result = NULL;
+    Arrays a = {.n = 0};
+    if (!PyArg_ParseTuple(args, "OOOOOO:pieces", &motion_, &known_, &first_, &second_, &seam_, &label_)) return NULL;
+    const uint8_t *known = take(&a, known_, '?', -1, 0, "known");
+    if (!known) goto done;
+    const Py_ssize_t n = count(&a);
+    const double *motion = take(&a, motion_, 'd', 2 * n, 0, "motion");
+    const double *seam = motion ? take(&a, seam_, 'd', -1, 0, "seam") : NULL;
+    if (!seam) goto done;
+    const Py_ssize_t links = count(&a);
+    const int32_t *first = take(&a, first_, 'i', links, 0, "first");
+    const int32_t *second = first ? take(&a, second_, 'i', links, 0, "second") : NULL;
+    int32_t *label = second ? take(&a, label_, 'i', n, 1, "label") : NULL;
+    if (!label) goto done;
+    for (int32_t i = 0; i < n; i++) label[i] = i;
+    for (Py_ssize_t c = 0; c < links; c++) {
+        const int32_t p = first[c], q = second[c];
+        if (!known[p] || !known[q]) continue;
+        const double dx = motion[2 * p] - motion[2 * q], dy = motion[2 * p + 1] - motion[2 * q + 1];
+        if (dx * dx + dy * dy < seam[c] * seam[c]) label[root(label, p)] = root(label, q);
+    }
+    for (int32_t i = 0; i < n; i++) label[i] = root(label, i);
+    result = Py_NewRef(Py_None);
+done:
+    let_go(&a);
+    return result;
+}
+
 static PyMethodDef methods[] = {
+    {"predict", predict, METH_VARARGS,
+     "predict(motion, known, (near, weight, offset, ridge), value, support, gradient): the last three are written"},
+    {"match", match, METH_VARARGS,
+     "match(at, gate, (blobs, table, columns, left, top, cells per px), blob, square, ours): the last three are written"},
+    {"grow", grow, METH_VARARGS,
+     "grow(motion, known, blob, map, blobs, rest, gate, least support, sweeps): the first three are written"},
+    {"pieces", pieces, METH_VARARGS,
+     "pieces(motion, known, first, second, seam, label): label is written, one of the piece's pins"},
     {"follow", follow, METH_VARARGS,
      "follow((found, sigma, last, velocity, last_bend, last_seen),\n"
      "       (rest, step, start, column, weight, close, pair, apart, rules), scratch,\n"
