@@ -447,7 +447,43 @@ done:
     return result;
 }
 
+static PyObject *disagree(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *motion_, *known_, *ring_, *off_, *result = NULL;
+    Arrays a = {.n = 0};
+    Py_ssize_t n;
+    if (!PyArg_ParseTuple(args, "OOOnO:disagree", &motion_, &known_, &ring_, &n, &off_)) return NULL;
+    const uint8_t *known = take(&a, known_, '?', -1, 0, "known");
+    if (!known || n < 1) goto done;
+    const Py_ssize_t all = count(&a);
+    const double *motion = take(&a, motion_, 'd', 2 * all, 0, "motion");
+    const int32_t *ring = motion ? take(&a, ring_, 'i', -1, 0, "ring") : NULL;
+    if (!ring) goto done;
+    const Py_ssize_t k = count(&a) / n;
+    double *off = take(&a, off_, 'd', all, 1, "off");
+    if (!off) goto done;
+    for (Py_ssize_t h = 0; h < all; h += n)
+        for (Py_ssize_t i = 0; i < n; i++) {
+            double x = 0, y = 0;
+            int beside = 0;
+            for (Py_ssize_t c = i * k; c < (i + 1) * k && ring[c] < n; c++) {
+                const Py_ssize_t at = h + ring[c];
+                if (!known[at]) continue;
+                x += motion[2 * at], y += motion[2 * at + 1], beside++;
+            }
+            const double dx = motion[2 * (h + i)] - x / beside, dy = motion[2 * (h + i) + 1] - y / beside;
+            off[h + i] = known[h + i] && beside ? sqrt(dx * dx + dy * dy) : INFINITY;
+        }
+    result = Py_NewRef(Py_None);
+done:
+    let_go(&a);
+    return result;
+}
+
 static PyMethodDef methods[] = {
+    {"disagree", disagree, METH_VARARGS,
+     "disagree(motion, known, ring, pins, off): off is written, for each of the hypotheses that motion holds"},
     {"predict", predict, METH_VARARGS,
      "predict(motion, known, (near, weight, offset, ridge), value, support, gradient): the last three are written"},
     {"match", match, METH_VARARGS,

@@ -1,3 +1,5 @@
+from typing import TypeAlias
+
 from edge.types import Array, Index, Mask
 
 def follow(
@@ -7,3 +9,37 @@ def follow(
     results: tuple[Array, Array, Mask, Array, Array],
 ) -> tuple[int, float]:
     """What is believed of the pins found; see the C file for the arrays."""
+
+Map: TypeAlias = tuple[Index, Array, Array, float]
+Blobs: TypeAlias = tuple[Array, Index, int, float, float, float]
+
+def predict(
+    motion: Array, known: Mask, map: Map, value: Array, support: Array, gradient: Array
+) -> None:
+    """Motion of each pin as its known neighbours have it; value, support and gradient are written."""
+
+def match(
+    at: Array, gate: Array, blobs: Blobs, blob: Index, square: Array, ours: Mask
+) -> None:
+    """Nearest blob of each point, none given twice; blob, square and ours are written."""
+
+def grow(
+    motion: Array,
+    known: Mask,
+    blob: Index,
+    map: Map,
+    blobs: Blobs,
+    rest: Array,
+    gate: Array,
+    least_support: float,
+    sweeps: int,
+) -> None:
+    """Predict and match in turn, until nothing changes; motion, known and blob are written."""
+
+def pieces(
+    motion: Array, known: Mask, first: Index, second: Index, seam: Array, label: Index
+) -> None:
+    """Which pins hang together; label is written."""
+
+def disagree(motion: Array, known: Mask, ring: Index, pins: int, off: Array) -> None:
+    """How far each motion is off the mean of the neighbours', of one hypothesis or many; off is written."""

@@ -4,7 +4,7 @@ Idea: pins sit on one skin, so their motion is a smooth function of the rest pos
 a vector polynomial over the whole tip (coarse, needs no neighbours), and a local affine map a pin from
 its neighbours (fine, reaches as far as there are neighbours). Both are linear in the motion, so the
 designs are made once a rest frame and each fit is a few small matrix products, for many hypotheses at
-once: every array here carries a leading axis h of hypotheses.
+once: arrays of `disagreement` and `Polynomial` carry a leading axis h of hypotheses.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
+from edge import _track
 from edge.errors import DegenerateLayout
 from edge.types import Array, Mask
 
@@ -34,7 +35,6 @@ GRADIENT_RIDGE = 0.05
 APART = 0.5
 APART_OF_REST = 0.85
 N_CLOSE = 8
-EVERY = slice(None)
 
 
 class Lattice:
@@ -43,7 +43,7 @@ class Lattice:
     edge    (e, 2) int, Delaunay edges, each once, none longer than LONGEST_EDGE pitches
     corner  (t, 3) int, Delaunay triangles of such edges
     ring    (n, k) int, Delaunay neighbours, filled up with n
-    near    (n, N_NEAR) int, nearest pins
+    near    (n, N_NEAR) int, nearest pins; map: these, their weights and places, as `_track` has them
     mean    (n, n) sparse: `predict` where every pin is known, as one product
     step_px (n,) distance to the next pin, a median over the neighbourhood: the unit of every gate
     close   (n, N_CLOSE) int, nearest pins
@@ -77,23 +77,24 @@ class Lattice:
         self.ring = np.full((n, max(1, int(degree.max()))), n)
         column = np.arange(len(both)) - np.repeat(np.cumsum(degree) - degree, degree)
         self.ring[both[:, 0], column] = both[:, 1]
+        self._ring = self.ring.astype(np.int32)
 
         distance, near = cKDTree(rest_xy).query(rest_xy, k=min(N_NEAR, n - 1) + 1)
         self.near = near[:, 1:]
         distance = distance[:, 1:] / pitch_px
         self.weight = np.where(distance < NEAR_REACH, np.exp(-0.5 * (distance / NEAR_WIDTH) ** 2), 0.0)
         offset = (rest_xy[self.near] - rest_xy[:, None]) / pitch_px
-        design = np.concatenate([np.ones_like(offset[..., :1]), offset], axis=-1)
-        self._right = np.ascontiguousarray((design * self.weight[..., None]).transpose(0, 2, 1))
-        pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
-        normal = np.stack([design[..., i] * design[..., j] for i, j in pairs], axis=-1)
-        self._normal = normal * self.weight[..., None]
-        # The local map of a full neighbourhood, read at the pin itself, is a constant weighted mean.
-        seen = np.ones((1, n), bool)
-        row = np.stack(
-            [self.predict(np.eye(n)[None, :, k, None], seen)[0][0, :, 0] for k in range(n)], axis=1
+        self.map = (
+            np.ascontiguousarray(self.near, np.int32),
+            self.weight,
+            np.ascontiguousarray(offset),
+            GRADIENT_RIDGE,
         )
-        self.mean = csr_array(row)
+        # The local map of a full neighbourhood, read at the pin itself, is a constant weighted mean.
+        one, seen = np.eye(n), np.ones(n, bool)
+        self.mean = csr_array(
+            np.stack([self.predict(one[[k, k]].T, seen)[0][:, 0] for k in range(n)], axis=1)
+        )
         # Rows may be much denser one way than the other; what can be mistaken is the nearest neighbour.
         nearest_px = distance[:, 0] * pitch_px
         self.step_px: Array = np.median(nearest_px[near[:, :N_CLOSE]], axis=1)
@@ -104,37 +105,22 @@ class Lattice:
         apart = distance[:, : self.close.shape[1]].ravel()[first]
         self.apart_px = np.minimum(APART, APART_OF_REST * apart) * pitch_px
 
-    def predict(
-        self, motion: Array, known: Mask, rows: NDArray[np.intp] | slice = EVERY
-    ) -> tuple[Array, Array, Array]:
+    def predict(self, motion: Array, known: Mask) -> tuple[Array, Array, Array]:
         """Motion of each pin as its known neighbours have it; the pin itself has no say.
 
-        motion (h, n, 2) px, whatever where not known; known (h, n) bool; rows: of which r pins, all without
-        Returns (h, r, 2) motion, (h, r) sum of the neighbours' weights, (h, r, 2, 2) gradient per pitch
+        motion (n, 2) px, whatever where not known; known (n,) bool
+        Returns (n, 2) motion, (n,) sum of the neighbours' weights, (n, 2, 2) gradient per pitch
         """
-        near = self.near[rows]
-        seen = known[:, near].astype(np.float64)
-        # Unique entries of the symmetric normal matrix, inverted by its adjugate: 331 LAPACK calls on
-        # 3x3 matrices take three times as long.
-        w, x, y, xx, xy, yy = np.moveaxis((seen[:, :, None, :] @ self._normal[rows])[:, :, 0], -1, 0)
-        w, xx, yy = w + 1e-9, xx + GRADIENT_RIDGE, yy + GRADIENT_RIDGE
-        a, b, c = xx * yy - xy * xy, xy * y - x * yy, x * xy - xx * y
-        adjugate = np.stack(
-            [a, b, c, b, w * yy - y * y, x * y - w * xy, c, x * y - w * xy, w * xx - x * x], -1
-        )
-        adjugate /= (w * a + x * b + y * c)[..., None]
-        value = np.where(known[..., None], motion, 0.0)[:, near]
-        solution = adjugate.reshape(*w.shape, 3, 3) @ (self._right[rows] @ value)
-        return solution[..., 0, :], w, solution[..., 1:, :]
+        n = len(known)
+        value, support, gradient = np.empty((n, 2)), np.empty(n), np.empty((n, 2, 2))
+        _track.predict(np.ascontiguousarray(motion), known, self.map, value, support, gradient)
+        return value, support, gradient
 
     def disagreement(self, motion: Array, known: Mask) -> Array:
         """(h, n) px, how far each motion is off the mean of its known Delaunay neighbours'; inf: unknown."""
-        pad = np.zeros((len(motion), 1, 2))
-        value = np.concatenate([np.where(known[..., None], motion, 0.0), pad], axis=1)[:, self.ring]
-        count = np.concatenate([known, np.zeros((len(known), 1), bool)], axis=1)[:, self.ring].sum(-1)
-        mean = value.sum(2) / np.maximum(count, 1)[..., None]
-        off = np.where(known & (count > 0), np.linalg.norm(motion - mean, axis=-1), np.inf)
-        return np.asarray(off, np.float64)
+        off = np.empty(known.shape)
+        _track.disagree(np.ascontiguousarray(motion), known, self._ring, self.ring.shape[0], off)
+        return off
 
 
 class Polynomial:

@@ -23,23 +23,23 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+from scipy.spatial.distance import cdist
 
+from edge import _track
 from edge.track.field import Lattice, Polynomial
 from edge.track.mend import mend
-from edge.types import Array, Mask, Rest
+from edge.types import Array, Index, Mask, Rest
 
 __all__ = ["Identifier", "Identity"]
 
-Blob = NDArray[np.intp]
+Blob = Index
 
 # Degree and gate (in pitches) of each round of the coarse fit.
 SCHEDULE = ((1, 0.6), (1, 0.5), (2, 0.5), (2, 0.45), (3, 0.4), (3, 0.4), (4, 0.35), (4, 0.35))
 # Shifts to start from: hexagonal grid with this step in pitches, out to this many steps.
 START_STEP, START_RINGS = 0.5, 2
-# Hypotheses that are grown before the search gives up.
-N_GROWN = 5
+# Coarse fits that are tried, and matches that are grown in all, rivals included: half a millisecond each.
+N_GROWN, MOST_GROWN = 5, 16
 PRUNE_ROUND, N_PRUNED = 3, 8  # round of the schedule after which only the best starts go on
 SWEEPS = 24
 GROW_GATE = 0.38  # steps to the next pin, how far from its prediction a blob may be while growing
@@ -137,43 +137,24 @@ class _Nearest:
     """Nearest blob to a point from a table: exact to RASTER_PX, constant time."""
 
     def __init__(self, xy: Array, low: Array, high: Array) -> None:
-        self.xy = xy
-        self._x, self._y = np.ascontiguousarray(xy.T)
-        self._low = np.minimum(xy.min(0), low) - RASTER_PX
-        self._size = np.ceil((np.maximum(xy.max(0), high) - self._low) / RASTER_PX).astype(int) + 2
-        empty = np.ones(int(self._size.prod()), np.uint8)
-        cell = self._cell(self._x, self._y)
-        empty[cell] = 0
-        image = empty.reshape(self._size[::-1])
-        _, label = cv2.distanceTransformWithLabels(image, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-        label = label.ravel()
-        blob = np.zeros(int(label.max()) + 1, np.intp)
-        blob[label[cell]] = np.arange(len(xy))
-        self._table = blob[label]
+        self.xy = np.ascontiguousarray(xy)
+        left, top = low = np.minimum(xy.min(0), low) - RASTER_PX
+        columns, rows = np.ceil((np.maximum(xy.max(0), high) - low) / RASTER_PX).astype(int) + 2
+        empty = np.ones((rows, columns), np.uint8)
+        column, row = np.rint((xy - low) / RASTER_PX).astype(int).T
+        empty[row, column] = 0
+        _, label = cv2.distanceTransformWithLabels(empty, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+        blob = np.zeros(int(label.max()) + 1, np.int32)
+        blob[label[row, column]] = np.arange(len(xy))
+        self.table = (self.xy, blob[label], int(columns), float(left), float(top), 1 / RASTER_PX)
 
-    def _cell(self, x: Array, y: Array) -> Blob:
-        column = np.rint((x - self._low[0]) / RASTER_PX).astype(np.intp)
-        row = np.rint((y - self._low[1]) / RASTER_PX).astype(np.intp)
-        np.maximum(np.minimum(column, self._size[0] - 1, out=column), 0, out=column)
-        np.maximum(np.minimum(row, self._size[1] - 1, out=row), 0, out=row)
-        return np.asarray(row * self._size[0] + column)
-
-    def match(
-        self, at: Array, gate_px: float | Array, usable: Mask | None = None
-    ) -> tuple[Blob, Array, Mask]:
-        """at (h, n, 2) -> nearest blob (h, n), squared distance, whether it is ours: within the gate,
-        and no other pin of the hypothesis is nearer to it."""
-        x, y = at[..., 0], at[..., 1]
-        blob = self._table[self._cell(x, y)]
-        square = (self._x[blob] - x) ** 2 + (self._y[blob] - y) ** 2
-        inside = square < gate_px**2
-        if usable is not None:
-            inside &= usable
-        square = np.where(inside, square, np.inf)
-        key = blob + np.arange(len(blob))[:, None] * len(self.xy)
-        best = np.full(len(blob) * len(self.xy), np.inf)
-        np.minimum.at(best, key.ravel(), square.ravel())
-        return blob, square, inside & (square <= best[key])
+    def match(self, at: Array, gate_px: Array) -> tuple[Blob, Array, Mask]:
+        """at (h, n, 2), gate_px (n,) -> nearest blob (h, n), squared distance, whether it is ours: within
+        the gate, and no other pin of the hypothesis is nearer to it."""
+        shape = at.shape[:-1]
+        blob, square, ours = np.empty(shape, np.int32), np.empty(shape), np.empty(shape, np.bool_)
+        _track.match(np.ascontiguousarray(at), gate_px, self.table, blob, square, ours)
+        return blob, square, ours
 
 
 class Identifier:
@@ -182,16 +163,17 @@ class Identifier:
     def __init__(self, rest: Rest, lattice: Lattice) -> None:
         n = len(rest)
         self._step_px = lattice.step_px
-        self._rest_xy = rest.xy_img
+        self._rest_xy = np.ascontiguousarray(rest.xy_img)
         self._pitch_px = rest.pattern.pitch_px
         self._lattice = lattice
         first, second = lattice.edge.T
-        self._link = _Links(first, second, SEAM * self._step_px[first])
+        self._link = _Links(_c_index(first), _c_index(second), SEAM * self._step_px[first])
+        self._gate_px = GROW_GATE * self._step_px
         row, column = np.nonzero(lattice.weight)
         beside = lattice.near[row, column]
         apart = np.hypot(*(rest.xy_img[row] - rest.xy_img[beside]).T)
         seam = np.clip(SEAM * apart, SEAM * self._step_px[row], BRIDGE_SEAM * self._step_px[row])
-        self._bridge = _Links(row, beside, seam)
+        self._bridge = _Links(_c_index(row), _c_index(beside), seam)
         self._polynomial = Polynomial(rest.xy_img, max(degree for degree, _ in SCHEDULE))
         k = range(-START_RINGS, START_RINGS + 1)
         step = START_STEP * self._pitch_px
@@ -217,24 +199,27 @@ class Identifier:
         """blob_xy (m, 2) px, unordered; guesses: (n, 2) px, where the pins may be, tried as well."""
         n, m = len(self._rest_xy), len(blob_xy)
         if m < 4:
-            return Identity(np.full(n, -1), 0, 0.0)
+            return Identity(np.full(n, -1, np.int32), 0, 0.0)
         nearest = _Nearest(blob_xy, self._low, self._high)
         best, rival = None, None
         tried: list[_Match] = []
+        n_grown = 0
         for k, (motion, seed) in enumerate(self._starts(nearest, guesses or [])):
             if any(m.holds(motion, seed) for m in tried):
                 continue
             found = self._grow(nearest, motion, seed)
             other = self._rival(nearest, found)
-            while other.score > found.score:
+            n_grown += 2
+            while other.score > found.score and n_grown < MOST_GROWN:
                 found, other = other, self._rival(nearest, other)
+                n_grown += 1
             tried.append(found)
             if best is None or rival is None or found.score > best.score:
                 best, rival = found, other
             sure = self._confidence(best, rival) > SURE and best.n_clash <= FEW_CLASHES
             if k == 0 and guesses:
                 sure &= best.n_agree > GUESSED_SHARE * min(n, m) and best.effort < GUESSED_EFFORT
-            if sure:
+            if sure or n_grown >= MOST_GROWN:
                 break
         assert best is not None
         assert rival is not None
@@ -256,7 +241,7 @@ class Identifier:
     def _starts(self, nearest: _Nearest, guesses: list[Array]) -> Iterator[tuple[Array, Mask]]:
         """Motion (n, 2) and the pins (n,) to grow from: guesses as they are, then coarse fits, best first."""
         for guess in guesses:
-            blob, _, known = nearest.match(guess[None], GROW_GATE * self._step_px)
+            blob, _, known = nearest.match(guess[None], self._gate_px)
             motion = nearest.xy[blob[0]] - self._rest_xy
             seed = self._largest_piece(motion, known[0], self._bridge)
             if 2 * np.count_nonzero(seed) > len(seed):
@@ -298,8 +283,8 @@ class Identifier:
         most = FIT_TORN if best.n_clash else FIT_BESIDE
         good = best.agree
         for _ in range(BELIEF_ROUNDS):
-            expected, _, _ = self._lattice.predict(best.motion[None], good[None])
-            off = np.hypot(*(best.motion - expected[0]).T) / self._step_px
+            expected, _, _ = self._lattice.predict(best.motion, good)
+            off = np.hypot(*(best.motion - expected).T) / self._step_px
             beside = np.append(np.where(good, off, np.nan), np.nan)[ring]
             known = np.isfinite(beside).sum(1)
             # At the edge of a contact the field has a crease, and half of a pin's neighbours lie in it.
@@ -335,9 +320,10 @@ class Identifier:
 
     def _rival(self, nearest: _Nearest, best: _Match) -> _Match:
         """The best other match among those one lattice step away from this one."""
-        expected, _, gradient = self._lattice.predict(best.motion[None], best.known[None])
-        step = self._steps + np.einsum("snk,nkc->snc", self._steps / self._pitch_px, gradient[0])
-        blob, _, known = nearest.match(self._rest_xy + expected + step, GROW_GATE * self._step_px)
+        expected, _, gradient = self._lattice.predict(best.motion, best.known)
+        x, y = self._steps[..., :1] / self._pitch_px, self._steps[..., 1:] / self._pitch_px
+        step = self._steps + x * gradient[:, 0] + y * gradient[:, 1]
+        blob, _, known = nearest.match(self._rest_xy + expected + step, self._gate_px)
         known &= blob != np.where(best.known, best.blob, -1)
         motion = nearest.xy[blob] - self._rest_xy
         agree = np.sum(self._lattice.disagreement(motion, known) < AGREE * self._step_px, axis=1)
@@ -367,34 +353,26 @@ class Identifier:
         label = self._pieces(motion, known, links)
         return label == np.bincount(label[known], minlength=1).argmax() if known.any() else known
 
-    def _pieces(self, motion: Array, known: Mask, links: _Links) -> NDArray[np.intp]:
+    def _pieces(self, motion: Array, known: Mask, links: _Links) -> Blob:
         """(n,) label of the piece that each known pin hangs together with."""
-        a, b = links.a, links.b
-        tie = known[a] & known[b] & (np.hypot(*(motion[a] - motion[b]).T) < links.seam_px)
-        n = len(known)
-        graph = coo_matrix((np.ones(int(tie.sum()), bool), (a[tie], b[tie])), shape=(n, n))
-        label: NDArray[np.intp] = connected_components(graph, directed=False)[1]
+        label = np.empty(len(known), np.int32)
+        _track.pieces(motion, known, links.a, links.b, links.seam_px, label)
         return label
 
     def _grow(self, nearest: _Nearest, motion: Array, seed: Mask) -> _Match:
-        n = len(seed)
-        known, value = seed[None], motion[None]
-        before = np.where(seed, -2, -1)  # of the seed all counts as new
-        predicted, support = np.zeros((1, n, 2)), np.zeros((1, n))
-        rows = np.arange(n)
-        for _ in range(SWEEPS):
-            predicted[:, rows], support[:, rows], _ = self._lattice.predict(value, known, rows)
-            blob, _, known = nearest.match(
-                self._rest_xy + predicted, GROW_GATE * self._step_px, support > GROW_SUPPORT
-            )
-            value = nearest.xy[blob] - self._rest_xy
-            now = np.where(known[0], blob[0], -1)
-            changed = now != before
-            if not changed.any():
-                break
-            before = now
-            rows = np.flatnonzero(changed[self._lattice.near].any(1))
-        return self._judge(nearest, blob[0], value[0], known[0])
+        motion, known, blob = motion.copy(), seed.copy(), np.empty(len(seed), np.int32)
+        _track.grow(
+            motion,
+            known,
+            blob,
+            self._lattice.map,
+            nearest.table,
+            self._rest_xy,
+            self._gate_px,
+            GROW_SUPPORT,
+            SWEEPS,
+        )
+        return self._judge(nearest, blob, motion, known)
 
     def _effort(self, steps: Array, round_: Array) -> float:
         """What a motion takes, in pins: steps (k, 2) of those that agree, round_ the way round the tip there.
@@ -419,9 +397,13 @@ class Identifier:
         if not agree.any() or not free.any() or not clump.any():
             return _Match(blob, motion, known, agree, 0, effort)
         loose = nearest.xy[free]
-        room = ((loose[:, None] - nearest.xy[~free]) ** 2).sum(-1).min(1) > (ROOM * self._pitch_px) ** 2
-        expected, _, _ = self._lattice.predict(motion[None], agree[None])
-        place = (self._rest_xy + expected[0])[clump]
-        clash = ((loose[room][:, None] - place) ** 2).sum(-1) < (CLASH * self._pitch_px) ** 2
+        room = cdist(loose, nearest.xy[~free]).min(1) > ROOM * self._pitch_px
+        expected, _, _ = self._lattice.predict(motion, agree)
+        place = (self._rest_xy + expected)[clump]
+        clash = cdist(loose[room], place) < CLASH * self._pitch_px
         n_clash = min(int(clash.any(0).sum()), int(clash.any(1).sum()))
         return _Match(blob, motion, known, agree, n_clash, effort)
+
+
+def _c_index(index: NDArray[np.intp]) -> Index:
+    return np.ascontiguousarray(index, np.int32)

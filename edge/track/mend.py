@@ -17,18 +17,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from edge.track.field import Lattice
-from edge.types import Array, Mask
+from edge.types import Array, Index, Mask
 
 __all__ = ["mend"]
 
-Blob = NDArray[np.intp]
+Blob = Index
 
 FREE_NEAR = 0.8  # pitches; a free blob this near to where a lost pin is expected should have been its own
 ROOM = 0.5  # pitches; a free blob nearer to a pin's own is no pin
@@ -113,12 +113,12 @@ def _mend_one(
 ) -> Blob | None:
     """The match with all doubted pins assigned; None where that cannot be done, or not be believed."""
     rest, pitch = lattice.rest_xy, lattice.pitch_px
-    pins = np.flatnonzero(doubted)
+    pins = _rows(doubted)
     around = _around(lattice, good & ~doubted, pins)
     if around is None:
         return None
     expected = _expected(rest, blobs.xy[blob], around, pins, pitch)
-    near = np.flatnonzero(free)
+    near = _rows(free)
     near = near[cKDTree(expected).query(blobs.xy[near])[0] < FREE_NEAR * pitch]
     theirs = np.append(blob[doubted & good], near)
     if len(theirs) != len(pins):
@@ -132,7 +132,7 @@ def _mend_one(
 def _fitting(lattice: Lattice, now: Array, good: Mask, doubted: Mask) -> Mask:
     """(n,) the doubted pins whose blob is where the good ones around expect it; now (n, 2) px."""
     fits = np.zeros(len(good), bool)
-    pins = np.flatnonzero(doubted)
+    pins = _rows(doubted)
     around = _around(lattice, good & ~doubted, pins)
     if around is not None:
         expected = _expected(lattice.rest_xy, now, around, pins, lattice.pitch_px)
@@ -147,6 +147,10 @@ def _around(lattice: Lattice, good: Mask, pins: Blob) -> Mask | None:
     rest = lattice.rest_xy
     around = good & (cKDTree(rest[pins]).query(rest)[0] < REACH * lattice.pitch_px)
     return around if np.count_nonzero(around) >= LEAST_ROUND else None
+
+
+def _rows(mask: Mask) -> Index:
+    return np.flatnonzero(mask).astype(np.int32)
 
 
 def _widened(lattice: Lattice, pins: Mask, rings: int) -> Mask:
@@ -164,7 +168,7 @@ def _places(lattice: Lattice, lost: Mask) -> list[Blob]:
     n = len(lost)
     graph = coo_matrix((np.ones(int(tie.sum()), bool), (a[tie], b[tie])), shape=(n, n))
     label = np.where(lost, connected_components(graph, directed=False)[1], -1)
-    return [np.flatnonzero(label == k) for k in np.unique(label[lost])]
+    return [_rows(label == k) for k in np.unique(label[lost])]
 
 
 def _expected(rest: Array, now: Array, known: Mask, pins: Blob, pitch: float) -> Array:
@@ -184,7 +188,7 @@ def _expected(rest: Array, now: Array, known: Mask, pins: Blob, pitch: float) ->
 
 
 def _plate(a: Array, b: Array) -> Array:
-    square = ((a[:, None] - b) ** 2).sum(-1)
+    square = cdist(a, b, "sqeuclidean")
     return np.asarray(0.5 * square * np.log(np.maximum(square, 1e-12)), np.float64)
 
 
@@ -202,15 +206,15 @@ def _assign(
     now = np.where(around[:, None], blob_xy[blob], 0.0)
     both = around.copy()
     both[pins] = True
-    chosen = np.empty(0, np.intp)
+    chosen = np.empty(0, np.int64)
     for _ in range(ROUNDS):
-        cost = ((expected[:, None] - blob_xy[blobs]) ** 2).sum(-1)
+        cost = cdist(expected, blob_xy[blobs], "sqeuclidean")
         before, chosen = chosen, linear_sum_assignment(cost)[1]
         if np.array_equal(before, chosen):
             break
         now[pins] = blob_xy[blobs[chosen]]
         expected = _expected(rest, now, both, pins, pitch)
-    return np.asarray(blobs[chosen])
+    return np.asarray(blobs[chosen], np.int32)
 
 
 def _sound(lattice: Lattice, motion: Array, known: Mask, doubted: Mask, counted: bool) -> bool:
@@ -222,8 +226,8 @@ def _sound(lattice: Lattice, motion: Array, known: Mask, doubted: Mask, counted:
     if np.any(share < SHRINK_MAX) or np.any(share > STRETCH_MAX):
         return False
     rows = np.flatnonzero(doubted)
-    expected, _, _ = lattice.predict(motion[None], known[None], rows)
-    off = np.hypot(*(motion[rows] - expected[0]).T)
+    expected, _, _ = lattice.predict(motion, known)
+    off = np.hypot(*(motion - expected)[rows].T)
     if np.any(off > (BEND_MAX_COUNTED if counted else BEND_MAX) * lattice.step_px[rows]):
         return False
     first, second = lattice.pair.T

@@ -94,8 +94,8 @@ def judge(video: str, way: str, rest: Rest, tracks: list[Tracks], searched: int,
         gap = np.hypot(*(t.xy_img[a] - t.xy_img[b]).T)
         nearest = min(nearest, float(np.nanmin(gap, initial=np.inf)) / pitch)
         motion = np.where(t.seen[:, None], t.xy_img - rest.xy_img, 0.0)
-        common, _, _ = lattice.predict(motion[None], t.seen[None])
-        bend = np.where(t.seen[:, None], motion - common[0], np.nan)
+        common, _, _ = lattice.predict(motion, t.seen)
+        bend = np.where(t.seen[:, None], motion - common, np.nan)
         if before is not None:
             leaps += int(np.sum(np.hypot(*(bend - before).T) > LEAP * lattice.step_px))
         before = bend

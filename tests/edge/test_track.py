@@ -9,10 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
+from edge import _track
 from edge.errors import DegenerateLayout
 from edge.pins import Refiner, detect, take_rest
 from edge.track import Tracker
 from edge.track.field import Lattice
+from edge.track.identity import MOST_GROWN
 from edge.types import Array, Image, PinPattern, Pins, Rest, Tracks
 
 PITCH_PX = 18.0
@@ -124,6 +126,35 @@ def test_what_is_wrong_says_so(layout: str) -> None:
         tracks = Tracker(rest_at(xy)).identify(pins_at(spoiled(part, 0.5 if k % 2 else 0.0, 10, rng)))
         if swapped(tracks, now) > 0.1 * tracks.n_seen:
             assert tracks.confidence < Tracks.LOW_CONFIDENCE
+
+
+def test_a_search_ends_after_a_bounded_number_of_matches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With half of the pins missing nothing is sure, and all that is left to do is to try once more."""
+    grown: list[None] = []
+    grow = _track.grow
+    monkeypatch.setattr(_track, "grow", lambda *args: grown.append(grow(*args)))
+    rng = np.random.default_rng(11)
+    xy = LAYOUTS["rings331"]
+    for _ in range(4):
+        grown.clear()
+        Tracker(rest_at(xy)).identify(pins_at(spoiled(pressed(xy, rng), 0.5, 50, rng)))
+        assert 4 < len(grown) <= MOST_GROWN + 1
+
+
+def test_no_blob_is_given_twice_and_the_nearest_pin_has_it() -> None:
+    rng = np.random.default_rng(12)
+    xy = LAYOUTS["rings127"]
+    tip = rest_at(xy)
+    motion, known, blob = rng.normal(0, 3, xy.shape), rng.random(127) < 0.9, np.empty(127, np.int32)
+    lattice = Lattice(xy, PITCH_PX)
+    blobs = xy[rng.random(127) < 0.8] + rng.normal(0, 3, 2)
+    table = np.argmin(((np.indices((420, 420))[::-1].reshape(2, -1, 1) - blobs.T[:, None]) ** 2).sum(0), 1)
+    gate = np.full(127, 0.4 * PITCH_PX)
+    pixels = (np.ascontiguousarray(blobs), table.astype(np.int32), 420, 0.0, 0.0, 1.0)
+    _track.grow(motion, known, blob, lattice.map, pixels, tip.xy_img, gate, 1.2, 1)
+    assert 20 < known.sum() <= len(blobs)
+    assert len(np.unique(blob[known])) == known.sum()
+    np.testing.assert_array_equal(motion[known], blobs[blob[known]] - xy[known])
 
 
 def test_a_lattice_that_may_have_slipped_by_a_step_is_in_doubt() -> None:
@@ -308,13 +339,13 @@ def test_the_local_map_carries_any_affine_motion() -> None:
     xy = LAYOUTS["rings127"]
     lattice = Lattice(xy, PITCH_PX)
     motion = 0.05 * (xy - 210.0) @ rng.normal(size=(2, 2)) + rng.normal(size=2)
-    predicted, weight, gradient = lattice.predict(motion[None], rng.random((1, 127)) < 0.7)
+    predicted, weight, gradient = lattice.predict(motion, rng.random(127) < 0.7)
     inner = np.hypot(*(xy - 210.0).T) < 4 * PITCH_PX
-    assert np.abs(predicted[0] - motion)[inner].max() < 0.1
+    assert np.abs(predicted - motion)[inner].max() < 0.1
     assert weight.min() > 0
-    assert np.ptp(gradient[0][inner], axis=0).max() < 0.1
-    everything, _, _ = lattice.predict(motion[None], np.ones((1, 127), bool))
-    np.testing.assert_allclose(lattice.mean @ motion, everything[0], atol=1e-12)
+    assert np.ptp(gradient[inner], axis=0).max() < 0.1
+    everything, _, _ = lattice.predict(motion, np.ones(127, bool))
+    np.testing.assert_allclose(lattice.mean @ motion, everything, atol=1e-12)
 
 
 def grey(path: Path) -> Image:

@@ -21,7 +21,7 @@ def torn(rows: int) -> tuple[Lattice, Array, Blob, Mask]:
     lattice = Lattice(xy, PITCH_PX)
     rng = np.random.default_rng(3)
     now = xy + np.array([2.0, -1.0]) + rng.normal(0, 0.05, xy.shape)
-    blob, good = np.arange(N), np.ones(N, bool)
+    blob, good = np.arange(N, dtype=np.int32), np.ones(N, bool)
     heights = np.unique(np.round(xy[:, 1], 3))
     for height in heights[len(heights) // 2 :][:rows]:
         row = np.flatnonzero(np.abs(xy[:, 1] - height) < 1e-2)
@@ -46,9 +46,9 @@ def test_where_a_blob_is_missing_no_pin_keeps_anothers() -> None:
     gone = np.flatnonzero(~good)[-1]
     owner = np.delete(np.arange(N), gone)
     good = good & (blob != gone)
-    index = np.full(N, -1)
+    index = np.full(N, -1, np.int32)
     index[owner] = np.arange(N - 1)
-    mended, found = mend(lattice, now[owner], np.where(good, index[blob], 0), good)
+    mended, found = mend(lattice, now[owner], np.where(good, index[blob], np.int32(0)), good)
     assert np.all(owner[mended[found]] == np.flatnonzero(found))
     assert np.count_nonzero(found) > N - 30
 
@@ -57,7 +57,7 @@ def test_a_dark_pin_beside_no_free_blob_is_no_torn_place() -> None:
     lattice, now, _, good = torn(0)
     good[N // 2] = False
     owner = np.flatnonzero(good)
-    index = np.zeros(N, np.intp)
+    index = np.zeros(N, np.int32)
     index[owner] = np.arange(len(owner))
     mended, found = mend(lattice, now[owner], index, good)
     assert np.array_equal(found, good)

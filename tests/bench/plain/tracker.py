@@ -113,8 +113,8 @@ class Tracker:
         xy, sigma = np.full((n, 2), np.nan), np.full(n, np.nan)
         xy[seen] = pins.xy_img[identity.blob[seen]]
         sigma[seen] = pins.sigma_px[identity.blob[seen]]
-        expected, _, _ = self._lattice.predict((xy - self._rest_xy)[None], seen[None])
-        now = np.where(seen[:, None], xy, self._rest_xy + expected[0])
+        expected, _, _ = self._lattice.predict(xy - self._rest_xy, seen)
+        now = np.where(seen[:, None], xy, self._rest_xy + expected)
         self._since_search = 0
         share = float(np.count_nonzero(seen)) / n
         confidence = identity.confidence
@@ -125,7 +125,7 @@ class Tracker:
             confidence = 0.0
         if confidence >= Tracks.LOW_CONFIDENCE:
             self._usual, self._best = share, max(share, self._best)
-            self._settle(now, np.zeros_like(now), seen, now - self._rest_xy - expected[0])
+            self._settle(now, np.zeros_like(now), seen, now - self._rest_xy - expected)
         elif fallback is not None:
             tracks, now, bend = fallback
             self._settle(now, VELOCITY_DAMPING * (now - self._xy), tracks.seen, bend)
