@@ -249,7 +249,7 @@ class App:
         automatic = gc.isenabled()
         gc.disable()
         if self._vitals is not None:
-            self._vitals.watches += [self._faults.camera, self._watch_links, self._watch_loop]
+            self._vitals.watches += [self._faults.camera, self._watch_loop]
             self._vitals.start()
         try:
             for frame in self._frames():
@@ -290,7 +290,6 @@ class App:
         known = self.health.status
         self._faults.frozen = False
         self._faults.camera()
-        self._watch_links()
         now_ns = self._clock_ns()
         if Status.CAMERA_FAULT not in self.health.status:
             return  # a slow camera: not late yet
@@ -308,12 +307,6 @@ class App:
         # A recording waits for its search; and the first frame after a tare has to search.
         if self._taring is None and self.last is not None and self.source.live:
             self._faults.slow(self._begun_ns)
-
-    def _watch_links(self) -> None:
-        for sink in list(self.sinks):
-            watch: Callable[[], None] | None = getattr(sink, "watch_link", None)
-            if watch is not None:
-                watch()
 
     def step(self, frame: Frame) -> State:
         """Everything that one frame causes."""
@@ -437,8 +430,10 @@ class App:
             self._finish_tare(frames)
         if self.pipeline is None:
             return None
-        result = self.pipeline.process(frame, self.drift)
         faults, s = self._faults, self._statistics
+        if faults.after_gap:
+            self.pipeline.forget()
+        result = self.pipeline.process(frame, self.drift)
         s.searched_n += result.searched
         if result.features is not None and faults.impossible(result.tracks):
             self.pipeline.forget()

@@ -123,6 +123,7 @@ class Node:
             self._port = CanPort(sink, self.objects, self._on_nmt, self._on_sync)
         else:
             self._port = SerialPort(sink, number, self.objects, self._on_nmt, self._on_sync)
+        sink.on_faults = self.watch_link
         self._changed("features")
         self._start()
 
@@ -143,7 +144,6 @@ class Node:
 
     def send(self, state: State) -> bool:
         """Send a sample if it is due; True: it left. A sample that is not due is neither sent nor counted."""
-        self.watch_link()
         if self.state != OPERATIONAL or not self._is_due(state.capture_time_us):
             return False
         if self.objects.transmission[1] != 254:
@@ -205,9 +205,9 @@ class Node:
         self._port.send_emergency(pack_emergency(emcy, register, named, int(status)))
 
     def watch_link(self) -> None:
-        """Tell of what the link has to complain about; called with each sample, and while there is none."""
-        if self.sink.faults != self._link_faults:
-            with self._watching:  # the loop's thread and the one that looks after it
+        """Tell of what the link has to complain about; called by the sink when that may have changed."""
+        with self._watching:
+            if self.sink.faults != self._link_faults:
                 self._tell_of_link()
 
     def _tell_of_link(self) -> None:

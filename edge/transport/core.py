@@ -16,6 +16,8 @@ Rules
 - Only the worker opens and closes, and it waits for the reader to let go first: a file number that is
   closed under a waiting reader may be another's by then.
 - At start-up a medium that cannot be opened is the user's mistake: SinkError. Later it is a counter.
+- A link's fault is told from a thread of its own, which sleeps until something may have changed or a stall
+  has lasted for STALL_S: the loop may be within a search, and the worker within the write that hangs.
 """
 
 from __future__ import annotations
@@ -38,11 +40,11 @@ from hostlink.wire import FaultCode, State
 log = logging.getLogger(__name__)
 
 RETRY_S = 0.1  # a tenth of the second within which the link must be back
-READ_S = 0.1  # how soon a reader lets go of a failed medium
-STALL_S = 0.06  # drops for this long mean that the link is down, whatever the medium says; told within 0.1 s
+READ_S = 0.05  # how soon a reader lets go of a failed medium
+STALL_S = 0.06  # nothing leaves for this long: the link is down, whatever the medium says; told within 0.1 s
 DEPTH = 4  # samples waiting for a slow medium: 17 ms at 240 Hz; older ones are not worth sending
 CONTROL_DEPTH = 256  # answers waiting; a segmented upload has one under way at a time
-CLOSE_S = 1.0  # how long closing waits for what still waits to be sent
+CLOSE_S = 0.3  # closing waits for what still waits to be sent, and again for the threads: the app ends in 1 s
 
 
 class LinkSink(ABC):
@@ -59,6 +61,7 @@ class LinkSink(ABC):
         except MediumError as error:
             raise SinkError(f"{name}: {error}") from None
         self.on_message: Callable[[Any], None] | None = None
+        self.on_faults: Callable[[], None] | None = None  # `faults` may have changed; called from any thread
         self._changed = threading.Condition()
         self._writing = threading.Lock()  # one write at a time, and none while the medium is being changed
         self._reading = threading.Lock()  # held by the reader while it is inside of the medium
@@ -73,13 +76,20 @@ class LinkSink(ABC):
         self._opened_s = time.monotonic()
         self._stalled_since_s: float | None = None
         self._write_began_s: float | None = None
+        self._suspect = threading.Event()  # something happened that may change `faults`
+        self._last_write_s: float | None = None  # when one began that may not return for long
+        self._write_watched = False
         self._busy = False
         self._closing = False
         self._numbers = count()
         self._counters = SinkCounters()
         self._threads = [
             threading.Thread(target=loop, name=f"{name} {what}", daemon=True)
-            for what, loop in (("writer", self._write_loop), ("reader", self._read_loop))
+            for what, loop in (
+                ("writer", self._write_loop),
+                ("reader", self._read_loop),
+                ("watch", self._watch_loop),
+            )
         ]
         for thread in self._threads:
             thread.start()
@@ -170,9 +180,11 @@ class LinkSink(ABC):
         with self._changed:
             self._closing = True
             self._changed.notify_all()
+        self._suspect.set()
+        end_s = time.monotonic() + CLOSE_S
         for thread in self._threads:
             if thread is not threading.current_thread():
-                thread.join(CLOSE_S)
+                thread.join(max(0.0, end_s - time.monotonic()))
 
     # ---- the worker -------------------------------------------------------------------------------
 
@@ -187,28 +199,42 @@ class LinkSink(ABC):
             self._counters = replace(old, sent=old.sent + sent, dropped=old.dropped + dropped, **more)
         if dropped and self._stalled_since_s is None:
             self._stalled_since_s = time.monotonic()
+            self._suspect.set()
         return bool(sent)
 
     def _write(self, medium: Medium, items: Sequence[Any]) -> bool:
         """Write all items of one sample; the caller holds `_writing`."""
         if medium is not self._medium:
             return False
-        self._write_began_s = time.monotonic()
+        bus_off = medium.bus_off
+        began_s = self._write_began_s = time.monotonic()
+        if not medium.instant:  # it may not return for long
+            self._last_write_s = began_s
+            if not self._write_watched:
+                self._write_watched = True
+                self._suspect.set()
         try:
             for item in items:
                 medium.write(item)
         except MediumFull:
+            if self._stalled_since_s is None:
+                self._stalled_since_s = began_s
+            self._suspect.set()
             return False
         except MediumError as error:
             self._lose(medium, error)
             return False
         finally:
             self._write_began_s = None
+        recovered = self._stalled_since_s is not None or self._was_down or bus_off
+        recovered |= time.monotonic() - began_s > STALL_S
         self._stalled_since_s = None
         if self._was_down:
             self._was_down = False
             self._count(reconnects=1)
             log.info("%s: back", self.name)
+        if recovered:
+            self._suspect.set()
         return True
 
     def _lose(self, medium: Medium, error: Exception) -> None:
@@ -223,6 +249,7 @@ class LinkSink(ABC):
             self._control.clear()
             self._detail.clear()
             self._changed.notify_all()
+        self._suspect.set()
         if waiting:
             self._count(dropped=waiting)
 
@@ -307,6 +334,30 @@ class LinkSink(ABC):
             with self._writing, self._reading:
                 medium.close()
 
+    # ---- the watch --------------------------------------------------------------------------------
+
+    def _watch_loop(self) -> None:
+        looked_s = time.monotonic()
+        while True:
+            self._suspect.wait(self._until_stalled_s(looked_s))
+            self._suspect.clear()
+            if self._closing:
+                return
+            looked_s = time.monotonic()
+            if self.on_faults is not None:
+                try:
+                    self.on_faults()
+                except Exception:
+                    log.exception("%s: its faults cannot be told", self.name)
+
+    def _until_stalled_s(self, looked_s: float) -> float | None:
+        """How long until what began to stall is a fault; None: nothing did, or it was one already."""
+        self._write_watched = False  # before looking: a write that begins from here on wakes this thread
+        since = (self._stalled_since_s, self._last_write_s)
+        due = [s + STALL_S for s in since if s is not None and s + STALL_S >= looked_s]
+        self._write_watched = bool(due)  # it will look again; with traffic once in STALL_S, not at each write
+        return max(0.001, min(due) - time.monotonic()) if due else None
+
     # ---- the reader -------------------------------------------------------------------------------
 
     def _read_loop(self) -> None:
@@ -317,12 +368,14 @@ class LinkSink(ABC):
             if self._closing or medium is None:
                 return
             with self._reading:
-                message = None
+                message, bus_off = None, medium.bus_off
                 try:
                     if medium is self._medium:
                         message = medium.read(READ_S)
                 except MediumError as error:
                     self._lose(medium, error)
+            if medium.bus_off != bus_off:
+                self._suspect.set()
             if message is not None and self.on_message is not None:
                 try:
                     self.on_message(message)

@@ -112,6 +112,32 @@ def test_a_piece_of_noise_over_a_contact_gives_no_wrong_value(finger: Finger, se
         assert state.shear_x_mm == pytest.approx(sure.shear_x_mm, abs=0.4)
 
 
+def test_pins_are_not_followed_over_a_gap_but_looked_for(finger: Finger) -> None:
+    pressed = finger.frames[25].image
+    true = finger.see(pressed).displacement_mm
+    finger.see(pressed)
+    searched_n = finger.app.statistics().searched_n
+    finger.see(pressed, skip=2)  # images that were dropped are no gap
+    assert finger.app.statistics().searched_n == searched_n
+    state = finger.see(pressed, skip=11)  # 0.12 s
+    assert finger.app.statistics().searched_n == searched_n + 1
+    assert state.displacement_mm == pytest.approx(true, abs=0.05)
+
+
+def test_pins_are_not_followed_from_an_image_that_was_frozen(finger: Finger) -> None:
+    finger.see(finger.frames[7].image)
+    searched_n = finger.app.statistics().searched_n
+    finger.camera.frame_condition = "frozen"
+    for _ in range(3):
+        finger.see(finger.frames[7].image)
+    assert finger.app.statistics().searched_n == searched_n
+    finger.camera.frame_condition = ""
+    state = finger.see(finger.frames[8].image)
+    state = finger.see(finger.frames[9].image)
+    assert finger.app.statistics().searched_n == searched_n + 1
+    assert measured(state)
+
+
 def test_all_is_well(finger: Finger) -> None:
     state = finger.see(finger.frames[25].image)
     assert state.status == Status.TOUCHED

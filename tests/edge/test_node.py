@@ -382,11 +382,10 @@ def test_lost_link_is_a_fault_and_a_bit(bench: Bench) -> None:
     assert failed is not None
     sink._lose(failed, OSError("unplugged"))
     assert not bench.node.send(state(1))
-    assert bench.finger.faults == {FaultCode.LINK_DOWN: True}
-    until(lambda: sink.up, "back")
-    assert bench.node.send(state(2))
+    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: True}, "told")
+    until(lambda: bench.node.send(state(2)), "back")
     assert bench.node.send(state(3))
-    assert bench.finger.faults == {FaultCode.LINK_DOWN: False}
+    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: False}, "told")
     first, second = (unpack_state(d) for d in bench.messages(0x180 + NODE, 2))
     assert (first.sample, second.sample) == (2, 3)
     assert first.status == Status.LINK_FAULT

@@ -204,6 +204,41 @@ def test_full_buffer_drops_and_keeps_the_bus(flaky: Flaky, fd_sink: CanFdSink) -
     assert fd_sink.counters.reconnects == 0
 
 
+def test_a_stall_is_told_though_nothing_more_is_to_be_sent(flaky: Flaky, fd_sink: CanFdSink) -> None:
+    told: list[frozenset[FaultCode]] = []
+    fd_sink.on_faults = lambda: told.append(fd_sink.faults)
+    flaky.fail(errno.ENOBUFS)
+    fd_sink.post_can(0x85, bytes(8))  # an emergency will do: the buffer is no less full for it
+    until(lambda: told[-1:] == [frozenset({FaultCode.LINK_DOWN})], "told of the stall")
+    flaky.fail(None)
+    fd_sink.post_can(0x85, bytes(8))
+    until(lambda: told[-1:] == [frozenset()], "told of its end")
+
+
+def test_a_write_that_hangs_is_told_while_it_hangs(channel: str) -> None:
+    flaky = Flaky(channel, instant=False)
+    sink = CanFdSink("slow", flaky)
+    told: list[frozenset[FaultCode]] = []
+    sink.on_faults = lambda: told.append(sink.faults)
+    assert flaky.bus is not None
+    flaky.bus.hang.clear()
+    assert sink.send(state(0))
+    until(lambda: told[-1:] == [frozenset({FaultCode.LINK_DOWN})], "told of the write that hangs")
+    flaky.bus.hang.set()
+    until(lambda: told[-1:] == [frozenset()], "told of its end")
+    sink.close()
+
+
+def test_bus_off_is_told_by_the_link(channel: str, fd_sink: CanFdSink) -> None:
+    told: list[frozenset[FaultCode]] = []
+    fd_sink.on_faults = lambda: told.append(fd_sink.faults)
+    with can.Bus(interface="virtual", channel=channel) as host:
+        host.send(can.Message(is_error_frame=True, arbitration_id=0x40))
+        until(lambda: told[-1:] == [frozenset({FaultCode.BUS_OFF})], "told of bus-off")
+        assert fd_sink.send(state(1))
+        until(lambda: told[-1:] == [frozenset()], "told of its end")
+
+
 def test_bus_off_is_seen_and_forgotten(channel: str, fd_sink: CanFdSink) -> None:
     with can.Bus(interface="virtual", channel=channel) as host:
         host.send(can.Message(is_error_frame=True, arbitration_id=0x40))
