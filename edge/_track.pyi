@@ -13,14 +13,10 @@ def follow(
 Map: TypeAlias = tuple[Index, Array, Array, float]
 Blobs: TypeAlias = tuple[Array, Index, int, float, float, float]
 
-def predict(
-    motion: Array, known: Mask, map: Map, value: Array, support: Array, gradient: Array
-) -> None:
+def predict(motion: Array, known: Mask, map: Map, value: Array, support: Array, gradient: Array) -> None:
     """Motion of each pin as its known neighbours have it; value, support and gradient are written."""
 
-def match(
-    at: Array, gate: Array, blobs: Blobs, blob: Index, square: Array, ours: Mask
-) -> None:
+def match(at: Array, gate: Array, blobs: Blobs, blob: Index, square: Array, ours: Mask) -> None:
     """Nearest blob of each point, none given twice; blob, square and ours are written."""
 
 def grow(
@@ -36,9 +32,7 @@ def grow(
 ) -> None:
     """Predict and match in turn, until nothing changes; motion, known and blob are written."""
 
-def pieces(
-    motion: Array, known: Mask, first: Index, second: Index, seam: Array, label: Index
-) -> None:
+def pieces(motion: Array, known: Mask, first: Index, second: Index, seam: Array, label: Index) -> None:
     """Which pins hang together; label is written."""
 
 def disagree(motion: Array, known: Mask, ring: Index, pins: int, off: Array) -> None:
