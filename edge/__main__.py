@@ -20,11 +20,12 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
 from edge.errors import ConfigError, EdgeError, SourceError, UsageError
+from edge.leave import run_and_leave
 from edge.progress import counting, waiting
 from edge.threads import share_the_processor
 
@@ -572,5 +573,10 @@ def main() -> None:
         sys.exit(2)
 
 
+def program() -> NoReturn:
+    """`main`, for a process of its own."""
+    run_and_leave(main)
+
+
 if __name__ == "__main__":
-    main()
+    program()

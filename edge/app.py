@@ -460,6 +460,8 @@ class App:
             # A recording is what it is; only a live tip can be asked to keep still.
             steady_px = self._steady_px if self.source.live else np.inf
             rest = tare(images, steady_px, self.calibration)
+            if self._stop.is_set():
+                return  # what would be made of it takes as long again
         except NoPins as error:
             if not self.source.live and self.pipeline is None:
                 raise SourceError(f"{self.source.name}: {error}") from None

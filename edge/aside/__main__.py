@@ -49,6 +49,7 @@ from edge.aside.messages import (  # noqa: E402
 )
 from edge.aside.tape import Tape  # noqa: E402
 from edge.errors import EdgeError  # noqa: E402
+from edge.leave import run_and_leave  # noqa: E402
 from edge.recording import TOPICS, Recorder  # noqa: E402
 from hostlink.web import Refused  # noqa: E402
 
@@ -265,4 +266,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_and_leave(main)
