@@ -9,7 +9,8 @@ import pytest
 
 from calib.errors import FitError
 from calib.evaluate import predict
-from calib.fit import fit, letters, terms_of_spin
+from calib.extract import Extract
+from calib.fit import PIN_NOISE, fit, letters, terms_of_spin
 from edge.calibration import FRAME_INPUTS, MODES, Calibration, Curve, Moments
 from edge.types import Array
 from tests.calib.synthetic import REST, make, of_inputs, targets
@@ -206,3 +207,28 @@ def test_one_bad_column_does_not_take_the_others_along() -> None:
     assert len(told) == 1
     assert "torsion_deg" in told[0]
     assert calibration.outputs == {"displacement_mm", "shear_x_mm", "shear_y_mm"}
+
+
+def test_a_faint_mode_that_says_it_all_is_not_trusted() -> None:
+    """Exact but as small as a pin's noise, against a little off and large: in use the second is better."""
+
+    def frames(seed: int) -> tuple[Extract, Array]:
+        extract, _ = make(300, seed=seed)
+        rng = np.random.default_rng(seed)
+        depth = 3.0 + rng.uniform(-1.0, 1.0, 300)
+        inputs = extract.inputs * 1e-6
+        inputs[:, FRAME_INPUTS.index("c10")] += 0.02 * (depth + 0.02 * rng.normal(size=300))
+        inputs[:, FRAME_INPUTS.index("c21")] += 1e-4 * depth
+        return replace(extract, inputs=inputs), depth
+
+    extract, depth = frames(0)
+    calibration, _ = fit(REST, targets({"displacement_mm": depth}), extract, mm_per_px=None)
+    fresh, true = frames(1)
+    off = PIN_NOISE * REST.pattern.pitch_px / REST.pattern.tip_radius_px / np.sqrt(len(REST))
+    rng = np.random.default_rng(2)
+    pairs = rng.normal(size=(*fresh.inputs.shape, 2)) * off
+    noisy = replace(fresh, inputs=fresh.inputs + pairs.view(np.complex128)[..., 0])
+    inside = np.abs(true - 3.0) < 0.9
+    for seen, limit in ((fresh, 0.03), (noisy, 0.05)):
+        read, _ = predict(calibration, seen)
+        assert np.abs(read["displacement_mm"] - true)[inside].mean() < limit
