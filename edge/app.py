@@ -448,8 +448,8 @@ class App:
         faults.load(features)
         drift = self.drift
         untouched = features is not None and not features.touched
-        if features is not None and untouched:
-            faults.place(features.displacement_px, drift is not None and drift.at_limit)
+        if features is not None:
+            faults.place(features.displacement_px, features.touched, drift is not None and drift.at_limit)
         if drift is not None:
             drift.learn(tracks, frame.capture_ns, untouched and faults.quiet)
         return result

@@ -13,7 +13,7 @@ import numpy as np
 
 from edge import _judge
 from edge.health import Health
-from edge.judge import ImageJudge, PinsJudge, moved_px
+from edge.judge import ImageJudge, PinsJudge, common_step_px, moved_px
 from edge.pipeline import Result
 from edge.types import Array, Features, Frame, FrameSource, Rest, Tracks
 from hostlink.wire import FaultCode, Status
@@ -78,6 +78,8 @@ class Faults:
         self._image = ImageJudge()
         self._pins: PinsJudge | None = None
         self._pitch_px = 0.0
+        self._motion_px: Array = np.empty((0, 2))  # of the last frame that showed it
+        self._offset_px: Array = np.zeros(2)  # by which the camera moved, as far as is known
         self._skipped_n = 0
         self.last: tuple[Frame, int] | None = None  # the newest, and when it was taken in hand, our clock
         self.frozen = False  # the frame in hand shows what an earlier one did
@@ -98,6 +100,7 @@ class Faults:
         """From now on this is what an untouched tip looks like; `frame` shows it."""
         self._pins = PinsJudge(rest)
         self._pitch_px = rest.pattern.pitch_px
+        self._motion_px, self._offset_px = np.zeros_like(rest.xy_img), np.zeros(2)
         self._image.learn(rest, frame)
         for code in _OF_THE_REST:
             self._health.report(code, False)
@@ -188,19 +191,31 @@ class Faults:
             FaultCode.OVERLOAD, over, lambda: f"{far_n} pins moved by more than {limit_px:.0f} px"
         )
 
-    def place(self, motion_px: Array, drifted: bool) -> None:
-        """Whether untouched pins are where the rest frame has them.
+    def place(self, motion_px: Array, touched: bool, drifted: bool) -> None:
+        """Whether the camera sits where it did when the rest frame was taken.
+
+        Untouched pins tell by where they are; under a touch a knock tells by the step that all pins make.
 
         motion_px  (n, 2) since rest; NaN where lost
         drifted    what was learnt of their drift is at its limit
         """
-        held = self._health.status and FaultCode.CAMERA_MOVED in self._health.active
-        limit_px = MOVED_PITCHES * self._pitch_px * (0.5 if held else 1.0)
-        by_px = moved_px(motion_px)
+        before_px, self._motion_px = self._motion_px, motion_px
+        held = Status.CAMERA_MOVED in self._health.status
+        limit_px = MOVED_PITCHES * self._pitch_px
+        if touched:
+            step_px = common_step_px(motion_px - before_px, limit_px)
+            if step_px is None:
+                return
+            self._offset_px = self._offset_px + step_px
+            by_px, drifted = float(np.hypot(*self._offset_px)), False
+        else:
+            by_px = moved_px(motion_px)
+            off = held or by_px > limit_px
+            self._offset_px = np.nanmedian(motion_px, axis=0) if off else np.zeros(2)
         self._health.report(
             FaultCode.CAMERA_MOVED,
-            by_px > limit_px or drifted,
-            lambda: f"untouched pins stand {by_px:.1f} px off the rest frame; tare",
+            by_px > limit_px * (0.5 if held else 1.0) or drifted,
+            lambda: f"the pins stand {by_px:.1f} px off the rest frame, all alike; tare",
         )
 
     def status(self, result: Result | None, skipped_n: int) -> Status:

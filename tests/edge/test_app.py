@@ -138,6 +138,28 @@ def test_pins_are_not_followed_from_an_image_that_was_frozen(finger: Finger) -> 
     assert measured(state)
 
 
+@pytest.mark.parametrize("k", [12, 18, 25])
+def test_a_camera_that_is_knocked_under_a_touch_is_told_from_shear(finger: Finger, k: int) -> None:
+    for frame in finger.frames[8 : k + 1]:
+        state = finger.see(frame.image)
+    assert state.status == Status.TOUCHED
+    shifted = _PICTURES["shift"](finger.frames[k].image, None)
+    for _ in range(2):
+        assert finger.see(shifted).status & ~Status.SATURATED == Status.TOUCHED | Status.CAMERA_MOVED
+    state = finger.see(finger.frames[k].image)  # and put back
+    assert state.status == Status.TOUCHED
+
+
+def test_a_camera_that_was_knocked_untouched_may_come_back_under_a_touch(finger: Finger) -> None:
+    shifted = _PICTURES["shift"](finger.frames[7].image, None)
+    for _ in range(3):
+        assert finger.see(shifted).status == Status.CAMERA_MOVED
+    for frame in finger.frames[8:20]:
+        moved = finger.see(_PICTURES["shift"](frame.image, None))
+    assert moved.status & ~Status.SATURATED == Status.TOUCHED | Status.CAMERA_MOVED
+    assert finger.see(finger.frames[20].image).status == Status.TOUCHED
+
+
 def test_all_is_well(finger: Finger) -> None:
     state = finger.see(finger.frames[25].image)
     assert state.status == Status.TOUCHED

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from edge import _judge
-from edge.judge import level_of, moved_px
+from edge.judge import common_step_px, level_of, moved_px
 from edge.types import Image
 
 
@@ -69,3 +69,16 @@ def test_windows_are_numpy_s(kind: type, top: int, side: int) -> None:
     corners[3, 0] = 160 - side + 1
     with pytest.raises(ValueError, match="within"):
         _judge.windows(image, corners, side, out)
+
+
+def test_a_step_that_all_pins_make_is_common() -> None:
+    random = np.random.default_rng(3)
+    step_px = random.normal((2.0, -1.0), 0.1, (100, 2))
+    step_px[::10] = np.nan
+    common_px = common_step_px(step_px, 1.0)
+    assert common_px is not None
+    assert common_px == pytest.approx([2.0, -1.0], abs=0.05)
+    assert common_step_px(step_px, 3.0) is None  # too small to count
+    step_px[1::5] = 0.0  # a fifth of the skin stays where it is
+    assert common_step_px(step_px, 1.0) is None
+    assert common_step_px(np.full((100, 2), np.nan), 1.0) is None
