@@ -382,7 +382,7 @@ def _app(
 ) -> App:
     """The app with everything that the options ask for; the stack closes it all."""
     from edge.app import App
-    from edge.device import AppDevice, stored_calibration
+    from edge.device import AppDevice, clear_leftovers, stored_calibration
     from edge.health import FaultLog, Health, Vitals, room_for
     from edge.node import Node
     from edge.notify import Notifier
@@ -393,6 +393,8 @@ def _app(
     state_dir = Path(config.state.directory) if config.state.directory else None
     if state_dir is not None and not state_dir.is_dir():
         raise ConfigError(f"[state] directory: {state_dir} is no folder; make it, or leave the key out")
+    if state_dir is not None:
+        clear_leftovers(state_dir)
     calibration = _calibration(
         calibration_path or stored_calibration(state_dir) or config.calibration.file or None
     )

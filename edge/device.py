@@ -6,6 +6,8 @@ and done between two frames; what can be refused is refused at once.
 
 from __future__ import annotations
 
+import logging
+import re
 import time
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -17,7 +19,12 @@ from edge.node import Refused
 from edge.types import Clock, Feature
 from hostlink.wire import FaultCode
 
-__all__ = ["AppDevice", "stored_calibration"]
+__all__ = ["AppDevice", "clear_leftovers", "stored_calibration"]
+
+log = logging.getLogger(__name__)
+
+#: What `edge.calibration.write_atomically` calls a file until it is whole.
+_UNFINISHED = re.compile(r"\.calibration\.json\.[a-z0-9_]{8}")
 
 
 def stored_calibration(state_dir: Path | None) -> Path | None:
@@ -26,6 +33,16 @@ def stored_calibration(state_dir: Path | None) -> Path | None:
         return None
     path = state_dir / "calibration.json"
     return path if path.is_file() else None
+
+
+def clear_leftovers(state_dir: Path) -> None:
+    """Remove what uploads left that were cut off by a loss of power; at the start, before there is another."""
+    for path in state_dir.iterdir():
+        if _UNFINISHED.fullmatch(path.name) and path.is_file() and not path.is_symlink():
+            try:
+                path.unlink()
+            except OSError as error:  # it takes room, and does no other harm
+                log.warning("%s: %s", path, error.strerror)
 
 
 class AppDevice:

@@ -246,8 +246,8 @@ _PICTURES: dict[str, Callable[[Any, Any], Any]] = {
 class FaultyMedium:
     """A bus or line that fails; made anew by every opening, the row goes on."""
 
-    def __init__(self, medium: Medium, row: _Row, random: Random, refused_s: list[float]) -> None:
-        self._medium, self._row, self._random, self._refused_s = medium, row, random, refused_s
+    def __init__(self, medium: Medium, row: _Row, random: Random, refused: Callable[[float], None]) -> None:
+        self._medium, self._row, self._random, self._refused = medium, row, random, refused
         self.instant = medium.instant
         self.bus_off = False
 
@@ -255,7 +255,7 @@ class FaultyMedium:
         kind = self._row.now()
         self.bus_off = kind == "bus off" or self._medium.bus_off
         if kind in ("down", "full", "bus off"):
-            self._refused_s.append(self._row.clock())
+            self._refused(self._row.clock())
         if kind == "down":
             raise MediumError("Network is down (on purpose)")
         if kind in ("full", "bus off"):
@@ -290,15 +290,14 @@ def faulty_medium(
     episodes: Iterable[Episode],
     clock: Clock = time.monotonic,
     seed: int = 0,
-    refused_s: list[float] | None = None,
+    refused: Callable[[float], None] = lambda at_s: None,
 ) -> Callable[[], FaultyMedium]:
     """What opens a medium that fails; for the constructors of the sinks.
 
     episodes   kinds out of `LINK`
-    refused_s  gets the times at which something was not sent: before that nobody could know
+    refused    gets the times at which something was not sent: before that nobody could know
     """
     row, random = _Row(episodes, clock), Random(seed)
-    refused = [] if refused_s is None else refused_s
 
     def opener() -> FaultyMedium:
         if row.now() == "down":

@@ -16,8 +16,9 @@ Promises
 - SIGTERM ends cleanly within 1 s; after kill -9, at any moment of an upload too, settings and calibration are
   the ones last acknowledged or those under way, whole, and the next start uses them
 
-Not known, and therefore not promised: a camera that moves while something touches the tip looks like shear.
-It is announced with the first untouched image. A frozen image is known as such after 60 ms.
+Not known, and therefore not promised: a frozen image is known as such after 60 ms.
+
+What the checker remembers lies in memory that it takes at the start: what grows is the app's.
 
 A second process measures by how much this machine's own load holds processes up: that much is allowed on top,
 and the worst delays with and without it stand in the table. A beat within this process tells how late a
@@ -28,12 +29,14 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import signal
 import socket
 import subprocess
 import sys
 import threading
 import time
+from array import array
 from bisect import bisect_left
 from collections import Counter, defaultdict
 from collections.abc import Sequence
@@ -46,7 +49,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, overload
 
 import click
 import cv2
@@ -102,6 +105,34 @@ UNUSABLE = (
 VALUES = ("displacement_mm", "shear_x_mm", "shear_y_mm")
 
 
+class Times(Sequence[float]):
+    """A list of numbers in memory that is there from the start, as far as `most` of them need it."""
+
+    def __init__(self, most: float) -> None:
+        self._values = array("d", [0.0]) * round(most)
+        self._n = 0
+
+    def append(self, value: float) -> None:
+        if self._n == len(self._values):
+            self._values.append(0.0)
+        self._values[self._n] = value
+        self._n += 1
+
+    def __len__(self) -> int:
+        return self._n
+
+    @overload
+    def __getitem__(self, at: int) -> float: ...
+    @overload
+    def __getitem__(self, at: slice) -> list[float]: ...
+    def __getitem__(self, at: int | slice) -> float | list[float]:
+        if isinstance(at, slice):
+            return [self._values[i] for i in range(*at.indices(self._n))]
+        if not -self._n <= at < self._n:
+            raise IndexError(at)
+        return self._values[at % self._n]
+
+
 class Metronome:
     """How long this machine does not let a process run: gaps in the beat of one that does nothing else."""
 
@@ -143,8 +174,8 @@ class Heartbeat:
 
     BEAT_S = 0.02
 
-    def __init__(self) -> None:
-        self.late_ms: list[float] = []
+    def __init__(self, seconds: float) -> None:
+        self.late_ms = Times(seconds / self.BEAT_S)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="heartbeat", daemon=True)
         self._thread.start()
@@ -168,7 +199,7 @@ class Row:
     injected: int = 0
     announced: int = 0
     cleared: int = 0
-    unseen: int = 0  # could not be seen: no untouched image, nothing to be sent within the episode
+    unseen: int = 0  # could not be seen: nothing to be sent within the episode
     announce_ms: list[float] = field(default_factory=list)
     announce_net_ms: list[float] = field(default_factory=list)
     clear_ms: list[float] = field(default_factory=list)
@@ -202,18 +233,17 @@ def rss_mb() -> float:
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def undisturbed(scene: SceneSource, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3) VALUES and (n,) touched of each frame of the scene, without faults."""
+def undisturbed(scene: SceneSource, calibration: Calibration) -> np.ndarray:
+    """(n, 3) VALUES of each frame of the scene, without faults."""
     frames = list(scene)
     pipeline = Pipeline(
         tare([f.image for f in frames[:8]], 1e9, calibration), calibration, frozenset(Feature)
     )
-    values, touched = np.empty((len(frames), 3)), np.empty(len(frames), dtype=bool)
+    values = np.empty((len(frames), 3))
     for i, frame in enumerate(frames):
-        result = pipeline.process(frame)
-        values[i] = [result.reading.values.get(name, np.nan) for name in VALUES]
-        touched[i] = result.features is not None and result.features.touched
-    return values, touched
+        reading = pipeline.process(frame).reading
+        values[i] = [reading.values.get(name, np.nan) for name in VALUES]
+    return values
 
 
 class Soak:
@@ -221,12 +251,12 @@ class Soak:
 
     def __init__(self, outcome: Outcome, rate_hz: float) -> None:
         self.outcome = outcome
-        self.metronome, self.heartbeat = Metronome(), Heartbeat()
+        self.metronome, self.heartbeat = Metronome(), Heartbeat(outcome.seconds)
         self.calibration = Calibration.load(CALIBRATION)
         scene = open_source(SCENE)
         assert isinstance(scene, SceneSource)
         kept = SceneSource(scene._simulator, "tour", keep=True)  # rendered once, in memory
-        self.truth, self.touched = undisturbed(kept, self.calibration)
+        self.truth = undisturbed(kept, self.calibration)
         self.started_s: float | None = None
         self.rows: dict[str, list[Episode]] = {
             name: schedule(outcome.seed * 10 + i, outcome.seconds - 2.0, kinds)
@@ -241,8 +271,10 @@ class Soak:
         vitals = Vitals(self.health, self.board.temperature, [self.board.storage])
         self.app = App(self.source, [], self.calibration, health=self.health, vitals=vitals)
         address = parse_address(f"virtual:soak{outcome.seed}")
-        self.refused_s: list[float] = []
-        opener = faulty_medium(open_bus(address), self.rows["link"], self.clock, outcome.seed, self.refused_s)
+        self.refused_s = Times(outcome.seconds * 2 * rate_hz)
+        opener = faulty_medium(
+            open_bus(address), self.rows["link"], self.clock, outcome.seed, self.refused_s.append
+        )
         self.node = Node(
             CanFdSink(str(address), opener, NODE), AppDevice(self.app, "soak"), SettingsFile(), NODE
         )
@@ -253,8 +285,7 @@ class Soak:
         self.host.on_sample(self.on_sample)
 
         self.changes: list[tuple[float, FaultCode, bool]] = []
-        self.untouched_s: list[float] = []
-        self.arrivals_s: list[float] = []
+        self.arrivals_s = Times(outcome.seconds * 2 * rate_hz)
         self.sent: dict[int, State] = {}
         self.error: BaseException | None = None
         self.thread = threading.Thread(target=self.run, name="loop")
@@ -285,8 +316,6 @@ class Soak:
             if not state.status & UNUSABLE:
                 self.started_s = time.monotonic()
             return
-        if result.features is not None and not result.features.touched:
-            self.untouched_s.append(now_s)
         self.sent[state.sample & 0xFFFF] = state
         if len(self.sent) > 4096:
             self.sent.pop(next(iter(self.sent)))
@@ -300,12 +329,8 @@ class Soak:
             return
         kind = self.source.kinds.get(result.frame.sequence, "")  # an image may outlast its episode
         episode = self.episode("camera", now_s)
-        touched = self.touched[k] or (result.features is not None and result.features.touched)
-        known_later = (kind == "shift" and touched) or (
-            kind == "freeze" and episode is not None and now_s - episode.start_s < 2 * ANNOUNCED_S
-        )
-        if known_later:
-            self.outcome.counts[f"samples wrong, cannot be known yet ({kind})"] += 1
+        if kind == "freeze" and episode is not None and now_s - episode.start_s < 2 * ANNOUNCED_S:
+            self.outcome.counts["samples wrong, cannot be known yet (freeze)"] += 1
         else:
             by = (
                 f"{', '.join(f'{v:.2f}' for v in off)} mm (frame {k}, {kind or 'no fault'}, "
@@ -341,12 +366,6 @@ class Soak:
 
     def judge_announced(self, e: Episode, entry: Row) -> None:
         since_s = e.start_s
-        if e.kind == "shift":
-            i = bisect_left(self.untouched_s, e.start_s)
-            if i == len(self.untouched_s) or self.untouched_s[i] > e.end_s - ANNOUNCED_S:
-                entry.unseen += 1
-                return
-            since_s = max(e.start_s, self.untouched_s[i])
         if e.kind in LINK:  # nobody can know before something is to be sent
             i = bisect_left(self.refused_s, e.start_s)
             if i == len(self.refused_s) or self.refused_s[i] > e.end_s - ANNOUNCED_S:
@@ -490,14 +509,16 @@ class Process:
         """Send a signal: exit status, seconds that the end took, what was said."""
         assert self.process is not None
         assert self.process.stderr is not None
-        sent_s = time.monotonic()
-        self.process.send_signal(number)
+        handle = os.pidfd_open(self.process.pid)  # Popen.wait looks every 50 ms only
         try:
-            code = self.process.wait(patience_s)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
+            sent_s = time.monotonic()
+            self.process.send_signal(number)
+            if not select.select([handle], [], [], patience_s)[0]:
+                self.process.kill()
             code = self.process.wait()
-        took_s = time.monotonic() - sent_s
+            took_s = time.monotonic() - sent_s
+        finally:
+            os.close(handle)
         with self.process.stderr as pipe:
             words = pipe.read().decode(errors="replace")
         return code, took_s, words
@@ -602,6 +623,8 @@ def kill_while_uploading(outcome: Outcome, random: Random, folder: Path, at_the_
     with connect(again.address) as host:
         next(host.samples(timeout_s=60.0))
         used = host.finger(NODE).info().calibration_id
+    if _being_written(folder):
+        outcome.fail("kill -9 within an upload: what was written of it is still there after the next start")
     again.end(signal.SIGTERM)
     if used != f"{Calibration.parse(stored, 'stored').content_id:08x}":
         outcome.fail(f"kill -9 within an upload: afterwards calibration {used or 'none'} is used")

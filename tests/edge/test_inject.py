@@ -175,7 +175,7 @@ class Wire:
 )
 def test_links_refuse_within_the_episode_only(kind: str, error: type[Exception]) -> None:
     now, wire, refused = [0.5], Wire(), list[float]()
-    opener = faulty_medium(lambda: wire, [Episode(kind, 1.0, 1.0)], lambda: now[0], refused_s=refused)
+    opener = faulty_medium(lambda: wire, [Episode(kind, 1.0, 1.0)], lambda: now[0], refused=refused.append)
     medium = opener()
     medium.write(b"a")
     now[0] = 1.5
