@@ -36,7 +36,7 @@ def stored_calibration(state_dir: Path | None) -> Path | None:
 
 
 def clear_leftovers(state_dir: Path) -> None:
-    """Remove what uploads left that were cut off by a loss of power; at the start, before there is another."""
+    """Remove what uploads left that were cut off by a loss of power; at the start, before another one."""
     for path in state_dir.iterdir():
         if _UNFINISHED.fullmatch(path.name) and path.is_file() and not path.is_symlink():
             try:
