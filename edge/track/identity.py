@@ -61,6 +61,9 @@ ROOM = 0.5  # pitches; a free blob nearer to a matched one is no pin: real compr
 FULL_LEAD = 6.0  # pins ahead of the best rival
 CHANCE = 0.08  # free blobs in clumps a hole, where pins are missing and false blobs lie at random
 FULL_DOUBT = 6.0  # standard deviations above chance
+# Where hardly a blob is missing or false (share of all pins), holes beside as many free blobs are a match
+# that is wrong in part. Turned by 20 to 45 degrees, rings leave 0.14 of the pins so; a published frame 0.02.
+COUNTED, LEAST_TORN, FULL_TORN = 0.03, 0.08, 0.2
 LEAST_SHARE, FULL_SHARE = 0.38, 0.86  # of the pins agreeing
 SAME = 0.9  # share of a coarse match that makes it one that was tried
 SURE, FEW_CLASHES = 0.6, 2  # then the search ends
@@ -75,8 +78,9 @@ WHOLE = 0.8  # share of its neighbours that a pin must have, not to stand beside
 ISLAND = 8  # pins that must hang together to be believed
 EFFORT = 3.0  # pins, for a root-mean-square motion of one step
 # Pins, for a mean motion of one step round the tip's middle: what rings turned by one pin need, and what skin
-# held at its rim cannot do. In 150 published frames, twisted by up to 5 degrees, it is 0.15 steps at most.
-TURN = 40.0
+# held at its rim cannot do. In 150 published frames, twisted by up to 5 degrees, it is 0.15 steps at most:
+# a match that is turned further has no lead by needing less of it than its rival.
+TURN, TURNED = 40.0, 0.15
 GUESSED_SHARE = 0.9  # of all pins or blobs: then a guess that was grown needs no comparison with coarse fits
 GUESSED_EFFORT = 10.0  # pins; further or more turned from rest a guess has to stand the comparison
 WORTH_GROWING = 0.4  # share of the winner's agreeing pins that a rival has before it grows
@@ -99,6 +103,8 @@ class _Match:
     blob (n,), motion (n, 2) px, known (n,)   which blob each pin has, and whether it has one
     agree (n,)  known, and moving as its neighbours
     n_clash     pins without an agreeing blob, in clumps, that have a free blob near
+    n_torn      pins without an agreeing blob, where as many blobs are free and hardly one is missing or false
+    turn        mean motion round the tip's middle, steps
     effort      how far the pins moved, counted as so many pins lost: of two matches that are equally good,
                 the one that needs less motion
     """
@@ -108,6 +114,8 @@ class _Match:
     known: Mask
     agree: Mask
     n_clash: int
+    n_torn: int
+    turn: float
     effort: float
 
     @property
@@ -216,7 +224,7 @@ class Identifier:
             tried.append(found)
             if best is None or rival is None or found.score > best.score:
                 best, rival = found, other
-            sure = self._confidence(best, rival) > SURE and best.n_clash <= FEW_CLASHES
+            sure = min(self._lead(best, rival), self._soundness(best)) > SURE and best.n_clash <= FEW_CLASHES
             if k == 0 and guesses:
                 sure &= best.n_agree > GUESSED_SHARE * min(n, m) and best.effort < GUESSED_EFFORT
             if sure or n_grown >= MOST_GROWN:
@@ -224,19 +232,22 @@ class Identifier:
         assert best is not None
         assert rival is not None
         rivals = [rival, *(m for m in tried if m is not best and not m.holds(best.motion, best.agree))]
+        # What is mended explains itself: it makes a match sound, but puts it no further ahead.
+        lead = min(self._lead(best, other) for other in rivals)
         believed = self._believed(best)
         blob, good = mend(self._lattice, blob_xy, best.blob, believed)
         if np.count_nonzero(good) > np.count_nonzero(believed):
             best = self._mended(best, blob, good, blob_xy)
-        confidence = min(self._confidence(best, other) for other in rivals)
-        return Identity(np.where(good, blob, -1), best.n_agree, confidence)
+        return Identity(np.where(good, blob, -1), best.n_agree, min(lead, self._soundness(best)))
 
     def _mended(self, match: _Match, blob: Blob, good: Mask, blob_xy: Array) -> _Match:
         """The match with what was torn in one piece again: pins without a blob are what still clashes."""
         motion = blob_xy[blob] - self._rest_xy
         lost = len(good) - int(np.count_nonzero(good))
-        effort = self._effort(motion[good] / self._step_px[good, None], self._round[good])
-        return _Match(blob, motion, good, good, min(match.n_clash, lost), effort)
+        turn, effort = self._effort(motion[good] / self._step_px[good, None], self._round[good])
+        return _Match(
+            blob, motion, good, good, min(match.n_clash, lost), min(match.n_torn, lost), turn, effort
+        )
 
     def _starts(self, nearest: _Nearest, guesses: list[Array]) -> Iterator[tuple[Array, Mask]]:
         """Motion (n, 2) and the pins (n,) to grow from: guesses as they are, then coarse fits, best first."""
@@ -305,18 +316,29 @@ class Identifier:
         good[np.where(off[first] > off[second], first, second)] = False
         return good
 
-    def _confidence(self, best: _Match, rival: _Match) -> float:
-        """0..1 from the lead over the best rival and from the free blobs that ought to fill holes."""
+    def _lead(self, best: _Match, rival: _Match) -> float:
+        """0..1, from how far the match is ahead of this rival.
+
+        That it needs less motion makes up for a few pins, no more, and for none where it is turned further
+        than skin does turn.
+        """
+        most = 0.0 if abs(best.turn) > TURNED else FULL_LEAD
+        ease = min(rival.effort - best.effort, most)
+        lead = best.n_agree - rival.n_agree + (rival.n_clash - best.n_clash) / 2 + ease
+        return float(np.clip(lead / FULL_LEAD, 0, 1))
+
+    def _soundness(self, best: _Match) -> float:
+        """0..1, from the free blobs that ought to fill holes and the share of the pins that agree."""
         n = len(best.known)
         matched = best.n_agree / n
-        lead = best.n_agree - rival.n_agree + (rival.n_clash - best.n_clash) / 2 + rival.effort - best.effort
         # A sharp tool bends the skin more than an affine map follows: a few pins in one place disagree
         # though they are right. That is forgiven where nearly all the others agree.
         sharp = FORGIVEN * n * float(np.clip((matched - MOST) / (0.9 - MOST), 0, 1))
         expected = CHANCE * (n - best.n_agree)
         doubt = max(0.0, best.n_clash - expected - sharp) / np.sqrt(expected + 2)
         share = (matched - LEAST_SHARE) / (FULL_SHARE - LEAST_SHARE)
-        return float(np.clip(min(lead / FULL_LEAD, 1 - doubt / FULL_DOUBT, share), 0, 1))
+        whole = (FULL_TORN - best.n_torn / n) / (FULL_TORN - LEAST_TORN)
+        return float(np.clip(min(1 - doubt / FULL_DOUBT, share, whole), 0, 1))
 
     def _rival(self, nearest: _Nearest, best: _Match) -> _Match:
         """The best other match among those one lattice step away from this one."""
@@ -374,35 +396,39 @@ class Identifier:
         )
         return self._judge(nearest, blob, motion, known)
 
-    def _effort(self, steps: Array, round_: Array) -> float:
-        """What a motion takes, in pins: steps (k, 2) of those that agree, round_ the way round the tip there.
+    def _effort(self, steps: Array, round_: Array) -> tuple[float, float]:
+        """Turn, and what a motion takes, in pins.
 
+        steps (k, 2) of the pins that agree, round_ (k, 2) the way round the tip there
         The mean is taken off both: of a tip that is seen in part a shift is no turn.
         """
         if not len(steps):
-            return 0.0
+            return 0.0, 0.0
         round_ = round_ - round_.mean(0)
         turn = float(np.sum((steps - steps.mean(0)) * round_)) / max(float(np.sum(round_**2)), 1e-9)
-        return EFFORT * float(np.sqrt(np.mean(steps**2))) + TURN * turn**2
+        return turn, EFFORT * float(np.sqrt(np.mean(steps**2))) + TURN * turn**2
 
     def _judge(self, nearest: _Nearest, blob: Blob, motion: Array, known: Mask) -> _Match:
         """Count what speaks for a match, and what against it."""
         n = len(known)
         agree = self._lattice.disagreement(motion[None], known[None])[0] < AGREE * self._step_px
-        effort = self._effort(motion[agree] / self._step_px[agree, None], self._round[agree])
+        turn, effort = self._effort(motion[agree] / self._step_px[agree, None], self._round[agree])
         free = np.ones(len(nearest.xy), bool)
         free[blob[agree]] = False
+        n_free = int(np.count_nonzero(free))
+        counted = abs(len(free) - n) < COUNTED * n
+        n_torn = min(n - int(np.count_nonzero(agree)), n_free) if counted else 0
         ring = self._lattice.ring
         clump = ~agree & (2 * np.append(~agree, False)[ring].sum(1) >= (ring < n).sum(1))
         if not agree.any() or not free.any() or not clump.any():
-            return _Match(blob, motion, known, agree, 0, effort)
+            return _Match(blob, motion, known, agree, 0, n_torn, turn, effort)
         loose = nearest.xy[free]
         room = cdist(loose, nearest.xy[~free]).min(1) > ROOM * self._pitch_px
         expected, _, _ = self._lattice.predict(motion, agree)
         place = (self._rest_xy + expected)[clump]
         clash = cdist(loose[room], place) < CLASH * self._pitch_px
         n_clash = min(int(clash.any(0).sum()), int(clash.any(1).sum()))
-        return _Match(blob, motion, known, agree, n_clash, effort)
+        return _Match(blob, motion, known, agree, n_clash, n_torn, turn, effort)
 
 
 def _c_index(index: NDArray[np.intp]) -> Index:
