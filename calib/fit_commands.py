@@ -18,6 +18,7 @@ from calib.errors import TableError
 from calib.evaluate import evaluate
 from calib.extract import Extract, executor
 from calib.fit import Choice, fit
+from calib.targets import COLUMNS
 from edge.calibration import Calibration
 
 _PATH = click.Path(path_type=Path)
@@ -66,7 +67,12 @@ def fit_command(
     """
     if not output.parent.is_dir():
         raise TableError(f"{output.parent}: no such folder to write {output.name} to")
+    if output.is_dir():
+        raise TableError(f"{output}: a folder; name the calibration file to write")
     data = open_dataset(tables, folder, rest_image)
+    if data.targets.unread:
+        columns = ", ".join(data.targets.unread)
+        click.echo(f"not read: column {columns}; known are {', '.join(COLUMNS)}", err=True)
     calibration, choices = fit(
         data.rest,
         data.targets,

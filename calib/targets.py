@@ -44,6 +44,9 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "contact_depth": ("contact_depth_mm", "mm"),
 }
 _IMAGE = "sensor_image"
+#: By unit: no fingertip's truth lies beyond; a depth that never exceeds the least is not in mm.
+_MOST = {"mm": 100.0, "deg": 180.0, "N": 1000.0, "mm2": 1e4}
+_LEAST_DEPTH_MM = 0.05
 #: Of a capture's table; `pose_z` stands for the contact's depth too, as it is the tool's.
 _OF_CAPTURE: dict[str, str] = {
     "pose_z": "displacement_mm",
@@ -67,12 +70,14 @@ class Targets:
     frames  (n,) path of each frame
     values  calibrated value's name -> (n,) float64 in its unit; NaN where not known
     sha256  of the table's bytes
+    unread  columns of the table whose names mean nothing here
     """
 
     where: str
     frames: tuple[Path, ...]
     values: dict[str, Array]
     sha256: str
+    unread: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -81,7 +86,11 @@ class Targets:
         """Some of the rows, by index."""
         frames = tuple(self.frames[i] for i in chosen)
         return Targets(
-            self.where, frames, {k: v[np.asarray(chosen)] for k, v in self.values.items()}, self.sha256
+            self.where,
+            frames,
+            {k: v[np.asarray(chosen)] for k, v in self.values.items()},
+            self.sha256,
+            self.unread,
         )
 
 
@@ -121,11 +130,18 @@ def read_targets(table: str | Path, folder: str | Path) -> Targets:
             raise TableError(f"{at}: no frame {image or '(empty)'} in {folder}")
         frames.append(path)
         for name in known:
-            columns[name].append(_number(row[name], f"{at}, column {name}"))
+            unit = COLUMNS[name][1]
+            value = _number(row[name], f"{at}, column {name}")
+            if abs(value) > _MOST[unit]:
+                raise TableError(f"{at}, column {name}: {value:g} {unit} is not possible")
+            columns[name].append(value)
     if not frames:
         raise TableError(f"{table}: no rows")
+    if "pose_z" in columns and max(map(abs, columns["pose_z"])) < _LEAST_DEPTH_MM:
+        raise TableError(f"{table}: column pose_z never exceeds {_LEAST_DEPTH_MM} mm; its unit is mm")
     values = {COLUMNS[name][0]: np.array(column) for name, column in columns.items()}
-    return Targets(str(table), tuple(frames), values, hashlib.sha256(raw).hexdigest())
+    unknown = tuple(name for name in names if name not in COLUMNS and name != _IMAGE)
+    return Targets(str(table), tuple(frames), values, hashlib.sha256(raw).hexdigest(), unknown)
 
 
 def _number(text: str | None, where: str) -> float:

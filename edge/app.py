@@ -138,6 +138,7 @@ class App:
         self._commands: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._stop = Event()
         self._sample = 0
+        self._gaps_n = 0  # in the frames' numbers, since the start
         self._beat_due_ns = 0
         self._garbage_due_ns = clock_ns() + round(GARBAGE_S * 1e9)
         self._begun_ns: int | None = None  # when the frame in hand was taken up
@@ -313,7 +314,9 @@ class App:
         begun_ns = self._clock_ns()
         s = self._statistics
         s.frames_n += 1
-        s.lost_by_camera_n += self._faults.order(frame, begun_ns)
+        self._gaps_n += self._faults.order(frame, begun_ns)
+        # A frame that gave way to a newer one leaves a gap too, but did not get lost on its way here.
+        s.lost_by_camera_n = max(s.lost_by_camera_n, self._gaps_n - self.source.dropped_n)
         self._faults.camera()
         self.frame = frame
         self._faults.image(frame)
@@ -471,6 +474,10 @@ class App:
                 raise
             self.health.report(FaultCode.CALIBRATION_FOREIGN, True, str(error))
             self._refuse_tare(str(error))
+            if self.pipeline is not None and self.pipeline.calibration is not self.calibration:
+                self.pipeline.calibration = None  # the file before it was put away; its values are not these
+                    None  # the file before it was put away: its values are not this one's
+                )
         else:
             before = len(self.pipeline.rest) if self.pipeline else 0
             if len(rest) < PINS_KEPT_SHARE * before:

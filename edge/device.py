@@ -15,6 +15,7 @@ from pathlib import Path
 
 from edge.app import App
 from edge.calibration import Calibration
+from edge.errors import CalibrationError
 from edge.node import Refused
 from edge.types import Clock, Feature
 from hostlink.wire import FaultCode
@@ -101,6 +102,11 @@ class AppDevice:
         Raises  CalibrationError: not usable; OSError: cannot be stored. Either way nothing has changed.
         """
         calibration = Calibration.parse(data, "upload")
+        pipeline, made_at = self._app.pipeline, calibration.rest.pattern.size_px
+        if pipeline is not None and made_at != (size := pipeline.rest.pattern.size_px):
+            raise CalibrationError(
+                f"upload: made at {made_at[0]}x{made_at[1]}, the camera gives {size[0]}x{size[1]}"
+            )
         if self._state_dir is not None:
             calibration.save(self._state_dir / "calibration.json")
         self._app.post(lambda: self._app.set_calibration(calibration))

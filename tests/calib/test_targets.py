@@ -114,3 +114,15 @@ def test_joined_tables_know_what_their_parts_know() -> None:
     assert len(both) == 2
     np.testing.assert_array_equal(both.values["force_n"], [np.nan, 1.0])
     assert both.where == "a, b"
+
+
+def test_numbers_that_no_fingertip_gives_and_columns_that_nobody_reads(tmp_path: Path) -> None:
+    (tmp_path / "a.png").touch()
+    table = write(tmp_path, "sensor_image,pose_z,posez\na.png,1e300,1\n")
+    with pytest.raises(TableError, match=r"row 2, column pose_z: 1e\+300 mm is not possible"):
+        read_targets(table, tmp_path)
+    table = write(tmp_path, "sensor_image,pose_z\na.png,0.0025\n")  # metres
+    with pytest.raises(TableError, match=r"pose_z never exceeds 0\.05 mm; its unit is mm"):
+        read_targets(table, tmp_path)
+    table = write(tmp_path, "sensor_image,pose_z,posez\na.png,2.5,1\n")
+    assert read_targets(table, tmp_path).unread == ("posez",)

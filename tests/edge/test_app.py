@@ -22,6 +22,8 @@ import pytest
 
 from edge.app import BEAT_S, App
 from edge.calibration import Calibration
+from edge.device import AppDevice
+from edge.errors import CalibrationError
 from edge.health import Health, Vitals
 from edge.inject import _PICTURES
 from edge.sources import open_source
@@ -265,6 +267,9 @@ def test_skipped_frames_are_told_with_the_next_sample(finger: Finger) -> None:
     finger.camera.dropped_n = 2  # taken from the queue by newer ones
     assert Status.FRAMES_DROPPED in finger.see(rest).status
     assert finger.app.statistics().lost_by_camera_n == 3
+    finger.camera.dropped_n = 4  # these leave a gap in the numbers, and count once
+    assert Status.FRAMES_DROPPED in finger.see(rest, skip=4).status
+    assert finger.app.statistics().lost_by_camera_n == 3
 
 
 def test_overload(frames: list[Frame], calibration: Calibration) -> None:
@@ -293,6 +298,22 @@ def test_a_foreign_calibration_is_refused_in_words(frames: list[Frame], calibrat
     assert FaultCode.CALIBRATION_FOREIGN in finger.faults
     assert "320x320" in finger.health.active[FaultCode.CALIBRATION_FOREIGN]
     assert Status.UNCALIBRATED in finger.see(turned[0].image).status
+
+
+def test_a_foreign_calibration_ends_the_values_of_the_one_before(
+    finger: Finger, data_dir: Path, tmp_path: Path
+) -> None:
+    foreign = Calibration.load(data_dir / "hex127_flat.json")
+    device = AppDevice(finger.app, "T-1", tmp_path)
+    with pytest.raises(CalibrationError, match="made at 280x210, the camera gives 320x320"):
+        device.upload_calibration(foreign.encoded)
+    assert not list(tmp_path.iterdir())
+    finger.app.set_calibration(foreign)  # as an upload for another tip that looks alike
+    for k in range(8):
+        finger.see(finger.frames[k].image)
+    state = finger.see(finger.frames[20].image)
+    assert Status.UNCALIBRATED in state.status
+    assert math.isnan(state.displacement_mm)
 
 
 def test_a_tare_under_way_of_a_press_is_implausible_and_keeps_the_old_one(finger: Finger) -> None:
