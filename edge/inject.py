@@ -77,7 +77,7 @@ CAMERA = (
 LINK = ("down", "full", "bus off", "noise")
 BOARD = ("hot", "disk")
 
-LEAST_S, MOST_S = 0.3, 1.5  # how long an episode lasts; `full` is announced after 0.25 s at the earliest
+LENGTH_S = (0.3, 1.5)  # of an episode: three times what may pass until it is announced, and more
 PAUSE_S = (0.5, 2.0)  # between two episodes of one row
 SHIFT_PX = (0.2, -0.15)  # in pitches of a tip with 331 pins at 320 px: 2.4 px
 BLUR_PX = 4.0
@@ -103,10 +103,19 @@ class Episode:
         return self.start_s + self.length_s
 
 
-def schedule(seed: int, seconds: float, kinds: Sequence[str], start_s: float = 0.0) -> list[Episode]:
+def schedule(
+    seed: int,
+    seconds: float,
+    kinds: Sequence[str],
+    start_s: float = 0.0,
+    *,
+    length_s: tuple[float, float] = LENGTH_S,
+    pause_s: tuple[float, float] = PAUSE_S,
+) -> list[Episode]:
     """Episodes one after the other, never two at once, each kind as often as the others.
 
-    start_s  when the first may begin
+    start_s            when the first may begin
+    length_s, pause_s  least and most, of an episode and between two
     """
     random = Random(seed)
     episodes: list[Episode] = []
@@ -114,12 +123,12 @@ def schedule(seed: int, seconds: float, kinds: Sequence[str], start_s: float = 0
     while True:
         if not bag:
             bag = random.sample(list(kinds), len(kinds))
-        now += random.uniform(*PAUSE_S)
-        length_s = random.uniform(LEAST_S, MOST_S)
-        if now + length_s > seconds:
+        now += random.uniform(*pause_s)
+        lasts_s = random.uniform(*length_s)
+        if now + lasts_s > seconds:
             return episodes
-        episodes.append(Episode(bag.pop(), now, length_s))
-        now += length_s
+        episodes.append(Episode(bag.pop(), now, lasts_s))
+        now += lasts_s
 
 
 class _Row:

@@ -66,7 +66,9 @@ from edge.inject import (
     BOARD,
     CAMERA,
     EXPECTED,
+    LENGTH_S,
     LINK,
+    PAUSE_S,
     Episode,
     FaultyBoard,
     FaultySource,
@@ -102,6 +104,7 @@ UNUSABLE = (
     Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST | Status.TARE_FAULT
     | Status.CAMERA_MOVED | Status.CLOCK_STEP
 )  # fmt: skip
+BRISK_S = (0.3, 0.5)  # episodes and pauses of a short run
 VALUES = ("displacement_mm", "shear_x_mm", "shear_y_mm")
 
 
@@ -249,7 +252,7 @@ def undisturbed(scene: SceneSource, calibration: Calibration) -> np.ndarray:
 class Soak:
     """One finger in this process, failing."""
 
-    def __init__(self, outcome: Outcome, rate_hz: float) -> None:
+    def __init__(self, outcome: Outcome, rate_hz: float, brisk: bool = False) -> None:
         self.outcome = outcome
         self.metronome, self.heartbeat = Metronome(), Heartbeat(outcome.seconds)
         self.calibration = Calibration.load(CALIBRATION)
@@ -258,8 +261,10 @@ class Soak:
         kept = SceneSource(scene._simulator, "tour", keep=True)  # rendered once, in memory
         self.truth = undisturbed(kept, self.calibration)
         self.started_s: float | None = None
+        length_s, pause_s = (BRISK_S, BRISK_S) if brisk else (LENGTH_S, PAUSE_S)
+        until_s = outcome.seconds - 2.0
         self.rows: dict[str, list[Episode]] = {
-            name: schedule(outcome.seed * 10 + i, outcome.seconds - 2.0, kinds)
+            name: schedule(outcome.seed * 10 + i, until_s, kinds, length_s=length_s, pause_s=pause_s)
             for i, (name, kinds) in enumerate((("camera", CAMERA), ("link", LINK), ("board", BOARD)))
         }
         self.source = FaultySource(
@@ -663,12 +668,22 @@ def _endings(outcome: Outcome, every_s: float, until: threading.Event) -> None:
                 return
 
 
-def soak(seconds: float, seed: int = 1, rate_hz: float = 60.0, endings_every_s: float = 120.0) -> Outcome:
-    """Run, judge, and tell. endings_every_s: 0 leaves the processes that end out."""
+def soak(
+    seconds: float,
+    seed: int = 1,
+    rate_hz: float = 60.0,
+    endings_every_s: float = 120.0,
+    brisk: bool = False,
+) -> Outcome:
+    """Run, judge, and tell.
+
+    endings_every_s  0 leaves the processes that end out
+    brisk            short episodes and pauses: as many faults in less than half of the time
+    """
     cv2.setNumThreads(1)
     outcome = Outcome(seconds, seed)
     with ExitStack() as stack:
-        run = Soak(outcome, rate_hz)
+        run = Soak(outcome, rate_hz, brisk)
         stack.callback(run.close)
         run.start()
         over = threading.Event()

@@ -16,9 +16,8 @@ from edge.inject import (
     BOARD,
     CAMERA,
     EXPECTED,
-    LEAST_S,
+    LENGTH_S,
     LINK,
-    MOST_S,
     PAUSE_S,
     Episode,
     FaultyBoard,
@@ -38,7 +37,7 @@ def test_a_schedule_is_seeded_ordered_and_fair(seed: int, seconds: float, kinds:
     assert episodes == schedule(seed, seconds, kinds)
     for a, b in pairwise(episodes):
         assert b.start_s - a.end_s >= PAUSE_S[0]
-    assert all(LEAST_S <= e.length_s <= MOST_S and e.end_s <= seconds for e in episodes)
+    assert all(LENGTH_S[0] <= e.length_s <= LENGTH_S[1] and e.end_s <= seconds for e in episodes)
     counts = [sum(e.kind == kind for e in episodes) for kind in kinds]
     assert max(counts) - min(counts) <= 1
 
