@@ -475,9 +475,7 @@ class App:
             self.health.report(FaultCode.CALIBRATION_FOREIGN, True, str(error))
             self._refuse_tare(str(error))
             if self.pipeline is not None and self.pipeline.calibration is not self.calibration:
-                self.pipeline.calibration = None  # the file before it was put away; its values are not these
-                    None  # the file before it was put away: its values are not this one's
-                )
+                self.pipeline.calibration = None  # the file before it was put away, its values too
         else:
             before = len(self.pipeline.rest) if self.pipeline else 0
             if len(rest) < PINS_KEPT_SHARE * before:
