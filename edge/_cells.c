@@ -677,26 +677,19 @@ static int get_doubles(PyObject *object, Py_buffer *view, Py_ssize_t n, int flag
 #define WIDE
 #endif
 
-/* sum += row . points, x and y; four sums of each, that do not wait for each other */
-static void add_dot(const double *row, const double *points, Py_ssize_t n, double sum[2])
+/* Four sums, that do not wait for each other. */
+static double dot(const double *a, const double *b, Py_ssize_t n)
 {
-    double x[4] = {0}, y[4] = {0};
+    double sum[4] = {0};
     Py_ssize_t i = 0;
     for (; i + 4 <= n; i += 4)
-        for (int k = 0; k < 4; k++) {
-            x[k] += row[i + k] * points[2 * (i + k)];
-            y[k] += row[i + k] * points[2 * (i + k) + 1];
-        }
-    for (; i < n; i++) {
-        x[0] += row[i] * points[2 * i];
-        y[0] += row[i] * points[2 * i + 1];
-    }
-    sum[0] += (x[0] + x[1]) + (x[2] + x[3]);
-    sum[1] += (y[0] + y[1]) + (y[2] + y[3]);
+        for (int k = 0; k < 4; k++) sum[k] += a[i + k] * b[i + k];
+    for (; i < n; i++) sum[0] += a[i] * b[i];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
-/* The n pins into `points`, lost ones where the least bending puts them: see edge.tessellate.lost. One pin's
- * motion is taken out, so that a far origin costs no digits. */
+/* The n pins into `points`, lost ones where the others make them most likely to be: see edge.tessellate.lost. One
+ * pin's motion is taken out, so that a far origin costs no digits. */
 static void fill_lost(const double *xy, const double *rest, Py_ssize_t n, const int32_t *lost, Py_ssize_t m,
                       const double *rows, const double *inverse, double *right, double *points)
 {
@@ -705,15 +698,11 @@ static void fill_lost(const double *xy, const double *rest, Py_ssize_t n, const 
     const double shift[2] = {xy[2 * first] - rest[2 * first], xy[2 * first + 1] - rest[2 * first + 1]};
     for (Py_ssize_t i = 0; i < 2 * n; i++) points[i] = xy[i] - rest[i] - shift[i & 1];
     for (Py_ssize_t l = 0; l < m; l++) points[2 * lost[l]] = points[2 * lost[l] + 1] = 0.0;
-    for (Py_ssize_t l = 0; l < m; l++) {
-        right[2 * l] = right[2 * l + 1] = 0.0;
-        add_dot(rows + l * n, points, n, right + 2 * l);
-    }
+    for (Py_ssize_t l = 0; l < 2 * m; l++) right[l] = dot(rows + l * 2 * n, points, 2 * n);
     memcpy(points, xy, (size_t)(2 * n) * sizeof(double));
-    for (Py_ssize_t l = 0; l < m; l++) {
-        double bend[2] = {0.0, 0.0};
-        add_dot(inverse + l * m, right, m, bend);
-        for (int c = 0; c < 2; c++) points[2 * lost[l] + c] = rest[2 * lost[l] + c] + shift[c] - bend[c];
+    for (Py_ssize_t l = 0; l < 2 * m; l++) {
+        const Py_ssize_t at = 2 * lost[l / 2] + (l & 1);
+        points[at] = rest[at] + shift[l & 1] - dot(inverse + l * 2 * m, right, 2 * m);
     }
 }
 
@@ -760,8 +749,8 @@ static PyObject *place(PyObject *self, PyObject *args)
     double *scratch = weights ? take(&a, o[5], 'd', 2 * b, 1, "scratch") : NULL;
     const int32_t *lost = scratch ? take(&a, o[6], 'i', -1, 0, "lost") : NULL;
     const Py_ssize_t m = lost ? count(&a) : 0;
-    const double *rows = lost ? take(&a, o[7], 'd', m * n, 0, "rows") : NULL;
-    const double *inverse = rows ? take(&a, o[8], 'd', m * m, 0, "inverse") : NULL;
+    const double *rows = lost ? take(&a, o[7], 'd', 4 * m * n, 0, "rows") : NULL;
+    const double *inverse = rows ? take(&a, o[8], 'd', 4 * m * m, 0, "inverse") : NULL;
     double *points = inverse ? take(&a, o[9], 'd', 2 * (n + b), 1, "points") : NULL;
     if (!points) goto done;
     int sound = n > m && r > 0;

@@ -195,6 +195,8 @@ class Cells:
     xy_img         (n, 2) float64 px; the points tessellated: seen pins, and predictions for lost ones
     triangles      (m, 3) int32; Delaunay triangles that touch a pin; indices >= n are boundary points
     boundary_img   (b, 2) float64 px; the artificial points of the paper, moving with the rim
+    whole_px2      (n,) float64; as `area_px2`, with a lost pin's cell as it is where the pin is predicted;
+                   None: no pin is lost
     """
 
     area_px2: Array
@@ -202,6 +204,7 @@ class Cells:
     xy_img: Array
     triangles: Index
     boundary_img: Array
+    whole_px2: Array | None = None
 
 
 class Feature(StrEnum):

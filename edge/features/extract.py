@@ -11,9 +11,9 @@ Rules
 - Without cells nothing that comes from areas can be given: it stays None, area change all NaN.
 - State: the gate's bit and learnt noise, and the last frame's motion for slip. Nothing else depends on
   the frame before.
-- A lost pin counts as where its neighbours say it is (`Cells.xy_img`), in the modes and in the mean motion
-  too: a polynomial through the seen pins alone is another one, and a model of many terms makes 0.25 mm of
-  depth of the difference (331 simulated pins, 30 % dark; 0.06 mm so).
+- A lost pin counts as where the seen ones say it is (`Cells.xy_img`), and its cell as it is there. In the
+  modes and in the mean motion too: a polynomial through the seen pins alone is another one, and a model of
+  many terms makes 0.25 mm of depth of the difference (331 simulated pins, 30 % dark; 0.06 mm so).
 - Lengths in px of the image, areas as a share of the cell at rest: `calibration` knows millimetres.
 """
 
@@ -144,15 +144,21 @@ class FeatureExtractor:
             motion,
         )
         sigma = self._gate.sigma_px(now_px)
+        filled = cells is not None and max(FILL_LEAST * len(seen), 1) <= seen_n < len(seen)
         if cells is None:
             change = np.full(len(motion), np.nan)
             touched = self._gate.touched_by_motion(motion, seen, sigma)
         else:
             change = cells.area_px2 * self._inverse_area - 1.0
+            grown = (
+                cells.whole_px2 * self._inverse_area - 1.0
+                if filled and cells.whole_px2 is not None
+                else change
+            )
             xy = np.ascontiguousarray(cells.xy_img)
-            touched = self._gate.touched_by_area(change, xy, sigma)
+            touched = self._gate.touched_by_area(grown, xy, sigma)
         whole, known = motion, seen
-        if cells is not None and FILL_LEAST * len(seen) <= seen_n < len(seen) and seen_n:
+        if cells is not None and filled:
             whole, known = cells.xy_img - self._xy_rest, self._everyone
             mean_x, mean_y = whole.mean(axis=0).tolist()
         shear = np.array([mean_x, mean_y]) if plan.shear else None
@@ -178,7 +184,7 @@ class FeatureExtractor:
         noise = self._gate.cell_noise(sigma)
         if cells is not None and (plan.volume or plan.surface or plan.contacts):
             surface = self.surface
-            growth, heights, pressed = surface.rise(change, xy, VOLUME_THRESHOLD * noise)
+            growth, heights, pressed = surface.rise(grown, xy, VOLUME_THRESHOLD * noise)
             if plan.volume:
                 volume = pressed
             if plan.surface:

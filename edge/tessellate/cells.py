@@ -77,8 +77,10 @@ class Tessellator:
         if changes != self._changes:
             self._triangles = np.frombuffer(self._mesh.triangles(), dtype=np.int32).reshape(-1, 3)
             self._changes = changes
-        lost = gap[0]
+        lost, whole = gap[0], None
         if len(lost):
+            whole = area
+            area = area.copy()
             area[lost] = np.nan
         return Cells(
             area_px2=area,
@@ -86,6 +88,7 @@ class Tessellator:
             xy_img=points[:n],
             triangles=self._triangles,
             boundary_img=points[n : n + self._n_boundary],
+            whole_px2=whole,
         )
 
 

@@ -165,6 +165,23 @@ def test_a_third_of_the_pins_lost_changes_little() -> None:
     np.testing.assert_allclose(half.shear_px, full.shear_px, atol=0.25)
 
 
+def test_a_probe_under_lost_pins_is_felt() -> None:
+    """The cells that grow are those of the lost pins; the seen ones round them have only moved."""
+    rest = tip(127)
+    xy = rest.xy_img + push(rest, (0.0, 0.0), 0.7 * rest.pattern.pitch_px, 0.2)
+    seen = np.ones(127, dtype=np.bool_)
+    seen[np.argsort(np.hypot(*(rest.xy_img - CENTRE).T))[:4]] = False
+    gone = np.where(seen, 0.0, np.nan)
+    tracks = Tracks(xy + gone[:, None], gone + 0.05, seen, 1.0)
+    tessellator = Tessellator(rest)
+    cells = tessellator.cells(tracks)
+    got = FeatureExtractor(rest, tessellator.rest_area_px2).extract(tracks, cells, ALL)
+    assert got.touched
+    assert got.contacts is not None
+    assert len(got.contacts) == 1
+    assert np.hypot(*(got.contacts[0].xy_img - CENTRE)) < 0.25 * rest.pattern.pitch_px
+
+
 def test_all_pins_lost_is_survived() -> None:
     rest = tip(127)
     made = extractor(rest)

@@ -229,6 +229,28 @@ def test_lost_pins_under_load_leave_their_neighbours_alone(tip: str) -> None:
     assert np.hypot(*(cells.xy_img - now)[lost].T).max() <= 0.1 * PITCH_PX
 
 
+def test_lost_pins_are_where_a_press_pushes_them() -> None:
+    """Along the gradient of a potential: a surface through each component is off by 0.4 px."""
+    rest, rng = hexagonal(), np.random.default_rng(8)
+    from_place = rest - CENTRE - np.array([1.2, 0.7]) * PITCH_PX
+    far2 = (from_place**2).sum(axis=1, keepdims=True) / PITCH_PX**2
+    now = rest + 0.5 * from_place * np.exp(-far2 / 4.0)
+    error = []
+    for _ in range(10):
+        lost = rng.random(len(rest)) < 0.3
+        cells = cells_of(rest, np.where(lost[:, None], np.nan, now))
+        error.append(np.mean((cells.xy_img - now)[lost] ** 2))
+        assert cells.whole_px2 is not None
+        np.testing.assert_array_equal(cells.whole_px2[~lost], cells.area_px2[~lost])
+        assert np.isnan(cells.area_px2[lost]).all()
+    true = cells_of(rest, now)
+    assert true.whole_px2 is None
+    off = (cells.whole_px2 - true.area_px2)[lost] / true.rest_area_px2[lost]
+    grown = (true.area_px2 / true.rest_area_px2 - 1.0)[lost]
+    assert np.sqrt(np.mean(error)) < 0.1
+    assert np.sqrt(np.mean(off**2)) < 0.3 * np.sqrt(np.mean(grown**2))
+
+
 def test_a_lost_pin_follows_an_affine_motion_exactly() -> None:
     rest = hexagonal()
     now = moved(rest, 0.2, 1.1, 40.0)

@@ -140,7 +140,10 @@ class FeatureExtractor:
             touched = self._gate.touched_by_motion(motion, seen, sigma)
         else:
             change = cells.area_px2 * self._inverse_area - 1.0
-            touched = self._gate.touched_by_area(change, cells.xy_img, sigma)
+            grown = change
+            if cells.whole_px2 is not None and tracks.n_seen >= FILL_LEAST * len(seen):
+                grown = cells.whole_px2 * self._inverse_area - 1.0
+            touched = self._gate.touched_by_area(grown, cells.xy_img, sigma)
         whole = motion if cells is None else cells.xy_img - self._xy_rest
         filled = cells is not None and tracks.n_seen >= FILL_LEAST * len(seen)
         known = np.ones_like(seen) if filled else seen
@@ -168,7 +171,7 @@ class FeatureExtractor:
         noise = self._gate.cell_noise(sigma)
         if cells is not None and (plan.volume or plan.surface or plan.contacts):
             surface = self.surface
-            growth = surface.fill(change, whole)
+            growth = surface.fill(grown, whole)
             heights = surface.heights(growth)
             if plan.volume:
                 volume = surface.volume_px2(heights, VOLUME_THRESHOLD * noise)
