@@ -82,6 +82,4 @@ def open_sim(where: str, options: Options) -> FrameSource:
     source = SceneSource(simulator, scene, keep=paced)
     if not paced:
         return source
-    live = Paced(source, simulator.rate_hz, loop=True)
-    live.start()
-    return live
+    return Paced(source, simulator.rate_hz, loop=True)
