@@ -60,7 +60,7 @@ extern "C" {
 #define VT_FAULT_IMAGE_DARK              3u             /* image too dark: light failed or exposure too short */
 #define VT_FAULT_IMAGE_BRIGHT            4u             /* image overexposed: stray light or exposure too long */
 #define VT_FAULT_IMAGE_BLURRED           5u             /* image out of focus, or the lens is dirty */
-#define VT_FAULT_CAMERA_MOVED            6u             /* pins at rest are not where the rest frame has them */
+#define VT_FAULT_CAMERA_MOVED            6u             /* pins at rest are not where the rest frame has them, or all took the same step */
 #define VT_FAULT_PINS_LOST               7u             /* too few pins are seen: skin torn, covered or flooded with light */
 #define VT_FAULT_TRACKER_LOST            8u             /* pins are seen but which is which is not known */
 #define VT_FAULT_CALIBRATION_MISSING     9u             /* no calibration file */
