@@ -416,7 +416,7 @@ def _app(
         notifier=notifier,
     )
     health.listeners.append(FaultLog(health, notifier.status))
-    vitals.storage.append(app.recording_trouble)
+    vitals.storage.append(app.recorded.trouble)
     device = AppDevice(app, config.sensor.serial, state_dir)
     settings = SettingsFile(
         state_dir / "settings.json" if state_dir else None,

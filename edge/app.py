@@ -28,7 +28,7 @@ from concurrent.futures import Future
 from dataclasses import replace
 from math import nan
 from threading import Event
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -40,6 +40,7 @@ from edge.health import Health, Vitals
 from edge.notify import Notifier
 from edge.pack import to_state
 from edge.pipeline import Pipeline, Result, tare
+from edge.recorded import Recorded
 from edge.statistics import Ring, Statistics
 from edge.transport import Sink
 from edge.types import Clock, Feature, Frame, FrameSource, Reading
@@ -53,7 +54,6 @@ STEADY_PX = 0.5  # largest motion of the pins while the rest frame is taken
 DRAIN_S = 1.0  # how long a recording waits for a link that takes nothing
 PINS_KEPT_SHARE = 0.9  # a new rest frame with fewer pins than this share of the old one's is implausible
 WAIT_S = 0.02  # longest wait for an image before faults and commands are looked at
-SLOW_DISK_S = 1.0  # without loss, and a recording counts as whole again
 BEAT_S = 0.05  # samples without images: "the slow rate" of the fault table
 LATE_NS = 2_000_000_000  # an image older than this, or from the future, is stamped by another clock than ours
 GARBAGE_S = 60.0  # what other threads leave in cycles (viewers, requests) is collected this often
@@ -61,24 +61,6 @@ _NOTHING = np.empty((0, 3))
 
 #: Somebody who wants to see results: viewer, detail stream, summary. Must return at once.
 Watcher = Callable[[Result, State], None]
-
-
-class Recording(Protocol):
-    """A recorder as the loop sees it. Must return at once.
-
-    fault      why nothing is recorded any more
-    dropped_n  messages that were lost, because the disk is too slow
-    """
-
-    @property
-    def fault(self) -> str | None: ...
-
-    @property
-    def dropped_n(self) -> int: ...
-
-    def take(self, frame: Frame, result: Result | None, state: State) -> None: ...
-
-    def event(self, level: str, text: str) -> None: ...
 
 
 class App:
@@ -118,9 +100,9 @@ class App:
         self.calibration = calibration
         self.demand = demand
         self.health = health or Health()
+        self.recorded = Recorded(self.health)
         self.watchers: list[Watcher] = []
         self.turns: list[Callable[[], None]] = []
-        self.recorder: Recording | None = None
         self.pipeline: Pipeline | None = None
         self.drift: Drift | None = None
         self.last: Result | None = None
@@ -132,7 +114,6 @@ class App:
         self._clock_ns = clock_ns
         self._faults = Faults(source, self.health, load_pitches, clock_ns)
         self._drift_px = drift_px
-        self._recording = ("", 0, 0.0)  # why it ended; messages lost so far, and until when to say so
         self._tare_frames = tare_frames
         self._steady_px = steady_px
         self._commands: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
@@ -147,7 +128,6 @@ class App:
         self._compute_us, self._latency_us, self._held = Ring(), Ring(), Ring()
         self._started_s = 0.0
         self._taring: list[Frame] | None = []
-        self.health.listeners.append(self._note)
         if calibration is None:
             self.health.report(FaultCode.CALIBRATION_MISSING, True, NO_CALIBRATION)
 
@@ -226,11 +206,6 @@ class App:
     def _set_demand(self) -> None:
         if self.pipeline is not None:
             self.pipeline.demand = self.demand | self._shown
-
-    def set_recorder(self, recorder: Recording | None) -> Recording | None:
-        """Record from the next frame on, or no more; the recorder until now, for the caller to close."""
-        before, self.recorder = self.recorder, recorder
-        return before
 
     def set_calibration(self, calibration: Calibration) -> None:
         """Use another calibration; it must belong to this tip, so the rest frame is taken anew with it."""
@@ -330,8 +305,7 @@ class App:
         state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)
         self._latency_us.add((self._clock_ns() - since_ns) / 1e3)
         self._notifier.frame()
-        if self.recorder is not None:
-            self._take(self.recorder, frame, result, state)
+        self.recorded.take(frame, result, state)
         if result is not None:
             self.last = result
             for watch in list(self.watchers):
@@ -370,37 +344,6 @@ class App:
             except Exception:
                 log.exception("a viewer failed and is not told any more")
                 self.turns.remove(turn)
-
-    def _take(self, recorder: Recording, frame: Frame, result: Result | None, state: State) -> None:
-        """A recorder that fails loses its recording, never the loop."""
-        try:
-            recorder.take(frame, result, state)
-        except Exception as error:
-            log.exception("recording ends here")
-            self.recorder = None
-            self._recording = (f"recording: {error}", 0, 0.0)
-            self.health.report(FaultCode.DISK_FULL, True, self._recording[0])
-
-    def recording_trouble(self) -> str:
-        """Empty, or why the recording has holes or has ended: for `Vitals`."""
-        recorder, (ended, dropped_n, until_s) = self.recorder, self._recording
-        if recorder is None:
-            return ended
-        if recorder.fault is not None:
-            return f"recording: {recorder.fault}"
-        now_s = time.monotonic()
-        if recorder.dropped_n != dropped_n:
-            until_s = now_s + SLOW_DISK_S
-        self._recording = ("", recorder.dropped_n, until_s)
-        return "recording: the disk is too slow" if now_s < until_s else ""
-
-    def _note(self, code: FaultCode, active: bool, words: str) -> None:
-        """A fault came or went: a line in the recording."""
-        recorder = self.recorder
-        if recorder is not None:
-            recorder.event(
-                "warning" if active else "info", f"{code.name} {'on' if active else 'off'}: {words}"
-            )
 
     def _measure_safely(self, frame: Frame) -> Result | None:
         """No image, whatever it shows, ends the loop: what cannot be computed is a lost tracker."""

@@ -69,7 +69,7 @@ _MEANING = {fault.code: fault.meaning for fault in FAULTS}
 
 
 class Aside:
-    """Viewers and recorder of an app; the app's recorder where there is one (`edge.app.Recording`).
+    """Viewers and recorder of an app; the app's recorder where there is one (`edge.recorded.Recording`).
 
     listen      where the live page is served; None: no page
     record      a file to record from the first frame on; None: none
@@ -136,9 +136,9 @@ class Aside:
         for calls, ours in ((app.watchers, self.watch), (app.turns, self.turn)):
             if ours in calls:
                 calls.remove(ours)  # type: ignore[arg-type]
-        recording = app.recorder is self
+        recording = app.recorded.recorder is self
         if recording:
-            app.set_recorder(None)
+            app.recorded.recorder = None
         with self._sending:
             outbox, self._outbox = self._outbox, None
             if outbox is not None:
@@ -230,12 +230,12 @@ class Aside:
         self._heard = Recorded()
         self._lost_n = self._lost_told_n = 0
         self._broken = None
-        self._app.set_recorder(self)
+        self._app.recorded.recorder = self
 
     def _starve(self) -> None:
         """Record no more."""
-        if self._app.recorder is self:
-            self._app.set_recorder(None)
+        if self._app.recorded.recorder is self:
+            self._app.recorded.recorder = None
         self._put(Fed())
 
     # ---- as a recorder ------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ __all__ = ["Tape"]
 
 
 class Tape:
-    """A recorder as the loop sees it (`edge.app.Recording`), in the process that it is used in."""
+    """A recorder as the loop sees it (`edge.recorded.Recording`), in the process that it is used in."""
 
     def __init__(self, recorder: Recorder) -> None:
         self.recorder = recorder

@@ -471,14 +471,14 @@ class Recorder:
 
 def test_a_recorder_s_trouble_is_told(finger: Finger) -> None:
     recorder: Any = Recorder()
-    finger.app.recorder = recorder
-    assert finger.app.recording_trouble() == ""
+    finger.app.recorded.recorder = recorder
+    assert finger.app.recorded.trouble() == ""
     recorder.dropped_n = 5
-    assert "too slow" in finger.app.recording_trouble()
+    assert "too slow" in finger.app.recorded.trouble()
     recorder.fault = "no space left"
-    assert "no space left" in finger.app.recording_trouble()
-    finger.app.recorder = None
-    assert finger.app.recording_trouble() == ""
+    assert "no space left" in finger.app.recorded.trouble()
+    finger.app.recorded.recorder = None
+    assert finger.app.recorded.trouble() == ""
 
 
 def test_a_recorder_that_breaks_costs_the_recording_alone(finger: Finger) -> None:
@@ -487,9 +487,9 @@ def test_a_recorder_that_breaks_costs_the_recording_alone(finger: Finger) -> Non
             raise OSError("gone")
 
     broken: Any = Broken()
-    finger.app.recorder = broken
+    finger.app.recorded.recorder = broken
     assert measured(finger.see(finger.frames[20].image))
-    assert finger.app.recorder is None
+    assert finger.app.recorded.recorder is None
     assert finger.faults == {FaultCode.DISK_FULL}
 
 

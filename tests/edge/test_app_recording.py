@@ -35,7 +35,7 @@ def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
             Calibration.load(data_dir / "rings331_ball.json"),
         )
         with Recorder(path, rate_hz=60) as recorder:
-            app.recorder = Tape(recorder)
+            app.recorded.recorder = Tape(recorder)
             app.run()
         sink.close()
         while (message := bus.recv(0.5)) is not None:

@@ -131,7 +131,7 @@ def test_its_death_costs_the_recording_and_the_page_comes_back(live: Live) -> No
     assert process is not None
     process.kill()
     live.until(lambda: live.aside.fault, "it is noticed")
-    assert "process ended" in live.app.recording_trouble()
+    assert "process ended" in live.app.recorded.trouble()
     frames_n = live.app.statistics().frames_n
     live.until(lambda: live.app.statistics().frames_n > frames_n + 20, "the loop goes on")
     live.until(lambda: live.aside.process is not process, "there is another one")
@@ -147,12 +147,12 @@ def test_one_that_hangs_is_told_as_a_slow_disk_and_the_gap_is_written_down(live:
     process.send_signal(signal.SIGSTOP)
     try:
         live.until(lambda: live.aside.dropped_n, "the memory is full")
-        assert "too slow" in live.app.recording_trouble()
+        assert "too slow" in live.app.recorded.trouble()
     finally:
         process.send_signal(signal.SIGCONT)
     live.until(lambda: live.aside._lost_n == live.aside._lost_told_n, "it goes on")
     lost_n = live.aside._lost_n
-    live.app.post(lambda: live.app.set_recorder(None)).result(SOON_S)
+    live.app.post(lambda: setattr(live.app.recorded, "recorder", None)).result(SOON_S)
     live.aside.close()
     assert live.aside.dropped_n == lost_n
     path = live.recordings / "all.mcap"

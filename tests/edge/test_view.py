@@ -200,7 +200,7 @@ def test_without_the_token_one_may_look_and_nothing_else(live: Live) -> None:
     tares_n = live.app.tares_n
     watch(live, look)
     assert live.app.tares_n == tares_n
-    assert live.app.recorder is None
+    assert live.app.recorded.recorder is None
 
 
 @pytest.mark.parametrize("first", ['{"token": "wrong-token"}', "[]", "null", "no JSON", '{"want": 3}'])
@@ -394,7 +394,7 @@ def test_a_folder_that_cannot_be_written_is_told(live: Live) -> None:
         away.rename(folder)
     assert not answer["ok"]
     assert "give another folder" in answer["words"]
-    assert live.app.recorder is None
+    assert live.app.recorded.recorder is None
 
 
 # ---- what viewers cost --------------------------------------------------------------------------------
