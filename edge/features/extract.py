@@ -201,7 +201,7 @@ class FeatureExtractor:
             if plan.torsion:
                 turn = torsion(self._xy_rest, motion, pins)
             if plan.slip:
-                state = self._slip.update(motion, pins, sigma)
+                state = self._slip.update(motion, change, pins, sigma)
                 slip, probability = state.slip_px, state.probability
         return Features(
             area_change=change,

@@ -8,7 +8,8 @@ Slip. Skin that sticks to a rigid thing can only move with it. Within the contac
 few frames is therefore split into what a load explains - a common translation, turn and linear stretch -
 and the rest: parts of the contact that move against each other. That is what the slip that creeps in from
 the rim of a contact looks like, a probe that wanders over the skin, or stick-slip. The steady gliding of a
-large smooth plane moves no pin and cannot be seen by any camera behind the skin.
+large smooth plane moves no pin and cannot be seen by any camera behind the skin. Nor can creep be told from
+the bending of a contact that is being pressed or let go: while its cells grow or shrink as one, none is said.
 """
 
 from __future__ import annotations
@@ -76,6 +77,9 @@ UNEXPLAINED = 0.2
 PRIOR_ODDS = 100.0
 #: Frames over which motion is taken: slip adds up from frame to frame, the noise of two frames does not.
 SPAN = 4
+#: Net over total growth of the contact's cells within the span, above which it is being pressed or let go.
+#: Simulated balls, pairs and flats that are pressed: 0.75 and more; dragged over the skin: up to 0.65.
+PRESSING = 0.7
 #: A weak ridge for pins on one line; of 1e-9 pins, it costs no pin its freedom.
 _RIDGE = 1e-9
 
@@ -85,26 +89,30 @@ class Slip:
 
     def __init__(self, rest: Rest) -> None:
         self._unit = (rest.xy_img - rest.pattern.centre_img) / rest.pattern.tip_radius_px
-        self._past: deque[Array] = deque(maxlen=SPAN)
+        self._past: deque[tuple[Array, Array]] = deque(maxlen=SPAN)
 
     def forget(self) -> None:
         """No frame before this one: contact lost, identities lost, or nobody asks."""
         self._past.clear()
 
-    def update(self, motion_px: Array, pins: Index, sigma_px: float) -> SlipState:
+    def update(self, motion_px: Array, change: Array, pins: Index, sigma_px: float) -> SlipState:
         """Compare with the frame `SPAN` before this one, or with the oldest since the touch.
 
         motion_px  (n, 2) px since rest; NaN where lost; kept, not copied
+        change     (n,) relative area change since rest; NaN where lost, or unknown; kept too
         pins       (k,) int32, of `ContactPins`
         sigma_px   noise of one coordinate of one pin in one frame
         """
         past = self._past
         if not past:
-            past.append(motion_px)
+            past.append((motion_px, change))
             return SlipState(0.0, 0.0)
         span = len(past)
-        used, size, unexplained = _features.slip_sums(motion_px, past[0], self._unit, pins, len(pins), _RIDGE)
-        past.append(motion_px)
+        before_px, change_before = past[0]
+        used, size, unexplained = _features.slip_sums(
+            motion_px, before_px, self._unit, pins, len(pins), _RIDGE
+        )
+        past.append((motion_px, change))
         free = 2 * used - 6  # two components, each with three unknowns
         if free < 4:
             return SlipState(0.0, 0.0)
@@ -113,9 +121,16 @@ class Slip:
         if not expected > 0.0:
             return SlipState(0.0, 0.0)
         ratio = max(unexplained / expected, 1.0)
+        if ratio > 1.0 and _pressing(change[pins] - change_before[pins]):
+            return SlipState(0.0, 0.0)
         # Log likelihood ratio of a larger variance, at its best, against the expected one, less the
         # penalty for having chosen it (BIC).
         evidence = 0.5 * free * (ratio - 1.0 - math.log(ratio)) - 0.5 * math.log(free)
         probability = 1.0 / (1.0 + math.exp(min(math.log(PRIOR_ODDS) - evidence, 700.0)))
         slip = math.sqrt(max(unexplained - expected, 0.0) / used) / span
         return SlipState(slip, probability)
+
+
+def _pressing(growth: Array) -> bool:
+    """Whether a contact's cells grow or shrink as one; growth (k,), NaN where not known."""
+    return bool(abs(np.nansum(growth)) > PRESSING * np.nansum(np.abs(growth)))

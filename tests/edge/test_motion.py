@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from calib.sim import Camera, Contact, Tip, Tool, deform
 from edge import _features
 from edge.features.motion import ContactPins, Slip, torsion
-from edge.types import Array
+from edge.pipeline import Pipeline, tare
+from edge.recording import RecordingSource
+from edge.types import Array, Feature
 from tests.edge.fields import CENTRE, make_rest, plane, push, tip
 
 
@@ -90,7 +94,10 @@ class TestSlip:
     def run(self, motions: list[Array], sigma: float = 0.05, seed: int = 0) -> list[tuple[float, float]]:
         rng = np.random.default_rng(seed)
         slip = Slip(self.rest)
-        states = [slip.update(m + rng.normal(0.0, sigma, m.shape), self.pins, sigma) for m in motions]
+        unknown = np.full(len(self.xy), np.nan)
+        states = [
+            slip.update(m + rng.normal(0.0, sigma, m.shape), unknown, self.pins, sigma) for m in motions
+        ]
         return [(s.slip_px, s.probability) for s in states]
 
     def test_resting_contact_does_not_slip(self) -> None:
@@ -123,10 +130,21 @@ class TestSlip:
 
     def test_first_frame_and_too_few_pins_say_nothing(self) -> None:
         slip = Slip(self.rest)
-        assert slip.update(np.zeros_like(self.xy), self.pins, 0.05).probability == 0.0
-        assert slip.update(np.ones_like(self.xy), self.pins[:3], 0.05).slip_px == 0.0
+        change = np.zeros(len(self.xy))
+        assert slip.update(np.zeros_like(self.xy), change, self.pins, 0.05).probability == 0.0
+        assert slip.update(np.ones_like(self.xy), change, self.pins[:3], 0.05).slip_px == 0.0
         slip.forget()
-        assert slip.update(9.0 * np.ones_like(self.xy), self.pins, 0.05).slip_px == 0.0
+        assert slip.update(9.0 * np.ones_like(self.xy), change, self.pins, 0.05).slip_px == 0.0
+
+    @pytest.mark.parametrize("recording", ["press", "two_contacts"])
+    def test_pressing_straight_in_is_no_slip(self, data_dir: Path, recording: str) -> None:
+        """One ball, and two whose pins' motion no common load explains."""
+        frames = list(RecordingSource(data_dir / f"{recording}.mcap"))
+        pipeline = Pipeline(tare([f.image for f in frames[:8]], np.inf), demand=frozenset({Feature.SLIP}))
+        features = [pipeline.process(f).features for f in frames]
+        felt = [f.slip_probability for f in features if f is not None and f.touched]
+        assert len(felt) > 10
+        assert max(p for p in felt if p is not None) < 0.5
 
     @pytest.mark.parametrize(("friction", "slips"), [(10.0, False), (0.5, True)])
     def test_simulated_drag(self, friction: float, slips: bool) -> None:
@@ -140,10 +158,11 @@ class TestSlip:
         shift = CENTRE - camera.centre_img
         rng = np.random.default_rng(0)
         slip = Slip(make_rest(rest_xy + shift, 18.9))
+        unknown = np.full(len(rest_xy), np.nan)
         pins = np.flatnonzero(np.hypot(*(rest_xy - camera.centre_img).T) < 50.0).astype(np.int32)
         states = []
         for d in moved:
             noise = rng.normal(0.0, 0.05, rest_xy.shape)
-            states.append(slip.update(camera.project(d.tips_mm) - rest_xy + noise, pins, 0.05))
+            states.append(slip.update(camera.project(d.tips_mm) - rest_xy + noise, unknown, pins, 0.05))
         assert (float(moved[-1].slip.mean()) > 0.5) == slips
         assert (np.mean([s.probability for s in states[4:]]) > 0.5) == slips

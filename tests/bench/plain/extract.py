@@ -182,7 +182,7 @@ class FeatureExtractor:
                 least = surface.stretch_noise * np.float32(THRESHOLD * sigma)
                 np.maximum(least, np.float32(THRESHOLD_MIN), out=least)
                 contacts = find_contacts(
-                    relief, surface, least, growth, cells.xy_img, self._noise_px(whole, seen), self.fine
+                    relief, surface, least, growth, cells.xy_img, self._noise_px(whole, seen), self.fine, seen
                 )
         turn = slip = probability = None
         if plan.torsion or plan.slip:
@@ -192,7 +192,7 @@ class FeatureExtractor:
                 held = pins if all_seen else pins[seen[pins]]
                 turn = torsion(self._xy_rest[held], motion[held])
             if plan.slip:
-                state = self._slip.update(motion, pins, sigma)
+                state = self._slip.update(motion, change, pins, sigma)
                 slip, probability = state.slip_px, state.probability
         return Features(
             area_change=change,
