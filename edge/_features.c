@@ -697,6 +697,7 @@ static int leader_of(const Grid *g, const int32_t *at, int j, float level)
 typedef struct {
     double x0, y0, step, pitch, valley, edge, minor, reach; /* lengths in px */
     double part;                                            /* a valley's least depth in sigmas of the noise there */
+    double round, witnesses; /* px; the least share of the pins within it that are seen */
     double fine_x0, fine_y0, fine_step, elongated, small, near, fine_valley, fine_part, aligned; /* of `part_in_two` */
 } Rules;
 
@@ -765,6 +766,19 @@ static double grown(const float *growth, const double *rest, Py_ssize_t n, doubl
         weight += w;
     }
     return weight > 0 ? sum / weight : 0;
+}
+
+/* Share of the pins round a place that are seen. */
+static double witnessed(const Tip *tip, double x, double y, double within)
+{
+    Py_ssize_t all = 0, seen = 0;
+    for (Py_ssize_t i = 0; i < tip->n; i++) {
+        const double dx = tip->rest[2 * i] - x, dy = tip->rest[2 * i + 1] - y;
+        if (dx * dx + dy * dy > within * within) continue;
+        all++;
+        seen += tip->seen[i] != 0;
+    }
+    return all ? (double)seen / (double)all : 0;
 }
 
 /* Whether a region is one touch or two that lie too near each other for the coarse field: the sharp field is
@@ -927,9 +941,10 @@ static int find(const Grid *g, const float *threshold, const float *gain, const 
             mean[i] = grown(tip->growth, tip->rest, tip->n, x, y, rule->pitch);
             if (mean[i] > most) most = mean[i];
         }
+        const double least = rule->minor * most < most ? rule->minor * most : most;
         kept = 0;
         for (int i = 0; i < t.m; i++) {
-            if (!(mean[i] >= rule->minor * most)) continue;
+            if (!(mean[i] >= least)) continue;
             at[kept] = at[i];
             room[kept] = room[i];
             height[kept++] = height[i];
@@ -950,6 +965,27 @@ static int find(const Grid *g, const float *threshold, const float *gain, const 
     }
     Region region[CONTACTS_MAX];
     measure(g, rule, &t, region, out);
+    if (t.c > 1) { /* where hardly a pin is seen a contact is a guess: its ground is the others', if there are any */
+        int to[CONTACTS_MAX], seen = 0;
+        for (int i = 0; i < t.c; i++) {
+            const double x = region[i].middle[0], y = region[i].middle[1];
+            to[i] = witnessed(tip, x, y, rule->round) < rule->witnesses ? -1 : seen++;
+        }
+        if (seen > 0 && seen < t.c) {
+            kept = 0;
+            for (int j = 0; j < t.m; j++) {
+                const int of = t.of[j] < 0 ? -1 : to[t.of[j]];
+                if (of < 0) continue;
+                if (t.leader[t.of[j]] == j) t.leader[of] = kept;
+                at[kept] = at[j];
+                height[kept] = height[j];
+                t.of[kept++] = of;
+            }
+            t.m = kept;
+            t.c = seen;
+            measure(g, rule, &t, region, out);
+        }
+    }
     const int whole = t.c;
     int parted = 0;
     for (int i = 0; i < whole && t.c < CONTACTS_MAX; i++) {

@@ -182,6 +182,26 @@ def test_a_probe_under_lost_pins_is_felt() -> None:
     assert np.hypot(*(got.contacts[0].xy_img - CENTRE)) < 0.25 * rest.pattern.pitch_px
 
 
+def test_where_hardly_a_pin_is_seen_there_is_no_second_contact() -> None:
+    rest = tip(331)
+    pitch = rest.pattern.pitch_px
+    places = ((-4.0 * pitch, 0.0), (4.0 * pitch, 0.0))
+    xy = rest.xy_img + push(rest, places[0], 1.5 * pitch, 0.2) + push(rest, places[1], 1.5 * pitch, 0.15)
+    from_second = np.hypot(*(rest.xy_img - CENTRE - np.array(places[1])).T)
+    for lost, found in ((None, 2), (from_second < 2.6 * pitch, 1), (from_second < 1.1 * pitch, 2)):
+        tracks, cells = frame(rest, xy, lost)
+        contacts = extractor(rest).extract(tracks, cells, ALL).contacts
+        assert contacts is not None
+        assert len(contacts) == found
+    # If that is all there is, it is better than nothing.
+    tracks, cells = frame(
+        rest, rest.xy_img + push(rest, places[1], 1.5 * pitch, 0.15), from_second < 2.6 * pitch
+    )
+    contacts = extractor(rest).extract(tracks, cells, ALL).contacts
+    assert contacts is not None
+    assert len(contacts) == 1
+
+
 def test_all_pins_lost_is_survived() -> None:
     rest = tip(127)
     made = extractor(rest)

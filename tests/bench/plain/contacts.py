@@ -29,6 +29,7 @@ EDGE = 0.3
 #: flat contact, 23 have noise at the rim that passes the first test and none that passes the second.
 MINOR = 0.2
 #: As in `edge.features.contacts`.
+ROUND_PITCHES, WITNESSES = 2.5, 0.4
 PART, LONG, SMALL, NEAR, ALIGNED = 10.0, 1.5, 3.0, 3.0, 0.7
 FINE_VALLEY, FINE_PART, FINE_STEPS_PER_PITCH = 0.3, 8.0, 2.0
 CONTACTS_MAX = 8
@@ -116,6 +117,7 @@ def find_contacts(
     pins_img: Array,
     noise_px: float,
     fine: FineField,
+    seen: Mask,
 ) -> tuple[ContactRegion, ...]:
     """Contacts of one frame, strongest first.
 
@@ -143,6 +145,13 @@ def find_contacts(
     group = _groups(grid, rows, cols, height, deep)
     leaders = np.flatnonzero(group == np.arange(len(group)))[:CONTACTS_MAX]
     shapes, owner = _shapes(grid, surface, rows, cols, height, group, leaders)
+    guessed = np.array([_witnessed(surface, seen, shape[0]) < WITNESSES for shape in shapes])
+    if guessed.any() and not guessed.all():
+        mine = np.isin(group, leaders[~guessed])
+        rows, cols, height, chosen = rows[mine], cols[mine], height[mine], leaders[~guessed]
+        new = np.cumsum(mine) - 1
+        group, leaders = new[group[mine]], new[chosen]
+        shapes, owner = _shapes(grid, surface, rows, cols, height, group, leaders)
     field: Array | None = None
     pairs: dict[int, tuple[int, int]] = {}
     for i, leader in enumerate(leaders.tolist()):
@@ -269,6 +278,13 @@ def _summit(grid: Heights, row: int, col: int) -> float:
         if 0.0 < bend < math.inf:
             height += (high - low) ** 2 / (8.0 * bend)
     return height
+
+
+def _witnessed(surface: Surface, seen: Mask, middle: Array) -> float:
+    """Share of the pins round a place, in px from the grid's corner, that are seen."""
+    at = middle + np.array([surface.x_img[0], surface.y_img[0]])
+    within = np.hypot(*(surface.rest_img - at).T) <= ROUND_PITCHES * surface.pitch_px
+    return float(seen[within].mean()) if within.any() else 0.0
 
 
 def _groups(grid: Heights, rows: Places, cols: Places, height: Heights, deep: Heights) -> Places:

@@ -116,6 +116,8 @@ UNEXPLAINED = 0.2
 PRIOR_ODDS = 100.0
 #: Frames over which motion is taken: slip adds up from frame to frame, the noise of two frames does not.
 SPAN = 4
+#: Net over total growth of the contact's cells above which it is being pressed or let go.
+PRESSING = 0.7
 _RIDGE = 1e-9 * np.eye(3)
 
 
@@ -125,26 +127,28 @@ class Slip:
     def __init__(self, rest: Rest) -> None:
         xy = (rest.xy_img - rest.pattern.centre_img) / rest.pattern.tip_radius_px
         self._plane = np.column_stack([np.ones(len(rest)), xy])
-        self._past: deque[Array] = deque(maxlen=SPAN)
+        self._past: deque[tuple[Array, Array]] = deque(maxlen=SPAN)
 
     def forget(self) -> None:
         """No frame before this one: contact lost, identities lost, or nobody asks."""
         self._past.clear()
 
-    def update(self, motion_px: Array, pins: Places, sigma_px: float) -> SlipState:
+    def update(self, motion_px: Array, change: Array, pins: Places, sigma_px: float) -> SlipState:
         """Compare with the frame `SPAN` before this one, or with the oldest since the touch.
 
         motion_px  (n, 2) px since rest; NaN where lost; kept, not copied
+        change     (n,) relative area change since rest; NaN where lost
         pins       of `ContactPins`
         sigma_px   noise of one coordinate of one pin in one frame
         """
         past = self._past
         if not past:
-            past.append(motion_px)
+            past.append((motion_px, change))
             return SlipState(0.0, 0.0)
         span = len(past)
-        step = motion_px[pins] - past[0][pins]
-        past.append(motion_px)
+        step = motion_px[pins] - past[0][0][pins]
+        growth = change[pins] - past[0][1][pins]
+        past.append((motion_px, change))
         plane = self._plane[pins]
         lost = np.isnan(step[:, 0])
         if lost.any():
@@ -161,6 +165,8 @@ class Slip:
         if not expected > 0.0:
             return SlipState(0.0, 0.0)
         ratio = max(unexplained / expected, 1.0)
+        if ratio > 1.0 and abs(np.nansum(growth)) > PRESSING * np.nansum(np.abs(growth)):
+            return SlipState(0.0, 0.0)
         # Log likelihood ratio of a larger variance, at its best, against the expected one, less the
         # penalty for having chosen it (BIC).
         evidence = 0.5 * free * (ratio - 1.0 - math.log(ratio)) - 0.5 * math.log(free)
