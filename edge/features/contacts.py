@@ -63,8 +63,8 @@ EDGE = 0.3
 #: flat contact, 23 have noise at the rim that passes the first test and none that passes the second.
 MINOR = 0.2
 #: Of the pins within so many pitches of a contact's middle this share must be seen, or it is a guess and no
-#: second contact. Of 1200 flat presses (simulated, each found from nothing, clumps of pins lost in 85) 14 fell
-#: in two without this rule, 8 with it.
+#: second contact. Of 1200 flat presses (simulated, each found from nothing, clumps of pins lost in 85) 14
+#: fell in two without this rule, 8 with it.
 ROUND_PITCHES, WITNESSES = 2.5, 0.4
 CONTACTS_MAX = 8  # as in _features.c, and so the next
 MAXIMA_MAX = 24

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -194,10 +195,9 @@ def test_where_hardly_a_pin_is_seen_there_is_no_second_contact() -> None:
         assert contacts is not None
         assert len(contacts) == found
     # If that is all there is, it is better than nothing.
-    tracks, cells = frame(
-        rest, rest.xy_img + push(rest, places[1], 1.5 * pitch, 0.15), from_second < 2.6 * pitch
-    )
-    contacts = extractor(rest).extract(tracks, cells, ALL).contacts
+    xy = rest.xy_img + push(rest, places[1], 1.5 * pitch, 0.15)
+    tracks, cells = frame(rest, xy, from_second < 2.6 * pitch)
+    contacts = extractor(rest).extract(tracks, replace(cells, whole_px2=areas(xy, rest)), ALL).contacts
     assert contacts is not None
     assert len(contacts) == 1
 
