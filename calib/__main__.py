@@ -9,10 +9,12 @@ from __future__ import annotations
 import os
 import sys
 from importlib import import_module
+from typing import NoReturn
 
 import click
 
 from edge.errors import EdgeError
+from hostlink.ending import program_name, run_command
 
 # name: (module, attribute, what it does)
 COMMANDS: dict[str, tuple[str, str, str]] = {
@@ -48,13 +50,10 @@ def cli() -> None:
     """Calibrate a fingertip: capture on a rig, fit, evaluate, report."""
 
 
-def main() -> None:
+def main() -> NoReturn:
+    """Run a command and exit, as `hostlink.ending` has it."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: processes are the parallelism here
-    try:
-        cli.main(prog_name="python -m calib")
-    except EdgeError as error:
-        click.echo(f"Error: {error}", err=True)
-        sys.exit(2)
+    sys.exit(run_command(cli, program_name("voronoi-touch-calib", "calib"), (EdgeError,)))
 
 
 if __name__ == "__main__":

@@ -210,11 +210,22 @@ def read_rows(path: Path) -> list[dict[str, str]]:
             reader = csv.DictReader(file)
             rows = list(reader)
     except OSError as error:
-        raise CaptureError(f"{table}: {error.strerror}; finish the capture with --resume") from None
+        raise CaptureError(_why_no_table(path, table, str(error.strerror))) from None
     missing = {"recording", "sequence", "role", *POSE_COLUMNS} - set(reader.fieldnames or ())
     if missing:
         raise CaptureError(f"{table}: no column {sorted(missing)[0]}; not the table of a capture")
     return rows
+
+
+def _why_no_table(path: Path, table: Path, words: str) -> str:
+    if not path.is_file():
+        return f"{path}: no such recording"
+    if "capture" in read_metadata(path):
+        return f"{table}: {words}; finish the capture with --resume"
+    return (
+        f"{path}: a recording, but no capture: it has no table of truth; give one that `calib capture` made, "
+        "or TARGETS.csv with --frames and --rest"
+    )
 
 
 def read_capture(path: Path) -> Iterator[tuple[Frame, dict[str, str]]]:

@@ -9,8 +9,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from calib.capture import capture, progress_of
+from calib.errors import CaptureError
 from calib.protocols import PROTOCOLS, Step, load_protocol
-from calib.rig import ask_here, open_rig
+from calib.rig import Rig, ask_here, open_rig
 
 
 @click.command(name="capture")
@@ -41,23 +42,29 @@ def capture_command(rig: str, protocol: str, output: Path, camera: str, resume: 
     """Run a calibration protocol on a rig and record it with its truth."""
     plan = load_protocol(protocol)
     if output.suffix != ".mcap":
-        raise click.BadParameter(f"{output}: give a name that ends in .mcap", param_hint="--output")
-    console = Console(stderr=True)
+        raise CaptureError(f"--output {output}: give a name that ends in .mcap")
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console) as bar:
-        task = bar.add_task(plan.name, total=plan.n_frames)
-        if resume:
-            bar.update(task, completed=progress_of(output, plan).frames)
+    bar = Progress(*columns, console=Console(stderr=True))
+    task = bar.add_task(plan.name, total=plan.n_frames)
+    if resume:
+        bar.update(task, completed=progress_of(output, plan).frames)
 
-        def on_frame(step: Step, done: int) -> None:
-            bar.update(task, completed=done)
+    def ask(text: str) -> None:
+        bar.stop()  # a live bar and a prompt do not share a terminal
+        ask_here(text)
+        bar.start()
 
-        def ask(text: str) -> None:
-            bar.stop()  # a live bar and a prompt do not share a terminal
-            ask_here(text)
-            bar.start()
+    def opened(first: int) -> Rig:
+        opened_rig = open_rig(rig, camera, first, ask)
+        bar.start()  # not before: a rig that is not there is one line
+        return opened_rig
 
-        taken = capture(
-            lambda first: open_rig(rig, camera, first, ask), plan, output, resume=resume, on_frame=on_frame
-        )
+    def on_frame(step: Step, done: int) -> None:
+        bar.update(task, completed=done)
+
+    try:
+        taken = capture(opened, plan, output, resume=resume, on_frame=on_frame)
+    finally:
+        if bar.live.is_started:
+            bar.stop()
     click.echo(f"{output}: {taken} frames of protocol {plan.name}; table {output.with_suffix('.csv')}")

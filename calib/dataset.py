@@ -106,8 +106,6 @@ def open_dataset(tables: Sequence[Path], folder: Path | None, rest_image: Path |
 
 
 def _capture(path: Path) -> Part:
-    if not path.is_file():
-        raise CaptureError(f"{path}: no such recording")
     rows = read_rows(path)
     samples = tuple(row for row in rows if row["role"] != "rest")
     if not samples:

@@ -25,6 +25,7 @@ from rich.console import Console
 from rich.table import Table
 
 import hostlink
+from calib.errors import TableError
 from edge.app import App
 from edge.calibration import Calibration
 from edge.device import AppDevice
@@ -213,7 +214,14 @@ def errors(heard: Heard) -> dict[str, float]:
 
 
 def demo(data: Path, out: Path, console: Console) -> None:
-    """Play every bundled recording, print the table, write the pictures."""
+    """Play every bundled recording, print the table, write the pictures.
+
+    Raises  TableError: a recording is missing; CalibrationError. Nothing is written then
+    """
+    for name in RECORDINGS:
+        if not (data / f"{name}.mcap").is_file():
+            raise TableError(f"{data}: no {name}.mcap in it; give --data the bundled recordings")
+    calibrations = {name: Calibration.load(data / file) for name, file in RECORDINGS.items()}
     out.mkdir(parents=True, exist_ok=True)
     table = Table(
         title="What the host decoded, against the simulator's truth",
@@ -224,8 +232,7 @@ def demo(data: Path, out: Path, console: Console) -> None:
     for name in ("recording", "samples", "pins", "links\nagree", "contacts", "place\nmm", "depth\nmm",
                  "shear\nmm", "angle\ndeg"):  # fmt: skip
         table.add_column(name, justify="left" if name == "recording" else "right", no_wrap=True)
-    for name, calibration_name in RECORDINGS.items():
-        calibration = Calibration.load(data / calibration_name)
+    for name, calibration in calibrations.items():
         heard = play(data / f"{name}.mcap", calibration)
         found = errors(heard)
         last = heard.can[max(heard.can)]

@@ -28,6 +28,7 @@ from edge.errors import ConfigError, EdgeError, SourceError, UsageError
 from edge.leave import run_and_leave
 from edge.progress import counting, waiting
 from edge.threads import share_the_processor
+from hostlink.ending import complain, program_name, run_command
 
 if TYPE_CHECKING:
     from edge.app import App
@@ -293,7 +294,7 @@ def inspect(images: Sequence[Path], as_json: bool, overlay: Path | None) -> None
         except EdgeError as error:
             failed = True
             message = str(error) if str(path) in str(error) else f"{path}: {error}"
-            click.echo(f"error: {message}", err=True)
+            complain(message)
             entry["error"] = message
         else:
             entry["n_pins"] = len(pins)
@@ -552,27 +553,11 @@ def _line(table: dict[str, Any]) -> str:
     return json.dumps(plain(table))
 
 
-def program_name(script: str, module: str) -> str:
-    """What the user typed: shells complete the installed script, by `_VORONOI_TOUCH_EDGE_COMPLETE`."""
-    return script if Path(sys.argv[0]).name == script else f"python -m {module}"
-
-
-def main() -> None:
-    """Entry point: the user's mistakes become one line and exit code 2."""
+def main() -> NoReturn:
+    """Run a command and exit, as `hostlink.ending` has it."""
     share_the_processor()
-    try:
-        cli.main(prog_name=program_name("voronoi-touch-edge", "edge"), standalone_mode=False)
-    except click.ClickException as error:
-        error.show()
-        sys.exit(2)
-    except (click.Abort, KeyboardInterrupt):
-        sys.exit(130)
-    except BrokenPipeError:
-        sys.stderr.close()
-        sys.exit(0)
-    except UsageError as error:
-        click.echo(f"error: {error}", err=True)
-        sys.exit(2)
+    name = program_name("voronoi-touch-edge", "edge")
+    sys.exit(run_command(cli, name, (UsageError,)))
 
 
 def program() -> NoReturn:

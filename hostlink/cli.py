@@ -3,20 +3,20 @@
 Rules
 - A command is a row of COMMANDS, imported when it is called. Other packages add theirs through the entry
   point group `voronoi_touch.host_commands`: a name and a click command.
-- Every mistake of the user is one line on stderr and exit code 2; a link or sensor that fails is one line
-  and exit code 1. Nothing ends in a traceback but a defect.
+- How a command ends: `hostlink.ending`.
 """
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import entry_points
+from typing import NoReturn
 
 import click
 
+from hostlink.ending import program_name, run_command
 from hostlink.errors import LinkError, UsageError
 from hostlink.wire.address import AddressError
 
@@ -69,31 +69,7 @@ def cli() -> None:
     """
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command and exit: 0 done, 1 the link or the sensor failed, 2 the user's mistake."""
-    # Shells complete the installed script, by _VORONOI_TOUCH_HOST_COMPLETE.
-    script = os.path.basename(sys.argv[0]) == "voronoi-touch-host"
-    name = "voronoi-touch-host" if script else "python -m hostlink"
-    try:
-        code = cli.main(args=arguments, prog_name=name, standalone_mode=False)
-    except click.exceptions.NoArgsIsHelpError as error:
-        click.echo(error.format_message())
-        sys.exit(2)
-    except click.ClickException as error:
-        sys.exit(_complain(error.format_message(), 2))
-    except (UsageError, AddressError) as error:
-        sys.exit(_complain(str(error), 2))
-    except LinkError as error:
-        sys.exit(_complain(str(error), 1))
-    except (KeyboardInterrupt, click.Abort):
-        sys.exit(130)  # as a shell has it for SIGINT
-    except BrokenPipeError:
-        # `... | head` has seen enough; keep the interpreter's last flush from complaining about it.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(0)
-    sys.exit(code if isinstance(code, int) else 0)
-
-
-def _complain(words: str, code: int) -> int:
-    click.echo("error: " + " ".join(words.split()), err=True)
-    return code
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run a command and exit, as `hostlink.ending` has it."""
+    name = program_name("voronoi-touch-host", "hostlink")
+    sys.exit(run_command(cli, name, (UsageError, AddressError), (LinkError,), arguments))

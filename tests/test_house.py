@@ -18,7 +18,7 @@ MAY_IMPORT = {
     "hostlink/wire": ("hostlink.wire",),
     "hostlink/web": ("hostlink.web",),
     "hostlink": ("hostlink",),
-    "edge": ("edge", "hostlink.wire", "hostlink.web"),
+    "edge": ("edge", "hostlink.wire", "hostlink.web", "hostlink.ending"),
     "calib": ("calib", "edge", "hostlink"),
 }
 #: A stage's modules; stages know `edge.types` and `edge.errors`, never each other.
