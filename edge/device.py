@@ -105,7 +105,8 @@ class AppDevice:
         pipeline, made_at = self._app.pipeline, calibration.rest.pattern.size_px
         if pipeline is not None and made_at != (size := pipeline.rest.pattern.size_px):
             raise CalibrationError(
-                f"upload: made at {made_at[0]}x{made_at[1]}, the camera gives {size[0]}x{size[1]}"
+                f"upload: made at {made_at[0]}x{made_at[1]}, the camera gives {size[0]}x{size[1]}; "
+                "give one of this tip and camera"
             )
         if self._state_dir is not None:
             calibration.save(self._state_dir / "calibration.json")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import click
 
 from hostlink.busload import LIMIT, Load, plan
 from hostlink.client import connect
-from hostlink.errors import UsageError
-from hostlink.wire import object_named
+from hostlink.errors import ObjectAborted, UsageError
+from hostlink.wire import OBJECTS, Abort, object_named, pack_value
 
 finger_option = click.option(
     "--finger", type=click.IntRange(1, 127), help="Node number; not needed where there is only one finger."
@@ -49,7 +51,22 @@ def tare(address: str, finger: int | None, force: bool) -> None:
         click.echo(f"finger {asked.node}: a new rest frame is being taken")
 
 
-@click.command("set")
+#: What a finger answers to a value or a file that it cannot use.
+_UNUSABLE = frozenset({Abort.VALUE_RANGE, Abort.VALUE_LOW, Abort.VALUE_HIGH, Abort.LENGTH})
+
+
+@contextmanager
+def _mistakes(what: str) -> Iterator[None]:
+    """A refusal for what the user gave is his mistake, and not the finger's failure."""
+    try:
+        yield
+    except ObjectAborted as error:
+        if error.code in _UNUSABLE:
+            raise UsageError(f"{what}: {error.reason}") from None
+        raise
+
+
+@click.command("set", context_settings={"ignore_unknown_options": True})  # -5 is a value
 @click.argument("address")
 @click.argument("name")
 @click.argument("value")
@@ -62,21 +79,29 @@ def set_object(address: str, name: str, value: str, finger: int | None) -> None:
     try:
         obj = object_named(name)
     except KeyError:
-        raise UsageError(f'no object {name!r}; names stand in WIRE.md, "Objects"') from None
+        known = ", ".join(o.name for o in OBJECTS if o.access in ("rw", "wo"))
+        raise UsageError(f"no object {name!r}; what can be set: {known}") from None
     if obj.access not in ("rw", "wo"):
-        raise UsageError(f"{name} can only be read")
+        raise UsageError(f"{name} can only be read; see `python -m hostlink info`")
     if obj.type == "domain":
         with connect(address) as hand:
-            hand.finger(finger).upload_calibration(value)
-        click.echo(f"{name}: {value}")
+            asked = hand.finger(finger)
+            with _mistakes(f"{value}: refused by finger {asked.node}"):
+                asked.upload_calibration(value)
+        click.echo(f"finger {asked.node}: {name} = {value}")
         return
     try:
         number = float(value) if obj.type == "real32" else int(value, 0)
     except ValueError:
         raise UsageError(f"{name} takes a number ({obj.type}), not {value!r}") from None
+    try:
+        pack_value(obj, number)
+    except ValueError as error:  # before a bus is opened for it
+        raise UsageError(str(error)) from None
     with connect(address) as hand:
         asked = hand.finger(finger)
-        asked.set(name, number)
+        with _mistakes(f"{name} = {value}: refused by finger {asked.node}"):
+            asked.set(name, number)
         shown = _shown(asked.get(name) if obj.access == "rw" else number)
     click.echo(f"finger {asked.node}: {name} = {shown} {obj.unit}".rstrip())
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from pathlib import Path
 
 from hostlink.clock import ClockMap
 from hostlink.decoder import Emergency, Statistics
-from hostlink.errors import ObjectAborted, UsageError, VersionMismatch
+from hostlink.errors import LinkError, ObjectAborted, UsageError, VersionMismatch
 from hostlink.objects import ObjectClient
 from hostlink.wire import OBJECTS, Abort, FaultCode, Object, State, object_named, pack_value, unpack_value
 
@@ -17,6 +18,8 @@ __all__ = ["STALE_S", "Finger", "Info", "Sample"]
 
 Value = int | float | str | bytes
 
+#: Aborts that leave open why.
+_IN_WORDS = frozenset({Abort.VALUE_RANGE, Abort.NOT_NOW, Abort.NOT_STORED, Abort.LENGTH})
 STALE_S = 0.1  # default age above which `latest` gives nothing
 
 
@@ -116,7 +119,18 @@ class Finger:
             data = pack_value(obj, value)
         except (TypeError, ValueError) as error:
             raise UsageError(str(error)) from None
-        self.objects.write(obj.index, obj.sub, data)
+        try:
+            self.objects.write(obj.index, obj.sub, data)
+        except ObjectAborted as error:
+            raise self._explained(error) from None
+
+    def _explained(self, error: ObjectAborted) -> ObjectAborted:
+        """The same with the node's own words, where it has any."""
+        try:
+            words = self.get("refusal") if error.code in _IN_WORDS else ""
+        except LinkError:  # an older node has no such object
+            words = ""
+        return ObjectAborted(error.index, error.sub, error.code, str(words) or error.reason, error.name)
 
     def info(self) -> Info:
         """Identity, settings and statistics."""
@@ -149,12 +163,19 @@ class Finger:
     def upload_calibration(self, file: Path | str | bytes) -> None:
         """Give the finger another calibration file; it validates, stores and uses it.
 
-        Raises UsageError: no such file; ObjectAborted: refused, nothing changed
+        Raises UsageError: no such file, or plainly no calibration; ObjectAborted: refused, nothing changed
         """
         try:
             data = file if isinstance(file, bytes) else Path(file).read_bytes()
         except OSError as error:
             raise UsageError(f"{file!s}: cannot be read: {error.strerror}") from None
+        try:
+            whole = isinstance(json.loads(data), dict)
+        except ValueError:
+            whole = False
+        if not whole:  # what is wrong within, the finger says; but a picture need not go there
+            where = "upload" if isinstance(file, bytes) else file
+            raise UsageError(f"{where}: not a calibration file; give one that `calib fit` made (.json)")
         self.set("calibration", data)
 
     def calibration(self) -> bytes:

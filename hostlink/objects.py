@@ -13,7 +13,16 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from hostlink.errors import LinkTimeout, ObjectAborted
-from hostlink.wire import ABORTS, Message, ObjectReply, ObjectRequest, Op, encode_frame, pack_message
+from hostlink.wire import (
+    ABORTS,
+    Message,
+    ObjectReply,
+    ObjectRequest,
+    Op,
+    encode_frame,
+    object_at,
+    pack_message,
+)
 from hostlink.wire.serial import CHUNK_MAX
 
 __all__ = ["ObjectClient", "SdoObjects", "SerialObjects"]
@@ -143,4 +152,8 @@ class SerialObjects:
 
 def aborted(index: int, sub: int, code: int) -> ObjectAborted:
     """The error for an abort code."""
-    return ObjectAborted(index, sub, code, ABORTS.get(code, "refused"))
+    try:
+        name = object_at(index, sub).name
+    except KeyError:  # asked by its number, of a newer node
+        name = ""
+    return ObjectAborted(index, sub, code, ABORTS.get(code, "refused"), name)

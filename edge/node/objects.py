@@ -101,6 +101,7 @@ class ObjectServer:
         self._description: Mapping[str, Value] = {}
         self._described_s = -math.inf
         self.error_register = 0
+        self.refusal = ""  # why the last write was refused
         self._errors: deque[int] = deque(maxlen=HISTORY)  # newest first
         self.reset()
 
@@ -130,7 +131,8 @@ class ObjectServer:
             raise Aborted(Abort.GENERAL) from None
 
     def write(self, index: int, sub: int, data: bytes) -> None:
-        """Apply a value. Raises Aborted: it was not applied."""
+        """Apply a value. Raises Aborted: it was not applied; `refusal` may say why."""
+        self.refusal = ""
         obj = _find(index, sub)
         if obj.access not in ("rw", "wo"):
             raise Aborted(Abort.READ_ONLY)
@@ -146,12 +148,15 @@ class ObjectServer:
         self._described_s = -math.inf  # what is written may show there
         try:
             self._apply(obj, value)
-        except Refused:
+        except Refused as error:
+            self.refusal = str(error)
             raise Aborted(Abort.NOT_NOW) from None
         except (ValueError, CalibrationError) as error:
+            self.refusal = str(error)
             log.warning("object %s: %s", obj.name, error)
             raise Aborted(Abort.VALUE_RANGE) from None
         except OSError as error:
+            self.refusal = f"cannot be stored: {error.strerror}; make room or give the state folder's rights"
             log.error("object %s cannot be stored: %s", obj.name, error)
             raise Aborted(Abort.NOT_STORED) from None
 
@@ -164,6 +169,8 @@ class ObjectServer:
         if name in _COB_IDS:
             base = int(getattr(self._ids, _COB_IDS[name]))
             return base + (self._node if obj.node_id else 0)
+        if name == "refusal":
+            return self.refusal
         if name == "error_register":
             return self.error_register
         if name == "error_n":

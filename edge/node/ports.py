@@ -28,6 +28,7 @@ __all__ = ["CanPort", "SerialPort", "StandardNode", "object_dictionary"]
 NMT, SYNC, EMERGENCY, SDO_RESPONSE, SDO_REQUEST, HEARTBEAT = 0x000, 0x080, 0x080, 0x580, 0x600, 0x700
 STOPPED = "STOPPED"
 UPLOAD_MAX = 8 << 20  # bytes, as `edge.calibration` takes: memory on the board is not for the taking
+TOO_LONG = f"longer than {UPLOAD_MAX >> 20} MiB, so no calibration"
 
 
 def object_dictionary() -> Any:
@@ -170,6 +171,7 @@ class CanPort(_Port):
             server = self.node.sdo
             if len(server._buffer) > UPLOAD_MAX:  # `canopen` would go on collecting segments for ever
                 server._buffer = bytearray()
+                self.server.refusal = TOO_LONG
                 server.abort(Abort.LENGTH)
                 return
             self._network.notify(SDO_REQUEST + self.node.id, data, message.timestamp)
@@ -224,6 +226,7 @@ class SerialPort(_Port):
     def _take(self, ask: ObjectRequest) -> None:
         """A segment of a value; the last one makes it take effect."""
         if ask.total > UPLOAD_MAX:
+            self.server.refusal = TOO_LONG
             raise Aborted(Abort.LENGTH)
         if ask.offset == 0:
             self._upload, self._upload_to = bytearray(), (ask.index, ask.sub)

@@ -48,11 +48,16 @@ class VersionMismatch(WireError):
 class ObjectAborted(WireError):
     """The node refused to read or write an object.
 
-    code  CiA 301 SDO abort code, see `objects.ABORTS`
+    name    of the object, "" where it is in no table of ours
+    code    CiA 301 SDO abort code, see `objects.ABORTS`
+    reason  in words: the node's own where it gave any
     """
 
-    def __init__(self, index: int, sub: int, code: int, reason: str) -> None:
-        super().__init__(f"object 0x{index:04X}:{sub}: {reason} (abort code 0x{code:08X})")
+    def __init__(self, index: int, sub: int, code: int, reason: str, name: str = "") -> None:
+        place = f"object 0x{index:04X}:{sub}"
+        super().__init__(f"{name or place}: {reason} ({place}, abort code 0x{code:08X})")
         self.index = index
         self.sub = sub
         self.code = code
+        self.reason = reason
+        self.name = name

@@ -217,6 +217,8 @@ OBJECTS: Final = (
     # --- calibration ---
     _O(0x2030, 0, "calibration", "domain", "rw", None, "", "the calibration file (JSON); a written one is "
        "validated, stored and applied, or refused", stored=True),
+    _O(0x2031, 0, "refusal", "visible_string", "ro", "", "", "why the last write was refused, in words; "
+       "empty: it was not, or its abort code says all"),
     # --- statistics ---
     _O(0x2040, 0, "statistics_max_sub", "unsigned8", "const", 9, "", "highest sub-index"),
     _O(0x2040, 1, "uptime_s", "unsigned32", "ro", 0, "s", "since the software started"),
@@ -273,11 +275,23 @@ def pack_value(obj: Object, value: Value) -> bytes:
     if not isinstance(value, int | float) or (obj.type != "real32" and value != int(value)):
         raise TypeError(f"{obj.name}: a number ({obj.type}) expected, not {value!r}")
     if obj.low is not None and obj.high is not None and not obj.low <= value <= obj.high:
-        raise ValueError(f"{obj.name} {value:g} {obj.unit}: {obj.low:g}..{obj.high:g} is possible")
+        raise ValueError(f"{obj.name} = {_words(obj, value)}: give {_range(obj.low, obj.high, obj)}")
     try:
         return struct.pack("<" + TYPES[obj.type][1], value if obj.type == "real32" else int(value))
     except struct.error as error:
         raise ValueError(f"{obj.name} {value!r}: {error}") from None
+
+
+def _words(obj: Object, value: float) -> str:
+    number = f"{value:g}" if obj.type == "real32" else str(int(value))
+    return f"{number} {obj.unit}".rstrip()
+
+
+def _range(low: float, high: float, obj: Object) -> str:
+    """A magic number (two equal limits) is easier to type as the hexadecimal that the tables have."""
+    if low == high:
+        return f"0x{int(low):X}" if low > 0xFFFF else _words(obj, low)
+    return f"{_words(obj, low).partition(' ')[0]} to {_words(obj, high)}"
 
 
 def unpack_value(obj: Object, data: bytes) -> Value:

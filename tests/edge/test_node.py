@@ -195,7 +195,7 @@ def test_every_readable_object_answers(bench: Bench) -> None:
             bench.remote.sdo.upload(row.index, row.sub)
         except canopen.SdoAbortedError as error:
             silent.add((row.name, error.code))
-    empty = {"calibration", "calibration_id", "camera", *(f"error_{i}" for i in range(1, 9))}
+    empty = {"calibration", "calibration_id", "camera", "refusal", *(f"error_{i}" for i in range(1, 9))}
     assert silent == {(name, Abort.NO_DATA) for name in empty}
 
 
@@ -241,6 +241,21 @@ def test_unusable_values_are_refused(bench: Bench, name: str, data: bytes, code:
     with refused(code):
         bench.write(name, data)
     assert bench.finger.reboots == 0
+
+
+def test_the_node_says_in_words_why_it_refused(bench: Bench) -> None:
+    bench.finger.touched = True
+    for name, value, words in (
+        ("tare", 1, "touched"),
+        ("calibration", b"no JSON", "not JSON"),
+        ("tpdo1_transmission", 245, "transmission type 245: 1..240 or 254"),
+    ):
+        with pytest.raises(canopen.SdoAbortedError):
+            bench.write(name, value)
+        assert bench.read("refusal") == words
+    bench.write("tare", 2)
+    with refused(Abort.NO_DATA):  # nothing is left to say
+        bench.read("refusal")
 
 
 def test_unknown_objects_are_refused(bench: Bench) -> None:

@@ -73,7 +73,11 @@ def run(*arguments: str) -> int:
         ("decode x", "no suffix"),
         ("info serial:/dev/nosuch", "/dev/nosuch"),
         ("tare can:can0 --finger 200", "200"),
-        ("set can:can0 colour 5", "no object 'colour'"),
+        ("set can:can0 colour 5", "no object 'colour'; what can be set: "),
+        ("set can:can0 rate_hz -5", "rate_hz = -5 Hz: give 0 to 1000 Hz"),
+        ("set can:can0 rate_hz nan", "rate_hz = nan Hz: give 0 to 1000 Hz"),
+        ("set can:can0 reboot 1", "reboot = 1: give 0x746F6F62"),
+        ("set can:can0 error_n 3", "error_n = 3: give 0"),
         ("set can:can0 rate_hz fast", "takes a number"),
         ("set can:can0 schema_hash 5", "can only be read"),
         ("busload --fingers 0", "--fingers"),
@@ -135,13 +139,15 @@ def test_info_tare_set(finger: Application, capsys: pytest.CaptureFixture[str]) 
     assert run("tare", HOST) == 0
     finger.touched = True
     assert run("tare", HOST, "--finger", "6") == 1
-    assert "untouched" in capsys.readouterr().err
+    assert "error: tare: something touches the tip; let go" in capsys.readouterr().err
     assert run("tare", HOST, "--force") == 0
     assert finger.tares == [False, True]
     assert run("set", HOST, "rate_hz", "50") == 0
     assert "rate_hz = 50 Hz" in capsys.readouterr().out
     assert run("set", HOST, "divider", "0") == 2
-    assert "1..1000" in capsys.readouterr().err
+    assert capsys.readouterr().err == "error: divider = 0: give 1 to 1000\n"
+    assert run("set", HOST, "tpdo1_transmission", "245") == 2
+    assert "tpdo1_transmission = 245: refused by finger 6: transmission type 245" in capsys.readouterr().err
 
 
 def test_calibration_is_set_from_a_file(
@@ -151,7 +157,17 @@ def test_calibration_is_set_from_a_file(
     file.write_text('{"a": 1}')
     assert run("set", HOST, "calibration", str(file)) == 0
     assert finger.calibration == b'{"a": 1}'
+    capsys.readouterr()
     assert run("set", HOST, "calibration", "/nosuch") == 2
+    assert capsys.readouterr().err == "error: /nosuch: cannot be read: No such file or directory\n"
+    file.write_text("a letter")
+    assert run("set", HOST, "calibration", str(file)) == 2
+    assert "tip.json: not a calibration file; give one that" in capsys.readouterr().err
+    finger.no_calibration = "upload: models[0]: unknown output 'taste'"
+    file.write_text('{"a": 2}')
+    assert run("set", HOST, "calibration", str(file)) == 2
+    assert capsys.readouterr().err == f"error: {file}: refused by finger 6: {finger.no_calibration}\n"
+    assert finger.calibration == b'{"a": 1}'
 
 
 @pytest.mark.parametrize("suffix", [".log", ".blf"])

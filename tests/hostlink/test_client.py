@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import select
 import socket
@@ -52,6 +53,7 @@ class Application:
     def __init__(self, serial: str) -> None:
         self.serial, self.touched, self.calibration = serial, False, b""
         self.tares: list[bool] = []
+        self.no_calibration = ""  # why none is taken
 
     def describe(self) -> Mapping[str, int | float | str | bytes]:
         return {"serial_number": self.serial, "software_version": "0.1", "hardware_version": "test"}
@@ -61,15 +63,15 @@ class Application:
 
     def tare(self, force: bool) -> None:
         if self.touched and not force:
-            raise Refused("touched")
+            raise Refused("something touches the tip; let go, or force the tare")
         self.tares.append(force)
 
     def calibration_bytes(self) -> bytes:
         return self.calibration
 
     def upload_calibration(self, data: bytes) -> None:
-        if not data.startswith(b"{"):
-            raise CalibrationError("not JSON")
+        if self.no_calibration:
+            raise CalibrationError(self.no_calibration)
         self.calibration = data
 
     def set_features(self, names: frozenset[str]) -> None: ...
@@ -234,19 +236,26 @@ def test_what_a_finger_can_be_asked(pair: Pair) -> None:
     assert info.calibration_id == ""
     finger.tare()
     application.touched = True
-    with pytest.raises(hostlink.ObjectAborted, match="untouched"):
+    with pytest.raises(hostlink.ObjectAborted, match="something touches the tip; let go"):
         finger.tare()
     finger.tare(force=True)
     assert application.tares == [False, True]
     finger.set_rate(100)
     assert finger.get("rate_hz") == 100
-    file = b"{" + os.urandom(1500)
+    file = json.dumps({"noise": os.urandom(750).hex()}).encode()
     finger.upload_calibration(file)
     assert application.calibration == file
     assert finger.calibration() == file
-    with pytest.raises(hostlink.ObjectAborted):
+    application.no_calibration = "upload: models[0]: " + "why not, at length; " * 20
+    with pytest.raises(hostlink.ObjectAborted) as refused:
+        finger.upload_calibration(b'{"a": 1}')
+    assert refused.value.reason == application.no_calibration
+    assert str(refused.value).startswith("calibration: upload: models[0]: why not")
+    finger.set_rate(50)
+    assert finger.get("refusal") == ""
+    with pytest.raises(hostlink.UsageError, match="upload: not a calibration file"):
         finger.upload_calibration(b"no JSON")
-    with pytest.raises(hostlink.UsageError, match=r"0\.\.1000"):
+    with pytest.raises(hostlink.UsageError, match="give 0 to 1000 Hz"):
         finger.set_rate(5000)
     with pytest.raises(hostlink.UsageError, match="no object 'colour'"):
         finger.get("colour")
