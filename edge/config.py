@@ -7,11 +7,14 @@ be right; nothing is silently ignored.
 
 from __future__ import annotations
 
+import json
+import re
 import tomllib
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
+from msgspec import inspect
 
 from edge.errors import ConfigError
 from edge.types import Feature
@@ -122,13 +125,50 @@ def check_config(table: dict[str, object], where: str) -> Config:
 
 
 def _explain(message: str, table: dict[str, object]) -> str:
-    """msgspec's message, with the keys that would have been right where one is unknown."""
-    if "unknown field" not in message:
-        return message
-    section = message.partition("`$.")[2].rstrip("`")
-    known = Config.__struct_fields__
-    if section and section in known:
-        known = type(getattr(Config(), section)).__struct_fields__
-    place = f"[{section}]" if section else "the top level"
-    key = message.partition("`")[2].partition("`")[0]
-    return f"unknown key '{key}' in {place}; known keys: {', '.join(known)}"
+    """msgspec's message as the file has it: table, key, value, and what would be right."""
+    path = message.partition("`$")[2].rstrip("`").lstrip(".")
+    if "unknown field" in message:
+        place = f"[{path}]" if path else "the top level"
+        key = message.partition("`")[2].partition("`")[0]
+        return f"unknown key '{key}' in {place}; known keys: {', '.join(_fields(_at(path)))}"
+    section, _, key = path.partition(".")
+    value: object = table[section]
+    if not key:
+        return f"{section} = {_shown(value)}: a table is written [{section}], with keys below it"
+    for step in re.findall(r"\w+", key):
+        value = value[int(step)] if isinstance(value, list) else value[step]  # type: ignore[index]
+    return f"[{section}] {key} = {_shown(value)}: give {_wanted(_at(path))}"
+
+
+def _fields(kind: inspect.Type) -> dict[str, inspect.Type]:
+    assert isinstance(kind, inspect.StructType)
+    return {field.name: field.type for field in kind.fields}
+
+
+def _at(path: str) -> inspect.Type:
+    """The type of a key, or of one value in a list of them."""
+    kind = inspect.type_info(Config)
+    for step in re.findall(r"\w+", path):
+        kind = kind.item_type if isinstance(kind, inspect.VarTupleType) else _fields(kind)[step]
+    return kind
+
+
+def _wanted(kind: inspect.Type) -> str:
+    """What a key takes, in words."""
+    if isinstance(kind, inspect.VarTupleType):
+        return f"a list, each of it {_wanted(kind.item_type)}"
+    if isinstance(kind, inspect.EnumType):
+        return f"one of {', '.join(member.value for member in kind.cls)}"
+    if isinstance(kind, inspect.StrType):
+        return "text in quotes" + (f", {kind.max_length} characters at most" if kind.max_length else "")
+    assert isinstance(kind, inspect.IntType | inspect.FloatType), kind
+    name = "a whole number" if isinstance(kind, inspect.IntType) else "a number"
+    if kind.ge is not None and kind.le is not None:
+        return f"{name} from {kind.ge:g} to {kind.le:g}"
+    return f"{name} above {kind.gt:g}" if kind.gt is not None else name
+
+
+def _shown(value: object) -> str:
+    """A value as TOML has it, cut where it is long."""
+    text = json.dumps(value, default=str)
+    return text if len(text) <= 40 else text[:37] + "..."

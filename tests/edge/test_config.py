@@ -31,9 +31,19 @@ def test_keys_are_read(tmp_path: Path) -> None:
     [
         ("[source]\nspeck = 'v4l2:0'\n", "unknown key 'speck' in [source]; known keys: spec, "),
         ("[sauce]\n", "unknown key 'sauce' in the top level; known keys: sensor, "),
-        ("[sensor]\nnode_id = 128\n", "<= 127 - at `$.sensor.node_id`"),
-        ("[sensor]\nnode_id = 'one'\n", "Expected `int`, got `str` - at `$.sensor.node_id`"),
-        ("[features]\ndemand = ['taste']\n", "'taste' - at `$.features.demand[0]`"),
+        ("[sensor]\nnode_id = 128\n", ": [sensor] node_id = 128: give a whole number from 1 to 127"),
+        ("[sensor]\nnode_id = 'one'\n", '[sensor] node_id = "one": give a whole number from 1 to 127'),
+        ("[sensor]\nserial = 42\n", "[sensor] serial = 42: give text in quotes, 32 characters at most"),
+        ("sensor = 3\n", "sensor = 3: a table is written [sensor], with keys below it"),
+        ("[source]\nrate_hz = nan\n", "[source] rate_hz = NaN: give a number from 0 to 2000"),
+        ("[tare]\nsteady_px = 0\n", "[tare] steady_px = 0: give a number above 0"),
+        ("[link]\nsinks = 'can:can0'\n", '[link] sinks = "can:can0": give a list, each of it text in quotes'),
+        ("[link]\nsinks = ['memory:', 2]\n", "[link] sinks[1] = 2: give text in quotes"),
+        ("[features]\ndemand = ['taste']\n", '[features] demand[0] = "taste": give one of displacement, '),
+        (
+            "[features]\ndemand = 2020-01-01\n",
+            '[features] demand = "2020-01-01": give a list, each of it one',
+        ),
         ("[sensor\n", "not TOML"),
         ("\x00", "not TOML"),
     ],
@@ -47,6 +57,18 @@ def test_a_mistake_is_one_line_with_file_and_key(tmp_path: Path, text: str, expe
     assert str(path) in message
     assert expected in message
     assert "\n" not in message
+
+
+def test_every_key_says_what_it_takes(tmp_path: Path) -> None:
+    """A datetime is right for none of them."""
+    for section in Config.__struct_fields__:
+        for key in getattr(Config(), section).__struct_fields__:
+            path = tmp_path / "edge.toml"
+            path.write_text(f"[{section}]\n{key} = 2020-01-01\n")
+            with pytest.raises(
+                ConfigError, match=rf"\[{section}\] {key} = \"2020-01-01\": give (a|one|text) "
+            ):
+                load_config(path)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
