@@ -21,6 +21,7 @@ from typing import Any
 
 from hostlink.errors import ConnectError, LinkDown
 from hostlink.wire.address import Address
+from hostlink.wire.advice import cannot_open, words_of
 
 __all__ = ["CanLink", "Link", "SerialLink", "arrival_s", "open_link"]
 
@@ -73,7 +74,7 @@ class Link(ABC):
             try:
                 self._write(medium, item)
             except _broken() as error:
-                raise LinkDown(f"{self.address}: {_words(error)}") from error
+                raise LinkDown(f"{self.address}: {words_of(error)}") from error
 
     def _run(self) -> None:
         while not self._closing.is_set():
@@ -84,7 +85,7 @@ class Link(ABC):
             try:
                 data = self._read(medium)
             except _broken() as error:
-                log.warning("%s: %s", self.address, _words(error))
+                log.warning("%s: %s", self.address, words_of(error))
                 self._let_go()
                 continue
             if data is not None:
@@ -146,10 +147,7 @@ class CanLink(Link):
                 )
             bus = can.Bus(**arguments)
         except _broken() as error:
-            raise ConnectError(
-                f"{address}: cannot open CAN interface {address.channel!r} ({address.interface}): "
-                f"{_words(error)}"
-            ) from error
+            raise ConnectError(f"{address}: {cannot_open(address, error)}") from error
         if address.interface in SOCKETS:
             _widen(bus.fileno())
         if address.interface == "socketcan":
@@ -186,9 +184,7 @@ class SerialLink(Link):
                 self.address.channel, baudrate=self.address.baud, timeout=READ_S, write_timeout=WRITE_S
             )
         except _broken() as error:
-            raise ConnectError(
-                f"{self.address}: cannot open serial port {self.address.channel!r}: {_words(error)}"
-            ) from error
+            raise ConnectError(f"{self.address}: {cannot_open(self.address, error)}") from error
         with suppress(*_broken(), NotImplementedError):
             port.set_low_latency_mode(True)  # FTDI adapters hold bytes back for 16 ms otherwise
         return port
@@ -232,12 +228,5 @@ def _broken() -> tuple[type[BaseException], ...]:
     """All ways in which python-can and pyserial say that a medium is gone."""
     import can
 
-    # serial.SerialException is an OSError; the last two are python-can without a driver's own library.
-    return (can.CanError, OSError, ValueError, TypeError, ImportError, AttributeError)
-
-
-def _words(error: BaseException) -> str:
-    number = getattr(error, "errno", None)
-    if isinstance(error, OSError) and number:
-        return os.strerror(number)
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
+    # serial.SerialException is an OSError; the last three are python-can without a driver's own library.
+    return (can.CanError, OSError, ValueError, TypeError, ImportError, AttributeError, NameError)

@@ -18,6 +18,7 @@ import can
 import serial
 
 from hostlink.wire.address import Address
+from hostlink.wire.advice import cannot_open, words_of
 
 __all__ = ["CanMedium", "Medium", "MediumError", "MediumFull", "SerialMedium", "open_bus", "open_line"]
 
@@ -34,8 +35,9 @@ CAN_ERR_BUSOFF = 0x40
 CAN_ERR_RESTARTED = 0x100
 
 for _library in ("can", "canopen"):
-    # They log what they also raise; without a handler of its own that would be a second line on stderr.
+    # They log what they also raise: that would be a second line on stderr.
     logging.getLogger(_library).addHandler(logging.NullHandler())
+    logging.getLogger(_library).propagate = False
 
 
 class MediumError(Exception):
@@ -63,6 +65,7 @@ class Medium(Protocol):
     def close(self) -> None: ...
 
 
+_NO_DRIVER = (ImportError, AttributeError, NameError)  # python-can without a driver's own library
 _BROKEN = (can.CanError, OSError, ValueError, TypeError)  # serial.SerialException is an OSError
 
 
@@ -89,14 +92,14 @@ class CanMedium:
         except _BROKEN as error:
             if _means_full(error):
                 raise MediumFull(str(error)) from error
-            raise MediumError(_words(error)) from error
+            raise MediumError(words_of(error)) from error
         self.bus_off = False
 
     def read(self, timeout_s: float) -> can.Message | None:
         try:
             message = self._bus.recv(timeout_s)
         except _BROKEN as error:
-            raise MediumError(_words(error)) from error
+            raise MediumError(words_of(error)) from error
         if message is not None and message.is_error_frame:
             if message.arbitration_id & CAN_ERR_BUSOFF:
                 self.bus_off = True
@@ -130,7 +133,7 @@ class SerialMedium:
                 self._port.reset_output_buffer()  # what is stuck in there is old by now
             raise MediumFull(str(error)) from error
         except _BROKEN as error:
-            raise MediumError(_words(error)) from error
+            raise MediumError(words_of(error)) from error
 
     def read(self, timeout_s: float) -> bytes | None:
         try:
@@ -138,7 +141,7 @@ class SerialMedium:
             first = self._port.read(1)
             return bytes(first + self._port.read(min(self._port.in_waiting, READ_CHUNK))) if first else None
         except _BROKEN as error:
-            raise MediumError(_words(error)) from error
+            raise MediumError(words_of(error)) from error
 
     def close(self) -> None:
         with suppress(*_BROKEN):
@@ -169,10 +172,8 @@ def open_bus(address: Address) -> Callable[[], CanMedium]:
                 # woken for it after the writer was told would wait for ever, and hold the link with it.
                 os.set_blocking(bus.fileno(), False)
             return CanMedium(bus, address.interface in INSTANT, carrier)
-        except (*_BROKEN, ImportError, AttributeError) as error:
-            raise MediumError(
-                f"cannot open CAN interface {address.channel!r} ({address.interface}): {_words(error)}"
-            ) from error
+        except (*_BROKEN, *_NO_DRIVER) as error:
+            raise MediumError(cannot_open(address, error)) from error
 
     return opener
 
@@ -184,7 +185,7 @@ def open_line(address: Address) -> Callable[[], SerialMedium]:
         try:
             port = serial.serial_for_url(address.channel, baudrate=address.baud, write_timeout=WRITE_S)
         except _BROKEN as error:
-            raise MediumError(f"cannot open serial port {address.channel!r}: {_words(error)}") from error
+            raise MediumError(cannot_open(address, error)) from error
         return SerialMedium(port)
 
     return opener
@@ -197,11 +198,3 @@ def _means_full(error: BaseException) -> bool:
         timed_out = isinstance(error.__cause__, TimeoutError | serial.SerialTimeoutException)
         return timed_out or isinstance(error, TimeoutError) or "buffer full" in str(error)
     return number in FULL
-
-
-def _words(error: BaseException) -> str:
-    """One line of what went wrong, without the libraries' wrapping."""
-    number = getattr(error, "errno", None)
-    if isinstance(error, OSError) and number:
-        return os.strerror(number)
-    return str(error).splitlines()[0] if str(error) else type(error).__name__

@@ -18,6 +18,7 @@ An address that opens nothing is still checked in full: unknown words are refuse
 from __future__ import annotations
 
 from dataclasses import dataclass
+from ipaddress import ip_address
 from typing import Any
 from urllib.parse import parse_qsl
 
@@ -122,12 +123,21 @@ def parse_address(text: str) -> Address:
     channel, _, query = rest.partition("?")
     if scheme != "memory" and not channel:
         raise AddressError(f"{text!r} names no channel (e.g. {_EXAMPLES[scheme]})")
+    if scheme == "udp" and not _is_group(channel):
+        raise AddressError(f"{text!r}: {channel} is no multicast group; give one, e.g. {_EXAMPLES[scheme]}")
     options = _read_options(text, scheme, query)
     interface = str(options.pop("interface", _INTERFACE[scheme]))
     fd = bool(options.pop("fd", scheme != "slcan"))
     if scheme == "slcan":
         options.setdefault("baud", 115_200)
     return Address(scheme, channel, interface, fd, **options)
+
+
+def _is_group(channel: str) -> bool:
+    try:
+        return ip_address(channel).is_multicast
+    except ValueError:
+        return False
 
 
 _INTERFACE = {
