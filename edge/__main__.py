@@ -151,6 +151,8 @@ def run(
             url = _aside(stack, app, config, record_path, view, view_token, recordings)
         if url:
             click.echo(f"live page: {url}", err=True)
+        elif not app.sinks and record_path is None:
+            log.warning("nobody will hear: no sink; give --sink can:can0, or the key sinks in [link]")
         _finish(app.run(frames_max), app, as_json, quiet)
 
 
@@ -217,6 +219,8 @@ def replay(
             click.echo(f"live page: {url}", err=True)
         summary = Summary()
         app.watchers.append(summary.add)
+        skipped_n: list[int] = []  # before the first result
+        app.watchers.append(lambda *_: skipped_n.append(source.dropped_n) if not skipped_n else None)
         if samples:
             app.watchers.append(lambda result, state: click.echo(_line(asdict(state))))
         shown = not (quiet or samples or loop)
@@ -224,6 +228,8 @@ def replay(
             app.turns.append(lambda: count(app.frames_n))
             statistics = app.run()
         _finish(statistics, app, as_json, quiet, summary.report())
+        if words := _missed(app, config.tare.frames_n, skipped_n):
+            log.warning("%s: %s", recording, words)
 
 
 @cli.command()
@@ -512,6 +518,24 @@ def _speed(text: str) -> float | None:
     if not 0.01 <= factor <= 100:
         raise SourceError(f"--speed {text}: give a factor from 0.01 to 100, or max")
     return factor
+
+
+def _missed(app: App, tare_n: int, skipped_n: Sequence[int]) -> str:
+    """What of a recording the tare took up, in words; empty: no more than its own images.
+
+    skipped_n  images that passed before the first result, where there was one
+    """
+    paced = app.source.live
+    if not app.frames_n or (paced and not getattr(app.source, "ended", True)):
+        return ""  # stopped
+    way_out = "--loop plays it on, --speed max takes every image" if paced else "replay a longer one"
+    if app.last is None:
+        return (
+            f"ended while the rest frame was being taken ({tare_n} images and a search), no values; {way_out}"
+        )
+    if skipped_n and skipped_n[0]:
+        return f"{skipped_n[0]} images passed while the rest frame was being taken; {way_out}"
+    return ""
 
 
 def _finish(

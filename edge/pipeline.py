@@ -141,7 +141,8 @@ def in_order_of(calibration: Calibration, rest: Rest) -> Rest:
     if rest.pattern.size_px != made_with.pattern.size_px:
         raise CalibrationError(
             f"the calibration was made at {made_with.pattern.size_px[0]}x{made_with.pattern.size_px[1]}, "
-            f"the camera gives {rest.pattern.size_px[0]}x{rest.pattern.size_px[1]}: set the camera's size"
+            f"the images are {rest.pattern.size_px[0]}x{rest.pattern.size_px[1]}: "
+            "give the calibration of this tip, or set a live camera to that size"
         )
     tracks = Tracker(made_with).identify(rest.pins)
     moved = tracks.xy_img - made_with.xy_img

@@ -3,14 +3,16 @@
 Rules
 - A recording of the bus (.log, .blf), of a line (.serial) or of the edge (.mcap, its `/bus/sample`) gives the
   same picture, because it holds the same samples.
-- One panel a quantity with its unit, one line a finger; a value that was not known leaves a gap, and a
-  quantity that was never known leaves no panel.
+- One panel a quantity with its unit, one line a finger; a value that was not known leaves a gap, one that
+  is known between two gaps is a dot, and a quantity that was never known leaves no panel.
 - Times count from the recording's first sample, on the sensor's clock: capture, not arrival.
 """
 
 from __future__ import annotations
 
 import json
+import logging
+import struct
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isnan, nan
@@ -25,7 +27,11 @@ from hostlink.recording import CAN_SUFFIXES, SERIAL_SUFFIX, check_suffix, decode
 
 __all__ = ["PANELS", "Series", "draw", "plot", "read_series"]
 
+log = logging.getLogger(__name__)
+
 MCAP_SUFFIX = ".mcap"
+_WITH_SAMPLES = "give what `hostlink record` or `edge run --record` wrote"
+_RECORD_MAX = 1 << 30  # bytes; ours stay near 1 MiB, and a damaged length must not eat the memory
 PICTURES = (".png", ".pdf", ".svg")
 _WIDTH_IN = 7.16  # both columns of an IEEE page
 _PANEL_IN = 1.15
@@ -118,7 +124,7 @@ def read_series(path: Path) -> dict[int, Series]:
             series[node], start_us[node] = Series(), capture_us - round((arrival_s - first_s) * 1e6)
         series[node].add(capture_us, start_us[node], values)
     if not series:
-        raise LogError(f"{path}: holds no samples")
+        raise LogError(f"{path}: holds no samples of a fingertip; {_WITH_SAMPLES}")
     return series
 
 
@@ -136,17 +142,30 @@ def _samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]]:
 
 def _mcap_samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]]:
     try:
-        from mcap.exceptions import McapError
-        from mcap.reader import make_reader
+        from mcap.exceptions import InvalidMagic, McapError
+        from mcap.reader import NonSeekingReader
+        from zstandard import ZstdError
     except ImportError as error:
         raise UsageError(f"{path}: {error}; install voronoi-touch[edge]") from error
+    broken = (McapError, ZstdError, struct.error, RuntimeError, LookupError, OverflowError, MemoryError)
+    samples_n = 0
     try:
         with path.open("rb") as file:
-            for _, _, message in make_reader(file).iter_messages(topics=["/bus/sample"]):
+            # In the file's order, without its index: one that was cut off has none.
+            reader = NonSeekingReader(file, record_size_limit=_RECORD_MAX)
+            for _, _, message in reader.iter_messages(topics=["/bus/sample"], log_time_order=False):
                 values = json.loads(message.data)["values"]
-                yield 1, message.log_time * 1e-9, int(values["capture_time_us"]), values
-    except (McapError, ValueError, KeyError, TypeError) as error:
-        raise LogError(f"{path}: not a recording of the edge, or damaged: {error}") from None
+                capture_us = int(values["capture_time_us"])
+                samples_n += 1
+                yield 1, message.log_time * 1e-9, capture_us, values
+    except InvalidMagic:
+        raise LogError(f"{path}: not an MCAP file; give one that `edge run --record` wrote") from None
+    except (*broken, ValueError, TypeError):
+        if not samples_n:
+            raise LogError(
+                f"{path}: cut off or damaged before its first sample; copy or record it again"
+            ) from None
+        log.warning("%s: cut off or damaged; drawn is what stands before that", path)
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from None
 
@@ -208,6 +227,10 @@ def _panel(axes: Any, panel: Panel, series: dict[int, Series]) -> None:
                 label=label,
                 drawstyle=style,
             )
+            alone = _alone(values)
+            axes.plot(
+                [one.time_s[j] for j in alone], [values[j] for j in alone], ".", color=colour, markersize=3
+            )
             if panel.sigma and one.known(panel.sigma):
                 sigma = one.values[panel.sigma]
                 low, high = ([v + sign * s for v, s in zip(values, sigma, strict=True)] for sign in (-1, 1))
@@ -222,6 +245,12 @@ def _panel(axes: Any, panel: Panel, series: dict[int, Series]) -> None:
         axes.spines[side].set_visible(False)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(fontsize=7, loc="upper left", ncols=6, frameon=True, framealpha=0.85, edgecolor="none")
+
+
+def _alone(values: Sequence[float]) -> list[int]:
+    """Which values are known between two that are not: no line goes through them, so each gets a dot."""
+    around = [nan, *values, nan]
+    return [i for i, v in enumerate(values) if not isnan(v) and isnan(around[i]) and isnan(around[i + 2])]
 
 
 def _only(series: dict[int, Series], fingers: Sequence[int], path: Path) -> dict[int, Series]:

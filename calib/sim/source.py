@@ -22,11 +22,18 @@ from calib.sim.script import SCENES, play
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from edge.errors import SourceError
-from edge.sources import Options, Paced
+from edge.sources import Options, Paced, convert
 from edge.types import Frame, FrameSource
 
 RATE_HZ = 60.0
-_KEYS = {"pins": "331", "layout": "rings", "seed": "0", "paced": "1", "light": "clean"}
+#: Keys of its own: kind and default.
+_KEYS = {
+    "pins": ("int", "331"),
+    "layout": ("str", "rings"),
+    "seed": ("int", "0"),
+    "paced": ("bool", "1"),
+    "light": ("str", "clean"),
+}
 _LIGHTS = {"clean": lambda camera, seed: Look(), "ugly": ugly}
 
 
@@ -67,19 +74,19 @@ def open_sim(where: str, options: Options) -> FrameSource:
     for key in options.extra:
         if key not in _KEYS:
             raise SourceError(f"source sim:{where}: unknown key {key!r}; known keys: {', '.join(_KEYS)}")
-    values = {**_KEYS, **options.extra}
+    texts = {name: default for name, (_, default) in _KEYS.items()} | dict(options.extra)
+    values = {name: convert(_KEYS[name][0], name, text, f"sim:{where}") for name, text in texts.items()}
     try:
-        tip = Tip(n_pins=int(values["pins"]), kind=values["layout"])
+        tip = Tip(n_pins=values["pins"], kind=values["layout"])
         size = (options.width or 640, options.height or 480)
         camera = Camera(tip=tip, size_px=size)
         if values["light"] not in _LIGHTS:
             raise ValueError(f"light {values['light']!r} is unknown; one of {', '.join(_LIGHTS)}")
-        look = _LIGHTS[values["light"]](camera, int(values["seed"]))
-        simulator = Simulator(camera, look, int(values["seed"]), options.rate_hz or RATE_HZ)
-        paced = bool(int(values["paced"]))
+        look = _LIGHTS[values["light"]](camera, values["seed"])
+        simulator = Simulator(camera, look, values["seed"], options.rate_hz or RATE_HZ)
     except ValueError as error:
         raise SourceError(f"source sim:{where}: {error}") from None
-    source = SceneSource(simulator, scene, keep=paced)
-    if not paced:
+    source = SceneSource(simulator, scene, keep=values["paced"])
+    if not values["paced"]:
         return source
     return Paced(source, simulator.rate_hz, loop=True)

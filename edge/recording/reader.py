@@ -213,7 +213,11 @@ class RecordingSource:
         self._closed = False
         self.metadata = read_metadata(self.path)
         self._topic = topic
-        first = list(islice(self._frames(Counter()), 1))
+        faults: Counter[str] = Counter()
+        first = list(islice(self._frames(faults), 1))
+        if not first and (faults["truncated"] or faults["damaged chunk"]):
+            how = "cut off" if faults["truncated"] else "damaged"
+            raise SourceError(f"{self.name}: {how} before its first whole image; copy or record it again")
         if not first:
             wanted = f"on topic {topic}" if topic else "on any topic"
             raise SourceError(f"{self.name}: no complete image {wanted}; record again or name another topic")

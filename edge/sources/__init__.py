@@ -22,7 +22,7 @@ from typing import Any
 from edge.errors import SourceError
 from edge.sources.files import IMAGE_SUFFIXES, FolderSource, VideoSource, read_image
 from edge.sources.live import LiveSource
-from edge.sources.options import Options, Spec, parse_spec
+from edge.sources.options import Options, Spec, convert, parse_spec
 from edge.sources.paced import Paced
 from edge.types import FrameSource
 
@@ -32,6 +32,7 @@ __all__ = [
     "Options",
     "Paced",
     "VideoSource",
+    "convert",
     "known_schemes",
     "open_source",
     "read_image",
@@ -85,7 +86,8 @@ def _opener(spec: Spec) -> Opener:
         return opener
     if spec.scheme in _FROM_EXTRA:
         raise SourceError(f"source {spec.text}: not installed here; install {_FROM_EXTRA[spec.scheme]}")
-    raise SourceError(f"source {spec.text}: no scheme {spec.scheme!r}; known: {', '.join(known_schemes())}")
+    known = ", ".join(f"{name}:" for name in known_schemes())
+    raise SourceError(f"source {spec.text!r}: no scheme {spec.scheme!r}; known: {known}")
 
 
 def _exists(where: str) -> bool:

@@ -26,6 +26,7 @@ from edge.types import Clock, Frame, Image
 __all__ = ["IMAGE_SUFFIXES", "FolderSource", "VideoSource", "read_image", "to_grey"]
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
+_GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
 STILLS_HZ = 30.0  # stills have no rate; replayed as if live they come like this
 _TRIES = 8  # damaged frames in a row before a video counts as ended
 
@@ -46,12 +47,12 @@ def _quiet() -> Iterator[None]:
 def to_grey(image: np.ndarray[Any, Any]) -> Image:
     """Grey of the same depth. Raises ValueError for what is not an image of 8 or 16 bits."""
     if image.dtype not in (np.uint8, np.uint16):
-        raise ValueError(f"pixels of type {image.dtype}")
+        raise ValueError(f"pixels of type {image.dtype}; save it with 8 or 16 bits a pixel")
     if image.ndim == 2:
         return image
     conversions = {1: None, 3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
     if image.ndim != 3 or image.shape[2] not in conversions:
-        raise ValueError(f"shape {image.shape}")
+        raise ValueError(f"{image.shape} values; save it as grey or RGB")
     code = conversions[image.shape[2]]
     grey: Any = image[:, :, 0] if code is None else cv2.cvtColor(image, code)
     return np.asarray(grey)
@@ -68,14 +69,14 @@ def _read_image(path: Path) -> Image:
     try:
         data = np.fromfile(path, np.uint8)
     except OSError as error:
-        raise ValueError(str(error.strerror)) from error
+        raise ValueError(f"{error.strerror}; {_GIVE}") from error
     with _quiet():
         try:
             image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
         except cv2.error as error:
-            raise ValueError("damaged") from error
+            raise ValueError(f"damaged; {_GIVE}") from error
     if image is None:
-        raise ValueError("not an image")
+        raise ValueError(f"not an image; {_GIVE}")
     return to_grey(image)
 
 
@@ -84,7 +85,7 @@ def read_image(path: str | Path) -> Image:
     try:
         return _read_image(Path(path))
     except ValueError as error:
-        raise SourceError(f"image {path}: {error}; give {', '.join(IMAGE_SUFFIXES)}") from error
+        raise SourceError(f"image {path}: {error}") from error
 
 
 class FolderSource:
@@ -111,13 +112,12 @@ class FolderSource:
         else:
             raise SourceError(f"{self.name}: no such file or folder; give a folder of images or a recording")
         if not self.paths:
-            raise SourceError(f"{self.name}: no images in it; give a folder with {', '.join(IMAGE_SUFFIXES)}")
+            raise SourceError(f"{self.name}: no images in it; {_GIVE}")
         try:
             height, width = _read_image(self.paths[0]).shape
         except ValueError as error:
-            raise SourceError(
-                f"{self.name}: {self.paths[0].name}: {error}; give {', '.join(IMAGE_SUFFIXES)}"
-            ) from error
+            where = self.name if self.path.is_file() else f"{self.name}: {self.paths[0].name}"
+            raise SourceError(f"{where}: {error}") from error
         self.size_px = (width, height)
 
     def __iter__(self) -> Iterator[Frame]:

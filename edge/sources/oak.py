@@ -67,8 +67,9 @@ def find_module(where: str) -> dai.DeviceInfo:
         if not where or where in (info.deviceId, info.name):
             return info
     here = ", ".join(f"{info.deviceId} ({info.name})" for info in found) or "none"
+    place = f"oak:{where}".rstrip(":")
     raise SourceError(
-        f"source oak:{where}: no such OAK module; free modules here: {here}; plug it in, check its udev rule"
+        f"source {place}: no such OAK module; free modules here: {here}; plug it in, check its udev rule"
     )
 
 
@@ -282,13 +283,13 @@ def open_oak(where: str, options: Options) -> OakSource:
     socket, clock = extra.pop("socket", "CAM_B"), extra.pop("clock", "host")
     options = replace(options, extra=extra).without_extra(f"oak:{where}")
     if clock not in ("host", "device"):
-        raise SourceError(f"source oak:{where}: no clock {clock!r}; known: host, device")
+        raise SourceError(f"source oak: no clock {clock!r}; known: host, device")
     load_depthai()
     _socket(socket)
     return OakSource(
         camera_output(options, socket),
         options,
-        name=f"camera oak:{where}",
+        name=f"camera oak:{where}".rstrip(":"),
         module=lambda: find_module(where),
         socket=socket,
         own_clock=clock == "device",

@@ -11,14 +11,14 @@ A setting of 0 or None means: leave it as it is. Sources ignore settings that ha
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 from urllib.parse import parse_qsl
 
 from edge.errors import SourceError
 
-__all__ = ["Options", "Spec", "parse_spec"]
+__all__ = ["Options", "Spec", "convert", "parse_spec"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,18 +65,27 @@ class Spec:
 
 _SCHEME = re.compile(r"^([a-z][a-z0-9_+-]*):(.*)$", re.DOTALL)
 _TRUE = {"1": True, "true": True, "yes": True, "0": False, "false": False, "no": False}
+#: What a key takes, by its type in `Options`: conversion, and the words for it.
+_KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
+    "bool": (lambda text: _TRUE[text.lower()], "0 or 1"),
+    "float": (float, "a number"),
+    "int": (int, "a whole number"),
+    "str": (str, "text"),
+}
+
+
+def convert(kind: str, name: str, text: str, spec: str) -> Any:
+    """A key's value. Raises SourceError: it is not of that kind (bool, float, int, str)."""
+    read, words = _KINDS[kind]
+    try:
+        return read(text)
+    except (ValueError, KeyError):
+        raise SourceError(f"source {spec}: {name}={text}: give {words}, e.g. {name}=1") from None
 
 
 def _convert(name: str, text: str, spec: str) -> Any:
-    kind = {f.name: f.type for f in fields(Options)}[name]
-    try:
-        if kind == "bool":
-            return _TRUE[text.lower()]
-        if kind == "float":
-            return float(text)
-        return text if kind == "str" else int(text)
-    except (ValueError, KeyError) as error:
-        raise SourceError(f"source {spec}: {name}={text} is not {kind}; give e.g. {name}=1") from error
+    kind = str({f.name: f.type for f in fields(Options)}[name]).partition(" ")[0]
+    return convert(kind, name, text, spec)
 
 
 def parse_spec(text: str, options: Options) -> Spec:

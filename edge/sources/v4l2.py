@@ -92,7 +92,8 @@ def find_device(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path
         path = next((c.path for c in cameras if where and c.serial == where), str(links[0]) if links else "")
     if not path or not os.path.exists(path):
         here = "; ".join(f"{c.path} {c.label} serial {c.serial or 'none'}" for c in cameras) or "none"
-        raise SourceError(f"source v4l2:{where}: no such camera; cameras here: {here}")
+        wanted = "v4l2:NUMBER, v4l2:SERIAL or /dev/v4l/by-id/..."
+        raise SourceError(f"source v4l2:{where}: no such camera; give {wanted}; cameras here: {here}")
     if not os.access(path, os.R_OK | os.W_OK):
         raise SourceError(
             f"source v4l2:{where}: no permission for {path}; join the group video, log in again"

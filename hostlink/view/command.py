@@ -34,10 +34,7 @@ from hostlink.web import WebError, parse_listen
 )
 def view(address: str, listen: str, token: str | None, hand: str, left: bool, seconds: float | None) -> None:
     """Show the fingers at ADDRESS in a browser, laid out as a hand."""
-    try:
-        nodes = [int(number) for number in hand.split(",")]
-    except ValueError:
-        raise UsageError(f"--hand {hand}: give node numbers, e.g. 1,2,3,4,5") from None
+    nodes = _nodes(hand)
     try:
         where = parse_listen(listen, token)
         from hostlink.view import HandView
@@ -52,3 +49,15 @@ def view(address: str, listen: str, token: str | None, hand: str, left: bool, se
                 page.close()
     except WebError as error:
         raise UsageError(str(error)) from None
+
+
+def _nodes(hand: str) -> list[int]:
+    """The numbers, each one of a node and named once. Raises UsageError."""
+    numbers = hand.split(",")
+    if not all(number.strip().isdecimal() and 1 <= int(number) <= 127 for number in numbers):
+        raise UsageError(f"--hand {hand}: give node numbers from 1 to 127, e.g. 1,2,3,4,5")
+    nodes = [int(number) for number in numbers]
+    twice = [node for node in nodes if nodes.count(node) > 1]
+    if twice:
+        raise UsageError(f"--hand {hand}: node {twice[0]} stands there twice; give each finger's own")
+    return nodes

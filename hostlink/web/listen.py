@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ipaddress
 import secrets
+import socket
 from dataclasses import dataclass
 
 __all__ = ["DEFAULT", "Listen", "WebError", "parse_listen"]
@@ -62,11 +63,21 @@ def parse_listen(text: str, token: str | None = None) -> Listen:
         token = secrets.token_urlsafe(16)
     elif token is not None and len(token) < TOKEN_MIN:
         raise WebError(f"token: {len(token)} characters; give at least {TOKEN_MIN}, or auto")
+    if not is_loopback(host):
+        _check_host(text, host)
     if not is_loopback(host) and not token:
         raise WebError(
             f"view {text}: others can reach this address; give a token too (auto makes one), or 127.0.0.1"
         )
     return Listen(host, port, token or "")
+
+
+def _check_host(text: str, host: str) -> None:
+    """Before anything is said of others who can reach it."""
+    try:
+        socket.getaddrinfo(host, None)
+    except (OSError, UnicodeError):
+        raise WebError(f"view {text}: no host {host!r} is known; give HOST:PORT, e.g. {DEFAULT}") from None
 
 
 def _split(text: str) -> tuple[str, int]:

@@ -7,6 +7,7 @@ detail    pack_detail / unpack_segment / DetailAssembler (every pin, CAN FD and 
 status    status bits, fault table
 objects   the object table: SDO and serial requests
 canid     CAN identifiers, bases configurable
+address   an end of the wire in one word; advice: what to do where it does not open
 serial    message types, object requests and replies, framing; on cobs
 e2e       AUTOSAR E2E profiles 5 and 11C
 generate  `python -m hostlink.wire.generate`: DBC, EDS, C, documentation from the tables

@@ -208,7 +208,7 @@ def test_another_sensor_s_pins_are_refused() -> None:
     for other in (Tip(91, "hex"), Tip(127, "rings"), Tip(121, "square")):
         with pytest.raises(CalibrationError, match=r"belongs to another tip|off the calibration's"):
             in_order_of(made_with, _rest_of(other))
-    with pytest.raises(CalibrationError, match="240x240, the camera gives 320x240"):
+    with pytest.raises(CalibrationError, match="240x240, the images are 320x240"):
         in_order_of(made_with, _rest_of(Tip(127, "hex"), size=(320, 240)))
 
 

@@ -89,6 +89,42 @@ def test_a_recording_of_a_replay_replays_the_same(
     assert len(values(once)) == 33
 
 
+@pytest.mark.parametrize(("speed", "way_out"), [("100", "--loop plays it on"), ("max", "a longer one")])
+def test_a_recording_that_ends_within_its_tare_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    tip_image: Path,
+    speed: str,
+    way_out: str,
+) -> None:
+    assert run(monkeypatch, "replay", tip_image, "--speed", speed, "-q") == 0
+    (said,) = [record.getMessage() for record in caplog.records if record.name == "edge"]
+    assert said.startswith(f"{tip_image}: ended while the rest frame was being taken (8 images and a search)")
+    assert way_out in said
+
+
+def test_images_that_pass_during_the_tare_are_told(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, data_dir: Path
+) -> None:
+    """A search takes longer than 40 images do at a hundred times their rate."""
+    assert run(monkeypatch, "replay", data_dir / "press_shear.mcap", "--speed", "100", "-q") == 0
+    (said,) = [record.getMessage() for record in caplog.records if record.name == "edge"]
+    assert "while the rest frame was being taken" in said
+    assert "--loop" in said
+
+
+def test_a_finger_without_a_sink_says_that_nobody_hears(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    arguments = ("run", "--source", "sim:nothing?pins=37&layout=hex&paced=0", "--frames", "1", "-q")
+    assert run(monkeypatch, *arguments) == 0
+    assert "nobody will hear: no sink; give --sink can:can0" in caplog.text
+    caplog.clear()
+    assert run(monkeypatch, *arguments, "--sink", "memory:") == 0
+    assert run(monkeypatch, *arguments, "--record", tmp_path / "a.mcap") == 0
+    assert "nobody" not in caplog.text
+
+
 BLACK, WHITE = np.zeros((240, 320), np.uint8), np.full((240, 320), 255, np.uint8)
 
 
@@ -134,6 +170,19 @@ def _text(folder: Path, name: str, content: str) -> Path:
         (["replay", "{press}", "--calibration", "absent.json"], "absent.json: cannot be read"),
         (["replay", "{press}", "--speed", "max", "--calibration", "{other}"], "calibration"),
         (["replay", "{press}", "--config", "bad.toml"], "unknown key 'speck' in [source]"),
+        (["replay", "float.tiff"], "float.tiff: pixels of type float32; save it with 8 or 16 bits"),
+        (["inspect", "float.tiff"], "float.tiff: pixels of type float32; save it with 8 or 16 bits"),
+        (["replay", "cut.mcap"], "cut.mcap: cut off before its first whole image; copy or record it again"),
+        (["replay", "{press}", "--view-at", "no host"], "no host 'no host' is known; give HOST:PORT"),
+        (
+            ["render", "{press}", "-o", "a.mp4", "--calibration", "{other}"],
+            "give the calibration of this tip",
+        ),
+        (["run", "--source", "sim:tour?paced=x"], "sim:tour: paced=x: give 0 or 1, e.g. paced=1"),
+        (["run", "--source", "sim:tour?pins=many"], "sim:tour: pins=many: give a whole number"),
+        (["run", "--source", "v4l2:abc"], "v4l2:abc: no such camera; give v4l2:NUMBER"),
+        (["run", "--source", "v4l2:0?width=wide"], "width=wide: give a whole number, e.g. width=1"),
+        (["replay", "{press}", "--sink", "udp:8.8.8.8"], "8.8.8.8 is no multicast group"),
         (["replay", "{press}", "--sink", "can:can77"], "can77"),
         (["replay", "{press}", "--sink", "serial:/dev/absent"], "/dev/absent"),
         (["replay", "{press}", "--sink", "smoke:signals"], "smoke"),
@@ -158,6 +207,9 @@ def test_a_mistake_is_one_line_and_exit_code_2(
     _text(tmp_path, "text.mcap", "this is a letter, not a recording\n")
     _text(tmp_path, "text.png", "this is a letter, not an image\n")
     _text(tmp_path, "bad.toml", "[source]\nspeck = 'v4l2:0'\n")
+    cv2.imwrite(str(tmp_path / "float.tiff"), np.full((240, 320), 0.5, np.float32))
+    whole = (data_dir / "press.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
     (tmp_path / "empty").mkdir()
     write(tmp_path / "black.png", BLACK)
     write(tmp_path / "white.png", WHITE)

@@ -132,7 +132,9 @@ def _columns(rest: Rest) -> dict[str, np.ndarray]:
 
 def test_another_tip_is_refused(data_dir: Path, rest: Rest) -> None:
     other = Calibration.load(data_dir / "rings331_ball.json")
-    with pytest.raises(CalibrationError, match="320x320, the camera gives 280x210"):
+    with pytest.raises(
+        CalibrationError, match="320x320, the images are 280x210: give the calibration of this tip"
+    ):
         in_order_of(other, rest)
     same_size = replace(rest, pattern=replace(rest.pattern, size_px=other.rest.pattern.size_px))
     with pytest.raises(CalibrationError, match=r"another tip: \d+ of its 331 pins"):

@@ -471,7 +471,7 @@ def test_where_nothing_can_be_written(tmp_path: Path) -> None:
         (None, "No such file"),
         (b"", "not an MCAP file"),
         (b"text, not a recording", "not an MCAP file"),
-        (b"\x89MCAP0\r\n", "no complete image"),
+        (b"\x89MCAP0\r\n", "cut off before its first whole image; copy or record it again"),
     ],
 )
 def test_bad_files_are_one_line(tmp_path: Path, content: bytes | None, says: str) -> None:

@@ -411,7 +411,7 @@ def test_a_camera_by_path(machine: tuple[Path, Path]) -> None:
 @pytest.mark.parametrize("where", ["5", "NONE", "", "/dev/no/such/camera"])
 def test_no_such_camera_names_those_there_are(machine: tuple[Path, Path], where: str) -> None:
     with pytest.raises(
-        SourceError, match=r"no such camera; cameras here: .*video0 Global Shutter 1-1 serial AB12"
+        SourceError, match=r"no such camera; give .*; cameras here: .*video0 Global Shutter 1-1 serial AB12"
     ):
         find_device(where, *machine)
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import asdict
 from math import isnan, nan
 from pathlib import Path
 
 import can
+import cv2
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ from edge.recording import Recorder
 from edge.types import Clock, Frame
 from hostlink.cli import main
 from hostlink.errors import LogError, UsageError
-from hostlink.plot import draw, read_series
+from hostlink.plot import Series, draw, read_series
 from hostlink.recording import LogWriter
 from hostlink.wire import CanIds, Kind, State, pack_state, unpack_state
 
@@ -78,12 +80,41 @@ def test_silence_is_a_gap(tmp_path: Path) -> None:
     assert one.time_s[19] < one.time_s[20] < one.time_s[21]
 
 
-def test_an_edge_recording_gives_the_same(tmp_path: Path) -> None:
-    write_bus(tmp_path / "a.log")
-    with Recorder(tmp_path / "a.mcap") as recorder:
-        for k, state in enumerate(states()):
+def write_edge(path: Path, n: int = 100) -> None:
+    with Recorder(path) as recorder:
+        for k, state in enumerate(states(n)):
             frame = Frame(np.zeros((4, 4), np.uint8), k * 10_000_000, k, Clock.HOST)
             recorder.sample(frame, asdict(unpack_state(pack_state(state, k))))
+
+
+def test_of_a_recording_that_was_cut_off_the_rest_is_drawn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "a.mcap"
+    write_edge(path, 20_000)  # some chunks
+    os.truncate(path, path.stat().st_size * 2 // 3)
+    assert run("plot", str(path), "--json") == 0
+    assert 1000 < json.loads(capsys.readouterr().out)["samples"]["1"] < 20_000
+    assert caplog.messages == [f"{path}: cut off or damaged; drawn is what stands before that"]
+
+
+def test_a_value_between_two_gaps_is_a_dot(tmp_path: Path) -> None:
+    def ink(values: list[float]) -> int:
+        """Pixels in the line's colour."""
+        columns = dict.fromkeys(Series().values, [nan] * len(values)) | {"force_n": values}
+        draw({1: Series(len(values), [k / 100 for k in range(len(values))], columns)}, tmp_path / "a.png")
+        red, green, blue = (int("0060a8"[i : i + 2], 16) for i in (0, 2, 4))
+        image = cv2.imread(str(tmp_path / "a.png"))
+        assert image is not None
+        return int((image == (blue, green, red)).all(axis=2).sum())
+
+    assert ink([nan, 1.0, nan, nan]) > 10
+    assert ink([1.0, nan, nan, 2.0]) > 20  # at both ends
+
+
+def test_an_edge_recording_gives_the_same(tmp_path: Path) -> None:
+    write_bus(tmp_path / "a.log")
+    write_edge(tmp_path / "a.mcap")
     bus, edge = read_series(tmp_path / "a.log")[1], read_series(tmp_path / "a.mcap")[1]
     assert edge.time_s == pytest.approx(bus.time_s, abs=1e-6)
     for name in bus.values:
@@ -124,7 +155,8 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         (["a.log", "-o", "a.gif"], "a picture is one of"),
         (["a.log", "--finger", "9"], "no finger 9; it holds 1"),
         (["a.csv"], "FD flags are lost"),
-        (["junk.mcap"], "not a recording of the edge"),
+        (["junk.mcap"], "junk.mcap: not an MCAP file"),
+        (["cut.mcap"], "cut.mcap: cut off or damaged before its first sample; copy or record it again"),
         (["empty.log"], "holds no samples"),
     ],
 )
@@ -140,6 +172,8 @@ def test_mistakes_are_one_line(
     (tmp_path / "a.csv").write_text("")
     (tmp_path / "empty.log").write_text("")
     (tmp_path / "junk.mcap").write_bytes(b"junk" * 100)
+    write_edge(tmp_path / "cut.mcap")
+    os.truncate(tmp_path / "cut.mcap", 500)
     assert run("plot", *arguments) == 2
     said = capsys.readouterr().err
     assert words in said
