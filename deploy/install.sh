@@ -42,9 +42,9 @@ while [ $# -gt 0 ]; do
         case $1 in
         --finger) finger=$2 ;;
         --node) node=$2 ;;
-        --wheels) wheels=$(cd "$2" && pwd) || fail "$2: no such folder" ;;
+        --wheels) wheels=$(cd "$2" 2>/dev/null && pwd) || fail "--wheels $2: no such folder" ;;
         --extras) extras=$2 ;;
-        --root) root=$(cd "$2" && pwd) || fail "$2: no such folder" ;;
+        --root) root=$(cd "$2" 2>/dev/null && pwd) || fail "--root $2: no such folder" ;;
         esac
         shift
         ;;
@@ -182,6 +182,11 @@ install)
     make_release
     if [ -n "$finger" ]; then set_up_finger; fi
     restart
-    say "done; next: $opt/current/bin/python -m edge doctor --config $etc/FINGER.toml"
+    some=${finger:-$(fingers | head -n 1)}
+    if [ -n "$some" ]; then
+        say "done; next: $opt/current/bin/python -m edge doctor --config $etc/$some.toml"
+    else
+        say "done; next: $0 --finger NAME --node N, which sets a finger up"
+    fi
     ;;
 esac

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from edge.__main__ import cli
 from edge.config import Config, load_config
 from tests.conftest import ROOT
 
@@ -67,13 +69,28 @@ def test_the_unit_is_hardened(unit: Path) -> None:
     assert done.returncode == 0, done.stdout[-300:] + done.stderr
 
 
-@pytest.mark.parametrize("name", ["realtime.conf", "network.conf"])
+@pytest.mark.parametrize("name", ["realtime.conf", "network.conf", "view.conf"])
 def test_the_drop_ins_fit_the_unit(unit: Path, name: str) -> None:
     analyze = tool("systemd-analyze", "systemd")
     unit.write_text(unit.read_text() + "\n" + (DEPLOY / name).read_text())
     done = run(analyze, "verify", "--recursive-errors=no", unit)
     assert done.returncode == 0, done.stderr
     assert "Unknown" not in done.stderr, done.stderr
+
+
+def options_in(name: str) -> list[str]:
+    """What a unit or drop-in adds to the command line."""
+    (found,) = re.findall(r'^Environment="?EDGE_OPTIONS=([^"\n]*)"?$', (DEPLOY / name).read_text(), re.M)
+    return shlex.split(found)
+
+
+def test_the_page_is_served_by_the_drop_in_and_not_without() -> None:
+    assert options_in(UNIT) == []
+    assert (DEPLOY / UNIT).read_text().count(" $EDGE_OPTIONS\n") == 1
+    command = cli.commands["run"]
+    assert command.make_context("run", options_in("view.conf")).params["view_here"] is True
+    for told in re.findall(r"EDGE_OPTIONS=(--[^\n\"]*)", (DEPLOY / "view.conf").read_text()):
+        assert command.make_context("run", shlex.split(told))
 
 
 @pytest.mark.parametrize(
@@ -223,6 +240,8 @@ def test_a_release_that_does_not_run_is_not_used(tmp_path: Path, wheel_dir: Path
         (["--finger", "../x"], "a-z"),
         (["--colour"], "unknown option"),
         (["--node"], "needs a value"),
+        (["--root", "/no/such"], "--root /no/such: no such folder"),
+        (["--wheels", "/no/such"], "--wheels /no/such: no such folder"),
     ],
 )
 def test_mistakes_are_one_line(options: list[str], words: str) -> None:
@@ -230,6 +249,31 @@ def test_mistakes_are_one_line(options: list[str], words: str) -> None:
     assert done.returncode == 2
     assert words in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["can77"], "no interface can77; CAN interfaces here: "),
+        (["can77", "fast"], "BITRATE fast"),
+        (["can77", "500000", "x"], "DBITRATE x"),
+        (["--up"], "unknown option --up; see --help"),
+        (["can77", "1", "2", "3"], "one word too many"),
+    ],
+)
+def test_mistakes_with_the_bus_are_one_line(words: list[str], expected: str) -> None:
+    done = run("sh", DEPLOY / "can-up.sh", *words)
+    assert done.returncode == 2
+    (said,) = done.stderr.splitlines()
+    assert expected in said
+
+
+@pytest.mark.parametrize("script", ["install.sh", "can-up.sh"])
+def test_help_is_the_head_of_the_script(script: str) -> None:
+    done = run("sh", DEPLOY / script, "--help")
+    assert done.returncode == 0
+    assert script in done.stdout
+    assert "set -eu" not in done.stdout
 
 
 # ---- what a board has to download --------------------------------------------------------------------
