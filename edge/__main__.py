@@ -197,7 +197,7 @@ def replay(
     """
     from edge.config import load_config
     from edge.sources import open_source
-    from edge.summary import Summary
+    from edge.summary import Summary, damage_of
 
     factor = _speed(speed)
     if loop and factor is None:
@@ -228,7 +228,7 @@ def replay(
             app.turns.append(lambda: count(app.frames_n))
             statistics = app.run()
         _finish(statistics, app, as_json, quiet, summary.report())
-        if words := _missed(app, config.tare.frames_n, skipped_n):
+        for words in filter(None, (damage_of(source), _missed(app, config.tare.frames_n, skipped_n))):
             log.warning("%s: %s", recording, words)
 
 

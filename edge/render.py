@@ -8,6 +8,7 @@ Rules
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain, islice
@@ -26,11 +27,14 @@ from edge.errors import NoPins, SourceError
 from edge.pipeline import Pipeline, Result, tare
 from edge.progress import bar
 from edge.sources import open_source
+from edge.summary import damage_of
 from edge.tessellate import cell_polygons
 from edge.types import Feature, Reading
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
+
+log = logging.getLogger(__name__)
 
 __all__ = ["Made", "caption", "render_recording"]
 
@@ -109,6 +113,8 @@ def render_recording(
         drawn = (_told(shown, task, one) for one in pictures())
         frames_n = write_video(drawn, out, rate_hz)
     source.close()
+    if words := damage_of(source):
+        log.warning("%s: %s", recording, words)
     return Made(frames_n, unsure_n, len(rest), rate_hz)
 
 

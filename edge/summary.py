@@ -7,7 +7,21 @@ from typing import Any
 import numpy as np
 
 from edge.pipeline import Result
+from edge.types import FrameSource
 from hostlink.wire import State
+
+
+def damage_of(source: FrameSource) -> str:
+    """What of a recording could not be read, in words; known once it has been read. Empty: nothing."""
+    recorded = getattr(source, "source", source)  # of a paced one
+    found = {_WORDS.get(what, what): n for what, n in getattr(recorded, "faults", {}).items() if n}
+    if not found:
+        return ""
+    listed = ", ".join(what if n == 1 else f"{what} {n} times" for what, n in found.items())
+    return f"not whole ({listed}); what could be read was taken, copy or record it again for the rest"
+
+
+_WORDS = {"truncated": "cut off at its end"}
 
 
 class Summary:

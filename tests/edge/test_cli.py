@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from edge.__main__ import main
+from edge.recording import Recorder
 from edge.sources import open_source
 
 
@@ -111,6 +113,27 @@ def test_images_that_pass_during_the_tare_are_told(
     (said,) = [record.getMessage() for record in caplog.records if record.name == "edge"]
     assert "while the rest frame was being taken" in said
     assert "--loop" in said
+
+
+def test_a_recording_that_was_cut_off_is_told_and_its_rest_replayed(
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    capsys: pytest.CaptureFixture[str],
+    data_dir: Path,
+    tmp_path: Path,
+) -> None:
+    with Recorder(tmp_path / "cut.mcap") as recorder:
+        for _ in range(3):  # more than one chunk
+            for frame in open_source(str(data_dir / "press_shear.mcap")):
+                recorder.frame(frame)
+    os.truncate(tmp_path / "cut.mcap", (tmp_path / "cut.mcap").stat().st_size * 2 // 3)
+    assert run(monkeypatch, "replay", tmp_path / "cut.mcap", "--speed", "max", "--json") == 0
+    assert 8 < json.loads(capsys.readouterr().out)["frames_n"] < 120
+    said = f"{tmp_path}/cut.mcap: not whole (cut off at its end); what could be read was taken"
+    assert said in caplog.text
+    caplog.clear()
+    assert run(monkeypatch, "render", tmp_path / "cut.mcap", "-o", tmp_path / "a.mkv", "-q") == 0
+    assert said in caplog.text
 
 
 def test_a_finger_without_a_sink_says_that_nobody_hears(
