@@ -3,12 +3,15 @@
 The paper shades compressed cells (area up) red and expanded ones (area down) blue. Red and blue of equal
 weight are told apart by most colour-blind readers, but not in grey print and not beside red vectors;
 `SAFE` takes orange and blue of the Okabe-Ito set, and black vectors.
+Between white and the full colour they are mixed in OKLab (Ottosson 2020), where equal steps look equal: mixed
+in sRGB, blue fades earlier than red.
 Colours are BGR, as OpenCV has them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +51,7 @@ class Palette:
 
 PAPER = Palette(
     compressed=(38, 30, 214),
-    expanded=(214, 96, 26),
+    expanded=(217, 106, 42),  # as far from white as the red: an area change shows alike to both sides
     paper=(255, 255, 255),
     edge=(190, 190, 190),
     pin=(90, 90, 90),
@@ -80,12 +83,42 @@ def cell_colours(
     full  area change that gets the full colour; beyond it the colour stays
     """
     share = np.clip(np.nan_to_num(area_change) / full, -1.0, 1.0)
-    paper = np.array(palette.paper, dtype=float)
-    strong = np.where(share[:, None] >= 0, np.array(palette.compressed), np.array(palette.expanded))
-    weight = (np.abs(share) ** _FAINT)[:, None]
-    colours: NDArray[np.uint8] = np.rint(paper + (strong - paper) * weight).astype(np.uint8)
+    colours = _ramp(palette)[np.rint((share + 1.0) * _STEPS).astype(np.intp)]
     colours[~np.isfinite(area_change)] = palette.edge
     return colours
+
+
+_STEPS = 255  # on each side; more cannot be told apart
+#: OKLab from linear sRGB: first matrix, cube root, second matrix.
+_TO_CONES = np.array([[0.4122214708, 0.5363325363, 0.0514459929],
+                      [0.2119034982, 0.6806995451, 0.1073969566],
+                      [0.0883024619, 0.2817188376, 0.6299787005]])  # fmt: skip
+_TO_LAB = np.array([[0.2104542553, 0.7936177850, -0.0040720468],
+                    [1.9779984951, -2.4285922050, 0.4505937099],
+                    [0.0259040371, 0.7827717662, -0.8086757660]])  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def _ramp(palette: Palette) -> NDArray[np.uint8]:
+    """Colours from fully expanded over unchanged to fully compressed, BGR."""
+    expanded, paper, compressed = _oklab(np.array([palette.expanded, palette.paper, palette.compressed]))
+    share = np.linspace(-1.0, 1.0, 2 * _STEPS + 1)
+    end = np.where(share[:, None] < 0, expanded, compressed)
+    return _bgr(paper + (end - paper) * (np.abs(share) ** _FAINT)[:, None])
+
+
+def _oklab(bgr: NDArray[np.int_]) -> Array:
+    c = bgr[:, ::-1] / 255.0
+    linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)  # IEC 61966-2-1
+    lab: Array = np.cbrt(linear @ _TO_CONES.T) @ _TO_LAB.T
+    return lab
+
+
+def _bgr(lab: Array) -> NDArray[np.uint8]:
+    cones = (lab @ np.linalg.inv(_TO_LAB).T) ** 3
+    linear = np.clip(cones @ np.linalg.inv(_TO_CONES).T, 0.0, 1.0)
+    c = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.rint(255.0 * c[:, ::-1]).astype(np.uint8)
 
 
 def cell_rgba(

@@ -116,12 +116,13 @@ def _local_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features,
 
 
 def _arrow(canvas: Canvas, tail: Array, head: Array, width_px: float, colour: Bgr, halo: Bgr) -> None:
-    """A filled arrow with a halo, canvas px. OpenCV's own has a head that scales with its length."""
+    """A filled arrow with a halo, canvas px; none where it is too short to have a direction.
+
+    OpenCV's own has a head that scales with its length.
+    """
     along = head - tail
     length = float(np.hypot(*along))
-    if length < width_px:  # too short to have a direction: a dot
-        centre = tuple(_fixed(tail).tolist())
-        cv2.circle(canvas, centre, round(width_px * _ONE), colour, -1, cv2.LINE_AA, _SHIFT)
+    if length < width_px:
         return
     u = along / length
     v = np.array([-u[1], u[0]])

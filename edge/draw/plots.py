@@ -18,6 +18,8 @@ from edge.types import Array, Features, Frame, Tracks
 __all__ = ["figure", "surface_figure"]
 
 _COLUMN_IN = 7.16  # both columns of an IEEE page
+#: Left, bottom, width, height in parts of the figure: the box fills it, with room for the label of z.
+_SURFACE_AT = (-0.05, -0.02, 1.0, 1.1)
 
 
 def _figure(width_in: float, height_in: float) -> Any:
@@ -157,8 +159,9 @@ def surface_figure(
     origin = middle if mm_per_px else np.zeros(2)
     x, y = np.meshgrid((grid_x - origin[0]) * unit_per_px, (grid_y - origin[1]) * unit_per_px)
     height = np.where(inside, features.surface, np.nan)
-    made = _figure(4.2, 3.6)
-    axes = made.add_subplot(projection="3d", computed_zorder=False)
+    made = _figure(4.2, 3.1)
+    made.set_layout_engine("none")  # which counts neither the labels of a turned box nor the room round it
+    axes = made.add_axes(_SURFACE_AT, projection="3d", computed_zorder=False)
     scale = ScalarMappable(Normalize(-full, full), _colour_map(palette))
     axes.plot_surface(
         x, y, height, facecolors=scale.to_rgba(height), rstride=1, cstride=1,
@@ -173,12 +176,12 @@ def surface_figure(
             [at[0]], [at[1]], [top + 0.02], marker=(6, 2, 0), color=_rgb(palette.contact),
             markersize=12, mew=1.8, zorder=10,
         )  # fmt: skip
-    axes.set_xlabel(f"x ({unit})", fontsize=8)
-    axes.set_ylabel(f"y, down ({unit})", fontsize=8)
-    axes.set_zlabel("relative area change", fontsize=8)
-    axes.tick_params(labelsize=7, pad=0)
+    axes.set_xlabel(f"x ({unit})", fontsize=8, labelpad=-4)
+    axes.set_ylabel(f"y, down ({unit})", fontsize=8, labelpad=-4)
+    axes.set_zlabel("relative area change", fontsize=8, labelpad=-6)
+    axes.tick_params(labelsize=7, pad=-2)
     axes.locator_params(nbins=5)
     axes.invert_yaxis()
     axes.view_init(elev=32, azim=-60)
-    axes.set_box_aspect((1, 1, 0.45), zoom=0.88)  # room for the label of z, which the layout does not count
-    made.savefig(path, dpi=200, bbox_inches="tight", pad_inches=0.08)
+    axes.set_box_aspect((1, 1, 0.45), zoom=1.0)
+    made.savefig(path, dpi=200)

@@ -112,6 +112,28 @@ def test_overlays_are_transparent_where_nothing_changed() -> None:
 # -- what was felt -----------------------------------------------------------------------------------
 
 
+def test_equal_changes_look_equal_to_both_sides() -> None:
+    """In lightness, which grey print keeps."""
+    shares = np.linspace(0.01, 0.5, 30)
+
+    def lightness(change: Array) -> Array:
+        bgr = cell_colours(change)[None].astype(np.float32) / 255
+        return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2Lab))[0, :, 0].astype(float)
+
+    compressed, expanded = lightness(shares), lightness(-shares)
+    assert np.abs(compressed - expanded).max() < 1.5  # of 100
+    assert (np.diff(compressed) < 0).all()
+    assert (np.diff(expanded) < 0).all()
+
+
+def test_no_mean_motion_is_no_arrow(scene: tuple[View, Array, Tracks]) -> None:
+    view, xy, tracks = scene
+    for motion, arrows in ((0.01, False), (6.0, True)):
+        features = features_of(xy, np.zeros(len(xy)), np.tile([motion, 0.0], (len(xy), 1)))
+        canvas = draw_touch(view, squares(xy), tracks, features)
+        assert (canvas == PAPER.shear).all(axis=2).any() == arrows
+
+
 def test_cells_are_red_where_compressed_and_blue_where_expanded(scene: tuple[View, Array, Tracks]) -> None:
     view, xy, tracks = scene
     change = np.zeros(len(xy))

@@ -254,24 +254,22 @@ export class Chart {
 /** An arrow of a page's shear: filled, with a light rim so that it stands out from anything. */
 export function arrow(g, x0, y0, x1, y1, width, colour, halo) {
   const length = Math.hypot(x1 - x0, y1 - y0);
+  if (length < width) return; // too short to have a direction
+  const [ux, uy] = [(x1 - x0) / length, (y1 - y0) / length];
+  const barb = Math.min(4 * width, 0.6 * length);
+  const point = (along, across) => [x0 + along * ux - across * uy, y0 + along * uy + across * ux];
+  const half = width / 2;
+  const outline = [
+    [0, half], [length - barb, half], [length - barb, barb * 0.45], [length, 0],
+    [length - barb, -barb * 0.45], [length - barb, -half], [0, -half],
+  ]; // prettier-ignore
   g.fillStyle = colour;
   g.strokeStyle = halo;
   g.lineWidth = width * 0.8;
   g.lineJoin = "round";
   g.beginPath();
-  if (length < width) g.arc(x0, y0, 0.6 * width, 0, 7); // too short to have a direction
-  else {
-    const [ux, uy] = [(x1 - x0) / length, (y1 - y0) / length];
-    const barb = Math.min(4 * width, 0.6 * length);
-    const point = (along, across) => [x0 + along * ux - across * uy, y0 + along * uy + across * ux];
-    const half = width / 2;
-    const outline = [
-      [0, half], [length - barb, half], [length - barb, barb * 0.45], [length, 0],
-      [length - barb, -barb * 0.45], [length - barb, -half], [0, -half],
-    ]; // prettier-ignore
-    outline.forEach(([a, b], i) => (i ? g.lineTo(...point(a, b)) : g.moveTo(...point(a, b))));
-    g.closePath();
-  }
+  outline.forEach(([a, b], i) => (i ? g.lineTo(...point(a, b)) : g.moveTo(...point(a, b))));
+  g.closePath();
   g.stroke();
   g.fill();
 }
