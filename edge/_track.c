@@ -8,18 +8,32 @@
 #include "_select.h"
 #include <math.h>
 #include <stdint.h>
+#include <stdlib.h>
 
 typedef struct {
     double odd_motion, odd_change, odd_return, beside_share, bend_kept;
 } Rules;
 
+/* The rest lattice: k nearest pins of each, how much they count, and where they are, in pitches. */
+typedef struct {
+    Py_ssize_t n, k;
+    const int32_t *near;
+    const double *weight, *offset;
+    double ridge;
+} Map;
+
+typedef struct {
+    double light_sigmas, light_least, sigma_times, bend_least, bend_times, support_least;
+} Doubts;
+
 typedef struct {
     Py_ssize_t n, n_close, n_pairs;
-    const double *found, *sigma, *rest, *last, *velocity, *last_bend, *weight, *step, *apart;
+    const double *found, *sigma, *light, *rest_light, *rest, *last, *velocity, *last_bend, *weight, *step, *apart;
     const uint8_t *last_seen;
     const int32_t *start, *column, *close, *pair;
     const Rules *rule;
-    double *limit, *given, *common; /* scratch: n, 2n, 2n */
+    double *limit, *given, *common, *ratio; /* scratch: n, 2n, 2n, n */
+    uint8_t *trusted; /* the last n of scratch */
     double *now, *bend, *xy_out, *sigma_out;
     uint8_t *seen;
 } Frame;
@@ -102,100 +116,6 @@ static void keep_apart(const Frame *f)
     }
 }
 
-/* Where every pin goes; the median of what was not expected of it, in steps. */
-static double settle(const Frame *f, Py_ssize_t *n_seen)
-{
-    *n_seen = 0;
-    for (Py_ssize_t i = 0; i < f->n; i++) {
-        double square = 0;
-        for (int d = 0; d < 2; d++) {
-            const Py_ssize_t at = 2 * i + d;
-            if (!f->seen[i]) f->bend[at] = f->rule->bend_kept * f->last_bend[at];
-            f->now[at] = f->seen[i] ? f->found[at] : f->rest[at] + f->common[at] + f->bend[at];
-            f->xy_out[at] = f->seen[i] ? f->found[at] : NAN;
-            const double surprise = f->now[at] - f->last[at] - f->velocity[at];
-            square += surprise * surprise;
-        }
-        f->sigma_out[i] = f->seen[i] ? f->sigma[i] : NAN;
-        f->limit[i] = square / (f->step[i] * f->step[i]);
-        *n_seen += f->seen[i];
-    }
-    return sqrt(select_kth(f->limit, f->n, f->n / 2));
-}
-
-enum { FOUND, SIGMA, LAST, VELOCITY, LAST_BEND, LAST_SEEN, REST, STEP, START, COLUMN, WEIGHT, CLOSE, PAIR, APART, RULES,
-       FIXED };
-
-static PyObject *follow(PyObject *self, PyObject *args)
-{
-    (void)self;
-    PyObject *frame, *tip, *scratch, *results;
-    PyObject *result = NULL;
-    Arrays a = {.n = 0}, b = {.n = 0};
-    Frame f;
-    if (!PyArg_ParseTuple(args, "O!O!OO!:follow", &PyTuple_Type, &frame, &PyTuple_Type, &tip, &scratch, &PyTuple_Type,
-                          &results))
-        return NULL;
-    if (PyTuple_Size(frame) != REST || PyTuple_Size(tip) != FIXED - REST || PyTuple_Size(results) != 5) {
-        PyErr_SetString(PyExc_ValueError, "follow: 6 arrays of the frame, 9 of the tip, 5 results");
-        return NULL;
-    }
-#define OF_FRAME(i) PyTuple_GetItem(frame, i)
-#define OF_TIP(i) PyTuple_GetItem(tip, (i) - REST)
-#define TAKE(field, from, object, type, size, writable, name) \
-    if (!(f.field = take(from, object, type, size, writable, name))) goto done
-    TAKE(last_seen, &a, OF_FRAME(LAST_SEEN), '?', -1, 0, "last_seen");
-    const Py_ssize_t n = f.n = count(&a);
-    TAKE(found, &a, OF_FRAME(FOUND), 'd', 2 * n, 0, "found");
-    TAKE(sigma, &a, OF_FRAME(SIGMA), 'd', n, 0, "sigma");
-    TAKE(last, &a, OF_FRAME(LAST), 'd', 2 * n, 0, "last");
-    TAKE(velocity, &a, OF_FRAME(VELOCITY), 'd', 2 * n, 0, "velocity");
-    TAKE(last_bend, &a, OF_FRAME(LAST_BEND), 'd', 2 * n, 0, "last_bend");
-    TAKE(rest, &a, OF_TIP(REST), 'd', 2 * n, 0, "rest");
-    TAKE(step, &a, OF_TIP(STEP), 'd', n, 0, "step");
-    TAKE(start, &a, OF_TIP(START), 'i', n + 1, 0, "start");
-    TAKE(column, &a, OF_TIP(COLUMN), 'i', f.start[n], 0, "column");
-    TAKE(weight, &a, OF_TIP(WEIGHT), 'd', f.start[n], 0, "weight");
-    TAKE(close, &a, OF_TIP(CLOSE), 'i', -1, 0, "close");
-    f.n_close = n ? count(&a) / n : 0;
-    TAKE(apart, &a, OF_TIP(APART), 'd', -1, 0, "apart");
-    f.n_pairs = count(&a);
-    TAKE(pair, &a, OF_TIP(PAIR), 'i', 2 * f.n_pairs, 0, "pair");
-    TAKE(rule, &a, OF_TIP(RULES), 'd', sizeof(Rules) / sizeof(double), 0, "rules");
-    TAKE(limit, &b, scratch, 'd', 5 * n, 1, "scratch");
-    f.given = f.limit + n;
-    f.common = f.given + 2 * n;
-    TAKE(now, &b, PyTuple_GetItem(results, 0), 'd', 2 * n, 1, "now");
-    TAKE(bend, &b, PyTuple_GetItem(results, 1), 'd', 2 * n, 1, "bend");
-    TAKE(seen, &b, PyTuple_GetItem(results, 2), '?', n, 1, "seen");
-    TAKE(xy_out, &b, PyTuple_GetItem(results, 3), 'd', 2 * n, 1, "xy");
-    TAKE(sigma_out, &b, PyTuple_GetItem(results, 4), 'd', n, 1, "sigma out");
-    if (!n || !f.n_close) {
-        PyErr_SetString(PyExc_ValueError, "follow: no pins");
-        goto done;
-    }
-    double jump;
-    Py_ssize_t n_seen;
-    Py_BEGIN_ALLOW_THREADS
-    judge(&f);
-    keep_apart(&f);
-    jump = settle(&f, &n_seen);
-    Py_END_ALLOW_THREADS
-    result = Py_BuildValue("(nd)", n_seen, jump);
-done:
-    let_go(&b);
-    let_go(&a);
-    return result;
-}
-
-/* The rest lattice: k nearest pins of each, how much they count, and where they are, in pitches. */
-typedef struct {
-    Py_ssize_t n, k;
-    const int32_t *near;
-    const double *weight, *offset;
-    double ridge;
-} Map;
-
 /* Weighted least squares of an affine map: value[2] at the pin, gradient[4] = (d/dx of x, y; d/dy of x, y). */
 static double predict_one(const Map *map, const double *motion, const uint8_t *known, Py_ssize_t i, double *value,
                           double *gradient)
@@ -222,6 +142,169 @@ static double predict_one(const Map *map, const double *motion, const uint8_t *k
         gradient[2 + d] = (c * r[0][d] + e * r[1][d] + (w * xx - x * x) * r[2][d]) / det;
     }
     return w;
+}
+
+/* How far a pin's motion is off what the trusted ones say, squared; below zero where too few of these are near. */
+static double off_trusted(const Doubts *rule, const Map *map, const double *motion, const uint8_t *trusted,
+                          Py_ssize_t i)
+{
+    double value[2], off = 0;
+    if (predict_one(map, motion, trusted, i, value, NULL) < rule->support_least) return -1;
+    for (int d = 0; d < 2; d++) off += (motion[2 * i + d] - value[d]) * (motion[2 * i + d] - value[d]);
+    return off;
+}
+
+/* Which pins look unlike themselves and do not go with their neighbours: no longer seen.
+ *
+ * light, rest_light, sigma  (n,); bend (2n,) how far each is off its neighbours' map; motion (2n,) since rest
+ * scratch, off  (n,); trusted (n,) bytes */
+static void doubt(const Doubts *rule, const Map *map, const double *light, const double *rest_light,
+                  const double *sigma, const double *bend, const double *motion, const double *step, uint8_t *seen,
+                  double *scratch, double *off, uint8_t *trusted)
+{
+    enum { UNKNOWN = -2, SAMPLE = 128 };
+    const Py_ssize_t n = map->n;
+    int any = 0;
+    for (Py_ssize_t i = 0; i < n; i++) {
+        const double least = rule->bend_least * step[i];
+        /* for now: whether it would matter */
+        trusted[i] = !seen[i] || !(bend[2 * i] * bend[2 * i] + bend[2 * i + 1] * bend[2 * i + 1] > least * least);
+        any |= !trusted[i];
+    }
+    if (!any) return;
+    /* Medians of a sample of them: what is usual needs no more, and of all it would cost as much as the judgement. */
+    Py_ssize_t m = 0;
+    const Py_ssize_t sampled = 1 + n / SAMPLE;
+    for (Py_ssize_t i = 0; i < n; i++) off[i] = light[i] / rest_light[i];
+    for (Py_ssize_t i = 0; i < n; i += sampled)
+        if (seen[i]) scratch[m++] = off[i];
+    if (!m) return;
+    const double gain = select_kth(scratch, m, m / 2);
+    for (Py_ssize_t i = 0; i < m; i++) scratch[i] = fabs(scratch[i] / gain - 1);
+    const double usual = 1.4826 * select_kth(scratch, m, m / 2);
+    const double unlike = gain * fmax(rule->light_sigmas * usual, rule->light_least);
+    m = 0;
+    for (Py_ssize_t i = 0; i < n; i += sampled)
+        if (seen[i]) scratch[m++] = sigma[i];
+    const double unsure = rule->sigma_times * select_kth(scratch, m, m / 2);
+    for (Py_ssize_t i = 0; i < n; i++) {
+        const int matters = !trusted[i];
+        trusted[i] = seen[i] && !(fabs(off[i] - gain) > unlike) && !(sigma[i] > unsure);
+        if (matters && !trusted[i]) seen[i] = 2; /* to be judged */
+    }
+    for (Py_ssize_t i = 0; i < n; i++) off[i] = UNKNOWN;
+    for (Py_ssize_t i = 0; i < n; i++) {
+        if (seen[i] != 2) continue;
+        seen[i] = 1;
+        const double least = rule->bend_least * step[i], own = off_trusted(rule, map, motion, trusted, i);
+        if (own < least * least) continue;
+        m = 0;
+        for (Py_ssize_t c = i * map->k; c < (i + 1) * map->k; c++) {
+            const int32_t at = map->near[c];
+            if (!trusted[at] || !(map->weight[c] > 0)) continue;
+            if (off[at] == UNKNOWN) off[at] = off_trusted(rule, map, motion, trusted, at);
+            if (off[at] >= 0) scratch[m++] = off[at];
+        }
+        if (m) seen[i] = own < rule->bend_times * rule->bend_times * select_kth(scratch, m, 2 * m / 3);
+    }
+}
+
+/* Where every pin goes; the median of what was not expected of it, in steps. */
+static double settle(const Frame *f, Py_ssize_t *n_seen)
+{
+    *n_seen = 0;
+    for (Py_ssize_t i = 0; i < f->n; i++) {
+        double square = 0;
+        for (int d = 0; d < 2; d++) {
+            const Py_ssize_t at = 2 * i + d;
+            if (!f->seen[i]) f->bend[at] = f->rule->bend_kept * f->last_bend[at];
+            f->now[at] = f->seen[i] ? f->found[at] : f->rest[at] + f->common[at] + f->bend[at];
+            f->xy_out[at] = f->seen[i] ? f->found[at] : NAN;
+            const double surprise = f->now[at] - f->last[at] - f->velocity[at];
+            square += surprise * surprise;
+        }
+        f->sigma_out[i] = f->seen[i] ? f->sigma[i] : NAN;
+        f->limit[i] = square / (f->step[i] * f->step[i]);
+        *n_seen += f->seen[i];
+    }
+    return sqrt(select_kth(f->limit, f->n, f->n / 2));
+}
+
+enum { FOUND, SIGMA, LIGHT, LAST, VELOCITY, LAST_BEND, LAST_SEEN, REST, STEP, START, COLUMN, WEIGHT, CLOSE, PAIR, APART,
+       RULES, REST_LIGHT, DOUBTS, FIXED };
+
+static int take_map(Arrays *a, PyObject *tuple, Map *map);
+
+static PyObject *follow(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *frame, *tip, *near, *scratch, *results;
+    PyObject *result = NULL;
+    Arrays a = {.n = 0}, b = {.n = 0}, c = {.n = 0};
+    Frame f;
+    if (!PyArg_ParseTuple(args, "O!O!O!OO!:follow", &PyTuple_Type, &frame, &PyTuple_Type, &tip, &PyTuple_Type, &near,
+                          &scratch, &PyTuple_Type, &results))
+        return NULL;
+    if (PyTuple_Size(frame) != REST || PyTuple_Size(tip) != FIXED - REST || PyTuple_Size(results) != 5) {
+        PyErr_SetString(PyExc_ValueError, "follow: 7 arrays of the frame, 11 of the tip, 5 results");
+        return NULL;
+    }
+#define OF_FRAME(i) PyTuple_GetItem(frame, i)
+#define OF_TIP(i) PyTuple_GetItem(tip, (i) - REST)
+#define TAKE(field, from, object, type, size, writable, name) \
+    if (!(f.field = take(from, object, type, size, writable, name))) goto done
+    TAKE(last_seen, &a, OF_FRAME(LAST_SEEN), '?', -1, 0, "last_seen");
+    const Py_ssize_t n = f.n = count(&a);
+    TAKE(found, &a, OF_FRAME(FOUND), 'd', 2 * n, 0, "found");
+    TAKE(sigma, &a, OF_FRAME(SIGMA), 'd', n, 0, "sigma");
+    TAKE(light, &a, OF_FRAME(LIGHT), 'd', n, 0, "light");
+    TAKE(last, &a, OF_FRAME(LAST), 'd', 2 * n, 0, "last");
+    TAKE(velocity, &a, OF_FRAME(VELOCITY), 'd', 2 * n, 0, "velocity");
+    TAKE(last_bend, &a, OF_FRAME(LAST_BEND), 'd', 2 * n, 0, "last_bend");
+    TAKE(rest, &a, OF_TIP(REST), 'd', 2 * n, 0, "rest");
+    TAKE(step, &a, OF_TIP(STEP), 'd', n, 0, "step");
+    TAKE(start, &a, OF_TIP(START), 'i', n + 1, 0, "start");
+    TAKE(column, &a, OF_TIP(COLUMN), 'i', f.start[n], 0, "column");
+    TAKE(weight, &a, OF_TIP(WEIGHT), 'd', f.start[n], 0, "weight");
+    TAKE(close, &a, OF_TIP(CLOSE), 'i', -1, 0, "close");
+    f.n_close = n ? count(&a) / n : 0;
+    TAKE(apart, &a, OF_TIP(APART), 'd', -1, 0, "apart");
+    f.n_pairs = count(&a);
+    TAKE(pair, &a, OF_TIP(PAIR), 'i', 2 * f.n_pairs, 0, "pair");
+    TAKE(rule, &a, OF_TIP(RULES), 'd', sizeof(Rules) / sizeof(double), 0, "rules");
+    TAKE(rest_light, &c, OF_TIP(REST_LIGHT), 'd', n, 0, "rest_light");
+    const Doubts *doubts = take(&c, OF_TIP(DOUBTS), 'd', sizeof(Doubts) / sizeof(double), 0, "doubts");
+    Map map = {.n = n};
+    if (!doubts || !take_map(&c, near, &map)) goto done;
+    TAKE(limit, &b, scratch, 'd', 7 * n, 1, "scratch");
+    f.given = f.limit + n;
+    f.common = f.given + 2 * n;
+    f.ratio = f.common + 2 * n;
+    f.trusted = (uint8_t *)(f.ratio + n);
+    TAKE(now, &b, PyTuple_GetItem(results, 0), 'd', 2 * n, 1, "now");
+    TAKE(bend, &b, PyTuple_GetItem(results, 1), 'd', 2 * n, 1, "bend");
+    TAKE(seen, &b, PyTuple_GetItem(results, 2), '?', n, 1, "seen");
+    TAKE(xy_out, &b, PyTuple_GetItem(results, 3), 'd', 2 * n, 1, "xy");
+    TAKE(sigma_out, &b, PyTuple_GetItem(results, 4), 'd', n, 1, "sigma out");
+    if (!n || !f.n_close) {
+        PyErr_SetString(PyExc_ValueError, "follow: no pins");
+        goto done;
+    }
+    double jump;
+    Py_ssize_t n_seen;
+    Py_BEGIN_ALLOW_THREADS
+    judge(&f);
+    keep_apart(&f);
+    for (Py_ssize_t i = 0; i < 2 * n; i++) f.given[i] = f.found[i] - f.rest[i];
+    doubt(doubts, &map, f.light, f.rest_light, f.sigma, f.bend, f.given, f.step, f.seen, f.limit, f.ratio, f.trusted);
+    jump = settle(&f, &n_seen);
+    Py_END_ALLOW_THREADS
+    result = Py_BuildValue("(nd)", n_seen, jump);
+done:
+    let_go(&c);
+    let_go(&b);
+    let_go(&a);
+    return result;
 }
 
 /* Blobs, and a raster that says which is nearest: exact but for its cells' size. */
@@ -302,6 +385,34 @@ static PyObject *predict(PyObject *self, PyObject *args)
     double *slope = sum ? take(&a, gradient, 'd', 4 * n, 1, "gradient") : NULL;
     if (!slope || !take_map(&a, tuple, &map)) goto done;
     for (Py_ssize_t i = 0; i < n; i++) sum[i] = predict_one(&map, moved, is_known, i, out + 2 * i, slope + 4 * i);
+    result = Py_NewRef(Py_None);
+done:
+    let_go(&a);
+    return result;
+}
+
+static PyObject *doubtful(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *light_, *rest_, *sigma_, *bend_, *motion_, *step_, *rules_, *tuple, *scratch_, *seen_, *result = NULL;
+    Arrays a = {.n = 0};
+    Map map;
+    if (!PyArg_ParseTuple(args, "OOOOOOOO!OO:doubtful", &light_, &rest_, &sigma_, &bend_, &motion_, &step_, &rules_,
+                          &PyTuple_Type, &tuple, &scratch_, &seen_))
+        return NULL;
+    uint8_t *seen = take(&a, seen_, '?', -1, 1, "seen");
+    if (!seen) goto done;
+    const Py_ssize_t n = map.n = count(&a);
+    const double *light = take(&a, light_, 'd', n, 0, "light");
+    const double *rest = light ? take(&a, rest_, 'd', n, 0, "rest_light") : NULL;
+    const double *sigma = rest ? take(&a, sigma_, 'd', n, 0, "sigma") : NULL;
+    const double *bend = sigma ? take(&a, bend_, 'd', 2 * n, 0, "bend") : NULL;
+    const double *motion = bend ? take(&a, motion_, 'd', 2 * n, 0, "motion") : NULL;
+    const double *step = motion ? take(&a, step_, 'd', n, 0, "step") : NULL;
+    const Doubts *rule = step ? take(&a, rules_, 'd', sizeof(Doubts) / sizeof(double), 0, "doubts") : NULL;
+    double *scratch = rule ? take(&a, scratch_, 'd', 7 * n, 1, "scratch") : NULL;
+    if (!scratch || !take_map(&a, tuple, &map)) goto done;
+    doubt(rule, &map, light, rest, sigma, bend, motion, step, seen, scratch, scratch + n, (uint8_t *)(scratch + 2 * n));
     result = Py_NewRef(Py_None);
 done:
     let_go(&a);
@@ -492,6 +603,9 @@ static PyMethodDef methods[] = {
      "grow(motion, known, blob, map, blobs, rest, gate, least support, sweeps): the first three are written"},
     {"pieces", pieces, METH_VARARGS,
      "pieces(motion, known, first, second, seam, label): label is written, one of the piece's pins"},
+    {"doubt", doubtful, METH_VARARGS,
+     "doubt(light, rest_light, sigma, bend, motion, step, doubts, map, scratch, seen): as `follow` does at its end;"
+     " seen is written."},
     {"follow", follow, METH_VARARGS,
      "follow((found, sigma, last, velocity, last_bend, last_seen),\n"
      "       (rest, step, start, column, weight, close, pair, apart, rules), scratch,\n"

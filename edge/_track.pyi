@@ -2,15 +2,31 @@ from typing import TypeAlias
 
 from edge.types import Array, Index, Mask
 
+Map: TypeAlias = tuple[Index, Array, Array, float]
+
 def follow(
-    frame: tuple[Array, Array, Array, Array, Array, Mask],
-    tip: tuple[Array, Array, Index, Index, Array, Index, Index, Array, Array],
+    frame: tuple[Array, Array, Array, Array, Array, Array, Mask],
+    tip: tuple[Array, Array, Index, Index, Array, Index, Index, Array, Array, Array, Array],
+    map: Map,
     scratch: Array,
     results: tuple[Array, Array, Mask, Array, Array],
 ) -> tuple[int, float]:
     """What is believed of the pins found; see the C file for the arrays."""
 
-Map: TypeAlias = tuple[Index, Array, Array, float]
+def doubt(
+    light: Array,
+    rest_light: Array,
+    sigma: Array,
+    bend: Array,
+    motion: Array,
+    step: Array,
+    doubts: Array,
+    map: Map,
+    scratch: Array,
+    seen: Mask,
+) -> None:
+    """Throw out what looks unlike itself and does not go with its neighbours; seen is written."""
+
 Blobs: TypeAlias = tuple[Array, Index, int, float, float, float]
 
 def predict(motion: Array, known: Mask, map: Map, value: Array, support: Array, gradient: Array) -> None:

@@ -7,7 +7,14 @@ import pytest
 from calib.sim import Camera, Tip
 from tests.bench.hazards import measure
 
-HOLDS = ("30 % blinking", "dark for a while", "a hand over the lens")
+HOLDS = (
+    "30 % blinking",
+    "50 false blobs",
+    "30 % dark, 50 false blobs",
+    "a reflection runs across",
+    "dark for a while",
+    "a hand over the lens",
+)
 
 
 @pytest.mark.parametrize("hazard", HOLDS)

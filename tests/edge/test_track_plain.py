@@ -40,7 +40,11 @@ def test_same_tracks(name: str, lost_share: float) -> None:
         xy[rng.random(len(xy)) < lost_share] = np.nan
         for pin in rng.choice(len(xy), 3, replace=False):  # taken for another: too far off, or two on one
             xy[pin] = xy[rng.choice(len(xy))] if rng.random() < 0.5 else xy[pin] + rng.normal(0.0, 9.0, 2)
-        pins = Pins(xy, pins.sigma_px, pins.radius_px, pins.brightness)
+        light = pins.brightness.copy()
+        for pin in rng.choice(len(xy), 8, replace=False):  # drawn aside by a light beside it
+            light[pin] *= 1.3
+            xy[pin] += rng.normal(0.0, 1.0, 2)
+        pins = Pins(xy, pins.sigma_px, pins.radius_px, light)
         a, b = ours.follow(pins), plain.follow(pins)
         np.testing.assert_array_equal(a.seen, b.seen)
         np.testing.assert_allclose(a.xy_img, b.xy_img, rtol=0.0, atol=1e-9)

@@ -40,6 +40,10 @@ USUAL_FRAMES = 30.0  # time constant of what is usual
 # region that was lost as a whole does not come back by itself.
 FULL_SHARE = 0.85
 SEARCH_FRAMES = 60
+# What looks unlike the pin must go closely with its neighbours; see `edge.track.tracker`.
+LIGHT_SIGMAS, LIGHT_LEAST, SIGMA_TIMES = 4.0, 0.03, 2.0
+SAMPLE = 128  # pins are enough for a median
+FIT, FIT_FOUND, FIT_OF_USUAL, FIT_SUPPORT = 0.005, 0.04, 4.0, 1.2
 # Frames without identities after which the last positions are only a guess, no evidence.
 FRESH_FRAMES = 2
 
@@ -49,7 +53,7 @@ class Tracker:
 
     def __init__(self, rest: Rest) -> None:
         """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
-        self._rest_xy = rest.xy_img
+        self._rest_xy, self._rest_light = rest.xy_img, rest.pins.brightness
         self._lattice = Lattice(rest.xy_img, rest.pattern.pitch_px)
         self._identifier = Identifier(rest, self._lattice)
         self.forget()
@@ -83,6 +87,7 @@ class Tracker:
         seen, common = self._judge(motion, predicted - self._rest_xy, found)
         bend = motion - common
         seen = self._keep_apart(pins.xy_img, bend - self._bend, seen)
+        seen = self._doubt(pins, motion, bend, seen, FIT)
         hidden = ~seen
         now = pins.xy_img.copy()
         bend[hidden] = BEND_KEPT * self._bend[hidden]
@@ -114,6 +119,11 @@ class Tracker:
         xy[seen] = pins.xy_img[identity.blob[seen]]
         sigma[seen] = pins.sigma_px[identity.blob[seen]]
         expected, _, _ = self._lattice.predict(xy - self._rest_xy, seen)
+        blob = np.where(seen, identity.blob, 0)
+        of_pins = Pins(xy, sigma, pins.radius_px[blob], pins.brightness[blob])
+        motion = xy - self._rest_xy
+        seen = self._doubt(of_pins, motion, motion - expected, seen, FIT_FOUND)
+        expected, _, _ = self._lattice.predict(motion, seen)
         now = np.where(seen[:, None], xy, self._rest_xy + expected)
         self._since_search = 0
         share = float(np.count_nonzero(seen)) / n
@@ -184,6 +194,35 @@ class Tracker:
         kept = seen.copy()
         kept[np.where(surprise[first] > surprise[second], first, second)] = False
         return kept
+
+    def _doubt(self, pins: Pins, motion: Array, bend: Array, seen: Mask, fit: float) -> Mask:
+        """The seen pins without those that look unlike themselves and do not go with their neighbours."""
+        least = fit * self._lattice.step_px
+        odd = seen & ((bend**2).sum(1) > least**2)
+        if not odd.any():
+            return seen
+        sample = seen & (np.arange(len(seen)) % (1 + len(seen) // SAMPLE) == 0)
+        if not sample.any():
+            return seen
+        light = pins.brightness / self._rest_light
+        light = np.abs(light / _upper_median(light[sample]) - 1.0)
+        unlike = max(LIGHT_SIGMAS * 1.4826 * _upper_median(light[sample]), LIGHT_LEAST)
+        unsure = SIGMA_TIMES * _upper_median(pins.sigma_px[sample])
+        right = seen & (light <= unlike) & (pins.sigma_px <= unsure)
+        expected, support, _ = self._lattice.predict(motion, right)
+        off = np.where(support < FIT_SUPPORT, np.nan, ((motion - expected) ** 2).sum(1))
+        kept = seen.copy()
+        for i in np.flatnonzero(odd & ~right & (off >= least**2)):
+            near = self._lattice.near[i][self._lattice.weight[i] > 0]
+            around = np.sort(off[near[right[near]]])
+            around = around[np.isfinite(around)]
+            if len(around):
+                kept[i] = off[i] < FIT_OF_USUAL**2 * around[2 * len(around) // 3]
+        return kept
+
+
+def _upper_median(values: Array) -> float:
+    return float(np.sort(values)[len(values) // 2])
 
 
 def _tracks(now: Array, sigma_px: Array, seen: Mask, confidence: float) -> Tracks:
