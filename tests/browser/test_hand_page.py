@@ -7,6 +7,7 @@ import os
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 
 import pytest
@@ -29,9 +30,9 @@ class Hand:
     moving  instead pressed and let go, over and over, one after the other
     """
 
-    def __init__(self, moving: bool = False) -> None:
+    def __init__(self, moving: bool = False, fingers: tuple[int, ...] = FINGERS, bus: str = BUS) -> None:
         self._sample = moving_sample if moving else sample
-        pairs = {n: make_node(f"{BUS}&node={n}") for n in FINGERS}
+        pairs = {n: make_node(f"{bus}&node={n}") for n in fingers}
         self.nodes = {n: node for n, (node, _) in pairs.items()}
         self.applications = {n: application for n, (_, application) in pairs.items()}
         self.running = threading.Event()
@@ -123,6 +124,40 @@ def test_fingers_lie_as_a_hand(page: Page) -> None:
     assert tops[0] == max(tops), "the thumb lies lowest"
     assert tops[2] == min(tops), "the middle finger reaches farthest"
     assert "not heard" in page.evaluate("document.querySelectorAll('.finger')[3].innerText")
+
+
+def test_one_finger_has_its_charts_beside_it_on_one_screen(chrome: Chrome) -> None:
+    bus = f"udp:239.0.0.8?port={41_000 + os.getpid() % 20_000}"  # the others' hand is heard on its port
+    with ExitStack() as stack:
+        stack.callback(Hand(fingers=(2,), bus=bus).close)
+        connection = stack.enter_context(hostlink.connect(bus))
+        view = HandView(connection, parse_listen("127.0.0.1:0", TOKEN))
+        view.start()
+        stack.callback(view.close)
+        page = chrome.open(view.server.url)
+        stack.callback(page.close)
+        page.until("document.querySelectorAll('.finger canvas').length === 1")
+        finger, *charts = page.evaluate(
+            "[...document.querySelectorAll('.finger, .chart')].map(e => {"
+            "const r = e.getBoundingClientRect(); return [r.left, r.top, r.right, r.bottom] })"
+        )
+        assert len(charts) == 6
+        assert all(left > finger[2] for left, *_ in charts)
+        assert max(bottom for *_, bottom in (finger, *charts)) <= page.evaluate("innerHeight")
+        assert page.evaluate("document.getElementById('next').disabled")
+        assert page.errors == []
+
+
+def test_no_shear_is_no_arrow(page: Page) -> None:
+    """Counted in black pixels of a drawing of its own."""
+    ink = (
+        "import('./kit.js').then(({ arrow }) => { const c = document.createElement('canvas');"
+        "const g = c.getContext('2d'); arrow(g, 50, 50, 50 + LENGTH, 50, 4, 'black', 'white');"
+        "return g.getImageData(0, 0, 100, 100).data.filter((v, i) => i % 4 === 3 && v > 0).length })"
+    )
+    assert page.evaluate(ink.replace("LENGTH", "0")) == 0
+    assert page.evaluate(ink.replace("LENGTH", "1")) == 0
+    assert page.evaluate(ink.replace("LENGTH", "30")) > 100
 
 
 def test_numbers_and_contacts_are_those_of_the_frames(page: Page) -> None:

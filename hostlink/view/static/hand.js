@@ -95,6 +95,7 @@ function makeCards() {
   if ($("hand").dataset.shown === shown) return;
   $("hand").dataset.shown = shown;
   $("none").hidden = nodes.length > 0;
+  $("next").disabled = nodes.length < 2;
   for (const box of document.querySelectorAll(".finger")) box.remove();
   cards.clear();
   const asHand = nodes.filter((n) => hello.hand.includes(n)).length > 1;
