@@ -76,9 +76,12 @@ def mend(lattice: Lattice, blob_xy: Array, blob: Blob, good: Mask) -> tuple[Blob
         return blob, good
     rest, pitch = lattice.rest_xy, lattice.pitch_px
     whole = bool(np.mean(good) > WHOLE)
-    blobs = _Blobs(blob_xy, whole and abs(len(blob_xy) - len(rest)) < COUNTED * len(rest))
+    crowded = free & (cKDTree(blob_xy[blob[good]]).query(blob_xy)[0] < ROOM * pitch)
+    few = COUNTED * len(rest)
+    counted = whole and abs(len(blob_xy) - len(rest)) < few and int(np.count_nonzero(crowded)) < few
+    blobs = _Blobs(blob_xy, counted)
     if not blobs.counted:
-        free &= cKDTree(blob_xy[blob[good]]).query(blob_xy)[0] > ROOM * pitch
+        free &= ~crowded
     for place in _places(lattice, ~good):
         if good[place].any():  # mended with the one before
             continue

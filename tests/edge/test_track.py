@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.sim import deform
 from edge import _track
 from edge.errors import DegenerateLayout
 from edge.pins import Refiner, detect, take_rest
@@ -16,6 +17,7 @@ from edge.track import Tracker
 from edge.track.field import Lattice
 from edge.track.identity import MOST_GROWN
 from edge.types import Array, Image, PinPattern, Pins, Rest, Tracks
+from tests.bench import identity
 
 PITCH_PX = 18.0
 
@@ -112,6 +114,23 @@ def test_a_third_of_the_pins_missing_and_false_blobs_swap_nothing(layout: str) -
             there = {tuple(xy) for xy in blobs} & {tuple(xy) for xy in now}
             assert tracks.n_seen > 0.8 * len(there)
     assert sure >= 8
+
+
+def test_beside_a_tear_a_pin_is_lost_but_not_swapped() -> None:
+    """Sharp tools that press and drag by millimetres from one frame to the next."""
+    camera, rest = identity.simulated_rest(127)
+    rng = np.random.default_rng(9)
+    kinds = [h for h in identity.HAZARDS if not h.merged]  # of merged ones nobody knows whose the blob is
+    sure = 0
+    for _ in range(6):
+        now = camera.project(deform(camera.tip, (identity.random_contact(rng),)).tips_mm)
+        for hazard in kinds:
+            blobs, owner = identity.spoil(now, hazard, camera.radius_px + 10, rng)
+            tracks = Tracker(rest).identify(pins_at(blobs))
+            if tracks.confidence >= Tracks.LOW_CONFIDENCE:
+                sure += 1
+                assert identity.judge(tracks, blobs, owner)[0] == 0, hazard.name
+    assert sure >= 15
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
