@@ -16,7 +16,7 @@ Promises
 - SIGTERM ends cleanly within 1 s; after kill -9, at any moment of an upload too, settings and calibration are
   the ones last acknowledged or those under way, whole, and the next start uses them
 
-Not known, and therefore not promised: a frozen image is known as such after 60 ms.
+Not known, and therefore not promised: a frozen image is known as such after 45 ms.
 
 What the checker remembers lies in memory that it takes at the start: what grows is the app's.
 
