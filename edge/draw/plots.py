@@ -18,6 +18,7 @@ from edge.types import Array, Features, Frame, Tracks
 __all__ = ["figure", "surface_figure"]
 
 _COLUMN_IN = 7.16  # both columns of an IEEE page
+_SHAFT = 0.013  # of the mean arrow, in parts of the panel; a shorter one has no direction, and would be a dot
 #: Left, bottom, width, height in parts of the figure: the box fills it, with room for the label of z.
 _SURFACE_AT = (-0.05, -0.02, 1.0, 1.1)
 
@@ -94,11 +95,12 @@ def figure(
         *xy.T, *motion.T, angles="xy", scale_units="xy", scale=0.5,
         color=[_rgb(palette.local)], width=0.0025, headwidth=3,
     )  # fmt: skip
-    if features.shear_px is not None:
+    wide_px = float((np.nanmax(rest, axis=0) - np.nanmin(rest, axis=0)).max())
+    if features.shear_px is not None and 6 * np.hypot(*features.shear_px) > _SHAFT * wide_px:
         middle = place(np.nanmean(rest, axis=0))
         left.quiver(
             *middle, *(features.shear_px * unit_per_px), angles="xy", scale_units="xy", scale=1 / 6,
-            color=[_rgb(palette.shear)], width=0.013, zorder=4, edgecolor="white", linewidth=0.8,
+            color=[_rgb(palette.shear)], width=_SHAFT, zorder=4, edgecolor="white", linewidth=0.8,
         )  # fmt: skip
     for contact in features.contacts or ():
         for width, colour in ((3.0, palette.halo), (1.4, palette.contact)):

@@ -126,12 +126,17 @@ def test_equal_changes_look_equal_to_both_sides() -> None:
     assert (np.diff(expanded) < 0).all()
 
 
-def test_no_mean_motion_is_no_arrow(scene: tuple[View, Array, Tracks]) -> None:
+def test_no_mean_motion_is_no_arrow(scene: tuple[View, Array, Tracks], tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="figures need voronoi-touch[calib]")
     view, xy, tracks = scene
     for motion, arrows in ((0.01, False), (6.0, True)):
         features = features_of(xy, np.zeros(len(xy)), np.tile([motion, 0.0], (len(xy), 1)))
         canvas = draw_touch(view, squares(xy), tracks, features)
         assert (canvas == PAPER.shear).all(axis=2).any() == arrows
+        frame = Frame(np.full((SIZE, SIZE), 40, np.uint8), 0, 0)
+        figure(tmp_path / "a.svg", frame, tracks, squares(xy), features)
+        arrow = "stroke: #ffffff; stroke-width: 0.8"  # the rim of the mean's arrow alone
+        assert (arrow in (tmp_path / "a.svg").read_text()) == arrows
 
 
 def test_cells_are_red_where_compressed_and_blue_where_expanded(scene: tuple[View, Array, Tracks]) -> None:
