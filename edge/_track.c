@@ -154,6 +154,25 @@ static double off_trusted(const Doubts *rule, const Map *map, const double *moti
     return off;
 }
 
+/* The median of some positive values to a ten-thousandth of their range, by halving it: counting is done four at a
+ * time, while no processor guesses the branches of a selection, which takes three times as long. */
+static double middle(const float *v, Py_ssize_t n)
+{
+    float low = v[0], high = v[0];
+    for (Py_ssize_t i = 0; i < n; i++) {
+        low = v[i] < low ? v[i] : low;
+        high = v[i] > high ? v[i] : high;
+    }
+    for (int turn = 0; turn < 14; turn++) {
+        const float half = 0.5f * (low + high);
+        int below = 0;
+        for (int i = 0; i < (int)n; i++) below += v[i] < half;
+        if (below > (int)n / 2) high = half;
+        else low = half;
+    }
+    return low;
+}
+
 /* Which pins look unlike themselves and do not go with their neighbours: no longer seen.
  *
  * light, rest_light, sigma  (n,); bend (2n,) how far each is off its neighbours' map; motion (2n,) since rest
@@ -162,7 +181,7 @@ static void doubt(const Doubts *rule, const Map *map, const double *light, const
                   const double *sigma, const double *bend, const double *motion, const double *step, uint8_t *seen,
                   double *scratch, double *off, uint8_t *trusted)
 {
-    enum { UNKNOWN = -2, SAMPLE = 128 };
+    enum { UNKNOWN = -2 };
     const Py_ssize_t n = map->n;
     int any = 0;
     for (Py_ssize_t i = 0; i < n; i++) {
@@ -172,21 +191,22 @@ static void doubt(const Doubts *rule, const Map *map, const double *light, const
         any |= !trusted[i];
     }
     if (!any) return;
-    /* Medians of a sample of them: what is usual needs no more, and of all it would cost as much as the judgement. */
+    float *some = (float *)scratch;
     Py_ssize_t m = 0;
-    const Py_ssize_t sampled = 1 + n / SAMPLE;
-    for (Py_ssize_t i = 0; i < n; i++) off[i] = light[i] / rest_light[i];
-    for (Py_ssize_t i = 0; i < n; i += sampled)
-        if (seen[i]) scratch[m++] = off[i];
-    if (!m) return;
-    const double gain = select_kth(scratch, m, m / 2);
-    for (Py_ssize_t i = 0; i < m; i++) scratch[i] = fabs(scratch[i] / gain - 1);
-    const double usual = 1.4826 * select_kth(scratch, m, m / 2);
-    const double unlike = gain * fmax(rule->light_sigmas * usual, rule->light_least);
+    for (Py_ssize_t i = 0; i < n; i++) {
+        off[i] = light[i] / rest_light[i];
+        some[m] = (float)off[i];
+        m += seen[i];
+    }
+    const double gain = middle(some, m);
+    for (Py_ssize_t i = 0; i < m; i++) some[i] = fabsf(some[i] - (float)gain);
+    const double unlike = fmax(rule->light_sigmas * 1.4826 * middle(some, m), rule->light_least * gain);
     m = 0;
-    for (Py_ssize_t i = 0; i < n; i += sampled)
-        if (seen[i]) scratch[m++] = sigma[i];
-    const double unsure = rule->sigma_times * select_kth(scratch, m, m / 2);
+    for (Py_ssize_t i = 0; i < n; i++) {
+        some[m] = (float)sigma[i];
+        m += seen[i];
+    }
+    const double unsure = rule->sigma_times * middle(some, m);
     for (Py_ssize_t i = 0; i < n; i++) {
         const int matters = !trusted[i];
         trusted[i] = seen[i] && !(fabs(off[i] - gain) > unlike) && !(sigma[i] > unsure);

@@ -42,9 +42,10 @@ BEND_KEPT = 0.95
 # where one pin in the glare made a contact of 0.2 before.
 LIGHT_SIGMAS, LIGHT_LEAST, SIGMA_TIMES = 4.0, 0.03, 2.0
 FIT, FIT_OF_USUAL, FIT_SUPPORT = 0.005, 4.0, 1.2
-# The same after a search. Nothing is known of such a frame but itself, and under a sharp touch pins look
-# odd and move oddly: what is left is for the next frames. A large sigma is no reason there: half-hidden
-# pins at the rim of 600 published frames have it, and 300 of them would be lost.
+# The same after a search, unless all that `follow` missed were pins. Nothing is known of such a frame but
+# itself, and under a sharp touch pins look odd and move oddly: what is left is for the next frames. A large
+# sigma is no reason there: half-hidden pins at the rim of 600 published frames have it, and 300 of them would
+# be lost.
 FIT_FOUND = 0.04
 # A common surprise of this much is as near to the next pin as to the own one: look at the whole frame.
 JUMP = 0.35
@@ -169,7 +170,7 @@ class Tracker:
                 xy - self._rest_xy - expected,
                 xy - self._rest_xy,
                 self._lattice.step_px,
-                self._found,
+                self._tip[-1] if self._fallback is not None else self._found,
                 self._lattice.map,
                 self._scratch,
                 seen,

@@ -42,7 +42,6 @@ FULL_SHARE = 0.85
 SEARCH_FRAMES = 60
 # What looks unlike the pin must go closely with its neighbours; see `edge.track.tracker`.
 LIGHT_SIGMAS, LIGHT_LEAST, SIGMA_TIMES = 4.0, 0.03, 2.0
-SAMPLE = 128  # pins are enough for a median
 FIT, FIT_FOUND, FIT_OF_USUAL, FIT_SUPPORT = 0.005, 0.04, 4.0, 1.2
 # Frames without identities after which the last positions are only a guess, no evidence.
 FRESH_FRAMES = 2
@@ -87,7 +86,7 @@ class Tracker:
         seen, common = self._judge(motion, predicted - self._rest_xy, found)
         bend = motion - common
         seen = self._keep_apart(pins.xy_img, bend - self._bend, seen)
-        seen = self._doubt(pins, motion, bend, seen, FIT)
+        seen = self._doubt(pins, motion, bend, seen, FIT, SIGMA_TIMES)
         hidden = ~seen
         now = pins.xy_img.copy()
         bend[hidden] = BEND_KEPT * self._bend[hidden]
@@ -122,7 +121,8 @@ class Tracker:
         blob = np.where(seen, identity.blob, 0)
         of_pins = Pins(xy, sigma, pins.radius_px[blob], pins.brightness[blob])
         motion = xy - self._rest_xy
-        seen = self._doubt(of_pins, motion, motion - expected, seen, FIT_FOUND)
+        fit, times = (FIT_FOUND, np.inf) if self._fallback is None else (FIT, SIGMA_TIMES)
+        seen = self._doubt(of_pins, motion, motion - expected, seen, fit, times)
         expected, _, _ = self._lattice.predict(motion, seen)
         now = np.where(seen[:, None], xy, self._rest_xy + expected)
         self._since_search = 0
@@ -195,19 +195,16 @@ class Tracker:
         kept[np.where(surprise[first] > surprise[second], first, second)] = False
         return kept
 
-    def _doubt(self, pins: Pins, motion: Array, bend: Array, seen: Mask, fit: float) -> Mask:
+    def _doubt(self, pins: Pins, motion: Array, bend: Array, seen: Mask, fit: float, times: float) -> Mask:
         """The seen pins without those that look unlike themselves and do not go with their neighbours."""
         least = fit * self._lattice.step_px
         odd = seen & ((bend**2).sum(1) > least**2)
         if not odd.any():
             return seen
-        sample = seen & (np.arange(len(seen)) % (1 + len(seen) // SAMPLE) == 0)
-        if not sample.any():
-            return seen
         light = pins.brightness / self._rest_light
-        light = np.abs(light / _upper_median(light[sample]) - 1.0)
-        unlike = max(LIGHT_SIGMAS * 1.4826 * _upper_median(light[sample]), LIGHT_LEAST)
-        unsure = SIGMA_TIMES * _upper_median(pins.sigma_px[sample])
+        light = np.abs(light / _upper_median(light[seen]) - 1.0)
+        unlike = max(LIGHT_SIGMAS * 1.4826 * _upper_median(light[seen]), LIGHT_LEAST)
+        unsure = times * _upper_median(pins.sigma_px[seen])
         right = seen & (light <= unlike) & (pins.sigma_px <= unsure)
         expected, support, _ = self._lattice.predict(motion, right)
         off = np.where(support < FIT_SUPPORT, np.nan, ((motion - expected) ** 2).sum(1))
