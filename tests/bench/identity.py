@@ -340,4 +340,13 @@ def _real(console: Console, folder: Path, every: int, pictures: Path | None) -> 
             j, image, rest, tracks = results[k]
             text = f"{j.frame}: {j.n_consistent} of {j.n_blobs} blobs, confidence {j.confidence:.2f}"
             cv2.imwrite(str(pictures / f"worst_{place}.png"), picture(image, rest, tracks, text))
-    return {"frames": [asdict(j) for j in jumps], "off_the_pose_px": away.round(2).tolist()}
+    return {
+        "frames": len(jumps),
+        "consistent": dict(
+            zip(("worst", "1 %", "5 %", "median"), np.percentile(count, [0, 1, 5, 50]).tolist(), strict=True)
+        ),
+        "least_confidence": min(j.confidence for j in jumps),
+        "cpu_ms": {"median": round(float(np.median(ms)), 1), "worst": round(float(ms.max()), 1)},
+        "off_the_pose_px": {"median": round(float(np.median(away)), 1), "worst": round(float(away.max()), 1)},
+        "worst_frames": [asdict(jumps[k]) for k in worst],
+    }

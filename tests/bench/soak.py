@@ -42,7 +42,7 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from itertools import count
 from multiprocessing import get_context
@@ -740,18 +740,12 @@ def tell(outcome: Outcome, console: Console) -> None:
 @click.option("--seconds", default=60.0, show_default=True, type=click.FloatRange(min=10))
 @click.option("--seed", default=1, show_default=True)
 @click.option("--rate", "rate_hz", default=60.0, show_default=True, help="Frames a second.")
-@click.option(
-    "--out", type=click.Path(path_type=Path), default=RESULTS, help="Folder of soak.json and soak.md."
-)
+@click.option("--out", type=click.Path(path_type=Path), default=RESULTS, help="Folder of soak.md.")
 def command(seconds: float, seed: int, rate_hz: float, out: Path) -> None:
     """The app under a random schedule of all faults, and its promises."""
     outcome = soak(seconds, seed, rate_hz)
     tell(outcome, Console(width=120))
     out.mkdir(parents=True, exist_ok=True)
-    # A Counter does not survive asdict: it would count the pairs.
-    table = asdict(replace(outcome, rows=dict(outcome.rows), counts=Counter()))
-    table["counts"] = dict(outcome.counts)
-    (out / "soak.json").write_text(json.dumps(table, indent=1))
     with (out / "soak.md").open("w") as file:
         day = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
         file.write(f"# Soak\n\n`make soak SECONDS={seconds:g}`, seed {seed}, {day}.\n\n```\n")
