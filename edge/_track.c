@@ -28,7 +28,7 @@ typedef struct {
 
 typedef struct {
     Py_ssize_t n, n_close, n_pairs;
-    const double *found, *sigma, *light, *rest_light, *rest, *last, *velocity, *last_bend, *weight, *step, *apart;
+    const double *found, *sigma, *light, *rest_look, *rest, *last, *velocity, *last_bend, *weight, *step, *apart;
     const uint8_t *last_seen;
     const int32_t *start, *column, *close, *pair;
     const Rules *rule;
@@ -175,9 +175,10 @@ static double middle(const float *v, Py_ssize_t n)
 
 /* Which pins look unlike themselves and do not go with their neighbours: no longer seen.
  *
- * light, rest_light, sigma  (n,); bend (2n,) how far each is off its neighbours' map; motion (2n,) since rest
+ * light, sigma  (n,); rest_look  (2n,) of each its light at rest and how much its sigma may be beyond others';
+ * bend (2n,) how far each is off its neighbours' map; motion (2n,) since rest
  * scratch, off  (n,); trusted (n,) bytes */
-static void doubt(const Doubts *rule, const Map *map, const double *light, const double *rest_light,
+static void doubt(const Doubts *rule, const Map *map, const double *light, const double *rest_look,
                   const double *sigma, const double *bend, const double *motion, const double *step, uint8_t *seen,
                   double *scratch, double *off, uint8_t *trusted)
 {
@@ -194,7 +195,7 @@ static void doubt(const Doubts *rule, const Map *map, const double *light, const
     float *some = (float *)scratch;
     Py_ssize_t m = 0;
     for (Py_ssize_t i = 0; i < n; i++) {
-        off[i] = light[i] / rest_light[i];
+        off[i] = light[i] / rest_look[2 * i];
         some[m] = (float)off[i];
         m += seen[i];
     }
@@ -209,7 +210,7 @@ static void doubt(const Doubts *rule, const Map *map, const double *light, const
     const double unsure = rule->sigma_times * middle(some, m);
     for (Py_ssize_t i = 0; i < n; i++) {
         const int matters = !trusted[i];
-        trusted[i] = seen[i] && !(fabs(off[i] - gain) > unlike) && !(sigma[i] > unsure);
+        trusted[i] = seen[i] && !(fabs(off[i] - gain) > unlike) && !(sigma[i] > unsure * rest_look[2 * i + 1]);
         if (matters && !trusted[i]) seen[i] = 2; /* to be judged */
     }
     for (Py_ssize_t i = 0; i < n; i++) off[i] = UNKNOWN;
@@ -251,7 +252,7 @@ static double settle(const Frame *f, Py_ssize_t *n_seen)
 }
 
 enum { FOUND, SIGMA, LIGHT, LAST, VELOCITY, LAST_BEND, LAST_SEEN, REST, STEP, START, COLUMN, WEIGHT, CLOSE, PAIR, APART,
-       RULES, REST_LIGHT, DOUBTS, FIXED };
+       RULES, REST_LOOK, DOUBTS, FIXED };
 
 static int take_map(Arrays *a, PyObject *tuple, Map *map);
 
@@ -292,7 +293,7 @@ static PyObject *follow(PyObject *self, PyObject *args)
     f.n_pairs = count(&a);
     TAKE(pair, &a, OF_TIP(PAIR), 'i', 2 * f.n_pairs, 0, "pair");
     TAKE(rule, &a, OF_TIP(RULES), 'd', sizeof(Rules) / sizeof(double), 0, "rules");
-    TAKE(rest_light, &c, OF_TIP(REST_LIGHT), 'd', n, 0, "rest_light");
+    TAKE(rest_look, &c, OF_TIP(REST_LOOK), 'd', 2 * n, 0, "rest_look");
     const Doubts *doubts = take(&c, OF_TIP(DOUBTS), 'd', sizeof(Doubts) / sizeof(double), 0, "doubts");
     Map map = {.n = n};
     if (!doubts || !take_map(&c, near, &map)) goto done;
@@ -316,7 +317,7 @@ static PyObject *follow(PyObject *self, PyObject *args)
     judge(&f);
     keep_apart(&f);
     for (Py_ssize_t i = 0; i < 2 * n; i++) f.given[i] = f.found[i] - f.rest[i];
-    doubt(doubts, &map, f.light, f.rest_light, f.sigma, f.bend, f.given, f.step, f.seen, f.limit, f.ratio, f.trusted);
+    doubt(doubts, &map, f.light, f.rest_look, f.sigma, f.bend, f.given, f.step, f.seen, f.limit, f.ratio, f.trusted);
     jump = settle(&f, &n_seen);
     Py_END_ALLOW_THREADS
     result = Py_BuildValue("(nd)", n_seen, jump);
@@ -424,7 +425,7 @@ static PyObject *doubtful(PyObject *self, PyObject *args)
     if (!seen) goto done;
     const Py_ssize_t n = map.n = count(&a);
     const double *light = take(&a, light_, 'd', n, 0, "light");
-    const double *rest = light ? take(&a, rest_, 'd', n, 0, "rest_light") : NULL;
+    const double *rest = light ? take(&a, rest_, 'd', 2 * n, 0, "rest_look") : NULL;
     const double *sigma = rest ? take(&a, sigma_, 'd', n, 0, "sigma") : NULL;
     const double *bend = sigma ? take(&a, bend_, 'd', 2 * n, 0, "bend") : NULL;
     const double *motion = bend ? take(&a, motion_, 'd', 2 * n, 0, "motion") : NULL;
@@ -624,10 +625,10 @@ static PyMethodDef methods[] = {
     {"pieces", pieces, METH_VARARGS,
      "pieces(motion, known, first, second, seam, label): label is written, one of the piece's pins"},
     {"doubt", doubtful, METH_VARARGS,
-     "doubt(light, rest_light, sigma, bend, motion, step, doubts, map, scratch, seen): as `follow` does at its end;"
+     "doubt(light, rest_look, sigma, bend, motion, step, doubts, map, scratch, seen): as `follow` does at its end;"
      " seen is written."},
     {"follow", follow, METH_VARARGS,
-     "follow((found, sigma, last, velocity, last_bend, last_seen),\n"
+     "follow((found, sigma, light, last, velocity, last_bend, last_seen),\n"
      "       (rest, step, start, column, weight, close, pair, apart, rules), scratch,\n"
      "       (now, bend, seen, xy, sigma)) -> (pins seen, median surprise in steps)"},
     {NULL, NULL, 0, NULL},

@@ -15,7 +15,7 @@ def follow(
 
 def doubt(
     light: Array,
-    rest_light: Array,
+    rest_look: Array,
     sigma: Array,
     bend: Array,
     motion: Array,

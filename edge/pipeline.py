@@ -161,5 +161,9 @@ def in_order_of(calibration: Calibration, rest: Rest) -> Rest:
     # A pin that this tare missed stands where the calibration's pin moved with its neighbours.
     xy = np.where(tracks.seen[:, None], tracks.xy_img, made_with.xy_img + np.nanmedian(moved, axis=0))
     sigma = np.where(tracks.seen, tracks.sigma_px, made_with.pattern.pin_radius_px)
-    pins = Pins(xy, sigma, made_with.pins.radius_px, made_with.pins.brightness)
+    # How bright each is is today's light; a pin that was missed is taken for a usual one.
+    light = np.full(len(made_with), np.median(rest.pins.brightness))
+    of_rest = np.hypot(*(tracks.xy_img[tracks.seen][:, None] - rest.xy_img).transpose(2, 0, 1)).argmin(1)
+    light[tracks.seen] = rest.pins.brightness[of_rest]
+    pins = Pins(xy, sigma, made_with.pins.radius_px, light)
     return Rest(pins, rest.pattern)

@@ -53,6 +53,7 @@ class Tracker:
     def __init__(self, rest: Rest) -> None:
         """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
         self._rest_xy, self._rest_light = rest.xy_img, rest.pins.brightness
+        self._usual_sigma = np.maximum(rest.pins.sigma_px / np.median(rest.pins.sigma_px), 1.0)
         self._lattice = Lattice(rest.xy_img, rest.pattern.pitch_px)
         self._identifier = Identifier(rest, self._lattice)
         self.forget()
@@ -204,7 +205,7 @@ class Tracker:
         light = pins.brightness / self._rest_light
         light = np.abs(light / _upper_median(light[seen]) - 1.0)
         unlike = max(LIGHT_SIGMAS * 1.4826 * _upper_median(light[seen]), LIGHT_LEAST)
-        unsure = times * _upper_median(pins.sigma_px[seen])
+        unsure = times * _upper_median(pins.sigma_px[seen]) * self._usual_sigma
         right = seen & (light <= unlike) & (pins.sigma_px <= unsure)
         expected, support, _ = self._lattice.predict(motion, right)
         off = np.where(support < FIT_SUPPORT, np.nan, ((motion - expected) ** 2).sum(1))
