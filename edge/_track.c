@@ -629,7 +629,7 @@ static PyMethodDef methods[] = {
      " seen is written."},
     {"follow", follow, METH_VARARGS,
      "follow((found, sigma, light, last, velocity, last_bend, last_seen),\n"
-     "       (rest, step, start, column, weight, close, pair, apart, rules), scratch,\n"
+     "       (rest, step, start, column, weight, close, pair, apart, rules, rest_look, doubts), map, scratch,\n"
      "       (now, bend, seen, xy, sigma)) -> (pins seen, median surprise in steps)"},
     {NULL, NULL, 0, NULL},
 };
