@@ -11,7 +11,7 @@ import json
 import re
 import tomllib
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 from msgspec import inspect
@@ -132,11 +132,11 @@ def _explain(message: str, table: dict[str, object]) -> str:
         key = message.partition("`")[2].partition("`")[0]
         return f"unknown key '{key}' in {place}; known keys: {', '.join(_fields(_at(path)))}"
     section, _, key = path.partition(".")
-    value: object = table[section]
+    value: Any = table[section]  # as TOML has it: tables in tables, lists
     if not key:
         return f"{section} = {_shown(value)}: a table is written [{section}], with keys below it"
     for step in re.findall(r"\w+", key):
-        value = value[int(step)] if isinstance(value, list) else value[step]  # type: ignore[index]
+        value = value[int(step)] if isinstance(value, list) else value[step]
     return f"[{section}] {key} = {_shown(value)}: give {_wanted(_at(path))}"
 
 

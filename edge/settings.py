@@ -66,7 +66,8 @@ class SettingsFile:
 
     def change(self, **changes: float) -> Settings:
         """Change and store. Raises OSError: not stored, and nothing changed."""
-        values = replace(self.values, **changes)  # type: ignore[arg-type]
+        changed: dict[str, Any] = {**changes}
+        values = replace(self.values, **changed)
         self._store(values)
         self.values = values
         return values

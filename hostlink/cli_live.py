@@ -23,6 +23,8 @@ from hostlink.recording import SERIAL_SUFFIX, LogWriter, SerialWriter, check_suf
 from hostlink.wire import State, Status
 from hostlink.wire.address import parse_address
 
+# The pace of the display. It shows what holds, news or none (a link that is down, a rate that falls): no
+# event of the link could stand in for it.
 LOOK_S = 0.1  # a table that changes faster cannot be read
 LINE_S = 1.0
 seconds_option = click.option(

@@ -185,8 +185,10 @@ class SerialLink(Link):
             )
         except _broken() as error:
             raise ConnectError(f"{self.address}: {cannot_open(self.address, error)}") from error
+        # FTDI adapters hold bytes back for 16 ms otherwise. Other ports know no such mode (the driver
+        # refuses, or pyserial's class has none) and need none; one that is broken says so at the first read.
         with suppress(*_broken(), NotImplementedError):
-            port.set_low_latency_mode(True)  # FTDI adapters hold bytes back for 16 ms otherwise
+            port.set_low_latency_mode(True)
         return port
 
     def _read(self, medium: Any) -> bytes | None:

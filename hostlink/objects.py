@@ -57,7 +57,7 @@ class SdoObjects:
         self._node = node
         self._response_id = response_id
         self._asking = threading.Lock()  # one transfer at a time: the server has one
-        client: Any = SdoClient(request_id, response_id, ObjectDictionary())  # type: ignore[no-untyped-call]
+        client: Any = SdoClient(request_id, response_id, ObjectDictionary())
         client.RESPONSE_TIMEOUT = TIMEOUT_S
         client.MAX_RETRIES = TRIES
         client.network = _Network(send)

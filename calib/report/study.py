@@ -12,6 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import cv2
@@ -84,11 +85,8 @@ def detectors(rest: Rest, frames: Sequence[Frame]) -> list[Row]:
             "fitted discs in windows": lambda: refiner.refine(frame.image, predicted).xy_img,  # noqa: B023
         }
         for half in HALVES_PX:
-            ways[f"intensity centroid, {2 * half + 1} px window"] = lambda half=half: _centroids(  # type: ignore[misc]
-                frame.image,  # noqa: B023
-                predicted,  # noqa: B023
-                half,
-                rest.pattern.background,
+            ways[f"intensity centroid, {2 * half + 1} px window"] = partial(
+                _centroids, frame.image, predicted, half, rest.pattern.background
             )
         for name, way in ways.items():
             xy, us = timed(way, 3)

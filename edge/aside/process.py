@@ -133,9 +133,10 @@ class Aside:
         """End page and recording, and wait for what is to be written."""
         self._closing = True
         app = self._app
-        for calls, ours in ((app.watchers, self.watch), (app.turns, self.turn)):
-            if ours in calls:
-                calls.remove(ours)  # type: ignore[arg-type]
+        if self.watch in app.watchers:
+            app.watchers.remove(self.watch)
+        if self.turn in app.turns:
+            app.turns.remove(self.turn)
         recording = app.recorded.recorder is self
         if recording:
             app.recorded.recorder = None

@@ -165,7 +165,8 @@ class ObjectServer:
     def _value(self, obj: Object) -> Value | None:
         name = obj.name
         if name in _SETTINGS:
-            return getattr(self._settings.values, name)  # type: ignore[no-any-return]
+            setting: Value = getattr(self._settings.values, name)
+            return setting
         if name in _COB_IDS:
             base = int(getattr(self._ids, _COB_IDS[name]))
             return base + (self._node if obj.node_id else 0)

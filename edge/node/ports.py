@@ -33,7 +33,7 @@ TOO_LONG = f"longer than {UPLOAD_MAX >> 20} MiB, so no calibration"
 
 def object_dictionary() -> Any:
     """The object table as a `canopen.ObjectDictionary`."""
-    od: Any = canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
+    od: Any = canopen.ObjectDictionary()
     by_index: dict[int, list[Any]] = {}
     for row in OBJECTS:
         by_index.setdefault(row.index, []).append(row)

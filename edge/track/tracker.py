@@ -38,8 +38,8 @@ BEND_KEPT = 0.95
 # of those neighbours that look right are off theirs; and so much weight these must have to be asked (two
 # near ones). Chosen on other specks than those of the hazards' bench: with 50 of them the depth is as
 # close as without (331 pins: 0.03 mm; 0.12 without this rule), with 30 % of the pins dark besides 0.04
-# (1.9), and an untouched tip is untouched. Balls and flats alone lose no pin by it. Of a published video's
-# 124 pins, in glare, it is 2, and as many of its touched frames have exactly one contact (96 %).
+# (1.9), and an untouched tip is untouched. A ball in clean light is felt as without it. Of a published
+# video's 124 pins, in glare, it is 2, and as many of its touched frames have exactly one contact (96 %).
 LIGHT_SIGMAS, LIGHT_LEAST, SIGMA_TIMES = 4.0, 0.03, 2.0
 FIT, FIT_OF_USUAL, FIT_SUPPORT = 0.005, 4.0, 1.2
 # The same after a search, unless all that `follow` missed were pins. Nothing is known of such a frame but

@@ -304,7 +304,7 @@ def unpack_value(obj: Object, data: bytes) -> Value:
         except UnicodeDecodeError as error:
             raise CorruptFrame(f"object {obj.name}: {error}") from None
     try:
-        (value,) = struct.unpack("<" + TYPES[obj.type][1], data)
+        value: Value = struct.unpack("<" + TYPES[obj.type][1], data)[0]
     except struct.error as error:
         raise CorruptFrame(f"object {obj.name}: {error}") from None
-    return value  # type: ignore[no-any-return]
+    return value

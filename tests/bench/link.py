@@ -27,7 +27,7 @@ from hostlink.wire import Contact, State
 
 PORT = 43_999
 BUSES = {"virtual": "virtual:bench", "udp": f"udp:239.0.0.5?port={PORT}"}
-SETTLE_S = 0.5  # after the last sample, for what is still on its way
+SETTLE_S = 0.5  # at the most, after the last sample, for what is still on its way
 
 
 def sample(number: int) -> State:
@@ -55,7 +55,7 @@ def feed(address: str, fingers: int, rate_hz: float, seconds: float, report: lis
     for number in range(round(seconds * rate_hz)):
         wait_s = begun_s + number * period_s - time.monotonic()
         if wait_s > 0:
-            time.sleep(wait_s)
+            time.sleep(wait_s)  # a sender that keeps time, as a camera does
         for sink in sinks:
             sink.send(sample(number))
     for sink in sinks:
@@ -72,7 +72,10 @@ def measure(bus: str, fingers: int, rate_hz: float, seconds: float) -> dict[str,
     def hear(heard: hostlink.Sample) -> None:
         now_us = time.monotonic_ns() // 1000
         late_us.append((now_us - heard.state.capture_time_us) % 2**32)
+        if len(late_us) >= awaited_n:
+            arrived.set()
 
+    arrived, awaited_n = threading.Event(), sys.maxsize
     with hostlink.connect(address) as hand:
         hand.on_sample(hear)
         if bus == "virtual":
@@ -89,9 +92,11 @@ def measure(bus: str, fingers: int, rate_hz: float, seconds: float) -> dict[str,
             child.start()
             child.join()
             report = list(shared)
-        time.sleep(SETTLE_S)
+        sent_n, dropped_n = report
+        awaited_n = sent_n
+        if len(late_us) < sent_n:
+            arrived.wait(SETTLE_S)  # what has not come by then is lost
         counted = list(hand.statistics.values())
-    sent_n, dropped_n = report
     p50, p99, p999 = np.percentile(late_us, (50, 99, 99.9))
     return {
         "bus": bus,
