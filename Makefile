@@ -3,24 +3,29 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
+# What is compiled, and what that is made of: setup.py has the table.
+SOURCES := pyproject.toml constraints.txt setup.py $(wildcard edge/*/*.pxd \
+	$(shell sed -n 's|^ *"\(edge\.[a-z_.]*\)": .*|\1|p' setup.py | tr . / | sed 's|$$|.py|'))
 SECONDS ?= 60
 
-.PHONY: demo test bench lint types unit test-browser stability fuzz soak sbc-test generate clean help
+.PHONY: demo test bench lint types unit kernels sanitize slow test-browser stability fuzz soak sbc-test docs generate clean help
 
 help:
 	@sed -n 's/^## //p' Makefile
 
 ## make demo       replay bundled recordings through the whole chain; pictures and a table in out/demo
 demo: $(READY)
-	$(BIN)/python -m calib demo --out out/demo
+	$(BIN)/python -m calib demo --out out/demo --overwrite
 
 ## make test       lint, types and tests
-test: lint types unit
+test: lint types unit kernels
 
-## make lint       style
+## make lint       style, duplicates, workflow files
 lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python -m pylint edge
+	$(BIN)/python -m check_jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 
 ## make types      strict types
 types: $(READY)
@@ -29,6 +34,21 @@ types: $(READY)
 ## make unit       tests alone
 unit: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest
+
+## make kernels    the kernels' tests again: with every index checked, and uncompiled
+kernels: $(READY) build/checked/.ready
+	OMP_NUM_THREADS=1 VORONOI_TOUCH_KERNELS=checked $(BIN)/python -m pytest -m kernels \
+		-W error::pytest.PytestUnraisableExceptionWarning
+	OMP_NUM_THREADS=1 VORONOI_TOUCH_KERNELS=python $(BIN)/python -m pytest -m "kernels and not compiled"
+
+## make sanitize   the kernels' tests and fuzzer under the sanitizers of addresses and undefined behaviour
+sanitize: $(READY) build/sanitized/.ready
+	LD_PRELOAD=$$($(or $(CC),cc) -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 PYTHONMALLOC=malloc \
+		OMP_NUM_THREADS=1 VORONOI_TOUCH_KERNELS=sanitized $(BIN)/python -m pytest -m kernels -p no:cacheprovider
+
+## make slow       tests that take minutes: a wheel without a compiler, instructions of a frame
+slow: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m slow
 
 ## make test-browser  the live pages in headless Chromium; part of `make test`, skipped where there is none
 test-browser: $(READY)
@@ -44,8 +64,10 @@ stability: $(READY)
 
 ## make fuzz       coverage-guided fuzzing of the decoder, SECONDS=60
 fuzz: $(READY)
+	$(BIN)/python -m tests.fuzz.fuzz_kernels --seconds $(SECONDS) --seed $$$$
 	$(BIN)/pip install -q -c constraints.txt atheris
 	$(BIN)/python tests/fuzz/fuzz_decoder.py -max_total_time=$(SECONDS)
+	FUZZ_ROUNDS=50 $(BIN)/python -m pytest tests/hostlink/test_clock.py tests/hostlink/test_decoder.py -k any_
 
 ## make soak       the app under a random schedule of all faults, and its promises; SECONDS=3600
 soak: $(READY)
@@ -56,16 +78,25 @@ sbc-test: $(READY)
 	PYTHON=$(abspath $(BIN))/python deploy/sbc/build.sh
 	$(BIN)/python deploy/sbc/run.py
 
+## make docs       the documentation as pages, in out/docs
+docs: $(READY)
+	$(BIN)/python -m sphinx -W --keep-going -n -q -b html docs out/docs
+
 ## make generate   write DBC, EDS, C codec and WIRE.md from the tables in hostlink/wire
 generate: $(READY)
 	$(BIN)/python -m hostlink.wire.generate
 
 ## make clean      remove everything that can be made again
 clean:
-	rm -rf .venv build dist out *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis edge/*.so
+	rm -rf .venv build dist out *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	find edge -name "*.so" -delete
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-$(READY): pyproject.toml constraints.txt $(wildcard edge/*.[ch])
+$(READY): $(SOURCES)
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $@
+
+build/%/.ready: $(READY)
+	$(BIN)/python setup.py --quiet build_ext --variant $*
 	touch $@

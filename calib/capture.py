@@ -72,9 +72,9 @@ def progress_of(path: Path, plan: Plan) -> Progress:
     """What is on disk. Raises CaptureError: the recording belongs to another protocol."""
     counts = [0] * len(plan.steps)
     for part in parts(path):
-        told = read_metadata(part).get("capture", {})
-        if told.get("digest") != plan.digest:
-            was = told.get("protocol", "none")
+        noted = read_metadata(part).get("capture", {})
+        if noted.get("digest") != plan.digest:
+            was = noted.get("protocol", "none")
             raise CaptureError(
                 f"{part}: holds protocol {was!r}, not this {plan.name!r}; give another name for the recording"
             )
@@ -110,6 +110,7 @@ def capture(
     existing = parts(path)
     if existing and not resume:
         raise CaptureError(f"{path}: exists; continue it with --resume, or give another name")
+    _refuse_other_table(path.with_suffix(".csv"), resume)
     done = progress_of(path, plan)
     if done.steps == len(plan.steps):
         write_table(path, plan)
@@ -160,6 +161,16 @@ def _truths(part: Path) -> Iterator[tuple[int, dict[str, Any]]]:
         elif held is not None and held[0] == log_ns:
             yield held[1], held[2]
             held = None
+
+
+def _refuse_other_table(table: Path, resume: bool) -> None:
+    """Raise CaptureError where the capture's table would replace a file that is not its own."""
+    if not table.exists():
+        return
+    with table.open(newline="", encoding="utf-8", errors="replace") as file:
+        own = next(csv.reader(file), []) == list(COLUMNS)
+    if not (resume and own):
+        raise CaptureError(f"{table}: exists, and the capture's table goes there; give another name to -o")
 
 
 def write_table(path: Path, plan: Plan) -> Path:

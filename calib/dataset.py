@@ -22,7 +22,7 @@ from calib.targets import Targets, join, read_targets, targets_of_capture
 from edge.calibration import Calibration
 from edge.errors import CalibrationError, NoPins
 from edge.pins import take_rest
-from edge.pipeline import in_order_of
+from edge.runtime.tip_match import in_order_of
 from edge.sources import read_image
 from edge.types import Image, Rest
 

@@ -26,17 +26,18 @@ from rich.table import Table
 
 import hostlink
 from calib.errors import TableError
-from edge.app import App
 from edge.calibration import Calibration
-from edge.device import AppDevice
-from edge.draw import figure, surface_figure
+from edge.cells import cell_polygons
 from edge.errors import SourceError
-from edge.node import Node
+from edge.link.device import LoopDevice
+from edge.link.node import Node
+from edge.link.sinks import CanSink, MemorySink, SerialSink, open_sink
 from edge.pipeline import Result
+from edge.runtime.loop import Loop, LoopConfig
 from edge.sources import open_source
-from edge.tessellate import cell_polygons
-from edge.transport import CanSink, MemorySink, SerialSink, open_sink
 from edge.types import Feature
+from edge.view.figures import figure, surface_figure
+from hostlink.output_file import OutputError, check_output
 from hostlink.wire import State, pack_state, unpack_state
 
 __all__ = ["RECORDINGS", "Heard", "demo", "play"]
@@ -124,8 +125,8 @@ def play(recording: Path, calibration: Calibration) -> Heard:
             connection.on_sample(_collect(heard[name]))
         source = open_source(str(recording))
         stack.callback(source.close)
-        app = App(source, [], calibration, frozenset(Feature))
-        device = AppDevice(app, "demo")
+        app = Loop(source, [], calibration, LoopConfig(demand=frozenset(Feature)))
+        device = LoopDevice(app, "demo")
         for address in (addresses["can"], f"serial:{near}"):
             sink = open_sink(address, node=NODE)
             stack.callback(sink.close)
@@ -138,7 +139,7 @@ def play(recording: Path, calibration: Calibration) -> Heard:
         def keep(result: Result, state: State) -> None:
             truth[state.sample] = result.frame.truth or {}
 
-        app.watchers.append(keep)
+        app.result_callbacks.append(keep)
         app.run()
         sent = {state.sample: state for state in memory.states}
         if app.last is None:
@@ -213,16 +214,16 @@ def errors(heard: Heard) -> dict[str, float]:
     }
 
 
-def demo(data: Path, out: Path, console: Console) -> None:
+def demo(data: Path, out: Path, console: Console, overwrite: bool = False) -> None:
     """Play every bundled recording, print the table, write the pictures.
 
-    Raises  TableError: a recording is missing; CalibrationError. Nothing is written then
+    Raises  TableError: a recording is missing; CalibrationError; OutputError. Nothing is written then
     """
     for name in RECORDINGS:
         if not (data / f"{name}.mcap").is_file():
             raise TableError(f"{data}: no {name}.mcap in it; give --data the bundled recordings")
     calibrations = {name: Calibration.load(data / file) for name, file in RECORDINGS.items()}
-    out.mkdir(parents=True, exist_ok=True)
+    _check_folder(out, overwrite)
     table = Table(
         title="What the host decoded, against the simulator's truth",
         box=box.SIMPLE_HEAD,
@@ -253,6 +254,17 @@ def demo(data: Path, out: Path, console: Console) -> None:
     console.print("Links agree: what CAN FD and serial brought equals what the edge computed.")
     console.print("Errors: mean absolute, over the frames pressed by 0.8 mm or more.")
     console.print(f"Pictures: {out}/*.png")
+
+
+def _check_folder(out: Path, overwrite: bool) -> None:
+    """Make the folder for the pictures. Raises OutputError: not possible, or pictures are there already."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{out}: cannot be made: {error.strerror}") from None
+    for name in RECORDINGS:
+        for picture in (f"{name}.png", f"{name}_surface.png"):
+            check_output(out / picture, (".png",), (), overwrite)
 
 
 def _cell(value: float) -> str:

@@ -1,20 +1,20 @@
-"""How far a calibration is off on frames with known truth, refused frames counted."""
+"""How far a calibration is off on frames with known truth; frames without values are counted."""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 
 from calib.extract import Extract
 from calib.targets import Targets
-from edge.calibration import UNTOUCHED, Calibration
-from edge.types import Array
+from edge.calibration import Calibration
+from edge.calibration.file import UNTOUCHED
+from edge.types import Array, Complex, Mask
 
-__all__ = ["evaluate", "predict"]
+__all__ = ["counts_line", "error_rows", "evaluate", "predict", "pressed"]
 
-#: Below this true shear its direction means little; the published network is judged over the same frames.
+#: A shear that is smaller has no direction to speak of; the published network is judged over the same frames.
 DIRECTION_MIN_MM = 1.5
 
 
@@ -29,7 +29,7 @@ def predict(calibration: Calibration, extract: Extract) -> tuple[dict[str, Array
     for i, z in enumerate(extract.inputs):
         for name, value, sigma, _ in calibration.frame_values(z):
             # As `Calibration.apply` has it; a frame without any result stays without a value.
-            known = extract.touched[i] or not np.isfinite(z).any()
+            known = extract.in_contact[i] or not np.isfinite(z).any()
             values[name][i], sigmas[name][i] = (value if known else UNTOUCHED[name]), sigma
     for i, z in enumerate(extract.contact):
         for name, value, sigma in calibration.contact_values(z):
@@ -44,69 +44,141 @@ def predict(calibration: Calibration, extract: Extract) -> tuple[dict[str, Array
 def evaluate(calibration: Calibration, targets: Targets, extract: Extract) -> dict[str, Any]:
     """Errors as one JSON-able object.
 
-    At the top level over all frames, whatever the edge thought of them; under `accepted` over those whose
-    values the edge would have sent. None where the calibration or the table lacks the quantity, or a
-    single frame gave no value at all.
+    n_refused         frames whose pins could not be told apart for sure: the edge sends no values
+    n_read_untouched  frames that are pressed, and in which the edge saw no touch: it sends zeros, and no tilt
+    n_without_value   of the frames with truth, those without a value; by name of the value
+    *_mae_*, ...      mean errors over all frames that have a value, whatever the edge thought of them
+    accepted          the same over the frames whose values the edge would have sent
+
+    None where the calibration or the table lacks the quantity, or no frame has a value.
     """
     values, sigmas = predict(calibration, extract)
     everything = np.ones(len(targets), dtype=np.bool_)
-    report: dict[str, Any] = {
+    return {
         "n_frames": len(targets),
         "n_refused": int((~extract.sure).sum()),
+        "n_read_untouched": int((extract.sure & ~extract.in_contact & pressed(targets)).sum()),
+        "n_without_value": {
+            name: int((np.isfinite(truth) & ~np.isfinite(values[name])).sum())
+            for name, truth in targets.values.items()
+            if name in values
+        },
         **_errors(values, sigmas, targets, everything),
         "frame_time_us_median": round(float(np.median(extract.time_us)), 1),
         "accepted": _errors(values, sigmas, targets, extract.sure),
     }
-    return report
+
+
+def pressed(targets: Targets) -> Mask:
+    """(n,) bool: frames whose truth says that something presses; by the depth where the table has it."""
+    for name in ("displacement_mm", "contact_depth_mm", "force_n"):
+        if name in targets.values:
+            return np.asarray(np.nan_to_num(targets.values[name]) > 0.0)
+    truth = np.column_stack(list(targets.values.values()))
+    return np.asarray((np.nan_to_num(truth) != 0.0).any(axis=1))
 
 
 def _errors(
-    values: dict[str, Array], sigmas: dict[str, Array], targets: Targets, chosen: Any
+    values: dict[str, Array], sigmas: dict[str, Array], targets: Targets, chosen: Mask
 ) -> dict[str, Any]:
-    """Over the chosen frames whose truth is known; a value that is missing there spoils the mean."""
-    rows = {name: chosen & np.isfinite(truth) for name, truth in targets.values.items() if name in values}
+    """Over those of the chosen frames that have truth and value."""
+    rows = {
+        name: chosen & np.isfinite(truth) & np.isfinite(values[name])
+        for name, truth in targets.values.items()
+        if name in values
+    }
     error = {name: (values[name] - targets.values[name])[use] for name, use in rows.items()}
 
     def mae(name: str) -> float | None:
-        return _number(np.abs(error[name]).mean()) if name in error and error[name].size else None
+        return _mean(np.abs(error[name])) if name in error else None
 
-    def place() -> float | None:
-        x, y = error.get("contact_x_mm"), error.get("contact_y_mm")
-        return _number(np.hypot(x, y).mean()) if x is not None and y is not None and x.size else None
-
-    report: dict[str, Any] = {
+    inside = {name: np.abs(e) <= sigmas[name][rows[name]] for name, e in error.items()}
+    return {
         "displacement_mae_mm": mae("displacement_mm"),
         "tilt_mae_deg": [mae("tilt_x_deg"), mae("tilt_y_deg")],
         "shear_mae_mm": [mae("shear_x_mm"), mae("shear_y_mm")],
-        "shear_magnitude_mae_mm": None,
-        "shear_direction_mean_deg": None,
-        "shear_direction_median_deg": None,
+        **_shear_errors(values, targets, rows),
         "torsion_mae_deg": mae("torsion_deg"),
         "force_mae_n": mae("force_n"),
         "contact_area_mae_mm2": mae("contact_area_mm2"),
-        "contact_place_mean_mm": place(),
+        "contact_place_mean_mm": _place_error(values, targets, rows),
         "contact_depth_mae_mm": mae("contact_depth_mm"),
-        "sigma_coverage_68": None,
+        "sigma_coverage_68": _mean(np.concatenate([np.empty(0), *inside.values()])),
+        "sigma_coverage_68_each": {name: _mean(part) for name, part in inside.items() if len(part)},
     }
-    if {"shear_x_mm", "shear_y_mm"} <= error.keys():
-        both = rows["shear_x_mm"] & rows["shear_y_mm"]
-        true = (targets.values["shear_x_mm"] + 1j * targets.values["shear_y_mm"])[both]
-        read = (values["shear_x_mm"] + 1j * values["shear_y_mm"])[both]
-        if both.any():
-            report["shear_magnitude_mae_mm"] = _number(np.abs(np.abs(read) - np.abs(true)).mean())
-        large = np.abs(true) > DIRECTION_MIN_MM
-        if large.any():
-            off = np.degrees(np.abs(np.angle(read[large] * true[large].conj())))
-            report["shear_direction_mean_deg"] = _number(off.mean())
-            report["shear_direction_median_deg"] = _number(np.median(off))
-    inside = [np.abs(e) <= sigmas[name][rows[name]] for name, e in error.items()]
-    if any(len(part) for part in inside):
-        report["sigma_coverage_68"] = _number(np.concatenate(inside).mean())
-        report["sigma_coverage_68_each"] = {
-            name: _number(part.mean()) for name, part in zip(error, inside, strict=True) if len(part)
-        }
-    return report
 
 
-def _number(value: Any) -> float | None:
-    return round(float(value), 4) if math.isfinite(value) else None
+def _vectors(
+    values: dict[str, Array], targets: Targets, rows: dict[str, Mask], x: str, y: str
+) -> tuple[Complex, Complex]:
+    """What was read and what is true, as x + i y, of the frames that have both."""
+    if not {x, y} <= rows.keys():
+        return np.empty(0, np.complex128), np.empty(0, np.complex128)
+    both = rows[x] & rows[y]
+    read, true = values[x] + 1j * values[y], targets.values[x] + 1j * targets.values[y]
+    return read[both], true[both]
+
+
+def _place_error(values: dict[str, Array], targets: Targets, rows: dict[str, Mask]) -> float | None:
+    read, true = _vectors(values, targets, rows, "contact_x_mm", "contact_y_mm")
+    return _mean(np.abs(read - true))
+
+
+def _shear_errors(
+    values: dict[str, Array], targets: Targets, rows: dict[str, Mask]
+) -> dict[str, float | None]:
+    """Of the shear's magnitude, and of its direction where it is large enough to have one."""
+    read, true = _vectors(values, targets, rows, "shear_x_mm", "shear_y_mm")
+    large = np.abs(true) > DIRECTION_MIN_MM
+    off = np.degrees(np.abs(np.angle(read[large] * true[large].conj())))
+    return {
+        "shear_magnitude_mae_mm": _mean(np.abs(np.abs(read) - np.abs(true))),
+        "shear_direction_mean_deg": _mean(off),
+        "shear_direction_median_deg": _rounded(float(np.median(off))) if off.size else None,
+    }
+
+
+def _mean(column: Any) -> float | None:
+    return _rounded(float(np.mean(column))) if len(column) else None
+
+
+def _rounded(value: float) -> float:
+    return round(value, 4)
+
+
+#: Of a report: what each figure is, its key, its place in a list, its unit.
+_FIGURES = (
+    ("depth", "displacement_mae_mm", None, "mm"),
+    ("tilt about x", "tilt_mae_deg", 0, "deg"),
+    ("tilt about y", "tilt_mae_deg", 1, "deg"),
+    ("shear along x", "shear_mae_mm", 0, "mm"),
+    ("shear along y", "shear_mae_mm", 1, "mm"),
+    ("shear, magnitude", "shear_magnitude_mae_mm", None, "mm"),
+    ("shear, direction, mean", "shear_direction_mean_deg", None, "deg"),
+    ("shear, direction, median", "shear_direction_median_deg", None, "deg"),
+    ("torsion", "torsion_mae_deg", None, "deg"),
+    ("force", "force_mae_n", None, "N"),
+    ("contact area", "contact_area_mae_mm2", None, "mm2"),
+    ("place of contact", "contact_place_mean_mm", None, "mm"),
+    ("depth of contact", "contact_depth_mae_mm", None, "mm"),
+    ("share of errors within sigma", "sigma_coverage_68", None, ""),
+)
+
+
+def error_rows(report: dict[str, Any]) -> list[tuple[str, str, str, str]]:
+    """A report of `evaluate` as a table: figure, error over all frames, over the accepted ones, unit."""
+    rows = []
+    for name, key, place, unit in _FIGURES:
+        both = (report[key], report["accepted"][key])
+        every, accepted = both if place is None else (both[0][place], both[1][place])
+        if every is not None:
+            rows.append((name, f"{every:.4g}", "-" if accepted is None else f"{accepted:.4g}", unit))
+    return rows
+
+
+def counts_line(report: dict[str, Any]) -> str:
+    """How many frames a report rests on, and how many of them have no values, or zeros."""
+    return (
+        f"{report['n_frames']} frames; {report['n_refused']} refused (no values sent), "
+        f"{report['n_read_untouched']} pressed but read as untouched (zeros sent)"
+    )

@@ -9,12 +9,15 @@ from __future__ import annotations
 import itertools
 import math
 import os
+import re
+import signal
 import time
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
-from multiprocessing import get_context
+from multiprocessing import active_children, forkserver, get_context, resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -23,17 +26,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import TableError
-from edge.calibration import CONTACT_INPUTS, FRAME_INPUTS, contact_inputs, frame_inputs
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, contact_inputs, frame_inputs
 from edge.errors import EdgeError
 from edge.pipeline import Pipeline
 from edge.sources import read_image
-from edge.types import Array, Complex, Feature, Frame, Image, Index, Mask, Pins, Rest
+from edge.types import Array, Complex, Feature, Frame, Image, Index, Mask, Pins, Rest, Tracks
 
 __all__ = ["DEMAND", "Extract", "executor", "extract", "gather", "join_extracts", "measure"]
 
 #: What models are made of; slip is not, and needs a sequence.
 DEMAND = frozenset({Feature.DISPLACEMENT, Feature.SHEAR, Feature.TILT, Feature.TORSION, Feature.CONTACTS})
 LOOKS = 4  # at one image: a lost clump heals from its edge inwards, a ring of pins a look
+#: Pins that are taken away to learn what their loss does: for each time, whether they are of one side.
+ONE_SIDED = (True, False, True)
+LOSS_MIN, LOSS_MAX = 0.03, 0.45  # share of the pins
 CHUNK = 8  # frames a task: a tenth of a second, so that a progress bar moves and no core waits long
 CLUSTER_TIMEOUT_S = 10.0  # for a scheduler to answer
 IN_FLIGHT = 32  # tasks: images of 640x480 take 80 MB
@@ -43,14 +49,15 @@ IN_FLIGHT = 32  # tasks: images of 640x480 take 80 MB
 class Extract:
     """One row a frame.
 
-    inputs      (n, k) complex128, `edge.calibration.FRAME_INPUTS`; NaN where nothing could be computed
-    contact     (n, k) complex128, `edge.calibration.CONTACT_INPUTS` of the strongest contact; NaN: none
+    inputs      (n, k) complex128, `edge.calibration.inputs.FRAME_INPUTS`; NaN: not computed
+    contact     (n, k) complex128, `edge.calibration.inputs.CONTACT_INPUTS` of the strongest contact, or NaN
     confidence  (n,) how sure the pins' identities are
     seen_n      (n,) pins found
     sure        (n,) whether the edge would have sent values
-    touched     (n,) whether it saw a touch; without one it sends zeros, not what a model says
+    in_contact     (n,) whether it saw a touch; without one it sends zeros, not what a model says
     counts      (n,) contacts found
     angle_rad   (n,) direction of the strongest contact's long axis; NaN: round, or none
+    lossy       (n, LOSSES, k) complex128, the inputs with some of the pins taken away; NaN: none could be
     time_us     (n,) from image to inputs; the only column that differs from run to run
     """
 
@@ -59,10 +66,11 @@ class Extract:
     confidence: Array
     seen_n: Array
     sure: Mask
-    touched: Mask
+    in_contact: Mask
     counts: Index
     angle_rad: Array
     time_us: Array
+    lossy: Complex
 
     def rows(self, chosen: NDArray[np.integer[Any]] | Sequence[int]) -> Extract:
         """Some of the rows, by index."""
@@ -70,12 +78,15 @@ class Extract:
 
 
 _NOTHING = np.full(len(FRAME_INPUTS), np.nan, dtype=np.complex128)
+_NO_LOSSES = np.full((len(ONE_SIDED), len(FRAME_INPUTS)), np.nan, dtype=np.complex128)
 _NO_CONTACT = np.full(len(CONTACT_INPUTS), np.nan, dtype=np.complex128)
-_Row = tuple[Complex, Complex, float, int, bool, bool, int, float, float]
+_Row = tuple[Complex, Complex, float, int, bool, bool, int, float, float, Complex]
 
 
-def measure(pipeline: Pipeline, image: Image) -> _Row:
+def measure(pipeline: Pipeline, image: Image, without: Pipeline | None = None) -> _Row:
     """One row of an `Extract`: an image taken for itself, as a jump from rest, and held.
+
+    without  another pipeline of the same tip, for the frame with pins taken away; None: not wanted
 
     A jump leaves out pins that moved as no neighbour did: those at the top of a sharp probe. The frame
     after it, which shows the same while a rig holds still, finds them in their windows; here the image
@@ -97,16 +108,52 @@ def measure(pipeline: Pipeline, image: Image) -> _Row:
     us = (time.perf_counter() - began) * 1e6
     if result is None or result.features is None:
         seen_n = 0 if result is None else result.tracks.n_seen
-        return _NOTHING, _NO_CONTACT, 0.0, seen_n, False, False, 0, math.nan, us
+        return _NOTHING, _NO_CONTACT, 0.0, seen_n, False, False, 0, math.nan, us, _NO_LOSSES
     tracks, features, pattern = result.tracks, result.features, pipeline.rest.pattern
     contact, angle = _NO_CONTACT, math.nan
     if features.contacts:
         contact = contact_inputs(features.contacts[0], features, pattern)
         angle = features.contacts[0].orientation_rad
-    inputs = frame_inputs(features, pattern.tip_radius_px)
+    inputs = frame_inputs(features, pattern)
     sure = tracks.confidence >= tracks.LOW_CONFIDENCE
     count = len(features.contacts or ())
-    return inputs, contact, tracks.confidence, tracks.n_seen, sure, features.touched, count, angle, us
+    lossy = _NO_LOSSES
+    if without is not None and features.in_contact:
+        lossy = np.array([_inputs_of(without, one) for one in _losses(tracks, pipeline.rest)])
+    return (
+        inputs,
+        contact,
+        tracks.confidence,
+        tracks.n_seen,
+        sure,
+        features.in_contact,
+        count,
+        angle,
+        us,
+        lossy,
+    )
+
+
+def _losses(tracks: Tracks, rest: Rest) -> Iterator[Tracks]:
+    """The frame as it would be with pins lost: anywhere, or on one side; the same from run to run."""
+    rng = np.random.default_rng(zlib.crc32(np.ascontiguousarray(tracks.xy_img).tobytes()))
+    place = rest.xy_img - rest.pattern.centre_img
+    for one_sided in ONE_SIDED:
+        share = rng.uniform(LOSS_MIN, LOSS_MAX)
+        turn = rng.uniform(0.0, 2.0 * math.pi)
+        along = place @ (math.cos(turn), math.sin(turn)) if one_sided else rng.uniform(size=len(place))
+        seen = tracks.seen & (along < np.quantile(along, 1.0 - share))
+        xy, sigma = tracks.xy_img.copy(), tracks.sigma_px.copy()
+        xy[~seen], sigma[~seen] = np.nan, np.nan
+        yield Tracks(xy, sigma, seen, tracks.confidence)
+
+
+def _inputs_of(pipeline: Pipeline, tracks: Tracks) -> Complex:
+    try:
+        features = pipeline.features(tracks)
+    except EdgeError:
+        return _NOTHING
+    return frame_inputs(features, pipeline.rest.pattern)
 
 
 def gather(rows: Sequence[_Row]) -> Extract:
@@ -122,7 +169,7 @@ def join_extracts(parts: Sequence[Extract]) -> Extract:
     return Extract(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-_kept: tuple[Rest, Pipeline] | None = None  # of this process: a pipeline takes 30 ms to set up
+_kept: tuple[Rest, Pipeline, Pipeline] | None = None  # of this process: a pipeline takes 30 ms to set up
 
 
 def _chunk(rest: Rest, frames: Sequence[Path | Image]) -> list[_Row]:
@@ -132,9 +179,9 @@ def _chunk(rest: Rest, frames: Sequence[Path | Image]) -> list[_Row]:
         # Arrays that came over a network are views of what was received: copied, they are aligned and ours.
         pins = Pins(*(np.array(getattr(rest.pins, f.name), order="C") for f in fields(Pins)))
         rest = Rest(pins, replace(rest.pattern, centre_img=np.array(rest.pattern.centre_img)))
-        _kept = rest, Pipeline(rest, demand=DEMAND)
-    pipeline = _kept[1]
-    return [measure(pipeline, _read(f, rest) if isinstance(f, Path) else f) for f in frames]
+        _kept = rest, Pipeline(rest, demand=DEMAND), Pipeline(rest, demand=DEMAND)
+    _, pipeline, without = _kept
+    return [measure(pipeline, _read(f, rest) if isinstance(f, Path) else f, without) for f in frames]
 
 
 def _read(path: Path, rest: Rest) -> Image:
@@ -175,15 +222,10 @@ def extract(
                 rows[running.pop(future)] = done
                 on_done(len(done))
 
-    try:
-        for number, chunk in enumerate(_chunks(frames)):
-            collect(IN_FLIGHT - 1)
-            running[pool.submit(_chunk, rest, chunk)] = number
-        collect(0)
-    except BaseException:
-        for future in running:
-            future.cancel()
-        raise
+    for number, chunk in enumerate(_chunks(frames)):
+        collect(IN_FLIGHT - 1)
+        running[pool.submit(_chunk, rest, chunk)] = number
+    collect(0)
     return gather([row for number in sorted(rows) for row in rows[number]])
 
 
@@ -202,26 +244,59 @@ def executor(dask: str | None = None, workers: int | None = None) -> Iterator[Ex
     Raises   TableError: no cluster answers, or the extra is missing
     """
     if dask is None:
-        count = workers or len(os.sched_getaffinity(0))
-        # Not by fork: threads of libraries that this process loaded would be left behind locked. And one
-        # thread a process: a second one in each took five times as long on two busy cores.
-        before = os.environ.get("OMP_NUM_THREADS")
-        os.environ["OMP_NUM_THREADS"] = "1"
-        try:
-            with ProcessPoolExecutor(count, mp_context=get_context("forkserver")) as pool:
-                yield pool
-        finally:
-            os.environ.pop("OMP_NUM_THREADS")
-            if before is not None:
-                os.environ["OMP_NUM_THREADS"] = before
+        with _processes(workers or len(os.sched_getaffinity(0))) as pool:
+            yield pool
         return
     try:
         from distributed import Client
     except ImportError as error:
         raise TableError(f"--dask {dask}: {error}; install voronoi-touch[cluster]") from None
+    if not re.fullmatch(r"((tcp|tls|ws|wss)://)?[^/:\s]+:[0-9]{1,5}", dask):
+        raise TableError(f"--dask {dask}: not an address; give one such as tcp://host:8786")
     try:
         client = Client(dask, timeout=CLUSTER_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError) as error:
         raise TableError(f"--dask {dask}: no scheduler answers there ({error})") from None
     with client:
         yield client.get_executor()
+
+
+@contextmanager
+def _processes(count: int) -> Iterator[Executor]:
+    """Processes of this machine, one thread each: a second one took five times as long on two busy cores."""
+    before = os.environ.get("OMP_NUM_THREADS")
+    os.environ["OMP_NUM_THREADS"] = "1"
+    others = set(active_children())
+    try:
+        # Not by fork: threads of libraries that this process loaded would be left behind locked.
+        with ProcessPoolExecutor(count, mp_context=get_context("forkserver")) as pool:
+            try:
+                _start_without_interrupts(pool, count)
+                yield pool
+            except KeyboardInterrupt:  # what they work on is wanted no more
+                for process in set(active_children()) - others:
+                    process.terminate()
+                raise
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+    finally:
+        os.environ.pop("OMP_NUM_THREADS")
+        if before is not None:
+            os.environ["OMP_NUM_THREADS"] = before
+
+
+def _start_without_interrupts(pool: Executor, count: int) -> None:
+    """Start the processes with SIGINT blocked, which they inherit.
+
+    Ctrl-C reaches all processes of a terminal. It is this one's to end the others; each of them would print
+    where it was interrupted, and so would one whose start was cut off.
+    """
+    resource_tracker.ensure_running()  # it would unblock the signal if it were started later
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        forkserver.ensure_running()
+        for _ in range(count):  # a process is started for a task that finds none idle
+            pool.submit(int)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)

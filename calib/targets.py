@@ -79,6 +79,11 @@ class Targets:
     sha256: str
     unread: tuple[str, ...] = ()
 
+    @property
+    def poses(self) -> Array:
+        """(n, values) float64; frames of one pose have equal rows."""
+        return np.nan_to_num(np.column_stack(list(self.values.values())), nan=1e9)
+
     def __len__(self) -> int:
         return len(self.frames)
 

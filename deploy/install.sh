@@ -14,12 +14,14 @@
 #   /var/lib/voronoi-touch/FINGER      settings and uploaded calibration; no installation touches it
 #
 # Options
-#   --wheels DIR     install from wheels in DIR without network (pip download -d DIR 'voronoi-touch[edge]')
+#   --wheels DIR     install from wheels in DIR, without network. To make them, in the checkout, on a machine of
+#                    the same architecture and Python: pip wheel -w DIR -c constraints.txt '.[edge]'
 #   --extras LIST    default edge; edge,oak for OAK modules; edge,view for the live page
 #   --node N         CANopen node of --finger, default 1
 #   --no-start       do not enable and start anything
 #   --root DIR       install below DIR (an image of a board); user, services and modules are then left alone
 set -eu
+umask 022 # the service reads what root installs, whatever root's own umask is; nobody else writes it
 
 here=$(cd "$(dirname "$0")" && pwd)
 action=install finger='' node=1 wheels='' extras=edge start=1 purge=0 root=''
@@ -121,15 +123,19 @@ make_release() {
     fresh=$opt/releases/$(date -u +%Y%m%dT%H%M%S)
     while [ -e "$root$fresh" ]; do fresh=$fresh+; done
     mkdir -p "$root$opt/releases"
-    trap 'rm -rf "$root$fresh"' EXIT # a half-made release is none
+    work=$(mktemp -d)
+    trap 'rm -rf "$work" "$root$fresh"' EXIT # a half-made release is none
     python3 -m venv "$root$fresh"
+    set -- --quiet --disable-pip-version-check --constraint "$here/../constraints.txt"
     if [ -n "$wheels" ]; then
-        "$root$fresh/bin/python" -m pip install --quiet --disable-pip-version-check --no-index \
-            --find-links "$wheels" "voronoi-touch[$extras]"
-    else
-        "$root$fresh/bin/python" -m pip install --quiet --disable-pip-version-check "$here/..[$extras]"
+        "$root$fresh/bin/python" -m pip install "$@" --no-index --find-links "$wheels" "voronoi-touch[$extras]"
+    else # from a copy: a build leaves files, and root's have no place in somebody's checkout
+        (cd "$here/.." && tar -cf - --exclude=./.git --exclude=./.venv --exclude=./build --exclude=./out .) |
+            tar -xf - --no-same-owner -C "$work"
+        "$root$fresh/bin/python" -m pip install "$@" "${work}[$extras]"
     fi
     (cd / && "$root$fresh/bin/python" -m edge --version) || fail "the new release does not run"
+    rm -rf "$work"
     trap - EXIT
     now=$(release_of "$root$opt/current")
     switch_to "$fresh"

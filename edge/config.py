@@ -16,6 +16,7 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import inspect
 
+from edge import limits
 from edge.errors import ConfigError
 from edge.types import Feature
 
@@ -57,7 +58,7 @@ class TareTable(_Table, frozen=True, kw_only=True):
     """[tare] the rest frame, taken at start-up while nothing touches the tip."""
 
     frames_n: Count = 8
-    steady_px: Annotated[float, msgspec.Meta(gt=0)] = 0.5  # largest motion of a pin while taring
+    steady_px: Annotated[float, msgspec.Meta(ge=0.01, le=100)] = 0.5  # largest motion of a pin while taring
     drift_px: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.3  # largest slow drift taken off; 0: none
 
 
@@ -108,11 +109,15 @@ def load_config(path: str | Path | None) -> Config:
         return Config()
     path = Path(path)
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(limits.read_bounded(path, limits.CONFIG_BYTES).decode())
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except limits.BadContent as error:
+        raise ConfigError(f"{path}: not a configuration: {error}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: not TOML: {error}") from None
+    except RecursionError:
+        raise ConfigError(f"{path}: not a configuration: lists and tables are nested too deeply") from None
     return check_config(table, str(path))
 
 
@@ -130,7 +135,7 @@ def _explain(message: str, table: dict[str, object]) -> str:
     if "unknown field" in message:
         place = f"[{path}]" if path else "the top level"
         key = message.partition("`")[2].partition("`")[0]
-        return f"unknown key '{key}' in {place}; known keys: {', '.join(_fields(_at(path)))}"
+        return f"unknown key {limits.quote(key)} in {place}; known keys: {', '.join(_fields(_at(path)))}"
     section, _, key = path.partition(".")
     value: Any = table[section]  # as TOML has it: tables in tables, lists
     if not key:
@@ -165,7 +170,7 @@ def _wanted(kind: inspect.Type) -> str:
     name = "a whole number" if isinstance(kind, inspect.IntType) else "a number"
     if kind.ge is not None and kind.le is not None:
         return f"{name} from {kind.ge:g} to {kind.le:g}"
-    return f"{name} above {kind.gt:g}" if kind.gt is not None else name
+    return name
 
 
 def _shown(value: object) -> str:

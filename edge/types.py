@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from enum import Enum, StrEnum
-from typing import Any, Protocol
+from enum import StrEnum
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ __all__ = [
     "Frame",
     "FrameSource",
     "Image",
+    "LiveSource",
     "PinPattern",
     "Pins",
     "Reading",
@@ -91,6 +92,32 @@ class FrameSource(Protocol):
     def __iter__(self) -> Iterator[Frame]: ...
 
     def close(self) -> None: ...
+
+
+@runtime_checkable
+class LiveSource(FrameSource, Protocol):
+    """A source whose frames come when the world makes them, or a recording plays them: it holds the newest.
+
+    recorded         its frames come live, but show no world that is there now
+    condition        "" or what is wrong now: lost, stalled, frozen, black
+    frame_condition  the same for the frame that `read` gave last: "", frozen, black
+    ended            no further frame will come
+    """
+
+    recorded: bool
+    frame_condition: str
+
+    @property
+    def condition(self) -> str: ...
+
+    @property
+    def ended(self) -> bool: ...
+
+    def read(self, timeout_s: float | None = None) -> Frame | None:
+        """The newest frame that was not read yet; None: none came in time, or the source has ended."""
+
+    def peek(self) -> Frame | None:
+        """The frame that the next `read` would give, for another thread to look at; None: none waits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,6 +224,8 @@ class Cells:
     boundary_img   (b, 2) float64 px; the artificial points of the paper, moving with the rim
     whole_px2      (n,) float64; as `area_px2`, with a lost pin's cell as it is where the pin is predicted;
                    None: no pin is lost
+    gap            mean over all pins of the variance that is left of a lost one's place, in units of that of
+                   the motion about an affine one; 0: none is lost
     """
 
     area_px2: Array
@@ -205,6 +234,7 @@ class Cells:
     triangles: Index
     boundary_img: Array
     whole_px2: Array | None = None
+    gap: float = 0.0
 
 
 class Feature(StrEnum):
@@ -256,15 +286,16 @@ class Features:
     surface         (g, g) float64, area change on a regular grid over the tip's circle; NaN outside
     grid_img        (g,) x and (g,) y of the grid, px
     contacts        strongest first
-    touched         False: nothing above the noise; surface and contacts were not even looked for
+    in_contact      False: nothing above the noise; surface and contacts were not even looked for
     torsion_rad     rotation of the motion field about the contact
     slip_px         float, rms motion within the contact since the last frame that no load explains
     slip_probability 0..1, that there was any such motion beyond the noise
+    gap             as `Cells.gap`; NaN: pins are lost, and no cells to say how much of them is known
     """
 
     area_change: Array
     displacement_px: Array
-    touched: bool
+    in_contact: bool
     shear_px: Array | None = None
     modes_px: Complex | None = None
     volume_px2: float | None = None
@@ -274,14 +305,7 @@ class Features:
     torsion_rad: float | None = None
     slip_px: float | None = None
     slip_probability: float | None = None
-
-
-class Validity(Enum):
-    """Why a value may not be used as it stands."""
-
-    OK = "ok"
-    SATURATED = "saturated"  # outside of the calibrated range; the value is the range's end
-    INVALID = "invalid"  # not calibrated, not asked for, or not to be trusted in this frame
+    gap: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,13 +3,14 @@
     import hostlink
 
     with hostlink.connect("can:can0") as hand:            # or serial:/dev/ttyACM0, udp:239.0.0.1, ...
-        hand.finger(1).tare()                             # refused while something touches it
-        for sample in hand:                               # all fingers on the bus, as samples come
+        hand.finger(1).tare()                             # waits; refused while something touches it
+        for sample in hand.samples(timeout_s=0.05):       # all fingers on the bus, as samples come
             print(sample.finger, sample.host_time_s, sample.state.displacement_mm)
 
     connect(address)            Connection: iterate, `async for`, on_sample(callback), latest(), statistics
     Connection.finger(node)     Finger: latest, info, tare, set_rate, get/set, upload_calibration, clock
     Sample                      finger, state, host_time_s +- host_error_s, arrival_s, lost_n, age_s
+    NO_CONTROL                  status bits of samples that must never move a hand
     CanDecoder, SerialDecoder   the same without any I/O: bytes in, events out (`hostlink.decoder`)
     decode_recording(path)      events of a .log, .blf or .serial file (`hostlink.recording`)
     LinkError and its children  `hostlink.errors`; a user's mistake is a UsageError, one line
@@ -18,21 +19,35 @@ Values, units and ranges: WIRE.md. `python -m hostlink --help` for the tools.
 python-can, pyserial and canopen are loaded when a link is opened, numpy never.
 """
 
-from hostlink.client import Connection, Finger, Info, Sample, connect
-from hostlink.decoder import CanDecoder, SerialDecoder, Statistics
+from hostlink.client import Connection, Finger, Info, connect
+from hostlink.decoder import CanDecoder, SerialDecoder
 from hostlink.errors import (
     ConnectError,
     LinkDown,
     LinkError,
     LinkTimeout,
     ObjectAborted,
+    RestFrameRefused,
     UsageError,
     VersionMismatch,
 )
+from hostlink.events import Sample
+from hostlink.finger import RestFrameOutcome
 from hostlink.recording import decode_recording
-from hostlink.wire import CanIds, Contact, FaultCode, State, Status
+from hostlink.sequence import LinkStatistics
+from hostlink.wire import (
+    NO_CONTROL,
+    CanIds,
+    Contact,
+    FaultCode,
+    RestFrameReason,
+    RestFrameState,
+    State,
+    Status,
+)
 
 __all__ = [
+    "NO_CONTROL",
     "CanDecoder",
     "CanIds",
     "ConnectError",
@@ -43,12 +58,16 @@ __all__ = [
     "Info",
     "LinkDown",
     "LinkError",
+    "LinkStatistics",
     "LinkTimeout",
     "ObjectAborted",
+    "RestFrameOutcome",
+    "RestFrameReason",
+    "RestFrameRefused",
+    "RestFrameState",
     "Sample",
     "SerialDecoder",
     "State",
-    "Statistics",
     "Status",
     "UsageError",
     "VersionMismatch",

@@ -1,6 +1,6 @@
 """`python -m hostlink`."""
 
-from hostlink.cli import main
+from hostlink.commands.cli import main
 
 if __name__ == "__main__":
     main()

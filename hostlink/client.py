@@ -3,11 +3,14 @@
     link thread -> decoder -> clock -> [latest, callbacks, every iterator's queue]
 
 Rules
-- One `Connection` is one bus or line with all the fingers on it. A finger is there once it was heard.
-- Nobody waits for a slow reader: each iterator has a queue of its own, the oldest sample goes when it is
-  full, and `unread_n` counts.
+- One `Connection` is one bus or line with all the fingers on it. A finger is there once it was heard;
+  asking for one makes none.
+- The link never waits for a slow reader: each iterator has a queue of its own, the oldest sample goes when
+  it is full, and `unread_n` counts.
 - `latest` gives nothing rather than something old.
-- A sensor of another version raises VersionMismatch wherever samples are asked for: there are none.
+- A sensor of another version raises VersionMismatch where its samples are asked for, and where all
+  samples are asked for while no other finger sends any. It is logged in any case.
+- Nothing that comes in ends the link's thread: what was not foreseen is counted, logged once, and left.
 - The link comes back by itself; meanwhile there are simply no samples, and `up` is False.
 """
 
@@ -16,32 +19,30 @@ from __future__ import annotations
 import asyncio
 import logging
 import threading
+import time
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from contextlib import suppress
 from typing import Any
 
-from hostlink.decoder import (
-    CanDecoder,
+from hostlink.clock import ClockMap
+from hostlink.decoder import SERIAL_NODE, CanDecoder, SerialDecoder
+from hostlink.errors import ConnectError, LinkDown, LinkTimeout, ObjectAborted, UsageError, VersionMismatch
+from hostlink.events import (
     DetailFrame,
     Emergency,
     Event,
     Heartbeat,
     ObjectAnswer,
+    Sample,
     SdoFrame,
-    SerialDecoder,
-    Statistics,
+    SecondSender,
 )
-from hostlink.decoder import (
-    Sample as DecodedSample,
-)
-from hostlink.errors import ConnectError, LinkDown, LinkTimeout, UsageError, VersionMismatch
-from hostlink.finger import STALE_S, Finger, Info, Sample
+from hostlink.finger import STALE_S, Finger, Info
 from hostlink.links import CanLink, Link, open_link
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
+from hostlink.sequence import LinkStatistics
 from hostlink.subscription import End, Subscription
-from hostlink.wire import (
-    CanIds,
-    Kind,
-)
+from hostlink.wire import CanIds, Kind
 from hostlink.wire.address import Address, AddressError, parse_address
 
 __all__ = ["Connection", "Finger", "Info", "Sample", "connect"]
@@ -49,7 +50,6 @@ __all__ = ["Connection", "Finger", "Info", "Sample", "connect"]
 log = logging.getLogger(__name__)
 
 FINGER_S = 3.0  # default time to wait for a finger to be heard
-SERIAL_NODE = 1  # a line has no node numbers
 
 
 class Connection:
@@ -63,13 +63,15 @@ class Connection:
         self.address = address
         self._ids = ids or CanIds()
         self._changed = threading.Condition()
-        self._fingers: dict[int, Finger] = {}
+        self._fingers: dict[int, Finger] = {}  # those heard
+        self._asked: dict[int, Finger] = {}  # those that were asked for and not heard yet
         self._subscriptions: list[Subscription] = []
         self._callbacks: list[Callable[[Sample], None]] = []
         self._raw: list[Callable[[Any, float], None]] = []
         self._on_detail: list[Callable[[DetailFrame], None]] = []
+        self._line_node = address.node or SERIAL_NODE
         self._can = CanDecoder(self._ids)
-        self._serial = SerialDecoder(address.node or SERIAL_NODE)
+        self._serial = SerialDecoder(self._line_node)
         self._is_can = address.is_can
         self._link: Link = open_link(address, self._receive)
 
@@ -81,29 +83,68 @@ class Connection:
         return dict(self._fingers)
 
     def finger(self, node: int | None = None, timeout_s: float = FINGER_S) -> Finger:
-        """A finger by node number, or the only one there is; waits until it is heard.
+        """A finger by node number, or the only one there is.
 
-        A finger that is stopped and sends no heartbeat is not heard, but can be asked by its number.
-        Raises LinkTimeout: no finger was heard; UsageError: several were, and none was named
+        Waits until it is heard. One that is named and sends nothing (stopped, without a heartbeat) is asked;
+        with `timeout_s` 0 neither is done.
+        Raises LinkTimeout: it was not heard; UsageError: no such number, or several are there, none named
         """
-        if node is not None and self._is_can:
-            return self._known(node)
+        if node is None:
+            return self._only_finger(timeout_s)
+        if not self._is_can and node != self._line_node:
+            raise UsageError(
+                f"{self.address}: the finger on this line has number {self._line_node}; "
+                f"?node={node} behind the address gives it another"
+            )
+        end_s = time.monotonic() + timeout_s
+        if node not in self._fingers and timeout_s > 0:
+            asked = self._ask_for(node)
+            with suppress(LinkTimeout, LinkDown, ObjectAborted):  # any answer will do, and none may come
+                asked.get("wire_version")
+        with self._changed:
+            self._changed.wait_for(lambda: node in self._fingers, max(0.0, end_s - time.monotonic()))
+            self._asked.pop(node, None)
+            if node in self._fingers:
+                return self._fingers[node]
+        raise LinkTimeout(f"{self.address}: finger {node} was not heard; {self._who_is_there()}")
+
+    def _only_finger(self, timeout_s: float) -> Finger:
         with self._changed:
             self._changed.wait_for(lambda: self._fingers, timeout_s)
         if len(self._fingers) == 1:
             return next(iter(self._fingers.values()))
-        if not self._fingers and not self._is_can:
-            return self._known(self.address.node or SERIAL_NODE)
-        if not self._fingers:
-            raise LinkTimeout(f"{self.address}: no finger was heard for {timeout_s:g} s")
-        raise UsageError(f"{self.address}: fingers {', '.join(map(str, self._fingers))} are there; name one")
+        if self._fingers:
+            raise UsageError(f"{self.address}: {self._who_is_there()}; name one")
+        if not self._is_can:
+            return self.finger(self._line_node, timeout_s)
+        raise LinkTimeout(f"{self.address}: no finger was heard for {timeout_s:g} s")
+
+    def _who_is_there(self) -> str:
+        numbers = sorted(self._fingers)
+        if not numbers:
+            return "none is there"
+        return f"finger{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))} heard"
 
     def latest(self, node: int | None = None, max_age_s: float | None = STALE_S) -> Sample | None:
-        """The newest sample of a finger (or of any), None if it is older than `max_age_s`."""
+        """The newest sample of a finger (or of any); None if there is none, or it is older than `max_age_s`.
+
+        Raises VersionMismatch: that finger is of another version
+        """
         if node is not None:
-            return self._known(node).latest(max_age_s)
-        samples = [s for f in list(self._fingers.values()) if (s := f.latest(max_age_s)) is not None]
+            finger = self._fingers.get(node)
+            return None if finger is None else finger.latest(max_age_s)
+        fingers = [f for f in list(self._fingers.values()) if f.mismatch is None]
+        samples = [s for f in fingers if (s := f.latest(max_age_s)) is not None]
+        if not samples and (error := self._mismatched()) is not None:
+            raise error
         return max(samples, key=lambda s: s.arrival_s, default=None)
+
+    def _mismatched(self) -> VersionMismatch | None:
+        """The error of a finger of another version, where no other finger sends samples."""
+        fingers = list(self._fingers.values())
+        if any(f.mismatch is None and f.latest() is not None for f in fingers):
+            return None
+        return next((f.mismatch for f in fingers if f.mismatch is not None), None)
 
     def samples(self, timeout_s: float | None = None) -> Iterator[Sample]:
         """All fingers' samples from now on, until the connection is closed.
@@ -173,7 +214,12 @@ class Connection:
         return self._link.reconnects
 
     @property
-    def statistics(self) -> Mapping[int, Statistics]:
+    def unforeseen_n(self) -> int:
+        """Messages that led to an error which nothing accounts for; the first of each kind is logged."""
+        return self._link.unforeseen_n
+
+    @property
+    def statistics(self) -> Mapping[int, LinkStatistics]:
         """By node number: received, lost, late, corrupt, out of order, duplicate."""
         return dict((self._can if self._is_can else self._serial).statistics)
 
@@ -211,7 +257,7 @@ class Connection:
     # ---- the link's thread ------------------------------------------------------------------------
 
     def _receive(self, data: Any, arrival_s: float) -> None:
-        _tell(self._raw, data, arrival_s)
+        _call(self._raw, data, arrival_s)
         try:
             if self._is_can:
                 if data.is_extended_id:
@@ -226,8 +272,8 @@ class Connection:
             self._handle(event)
 
     def _handle(self, event: Event) -> None:
-        finger = self._known(event.node)
-        if isinstance(event, DecodedSample):
+        finger = self._heard(event.node)
+        if isinstance(event, Sample):
             self._deliver(finger, event)
         elif isinstance(event, SdoFrame) and isinstance(finger.objects, SdoObjects):
             finger.objects.answer(event.data)
@@ -240,15 +286,16 @@ class Connection:
         elif isinstance(event, Emergency):
             finger.take_emergency(event)
         elif isinstance(event, DetailFrame):
-            _tell(self._on_detail, event)
+            _call(self._on_detail, event)
+        elif isinstance(event, SecondSender):
+            finger.second_sender = True
+            log.warning(
+                "%s: two senders use number %d; give each fingertip its own (?node=)",
+                self.address,
+                event.node,
+            )
 
-    def _deliver(self, finger: Finger, event: DecodedSample) -> None:
-        state = event.state
-        latency_us = state.latency_us if state.latency_us == state.latency_us else 0.0
-        finger.clock.observe(round(state.capture_time_us + latency_us), event.arrival_s)
-        taken = finger.clock.to_host(state.capture_time_us)
-        assert taken is not None  # it was just observed
-        sample = Sample(event.node, state, taken.time_s, taken.error_s, event.arrival_s, event.lost_n)
+    def _deliver(self, finger: Finger, sample: Sample) -> None:
         finger.newest, finger.mismatch = sample, None
         for subscription in list(self._subscriptions):
             subscription.put(sample)
@@ -256,31 +303,42 @@ class Connection:
             try:
                 callback(sample)
             except Exception:
-                log.exception("callback for finger %d", event.node)
+                log.exception("callback for finger %d", sample.finger)
 
     def _mismatch(self, error: VersionMismatch) -> None:
-        for finger in self._fingers.values():
-            if finger.statistics.foreign_n:
-                finger.mismatch = error
-        for node, statistics in self.statistics.items():
-            if statistics.foreign_n:
-                self._known(node).mismatch = error
-        for subscription in list(self._subscriptions):
-            subscription.put(error=error)
+        self._heard(error.node).mismatch = error
         log.error("%s: %s", self.address, error)
+        if self._mismatched() is not None:
+            for subscription in list(self._subscriptions):
+                subscription.put(error=error)
 
-    def _known(self, node: int) -> Finger:
+    def _heard(self, node: int) -> Finger:
+        """The finger that a message came from."""
         finger = self._fingers.get(node)
         if finger is not None:
             return finger
         with self._changed:
-            if node not in self._fingers:
-                self._fingers[node] = Finger(node, self._objects(node), lambda: self._statistics_of(node))
-                self._changed.notify_all()
-            return self._fingers[node]
+            asked = self._asked.pop(node) if node in self._asked else None
+            finger = self._fingers[node] = asked or self._make_finger(node)
+            self._changed.notify_all()
+        return finger
 
-    def _statistics_of(self, node: int) -> Statistics:
-        return self.statistics.get(node, Statistics())
+    def _ask_for(self, node: int) -> Finger:
+        """A finger that may be there, to ask. Raises UsageError: no such number."""
+        with self._changed:
+            known = self._fingers.get(node) or self._asked.get(node)
+            if known is None:
+                known = self._asked[node] = self._make_finger(node)
+            return known
+
+    def _make_finger(self, node: int) -> Finger:
+        def statistics() -> LinkStatistics:
+            return self.statistics.get(node, LinkStatistics())
+
+        return Finger(node, self._objects(node), statistics, lambda: self._clock(node))
+
+    def _clock(self, node: int) -> ClockMap:
+        return (self._can if self._is_can else self._serial).clock(node)
 
     def _objects(self, node: int) -> ObjectClient:
         if not self._is_can:
@@ -299,9 +357,9 @@ class Connection:
     def _subscribe(self, wake: Callable[[], None] | None = None) -> Subscription:
         subscription = Subscription(wake)
         self._subscriptions.append(subscription)
-        for finger in self._fingers.values():
-            if finger.mismatch is not None:
-                subscription.put(error=finger.mismatch)
+        error = self._mismatched()
+        if error is not None:
+            subscription.put(error=error)
         return subscription
 
 
@@ -316,19 +374,19 @@ def connect(address: str, *, ids: CanIds | None = None) -> Connection:
         raise ConnectError(str(error)) from None
 
 
-def _tell(callbacks: list[Any], *what: Any) -> None:
-    """Call them all; one that fails is told no more, and the link's thread goes on."""
+def _call(callbacks: list[Any], *what: Any) -> None:
+    """Call them all; one that fails is called no more, and the link's thread goes on."""
     for callback in list(callbacks):
         try:
             callback(*what)
         except Exception:
-            log.exception("a callback failed and is not called any more")
+            log.exception("a callback raised an error; it is removed")
             if callback in callbacks:  # it may have been removed meanwhile
                 callbacks.remove(callback)
 
 
 def _wake(loop: asyncio.AbstractEventLoop, news: asyncio.Event) -> None:
-    if not loop.is_closed():
+    with suppress(RuntimeError):  # the loop was closed: nobody reads there any more
         loop.call_soon_threadsafe(news.set)
 
 

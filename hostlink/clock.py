@@ -1,7 +1,7 @@
 """The sensor's time on the host's clock, with a bound of the error.
 
-Every sample tells when it was sent on the device's clock (capture time + capture-to-send latency, us).
-It arrives on the host's monotonic clock a transit later, and a transit is never negative:
+Every sample says when it was sent on the device's clock (capture time + capture-to-send latency, us).
+It arrives on the host's clock a transit later, and a transit is never negative:
 
     host - device
       ^      .      .  .     .           . each dot: one sample = true offset + its transit
@@ -16,8 +16,15 @@ Rules
   Without one, the shortest transit is taken to lie below `transit_s`, and the bound says just that much.
 - The estimate is the middle, the error half the width. True as long as the two clocks drift apart by
   less than DRIFT_MAX, and the drift wanders by less than WANDER once it is known.
-- A device that restarts begins a new time: samples from the future, or a run of samples all far too
-  late, start over. The 32-bit microseconds (71 min) are unwrapped by what the host's clock says.
+- The mapping begins anew when the device says that its clock stepped or that it booted (`restart`), and when
+  a sample contradicts it: captured before the one before it, or arrived before it can have been sent.
+  A host that slept shows as one of these, too: its clock stood still, or the 32-bit microseconds wrapped.
+- Samples that are all late may come from a clock that was set back by less than their spacing. After
+  LATE_RUN of them in a row the error covers that. After LATE_S without one in time the mapping begins anew,
+  and the error covers, until the next round trip, that only the way has become longer.
+- After a new beginning, or a long pause, the first samples may all be late ones (a host that was held up):
+  for SETTLE_N samples and SETTLE_SPAN_S the error is larger by SETTLE_S.
+- The 32-bit microseconds (71 min) are unwrapped by what the host's clock says.
 
 Source: line under all points, hull edge above the mean abscissa: Moon, Skelly, Towsley 1999,
 "Estimation and removal of clock skew from network delay measurements".
@@ -25,9 +32,11 @@ Source: line under all points, hull edge above the mean abscissa: Moon, Skelly, 
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 from dataclasses import dataclass
 from itertools import pairwise
+from math import inf
 
 __all__ = ["ClockMap", "HostTime"]
 
@@ -38,14 +47,17 @@ SLOPE_AFTER_S = 5.0  # below this span jitter of 0.1 ms would pass for 20 ppm an
 DRIFT_MAX = 200e-6  # two cheap crystals of +-100 ppm each
 WANDER = 2e-6  # change of the drift by temperature within half a minute
 TRANSIT_S = 2e-3  # shortest transit assumed without a round trip: one frame plus a driver's wake-up
-FUTURE_S = 0.01  # earlier than possible by more than this: the device's clock was set anew
-LATE_S = 1.0  # later than this RESTART_RUN times running: the same
-RESTART_RUN = 16
+EARLY_S = 0.5e-3  # arrived earlier than possible by more than this: the clock was set forward
+LATE_RUN = 8  # samples later than the shortest transit allows: one stall of the host makes some
+LATE_N, LATE_S = 16, 1.0  # of so many messages, and in this time, one has a transit near the shortest
+SETTLE_N, SETTLE_SPAN_S = 8, 0.1  # messages, and their time, of which one has a transit near the shortest
+SETTLE_S = 0.05  # a host that is held up for longer at that moment is wrong until it has caught up
+DRIFTED_S = 0.5e-3  # clocks that may be further apart than this after a pause settle anew
 
 
 @dataclass(frozen=True, slots=True)
 class HostTime:
-    """A moment on the host's monotonic clock: `time_s` as `time.monotonic()` gives it, +- `error_s`."""
+    """A moment on the host's clock, +- `error_s`."""
 
     time_s: float
     error_s: float
@@ -58,43 +70,116 @@ class _Bucket:
 
 
 class ClockMap:
-    """Maps one device's clock to the host's. Feed it every sample; ask it at any time.
+    """Maps one device's clock to the host's. Every sample is given to it; it can be asked at any time.
 
     transit_s   what the shortest transit is assumed to stay below until a round trip is known
+    lateness_s  how much later than the shortest transit the last sample came
+    restarts    times the mapping began anew
     """
 
     def __init__(self, transit_s: float = TRANSIT_S) -> None:
         self._transit_s = transit_s
+        self._lock = threading.Lock()  # samples come from the link's thread, round trips from the user's
         self.restarts = 0
-        self._forget()
+        self._begin()
 
-    def _forget(self) -> None:
+    def _begin(self) -> None:
         self._buckets: deque[_Bucket] = deque(maxlen=BUCKETS)
         self._floors: deque[_Bucket] = deque(maxlen=4)  # lower bounds of the offset, newest last
         self._bucket_start_s = 0.0
         self._slope = 0.0
         self._wander = DRIFT_MAX
-        self._last_us: int | None = None  # unwrapped device time
+        self._last_us: int | None = None  # unwrapped device time of the last message
         self._last_host_s = 0.0
-        self._late_run = 0
+        self._captured_us: int | None = None  # unwrapped, of the last sample
+        self._settling_n = 0  # messages since the beginning or a pause,
+        self._settling_from_s = 0.0  # and the device time of the first
+        self.lateness_s = 0.0
+        self._on_time_s = -inf  # device time of the last message that was not late
+        self._late_n = 0  # late ones since then,
+        self._late_since_s = 0.0  # from this host time on,
+        self._late_least_s = inf  # by at least this
+        self._unsure_s = 0.0  # what was late when the mapping began anew for it
 
     @property
     def drift_ppm(self) -> float:
         """How much faster the host's clock runs than the device's; 0 until known."""
         return self._slope * 1e6
 
+    def restart(self) -> None:
+        """The device's clock is another one from now on: it booted, or says that its clock stepped."""
+        with self._lock:
+            self._restart()
+
+    def sample(self, capture_us: int, latency_us: float, host_s: float) -> HostTime:
+        """A sample, captured at `capture_us` (modulo 2**32) and sent `latency_us` later, arrived at `host_s`.
+
+        Samples must come in the order in which they were captured. Returns when it was captured.
+        """
+        with self._lock:
+            captured_us = self._unwrap(capture_us, host_s)
+            if self._captured_us is not None and captured_us < self._captured_us:
+                self._restart()  # nothing is captured before what was captured before it
+                captured_us = capture_us
+            self._observe(captured_us + round(latency_us), host_s)
+            self._captured_us = captured_us
+            return self._host_time(captured_us)
+
     def observe(self, device_us: int, host_s: float) -> None:
         """A message said `device_us` (modulo 2**32) when it was sent and came in at `host_s`."""
-        at_s = self._unwrap(device_us, host_s) * 1e-6
+        with self._lock:
+            self._observe(self._unwrap(device_us, host_s), host_s)
+
+    def bracket(self, asked_s: float, device_us: int, answered_s: float) -> None:
+        """A round trip: the device read its clock as `device_us` between two moments of the host's."""
+        with self._lock:
+            unwrapped_us = self._unwrap(device_us, answered_s)
+            at_s = unwrapped_us * 1e-6
+            if self._buckets and asked_s - at_s > self._bounds(at_s)[0] + EARLY_S:
+                self._restart()  # the clock was set back: no message can have come as early as the map has it
+            self._observe(unwrapped_us, answered_s)
+            self._floors.append(_Bucket(at_s, asked_s - at_s))
+            self._unsure_s = 0.0
+
+    def to_host(self, device_us: int) -> HostTime | None:
+        """Host time of a moment of the device (modulo 2**32, within 35 min of the last sample).
+
+        None before anything was observed.
+        """
+        with self._lock:
+            if self._last_us is None:
+                return None
+            return self._host_time(self._last_us + _signed(device_us - self._last_us))
+
+    # ------------------------------------------------------------------------------------------------
+
+    def _restart(self) -> None:
+        if self._buckets:
+            self.restarts += 1
+        self._begin()
+
+    def _host_time(self, unwrapped_us: int) -> HostTime:
+        at_s = unwrapped_us * 1e-6
+        upper, lower = self._bounds(at_s)
+        error_s = (upper - lower) / 2 + self._unsure_s
+        if not self._is_settled(at_s) and not self._floors:
+            error_s += SETTLE_S
+        if self._late_n >= LATE_RUN and at_s > self._on_time_s:
+            error_s += self._late_least_s
+        return HostTime(at_s + (upper + lower) / 2, error_s)
+
+    def _observe(self, unwrapped_us: int, host_s: float) -> None:
+        at_s = unwrapped_us * 1e-6
         offset_s = host_s - at_s
         if self._buckets:
-            upper, lower = self._bounds(at_s)
-            if offset_s < lower - FUTURE_S or self._is_restart(offset_s > upper + LATE_S):
-                self.restarts += 1
-                self._forget()
-                at_s = self._unwrap(device_us, host_s) * 1e-6
-                offset_s = host_s - at_s
-        self._last_us, self._last_host_s = round(at_s * 1e6), host_s
+            unsure_s = self._contradiction(at_s, offset_s, host_s)
+            if unsure_s is not None:
+                self._restart()
+                self._unsure_s = unsure_s
+        if self._settling_n == 0 or (host_s - self._last_host_s) * self._wander > DRIFTED_S:
+            self._settling_n, self._settling_from_s = 0, at_s
+        self._settling_n += 1
+        self._last_us, self._last_host_s = unwrapped_us, host_s
         if not self._buckets or at_s >= self._bucket_start_s + BUCKET_S:
             self._bucket_start_s = at_s
             self._buckets.append(_Bucket(at_s, offset_s))
@@ -102,34 +187,33 @@ class ClockMap:
         elif offset_s + self._slope * (self._buckets[-1].at_s - at_s) < self._buckets[-1].offset_s:
             self._buckets[-1] = _Bucket(at_s, offset_s)
 
-    def bracket(self, asked_s: float, device_us: int, answered_s: float) -> None:
-        """A round trip: the device read its clock as `device_us` between two moments of the host's."""
-        at_s = self._unwrap(device_us, answered_s) * 1e-6
-        self._floors.append(_Bucket(at_s, asked_s - at_s))
-        self.observe(device_us, answered_s)
+    def _is_settled(self, at_s: float) -> bool:
+        return self._settling_n >= SETTLE_N and at_s - self._settling_from_s >= SETTLE_SPAN_S
 
-    def to_host(self, device_us: int) -> HostTime | None:
-        """Host time of a moment of the device (modulo 2**32, within 35 min of the last sample).
-
-        None before anything was observed.
-        """
-        if self._last_us is None:
-            return None
-        at_s = (self._last_us + _signed(device_us - self._last_us)) * 1e-6
+    def _contradiction(self, at_s: float, offset_s: float, host_s: float) -> float | None:
+        """None: the map can hold for this message. Else what a new one leaves open, s."""
         upper, lower = self._bounds(at_s)
-        return HostTime(at_s + (upper + lower) / 2, (upper - lower) / 2)
-
-    # ------------------------------------------------------------------------------------------------
+        self.lateness_s = max(0.0, offset_s - upper)
+        if offset_s < lower - EARLY_S:
+            return 0.0
+        if offset_s < lower:
+            self._floors.clear()  # they contradict the message: the clock has stepped a little
+        if self.lateness_s <= self._transit_s:
+            self._on_time_s, self._late_n, self._late_least_s = at_s, 0, inf
+            return None
+        if self._late_n == 0:
+            self._late_since_s = host_s
+        self._late_n += 1
+        self._late_least_s = min(self._late_least_s, self.lateness_s)
+        if self._late_n < LATE_N or host_s - self._late_since_s < LATE_S:
+            return None
+        return self._late_least_s  # the clock was set back by that, or all messages take that much longer
 
     def _unwrap(self, device_us: int, host_s: float) -> int:
         if self._last_us is None:
             return device_us
         expected_us = self._last_us + round((host_s - self._last_host_s) * 1e6)
         return expected_us + _signed(device_us - expected_us)
-
-    def _is_restart(self, late: bool) -> bool:
-        self._late_run = self._late_run + 1 if late else 0
-        return self._late_run >= RESTART_RUN
 
     def _bounds(self, at_s: float) -> tuple[float, float]:
         """Highest and lowest offset that what was seen allows at device time `at_s`."""

@@ -1,6 +1,6 @@
 """The decoder: bytes or CAN frames in, events out. It does no I/O and asks no clock.
 
-    CanDecoder.receive(can_id, data, arrival_s)  -> [Sample | Detail.. | Heartbeat | Emergency | SdoFrame]
+    CanDecoder.receive(can_id, data, arrival_s)  -> [Sample | DetailFrame | Heartbeat | SdoFrame | ...]
     SerialDecoder.receive(data, arrival_s)       -> [Sample | ... | ObjectAnswer]
 
 Rules
@@ -8,23 +8,36 @@ Rules
   bytes) raises TypeError or ValueError at once.
 - A sample is delivered whole, once, and in order, or not at all. One that comes after a newer one is
   stale: it is counted and dropped, for a controller must not act on it.
-- Loss is counted from the senders' counters: the E2E counter tells samples lost from samples that the
+- Loss is counted from the sender's counters: the E2E counter tells samples lost from samples that the
   divider left out, the 16-bit sample number tells how often that counter went round. A silence longer
-  than 32768 samples (2.3 minutes at 240 Hz) looks like a restart: one sample is dropped, and the loss is
-  not counted.
+  than 32768 samples (2.3 minutes at 240 Hz) looks like a restart: RESTART_RUN samples are dropped, and the
+  loss is not counted.
 - Another version raises VersionMismatch, once a node. Frames of another layout look like noise, but noise
   implies another data id in each frame (see `wire.e2e`) and another layout the same one again and again.
   What was decoded beside it in the same call comes with the next call.
+- A boot-up message restarts the sequence and the mapping of the clock, an announced step the latter.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from math import inf, nan
 from typing import Final
 
+from hostlink.clock import ClockMap
+from hostlink.events import (
+    DetailFrame,
+    Emergency,
+    Event,
+    Heartbeat,
+    ObjectAnswer,
+    Sample,
+    SdoFrame,
+    SecondSender,
+)
+from hostlink.sequence import EVIDENCE_P5, EVIDENCE_P11, Evidence, LinkStatistics, SenderWatch, Sequence
 from hostlink.wire.canid import CanIds, Kind
-from hostlink.wire.detail import Detail, DetailAssembler, unpack_segment
+from hostlink.wire.detail import DetailAssembler, unpack_segment
 from hostlink.wire.e2e import P11_COUNTERS, implied_id_p5, implied_id_p11
 from hostlink.wire.errors import CorruptFrame, VersionMismatch
 from hostlink.wire.fields import DATA_ID, DATA_ID_CLASSIC, HEADER_SIZE, STATE_SIZE, VERSION
@@ -39,198 +52,25 @@ from hostlink.wire.serial import (
     unpack_message,
 )
 from hostlink.wire.state import State, unpack_state
+from hostlink.wire.status import FaultCode, Status
 
 __all__ = [
+    "SERIAL_NODE",
     "CanDecoder",
     "DetailFrame",
     "Emergency",
     "Event",
     "Heartbeat",
+    "LinkStatistics",
     "ObjectAnswer",
     "Sample",
     "SdoFrame",
+    "SecondSender",
     "SerialDecoder",
-    "Statistics",
 ]
 
-WINDOW: Final = 64  # samples; older ones are never asked for by a bus that reorders, so they are a restart
-EVIDENCE_P5: Final = 3  # frames that imply one foreign data id: chance of noise doing that is 2**-48
-EVIDENCE_P11: Final = 6  # of 12 bits each: 2**-60
-DRIFT: Final = 200e-6  # of two crystals against each other, at worst
+SERIAL_NODE: Final = 1  # a line has no node numbers: what the finger at its end is called
 LATE_S: Final = 0.020  # default; five samples at 240 Hz
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """A sample of one fingertip.
-
-    arrival_s  host's clock, as given to `receive`
-    lost_n     samples lost between the one before and this
-    """
-
-    node: int
-    state: State
-    arrival_s: float
-    lost_n: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class DetailFrame:
-    """Every pin's motion of one sample."""
-
-    node: int
-    detail: Detail
-    arrival_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class Heartbeat:
-    """CiA 301 NMT state: 0 boot-up, 4 stopped, 5 operational, 127 pre-operational."""
-
-    node: int
-    state: int
-    arrival_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class Emergency:
-    """A fault appeared (fault: its code in `wire.FAULTS`), or all are gone (emcy == fault == 0)."""
-
-    node: int
-    emcy: int
-    register: int
-    fault: int
-    status: int
-    arrival_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class SdoFrame:
-    """A response of the node's SDO server, for an SDO client such as `canopen`'s."""
-
-    node: int
-    data: bytes
-    arrival_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class ObjectAnswer:
-    """Serial: the reply to the request with the same counter."""
-
-    node: int
-    counter: int
-    reply: ObjectReply
-    arrival_s: float
-
-
-Event = Sample | DetailFrame | Heartbeat | Emergency | SdoFrame | ObjectAnswer
-
-
-@dataclass(slots=True)
-class Statistics:
-    """What one node sent and what became of it.
-
-    received_n      samples delivered
-    lost_n          samples sent that never came, or came damaged
-    corrupt_n       frames with a wrong CRC, length or content; serial: also blocks that are no frame
-    duplicate_n     samples that came again; dropped
-    out_of_order_n  samples that came after a newer one; dropped, and no longer counted as lost
-    late_n          samples delivered, but later than the fastest by more than the limit
-    restart_n       times the sample number began anew
-    foreign_n       frames of another version
-    stray_n         classic parts that belonged to no sample begun
-    detail_n, detail_lost_n  detail frames delivered; begun and not completed
-    """
-
-    received_n: int = 0
-    lost_n: int = 0
-    corrupt_n: int = 0
-    duplicate_n: int = 0
-    out_of_order_n: int = 0
-    late_n: int = 0
-    restart_n: int = 0
-    foreign_n: int = 0
-    stray_n: int = 0
-    detail_n: int = 0
-    detail_lost_n: int = 0
-
-
-class _Sequence:
-    """Order of one node's samples: what is new, lost, old or a repetition."""
-
-    def __init__(self, statistics: Statistics) -> None:
-        self._statistics = statistics
-        self._sample: int | None = None  # newest delivered
-        self._counter = 0
-        self._stride = 1  # sample numbers from one sent sample to the next: the sensor's divider
-        self._seen = 0  # bit i: sample number newest - i was delivered
-        self._restarted: int | None = None  # sample number that may begin a new sequence
-
-    def accept(self, sample: int, counter: int, modulus: int) -> int | None:
-        """Number of samples lost before this one, or None if it must not be delivered."""
-        if self._sample is None:
-            return self._begin(sample, counter)
-        ahead = (sample - self._sample) & 0xFFFF
-        if ahead == 0 or ahead > 0x8000:
-            return self._old(sample, counter, (-ahead) & 0xFFFF)
-        steps = (counter - self._counter) % modulus
-        if steps == 0:
-            steps = modulus
-        steps += modulus * max(0, round((ahead / self._stride - steps) / modulus))
-        steps = max(1, min(steps, ahead))
-        if steps == 1:
-            self._stride = ahead
-        self._sample, self._counter, self._restarted = sample, counter, None
-        self._seen = (self._seen << ahead | 1) & (1 << WINDOW) - 1
-        self._statistics.lost_n += steps - 1
-        return steps - 1
-
-    def restart(self) -> None:
-        """The node says that it begins anew."""
-        self._sample = None
-
-    def _begin(self, sample: int, counter: int) -> int:
-        self._sample, self._counter, self._stride = sample, counter, 1
-        self._seen, self._restarted = 1, None
-        return 0
-
-    def _old(self, sample: int, counter: int, age: int) -> int | None:
-        """A repetition, a straggler, or the first samples after a restart that we did not see."""
-        if age < WINDOW:
-            if self._seen >> age & 1:
-                self._statistics.duplicate_n += 1
-            else:
-                self._seen |= 1 << age
-                self._statistics.out_of_order_n += 1
-                self._statistics.lost_n = max(0, self._statistics.lost_n - 1)
-            return None
-        first, self._restarted = self._restarted, sample
-        if first is not None and 0 < (sample - first) & 0xFFFF < WINDOW:
-            self._statistics.restart_n += 1
-            return self._begin(sample, counter)
-        self._statistics.out_of_order_n += 1
-        return None
-
-
-class _Evidence:
-    """Tells another version from noise: the same foreign data id implied by frame after frame."""
-
-    def __init__(self, needed: int) -> None:
-        self._needed = needed
-        self._implied: tuple[int, int] | None = None  # version, data id
-        self._frames: set[bytes] = set()
-
-    def weigh(self, version: int, data_id: int, frame: bytes) -> bool:
-        """Whether frames so far are proof. A repeated frame adds none."""
-        if self._implied != (version, data_id):
-            self._implied, self._frames = (version, data_id), set()
-        if len(self._frames) < self._needed:
-            self._frames.add(bytes(frame))
-        return len(self._frames) >= self._needed
-
-    def clear(self) -> None:
-        """A frame of our own version came."""
-        self._implied = None
 
 
 class _Node:
@@ -238,17 +78,17 @@ class _Node:
 
     def __init__(self, node: int, late_s: float) -> None:
         self.node = node
-        self.statistics = Statistics()
-        self.sequence = _Sequence(self.statistics)
+        self.statistics = LinkStatistics()
+        self.sequence = Sequence(self.statistics)
+        self.senders = SenderWatch()
+        self.clock = ClockMap()
         self.parts = Assembler()
         self.segments = DetailAssembler()
-        self.evidence_p5 = _Evidence(EVIDENCE_P5)
-        self.evidence_p11 = _Evidence(EVIDENCE_P11)
+        self.evidence_p5 = Evidence(EVIDENCE_P5)
+        self.evidence_p11 = Evidence(EVIDENCE_P11)
         self.mismatch_raised = False
+        self.second_sender_given = False
         self._late_s = late_s
-        self._time_us: int | None = None
-        self._time_s = 0.0  # capture time, unwrapped
-        self._floor_s = 0.0  # smallest arrival minus capture so far
 
     # --- one method for each kind of payload, the same for CAN and serial; all raise CorruptFrame ---
 
@@ -260,10 +100,12 @@ class _Node:
     def part_frame(self, tpdo: int, frame: bytes, arrival_s: float) -> list[Event]:
         part = unpack_part(tpdo, frame)
         self.evidence_p11.clear()
+        interleaved = self.parts.is_interleaved
         state = self.parts.add(part)
         self.statistics.stray_n = self.parts.stray_n
         if state is None:
-            return []
+            new = self.parts.is_interleaved and not interleaved
+            return self._second_sender(arrival_s) if new else []
         return self._deliver(state, part.counter, P11_COUNTERS, arrival_s)
 
     def detail_segment(self, frame: bytes, arrival_s: float) -> list[Event]:
@@ -282,10 +124,15 @@ class _Node:
         state = body[0] & 0x7F  # CiA 301: bit 7 is the toggle of node guarding
         if state == 0:
             self.sequence.restart()
+            self.senders.restart()
+            self.clock.restart()
         return [Heartbeat(self.node, state, arrival_s)]
 
     def emergency(self, body: bytes, arrival_s: float) -> list[Event]:
-        return [Emergency(self.node, *unpack_emergency(body), arrival_s)]
+        event = Emergency(self.node, *unpack_emergency(body), arrival_s)
+        if event.emcy and event.fault == FaultCode.CLOCK_STEP:
+            self.clock.restart()
+        return [event]
 
     def corrupt_p5(self, frame: bytes, expected_id: int) -> VersionMismatch | None:
         """Counts a frame that failed; the error to raise, where it shows another version."""
@@ -311,27 +158,36 @@ class _Node:
         if self.mismatch_raised:
             return None
         self.mismatch_raised = True
-        return VersionMismatch(VERSION, version, our_id, their_id)
+        return VersionMismatch(VERSION, version, our_id, their_id, self.node)
 
     def _deliver(self, state: State, counter: int, modulus: int, arrival_s: float) -> list[Event]:
+        events: list[Event] = []
+        if self.senders.see(state.sample, state.capture_time_us):
+            events = self._second_sender(arrival_s)
         lost_n = self.sequence.accept(state.sample, counter, modulus)
         if lost_n is None:
-            return []
+            return events
         self.statistics.received_n += 1
-        self._time(state.capture_time_us, arrival_s)
-        return [Sample(self.node, state, arrival_s, lost_n)]
+        host_time_s, host_error_s = self._host_time(state, arrival_s)
+        return [*events, Sample(self.node, state, host_time_s, host_error_s, arrival_s, lost_n)]
 
-    def _time(self, time_us: int, arrival_s: float) -> None:
-        """Counts a sample that took longer than the fastest one by more than the limit."""
-        if self._time_us is None:
-            self._time_us, self._time_s, self._floor_s = time_us, 0.0, arrival_s
-            return
-        passed_us = (time_us - self._time_us + 0x8000_0000 & 0xFFFF_FFFF) - 0x8000_0000
-        self._time_us = time_us
-        self._time_s += passed_us * 1e-6
-        offset_s = arrival_s - self._time_s
-        self._floor_s = min(self._floor_s + DRIFT * abs(passed_us) * 1e-6, offset_s)
-        self.statistics.late_n += offset_s - self._floor_s > self._late_s
+    def _host_time(self, state: State, arrival_s: float) -> tuple[float, float]:
+        """When the image was taken, and the error of that; counts a sample that came late."""
+        if arrival_s != arrival_s:
+            return nan, inf
+        if state.status & Status.CLOCK_STEP:
+            self.clock.restart()
+        latency_us = state.latency_us if state.latency_us == state.latency_us else 0.0
+        taken = self.clock.sample(state.capture_time_us, latency_us, arrival_s)
+        self.statistics.late_n += self.clock.lateness_s > self._late_s
+        return taken.time_s, taken.error_s
+
+    def _second_sender(self, arrival_s: float) -> list[Event]:
+        self.statistics.second_sender_n += 1
+        if self.second_sender_given:
+            return []
+        self.second_sender_given = True
+        return [SecondSender(self.node, arrival_s)]
 
 
 class _Decoder:
@@ -343,9 +199,13 @@ class _Decoder:
         self._held: list[Event] = []
 
     @property
-    def statistics(self) -> dict[int, Statistics]:
-        """By node id; live objects."""
-        return {node: state.statistics for node, state in self._nodes.items()}
+    def statistics(self) -> dict[int, LinkStatistics]:
+        """By node number; live objects."""
+        return {number: node.statistics for number, node in list(self._nodes.items())}
+
+    def clock(self, node: int) -> ClockMap:
+        """The mapping of this node's clock; for round trips."""
+        return self._node(node).clock
 
     def _node(self, node: int) -> _Node:
         if node not in self._nodes:
@@ -374,7 +234,7 @@ class CanDecoder(_Decoder):
         self._table = (ids or CanIds()).table
         self.unknown_n = 0
 
-    def receive(self, can_id: int, data: bytes | bytearray, arrival_s: float = 0.0) -> list[Event]:
+    def receive(self, can_id: int, data: bytes | bytearray, arrival_s: float = nan) -> list[Event]:
         """The events that this frame completes; mostly one or none.
 
         Raises VersionMismatch: once a node; TypeError, ValueError: not a CAN frame
@@ -424,17 +284,17 @@ _TPDO: Final = {Kind.TPDO1: 1, Kind.TPDO2: 2, Kind.TPDO3: 3, Kind.TPDO4: 4}
 class SerialDecoder(_Decoder):
     """The bytes of one serial line, in chunks of any size.
 
-    node  number to put on the events: a line has no node ids
+    node  number to put on the events: a line has no node numbers
     """
 
-    def __init__(self, node: int = 0, *, late_s: float = LATE_S) -> None:
+    def __init__(self, node: int = SERIAL_NODE, *, late_s: float = LATE_S) -> None:
         super().__init__(late_s)
         self._number = node
         self._block = bytearray()
         self._skipping = False  # a block grew beyond any frame: wait for its end
         self._in_step = False  # a separator was seen: what comes before the first is half a frame
 
-    def receive(self, data: bytes | bytearray, arrival_s: float = 0.0) -> list[Event]:
+    def receive(self, data: bytes | bytearray, arrival_s: float = nan) -> list[Event]:
         """The events that these bytes complete.
 
         Raises VersionMismatch: once; TypeError: not bytes

@@ -8,6 +8,7 @@ LinkError                (hostlink.wire.errors)
 ├── UsageError           the user's mistake: one line, exit code 2
 │   ├── ConnectError         no such interface or port, or it cannot be opened
 │   └── LogError             a log that cannot be read, or a format that would lose data
+├── RestFrameRefused     the sensor judged a new rest frame, and kept the one before
 ├── LinkTimeout          the sensor did not answer in time
 └── LinkDown             the medium failed while a request was under way
 """
@@ -15,6 +16,7 @@ LinkError                (hostlink.wire.errors)
 from __future__ import annotations
 
 from hostlink.wire.errors import CorruptFrame, LinkError, ObjectAborted, VersionMismatch, WireError
+from hostlink.wire.objects import RestFrameReason
 
 __all__ = [
     "ConnectError",
@@ -24,6 +26,7 @@ __all__ = [
     "LinkTimeout",
     "LogError",
     "ObjectAborted",
+    "RestFrameRefused",
     "UsageError",
     "VersionMismatch",
     "WireError",
@@ -40,6 +43,14 @@ class ConnectError(UsageError):
 
 class LogError(UsageError):
     """The log cannot be read or written."""
+
+
+class RestFrameRefused(LinkError):
+    """The sensor judged a new rest frame, and kept the one before."""
+
+    def __init__(self, words: str, reason: RestFrameReason) -> None:
+        super().__init__(words)
+        self.reason = reason
 
 
 class LinkTimeout(LinkError):

@@ -1,57 +1,55 @@
-"""One finger as the host sees it: its newest sample, and what it can be asked and told."""
+"""One finger as the host sees it: its newest sample, what it can be asked, and what can be set."""
 
 from __future__ import annotations
 
 import json
+import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from hostlink.clock import ClockMap
-from hostlink.decoder import Emergency, Statistics
-from hostlink.errors import LinkError, ObjectAborted, UsageError, VersionMismatch
+from hostlink.errors import (
+    LinkError,
+    LinkTimeout,
+    ObjectAborted,
+    RestFrameRefused,
+    UsageError,
+    VersionMismatch,
+)
+from hostlink.events import Emergency, Sample
 from hostlink.objects import ObjectClient
-from hostlink.wire import OBJECTS, Abort, FaultCode, Object, State, object_named, pack_value, unpack_value
+from hostlink.sequence import LinkStatistics
+from hostlink.wire import (
+    OBJECTS,
+    Abort,
+    FaultCode,
+    Object,
+    RestFrameReason,
+    RestFrameState,
+    object_named,
+    pack_value,
+    unpack_value,
+)
+from hostlink.wire.objects import REST_FRAME_REASONS
 
-__all__ = ["STALE_S", "Finger", "Info", "Sample"]
+__all__ = ["STALE_S", "Finger", "Info", "RestFrameOutcome"]
 
 Value = int | float | str | bytes
 
-#: Aborts that leave open why.
+#: Abort codes whose reason object `refusal` gives in words.
 _IN_WORDS = frozenset({Abort.VALUE_RANGE, Abort.NOT_NOW, Abort.NOT_STORED, Abort.LENGTH})
+_REASONS = frozenset(RestFrameReason)
+_NOT_THERE = frozenset({Abort.NO_OBJECT, Abort.NO_SUB})  # the node is of an older release
 STALE_S = 0.1  # default age above which `latest` gives nothing
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """One sample of one finger.
-
-    finger        node number
-    state         the values; fields: `hostlink.wire.fields`
-    host_time_s   when the image was taken, on `time.monotonic()`
-    host_error_s  bound of that time's error; until `finger.sync_clock()` was called it takes the shortest way
-                  of a sample to this host to last 2 ms at the most (`hostlink.clock.TRANSIT_S`)
-    arrival_s     when it came in, on `time.monotonic()`
-    lost_n        samples lost between the one before and this
-    """
-
-    finger: int
-    state: State
-    host_time_s: float
-    host_error_s: float
-    arrival_s: float
-    lost_n: int
-
-    @property
-    def age_s(self) -> float:
-        """Time since the image was taken."""
-        return time.monotonic() - self.host_time_s
+TARE_S = 15.0  # a rest frame of 60 images at 10 Hz, and some tries at it
+POLL_S = 0.05  # the object that holds the outcome announces nothing: it has to be asked
 
 
 @dataclass(frozen=True, slots=True)
 class Info:
-    """Who a finger is; `values` holds every readable object by name."""
+    """Who a finger is; `values` holds every readable object that it has, by name."""
 
     serial_number: str
     software_version: str
@@ -61,16 +59,39 @@ class Info:
     values: Mapping[str, Value]
 
 
+@dataclass(frozen=True, slots=True)
+class RestFrameOutcome:
+    """The rest frame that a request led to.
+
+    state   ACCEPTED, or FORCED: in use although it is implausible
+    reason  what a forced one shows
+    words   the same in the finger's own words
+    """
+
+    state: RestFrameState
+    reason: RestFrameReason = RestFrameReason.NONE
+    words: str = ""
+
+
 class Finger:
     """One finger of a connection.
 
-    objects     access to its objects
-    statistics  what became of its samples so far
+    objects        access to its objects
+    statistics     what became of its samples so far
+    clock          the mapping of its clock to the host's
+    second_sender  whether another sender with the same number was heard
     """
 
-    def __init__(self, node: int, objects: ObjectClient, statistics: Callable[[], Statistics]) -> None:
+    def __init__(
+        self,
+        node: int,
+        objects: ObjectClient,
+        statistics: Callable[[], LinkStatistics],
+        clock: Callable[[], ClockMap],
+    ) -> None:
         self.node = node
-        self.clock = ClockMap()
+        self._clock = clock
+        self.second_sender = False
         self.state_nmt: int | None = None  # CiA 301; 5 is operational
         self.faults: dict[FaultCode, float] = {}  # active ones, with when they were heard of
         self.objects = objects
@@ -91,7 +112,12 @@ class Finger:
         return sample
 
     @property
-    def statistics(self) -> Statistics:
+    def clock(self) -> ClockMap:
+        """The mapping of this finger's clock to the host's."""
+        return self._clock()
+
+    @property
+    def statistics(self) -> LinkStatistics:
         """What became of this finger's samples."""
         return self._statistics()
 
@@ -136,13 +162,13 @@ class Finger:
         """Identity, settings and statistics."""
         values: dict[str, Value] = {}
         for obj in OBJECTS:
-            if (
-                obj.index >= 0x2000
-                and obj.access != "wo"
-                and obj.type != "domain"
-                and "max_sub" not in obj.name
-            ):
+            if obj.index < 0x2000 or obj.access == "wo" or obj.type == "domain" or "max_sub" in obj.name:
+                continue
+            try:
                 values[obj.name] = self.get(obj.name)
+            except ObjectAborted as error:
+                if error.code not in _NOT_THERE:
+                    raise
         return Info(
             serial_number=str(values["serial_number"]),
             software_version=str(self.get("software_version")),
@@ -152,18 +178,61 @@ class Finger:
             values=values,
         )
 
-    def tare(self, force: bool = False) -> None:
-        """Take a new rest frame. Raises ObjectAborted: something touches the tip (and not forced)."""
+    def tare(self, force: bool = False, timeout_s: float = TARE_S) -> RestFrameOutcome:
+        """Take a new rest frame, and wait until it is in use.
+
+        force   take it even if something touches the tip; the result says what it shows
+        Raises  ObjectAborted: refused at once; RestFrameRefused: refused after a look at the images; in both
+                cases the one before stays in use. LinkTimeout, LinkDown, LinkError: not known
+        """
         self.set("tare", 2 if force else 1)
+        return self._rest_frame("tare", timeout_s)
+
+    def _rest_frame(self, what: str, timeout_s: float) -> RestFrameOutcome:
+        """The outcome of the request just made; see WIRE.md, "Whether a tare succeeded"."""
+        end_s = time.monotonic() + timeout_s
+        try:
+            request_n = int(self.get("rest_frame_request_n"))
+            while time.monotonic() < end_s:
+                state = RestFrameState(int(self.get("rest_frame_state")))
+                if state is RestFrameState.UNKNOWN:
+                    break
+                if state is RestFrameState.BUSY:
+                    threading.Event().wait(POLL_S)
+                    continue
+                reason, words = self._reason(), str(self.get("rest_frame_words"))
+                newest_n = int(self.get("rest_frame_request_n"))
+                if newest_n == request_n:
+                    return self._judged(what, RestFrameOutcome(state, reason, words))
+                if (newest_n - request_n) & 0xFFFF > 0x8000:
+                    raise LinkError(f"the finger restarted during the {what}; ask again")
+                request_n = newest_n  # another host asked, too: its rest frame is the one that counts
+            else:
+                raise LinkTimeout(f"no outcome of the {what} for {timeout_s:g} s; does its camera run?")
+        except ObjectAborted as error:
+            if error.code not in _NOT_THERE:
+                raise
+        raise LinkError(f"{what} begun, but this release cannot say what became of it")
+
+    def _reason(self) -> RestFrameReason:
+        number = int(self.get("rest_frame_reason"))
+        return RestFrameReason(number) if number in _REASONS else RestFrameReason.OTHER  # of a newer release
+
+    def _judged(self, what: str, frame: RestFrameOutcome) -> RestFrameOutcome:
+        if frame.state is not RestFrameState.REFUSED:
+            return frame
+        words = frame.words.removeprefix("tare: ") or REST_FRAME_REASONS[frame.reason]
+        raise RestFrameRefused(f"{what} refused: {words}", frame.reason)
 
     def set_rate(self, rate_hz: float) -> None:
         """Samples per second at the most; 0: one for every image."""
         self.set("rate_hz", rate_hz)
 
-    def upload_calibration(self, file: Path | str | bytes) -> None:
-        """Give the finger another calibration file; it validates, stores and uses it.
+    def upload_calibration(self, file: Path | str | bytes, timeout_s: float = TARE_S) -> RestFrameOutcome:
+        """Give the finger another calibration file; wait until it is in use, with a new rest frame.
 
-        Raises UsageError: no such file, or plainly no calibration; ObjectAborted: refused, nothing changed
+        Raises UsageError: no such file, or plainly no calibration; ObjectAborted, RestFrameRefused: refused,
+               the one before stays in use; LinkTimeout, LinkDown, LinkError: not known
         """
         try:
             data = file if isinstance(file, bytes) else Path(file).read_bytes()
@@ -171,12 +240,13 @@ class Finger:
             raise UsageError(f"{file!s}: cannot be read: {error.strerror}") from None
         try:
             whole = isinstance(json.loads(data), dict)
-        except ValueError:
+        except (ValueError, RecursionError):
             whole = False
         if not whole:  # what is wrong within, the finger says; but a picture need not go there
             where = "upload" if isinstance(file, bytes) else file
             raise UsageError(f"{where}: not a calibration file; give one that `calib fit` made (.json)")
         self.set("calibration", data)
+        return self._rest_frame("calibration", timeout_s)
 
     def calibration(self) -> bytes:
         """The calibration file in use; empty: none."""
@@ -215,4 +285,4 @@ def _object(name: str) -> Object:
     try:
         return object_named(name)
     except KeyError:
-        raise UsageError(f'no object {name!r}; names stand in WIRE.md, "Objects"') from None
+        raise UsageError(f'no object {name!r}; the names are listed in WIRE.md, "Objects"') from None

@@ -21,7 +21,8 @@ from typing import Any
 
 from hostlink.errors import ConnectError, LinkDown
 from hostlink.wire.address import Address
-from hostlink.wire.advice import cannot_open, words_of
+from hostlink.wire.open_errors import cannot_open, is_junk, words_of
+from hostlink.wire.port_lock import PortLock
 
 __all__ = ["CanLink", "Link", "SerialLink", "arrival_s", "open_link"]
 
@@ -42,12 +43,15 @@ FD_SAMPLE_POINT = 80.0  # percent; CiA 601-3
 class Link(ABC):
     """One open medium and its thread; base of CAN and serial.
 
-    on_data  called with (what came, arrival s) from the link's thread
+    on_data       called with (what came, arrival s) from the link's thread
+    unforeseen_n  exceptions that nothing here accounts for; the first of each kind is logged
     """
 
     def __init__(self, address: Address, on_data: Callable[[Any, float], None]) -> None:
         self.address = address
         self.reconnects = 0
+        self.unforeseen_n = 0
+        self._unforeseen: set[tuple[type[Exception], int]] = set()
         self._on_data = on_data
         self._medium: Any = self._open()
         self._writing = threading.Lock()
@@ -78,19 +82,43 @@ class Link(ABC):
 
     def _run(self) -> None:
         while not self._closing.is_set():
-            medium = self._medium
-            if medium is None:
-                self._reopen()
-                continue
             try:
-                data = self._read(medium)
-            except _broken() as error:
-                log.warning("%s: %s", self.address, words_of(error))
-                self._let_go()
-                continue
-            if data is not None:
-                self._on_data(data, arrival_s(data))
+                self._turn()
+            except Exception as error:  # noqa: BLE001 - whatever it is: samples must go on coming
+                self._note(error)
         self._let_go()
+
+    def _turn(self) -> None:
+        """Read once, or open the medium again."""
+        medium = self._medium
+        if medium is None:
+            try:
+                self._reopen()
+            except Exception:
+                self._closing.wait(RETRY_S)
+                raise
+            return
+        try:
+            data = self._read(medium)
+        except Exception as error:
+            log.warning("%s: %s", self.address, words_of(error))
+            self._let_go()
+            if not isinstance(error, _broken()):
+                raise
+            return
+        if data is not None:
+            self._on_data(data, arrival_s(data))
+
+    def _note(self, error: Exception) -> None:
+        """Count what should not have happened, and log each kind of it once."""
+        self.unforeseen_n += 1
+        trace = error.__traceback__
+        while trace is not None and trace.tb_next is not None:
+            trace = trace.tb_next
+        kind = (type(error), trace.tb_lineno if trace else 0)
+        if kind not in self._unforeseen:
+            self._unforeseen.add(kind)
+            log.error("%s: unforeseen; the link goes on", self.address, exc_info=error)
 
     def _reopen(self) -> None:
         try:
@@ -103,7 +131,7 @@ class Link(ABC):
         with self._writing:
             medium, self._medium = self._medium, None
             if medium is not None:
-                with suppress(*_broken()):
+                with suppress(Exception):  # it is given up whatever it says
                     self._close(medium)
 
     # What the medium is:
@@ -128,13 +156,18 @@ class Link(ABC):
 class CanLink(Link):
     """A bus through python-can; what comes and goes is can.Message."""
 
+    _port_lock: PortLock | None = None  # of a serial-line adapter
+
     def _open(self) -> Any:
         import can
 
         # python-can logs what it also raises; without a handler that would be a second line on stderr.
         logging.getLogger("can").addHandler(logging.NullHandler())
         address, arguments = self.address, self.address.bus_arguments()
+        lock: PortLock | None = None
         try:
+            if address.interface == "slcan":  # before anything is sent to the adapter
+                lock = PortLock(address.channel)
             timing = address.fd_timing()
             if timing is not None:
                 arguments.pop("bitrate", None)
@@ -147,7 +180,10 @@ class CanLink(Link):
                 )
             bus = can.Bus(**arguments)
         except _broken() as error:
+            if lock is not None:
+                lock.close()
             raise ConnectError(f"{address}: {cannot_open(address, error)}") from error
+        self._port_lock = lock
         if address.interface in SOCKETS:
             _widen(bus.fileno())
         if address.interface == "socketcan":
@@ -157,14 +193,24 @@ class CanLink(Link):
         return bus
 
     def _read(self, medium: Any) -> Any:
-        message = medium.recv(READ_S)
+        try:
+            message = medium.recv(READ_S)
+        except Exception as error:
+            if is_junk(error):
+                return None
+            raise
         return None if message is None or message.is_error_frame or message.is_remote_frame else message
 
     def _write(self, medium: Any, item: Any) -> None:
         medium.send(item, timeout=WRITE_S)
 
     def _close(self, medium: Any) -> None:
-        medium.shutdown()
+        lock, self._port_lock = self._port_lock, None
+        try:
+            medium.shutdown()
+        finally:
+            if lock is not None:
+                lock.close()
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send a classic message with an 11-bit identifier. Raises LinkDown."""
@@ -181,7 +227,11 @@ class SerialLink(Link):
 
         try:
             port = serial.serial_for_url(
-                self.address.channel, baudrate=self.address.baud, timeout=READ_S, write_timeout=WRITE_S
+                self.address.channel,
+                baudrate=self.address.baud,
+                timeout=READ_S,
+                write_timeout=WRITE_S,
+                exclusive=True,  # two readers would steal each other's bytes
             )
         except _broken() as error:
             raise ConnectError(f"{self.address}: {cannot_open(self.address, error)}") from error

@@ -60,7 +60,7 @@ class SdoObjects:
         client: Any = SdoClient(request_id, response_id, ObjectDictionary())
         client.RESPONSE_TIMEOUT = TIMEOUT_S
         client.MAX_RETRIES = TRIES
-        client.network = _Network(send)
+        client.network = _SendOnlyNetwork(send)
         self._client = client
 
     def answer(self, data: bytes) -> None:
@@ -85,7 +85,7 @@ class SdoObjects:
                 raise LinkTimeout(f"finger {self._node} did not answer ({error})") from None
 
 
-class _Network:
+class _SendOnlyNetwork:
     """What `canopen`'s client needs of a network."""
 
     def __init__(self, send: Callable[[int, bytes], None]) -> None:

@@ -2,7 +2,8 @@
 
     .log     candump -L text      exact: identifier, FD flags, data, channel, direction, time
     .blf     Vector binary log    exact but for channel names, which become numbers
-    .serial  bytes as they came   text line "voronoi-touch serial 1", then records of
+    .serial  bytes as they came   text line "voronoi-touch serial 1" (or "... 2 node 3", where the finger on
+                                  the line is called otherwise than 1), then records of
                                   8 bytes time (us, little-endian), 4 bytes length, the bytes
 
 Rules
@@ -16,21 +17,31 @@ Rules
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from copy import copy
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
-from hostlink.decoder import CanDecoder, Event, SerialDecoder
+from hostlink.decoder import SERIAL_NODE, CanDecoder, Event, SerialDecoder
 from hostlink.errors import LogError
+from hostlink.log_checks import LogLines, WholePart, find_blf_damage
 
 if TYPE_CHECKING:
     import can
 
-__all__ = ["LogWriter", "SerialWriter", "check_suffix", "decode_recording", "read_log", "read_serial"]
+__all__ = [
+    "LogWriter",
+    "SerialWriter",
+    "check_suffix",
+    "decode_recording",
+    "decoder_for",
+    "read_log",
+    "read_serial",
+]
 
 CAN_SUFFIXES: Final = (".log", ".blf")
 SERIAL_SUFFIX: Final = ".serial"
@@ -45,6 +56,8 @@ REFUSED: Final = {
 }
 
 _MAGIC: Final = b"voronoi-touch serial 1\n"
+_MAGIC_NODE: Final = re.compile(rb"voronoi-touch serial 2 node ([1-9][0-9]{0,2})\n")
+_MAGIC_MAX: Final = 40
 _RECORD: Final = struct.Struct("<QI")
 _RECORD_MAX: Final = 1 << 24  # a length beyond this is damage, not a chunk that a serial port gave
 
@@ -98,12 +111,15 @@ class LogWriter:
         try:
             self._writer.on_message_received(message)
         except OSError as error:
-            raise LogError(f"{self.path}: cannot be written: {error.strerror}") from None
+            raise LogError(f"{self.path}: cannot be written: {error.strerror}") from error
         self.written_n += 1
 
     def close(self) -> None:
-        """Ends the file."""
-        self._writer.stop()
+        """Ends the file. Raises LogError: what was still to be written cannot be (disk full)."""
+        try:
+            self._writer.stop()
+        except OSError as error:
+            raise LogError(f"{self.path}: cannot be written: {error.strerror}") from error
 
     def __enter__(self) -> LogWriter:
         return self
@@ -126,34 +142,60 @@ def read_log(path: Path | str) -> Iterator[can.Message]:
 
     Raises LogError: no such file, format refused, or damaged (after the messages before the damage)
     """
-    import can
-    from can.io.blf import BLFParseError
-
     path = check_suffix(path, CAN_SUFFIXES)
     if not path.is_file():
         raise LogError(f"{path}: no such file")
     read_n = 0
-    make: Callable[[str], Any] = can.BLFReader if path.suffix.lower() == ".blf" else can.CanutilsLogReader
     try:
-        with make(str(path)) as reader:
-            for message in reader:
-                yield _with_time(message, round(message.timestamp, 6))
-                read_n += 1
-    except (ValueError, LookupError, BLFParseError, struct.error, zlib.error, OSError) as error:
-        raise LogError(f"{path}: damaged after {read_n} messages: {error}") from None
+        for message in _read_blf(path) if path.suffix.lower() == ".blf" else _read_candump(path):
+            yield _with_time(message, round(message.timestamp, 6))
+            read_n += 1
+    except (ValueError, LookupError, OverflowError, struct.error, zlib.error, OSError) as error:
+        raise LogError(f"{path}: damaged after {read_n} messages: {_why(error)}") from None
+
+
+def _read_candump(path: Path) -> Iterator[can.Message]:
+    import can
+
+    lines: Any = LogLines(path)
+    with can.CanutilsLogReader(lines) as reader:
+        yield from reader
+
+
+def _read_blf(path: Path) -> Iterator[can.Message]:
+    """Raises ValueError: damaged."""
+    import can
+    from can.io.blf import BLFParseError
+
+    end, wrong = find_blf_damage(path)
+    if end:
+        whole: Any = WholePart(path, end)
+        try:
+            with can.BLFReader(whole) as reader:
+                yield from reader
+        except BLFParseError:
+            wrong = wrong or "no message where one should begin"
+    if wrong:
+        raise ValueError(wrong)
+
+
+def _why(error: Exception) -> str:
+    """In words; those of a library's own defences against damage say nothing to a user."""
+    return str(error) if type(error) in (ValueError, OSError) else "it is not what its format has there"
 
 
 class SerialWriter:
     """Writes what a serial line gave to a `.serial` file; a context manager.
 
-    Raises LogError: wrong suffix, or the file cannot be written
+    node    what the finger on the line is called
+    Raises  LogError: wrong suffix, or the file cannot be written
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, node: int = SERIAL_NODE) -> None:
         self.path = check_suffix(path, (SERIAL_SUFFIX,))
         try:
             self._file = self.path.open("wb")
-            self._file.write(_MAGIC)
+            self._file.write(_MAGIC if node == SERIAL_NODE else b"voronoi-touch serial 2 node %d\n" % node)
         except OSError as error:
             raise LogError(f"{self.path}: cannot be written: {error.strerror}") from None
 
@@ -162,11 +204,14 @@ class SerialWriter:
         try:
             self._file.write(_RECORD.pack(round(time_s * 1e6), len(data)) + data)
         except OSError as error:
-            raise LogError(f"{self.path}: cannot be written: {error.strerror}") from None
+            raise LogError(f"{self.path}: cannot be written: {error.strerror}") from error
 
     def close(self) -> None:
-        """Ends the file."""
-        self._file.close()
+        """Ends the file. Raises LogError: what was still to be written cannot be (disk full)."""
+        try:
+            self._file.close()
+        except OSError as error:
+            raise LogError(f"{self.path}: cannot be written: {error.strerror}") from error
 
     def __enter__(self) -> SerialWriter:
         return self
@@ -186,8 +231,7 @@ def read_serial(path: Path | str) -> Iterator[tuple[float, bytes]]:
     if not path.is_file():
         raise LogError(f"{path}: no such file")
     with path.open("rb") as file:
-        if file.read(len(_MAGIC)) != _MAGIC:
-            raise LogError(f"{path}: not a serial recording of this version")
+        _read_node(path, file)
         while len(head := file.read(_RECORD.size)) == _RECORD.size:
             time_us, size = _RECORD.unpack(head)
             if size > _RECORD_MAX:
@@ -198,6 +242,28 @@ def read_serial(path: Path | str) -> Iterator[tuple[float, bytes]]:
             yield time_us / 1e6, data
 
 
+def _read_node(path: Path, file: BinaryIO) -> int:
+    """What the finger on the line is called, from the first line of a `.serial` file."""
+    line = file.readline(_MAGIC_MAX)
+    if line == _MAGIC:
+        return SERIAL_NODE
+    found = _MAGIC_NODE.fullmatch(line)
+    if found is None:
+        raise LogError(f"{path}: not a serial recording of this version")
+    return int(found[1])
+
+
+def decoder_for(path: Path | str) -> CanDecoder | SerialDecoder:
+    """A new decoder for a recording. Raises LogError: not a recording that can be read."""
+    path = check_suffix(path)
+    if path.suffix.lower() != SERIAL_SUFFIX:
+        return CanDecoder()
+    if not path.is_file():
+        raise LogError(f"{path}: no such file")
+    with path.open("rb") as file:
+        return SerialDecoder(_read_node(path, file))
+
+
 def decode_recording(path: Path | str, decoder: CanDecoder | SerialDecoder | None = None) -> Iterator[Event]:
     """The events in a recording of any of the formats, arrival times as recorded.
 
@@ -205,16 +271,17 @@ def decode_recording(path: Path | str, decoder: CanDecoder | SerialDecoder | Non
     Raises   LogError; VersionMismatch: recorded from a sensor of another version; TypeError: wrong decoder
     """
     path = check_suffix(path)
-    if path.suffix.lower() == SERIAL_SUFFIX:
-        serial = SerialDecoder() if decoder is None else decoder
-        if not isinstance(serial, SerialDecoder):
-            raise TypeError("a serial recording needs a SerialDecoder")
+    is_serial = path.suffix.lower() == SERIAL_SUFFIX
+    if decoder is None:
+        decoder = decoder_for(path)
+    if isinstance(decoder, SerialDecoder):
+        if not is_serial:
+            raise TypeError("a CAN log needs a CanDecoder")
         for time_s, data in read_serial(path):
-            yield from serial.receive(data, time_s)
+            yield from decoder.receive(data, time_s)
         return
-    bus = CanDecoder() if decoder is None else decoder
-    if not isinstance(bus, CanDecoder):
-        raise TypeError("a CAN log needs a CanDecoder")
+    if is_serial:
+        raise TypeError("a serial recording needs a SerialDecoder")
     for message in read_log(path):
         if not (message.is_error_frame or message.is_remote_frame or message.is_extended_id):
-            yield from bus.receive(message.arbitration_id, message.data, message.timestamp)
+            yield from decoder.receive(message.arbitration_id, message.data, message.timestamp)

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 
 from hostlink.errors import VersionMismatch
-from hostlink.finger import Sample
+from hostlink.events import Sample
 
 __all__ = ["End", "Subscription"]
 
@@ -39,7 +39,7 @@ class Subscription:
             self._wake()
 
     def take(self) -> Sample | None:
-        """The oldest sample. Raises VersionMismatch, and StopIteration at the end."""
+        """The oldest sample. Raises VersionMismatch, and End at the end."""
         if self.samples:
             return self.samples.popleft()
         if self.error is not None:

@@ -7,6 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.support import kernels
+
+kernels.install()
+
 ROOT = Path(__file__).resolve().parent.parent
 
 

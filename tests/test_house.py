@@ -13,36 +13,19 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("edge", "hostlink", "calib", "tests")
 STDLIB = frozenset(sys.stdlib_module_names)
 
+#: What of hostlink's own modules the edge uses too: command lines and the files that they write.
+SHARED_WITH_EDGE = ("hostlink.cli_exit", "hostlink.cli_types", "hostlink.output_file")
 #: Which of the project's own packages a room may import.
 MAY_IMPORT = {
     "hostlink/wire": ("hostlink.wire",),
     "hostlink/web": ("hostlink.web",),
     "hostlink": ("hostlink",),
-    "edge": ("edge", "hostlink.wire", "hostlink.web", "hostlink.ending"),
+    "edge": ("edge", "hostlink.wire", "hostlink.web", *SHARED_WITH_EDGE),
     "calib": ("calib", "edge", "hostlink"),
 }
-#: A stage's modules; stages know `edge.types` and `edge.errors`, never each other.
-STAGES = (
-    "pins",
-    "track",
-    "tessellate",
-    "features",
-    "calibration",
-    "pack",
-    "transport",
-    "sources",
-    "recording",
-    "draw",
-)
-SHARED = ("edge.types", "edge.errors")
-#: C extensions, each of one stage.
-NATIVE = {
-    "pins": ("edge._centroid",),
-    "track": ("edge._track",),
-    "tessellate": ("edge._cells",),
-    "features": ("edge._features",),
-    "calibration": ("edge._moments",),
-}
+#: Modules of a stage know `types`, `errors`, `limits` and the mathematics in `geometry`, never another stage.
+STAGES = ("sources", "pins", "tracking", "cells", "features", "calibration")
+SHARED = ("edge.types", "edge.errors", "edge.limits", "edge.geometry")
 
 
 def imports(path: Path) -> set[str]:
@@ -79,16 +62,28 @@ def test_rooms_import_only_what_they_may(path: Path) -> None:
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_stages_know_only_the_types(stage: str) -> None:
-    single = ROOT / "edge" / f"{stage}.py"
-    files = [single] if single.is_file() else sorted((ROOT / "edge" / stage).glob("*.py"))
+    files = sorted((ROOT / "edge" / stage).glob("*.py"))
     assert files, f"no stage {stage}"
-    own = (f"edge.{stage}", *NATIVE.get(stage, ()))
+    own = (f"edge.{stage}",)
     for path in files:
         for name in imports(path):
             if name.startswith("edge."):
                 known = name in SHARED or any(name == o or name.startswith(o + ".") for o in own)
                 known = known or any(name.startswith(s + ".") for s in SHARED)
-                assert known, f"{path} imports {name}: stages know edge.types and edge.errors alone"
+                assert known, f"{path} imports {name}: a stage knows types, errors, limits, geometry alone"
+
+
+def test_geometry_knows_no_stage() -> None:
+    for path in sorted((ROOT / "edge" / "geometry").glob("*.py")):
+        for name in imports(path):
+            known = not name.startswith("edge.") or any(name == s or name.startswith(s + ".") for s in SHARED)
+            assert known, f"{path} imports {name}: geometry knows types, errors, limits alone"
+
+
+def test_each_stage_can_be_imported_first() -> None:
+    """No order of imports may be the only one that works."""
+    for stage in (*STAGES, "geometry.motion_field", "geometry.lattice"):
+        subprocess.run([sys.executable, "-c", f"import edge.{stage}"], check=True, cwd=ROOT)
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "hostlink" / "wire").glob("*.py")), ids=lambda p: p.name)

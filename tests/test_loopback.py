@@ -11,12 +11,12 @@ import pytest
 
 import hostlink
 from calib.demo import RECORDINGS, on_wire, play, serial_line
-from edge.app import App
 from edge.calibration import Calibration
-from edge.device import AppDevice
-from edge.node import Node
+from edge.link.device import LoopDevice
+from edge.link.node import Node
+from edge.link.sinks import CanSink, MemorySink, SerialSink, open_sink
+from edge.runtime.loop import Loop
 from edge.sources import open_source
-from edge.transport import CanSink, MemorySink, SerialSink, open_sink
 from hostlink.decoder import Sample as Decoded
 from hostlink.recording import LogWriter, decode_recording
 from hostlink.wire import State
@@ -49,10 +49,10 @@ def send(
         writer = LogWriter(log) if log is not None else None
         if writer is not None:
             host.on_raw(lambda message, _: writer.write(message))
-        app = App(source, [memory], Calibration.load(calibration))
+        app = Loop(source, [memory], Calibration.load(calibration))
         sink = open_sink(edge_address, node=NODE)
         assert isinstance(sink, CanSink | SerialSink)
-        app.sinks.append(Node(sink, AppDevice(app, "T1"), node=NODE))
+        app.sinks.append(Node(sink, LoopDevice(app, "T1"), node=NODE))
         app.run()
         sink.drain(5.0)
         arrived.wait(10.0)

@@ -8,10 +8,10 @@ from random import Random
 import pytest
 from rich.console import Console
 
-from edge.inject import BOARD, CAMERA, LINK
 from hostlink import connect
 from hostlink.errors import ConnectError
 from tests.bench.soak import Outcome, kill_while_uploading, kill_while_writing, soak, tell
+from tests.support.fault_injection import BOARD, CAMERA, LINK
 
 SECONDS = 14.0  # each kind of camera fault once or more
 
@@ -24,6 +24,8 @@ def test_the_promises_hold() -> None:
     assert not broken
     assert set(outcome.rows) == {*CAMERA, *LINK, *BOARD}
     assert outcome.counts["samples judged"] > 5 * SECONDS
+    assert sum(n for name, n in outcome.counts.items() if name.startswith("attacks on the page")) > 5
+    assert outcome.counts["pictures of an honest viewer"] == 2
     assert 0 < outcome.counts["samples flagged"] < outcome.counts["samples judged"]
 
 

@@ -19,11 +19,11 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from calib.capture import capture, read_capture
+from calib.curve import paper_curve
 from calib.dataset import Dataset, open_dataset
-from calib.errors import TableError
 from calib.evaluate import evaluate, predict
 from calib.extract import DEMAND, LOOKS, Extract, executor, join_extracts
-from calib.fit import Choice, fit, paper_curve
+from calib.fit import Choice, fit
 from calib.protocols import PROTOCOLS, Plan, Step
 from calib.report import plots, slip, study
 from calib.report.page import Page, model_table, write_page
@@ -97,28 +97,17 @@ class Seen:
         return values["shear_x_mm"] + 1j * values["shear_y_mm"]
 
 
-@click.command("report")
-@click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("out/report"), show_default=True)
-@click.option(
-    "--captures", type=click.Path(path_type=Path), help="Folder of captures; made there if missing."
-)
-@click.option("--sim", type=click.Path(path_type=Path), help="The simulated rig (TOML); default: 331 pins.")
-@click.option("--real", type=click.Path(path_type=Path), help="Folder with targets.csv, frames/, rest.png.")
-@click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one a core.")
-@click.option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster.")
-def report_command(
+def report(
     out: Path,
-    captures: Path | None,
+    captures: Path,
     sim: Path | None,
     real: Path | None,
+    *,
     workers: int | None,
     dask: str | None,
 ) -> None:
-    """One page on how good the calibrations are, and why the edge computes what it computes."""
-    if real is not None and not (real / "targets.csv").is_file():
-        raise TableError(f"{real}: no targets.csv; give the folder with targets.csv, frames and rest.png")
+    """Capture what is missing, fit, judge, write the page, print what must hold."""
     simulation = load_simulation(sim)
-    captures = captures or out / "captures"
     for folder in (out, captures):
         folder.mkdir(parents=True, exist_ok=True)
     console = Console(stderr=True)
@@ -442,8 +431,8 @@ def _study(
     results = _results(rest, steps)
     rows = study.detectors(rest, steps[:: max(1, len(steps) // STUDY_FRAMES)])
     rows += study.tessellations(rest, results[:: max(1, len(results) // STUDY_FRAMES)])
-    touched = [i for i, r in enumerate(results) if r.features is not None and r.features.touched]
-    rows += study.surfaces(rest, [results[i] for i in touched], depths[touched])
+    pressed = [i for i, r in enumerate(results) if r.features is not None and r.features.in_contact]
+    rows += study.surfaces(rest, [results[i] for i in pressed], depths[pressed])
     singles, _ = _first_of_each(captures / "contacts.mcap", "sphere")
     calibration, _ = probes.fit()
     spots = _results(probes.data.rest, singles)

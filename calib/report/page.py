@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path
 
 from calib.fit import Choice
-from edge.calibration import Curve
+from edge.calibration.file import Curve
 
 __all__ = ["Page", "Section", "model_table", "write_page"]
 

@@ -16,8 +16,9 @@ import numpy as np
 
 from calib.rig.simulated import Simulation
 from calib.sim import Contact, Tool
-from calib.simulated import TARE_FRAMES, mm_per_px
-from edge.pipeline import Pipeline, tare
+from calib.simulated_calibration import TARE_FRAMES, mm_per_px
+from edge.pipeline import Pipeline
+from edge.runtime.tare import tare
 from edge.types import Array, Feature, Mask
 
 __all__ = ["DRAGS", "Drag", "Outcome", "Slipped", "drag", "join", "outcome"]

@@ -20,14 +20,16 @@ import numpy as np
 from scipy.interpolate import griddata
 from scipy.spatial import ConvexHull, Voronoi, cKDTree
 
+from calib.curve import cross_validated_curve
+from calib.designs import letters, terms_of_spin
 from calib.extract import Extract
-from calib.fit import cross_validated_curve, cross_validated_terms, letters, terms_of_spin
+from calib.ridge import cross_validated_terms
 from calib.targets import Targets
-from edge.calibration import FRAME_INPUTS, evaluate_terms, term_columns
+from edge.calibration.inputs import FRAME_INPUTS, evaluate_terms, term_columns
+from edge.cells import Tessellator
 from edge.features.surface import Surface
-from edge.pins import Refiner, detect
+from edge.pins import CentroidRefiner, detect
 from edge.pipeline import Result
-from edge.tessellate import Tessellator
 from edge.types import Array, Frame, Rest
 
 __all__ = ["Row", "detectors", "places", "shear_models", "surfaces", "tessellations"]
@@ -69,7 +71,7 @@ def timed(work: Callable[[], Any], runs: int = RUNS) -> tuple[Any, float]:
 
 def detectors(rest: Rest, frames: Sequence[Frame]) -> list[Row]:
     """Where the pins are: whole image against windows, and how wide a window; rms error in px."""
-    refiner, blob = Refiner(rest), _blob_detector(rest.pattern.pin_radius_px)
+    refiner, blob = CentroidRefiner(rest), _blob_detector(rest.pattern.pin_radius_px)
     rng = np.random.default_rng(0)
     found: dict[str, list[tuple[float, Array]]] = {}
     for frame in frames:
@@ -197,7 +199,7 @@ def surfaces(rest: Rest, results: Sequence[Result], depths: Array) -> list[Row]:
         for result, growth in zip(results, change, strict=True):
             assert result.cells is not None
             xy = np.ascontiguousarray(result.cells.xy_img)
-            (_, _, volume), took = timed(lambda: surface.rise(growth, xy, 0.01), 3)  # noqa: B023
+            (_, volume), took = timed(lambda: surface.interpolate(growth, xy, 0.01), 3)  # noqa: B023
             volumes.append(volume)
             us.append(took)
         why = ""
@@ -221,32 +223,38 @@ def places(rest: Rest, results: Sequence[Result], targets: Targets, calibrated: 
     """
     true = targets.values["contact_x_mm"] + 1j * targets.values["contact_y_mm"]
     surface = Surface(rest)
-    stretch_us, on_grid, by_pins = [], [], []
+    divergence_us, on_grid, by_pins = [], [], []
     for result in results:
         xy = np.where(np.isfinite(result.tracks.xy_img), result.tracks.xy_img, rest.xy_img)
-        field, us = timed(lambda: surface.stretch(xy), 3)  # noqa: B023
+        field, us = timed(lambda: surface.divergence(xy), 3)  # noqa: B023
         on_grid.append(surface.points_img[int(np.argmax(field))])
         contacts = _of(result).contacts
         by_pins.append(contacts[0].xy_img if contacts else np.full(2, np.nan))
-        stretch_us.append(us)
+        divergence_us.append(us)
     rows = []
-    for name, at in (("highest grid point", on_grid), ("cells' growth weighs the pins", by_pins)):
+    for name, at in (("highest grid point", on_grid), ("pins weighted by area change", by_pins)):
         z = (np.array(at) - rest.pattern.centre_img) @ np.array([1.0, 1j])
         ok = np.isfinite(z) & np.isfinite(true)
         scale = abs(np.vdot(z[ok], true[ok])) / np.vdot(z[ok], z[ok]).real
         rows.append(
-            Row("place", name, float(np.median(stretch_us)), float(np.abs(scale * z - true)[ok].mean()), "mm")
+            Row(
+                "place",
+                name,
+                float(np.median(divergence_us)),
+                float(np.abs(scale * z - true)[ok].mean()),
+                "mm",
+            )
         )
     z = calibrated @ np.array([1.0, 1j])
     ok = np.isfinite(z) & np.isfinite(true)
     why = "takes the dome's and the lens's bend out; one small polynomial a contact"
-    psi = term_columns(terms_of_spin(1, (("p", 1), ("p*", -1)), 3), ("p",), "study")
+    psi = term_columns(terms_of_spin(1, (("p", 1), ("p*", -1)), 3), ("p",))
     _, us = timed(lambda: evaluate_terms(np.array([[0.1 + 0.2j]]), psi), 50)
     rows.append(
         Row(
             "place",
             "that, calibrated",
-            float(np.median(stretch_us)) + us,
+            float(np.median(divergence_us)) + us,
             float(np.abs(z - true)[ok].mean()),
             "mm",
             why,
@@ -274,7 +282,7 @@ def shear_models(rest: Rest, targets: Targets, seen: Extract) -> list[Row]:
     for name, terms, modes in designs:
         if len(terms) * 1.5 > len(true):
             continue
-        columns = term_columns([*terms, []], FRAME_INPUTS, "study")
+        columns = term_columns([*terms, []], FRAME_INPUTS)
         predicted = cross_validated_terms(evaluate_terms(inputs, columns), true, poses)
         off = np.degrees(np.abs(np.angle(predicted[large] * true[large].conj())))
         project = np.zeros((modes, len(rest)), dtype=np.complex128)

@@ -150,17 +150,19 @@ class GcodeStage:
         """Opening the port resets most boards, which then say who they are; the others are asked."""
         stage, dialect = self.config.stage, self._dialect
         heard: list[str] = []
-        if self._hear(dialect.hello, heard):
+        if self._has_line(dialect.hello, heard):
             return
         self._line.write(dialect.ask)
-        if self._hear(dialect.answer, heard) and (not dialect.ends_with_ok or self._hear("ok", heard)):
+        if self._has_line(dialect.answer, heard) and (
+            not dialect.ends_with_ok or self._has_line("ok", heard)
+        ):
             return
         what = f"heard {heard[-1]!r}" if heard else "heard nothing"
         raise RigError(
             f"stage {stage.port}: no {stage.dialect} greeting, {what}; check port, baud and dialect"
         )
 
-    def _hear(self, start: str, heard: list[str]) -> bool:
+    def _has_line(self, start: str, heard: list[str]) -> bool:
         """Whether a line that starts so comes while a board boots."""
         deadline = time.monotonic() + self.config.stage.boot_s
         while (line := self._read(deadline)) is not None:

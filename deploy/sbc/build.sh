@@ -87,7 +87,7 @@ import tomllib
 project = tomllib.load(open("../../../pyproject.toml", "rb"))["project"]
 print(*project["dependencies"], *project["optional-dependencies"]["edge"], sep="\n")
 LIST
-    "$python" -m pip download -q --disable-pip-version-check -d wheels -r requirements.txt --only-binary=:all: \
+    "$python" -m pip download -q --disable-pip-version-check -d wheels -r requirements.txt -c "$here/../../constraints.txt" --only-binary=:all: \
         --python-version 3.11 --implementation cp --abi cp311 --abi abi3 --abi none \
         --platform manylinux_2_28_aarch64 --platform manylinux_2_27_aarch64 \
         --platform manylinux_2_17_aarch64 --platform manylinux2014_aarch64

@@ -1,11 +1,18 @@
 """Touch features from pin positions, cell areas and the rest frame.
 
-    gate       is anything touching at all? nothing further is computed otherwise
-    surface    area change of the pins -> smooth surface on a grid (one constant matrix); its volume
-    contacts   regional maxima of the surface, merged into contact regions
-    modes      the motion as polynomial coefficients that turn with the tip
-    motion     shear, torsion, slip
-    extract    puts them together: only what the demand asks for
+    extract               the order of the steps: only what the demand asks for
+    contact_detector      is anything touching at all? nothing further is computed otherwise
+    pin_motion, slip      motion since rest, pins in the contact, torsion; slip
+    modes                 the motion as polynomial coefficients that turn with the tip
+    surface               the grid over the tip, and the constant matrices onto it (`quantized_operator`)
+    contact_field         a frame's fields on that grid; their volume
+    contacts              the order of the steps from the field to the contacts:
+      peaks               regional maxima, and the valleys between them
+      regions             peaks that make one contact; its area and axes
+      split               two close contacts, or one long one?
+      contact_place       where a contact is, by the pins round it
+      pin_noise           noise of a pin as its neighbours show it
+    params                every number that was chosen
 
 The modules of this package are one stage and may import each other.
 """

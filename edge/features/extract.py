@@ -1,15 +1,16 @@
 """Features of one frame: the demand decides what is computed.
 
-    tracks, cells --> motion, area change --> gate --untouched--> zeros
-                                               \\--touched--> what `NEEDS` lists for the demand
+    tracks, cells --> motion, area change --> contact detector --no contact--> zeros
+                                                               \\--in contact--> what `NEEDS` lists for the
+                                                               demand
 
 Rules
 - The demand is data: `NEEDS` maps each feature to the quantities behind it, and a quantity that no one
-  needs is None in the result. Only motion, area change and the gate's bit are always there.
-- No contact: no surface, no maxima. Volume, torsion and slip are zero, contacts none; shear and modes are
+  needs is None in the result. Only motion, area change and the detector's bit are always there.
+- No contact: no surface, no peaks. Volume, torsion and slip are zero, contacts none; shear and modes are
   given all the same (a calibration decides what an untouched tip reads).
 - Without cells nothing that comes from areas can be given: it stays None, area change all NaN.
-- State: the gate's bit and learnt noise, and the last frame's motion for slip. Nothing else depends on
+- State: the detector's bit and learnt noise, and the last frames' motion for slip. Nothing else depends on
   the frame before.
 - A lost pin counts as where the seen ones say it is (`Cells.xy_img`), and its cell as it is there. In the
   modes and in the mean motion too: a polynomial through the seen pins alone is another one, and a model of
@@ -19,18 +20,21 @@ Rules
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from enum import Enum, auto
+from typing import Any
 
 import numpy as np
 
-from edge import _features
-from edge.features.contacts import ContactFinder, blend
-from edge.features.gate import Gate
-from edge.features.local import Neighbourhood
+from edge.features.contact_detector import ContactDetector
+from edge.features.contacts import ContactFinder
 from edge.features.modes import Modes
-from edge.features.motion import ContactPins, Slip, torsion
+from edge.features.params import PARAMS, FeatureParams
+from edge.features.pin_motion import PinMotion
+from edge.features.slip import Slip
 from edge.features.surface import Surface
-from edge.types import Array, Cells, ContactRegion, Feature, Features, Rest, Tracks
+from edge.types import Array, Cells, Feature, Features, Mask, Rest, Tracks
 
 __all__ = ["NEEDS", "FeatureExtractor", "Quantity"]
 
@@ -62,16 +66,6 @@ NEEDS: dict[Feature, frozenset[Quantity]] = {
     Feature.ORIENTATION: frozenset({Quantity.CONTACTS}),
     Feature.SURFACE: frozenset({Quantity.SURFACE}),
 }
-#: Contact threshold in sigmas of the noise there: 800 grid points, one false maximum in 4000 frames.
-THRESHOLD = 5.0
-#: Threshold of the volume: rectified noise below it would add up. At 3 sigmas 0.04 % of it is left.
-VOLUME_THRESHOLD = 3.0
-#: and never below this area change: drift of light and focus between tare and now, not noise.
-THRESHOLD_MIN = 0.01
-
-
-#: Share of the pins that must be seen for the others to be filled in: with fewer it is no interpolation.
-FILL_LEAST = 0.5
 
 
 class _Plan:
@@ -87,6 +81,28 @@ class _Plan:
         self.contacts = Quantity.CONTACTS in need
         self.torsion = Quantity.TORSION in need
         self.slip = Quantity.SLIP in need
+        self.heights = self.volume or self.surface or self.contacts
+        self.contact_pins = self.torsion or self.slip
+
+
+@dataclass(slots=True)
+class _Motion:
+    """Where the pins are, and how far they have come.
+
+    px        (n, 2) since rest; NaN where lost
+    whole_px  the same, lost pins where the seen ones say they are if these are enough; `known` (n,) where
+              finite
+    mean_px   x, y, mean of `whole_px`
+    sigma_px  noise of one coordinate of one pin's motion
+    filled    whether lost pins were filled in
+    """
+
+    px: Array
+    whole_px: Array
+    known: Mask
+    mean_px: tuple[float, float]
+    sigma_px: float
+    filled: bool
 
 
 class FeatureExtractor:
@@ -96,33 +112,39 @@ class FeatureExtractor:
     grid           points along the surface's side; None: chosen from the pitch
     """
 
-    def __init__(self, rest: Rest, rest_area_px2: Array, *, grid: int | None = None) -> None:
+    def __init__(
+        self,
+        rest: Rest,
+        rest_area_px2: Array,
+        *,
+        grid: int | None = None,
+        params: FeatureParams = PARAMS,
+    ) -> None:
+        self._rest, self._grid, self._params = rest, grid, params
         self._xy_rest = np.ascontiguousarray(rest.xy_img)
         self._rest_area_px2 = rest_area_px2
         self._inverse_area = 1.0 / rest_area_px2
-        self._near = Neighbourhood(rest)
-        self._gate = Gate(rest, self._near)
-        self._modes = Modes(rest)
         self._everyone = np.ones(len(rest), dtype=np.bool_)
-        self._pins = ContactPins(rest)
-        self._slip = Slip(rest)
-        self._finder: ContactFinder | None = None
+        self._detector = ContactDetector(rest, params)
+        self._motion = PinMotion(rest)
+        self._modes = Modes(rest)
+        self._slip = Slip(self._motion, params)
         self._surface: Surface | None = None  # 10 ms to make: only when a contact is first asked about
-        self._rest, self._grid = rest, grid
+        self._finder: ContactFinder | None = None
         self._plan = _Plan(frozenset())
 
     @property
     def surface(self) -> Surface:
-        """The grid and its operator."""
+        """The grid and its operators."""
         if self._surface is None:
-            self._surface = Surface(self._rest, self._grid, self._near)
+            self._surface = Surface(self._rest, self._grid, self._params)
         return self._surface
 
     @property
     def finder(self) -> ContactFinder:
         """What looks for contacts on that grid."""
         if self._finder is None:
-            self._finder = ContactFinder(self.surface)
+            self._finder = ContactFinder(self.surface, self._params)
         return self._finder
 
     def extract(self, tracks: Tracks, cells: Cells | None, demand: frozenset[Feature]) -> Features:
@@ -134,86 +156,91 @@ class FeatureExtractor:
         if demand is not self._plan.demand:
             self._plan = _Plan(demand)
         plan = self._plan
-        seen = tracks.seen
-        motion = np.empty_like(self._xy_rest)  # new: it is handed on, and remembered for slip
-        mean_x, mean_y, now_px, seen_n = _features.motion(
-            np.ascontiguousarray(tracks.xy_img),
-            self._xy_rest,
-            np.ascontiguousarray(tracks.sigma_px),
-            seen,
-            motion,
-        )
-        sigma = self._gate.sigma_px(now_px)
-        filled = cells is not None and max(FILL_LEAST * len(seen), 1) <= seen_n < len(seen)
+        motion = self._motion_of(tracks, cells)
+        area_change, whole_change = self._area_changes(cells, motion.filled)
+        given: dict[str, Any] = {
+            "gap": cells.gap if cells is not None else 0.0 if tracks.seen.all() else math.nan
+        }
+        if plan.shear:
+            given["shear_px"] = np.array(motion.mean_px)
+        if plan.modes:
+            given["modes_px"] = self._modes.fit(motion.whole_px, motion.known)
         if cells is None:
-            change = np.full(len(motion), np.nan)
-            touched = self._gate.touched_by_motion(motion, seen, sigma)
+            in_contact = self._detector.by_motion(np.ascontiguousarray(tracks.xy_img), motion.sigma_px)
         else:
-            change = cells.area_px2 * self._inverse_area - 1.0
-            grown = (
-                cells.whole_px2 * self._inverse_area - 1.0
-                if filled and cells.whole_px2 is not None
-                else change
-            )
-            xy = np.ascontiguousarray(cells.xy_img)
-            touched = self._gate.touched_by_area(grown, xy, sigma)
-        whole, known = motion, seen
-        if cells is not None and filled:
-            whole, known = cells.xy_img - self._xy_rest, self._everyone
-            mean_x, mean_y = whole.mean(axis=0).tolist()
-        shear = np.array([mean_x, mean_y]) if plan.shear else None
-        modes = self._modes.fit(whole, known) if plan.modes else None
-        if not touched:
+            in_contact = self._detector.by_area(whole_change, cells.xy_img, motion.sigma_px)
+        if in_contact:
+            if cells is not None and plan.heights:
+                self._add_fields(given, whole_change, cells.xy_img, tracks.seen, motion.sigma_px)
+            if plan.contact_pins:
+                self._add_contact_motion(given, motion, area_change)
+        else:
             self._slip.forget()
-            areas = cells is not None
-            return Features(
-                area_change=change,
-                displacement_px=motion,
-                touched=False,
-                shear_px=shear,
-                modes_px=modes,
-                volume_px2=0.0 if plan.volume and areas else None,
-                contacts=() if plan.contacts and areas else None,
-                torsion_rad=0.0 if plan.torsion else None,
-                slip_px=0.0 if plan.slip else None,
-                slip_probability=0.0 if plan.slip else None,
-            )
-        volume: float | None = None
-        picture: Array | None = None
-        contacts: tuple[ContactRegion, ...] | None = None
-        noise = self._gate.cell_noise(sigma)
-        if cells is not None and (plan.volume or plan.surface or plan.contacts):
-            surface = self.surface
-            growth, heights, pressed = surface.rise(grown, xy, VOLUME_THRESHOLD * noise)
-            if plan.volume:
-                volume = pressed
-            if plan.surface:
-                picture = surface.spread(heights, np.nan).astype(np.float64)
-            if plan.contacts:
-                relief = blend(surface.stretch(xy), heights)
-                least = surface.stretch_noise * np.float32(THRESHOLD * sigma)
-                np.maximum(least, np.float32(THRESHOLD_MIN), out=least)
-                contacts = self.finder.find(relief, least, growth, xy, seen)
-        turn = slip = probability = None
-        if plan.torsion or plan.slip:
-            least_change = max(THRESHOLD * noise, THRESHOLD_MIN)
-            pins = self._pins.select(change, least_change)
-            if plan.torsion:
-                turn = torsion(self._xy_rest, motion, pins)
-            if plan.slip:
-                state = self._slip.update(motion, change, pins, sigma)
-                slip, probability = state.slip_px, state.probability
-        return Features(
-            area_change=change,
-            displacement_px=motion,
-            touched=True,
-            shear_px=shear,
-            modes_px=modes,
-            volume_px2=volume,
-            surface=picture,
-            grid_img=(self.surface.x_img, self.surface.y_img) if picture is not None else None,
-            contacts=contacts,
-            torsion_rad=turn,
-            slip_px=slip,
-            slip_probability=probability,
+            self._add_zeros(given, cells is not None)
+        return Features(area_change=area_change, displacement_px=motion.px, in_contact=in_contact, **given)
+
+    def _motion_of(self, tracks: Tracks, cells: Cells | None) -> _Motion:
+        seen = tracks.seen
+        px = np.empty_like(self._xy_rest)  # new: it is handed on, and remembered for slip
+        mean_x, mean_y, now_px, n_seen = self._motion.since_rest(
+            np.ascontiguousarray(tracks.xy_img), np.ascontiguousarray(tracks.sigma_px), seen, px
         )
+        sigma_px = self._detector.sigma_px(now_px)
+        least = max(self._params.fill_min_seen_rel * len(seen), 1)
+        if cells is None or n_seen == len(seen) or n_seen < least:
+            return _Motion(px, px, seen, (mean_x, mean_y), sigma_px, False)
+        whole = cells.xy_img - self._xy_rest
+        mean_x, mean_y = whole.mean(axis=0).tolist()
+        return _Motion(px, whole, self._everyone, (mean_x, mean_y), sigma_px, True)
+
+    def _area_changes(self, cells: Cells | None, filled: bool) -> tuple[Array, Array]:
+        """Relative area changes, (n,), NaN where lost; and the same with lost pins' cells if these are filled
+        in.
+        """
+        if cells is None:
+            unknown = np.full(len(self._rest), np.nan)
+            return unknown, unknown
+        area_change = cells.area_px2 * self._inverse_area - 1.0
+        if filled and cells.whole_px2 is not None:
+            return area_change, cells.whole_px2 * self._inverse_area - 1.0
+        return area_change, area_change
+
+    def _add_fields(
+        self, given: dict[str, Any], area_change: Array, xy_img: Array, seen: Mask, sigma_px: float
+    ) -> None:
+        """Volume, surface and contacts of a frame in contact."""
+        plan, surface = self._plan, self.surface
+        threshold = self._params.volume_sigma * self._detector.cell_noise(sigma_px)
+        heights, volume_px2 = surface.interpolate(area_change, xy_img, threshold)
+        if plan.volume:
+            given["volume_px2"] = volume_px2
+        if plan.surface:
+            given["surface"] = surface.to_grid(heights, np.nan).astype(np.float64)
+            given["grid_img"] = (surface.x_img, surface.y_img)
+        if plan.contacts:
+            surface.field.find_divergence(xy_img)
+            given["contacts"] = self.finder.find(xy_img, seen, sigma_px)
+
+    def _add_contact_motion(self, given: dict[str, Any], motion: _Motion, area_change: Array) -> None:
+        """Torsion and slip of a frame in contact."""
+        plan, params = self._plan, self._params
+        noise = self._detector.cell_noise(motion.sigma_px)
+        least = max(params.contact_sigma * noise, params.min_area_change)
+        pins = self._motion.in_contact(area_change, least)
+        if plan.torsion:
+            given["torsion_rad"] = self._motion.torsion(motion.px, pins)
+        if plan.slip:
+            state = self._slip.update(motion.px, area_change, pins, motion.sigma_px)
+            given["slip_px"], given["slip_probability"] = state.slip_px, state.probability
+
+    def _add_zeros(self, given: dict[str, Any], with_areas: bool) -> None:
+        """What is known of a frame without contact."""
+        plan = self._plan
+        if plan.volume and with_areas:
+            given["volume_px2"] = 0.0
+        if plan.contacts and with_areas:
+            given["contacts"] = ()
+        if plan.torsion:
+            given["torsion_rad"] = 0.0
+        if plan.slip:
+            given["slip_px"] = given["slip_probability"] = 0.0

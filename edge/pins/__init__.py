@@ -1,17 +1,18 @@
 """Where the pins are in an image.
 
-    learn_pattern   radius, pitch, circle, brightness and blur of the pins, from one image
-    detect          all pins of an image, in no order; without a pattern it is learnt from that image
-    take_rest       the untouched tip, from several images: row i defines pin i
-    Refiner         where each pin of the rest is now, read from its neighbourhood alone: the hot path
+    learn_pattern    radius, pitch, circle, brightness and blur of the pins, from one image
+    detect           all pins of an image, in no order; without a pattern it is learnt from that image
+    take_rest        the untouched tip, from several images: row i defines pin i
+    CentroidRefiner  where each pin of the rest is now, read from its neighbourhood alone: the hot path
 
 Rules
 - Nothing is configured: size, spacing and brightness come from the image.
-- Detection (`_blobs`, `_pattern`, `_detect`) may look at every pixel; `Refiner` reads windows only. Both end
-  in the same estimator (`edge._centroid`), so a pin has one position whichever way it was found.
+- Detection (`blobs`, `pattern`, `partial`, `detect`) may look at every pixel; `refine` reads windows only.
+  Both end in the same estimator (`centroids`), so a pin has one position whichever way it was found.
 """
 
-from edge.pins._detect import detect, inspect_image, learn_pattern, take_rest, to_grey
-from edge.pins._refine import Refiner
+from edge.pins.detect import detect, inspect_image, learn_pattern, to_grey
+from edge.pins.reference import take_rest
+from edge.pins.refine import CentroidRefiner
 
-__all__ = ["Refiner", "detect", "inspect_image", "learn_pattern", "take_rest", "to_grey"]
+__all__ = ["CentroidRefiner", "detect", "inspect_image", "learn_pattern", "take_rest", "to_grey"]

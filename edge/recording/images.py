@@ -13,9 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge.recording.topics import proto, stamp
+from edge.sources.image_header import check_size, image_size
 from edge.types import Image
 
-__all__ = ["decode_image", "image_message"]
+__all__ = ["OtherSize", "decode_image", "image_message"]
+
+
+class OtherSize(ValueError):
+    """An image of another size than the recording's others."""
 
 
 def image_message(image: Image, log_ns: int, *, png: bool) -> bytes:
@@ -56,17 +61,23 @@ _RAW: dict[str, tuple[str, int, int | None]] = {  # encoding: dtype, channels, O
 }
 
 
-def decode_image(schema: str, data: bytes) -> Image:
-    """Grey image of a RawImage or CompressedImage message. Raises ValueError where it is damaged."""
+def decode_image(schema: str, data: bytes, size_px: tuple[int, int] | None = None) -> Image:
+    """Grey image of a RawImage or CompressedImage message.
+
+    size_px  (width, height) that it must have; None: any that a camera may have
+    Raises   OtherSize, before its pixels are decoded; ValueError: damaged, or too large
+    """
     if schema == "foxglove.CompressedImage":
         packed = proto("CompressedImage").FromString(data)
-        buffer = np.frombuffer(packed.data, np.uint8)
-        flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH
-        decoded = cv2.imdecode(buffer, flags) if buffer.size else None
+        _check_size(image_size(packed.data), size_px)
+        decoded = cv2.imdecode(
+            np.frombuffer(packed.data, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH
+        )
         if decoded is None:
             raise ValueError(f"{packed.format or 'compressed'} image does not decode")
         return _grey(decoded)
     raw = proto("RawImage").FromString(data)
+    _check_size((raw.width, raw.height), size_px)
     if raw.encoding not in _RAW:
         raise ValueError(f"image encoding {raw.encoding!r} is not one of {', '.join(_RAW)}")
     dtype, channels, conversion = _RAW[raw.encoding]
@@ -79,6 +90,12 @@ def decode_image(schema: str, data: bytes) -> Image:
     if conversion is not None:
         return _grey(cv2.cvtColor(image.reshape(raw.height, raw.width, channels), conversion))
     return _grey(image)
+
+
+def _check_size(found_px: tuple[int, int], size_px: tuple[int, int] | None) -> None:
+    check_size(*found_px)
+    if size_px not in (None, found_px):
+        raise OtherSize(f"{found_px[0]}x{found_px[1]} pixels, not {size_px}")
 
 
 def _grey(image: NDArray[Any]) -> Image:

@@ -205,7 +205,7 @@ def features_json(frame: Frame, features: Features) -> dict[str, Any]:
     shear = features.shear_px
     return {
         "sequence": frame.sequence,
-        "touched": bool(features.touched),
+        "touched": bool(features.in_contact),
         "shear_x_px": None if shear is None else float(shear[0]),
         "shear_y_px": None if shear is None else float(shear[1]),
         "volume_px2": features.volume_px2,

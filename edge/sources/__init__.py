@@ -21,16 +21,16 @@ from typing import Any
 
 from edge.errors import SourceError
 from edge.sources.files import IMAGE_SUFFIXES, FolderSource, VideoSource, read_image
-from edge.sources.live import LiveSource
+from edge.sources.live import ThreadedSource
 from edge.sources.options import Options, Spec, convert, parse_spec
 from edge.sources.paced import Paced
 from edge.types import FrameSource
 
 __all__ = [
     "FolderSource",
-    "LiveSource",
     "Options",
     "Paced",
+    "ThreadedSource",
     "VideoSource",
     "convert",
     "known_schemes",

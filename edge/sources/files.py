@@ -21,9 +21,10 @@ import numpy as np
 from cv2.utils import logging
 
 from edge.errors import SourceError
+from edge.sources.image_header import check_image_header, check_size
 from edge.types import Clock, Frame, Image
 
-__all__ = ["IMAGE_SUFFIXES", "FolderSource", "VideoSource", "read_image", "to_grey"]
+__all__ = ["IMAGE_SUFFIXES", "FolderSource", "VideoSource", "quiet_opencv", "read_image", "to_grey"]
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
 _GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
@@ -34,7 +35,7 @@ os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # damage is counted here,
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def quiet_opencv() -> Iterator[None]:
     """OpenCV prints what it cannot read; what is wrong is ours to say, in one line."""
     level = logging.getLogLevel()
     logging.setLogLevel(logging.LOG_LEVEL_SILENT)
@@ -70,9 +71,13 @@ def _read_image(path: Path) -> Image:
         data = np.fromfile(path, np.uint8)
     except OSError as error:
         raise ValueError(f"{error.strerror}; {_GIVE}") from error
-    with _quiet():
+    try:
+        check_image_header(data.data)
+    except ValueError as error:
+        raise ValueError(f"{error}; {_GIVE}") from None
+    with quiet_opencv():
         try:
-            image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+            image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
         except cv2.error as error:
             raise ValueError(f"damaged; {_GIVE}") from error
     if image is None:
@@ -163,7 +168,12 @@ class VideoSource:
         try:
             self.frames_n = max(0, int(capture.get(cv2.CAP_PROP_FRAME_COUNT)))
             told_hz = float(capture.get(cv2.CAP_PROP_FPS))
+            check_size(
+                int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
+            )
             ok, image = capture.read()
+        except ValueError as error:
+            raise SourceError(f"{self.name}: {error}") from None
         finally:
             capture.release()
         if not ok:
@@ -175,7 +185,7 @@ class VideoSource:
         if not self.path.is_file():
             what = "a folder" if self.path.is_dir() else "no such file"
             raise SourceError(f"{self.name}: {what}; give a video file or a recording")
-        with _quiet():
+        with quiet_opencv():
             # absolute: FFmpeg takes the start of a name with a colon for a protocol
             capture = cv2.VideoCapture(str(self.path.absolute()), cv2.CAP_FFMPEG)
         if not capture.isOpened():

@@ -22,7 +22,7 @@ import numpy as np
 from edge.errors import SourceError
 from edge.types import Frame
 
-__all__ = ["SLOW", "LiveSource", "Watch"]
+__all__ = ["SLOW", "ThreadedSource", "Watch"]
 
 STALL_S = 0.07  # faults are to be announced within 0.1 s, the loop's own waiting included
 STALL_PERIODS = 2.2  # a slow camera is stalled only after this many frames were due; 73 ms at 30 frames/s
@@ -60,10 +60,11 @@ class Watch:
         return self.condition
 
 
-class LiveSource(ABC):
+class ThreadedSource(ABC):
     """Base of live sources; a subclass gives `_work`, which runs in the thread and calls `_offer`."""
 
     live = True
+    recorded = False  # its frames show the world as it is now
 
     def __init__(self, name: str) -> None:
         self.name = name

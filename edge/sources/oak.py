@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edge.errors import SourceError
-from edge.sources.live import SLOW, LiveSource, Watch
+from edge.sources.live import SLOW, ThreadedSource, Watch
 from edge.sources.options import Options
 from edge.types import Array, Clock, Frame
 
@@ -171,7 +171,7 @@ def replay_output(path: str | Path, rate_hz: float, metadata: str | Path | None 
 # -- the source -------------------------------------------------------------------------------------
 
 
-class OakSource(LiveSource):
+class OakSource(ThreadedSource):
     """Frames of a depthai output.
 
     make_output  builds the nodes; called again when a lost module is back

@@ -13,13 +13,13 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from edge.sources.live import LiveSource
+from edge.sources.live import ThreadedSource
 from edge.types import Clock, Frame, FrameSource
 
 __all__ = ["Paced"]
 
 
-class Paced(LiveSource):
+class Paced(ThreadedSource):
     """A live source over a recording.
 
     source     iterated from its start; closed with this

@@ -29,7 +29,7 @@ import cv2
 import numpy as np
 
 from edge.errors import SourceError
-from edge.sources.live import SLOW, LiveSource, Watch
+from edge.sources.live import SLOW, ThreadedSource, Watch
 from edge.sources.options import Options
 from edge.types import Clock, Frame, Image
 
@@ -150,7 +150,7 @@ def _fourcc(name: str) -> int:
 # -- the source -----------------------------------------------------------------------------------
 
 
-class V4l2Source(LiveSource):
+class V4l2Source(ThreadedSource):
     """A camera that comes back after it was lost.
 
     where         see `find_device`

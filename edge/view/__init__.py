@@ -1,15 +1,11 @@
-"""The live page: camera, cells, contacts, shear and charts in a browser, on demand.
+"""Pictures and the live page: camera, cells, contacts, shear and charts.
 
-    page = Page(parse_listen("127.0.0.1:8765"), source, serial, commands, on_wants)
-    page.start(); page.show(...); ...; page.close()
+    palette, panels   one picture as in the paper, drawn with OpenCV: live view, video
+    figures           the same with matplotlib, for print; extra `plot`
+    video             pictures -> a video file
+    page, scene       the live page, served by the worker process (`edge.worker`), drawn by the browser
 
-- It lives in a process of its own (`edge.aside`), which gets from the loop what is new; it makes what viewers
-  see, at 30 Hz at most, and the browser draws it. While nobody watches, nothing is made or computed.
+- Everything takes the types that flow between the stages; polygons come from the tessellation.
+- While nobody watches, nothing is made or computed.
 - Looking is free on this machine; tare and record need the token.
 """
-
-from __future__ import annotations
-
-from edge.view.live import Page
-
-__all__ = ["Page"]

@@ -15,11 +15,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from edge.draw import PAPER, SAFE, Palette
-from edge.draw.palette import FULL_CHANGE, cell_colours
-from edge.draw.panels import GLOBAL_GAIN, LOCAL_GAIN
 from edge.pipeline import Result
 from edge.types import Array, Frame, Rest
+from edge.view.palette import FULL_CHANGE, PAPER, SAFE, Palette, cell_colours
+from edge.view.panels import GLOBAL_GAIN, LOCAL_GAIN
 
 __all__ = ["CHART", "Arrays", "camera", "hello", "touch"]
 
@@ -92,7 +91,7 @@ def touch(result: Result, rest: Rest, surface: bool) -> tuple[dict[str, Any], Ar
     }
     arrays: Arrays = {"pins": _f4(tracks.xy_img)}
     if features is not None:
-        header["touched"] = features.touched
+        header["touched"] = features.in_contact
         arrays["motion"] = _f4(features.displacement_px)
         if features.shear_px is not None:
             header["shear_px"] = features.shear_px.tolist()

@@ -19,8 +19,8 @@ from dataclasses import asdict
 from typing import Any
 
 from hostlink.client import Connection, Sample
+from hostlink.commands.monitor import Board, FingerRow
 from hostlink.errors import LinkError, VersionMismatch
-from hostlink.monitor import Board, Row
 from hostlink.web import Listen, PageServer, Refused, pack_packet
 
 __all__ = ["HandView"]
@@ -48,7 +48,7 @@ class HandView:
         self._connection = connection
         self._board = Board(connection)
         self._looked_s = 0.0
-        self._rows: dict[int, Row] = {}
+        self._rows: dict[int, FingerRow] = {}
         self._mismatch = ""
         self._watched = False
         self._series: dict[int, deque[tuple[float, ...]]] = {}
@@ -111,7 +111,7 @@ class HandView:
         except VersionMismatch as error:
             self._mismatch = str(error)
 
-    def _finger(self, node: int, row: Row, now_s: float) -> tuple[dict[str, Any], array[float]]:
+    def _finger(self, node: int, row: FingerRow, now_s: float) -> tuple[dict[str, Any], array[float]]:
         """What a packet says of one finger, and its rows of the charts."""
         counted = self._counts.get(node, 0)  # before the series: a row more is a row sent again, never lost
         recent = array("f")
@@ -136,11 +136,11 @@ class HandView:
     # ---- worker threads -----------------------------------------------------------------------------
 
     def _tare(self, said: Mapping[str, Any]) -> str:
+        node = said.get("finger")
+        if type(node) is not int or node not in self._connection.fingers:
+            raise Refused("no such finger was heard")
         try:
-            node = int(said["finger"])
             self._connection.fingers[node].tare(bool(said.get("force")))
-        except (KeyError, TypeError, ValueError):
-            raise Refused("no such finger was heard") from None
         except LinkError as error:
             raise Refused(f"finger {node}: {error}") from None
-        return f"finger {node}: taking a new rest frame"
+        return f"finger {node}: the new rest frame is in use"

@@ -10,15 +10,17 @@ alone, and aiohttp only when a server starts.
 
 from __future__ import annotations
 
-from hostlink.web.listen import Listen, WebError, parse_listen
+from hostlink.web.listen import TOKEN_VARIABLE, Listen, WebError, find_token, parse_listen
 from hostlink.web.packet import pack_packet, plain
 from hostlink.web.server import PageServer, Refused, shared_files
 
 __all__ = [
+    "TOKEN_VARIABLE",
     "Listen",
     "PageServer",
     "Refused",
     "WebError",
+    "find_token",
     "pack_packet",
     "parse_listen",
     "plain",

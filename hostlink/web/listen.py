@@ -9,15 +9,19 @@ Rules
 from __future__ import annotations
 
 import ipaddress
+import os
 import secrets
 import socket
 from dataclasses import dataclass
+from pathlib import Path
 
-__all__ = ["DEFAULT", "Listen", "WebError", "parse_listen"]
+__all__ = ["DEFAULT", "TOKEN_VARIABLE", "Listen", "WebError", "find_token", "parse_listen"]
 
 DEFAULT = "127.0.0.1:8765"
 PORT = 8765
 TOKEN_MIN = 8  # characters; generated ones have 22
+TOKEN_VARIABLE = "VORONOI_TOUCH_VIEW_TOKEN"
+_FILE_MAX = 1024  # characters of a token's file that are read
 
 
 class WebError(ValueError):
@@ -50,6 +54,28 @@ def is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
+
+
+def find_token(given: str | None, path: Path | None, option: str) -> str | None:
+    """The token: given, in a file, or in the environment; a command line is seen by all users of a machine.
+
+    path    its first line is the token
+    option  name of the option for the file, for messages
+    Raises  WebError: given twice, or no token in the file
+    """
+    if path is None:
+        return given or os.environ.get(TOKEN_VARIABLE) or None
+    if given is not None:
+        raise WebError(f"{option}: the token is given twice; give it once")
+    try:
+        with path.open(encoding="utf-8") as file:
+            token = file.readline(_FILE_MAX).strip()
+    except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else "not text"
+        raise WebError(f"{option} {path}: {why}; give a file whose first line is the token") from None
+    if not token:
+        raise WebError(f"{option} {path}: its first line is empty; write the token there")
+    return token
 
 
 def parse_listen(text: str, token: str | None = None) -> Listen:

@@ -4,11 +4,11 @@
                                                                         <-- "got n", commands
 
 Rules
-- Nothing is made while nobody watches, and what viewers want together is told once (`on_wants`).
+- Nothing is made while nobody watches; `on_wants` is told what viewers want together when that changes.
 - A viewer says what it got; two packets at most are under way to it. What it is too slow for it never gets:
-  the next one is the newest. One that has not answered for `PATIENCE_S` is cut off. So a viewer costs two
-  packets of memory, whatever it does.
-- More than `VIEWERS_MAX` are sent away with a word, so that the cost of all of them is bounded.
+  the next one is the newest. So a viewer costs two packets of memory, whatever it does.
+- A viewer that acknowledges nothing, talks without end or has too many commands open is cut off; connections
+  that are no viewer's pass a gate (`connections.py`). All numbers are `WebLimits`.
 - Files come from memory, from a fixed table: no path reaches the file system.
 - Names that do not belong to this server (DNS rebinding) and pages of others (`Origin`) are refused.
 """
@@ -23,28 +23,26 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass, field
 from hmac import compare_digest
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
+from hostlink.web.limits import SparseLog, WebLimits
 from hostlink.web.listen import Listen, WebError
 from hostlink.web.packet import plain
+from hostlink.web.viewer import Viewer, parse_message, wishes_in
 
 if TYPE_CHECKING:
     from aiohttp import web
 
-__all__ = ["RATE_HZ", "VIEWERS_MAX", "PageServer", "Refused", "shared_files"]
+    from hostlink.web.connections import Gate
+
+__all__ = ["PageServer", "Refused", "shared_files"]
 
 log = logging.getLogger(__name__)
 
-RATE_HZ = 30.0
-UNDER_WAY = 2  # one being drawn, one on its way: 30 Hz over a line with up to 60 ms there and back
-PATIENCE_S = 5.0
-VIEWERS_MAX = 16  # 16 viewers cost the server's thread 2 % of a core
-MESSAGE_MAX = 4096  # bytes; what viewers say is short
-SLOW_TOKEN_S = 0.5  # a wrong token is answered this late: guessing takes for ever
+JOIN_S = 5.0  # longest wait for the server's thread at the end
 
 _TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 _HEADERS = {
@@ -56,6 +54,8 @@ _HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-cache",
 }
+#: Close codes of the WebSocket protocol (RFC 6455), and one of our own that the page knows.
+_GOING_AWAY, _POLICY, _TRY_LATER, _DENIED = 1001, 1008, 1013, 4401
 
 #: Runs a command for a viewer, with what it sent; returns what to tell it.
 Command = Callable[[Mapping[str, Any]], str]
@@ -63,24 +63,6 @@ Command = Callable[[Mapping[str, Any]], str]
 
 class Refused(Exception):
     """A command that cannot be done now; the words go to the viewer."""
-
-
-@dataclass(eq=False)
-class _Viewer:
-    socket: Any
-    transport: asyncio.Transport
-    may_command: bool = False
-    wants: frozenset[str] = frozenset()
-    slot: bytes | None = None
-    filled: asyncio.Event = field(default_factory=asyncio.Event)
-    sent_n: int = 0
-    got_n: int = 0
-    heard_s: float = 0.0
-    doing: set[asyncio.Task[None]] = field(default_factory=set)
-
-    @property
-    def ready(self) -> bool:
-        return self.slot is None and self.sent_n - self.got_n < UNDER_WAY
 
 
 def shared_files() -> dict[str, bytes]:
@@ -114,9 +96,11 @@ class PageServer:
         commands: Mapping[str, Command] | None = None,
         on_wants: Callable[[frozenset[str] | None], None] | None = None,
         wishes: Iterable[str] = (),
+        limits: WebLimits | None = None,
     ) -> None:
         self.listen = listen
         self.port = listen.port
+        self.limits = limits or WebLimits()
         self.sent_n = 0
         self.cut_off_n = 0
         self._files = shared_files() | _folder(package)
@@ -125,9 +109,11 @@ class PageServer:
         self._commands = dict(commands or {})
         self._on_wants = on_wants or (lambda wants: None)
         self._wishes = frozenset(wishes)
-        self._told: frozenset[str] | None = None
-        self._viewers: set[_Viewer] = set()
-        self._places_taken_n = 0
+        self._wanted: frozenset[str] | None = None
+        self._viewers: set[Viewer] = set()
+        self._nonsense = SparseLog(log, self.limits.log_s)
+        self._failures = SparseLog(log, self.limits.log_s)
+        self._gate: Gate | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
         self._stop: asyncio.Event | None = None
@@ -143,10 +129,15 @@ class PageServer:
     def viewers_n(self) -> int:
         return len(self._viewers)
 
+    @property
+    def connections_n(self) -> int:
+        """Connections that are not a viewer's."""
+        return len(self._gate) if self._gate is not None else 0
+
     def start(self) -> None:
         """Serve, in a thread. Raises WebError: no aiohttp, or the address cannot be bound."""
         try:
-            import aiohttp  # noqa: F401
+            import hostlink.web.connections  # noqa: F401
         except ImportError as error:
             raise WebError(f"view: {error}; install voronoi-touch[view]") from error
         started: Future[None] = Future()
@@ -175,25 +166,20 @@ class PageServer:
         if self._loop is not None and self._stop is not None and self._thread is not None:
             if self._thread.is_alive():
                 self._loop.call_soon_threadsafe(self._stop.set)
-            self._thread.join(PATIENCE_S)
+            self._thread.join(JOIN_S)
 
     # ---- the server's thread ------------------------------------------------------------------------
 
     async def _serve(self, started: Future[None]) -> None:
         from aiohttp import web
 
+        from hostlink.web.connections import Gate, make_server
+
         self._loop = asyncio.get_running_loop()
+        self._loop.set_exception_handler(self._on_loop_exception)
         self._stop, self._watched = asyncio.Event(), asyncio.Event()
-
-        @web.middleware
-        async def guard(request: web.Request, handler: Any) -> web.StreamResponse:
-            return await self._guard(request, handler)
-
-        app = web.Application(middlewares=[guard])
-        app.router.add_get("/live", self._live)
-        app.router.add_get("/{name:[a-z_]*(\\.[a-z]+)?}", self._file)
-        # Nobody is waited for at the end: viewers were told, and their sockets are cut.
-        runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.5)
+        self._gate = Gate(self.limits)
+        runner = make_server(self._answer, self._gate, self._nonsense, self.limits)
         await runner.setup()
         try:
             site = web.TCPSite(runner, self.listen.host, self.listen.port)
@@ -203,104 +189,143 @@ class PageServer:
             started.set_result(None)
             await self._stop.wait()
             pump.cancel()
-            goodbyes = [v.socket.close(code=1001, message=b"the program ended") for v in self._viewers]
+            goodbyes = [v.socket.close(code=_GOING_AWAY, message=b"the program ended") for v in self._viewers]
             await asyncio.gather(*goodbyes, return_exceptions=True)
         finally:
             await runner.cleanup()
+            self._tell_wants()
 
-    async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
-        """Only by a name of this server's own; and no page of another site may open the socket."""
+    def _on_loop_exception(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """What asyncio would print once for each connection."""
+        self._failures.write(f"view: {context['message']}", context.get("exception"), logging.ERROR)
+
+    async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
+        """A file or the socket; only by a name of this server's own, and for no page of another site."""
         from aiohttp import web
 
-        if self.listen.loopback and _host(request.host) not in ("localhost", "127.0.0.1", "::1"):
-            raise web.HTTPForbidden(text="this page is served to this machine only")
         origin = request.headers.get("Origin")
-        if origin is not None and urlsplit(origin).netloc != request.host:
-            raise web.HTTPForbidden(text="this is not your page")
-        answer: web.StreamResponse = await handler(request)
-        return answer
+        if self.listen.loopback and _host(request.host) not in ("localhost", "127.0.0.1", "::1"):
+            return web.Response(status=403, text="this page is served to this machine only")
+        if origin is not None and _place(origin) != request.host:
+            return web.Response(status=403, text="this is not your page")
+        if request.method not in ("GET", "HEAD"):
+            return web.Response(status=405, text="GET only", headers={"Allow": "GET, HEAD"})
+        if request.path == "/live":
+            return await self._live(request)
+        return self._file(request.path)
 
-    async def _file(self, request: web.Request) -> web.Response:
+    def _file(self, path: str) -> web.Response:
         from aiohttp import web
 
-        name = request.match_info["name"] or "index.html"
+        name = path.removeprefix("/") or "index.html"
         if name not in self._files:
-            raise web.HTTPNotFound
+            return web.Response(status=404, text="no such page")
         kind = _TYPES[name[name.rindex(".") :]]
         return web.Response(body=self._files[name], content_type=kind, charset="utf-8", headers=_HEADERS)
 
-    async def _live(self, request: web.Request) -> web.WebSocketResponse:
+    async def _live(self, request: web.BaseRequest) -> web.StreamResponse:
         from aiohttp import web
 
-        socket = web.WebSocketResponse(compress=False, max_msg_size=MESSAGE_MAX, timeout=1.0)
+        assert self._gate is not None
+        socket = web.WebSocketResponse(
+            compress=False, max_msg_size=self.limits.message_bytes, timeout=1.0, autoping=False
+        )
+        if not socket.can_prepare(request):
+            return web.Response(status=400, text="this address is for the page's own connection")
         await socket.prepare(request)
         assert isinstance(request.transport, asyncio.Transport)
-        if self._places_taken_n >= VIEWERS_MAX:
-            await socket.close(code=1013, message=f"{VIEWERS_MAX} viewers are watching already".encode())
-            return socket
-        self._places_taken_n += 1  # before the first wait: who comes at the same time finds it taken
-        viewer = _Viewer(socket, request.transport, heard_s=time.monotonic())
+        viewer = Viewer(socket, request.transport, time.monotonic())
         try:
-            if await self._admit(viewer):
-                await self._attend(viewer)
-            else:
-                await socket.close(code=4401, message=b"the token is missing or wrong")
-        finally:
-            self._places_taken_n -= 1
+            admitted = await self._admit(viewer)
+        except ValueError:
+            admitted = False
+        if not admitted:
+            await socket.close(code=_DENIED, message=b"the token is missing or wrong")
+        elif self.viewers_n >= self.limits.viewers_n:
+            await socket.close(
+                code=_TRY_LATER, message=f"{self.viewers_n} viewers are watching already".encode()
+            )
+        else:
+            self._viewers.add(viewer)  # before the next wait: who comes at the same time finds it taken
+            self._gate.leave(viewer.transport)
+            await self._attend(viewer)
         return socket
 
-    async def _attend(self, viewer: _Viewer) -> None:
-        """Feed a viewer and hear it, until it leaves."""
-        self._viewers.add(viewer)
-        feeder = asyncio.create_task(self._feed(viewer))
-        try:
-            self._tell_wants()
-            async for message in viewer.socket:
-                if message.type is not message.type.TEXT or not await self._hear(viewer, message.data):
-                    break
-        finally:
-            feeder.cancel()
-            self._viewers.discard(viewer)
-            self._tell_wants()
+    async def _admit(self, viewer: Viewer) -> bool:
+        """Read the first message, {"token": ..., "want": [...]}; whether it may look.
 
-    async def _admit(self, viewer: _Viewer) -> bool:
-        """Read the first message, {"token": ..., "want": [...]}, and answer with the greeting."""
+        Raises ValueError: it says something else
+        """
         try:
-            said = json.loads(await asyncio.wait_for(viewer.socket.receive_str(), PATIENCE_S))
-            token, wants = str(said.get("token") or ""), frozenset(said.get("want", ()))
-        except (ValueError, TypeError, AttributeError, TimeoutError):
+            said = parse_message(await asyncio.wait_for(viewer.socket.receive_str(), self.limits.patience_s))
+        except (TypeError, TimeoutError):  # binary, or nothing
+            return False
+        token = said.get("token") or ""
+        if not isinstance(token, str):
             return False
         expected = self.listen.token
+        viewer.wants = wishes_in(said, self._wishes)
         viewer.may_command = bool(expected) and compare_digest(token.encode(), expected.encode())
         if token and not viewer.may_command:
-            await asyncio.sleep(SLOW_TOKEN_S)
-        if not viewer.may_command and (token or not self.listen.loopback):
-            return False
-        viewer.wants = wants & self._wishes
-        names = sorted(self._commands) if viewer.may_command else []
-        await viewer.socket.send_str(json.dumps({"hello": plain(self._hello), "may": names}))
-        return True
+            await asyncio.sleep(self.limits.wrong_token_s)
+        return viewer.may_command or (not token and self.listen.loopback)
 
-    async def _hear(self, viewer: _Viewer, text: str) -> bool:
-        """One message of a viewer. False: it makes no sense, and the viewer has to go."""
-        viewer.heard_s = time.monotonic()
+    async def _attend(self, viewer: Viewer) -> None:
+        """Greet a viewer, feed it and hear it, until it leaves."""
+        from aiohttp import WSMsgType
+
+        assert self._watched is not None
+        feeder: asyncio.Task[None] | None = None
         try:
-            said = json.loads(text)
+            names = sorted(self._commands) if viewer.may_command else []
+            await viewer.socket.send_str(json.dumps({"hello": plain(self._hello), "may": names}))
+            feeder = asyncio.create_task(self._feed(viewer))
+            self._watched.set()
+            async for message in viewer.socket:
+                if viewer.talks_too_much(time.monotonic(), self.limits):
+                    self._drop(viewer, "more messages than it may send")
+                elif message.type is WSMsgType.PING:
+                    await viewer.socket.pong(message.data)
+                elif message.type is WSMsgType.TEXT and not self._hear(viewer, message.data):
+                    await viewer.socket.close(code=_POLICY, message=b"not understood")
+        except ConnectionError:
+            pass  # it has left
+        finally:
+            if feeder is not None:
+                feeder.cancel()
+            self._viewers.discard(viewer)
+
+    def _drop(self, viewer: Viewer, why: str) -> None:
+        """End a viewer's connection without waiting for it."""
+        if viewer in self._viewers:
+            self.cut_off_n += 1
+            self._viewers.discard(viewer)
+            self._nonsense.write(f"view: a viewer was cut off: {why}", level=logging.INFO)
+        viewer.transport.abort()
+
+    def _hear(self, viewer: Viewer, text: str) -> bool:
+        """One message of a viewer. False: it makes no sense, and the viewer has to go."""
+        try:
+            said = parse_message(text)
             if "got" in said:
-                viewer.got_n = min(int(said["got"]), viewer.sent_n)
+                viewer.acknowledge(said["got"], time.monotonic())
             if "want" in said:
-                viewer.wants = frozenset(said["want"]) & self._wishes
-                self._tell_wants()
-            if "do" in said:  # beside the reading: a command may take longer than our patience
-                task = asyncio.create_task(self._do(viewer, str(said["do"]), said))
-                viewer.doing.add(task)
-                task.add_done_callback(viewer.doing.discard)
-        except (ValueError, TypeError, KeyError) as error:
-            log.warning("view: a viewer said %.80r: %s", text, error)
+                viewer.wants = wishes_in(said, self._wishes)
+            name = said.get("do", "")
+            if not isinstance(name, str):
+                raise ValueError("'do' is not the name of a command")
+        except ValueError as error:
+            self._nonsense.write(f"view: a viewer's message {text[:80]!a}: {error}")
             return False
+        if name and len(viewer.doing) >= self.limits.commands_n:
+            self._drop(viewer, f"more than {self.limits.commands_n} commands without reading the answers")
+        elif name:  # beside the reading: a command may take longer than our patience
+            task = asyncio.create_task(self._do(viewer, name, said))
+            viewer.doing.add(task)
+            task.add_done_callback(viewer.doing.discard)
         return True
 
-    async def _do(self, viewer: _Viewer, name: str, said: Mapping[str, Any]) -> None:
+    async def _do(self, viewer: Viewer, name: str, said: Mapping[str, Any]) -> None:
         """Run a command if the viewer may, and tell it what came of it."""
         ok, command = False, self._commands.get(name)
         if command is None:
@@ -312,11 +337,11 @@ class PageServer:
                 words, ok = await asyncio.to_thread(command, said), True
             except Refused as error:
                 words = str(error)
-            except Exception:
-                log.exception("view: command %s", name)
+            except Exception as error:  # noqa: BLE001  (logged, and the page goes on)
+                self._failures.write(f"view: command {name} failed", error, logging.ERROR)
                 words = f"{name} failed; see the program's log"
         with suppress(ConnectionError):  # it may have left meanwhile
-            await viewer.socket.send_str(json.dumps({"did": name, "ok": ok, "words": words}))
+            await viewer.socket.send_str(json.dumps({"did": name[:40], "ok": ok, "words": words}))
 
     async def _pump(self) -> None:
         """Packets for whoever is ready, at the page's rate; asleep while nobody watches."""
@@ -324,15 +349,15 @@ class PageServer:
         due_s = time.monotonic()
         while True:
             await self._watched.wait()
-            due_s = max(due_s + 1 / RATE_HZ, time.monotonic())
+            self._tell_wants()
+            due_s = max(due_s + 1 / self.limits.rate_hz, time.monotonic())
             await asyncio.sleep(due_s - time.monotonic())
             made: dict[frozenset[str], bytes | None] = {}
+            now_s = time.monotonic()
             for viewer in list(self._viewers):
-                if time.monotonic() - viewer.heard_s > PATIENCE_S and viewer.sent_n > viewer.got_n:
-                    self.cut_off_n += 1
-                    self._viewers.discard(viewer)
-                    viewer.transport.abort()
-                elif viewer.ready:
+                if viewer.is_stuck(now_s, self.limits):
+                    self._drop(viewer, f"no acknowledgement for {self.limits.patience_s:g} s")
+                elif viewer.is_ready(self.limits):
                     if viewer.wants not in made:
                         made[viewer.wants] = self._packet(viewer.wants)
                     viewer.slot = made[viewer.wants]
@@ -342,17 +367,19 @@ class PageServer:
     def _packet(self, wants: frozenset[str]) -> bytes | None:
         try:
             return self._make(wants)
-        except Exception:  # a picture that cannot be made must not end the page for everybody
-            log.exception("view: packet")
+        except Exception as error:  # noqa: BLE001  (must not end the page for everybody)
+            self._failures.write("view: a picture cannot be made", error, logging.ERROR)
             return None
 
-    async def _feed(self, viewer: _Viewer) -> None:
+    async def _feed(self, viewer: Viewer) -> None:
         """Send what lies in the slot; waits here for a slow socket, and nowhere else."""
         while True:
             await viewer.filled.wait()
             viewer.filled.clear()
             if viewer.slot is not None:
                 packet, viewer.slot = viewer.slot, None
+                if viewer.sent_n == viewer.got_n:
+                    viewer.progress_s = time.monotonic()  # patience begins with what has to be acknowledged
                 viewer.sent_n += 1
                 self.sent_n += 1
                 try:
@@ -361,19 +388,28 @@ class PageServer:
                     return
 
     def _tell_wants(self) -> None:
-        assert self._watched is not None
+        """What all viewers want together, where that has changed; at most once a tick."""
         wants: frozenset[str] | None = None
         for viewer in self._viewers:
             wants = viewer.wants | (wants or frozenset())
-        if self._viewers:
-            self._watched.set()
-        else:
+        if wants is None and self._watched is not None:
             self._watched.clear()
-        if wants != self._told:
-            self._told = wants
+        if wants != self._wanted:
+            self._wanted = wants
             self._on_wants(wants)
 
 
 def _host(host: str) -> str:
-    """Without its port."""
-    return urlsplit(f"//{host}").hostname or ""
+    """Without its port; "" where it is none."""
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
+
+
+def _place(origin: str) -> str:
+    """Host and port of an origin; "" where it is none."""
+    try:
+        return urlsplit(origin).netloc
+    except ValueError:
+        return ""

@@ -23,6 +23,8 @@ from hostlink.wire.objects import (
     OBJECTS,
     Abort,
     Object,
+    RestFrameReason,
+    RestFrameState,
     object_at,
     object_named,
     pack_value,
@@ -41,7 +43,7 @@ from hostlink.wire.serial import (
     unpack_message,
 )
 from hostlink.wire.state import Contact, State, pack_state, unpack_state
-from hostlink.wire.status import FAULTS, STATUS, Fault, FaultCode, Status
+from hostlink.wire.status import FAULTS, NO_CONTROL, STATUS, Fault, FaultCode, Status
 
 __all__ = [
     "ABORTS",
@@ -49,6 +51,7 @@ __all__ = [
     "FAULTS",
     "FEATURE_BITS",
     "FIELDS",
+    "NO_CONTROL",
     "OBJECTS",
     "SCHEMA_HASH",
     "STATE_SIZE",
@@ -72,6 +75,8 @@ __all__ = [
     "ObjectReply",
     "ObjectRequest",
     "Op",
+    "RestFrameReason",
+    "RestFrameState",
     "State",
     "Status",
     "VersionMismatch",

@@ -32,17 +32,19 @@ class VersionMismatch(WireError):
 
     ours, theirs  layout versions; equal when only the tables differ (a development build)
     our_id, their_id  ids of the two schemas: 16 bits, 8 on classic CAN; 32 in the identity object
+    node          number of the sensor
     """
 
-    def __init__(self, ours: int, theirs: int, our_id: int, their_id: int) -> None:
+    def __init__(self, ours: int, theirs: int, our_id: int, their_id: int, node: int) -> None:
         super().__init__(
-            f"the sensor speaks wire version {theirs} (schema 0x{their_id:04x}), this host speaks "
+            f"finger {node} speaks wire version {theirs} (schema 0x{their_id:04x}), this host speaks "
             f"version {ours} (schema 0x{our_id:04x}): install the same voronoi-touch release on both ends"
         )
         self.ours = ours
         self.theirs = theirs
         self.our_id = our_id
         self.their_id = their_id
+        self.node = node
 
 
 class ObjectAborted(WireError):

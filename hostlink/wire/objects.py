@@ -6,8 +6,9 @@ requests speak it. Values: little-endian, as CiA 301 has it; `pack_value` / `unp
 Rules
 - 0x1000..0x1FFF are CiA 301's, 0x2000..0x2FFF ours.
 - Access: ro, rw, wo, const as in CiA 301. `stored` objects survive a restart.
-- A command object is wo: writing does it, and the answer says whether it was done. Reading back what it
-  did is another object's business.
+- A command object is wo: writing does it, and the answer says whether it was done. Where that takes
+  longer than an answer may (`tare`, `calibration`: images have to be taken and judged), the answer says
+  that it was begun, and `rest_frame_*` what became of it.
 - `$NODEID` in a default is added to the base.
 """
 
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Final
 
 from hostlink.wire.errors import CorruptFrame
@@ -25,9 +27,13 @@ __all__ = [
     "FEATURE_BITS",
     "GROUPS",
     "OBJECTS",
+    "REST_FRAME_REASONS",
+    "REST_FRAME_STATES",
     "TYPES",
     "Abort",
     "Object",
+    "RestFrameReason",
+    "RestFrameState",
     "Value",
     "object_at",
     "object_named",
@@ -122,6 +128,50 @@ ABORTS: Final = {
     Abort.TOGGLE: "segments out of step",
 }
 
+
+class RestFrameState(IntEnum):
+    """What became of the last request for a rest frame: object `rest_frame_state`."""
+
+    UNKNOWN = 0
+    BUSY = 1
+    ACCEPTED = 2
+    REFUSED = 3
+    FORCED = 4
+
+
+class RestFrameReason(IntEnum):
+    """Why a rest frame was refused, or what a forced one shows: object `rest_frame_reason`."""
+
+    NONE = 0
+    TOUCHED = 1
+    UNSTEADY = 2
+    TOO_FEW_PINS = 3
+    NO_PIN_PATTERN = 4
+    OTHER_TIP = 5
+    NO_IMAGES = 6
+    NOT_STORED = 7
+    OTHER = 255
+
+
+REST_FRAME_STATES: Final = {
+    RestFrameState.UNKNOWN: "nothing was asked for yet, or the node cannot say",
+    RestFrameState.BUSY: "images are being taken and judged; the rest frame before is in use",
+    RestFrameState.ACCEPTED: "the new rest frame is in use",
+    RestFrameState.REFUSED: "the rest frame (and the calibration) before stay in use; the reason says why",
+    RestFrameState.FORCED: "in use because it was forced, although it is implausible for the given reason",
+}
+REST_FRAME_REASONS: Final = {
+    RestFrameReason.NONE: "none",
+    RestFrameReason.TOUCHED: "something touches the tip",
+    RestFrameReason.UNSTEADY: "pins moved while the images were taken",
+    RestFrameReason.TOO_FEW_PINS: "too few pins are seen",
+    RestFrameReason.NO_PIN_PATTERN: "the image shows no pattern of pins",
+    RestFrameReason.OTHER_TIP: "the pins are not those of the calibration",
+    RestFrameReason.NO_IMAGES: "the camera gave no images",
+    RestFrameReason.NOT_STORED: "the calibration cannot be stored",
+    RestFrameReason.OTHER: "another reason, see `rest_frame_words`",
+}
+
 # Bits of `features`: what the sensor computes and sends; names of `edge.types.Feature`.
 FEATURE_BITS: Final = {
     "displacement": 1 << 0,
@@ -206,7 +256,7 @@ OBJECTS: Final = (
     _O(0x2012, 0, "restore_defaults", "unsigned32", "wo", None, "", "write 0x64616F6C (the bytes 'load'): "
        "stored settings back to defaults", 0x64616F6C, 0x64616F6C),
     # --- settings ---
-    _O(0x2020, 0, "settings_max_sub", "unsigned8", "const", 4, "", "highest sub-index"),
+    _O(0x2020, 0, "settings_max_sub", "unsigned8", "const", 5, "", "highest sub-index"),
     _O(0x2020, 1, "rate_hz", "real32", "rw", 0.0, "Hz", "samples per second at the most; 0: every image",
        0, 1000, stored=True),
     _O(0x2020, 2, "divider", "unsigned16", "rw", 1, "", "send every n-th measurement", 1, 1000, stored=True),
@@ -214,11 +264,21 @@ OBJECTS: Final = (
        "send; others are invalid", 0, _ALL_FEATURES, stored=True),
     _O(0x2020, 4, "detail_divider", "unsigned16", "rw", 0, "", "every pin's motion with every n-th sample; "
        "0 is off", 0, 1000, stored=True),
-    # --- calibration ---
+    _O(0x2020, 5, "settings_stored", "boolean", "ro", None, "", "1: settings and calibration survive a "
+       "restart; 0: they hold until then, for there is no folder to store them in"),
+    # --- calibration, and the rest frame that it is used with ---
     _O(0x2030, 0, "calibration", "domain", "rw", None, "", "the calibration file (JSON); a written one is "
        "validated, stored and applied, or refused", stored=True),
     _O(0x2031, 0, "refusal", "visible_string", "ro", "", "", "why the last write was refused, in words; "
        "empty: it was not, or its abort code says all"),
+    _O(0x2032, 0, "rest_frame_max_sub", "unsigned8", "const", 4, "", "highest sub-index"),
+    _O(0x2032, 1, "rest_frame_request_n", "unsigned16", "ro", 0, "", "number of the last request for a rest "
+       "frame (`tare`, a written `calibration`) that was not refused at once; begins anew with a restart"),
+    _O(0x2032, 2, "rest_frame_state", "unsigned8", "ro", RestFrameState.UNKNOWN, "", "what became of that "
+       "request, see below"),
+    _O(0x2032, 3, "rest_frame_reason", "unsigned8", "ro", RestFrameReason.NONE, "", "why it was refused, or "
+       "what a forced one shows, see below"),
+    _O(0x2032, 4, "rest_frame_words", "visible_string", "ro", "", "", "the same in words"),
     # --- statistics ---
     _O(0x2040, 0, "statistics_max_sub", "unsigned8", "const", 9, "", "highest sub-index"),
     _O(0x2040, 1, "uptime_s", "unsigned32", "ro", 0, "s", "since the software started"),
@@ -241,6 +301,7 @@ GROUPS: Final = {
     **{0x1A00 + i: (f"tpdo{i + 1}_mapping", 9) for i in range(4)},
     0x2000: ("info", 9),
     0x2020: ("settings", 9),
+    0x2032: ("rest_frame", 9),
     0x2040: ("statistics", 9),
 }
 

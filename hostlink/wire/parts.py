@@ -92,6 +92,8 @@ _SLOTS: Final = tuple(_slots(part) for part in PARTS)
 _PAGED: Final = {(p.tpdo, p.page): p for p in PARTS}
 _UNPAGED: Final = {p.tpdo for p in PARTS if p.page is None}
 _NAMES: Final = tuple(f.name for f in LAYOUT)
+_ALWAYS: Final = sum(1 << p.index for p in PARTS if p.always)
+_INTERLEAVED: Final = 3  # a bus that swaps two parts does so once in a while
 _NAN_WIDE: Final = {f.name: f.raw_nan(8 * f.size) for f in LAYOUT if not f.plain}
 
 
@@ -184,8 +186,14 @@ class Assembler:
         self.stray_n = 0
         self._raws: dict[str, int] = {}
         self._key: tuple[int, int] | None = None  # counter, low bits of the sample; None: no sample begun
-        self._taken_n = 0
-        self._last = -1
+        self._taken = 0  # bit i: part i
+        self._dropped_key: tuple[int, int] | None = None
+        self._interleaved_n = 0  # parts of a sample dropped for a newer one, since one was complete
+
+    @property
+    def is_interleaved(self) -> bool:
+        """Whether parts of two samples alternate again and again: there are two senders."""
+        return self._interleaved_n >= _INTERLEAVED
 
     def add(self, frame: PartFrame) -> State | None:
         """The sample that this part completes, or None.
@@ -194,19 +202,21 @@ class Assembler:
         """
         key = (frame.counter, frame.sample_low)
         if frame.part.index == 0:
+            self._dropped_key = self._key
             self.drop()
             self._raws = dict(_NAN_WIDE)
-            self._key, self._taken_n, self._last = key, 0, -1
-        elif key != self._key or frame.part.index <= self._last:
+            self._key, self._taken = key, 0
+        elif key != self._key or self._taken >> frame.part.index:  # another sample's, or out of order
+            self._interleaved_n += key == self._dropped_key
             self.drop()
             self.stray_n += 1
             return None
-        self._taken_n += 1
-        self._last = frame.part.index
+        self._taken |= 1 << frame.part.index
         self._raws.update(frame.raws)
-        if self._taken_n != self._raws.get("part_n"):
+        if self._taken.bit_count() != self._raws.get("part_n"):
             return None
-        self._key = None
+        self._key = self._dropped_key = None
+        self._interleaved_n = 0
         return self._state(frame.sample_low)
 
     def drop(self) -> None:
@@ -217,6 +227,8 @@ class Assembler:
 
     def _state(self, sample_low: int) -> State:
         raws = self._raws
+        if self._taken & _ALWAYS != _ALWAYS:
+            raise CorruptFrame("classic sample that claims to be complete without parts that each sample has")
         raws["sample"] = raws["sample_high"] << SAMPLE_LOW_BITS | sample_low
         values = [raws[name] for name in _NAMES]
         if check_of(values) & _CHECK_MASK != raws["check"]:

@@ -16,7 +16,7 @@ from typing import Any, Final
 from zlib import crc32
 
 from hostlink.wire.e2e import check_p5, protect_p5
-from hostlink.wire.errors import CorruptFrame, VersionMismatch
+from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.fields import (
     CHECK_SIZE,
     CONTACTS_MAX,
@@ -169,16 +169,15 @@ def pack_state(state: State, counter: int) -> bytes:
 def unpack_state(frame: bytes) -> State:
     """The sample in a 64-byte frame; its counter is `frame[2]`.
 
-    Raises CorruptFrame: length, CRC or check is wrong (a frame of another version looks like that, too: only
-           several frames together tell noise from another version, see `hostlink.decoder`);
-           VersionMismatch: CRC right, version not ours
+    Raises CorruptFrame: length, CRC, version or check is wrong. A frame of another version looks like that,
+           too: only several frames together tell noise from another version, see `hostlink.decoder`
     """
     if len(frame) != STATE_SIZE:
         raise CorruptFrame(f"state frame of {len(frame)} bytes instead of {STATE_SIZE}")
     if not check_p5(frame, DATA_ID):
         raise CorruptFrame("state frame with a wrong CRC")
     if frame[HEADER_SIZE - 1] != VERSION:
-        raise VersionMismatch(VERSION, frame[HEADER_SIZE - 1], DATA_ID, DATA_ID)
+        raise CorruptFrame("state frame whose version does not fit its CRC")
     if crc32(frame[_BODY_AT:_CHECK_AT]) & 0xFFFF != frame[_CHECK_AT] | frame[_CHECK_AT + 1] << 8:
         raise CorruptFrame("state frame whose content does not fit its check")
     return restore(_BODY.unpack_from(frame, _BODY_AT)[1:])

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import Final
 
-__all__ = ["FAULTS", "STATUS", "Fault", "FaultCode", "Status", "StatusBit"]
+__all__ = ["FAULTS", "NO_CONTROL", "STATUS", "Fault", "FaultCode", "Status", "StatusBit"]
 
 
 class Status(IntFlag):
@@ -37,25 +37,42 @@ class Status(IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class StatusBit:
-    """One row: the bit, its meaning, and what a controller should do."""
+    """One row: the bit, its meaning, and what a controller should do.
+
+    no_control  what a sample with this bit says must not move a hand
+    """
 
     bit: Status
     meaning: str
     advice: str
+    no_control: bool = False
 
 
 STATUS: Final = (
     StatusBit(Status.TOUCHED, "something touches the tip", "no fault; contacts and areas are worth reading"),
     StatusBit(Status.UNCALIBRATED, "no calibration of this tip is applied", "calibrated fields are invalid"),
     StatusBit(Status.SATURATED, "a value lies outside of its calibrated range", "it is the range's end"),
-    StatusBit(Status.OVERLOAD, "the tip is pressed or sheared beyond what it stands", "let go"),
-    StatusBit(Status.CAMERA_FAULT, "no new images", "every measured field is invalid; do not control on it"),
+    StatusBit(Status.OVERLOAD, "the tip is pressed or sheared beyond its limit", "let go"),
+    StatusBit(Status.CAMERA_FAULT, "no new images", "every measured field is invalid", no_control=True),
     StatusBit(Status.IMAGE_FAULT, "image too dark, too bright or out of focus", "values may be noisy"),
     StatusBit(Status.PINS_LOST, "too few pins are seen", "values that cannot be trusted are invalid"),
-    StatusBit(Status.TRACKER_LOST, "pin identities are not held", "all values are invalid until it recovers"),
-    StatusBit(Status.TARE_FAULT, "no plausible rest frame", "tare again with nothing touching the tip"),
     StatusBit(
-        Status.CAMERA_MOVED, "the camera sits differently than at the last tare", "tare; calibrate again"
+        Status.TRACKER_LOST,
+        "which pin is which is not known",
+        "all values are invalid until it is",
+        no_control=True,
+    ),
+    StatusBit(
+        Status.TARE_FAULT,
+        "no plausible rest frame",
+        "tare again with nothing touching the tip",
+        no_control=True,
+    ),
+    StatusBit(
+        Status.CAMERA_MOVED,
+        "the camera sits differently than at the last tare",
+        "tare; calibrate again",
+        no_control=True,
     ),
     StatusBit(
         Status.FRAMES_DROPPED, "images were skipped since the last sample", "the rate is lower than asked"
@@ -67,9 +84,13 @@ STATUS: Final = (
     StatusBit(Status.CLOCK_STEP, "the capture clock jumped since the last sample", "map the clock anew"),
     StatusBit(Status.OVER_TEMPERATURE, "board or camera is too warm", "improve cooling; the rate may drop"),
     StatusBit(
-        Status.NOT_LIVE, "from a recording or the simulator, not from a camera", "never move a hand on it"
+        Status.NOT_LIVE, "from a recording or the simulator, not from a camera", "not what is felt now",
+        no_control=True,
     ),
-)
+)  # fmt: skip
+
+#: Never move a hand on a sample that has one of these bits.
+NO_CONTROL: Final = Status(sum(row.bit for row in STATUS if row.no_control))
 
 
 class FaultCode(IntEnum):

@@ -13,6 +13,7 @@ import click
 
 COMMANDS = {
     "identity": ("tests.bench.identity", "Pin identity after a jump, on real and simulated frames."),
+    "instructions": ("tests.bench.instructions", "Instructions and cache misses of a frame, counted."),
     "paced": ("tests.bench.paced", "The running app at 240 frames/s: latency, memory, losses."),
     "speed": ("tests.bench.speed", "Time per frame and stage, against reference and floor (default)."),
     "real": ("tests.bench.real", "Errors on the published recordings, five splits and a learning curve."),

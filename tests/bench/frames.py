@@ -10,7 +10,8 @@ import msgspec
 
 from calib.sim import Camera, Simulator, Tip
 from calib.sim.script import REST_FRAMES, SCENES, play
-from edge.calibration import Calibration, sensor_of
+from edge.calibration import Calibration
+from edge.calibration.file import sensor_of
 from edge.pins import take_rest
 from edge.types import Frame
 

@@ -28,9 +28,10 @@ from rich.table import Table
 from calib.sim import Blob, Camera, Contact, Look, Simulator, Tip, Tool, deform
 from calib.sim.mechanics import Deformation
 from calib.sim.render import Renderer
-from calib.simulated import calibrate_simulated
+from calib.simulated_calibration import calibrate_simulated
 from edge.calibration import Calibration
-from edge.pipeline import Pipeline, tare
+from edge.pipeline import Pipeline
+from edge.runtime.tare import tare
 from edge.types import Array, Feature, Frame, Image, Tracks
 
 RESULTS = Path(__file__).parent / "results"
@@ -146,8 +147,10 @@ def poses(depth_mm: float, touched: bool) -> Iterator[tuple[Contact, ...]]:
         yield ()
     for k in range(1, DOWN_N + HOLD_N + SHEAR_N + 1):
         down = depth_mm * min(k / DOWN_N, 1.0)
-        aside = max(0, k - DOWN_N - HOLD_N) / SHEAR_N
-        yield ((replace(BALL, depth_mm=round(down, 6), shear_x_mm=round(0.8 * aside, 6)),) if touched else ())
+        sideways = max(0, k - DOWN_N - HOLD_N) / SHEAR_N
+        yield (
+            (replace(BALL, depth_mm=round(down, 6), shear_x_mm=round(0.8 * sideways, 6)),) if touched else ()
+        )
 
 
 @dataclass(frozen=True)
@@ -235,7 +238,7 @@ def measure(camera: Camera, calibration: Calibration | None, name: str, seed: in
     touches = 0
     for shown in frames:
         features = pipeline.process(shown.frame).features
-        touches += features is not None and (features.touched or bool(features.contacts))
+        touches += features is not None and (features.in_contact or bool(features.contacts))
     return Outcome(
         f"{len(camera.tip.rays)} pins", name, count, unsure, swapped,
         float(np.mean(place_error)) if place_error else np.nan,

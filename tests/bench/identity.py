@@ -1,8 +1,8 @@
 """Pin identity after a jump: the published 331-pin set frame by frame, and simulated jumps of known truth.
 
-Real frames have no known identities. Counted is what must be so if they are right: a pin's motion is
-within 4 px of the mean of its matched Delaunay neighbours'. A whole lattice that slipped passes that
-test, so a second one looks from outside: the mean motion as a smooth function of the robot's pose.
+The identities of real frames are not known. Two necessary conditions are counted. A pin's motion is within
+4 px of the mean of its matched Delaunay neighbours'. A lattice that slipped as a whole passes that, so the
+mean motion is compared with a smooth function of the robot's pose too.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from scipy.spatial import Delaunay
 
 from calib.sim import Camera, Contact, Tip, Tool, deform
 from edge.pins import detect, take_rest
-from edge.track import Tracker
+from edge.tracking import Tracker
 from edge.types import Array, Image, Mask, PinPattern, Pins, Rest, Tracks
 
 RESULTS = Path(__file__).parent / "results"
@@ -49,7 +49,7 @@ class Jump:
 
 @dataclass(frozen=True)
 class Hazard:
-    """What is wrong with a simulated frame: share of pins dropped, false blobs, pairs merged into one."""
+    """The faults of a simulated frame: share of pins dropped, false blobs, pairs merged into one."""
 
     name: str
     dropped: float = 0.0
@@ -212,17 +212,18 @@ def spoil(xy: Array, hazard: Hazard, reach_px: float, rng: np.random.Generator) 
 class Outcome:
     """Many simulated jumps of one kind.
 
-    n_sure      frames whose confidence allows use
-    silent      of those: frames with a tenth of the pins or more given to another pin
-    flagged     frames so wrong, and known to be
-    swapped     pins given the blob of another pin, in sure frames
-    false_taken blobs that are no pin (or two) taken as one, in sure frames
+    n_trusted    frames whose confidence allows use
+    silent       of those: frames with a tenth of the pins or more given to another pin
+    flagged      frames so wrong, with a low confidence
+    swapped      pins given the blob of another pin, in trusted frames
+    false_taken  blobs that are no pin (or two) taken as one, in trusted frames
+    missed       pins without a blob though one is theirs, in trusted frames
     """
 
     tip: str
     hazard: str
     frames: int
-    n_sure: int
+    n_trusted: int
     silent: int
     flagged: int
     swapped: int
@@ -248,15 +249,15 @@ def simulated(n_pins: int, frames: int, seed: int) -> Iterator[Outcome]:
             spent = (time.process_time() - began) * 1e3 / frames
             swapped, false, missed = judge(tracks, blob, owner)
             wrong = swapped > 0.1 * tracks.n_seen
-            sure = tracks.confidence >= Tracks.LOW_CONFIDENCE
+            trusted = tracks.confidence >= Tracks.LOW_CONFIDENCE
             total = replace(
                 total,
-                n_sure=total.n_sure + sure,
-                silent=total.silent + (wrong and sure),
-                flagged=total.flagged + (wrong and not sure),
-                swapped=total.swapped + swapped * sure,
-                false_taken=total.false_taken + false * sure,
-                missed=total.missed + missed * sure,
+                n_trusted=total.n_trusted + trusted,
+                silent=total.silent + (wrong and trusted),
+                flagged=total.flagged + (wrong and not trusted),
+                swapped=total.swapped + swapped * trusted,
+                false_taken=total.false_taken + false * trusted,
+                missed=total.missed + missed * trusted,
                 ms=total.ms + spent,
             )
         yield total
@@ -286,7 +287,7 @@ def judge(tracks: Tracks, blob: Array, owner: Array) -> tuple[int, int, int]:
     help="Folder for identity.json.  [default: tests/bench/results]",
 )
 def command(every: int, frames: int, seed: int, pictures: Path | None, out: Path) -> None:
-    """Exit code 1 where an identity is wrong and nothing says so."""
+    """Exit code 1 where a wrong match has a high confidence."""
     console = Console()
     report: dict[str, object] = {}
     folder = REAL / "tactip331_binary"
@@ -295,7 +296,9 @@ def command(every: int, frames: int, seed: int, pictures: Path | None, out: Path
     else:
         console.print(f"no recordings at {folder}: real frames left out")
     outcomes = [o for n in (127, 331) for o in simulated(n, frames, seed)]
-    table = Table("tip", "hazard", "frames", "sure", "silent", "flagged", "swapped", "false", "missed", "ms")
+    table = Table(
+        "tip", "hazard", "frames", "trusted", "silent", "flagged", "swapped", "false", "missed", "ms"
+    )
     for o in outcomes:
         table.add_row(*(f"{v:.1f}" if isinstance(v, float) else str(v) for v in asdict(o).values()))
     console.print(table)

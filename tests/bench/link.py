@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 import hostlink
-from edge.transport import CanFdSink, open_sink
+from edge.link.sinks import CanFdSink, open_sink
 from hostlink.wire import Contact, State
 
 PORT = 43_999

@@ -19,18 +19,18 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from edge.threads import share_the_processor
+from edge.runtime.process import limit_threads
 
-share_the_processor()
+limit_threads()
 
 import numpy as np  # noqa: E402
 
-from edge.app import App  # noqa: E402
 from edge.calibration import Calibration  # noqa: E402
-from edge.device import AppDevice  # noqa: E402
-from edge.node import Node  # noqa: E402
+from edge.link.device import LoopDevice  # noqa: E402
+from edge.link.node import Node  # noqa: E402
+from edge.link.sinks import SinkCounters, open_sink  # noqa: E402
+from edge.runtime.loop import Loop  # noqa: E402
 from edge.sources.paced import Paced  # noqa: E402
-from edge.transport import SinkCounters, open_sink  # noqa: E402
 from edge.types import Clock, Frame  # noqa: E402
 from hostlink.wire import State, unpack_state  # noqa: E402
 
@@ -68,7 +68,7 @@ class Meter:
     name = "meter"
     up = True
 
-    def __init__(self, size: int, app: App) -> None:
+    def __init__(self, size: int, app: Loop) -> None:
         self._app = app
         self.tare_dropped_n = 0
         self.tare_n = 0
@@ -156,10 +156,10 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
     images = np.load(options["frames"])
     n = round(seconds * rate_hz) + options["rest_n"]
     source = Paced(Images(images, options["rest_n"], rate_hz, n), rate_hz)
-    app = App(source, [], Calibration.load(options["calibration"]))
+    app = Loop(source, [], Calibration.load(options["calibration"]))
     listener = Listener()
     sink = open_sink(BUS)
-    node = Node(sink, AppDevice(app, "bench"))
+    node = Node(sink, LoopDevice(app, "bench"))
     meter = Meter(n, app)
     app.sinks += [node, meter]
     weights: list[float] = []
@@ -196,8 +196,8 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
         "samples_refused": node.counters.dropped,
         "samples_received": listener.samples_n,
         "gaps": listener.gaps_n,
-        "searched": statistics.searched_n,
-        "unsure": statistics.unsure_n,
+        "searched": statistics.full_searches_n,
+        "unsure": statistics.unidentified_n,
         "pins": statistics.pins_n,
         "p50_us": float(p50),
         "p99_us": float(p99),

@@ -1,6 +1,6 @@
 """The app under a random schedule of all faults, and its promises: `make soak SECONDS=3600`.
 
-    simulated tip -> Paced -> FaultySource -> App -> Node -> faulty bus -> host library
+    simulated tip -> Paced -> FaultySource -> Loop -> Node -> faulty bus -> host library
                                                ^ FaultyBoard: temperature, storage
     beside it, again and again: a process of its own that is ended by SIGTERM, and one that is killed while a
     host writes settings and calibrations into it
@@ -13,6 +13,8 @@ Promises
   says that they may not be used; and what the host decodes is what was sent
 - the link delivers within 1 s after its fault
 - memory is flat: the median of the last third is that of the second, give or take `FLAT_MB`
+- hostile viewers of the live page, all the time, cost its process a bounded memory, and an honest one still
+  gets its pictures
 - SIGTERM ends cleanly within 1 s; after kill -9, at any moment of an upload too, settings and calibration are
   the ones last acknowledged or those under way, whole, and the next start uses them
 
@@ -27,6 +29,7 @@ thread here is woken; it stands beside the table and excuses nothing.
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import select
@@ -51,6 +54,8 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import Any, overload
 
+import aiohttp
+import can
 import click
 import cv2
 import numpy as np
@@ -58,11 +63,28 @@ from rich.console import Console
 from rich.table import Table
 
 from calib.sim.source import SceneSource
-from edge.app import App
 from edge.calibration import Calibration
-from edge.device import AppDevice
-from edge.health import Health, Vitals
-from edge.inject import (
+from edge.link.device import LoopDevice
+from edge.link.media import open_bus
+from edge.link.node import Node
+from edge.link.sinks import CanFdSink
+from edge.pipeline import Pipeline, Result
+from edge.runtime.board_monitor import BoardMonitor
+from edge.runtime.fault_registry import FaultRegistry
+from edge.runtime.loop import Loop
+from edge.runtime.settings import SettingsFile
+from edge.runtime.tare import tare
+from edge.sources import Paced, open_source
+from edge.types import Feature
+from edge.worker import WorkerClient, WorkerConfig
+from hostlink import connect
+from hostlink.client import Sample
+from hostlink.errors import LinkError, UsageError
+from hostlink.output_file import find_unfinished
+from hostlink.web import parse_listen
+from hostlink.wire import CanIds, FaultCode, Kind, State, Status
+from hostlink.wire.address import parse_address
+from tests.support.fault_injection import (
     BOARD,
     CAMERA,
     EXPECTED,
@@ -75,18 +97,7 @@ from edge.inject import (
     faulty_medium,
     schedule,
 )
-from edge.node import Node
-from edge.pipeline import Pipeline, Result, tare
-from edge.settings import SettingsFile
-from edge.sources import Paced, open_source
-from edge.transport import CanFdSink
-from edge.transport.media import open_bus
-from edge.types import Feature
-from hostlink import connect
-from hostlink.client import Sample
-from hostlink.errors import LinkError
-from hostlink.wire import FaultCode, State, Status
-from hostlink.wire.address import parse_address
+from tests.support.hostile_viewer import HostileViewers, look
 
 ROOT = Path(__file__).resolve().parents[2]
 CALIBRATION = ROOT / "tests" / "data" / "rings331_ball.json"
@@ -99,11 +110,13 @@ CLEARED_S = 1.0
 BACK_S = 1.0
 ENDED_S = 1.0
 FLAT_MB = 4.0
+PAGE_MB = 300.0  # of the page's process: 130 MB, and up to 16 viewers with two packets each
 WRONG_MM = 0.4  # of displacement and shear, against the undisturbed run; its own noise is 0.05 mm
 UNUSABLE = (
     Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST | Status.TARE_FAULT
     | Status.CAMERA_MOVED | Status.CLOCK_STEP
 )  # fmt: skip
+FLOOD_S, FLOODED_SHARE = 5.0, 0.5  # of the samples must arrive while the bus is flooded; 0.25 did before
 BRISK_S = (0.3, 0.5)  # episodes and pauses of a short run
 VALUES = ("displacement_mm", "shear_x_mm", "shear_y_mm")
 
@@ -232,8 +245,8 @@ class Outcome:
         self.violations.append(words)
 
 
-def rss_mb() -> float:
-    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+def rss_mb(pid: int | str = "self") -> float:
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def undisturbed(scene: SceneSource, calibration: Calibration) -> np.ndarray:
@@ -271,21 +284,21 @@ class Soak:
             Paced(kept, rate_hz, loop=True), self.rows["camera"], self.clock, outcome.seed
         )
         self.board = FaultyBoard(self.rows["board"], self.clock)
-        self.health = Health()
-        self.health.listeners.append(self.on_fault)
-        vitals = Vitals(self.health, self.board.temperature, [self.board.storage])
-        self.app = App(self.source, [], self.calibration, health=self.health, vitals=vitals)
+        self.registry = FaultRegistry()
+        self.registry.listeners.append(self.on_fault)
+        monitor = BoardMonitor(self.registry, self.board.temperature, [self.board.storage])
+        self.app = Loop(self.source, [], self.calibration, faults=self.registry, board=monitor)
         address = parse_address(f"virtual:soak{outcome.seed}")
         self.refused_s = Times(outcome.seconds * 2 * rate_hz)
         opener = faulty_medium(
             open_bus(address), self.rows["link"], self.clock, outcome.seed, self.refused_s.append
         )
         self.node = Node(
-            CanFdSink(str(address), opener, NODE), AppDevice(self.app, "soak"), SettingsFile(), NODE
+            CanFdSink(str(address), opener, NODE), LoopDevice(self.app, "soak"), SettingsFile(), NODE
         )
-        self.health.listeners.append(self.node.report)
+        self.registry.listeners.append(self.node.report)
         self.app.sinks.append(self.node)
-        self.app.watchers.append(self.on_result)
+        self.app.result_callbacks.append(self.on_result)
         self.host = connect(str(address))
         self.host.on_sample(self.on_sample)
 
@@ -293,6 +306,8 @@ class Soak:
         self.arrivals_s = Times(outcome.seconds * 2 * rate_hz)
         self.sent: dict[int, State] = {}
         self.error: BaseException | None = None
+        self.page = WorkerClient(self.app, WorkerConfig(parse_listen("127.0.0.1:0")))
+        self.page_mb = 0.0
         self.thread = threading.Thread(target=self.run, name="loop")
 
     def clock(self) -> float:
@@ -446,12 +461,35 @@ class Soak:
     # ---- the run ----------------------------------------------------------------------------------
 
     def start(self, patience_s: float = 60.0) -> None:
+        self.page.start()
         self.thread.start()
         end = time.monotonic() + patience_s
         while self.started_s is None and time.monotonic() < end:
             self.thread.join(0.05)
         if self.started_s is None:
-            raise RuntimeError(f"the app does not start: {self.error or self.health.active}")
+            raise RuntimeError(f"the app does not start: {self.error or self.registry.active}")
+
+    def look(self) -> None:
+        """How large the page's process is."""
+        assert self.page.process is not None
+        if self.page.process.poll() is not None:
+            self.outcome.fail("the page's process has ended")
+            return
+        self.page_mb = max(self.page_mb, rss_mb(self.page.process.pid))
+
+    def judge_page(self, attack: HostileViewers) -> None:
+        """After the attack: one honest viewer, and what the hostile ones cost."""
+        self.outcome.counts.update({f"attacks on the page: {name}": n for name, n in attack.counts.items()})
+        self.outcome.counts["viewers cut off"] = self.page.page.cut_off_n
+        self.outcome.counts["page's process, MB at most"] = round(self.page_mb)
+        if self.page_mb > PAGE_MB:
+            self.outcome.fail(f"the page's process grew to {self.page_mb:.0f} MB")
+        try:
+            seen_n = asyncio.run(asyncio.wait_for(look(f"http://127.0.0.1:{self.page.port}/live"), 10.0))
+        except (OSError, TimeoutError, aiohttp.ClientError) as error:
+            self.outcome.fail(f"an honest viewer is not served: {error!r}")
+        else:
+            self.outcome.counts["pictures of an honest viewer"] = seen_n
 
     def finish(self) -> None:
         self.app.stop()
@@ -475,6 +513,7 @@ class Soak:
 
     def close(self) -> None:
         self.app.stop()
+        self.page.close()
         self.host.close()
         self.node.close()
         self.source.close()
@@ -581,7 +620,7 @@ def _calibrations() -> tuple[bytes, bytes]:
 
 def _being_written(folder: Path) -> bool:
     """Whether there is a calibration besides the one that counts."""
-    return any(path.name.startswith(".calibration.json.") for path in folder.iterdir())
+    return bool(find_unfinished(folder / "calibration.json"))
 
 
 def kill_while_uploading(outcome: Outcome, random: Random, folder: Path, at_the_write: bool) -> None:
@@ -635,6 +674,74 @@ def kill_while_uploading(outcome: Outcome, random: Random, folder: Path, at_the_
         outcome.fail(f"kill -9 within an upload: afterwards calibration {used or 'none'} is used")
 
 
+def _hostile_calibrations() -> list[bytes]:
+    """Files that cost memory or time, or belong to no tip."""
+    made = json.loads(CALIBRATION.read_bytes())
+
+    def with_sensor(**changes: object) -> bytes:
+        return json.dumps({**made, "sensor": {**made["sensor"], **changes}}).encode()
+
+    xy = made["sensor"]["rest_xy_px"]
+    terms = {**made, "models": [{**made["models"][-1], "terms": [[]] * 14_999 + [["p"] * 15_000]}]}
+    return [
+        b"{" * 100_000,
+        json.dumps(terms).encode(),
+        with_sensor(rest_xy_px=[[x * 100, y * 100] for x, y in xy]),
+        with_sensor(rest_xy_px=[[x, 1.0] for x, _ in xy]),
+        with_sensor(rest_xy_px=xy[:3]),
+        with_sensor(pin_radius_px=1e-300, pitch_px=1e300),
+    ]
+
+
+def attack(outcome: Outcome, random: Random, folder: Path) -> None:
+    """Junk datagrams, a flood of requests, hostile uploads: samples go on, and nothing is replaced."""
+    app = Process(folder)
+    app.start()
+    over = threading.Event()
+    group, port = parse_address(app.address).channel, int(app.address.partition("port=")[2].partition("&")[0])
+    requests = CanIds().of(Kind.SDO_REQUEST, NODE)
+
+    def flood() -> None:
+        with can.Bus(interface="udp_multicast", channel=group, port=port, hop_limit=0) as bus:
+            while not over.wait(0.0005):
+                head = random.choice((0x00, 0x10, 0x20, 0x40, 0x60, 0x70, 0xC0))
+                data = bytes((head, 0x30, 0x20, 0, *random.randbytes(4)))
+                bus.send(can.Message(arbitration_id=requests, data=data, is_extended_id=False))
+                bus._multicast.send(random.randbytes(20))
+
+    with connect(app.address) as host:
+        next(host.samples(timeout_s=60.0))
+        finger = host.finger(NODE)
+        before = finger.info().calibration_id
+        thread = threading.Thread(target=flood, name="flood")
+        thread.start()
+        try:
+            n, end_s = 0, time.monotonic() + FLOOD_S
+            for _ in host.samples(timeout_s=5.0):
+                n += 1
+                if time.monotonic() > end_s:
+                    break
+        except LinkError as error:
+            outcome.fail(f"a flooded bus: {error}")
+        finally:
+            over.set()
+            thread.join()
+        outcome.counts["samples while the bus was flooded"] += n
+        if n < FLOODED_SHARE * FLOOD_S * 60.0:  # at the host: its link bears the same flood
+            outcome.fail(f"a flooded bus: {n / FLOOD_S:.0f} of 60 samples a second")
+        for data in _hostile_calibrations():
+            try:
+                finger.upload_calibration(data)
+            except (LinkError, UsageError):
+                outcome.counts["hostile uploads refused"] += 1
+            else:
+                outcome.fail(f"a hostile upload of {len(data)} bytes was accepted")
+        next(host.samples(timeout_s=10.0))
+        if finger.info().calibration_id != before:
+            outcome.fail("hostile uploads: another calibration is in use")
+    app.end(signal.SIGTERM)
+
+
 def one_round(seed: int) -> Outcome:
     """Each kind of end. In a process of its own: a host at work must not slow the finger that is judged."""
     outcome, random = Outcome(0.0, seed), Random(seed)
@@ -643,6 +750,7 @@ def one_round(seed: int) -> Outcome:
         with TemporaryDirectory(prefix="soak-") as name:
             folder = Path(name)
             end_cleanly(outcome, random, metronome, folder)
+            attack(outcome, random, folder)
             for _ in range(3):
                 kill_while_writing(outcome, random, folder)
             for at_the_write in (False, True):
@@ -692,9 +800,12 @@ def soak(
         )
         if endings_every_s:
             endings.start()
-        while run.clock() < seconds and run.thread.is_alive():
-            run.thread.join(1.0)
-            outcome.memory_mb.append(round(rss_mb(), 1))
+        with HostileViewers(run.page.port, seed) as attack:
+            while run.clock() < seconds and run.thread.is_alive():
+                run.thread.join(1.0)
+                outcome.memory_mb.append(round(rss_mb(), 1))
+                run.look()
+        run.judge_page(attack)
         over.set()
         if endings_every_s:
             endings.join(180.0)

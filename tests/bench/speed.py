@@ -34,8 +34,9 @@ from rich.console import Console
 from rich.table import Table
 
 from edge.calibration import Calibration
-from edge.pack import to_state
-from edge.pipeline import ALL, Pipeline, Result, tare
+from edge.link.pack import to_state
+from edge.pipeline import ALL, Pipeline, Result
+from edge.runtime.tare import tare
 from edge.types import Feature, Frame
 from hostlink.wire import Status, pack_state
 from tests.bench.floor import Floor

@@ -1,6 +1,6 @@
 """Numerical-stability report: every hard case of the tessellation, its error, its bound, a verdict.
 
-The truth is rational arithmetic (`tests.edge.exact`), a triangulation from nothing, or what must not
+The truth is rational arithmetic (`tests.support.exact`), a triangulation from nothing, or what must not
 change at all. Everything comes from seeds; the table is the same on every run, the cost is not.
 """
 
@@ -20,11 +20,11 @@ from rich.progress import track
 from rich.table import Table
 from scipy.spatial import Delaunay, Voronoi
 
-from edge._cells import Mesh
-from edge.tessellate import Tessellator, cell_polygons
+from edge.cells import Tessellator, cell_polygons
+from edge.cells.mesh import Mesh
 from edge.types import Cells
-from tests.edge import exact
-from tests.edge.cell_checks import (
+from tests.support import exact
+from tests.support.cell_checks import (
     Points,
     bounded_polygon_area,
     points_of,
@@ -32,7 +32,7 @@ from tests.edge.cell_checks import (
     random_walks,
     worst_relative,
 )
-from tests.edge.layouts import HARD_SETS, TIPS, bounded, hexagonal, moved, pressed, rest_of, tracks_of
+from tests.support.layouts import HARD_SETS, TIPS, bounded, hexagonal, moved, pressed, rest_of, tracks_of
 
 RESULTS = Path(__file__).parent / "results"
 SCALES = (1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)

@@ -1,4 +1,4 @@
-"""Pins held through the published videos: identities, distances, jumps, doubts, and where the shear points.
+"""Pins held through the published videos: identities, distances, jumps, unsure frames, direction of shear.
 
 No video has a truth. Counted is what must be so if identities hold: played forwards and backwards every pin
 ends where it began; two tracks never come nearer than half a pitch (or what they keep at rest, where that is
@@ -21,9 +21,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from edge.pins import Refiner, detect, take_rest
-from edge.track import Tracker
-from edge.track.field import Lattice
+from edge.pins import CentroidRefiner, detect, take_rest
+from edge.tracking import Tracker
+from edge.tracking.tip import Tip
 from edge.types import Array, Image, Rest, Tracks
 from tests.bench.identity import REAL, RESULTS, picture
 
@@ -40,7 +40,7 @@ class Play:
 
     n_rest       pins of the rest frame
     held         pins seen in the sure frames: median and worst
-    unsure       frames whose identities were in doubt
+    unsure       frames whose identities were in unsure
     searched     frames that were searched as a whole
     nearest      least distance of two tracks, in pitches
     leaps        pins that moved against their neighbours by more than LEAP steps in one frame
@@ -73,7 +73,7 @@ def read(name: str) -> list[Image]:
 
 def run(images: Sequence[Image], rest: Rest) -> tuple[list[Tracks], int]:
     """Tracks of each image, and how many images were searched as a whole."""
-    refiner, tracker = Refiner(rest), Tracker(rest)
+    refiner, tracker = CentroidRefiner(rest), Tracker(rest)
     out, searched = [], 0
     for image in images:
         predicted = tracker.predict()
@@ -85,20 +85,20 @@ def run(images: Sequence[Image], rest: Rest) -> tuple[list[Tracks], int]:
 
 
 def judge(video: str, way: str, rest: Rest, tracks: list[Tracks], searched: int, back: bool) -> Play:
-    lattice = Lattice(rest.xy_img, rest.pattern.pitch_px)
+    tip = Tip.of(rest)
     pitch = rest.pattern.pitch_px
     sure = [t for t in tracks if t.confidence >= Tracks.LOW_CONFIDENCE]
     nearest, leaps, before = np.inf, 0, None
     for t in sure:
-        a, b = lattice.pair.T
+        a, b = tip.lattice.pairs.T
         gap = np.hypot(*(t.xy_img[a] - t.xy_img[b]).T)
         nearest = min(nearest, float(np.nanmin(gap, initial=np.inf)) / pitch)
         motion = np.where(t.seen[:, None], t.xy_img - rest.xy_img, 0.0)
-        common, _, _ = lattice.predict(motion, t.seen)
-        bend = np.where(t.seen[:, None], motion - common, np.nan)
+        predicted, _, _ = tip.affine.predict(motion, t.seen)
+        residual = np.where(t.seen[:, None], motion - predicted, np.nan)
         if before is not None:
-            leaps += int(np.sum(np.hypot(*(bend - before).T) > LEAP * lattice.step_px))
-        before = bend
+            leaps += int(np.sum(np.hypot(*(residual - before).T) > LEAP * tip.local_pitch_px))
+        before = residual
     left = None
     if back:
         off = np.hypot(*(sure[-1].xy_img - rest.xy_img).T)

@@ -2,7 +2,7 @@
 
     python -m tests.bench viewers --seconds 10 --rounds 3
 
-One process runs the app at a camera's rate, its page is served by the second process (`edge.aside`), and the
+One process runs the app at a camera's rate, its page is served by the second process (`edge.worker`), and the
 viewers are a third one, as browsers are. Phases alternate with phases where nobody watches, round after
 round, so that what else the machine does falls on all alike. Times are from taking a frame in hand: to the
 sample's hand-over, and to the end of the turn (with what is copied for viewers or recorder). Loads are
@@ -35,15 +35,15 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from edge.app import App
-from edge.aside import Aside
+from edge.runtime.loop import Loop
+from edge.runtime.process import limit_threads
 from edge.sources import Paced
-from edge.threads import share_the_processor
+from edge.worker import WorkerClient, WorkerConfig
 from hostlink.web import parse_listen
-from hostlink.web.server import VIEWERS_MAX
+from hostlink.web.limits import WebLimits
 from tests.bench.frames import scene
 
-PHASES = {"nobody": 0, "one": 1, "two": 2, "crowd": VIEWERS_MAX, "coming": -100, "recording": 0}
+PHASES = {"nobody": 0, "one": 1, "two": 2, "crowd": WebLimits().viewers_n, "coming": -100, "recording": 0}
 SETTLE_S = 1.0
 
 
@@ -143,14 +143,14 @@ def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> 
 
     Returns  per phase the loop's compute quantiles, packets and memory
     """
-    share_the_processor()
+    limit_threads()
     source = Paced(_Frames(rate_hz), rate_hz, loop=True)
-    app = App(source, [])
+    app = Loop(source, [])
     with tempfile.TemporaryDirectory(prefix="viewers-") as folder:
         token = "bench-token"
-        aside = Aside(app, parse_listen("127.0.0.1:0", token), recordings=Path(folder))
-        aside.start()
-        assert aside.process is not None
+        worker = WorkerClient(app, WorkerConfig(parse_listen("127.0.0.1:0", token), recordings=Path(folder)))
+        worker.start()
+        assert worker.process is not None
         sent_us: list[float] = []
         turn_us: list[float] = []
         step, end_turn, send = app.step, app._end_turn, app._send
@@ -181,14 +181,14 @@ def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> 
         loop = threading.Thread(target=run)
         loop.start()
         time.sleep(3 * SETTLE_S)
-        url = f"http://127.0.0.1:{aside.port}/live"
+        url = f"http://127.0.0.1:{worker.port}/live"
         taken: dict[str, list[list[float]]] = {name: [[], []] for name in PHASES}
         packets: dict[str, int] = dict.fromkeys(PHASES, 0)
         cpu_s: dict[str, list[float]] = {name: [0.0, 0.0] for name in PHASES}
         elapsed_s: dict[str, float] = dict.fromkeys(PHASES, 0.0)
         rss_mb: dict[str, tuple[float, float]] = {}
         dropped_n, lost_n = 0, 0
-        pids = (os.getpid(), aside.process.pid)
+        pids = (os.getpid(), worker.process.pid)
 
         def begin() -> None:
             sent_us.clear()
@@ -214,18 +214,18 @@ def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> 
                 for k, pid in enumerate(pids):
                     cpu_s[name][k] += _cpu_s(pid) - before_s[k]
                 if name == "recording":
-                    lost_n += aside.dropped_n
+                    lost_n += worker.recording.dropped_n
                     asyncio.run(_press(url, token, "record"))
                     dropped_n += source.dropped_n - before_n
                     for path in Path(folder).glob("*.mcap"):
                         path.unlink()
                 gc.collect()
                 rss_mb[name] = (_rss_mb(pids[0]), _rss_mb(pids[1]))
-        cut_off_n = aside.page.cut_off_n
+        cut_off_n = worker.page.cut_off_n
         app.stop()
         source.close()
         loop.join()
-        aside.close()
+        worker.close()
     rows = {}
     for name, (to_send, to_end) in taken.items():
         p50, p99, p999 = np.percentile(to_send, (50, 99, 99.9))

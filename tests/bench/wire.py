@@ -15,7 +15,7 @@ from rich.table import Table
 
 from hostlink.decoder import CanDecoder, SerialDecoder
 from hostlink.wire import Message, encode_frame, pack_detail, pack_parts, pack_state, unpack_state
-from tests.hostlink.states import random_state
+from tests.support.states import random_state
 
 RESULTS = Path(__file__).parent / "results"
 

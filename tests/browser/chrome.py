@@ -231,7 +231,7 @@ class Page:
             )
 
     def offline(self, off: bool) -> None:
-        """Cut the page's network, or mend it."""
+        """Cut the page's network, or restore it."""
         self.call(
             "Network.emulateNetworkConditions",
             {"offline": off, "latency": 0, "downloadThroughput": -1, "uploadThroughput": -1},

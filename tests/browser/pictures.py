@@ -18,7 +18,7 @@ from hostlink.view import HandView
 from hostlink.web import parse_listen
 from tests.browser.chrome import Chrome, Page
 from tests.browser.test_hand_page import BUS, TOKEN, Hand
-from tests.edge.viewing import Live
+from tests.support.viewing import Live
 
 DATA = Path(__file__).resolve().parent.parent / "data"
 FULL_S = 11.0  # the charts are full

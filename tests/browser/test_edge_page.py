@@ -18,7 +18,7 @@ import pytest
 
 from edge.recording import RecordingSource
 from tests.browser.chrome import SOON_S, Chrome, Page
-from tests.edge.viewing import TOKEN, Live
+from tests.support.viewing import TOKEN, Live
 
 PRESSED = -1
 PRELOADED = 14  # 1.5 mm: a tare takes it if told to; pressed deeper, pins stand as on another tip
@@ -185,7 +185,7 @@ def test_tare_works_and_shows(live: Live, page: Page) -> None:
     # What the forced tare could not see (pins under the indenter) is all that may still look pressed.
     live.until(lambda: bool(red(pixels(page)).sum() < 0.3 * pressed), "cells that are no longer pressed")
     live.show(0)
-    live.app.post(live.app.begin_tare).result(20)
+    live.app.request_tare().done.result(20)
     live.until(lambda: live.app.tares_n == tares_n + 2, "the rest frame of the untouched tip")
     page.until("document.getElementById('toast').hidden")
     page.press("t")  # nothing touches: no question is asked
@@ -263,7 +263,7 @@ def test_phone(live: Live, chrome: Chrome) -> None:
 
 def test_nothing_leaves_this_machine(live: Live, page: Page) -> None:
     page.until("Number(document.body.dataset.packets) > 30")
-    own = f"http://127.0.0.1:{live.aside.port}/"
+    own = f"http://127.0.0.1:{live.worker.port}/"
     assert {"touch.js", "kit.js", "kit.css", "touch.css"} <= {a.rsplit("/")[-1] for a in page.requests}
     assert all(address.startswith(own) for address in page.requests), page.requests
     assert page.sockets == [own.replace("http", "ws") + "live"]
@@ -274,7 +274,7 @@ def test_a_second_viewer_does_not_slow_the_loop(
 ) -> None:
     """The measured ratio is printed; asserted is that both are served."""
     compute_us: list[float] = []
-    live.app.watchers.append(lambda result, state: compute_us.append(state.latency_us))
+    live.app.result_callbacks.append(lambda result, state: compute_us.append(state.latency_us))
 
     def quantiles() -> np.ndarray:
         compute_us.clear()
@@ -282,16 +282,16 @@ def test_a_second_viewer_does_not_slow_the_loop(
         measured: np.ndarray = np.quantile(compute_us[:240], [0.5, 0.99])
         return measured
 
-    live.until(lambda: live.aside.page.viewers_n == 1, "the first alone")
+    live.until(lambda: live.worker.page.viewers_n == 1, "the first alone")
     one = quantiles()
     second = chrome.open(live.url)
     second.until("Number(document.body.dataset.packets) > 30")
     two = quantiles()
     second.until("Number(document.body.dataset.packets) > 60")
-    assert live.aside.page.viewers_n == 2
+    assert live.worker.page.viewers_n == 2
     second.close()
-    live.app.watchers.pop()
-    live.until(lambda: live.aside.page.viewers_n == 1, "the second has left")
+    live.app.result_callbacks.pop()
+    live.until(lambda: live.worker.page.viewers_n == 1, "the second has left")
     with capsys.disabled():
         print(
             f"\nlatency with two viewers over one: median x{two[0] / one[0]:.2f}, p99 x{two[1] / one[1]:.2f}"

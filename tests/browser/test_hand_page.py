@@ -183,13 +183,13 @@ def test_tare_of_the_chosen_finger(page: Page, hand: Hand) -> None:
     page.click(".finger.place1")
     page.until("document.getElementById('whose').textContent.includes('index 2')")
     page.press("t")
-    page.until("document.body.innerText.includes('finger 2: taking a new rest frame')")
+    page.until("document.body.innerText.includes('finger 2: the new rest frame is in use')")
     assert hand.applications[2].tares == [False]
     hand.applications[2].touched = True
     page.press("t")
     page.until("document.querySelector('#toast button') !== null")
     page.click("#toast button")
-    page.until("document.body.innerText.includes('finger 2: taking a new rest frame')")
+    page.until("document.body.innerText.includes('finger 2: the new rest frame is in use')")
     assert hand.applications[2].tares == [False, True]
     assert hand.applications[1].tares == []
 

@@ -218,3 +218,33 @@ def test_help_names_every_command_without_importing_them(monkeypatch: pytest.Mon
     assert all(name in shown.output for name in COMMANDS)
     wrong = CliRunner().invoke(cli, ["dance"])
     assert wrong.exit_code == 2
+
+
+@pytest.mark.parametrize("resume", [(), ("--resume",)])
+def test_a_table_that_is_not_the_capture_s_own_is_kept(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    resume: tuple[str, ...],
+) -> None:
+    from calib.__main__ import main
+
+    simulation, protocol = _write(tmp_path)
+    table = tmp_path / "x.csv"
+    table.write_text("sensor_image,pose_z\nmine.png,1.0\n")
+    given = [
+        "--rig",
+        f"sim:{simulation}",
+        "--protocol",
+        str(protocol),
+        "-o",
+        str(tmp_path / "x.mcap"),
+        *resume,
+    ]
+    monkeypatch.setattr("sys.argv", ["calib", "capture", *given])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    assert "x.csv: exists" in capsys.readouterr().err
+    assert table.read_text() == "sensor_image,pose_z\nmine.png,1.0\n"
+    assert not (tmp_path / "x.mcap").exists()

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 from calib.__main__ import main
+from calib.errors import TableError
+from calib.extract import executor
 
 
 @pytest.mark.parametrize(
@@ -18,6 +21,20 @@ from calib.__main__ import main
         ("fit {out}/absent.mcap -o {out}/tip.json", "absent.mcap: no such recording"),
         ("fit {data}/press.mcap --frames {data} -o {out}/tip.json", "leave --frames and --rest away"),
         ("evaluate {out}/absent.json {data}/press.mcap", "absent.json: cannot be read"),
+        (
+            "fit {data}/press.mcap -o {out}/tip.json --mm-per-px nan",
+            "'nan' is not a number; give",
+        ),
+        ("fit {data}/press.mcap -o {out}/tip.json --mm-per-px 1e300", "is not in the range"),
+        (
+            "fit {data}/press.mcap -o {out}/tip.json --mm-per-px inf",
+            "'inf' is not a number; give",
+        ),
+        ("fit {data}/press.mcap -o {out}/tip.json --hold-out nan", "'nan' is not a number; give"),
+        ("fit {data}/press.mcap -o {out}/tip.json --hold-out 1", "is not in the range"),
+        ("fit {data}/press.mcap -o {out}/tip.json --workers 0", "is not in the range"),
+        ("fit {data}/press.mcap -o {data}/press.mcap", "press.mcap: the name must end in .json"),
+        ("demo --data {data} --out {data}/pictures", "exists already; give another name, or --overwrite"),
         ("demo --data {out} --out {out}/demo", "no press.mcap in it; give --data"),
         ("demo --data {out}/absent --out {out}/demo", "no such folder of recordings"),
     ],
@@ -39,3 +56,32 @@ def test_a_mistake_is_one_line(
     assert error.startswith("error: ")
     assert expected in error
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("address", ["foo", "tcp://", "tcp://host", "bogus://host:1", "tcp://host:port"])
+def test_what_is_no_address_of_a_cluster_is_said_at_once(address: str) -> None:
+    with pytest.raises(TableError, match="not an address; give one such as"), executor(address):
+        pass
+
+
+def test_version(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["calib", "--version"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0
+    assert capsys.readouterr().out.strip() == f"python -m calib {version('voronoi-touch')}"
+
+
+@pytest.mark.parametrize("option", ["--out", "--captures"])
+def test_a_file_is_no_folder_for_a_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], option: str
+) -> None:
+    file = tmp_path / "text.png"
+    file.write_text("mine")
+    given = {"--out": str(tmp_path / "out")} | {option: str(file)}
+    monkeypatch.setattr("sys.argv", ["calib", "report", *(text for pair in given.items() for text in pair)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    assert capsys.readouterr().err.splitlines() == [f"error: {file}: is a file; give a folder"]
+    assert file.read_text() == "mine"

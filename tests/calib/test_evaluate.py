@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.evaluate import evaluate
+from calib.evaluate import counts_line, error_rows, evaluate, predict, pressed
 from calib.fit import fit
 from edge.calibration import Calibration
-from tests.calib.synthetic import REST, make, targets
+from tests.support.synthetic import REST, make, targets
 
 KEYS = {
     "n_frames",
@@ -74,24 +74,68 @@ def test_refused_frames_are_counted_and_stay_in_the_errors(calibration: Calibrat
     assert report["accepted"]["displacement_mae_mm"] < 0.05
 
 
-def test_a_frame_without_a_value_leaves_no_mean(calibration: Calibration) -> None:
-    """It is not left out in silence."""
+def test_a_frame_without_a_value_is_counted_and_leaves_the_mean_of_the_others(
+    calibration: Calibration,
+) -> None:
     extract, values = make(50, seed=8)
-    inputs, sure, touched = extract.inputs.copy(), extract.sure.copy(), extract.touched.copy()
+    inputs, sure, touched = extract.inputs.copy(), extract.sure.copy(), extract.in_contact.copy()
     inputs[3] = np.nan
     sure[3] = touched[3] = False
-    report = evaluate(
-        calibration, targets(values), replace(extract, inputs=inputs, sure=sure, touched=touched)
+    without = replace(extract, inputs=inputs, sure=sure, in_contact=touched)
+    report = evaluate(calibration, targets(values), without)
+    assert report["n_without_value"]["displacement_mm"] == 1
+    assert report["n_refused"] == 1
+    assert report["n_read_untouched"] == 0
+    others = np.arange(50) != 3
+    of_others = evaluate(
+        calibration, targets(values).rows(np.flatnonzero(others)), extract.rows(np.flatnonzero(others))
     )
-    assert report["displacement_mae_mm"] is None
-    assert report["accepted"]["displacement_mae_mm"] is not None
+    assert (
+        report["displacement_mae_mm"]
+        == of_others["displacement_mae_mm"]
+        == report["accepted"]["displacement_mae_mm"]
+    )
+
+
+def test_a_pressed_frame_that_reads_untouched_is_counted_with_its_zeros(calibration: Calibration) -> None:
+    extract, values = make(50, seed=8)
+    values["displacement_mm"] = np.where(np.arange(50) < 10, 0.0, 2.0)
+    touched = np.arange(50) >= 13  # ten are untouched indeed, three are not
+    report = evaluate(calibration, targets(values), replace(extract, in_contact=touched))
+    assert report["n_read_untouched"] == 3
+    read, _ = predict(calibration, replace(extract, in_contact=touched))
+    off = np.abs(read["displacement_mm"] - values["displacement_mm"])
+    np.testing.assert_allclose(off[10:13], 2.0)
+    assert report["displacement_mae_mm"] == pytest.approx(off.mean(), abs=1e-4)
+    assert "3 pressed but read as untouched" in counts_line(report)
+
+
+def test_the_table_has_a_row_for_each_figure_that_is_known(calibration: Calibration) -> None:
+    extract, values = make(50, seed=8)
+    report = evaluate(calibration, targets(values), extract)
+    rows = {name: (every, accepted, unit) for name, every, accepted, unit in error_rows(report)}
+    assert rows["depth"] == (f"{report['displacement_mae_mm']:.4g}",) * 2 + ("mm",)
+    assert "tilt about x" not in rows
+
+
+@pytest.mark.parametrize(
+    ("column", "expected"),
+    [
+        ({"displacement_mm": [0.0, 1.0, np.nan], "shear_x_mm": [1.0, 1.0, 1.0]}, [False, True, False]),
+        ({"force_n": [0.0, 2.0, 0.0]}, [False, True, False]),
+        ({"shear_x_mm": [0.0, -1.0, np.nan]}, [False, True, False]),
+    ],
+)
+def test_pressed_is_what_the_truth_says(column: dict[str, list[float]], expected: list[bool]) -> None:
+    table = targets({name: np.array(values) for name, values in column.items()})
+    assert pressed(table).tolist() == expected
 
 
 def test_an_untouched_tip_reads_zero_here_as_on_the_edge(calibration: Calibration) -> None:
     extract, values = make(40, seed=9)
     values = {name: np.zeros_like(column) for name, column in values.items()}
     touched = np.zeros(40, dtype=np.bool_)
-    report = evaluate(calibration, targets(values), replace(extract, touched=touched))
+    report = evaluate(calibration, targets(values), replace(extract, in_contact=touched))
     assert report["displacement_mae_mm"] == 0.0
     assert report["shear_mae_mm"] == [0.0, 0.0]
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
@@ -23,6 +25,7 @@ from calib.rig.simulated import CameraTable, SimulatedRig, Simulation
 from calib.sim import Tip, Tool
 from edge.calibration import Calibration
 from edge.errors import SourceError
+from hostlink.output_file import OutputError
 
 SMALL = Simulation(tip=Tip(127, "hex"), camera=CameraTable(size_px=(240, 240)))
 BALL = Tool("sphere", 3.0)
@@ -64,7 +67,7 @@ def seen_here(recording: Path) -> Extract:
 
 
 def assert_same(a: Extract, b: Extract) -> None:
-    for name in ("inputs", "contact", "confidence", "seen_n", "sure", "touched", "counts", "angle_rad"):
+    for name in ("inputs", "contact", "confidence", "seen_n", "sure", "in_contact", "counts", "angle_rad"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
 
 
@@ -99,7 +102,7 @@ def test_no_cluster_at_the_address_is_one_line(monkeypatch: pytest.MonkeyPatch) 
 def test_what_is_seen_follows_the_pose(recording: Path, seen_here: Extract) -> None:
     targets = open_dataset([recording], None, None).targets
     assert seen_here.sure.all()
-    assert seen_here.touched.all()
+    assert seen_here.in_contact.all()
     assert (seen_here.counts == 1).mean() > 0.9
     volume, depth = seen_here.inputs[:, 0].real, targets.values["displacement_mm"]
     assert np.corrcoef(volume, depth)[0, 1] > 0.8
@@ -162,6 +165,69 @@ def test_fit_and_evaluate_a_table(recording: Path, tmp_path: Path) -> None:
     report = json.loads(run("evaluate", path, table, *place, "--json"))
     assert report["displacement_mae_mm"] < 0.15
     assert report["tilt_mae_deg"] == [None, None]
+
+
+def test_fit_judged_on_held_out_frames(recording: Path, tmp_path: Path) -> None:
+    """The file is the same as without, and the errors are in evaluate's table."""
+    path, plain = tmp_path / "cal.json", tmp_path / "plain.json"
+    out = run("fit", recording, "-o", path, "--workers", "1", "-q", "--hold-out", "0.25")
+    assert "9 frames; 0 refused" in out
+    assert "is fitted to all frames" in out
+    run("fit", recording, "-o", plain, "--workers", "1", "-q")
+    assert Calibration.load(path).content.models == Calibration.load(plain).content.models
+    told = run(
+        "fit", recording, "-o", path, "--overwrite", "--workers", "1", "-q", "--json", "--hold-out", "0.25"
+    )
+    assert json.loads(told)["held_out"]["n_frames"] == 9
+
+
+@pytest.mark.parametrize(
+    ("output", "expected"),
+    [
+        ("targets.csv", "the name must end in .json"),
+        ("picture.png", "the name must end in .json"),
+        ("table.json", "is an input of this command"),
+        ("old.json", "exists already; give another name, or --overwrite"),
+        ("absent/cal.json", "there is no folder"),
+    ],
+)
+def test_an_output_that_must_not_be_written_is_found_before_the_work(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, output: str, expected: str
+) -> None:
+    table, frames, rest = images_of(recording, tmp_path)
+    table.rename(tmp_path / "table.json")
+    (tmp_path / "old.json").write_text("old")
+    monkeypatch.setattr("calib.dataset.Dataset.extract", lambda *_: pytest.fail("the work was begun"))
+    place = [tmp_path / "table.json", "--frames", frames, "--rest", rest, "-q", "-o", tmp_path / output]
+    before = {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+    with pytest.raises(OutputError, match=expected):
+        run("fit", *place)
+    assert before == {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+
+
+INTERRUPTED = """
+import os, signal
+from calib.extract import executor
+try:
+    with executor(None, 2):
+        os.killpg(0, signal.SIGINT)
+        signal.pause()
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+def test_an_interrupt_while_processes_start_is_quiet() -> None:
+    """A terminal sends Ctrl-C to all of them; none may print where it was."""
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        start_new_session=True,
+    )
+    assert done.stderr == ""
+    assert done.stdout == "interrupted\n"
 
 
 def test_another_tip_s_frames_are_refused(recording: Path, tmp_path: Path) -> None:

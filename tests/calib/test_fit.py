@@ -7,13 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib.designs import letters, terms_of_spin
 from calib.errors import FitError
 from calib.evaluate import predict
 from calib.extract import Extract
-from calib.fit import PIN_NOISE, fit, letters, terms_of_spin
-from edge.calibration import FRAME_INPUTS, MODES, Calibration, Curve, Moments
+from calib.fit import fit
+from calib.fit_params import PARAMS
+from edge.calibration import Calibration
+from edge.calibration.file import Curve, Polynomial
+from edge.calibration.inputs import FRAME_INPUTS, MODES
 from edge.types import Array
-from tests.calib.synthetic import REST, make, of_inputs, targets
+from tests.support.synthetic import REST, make, of_inputs, targets
 
 
 def test_terms_have_the_spin_that_was_asked_for() -> None:
@@ -50,7 +54,7 @@ def test_the_smallest_of_equally_good_models_is_taken() -> None:
     shear = next(c for c in choices if c.outputs[0] == "shear_x_mm")
     assert shear.chosen.name == "mean motion"
     assert shear.chosen.n_terms == 2  # with the constant: preload
-    assert isinstance(shear.model, Moments)
+    assert isinstance(shear.model, Polynomial)
     constant = shear.model.weights[shear.model.terms.index([])]
     assert constant[0] == pytest.approx(0.2, abs=0.02)
 
@@ -124,10 +128,12 @@ def test_untouched_and_doubtful_frames_are_not_fitted() -> None:
     spoilt = {name: column.copy() for name, column in values.items()}
     for column in spoilt.values():
         column[:20] = 1e3
-    sure, touched = extract.sure.copy(), extract.touched.copy()
+    sure, touched = extract.sure.copy(), extract.in_contact.copy()
     sure[:10] = False
     touched[10:20] = False
-    calibration, _ = fit(REST, targets(spoilt), replace(extract, sure=sure, touched=touched), mm_per_px=None)
+    calibration, _ = fit(
+        REST, targets(spoilt), replace(extract, sure=sure, in_contact=touched), mm_per_px=None
+    )
     assert calibration.content.data.n_frames == 80
     read, _ = predict(calibration, extract)
     assert np.abs(read["displacement_mm"] - values["displacement_mm"])[20:].mean() < 0.05
@@ -183,19 +189,20 @@ def test_shuffled_labels() -> None:
     _, values = make(200)
     rng = np.random.default_rng(0)
     text = refused({"displacement_mm": rng.permutation(values["displacement_mm"])})
-    assert "displacement_mm cannot be told from these frames" in text
+    assert "displacement_mm cannot be predicted from these frames" in text
     assert "image_" in text
 
 
 def test_depth_that_rises_and_falls_with_the_volume_gets_no_curve() -> None:
     """Not monotone: the volume explains nothing, and no other input does."""
     rng = np.random.default_rng(1)
-    inputs = np.zeros((80, 23), dtype=np.complex128)
+    k = len(FRAME_INPUTS)
+    inputs = np.zeros((80, k), dtype=np.complex128)
     volume = np.linspace(0.0, 0.3, 80)
     inputs[:, 0] = volume
-    inputs[:, 1:] = 1e-3 * (rng.normal(size=(80, 22)) + 1j * rng.normal(size=(80, 22)))
+    inputs[:, 1:] = 1e-3 * (rng.normal(size=(80, k - 1)) + 1j * rng.normal(size=(80, k - 1)))
     depth = 5 * np.sin(volume / 0.3 * 6 * np.pi)
-    with pytest.raises(FitError, match=r"displacement_mm cannot be told.*rows that fit worst: image_"):
+    with pytest.raises(FitError, match=r"displacement_mm cannot be predicted.*largest errors: image_"):
         fit(REST, targets({"displacement_mm": depth}), of_inputs(inputs), mm_per_px=None)
 
 
@@ -224,7 +231,7 @@ def test_a_faint_mode_that_says_it_all_is_not_trusted() -> None:
     extract, depth = frames(0)
     calibration, _ = fit(REST, targets({"displacement_mm": depth}), extract, mm_per_px=None)
     fresh, true = frames(1)
-    off = PIN_NOISE * REST.pattern.pitch_px / REST.pattern.tip_radius_px / np.sqrt(len(REST))
+    off = PARAMS.pin_noise * REST.pattern.pitch_px / REST.pattern.tip_radius_px / np.sqrt(len(REST))
     rng = np.random.default_rng(2)
     pairs = rng.normal(size=(*fresh.inputs.shape, 2)) * off
     noisy = replace(fresh, inputs=fresh.inputs + pairs.view(np.complex128)[..., 0])

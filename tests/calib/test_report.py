@@ -17,9 +17,10 @@ from calib.report.page import Page, model_table, write_page
 from calib.report.pairs import pairs, resolvable_mm, shares
 from calib.rig.simulated import Simulation
 from calib.sim import Camera, Contact, Simulator, Tip, Tool
-from edge.pipeline import Pipeline, Result, tare
+from edge.pipeline import Pipeline, Result
+from edge.runtime.tare import tare
 from edge.types import Frame, Rest
-from tests.calib.synthetic import REST, make, targets
+from tests.support.synthetic import REST, make, targets
 
 DEPTHS = np.linspace(0.5, 4.0, 24)
 

@@ -20,7 +20,7 @@ from calib.rig.simulated import SimulatedRig, load_simulation
 from calib.rig.stage import AxisTable, GcodeStage, StageFile, StageTable, load_stage
 from calib.sim import Tool
 from edge.types import Clock, Frame
-from tests.calib.fake_stage import FakeStage
+from tests.support.fake_stage import FakeStage
 
 StageAt = Callable[..., tuple[FakeStage, StageFile]]
 

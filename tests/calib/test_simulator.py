@@ -22,7 +22,7 @@ from edge.errors import SourceError
 from edge.pins import detect, take_rest
 from edge.recording import RecordingSource
 from edge.sources import Options, open_source
-from edge.track import Tracker
+from edge.tracking import Tracker
 from edge.types import Array
 from tests.data import make
 

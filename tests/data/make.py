@@ -13,7 +13,7 @@ from pathlib import Path
 from calib.sim import Camera, Look, Simulator, Tip
 from calib.sim.mechanics import Tool
 from calib.sim.script import SCENES, play
-from calib.simulated import calibrate_simulated
+from calib.simulated_calibration import calibrate_simulated
 from edge.recording import Recorder
 
 _QUIET = {"read_noise": 0.4, "shot_noise": 0.008}

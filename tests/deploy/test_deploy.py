@@ -14,8 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from edge.__main__ import cli
+from edge.cli.run import run as run_command
 from edge.config import Config, load_config
+from hostlink.web import TOKEN_VARIABLE
 from tests.conftest import ROOT
 
 DEPLOY = ROOT / "deploy"
@@ -87,10 +88,14 @@ def options_in(name: str) -> list[str]:
 def test_the_page_is_served_by_the_drop_in_and_not_without() -> None:
     assert options_in(UNIT) == []
     assert (DEPLOY / UNIT).read_text().count(" $EDGE_OPTIONS\n") == 1
-    command = cli.commands["run"]
+    command = run_command
     assert command.make_context("run", options_in("view.conf")).params["view_here"] is True
-    for told in re.findall(r"EDGE_OPTIONS=(--[^\n\"]*)", (DEPLOY / "view.conf").read_text()):
-        assert command.make_context("run", shlex.split(told))
+    told = re.findall(r"EDGE_OPTIONS=(--[^,\n\"]*)", (DEPLOY / "view.conf").read_text())
+    assert len(told) == 3
+    for options in told:
+        assert command.make_context("run", shlex.split(options))
+        assert "--view-token" not in options, "a command line is seen by all users of the board"
+    assert f"{TOKEN_VARIABLE}=" in (DEPLOY / "view.conf").read_text()
 
 
 @pytest.mark.parametrize(
@@ -140,22 +145,26 @@ def test_the_oak_manifest_has_documented_keys_only() -> None:
 # ---- the installer, on a file tree of its own -------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def wheel_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A package of the same name that installs in a moment: what is tested is the installer."""
-    folder = tmp_path_factory.mktemp("wheels")
-    info = "voronoi_touch-9.9.dist-info"
-    with zipfile.ZipFile(folder / "voronoi_touch-9.9-py3-none-any.whl", "w") as wheel:
-        wheel.writestr("edge/__init__.py", "")
-        wheel.writestr("edge/__main__.py", "print('9.9')\n")
-        wheel.writestr(
-            f"{info}/METADATA",
-            "Metadata-Version: 2.1\nName: voronoi-touch\nVersion: 9.9\nProvides-Extra: edge\n",
-        )
+def make_wheel(folder: Path, name: str, number: str, files: dict[str, str], more: str = "") -> None:
+    info = f"{name}-{number}.dist-info"
+    with zipfile.ZipFile(folder / f"{name}-{number}-py3-none-any.whl", "w") as wheel:
+        for path, text in files.items():
+            wheel.writestr(path, text)
+        wheel.writestr(f"{info}/METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: {number}\n{more}")
         wheel.writestr(
             f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: t\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
         )
         wheel.writestr(f"{info}/RECORD", "")
+
+
+PROGRAM = {"edge/__init__.py": "", "edge/__main__.py": "print('9.9')\n"}
+
+
+@pytest.fixture(scope="module")
+def wheel_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A package of the same name that installs in a moment: what is tested is the installer."""
+    folder = tmp_path_factory.mktemp("wheels")
+    make_wheel(folder, "voronoi_touch", "9.9", PROGRAM, "Provides-Extra: edge\n")
     return folder
 
 
@@ -230,6 +239,80 @@ def test_a_release_that_does_not_run_is_not_used(tmp_path: Path, wheel_dir: Path
     assert "does not run" in done.stderr
     assert board.current == good
     assert len(list((board.root / "opt/voronoi-touch/releases").iterdir())) == 1
+
+
+@pytest.mark.parametrize("mask", [0o000, 0o027, 0o077], ids=oct)
+def test_a_release_is_readable_by_all_and_writable_by_its_owner(
+    tmp_path: Path, wheel_dir: Path, mask: int
+) -> None:
+    """Whatever umask root has: the service has another user, and so have the board's other users."""
+    before = os.umask(mask)
+    try:
+        board = Board(tmp_path / "root", wheel_dir)
+        board.root.chmod(0o755)
+        board.install("--finger", "index")
+    finally:
+        os.umask(before)
+    paths = [path for path in board.root.rglob("*") if not path.is_symlink()]
+    assert len(paths) > 100
+    for path in paths:
+        mode = path.stat().st_mode
+        assert mode & 0o022 == 0, f"{path} may be written by others"
+        assert mode & 0o044 == 0o044, f"{path} cannot be read by the service"
+        assert not path.is_dir() or mode & 0o011 == 0o011, f"{path} cannot be entered by the service"
+
+
+#: A build backend that leaves a folder behind, as setuptools does.
+BACKEND = """
+import pathlib, shutil, sys
+
+def get_requires_for_build_wheel(config_settings=None):
+    return []
+
+def build_wheel(directory, config_settings=None, metadata_directory=None):
+    pathlib.Path("build").mkdir()
+    (wheel,) = pathlib.Path("made").glob("*.whl")
+    shutil.copy(wheel, directory)
+    return wheel.name
+"""
+
+
+def test_a_checkout_is_left_as_it_was_and_its_constraints_hold(tmp_path: Path) -> None:
+    checkout, index = tmp_path / "checkout", tmp_path / "index"
+    (checkout / "made").mkdir(parents=True)
+    index.mkdir()
+    shutil.copytree(DEPLOY, checkout / "deploy")
+    needs = 'Provides-Extra: edge\nRequires-Dist: helper; extra == "edge"\n'
+    make_wheel(checkout / "made", "voronoi_touch", "9.9", PROGRAM, needs)
+    for number in ("1.0", "2.0"):
+        make_wheel(index, "helper", number, {"helper.py": ""})
+    (checkout / "constraints.txt").write_text("helper==1.0\n")
+    (checkout / "backend.py").write_text(BACKEND)
+    (checkout / "pyproject.toml").write_text(
+        '[build-system]\nrequires = []\nbuild-backend = "backend"\nbackend-path = ["."]\n'
+        '[project]\nname = "voronoi-touch"\nversion = "9.9"\n'
+    )
+    before = {path: path.stat().st_mtime_ns for path in checkout.rglob("*")}
+    root = tmp_path / "root"
+    root.mkdir()
+    done = run(
+        "sh", checkout / "deploy/install.sh", "--root", root,
+        PIP_NO_INDEX="1", PIP_FIND_LINKS=str(index), TMPDIR=str(tmp_path),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr + done.stdout
+    assert {path: path.stat().st_mtime_ns for path in checkout.rglob("*")} == before
+    packages = [path.name for path in root.rglob("*.dist-info")]
+    assert "helper-1.0.dist-info" in packages
+    assert "voronoi_touch-9.9.dist-info" in packages
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["checkout", "index", "root"]
+
+
+def test_the_way_to_make_wheels_names_what_is_there() -> None:
+    """Not a download of a package that no index has."""
+    done = run("sh", DEPLOY / "install.sh", "--help")
+    assert "pip wheel -w DIR -c constraints.txt '.[edge]'" in done.stdout
+    assert "pip download" not in done.stdout
+    assert (ROOT / "constraints.txt").is_file()
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,9 @@ import pytest
 
 from edge.calibration import Calibration
 from edge.errors import CalibrationError, NoPins
-from edge.pipeline import ALL, Pipeline, in_order_of, tare
+from edge.pipeline import ALL, Pipeline
+from edge.runtime.tare import tare
+from edge.runtime.tip_match import in_order_of
 from edge.sources import open_source
 from edge.types import Feature, Frame, Rest, Tracks
 
@@ -89,7 +91,7 @@ def test_only_what_is_asked_for(
 def test_an_untouched_tip_has_no_surface_and_no_contacts(frames: list[Frame], rest: Rest) -> None:
     result = Pipeline(rest).process(frames[TARE - 1])
     assert result.features is not None
-    assert not result.features.touched
+    assert not result.features.in_contact
     assert result.features.surface is None
     assert result.features.contacts == ()
 
@@ -145,7 +147,7 @@ def test_a_touched_tip_is_no_rest_frame_of_the_calibration(
     frames: list[Frame], calibration: Calibration
 ) -> None:
     touched = tare([frames[-1].image] * TARE, 0.5)
-    with pytest.raises(CalibrationError, match=r"bent by \d\.\d px .* something touches the tip"):
+    with pytest.raises(CalibrationError, match=r"deformed by \d\.\d px .* something touches the tip"):
         in_order_of(calibration, touched)
 
 

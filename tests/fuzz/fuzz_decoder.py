@@ -7,8 +7,8 @@ anything but VersionMismatch.
 The input is read as a script: a byte chooses what comes next (a good frame, the input's own bytes, a good
 frame with bytes exchanged), so that the fuzzer reaches behind the CRCs. A damaged frame counts as put in
 when its E2E check holds: that is what the CRC's residual error is (WIRE.md), and no decoder could tell. For
-the same reason 8-byte parts made of the input's own bytes go to a node whose samples are not judged: a
-fuzzer that looks for it forges a CRC-8.
+the same reason 8-byte parts made of the input's own bytes, and parts with any content and a right CRC, go to
+a node whose samples are not judged.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ with nullcontext() if RANDOM else atheris.instrument_imports(include=["hostlink"
     from hostlink.decoder import CanDecoder, Event, Sample, SerialDecoder
     from hostlink.errors import VersionMismatch
     from hostlink.wire import CorruptFrame, Message, State, encode_frame, pack_parts, pack_state, unpack_state
+    from hostlink.wire.e2e import protect_p11
+    from hostlink.wire.fields import DATA_ID_CLASSIC, PARTS
 
 FORGED = 3
 BASES = (0x180, 0x280, 0x380, 0x480, 0x580, 0x700, 0x080)
@@ -52,6 +54,16 @@ class Script:
     @property
     def left(self) -> bool:
         return self._at < len(self._data)
+
+
+def forged_part(script: Script) -> tuple[int, bytes]:
+    """A classic part with a right CRC and any content: the fuzzer gets at the reassembly behind it."""
+    part = PARTS[script.byte() % len(PARTS)]
+    frame = bytearray(script.take(8))
+    if part.page is not None:
+        frame[2] = frame[2] & 0x1F | part.page << 5
+    protect_p11(frame, frame[1], DATA_ID_CLASSIC | part.index)
+    return 0x80 + 0x100 * part.tpdo + FORGED, bytes(frame)
 
 
 def run(data: bytes) -> None:
@@ -83,7 +95,10 @@ def run(data: bytes) -> None:
                     base = BASES[script.byte() % len(BASES)]
                     size = script.byte() % 65
                     node = FORGED if size == 8 else 1 + script.byte() % 2
-                    events += can.receive(base + node, script.take(size))
+                    if size == 8 and op & 8:
+                        events += can.receive(*forged_part(script))
+                    else:
+                        events += can.receive(base + node, script.take(size))
                 case 4:
                     events += serial.receive(script.take(script.byte()))
                 case 5:

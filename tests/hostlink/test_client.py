@@ -17,10 +17,11 @@ import can
 import pytest
 
 import hostlink
-from edge.errors import CalibrationError
-from edge.node import Node, Refused
-from edge.settings import SettingsFile
-from edge.transport import CanClassicSink, CanSink, SerialSink, open_sink
+from edge.errors import CalibrationError, SinkError
+from edge.link.node import Node, Refused
+from edge.link.sinks import CanClassicSink, CanSink, SerialSink, open_sink
+from edge.runtime.settings import SettingsFile
+from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState
 from hostlink.decoder import DetailFrame
 from hostlink.subscription import QUEUE
 from hostlink.wire import FaultCode, State, pack_state, unpack_state
@@ -54,9 +55,22 @@ class Application:
         self.serial, self.touched, self.calibration = serial, False, b""
         self.tares: list[bool] = []
         self.no_calibration = ""  # why none is taken
+        self.requests_n = 0
+        self.outcome = RestFrameOutcome(RestFrameState.ACCEPTED)  # of the next requests
+        self.busy_for_n = 0  # how often it is asked before it is known
 
     def describe(self) -> Mapping[str, int | float | str | bytes]:
         return {"serial_number": self.serial, "software_version": "0.1", "hardware_version": "test"}
+
+    def rest_frame(self) -> Mapping[str, int | float | str | bytes]:
+        busy = self.busy_for_n > 0
+        self.busy_for_n -= 1
+        return {
+            "rest_frame_request_n": self.requests_n,
+            "rest_frame_state": RestFrameState.BUSY if busy else self.outcome.state,
+            "rest_frame_reason": self.outcome.reason,
+            "rest_frame_words": self.outcome.words,
+        }
 
     def clock_us(self) -> int | None:
         return time.monotonic_ns() // 1000
@@ -65,6 +79,7 @@ class Application:
         if self.touched and not force:
             raise Refused("something touches the tip; let go, or force the tare")
         self.tares.append(force)
+        self.requests_n += 1
 
     def calibration_bytes(self) -> bytes:
         return self.calibration
@@ -73,6 +88,7 @@ class Application:
         if self.no_calibration:
             raise CalibrationError(self.no_calibration)
         self.calibration = data
+        self.requests_n += 1
 
     def set_features(self, names: frozenset[str]) -> None: ...
 
@@ -339,15 +355,191 @@ def test_other_version_is_one_error_with_both_names(request: pytest.FixtureReque
     channel = request.node.name
     with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
         for k in range(20):
-            frame = bytearray(pack_state(state(k), k))
-            frame[3] = 9
-            protect_p5(frame, k, DATA_ID ^ 0x55)
-            bus.send(can.Message(arbitration_id=0x181, data=bytes(frame), is_fd=True, is_extended_id=False))
+            send_foreign(bus, 1, k)
         until(lambda: hand.finger(1).mismatch, "the mismatch")
         with pytest.raises(hostlink.VersionMismatch, match=r"version 9 .* version 1 "):
             next(iter(hand))
         with pytest.raises(hostlink.VersionMismatch):
             hand.latest(1)
+
+
+def send_state(bus: can.BusABC, node: int, number: int) -> None:
+    data = pack_state(state(number), number)
+    bus.send(can.Message(arbitration_id=0x180 + node, data=data, is_fd=True, is_extended_id=False))
+
+
+def send_foreign(bus: can.BusABC, node: int, counter: int) -> None:
+    frame = bytearray(pack_state(state(counter), counter))
+    frame[3] = 9
+    protect_p5(frame, counter, DATA_ID ^ 0x55)
+    bus.send(can.Message(arbitration_id=0x180 + node, data=bytes(frame), is_fd=True, is_extended_id=False))
+
+
+def test_another_version_under_an_absent_number_does_not_end_the_loops_of_others(
+    request: pytest.FixtureRequest, caplog: pytest.LogCaptureFixture
+) -> None:
+    channel = request.node.name
+    with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
+        reader = hand.samples(timeout_s=SOON_S)
+        send_state(bus, 1, 0)
+        until(lambda: hand.latest(1, None), "the first")
+        got = []
+        for k in range(1, 20):
+            send_foreign(bus, 7, k)
+            send_state(bus, 1, k)
+            got.append(next(reader).state.sample)
+        assert got == list(range(1, 20))
+        with pytest.raises(hostlink.VersionMismatch, match="finger 7 "):
+            hand.latest(7)
+        newest = hand.latest(max_age_s=None)
+        assert newest is not None
+        assert newest.finger == 1
+    assert "finger 7 speaks wire version 9" in caplog.text
+
+
+def test_one_frame_with_a_foreign_version_byte_ends_nothing(request: pytest.FixtureRequest) -> None:
+    channel = request.node.name
+    frame = bytearray(pack_state(state(0), 0))
+    frame[3] = 9
+    protect_p5(frame, 0, DATA_ID)  # right in its CRC-16
+    with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
+        reader = hand.samples(timeout_s=SOON_S)
+        for node in (1, 7):
+            for _ in range(20):
+                bus.send(
+                    can.Message(
+                        arbitration_id=0x180 + node, data=bytes(frame), is_fd=True, is_extended_id=False
+                    )
+                )
+        threading.Timer(0.02, send_state, (bus, 1, 1)).start()
+        assert next(reader).state.sample == 1
+        assert set(hand.fingers) == {1}
+
+
+def test_what_was_not_foreseen_is_counted_logged_once_and_left(
+    request: pytest.FixtureRequest, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    channel = request.node.name
+    with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
+        receive = hand._can.receive
+
+        def fail_at_times(can_id: int, data: bytes, arrival_s: float) -> object:
+            if can_id == 0x182:
+                raise KeyError("capture_time_us")
+            return receive(can_id, data, arrival_s)
+
+        monkeypatch.setattr(hand._can, "receive", fail_at_times)
+        for k in range(50):
+            send_state(bus, 2, k)
+            send_state(bus, 1, k)
+        until(lambda: (s := hand.latest(1, None)) is not None and s.state.sample == 49, "all of finger 1")
+        assert hand.unforeseen_n == 50
+    assert caplog.text.count("unforeseen") == 1
+    assert "KeyError: 'capture_time_us'" in caplog.text
+
+
+def test_second_sender_with_one_number_is_named(
+    request: pytest.FixtureRequest, caplog: pytest.LogCaptureFixture
+) -> None:
+    bus = f"virtual:{request.node.name}"
+    nodes = [make_node(f"{bus}?node=3")[0] for _ in range(2)]
+    with hostlink.connect(bus) as hand:
+        for k in range(20):
+            for start, node in zip((0, 5000), nodes, strict=True):
+                node.send(State(sample=start + k, capture_time_us=(start + k) * 4000))
+        until(lambda: 3 in hand.fingers and hand.fingers[3].second_sender, "it is noticed")
+    for node in nodes:
+        node.close()
+    assert "two senders use number 3; give each fingertip its own" in caplog.text
+
+
+def test_there_is_one_class_of_samples() -> None:
+    import hostlink.client
+    import hostlink.decoder
+
+    assert hostlink.Sample is hostlink.decoder.Sample is hostlink.client.Sample
+
+
+def test_asking_for_a_finger_that_is_not_there_makes_none(request: pytest.FixtureRequest) -> None:
+    channel = request.node.name
+    with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
+        send_state(bus, 1, 0)
+        until(lambda: hand.latest(1, None), "finger 1")
+        assert hand.latest(7) is None
+        with pytest.raises(hostlink.LinkTimeout, match=r"finger 7 was not heard; finger 1 heard$"):
+            hand.finger(7, timeout_s=0.0)
+        assert set(hand.fingers) == {1}
+        assert set(hand.statistics) == {1}
+        assert hand.finger().node == 1
+
+
+def test_stopped_finger_without_heartbeat_can_be_asked_by_its_number(request: pytest.FixtureRequest) -> None:
+    bus = f"virtual:{request.node.name}"
+    node, application = make_node(f"{bus}?node=4")
+    with hostlink.connect(bus) as hand:
+        hand.finger(4).set("heartbeat_ms", 0)
+        hand.nmt(128)
+        until(lambda: node.state == "PRE-OPERATIONAL", "it is silent")
+    with hostlink.connect(bus) as hand:
+        assert hand.fingers == {}
+        assert hand.finger(4).info().serial_number == application.serial
+        assert hand.finger() is hand.finger(4)
+    node.close()
+
+
+def test_the_finger_on_a_line_has_one_number(tmp_path: Path) -> None:
+    pty = Pty(tmp_path)
+    node, application = make_node(f"serial:{pty.paths[0]}")
+    with hostlink.connect(f"serial:{pty.paths[1]}?node=3") as hand:
+        assert hand.finger(3).info().serial_number == application.serial
+        with pytest.raises(hostlink.UsageError, match=r"has number 3; \?node=1"):
+            hand.finger(1)
+        assert set(hand.fingers) == {3}
+    node.close()
+    pty.close()
+
+
+def test_serial_port_is_for_one_program_alone(tmp_path: Path) -> None:
+    pty = Pty(tmp_path)
+    node, _ = make_node(f"serial:{pty.paths[0]}")
+    with hostlink.connect(f"serial:{pty.paths[1]}"):
+        for address in (f"serial:{pty.paths[1]}", f"slcan:{pty.paths[1]}"):
+            with pytest.raises(hostlink.ConnectError, match="another program has it open; end that program"):
+                hostlink.connect(address)
+        for address in (f"serial:{pty.paths[0]}", f"slcan:{pty.paths[0]}"):
+            with pytest.raises(SinkError, match="another program has it open; end that program"):
+                open_sink(address)
+    hostlink.connect(f"serial:{pty.paths[1]}").close()  # free again
+    node.close()
+    pty.close()
+
+
+def test_tare_waits_for_its_outcome(pair: Pair) -> None:
+    node, application, hand = pair
+    node.send(state(0))
+    finger = hand.finger()
+    application.busy_for_n = 3
+    assert finger.tare().state is RestFrameState.ACCEPTED
+    assert application.busy_for_n < 0, "it was asked until it was known"
+    application.outcome = RestFrameOutcome(
+        RestFrameState.REFUSED, RestFrameReason.TOUCHED, "12 pins are pressed"
+    )
+    with pytest.raises(hostlink.RestFrameRefused, match=r"^tare refused: 12 pins are pressed") as error:
+        finger.tare()
+    assert error.value.reason is RestFrameReason.TOUCHED
+    application.outcome = RestFrameOutcome(RestFrameState.REFUSED, RestFrameReason.OTHER_TIP)
+    with pytest.raises(hostlink.RestFrameRefused, match="calibration refused: the pins are not those of the"):
+        finger.upload_calibration(b"{}")
+    application.outcome = RestFrameOutcome(
+        RestFrameState.FORCED, RestFrameReason.UNSTEADY, "pins moved by 2 px"
+    )
+    assert finger.tare(force=True) == application.outcome
+    application.outcome = RestFrameOutcome(RestFrameState.BUSY)
+    with pytest.raises(hostlink.LinkTimeout, match="no outcome of the tare"):
+        finger.tare(timeout_s=0.01)
+    application.outcome = RestFrameOutcome(RestFrameState.UNKNOWN)
+    with pytest.raises(hostlink.LinkError, match="cannot say what became of it"):
+        finger.tare()
 
 
 def test_silent_finger_times_out(request: pytest.FixtureRequest) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from math import isnan, nan
 from pathlib import Path
 from random import Random
 
@@ -22,14 +23,17 @@ from hostlink.decoder import (
     ObjectAnswer,
     Sample,
     SdoFrame,
+    SecondSender,
     SerialDecoder,
 )
 from hostlink.errors import VersionMismatch
+from hostlink.sequence import RESTART_RUN
 from hostlink.wire import CanIds, Message, State, encode_frame, pack_message, pack_state
 from hostlink.wire.e2e import protect_p5, protect_p11
-from hostlink.wire.fields import DATA_ID, DATA_ID_CLASSIC, STATE_SIZE, VERSION
-from tests.hostlink.channel import ClassicLink, Ledger, flip, spots
-from tests.hostlink.states import any_state, random_state, same
+from hostlink.wire.fields import DATA_ID, DATA_ID_CLASSIC, PARTS, STATE_SIZE, VERSION
+from hostlink.wire.parts import unpack_part
+from tests.support.channel import ClassicLink, Ledger, flip, spots
+from tests.support.states import any_state, random_state, same
 
 IDS = CanIds()
 FRAMES = 100_000
@@ -117,15 +121,15 @@ def test_misuse_raises() -> None:
 # --- counting ---
 
 
-def feed(decoder: CanDecoder, samples: list[tuple[int, int]]) -> list[int]:
-    """Feeds (sample number, counter) pairs; the sample numbers delivered."""
+def deliver(decoder: CanDecoder, samples: list[tuple[int, int]]) -> list[int]:
+    """Gives the decoder (sample number, counter) pairs; the sample numbers delivered."""
     events = [e for s, c in samples for e in decoder.receive(0x181, pack_state(State(sample=s), c))]
     return [e.state.sample for e in events if isinstance(e, Sample)]
 
 
 def test_loss_duplicates_and_order_are_counted() -> None:
     decoder = CanDecoder()
-    got = feed(decoder, [(10, 1), (11, 2), (14, 5), (14, 5), (13, 4), (13, 4), (15, 6)])
+    got = deliver(decoder, [(10, 1), (11, 2), (14, 5), (14, 5), (13, 4), (13, 4), (15, 6)])
     assert got == [10, 11, 14, 15]
     s = decoder.statistics[1]
     assert (s.received_n, s.lost_n, s.duplicate_n, s.out_of_order_n) == (4, 1, 2, 1)
@@ -133,9 +137,9 @@ def test_loss_duplicates_and_order_are_counted() -> None:
 
 def test_a_divider_is_no_loss() -> None:
     decoder = CanDecoder()
-    feed(decoder, [(5 * i & 0xFFFF, i & 0xFF) for i in range(300)])
+    deliver(decoder, [(5 * i & 0xFFFF, i & 0xFF) for i in range(300)])
     assert decoder.statistics[1].lost_n == 0
-    feed(decoder, [(5 * i & 0xFFFF, i & 0xFF) for i in range(900, 1000)])
+    deliver(decoder, [(5 * i & 0xFFFF, i & 0xFF) for i in range(900, 1000)])
     assert decoder.statistics[1].lost_n == 600, "more than the counter's round"
 
 
@@ -148,7 +152,7 @@ def test_any_gaps_are_counted(gaps: list[int], first: int, stride: int) -> None:
     for gap in gaps:
         number += max(1, gap // stride)
         samples.append((first + number * stride, number))
-    feed(decoder, samples)
+    deliver(decoder, samples)
     s = decoder.statistics[1]
     within = all(max(1, gap // stride) * stride <= 0x8000 for gap in gaps)
     if within:
@@ -157,12 +161,88 @@ def test_any_gaps_are_counted(gaps: list[int], first: int, stride: int) -> None:
 
 def test_restart_seen_and_unseen() -> None:
     decoder = CanDecoder()
-    assert feed(decoder, [(5000, 1)]) == [5000]
+    assert deliver(decoder, [(5000, 1)]) == [5000]
     decoder.receive(0x701, b"\0")
-    assert feed(decoder, [(0, 0), (1, 1)]) == [0, 1]
-    feed(decoder, [(i, i) for i in range(2, 1000)])
-    assert feed(decoder, [(0, 0), (1, 1), (2, 2)]) == [1, 2]
+    assert deliver(decoder, [(0, 0), (1, 1)]) == [0, 1]
+    deliver(decoder, [(i, i) for i in range(2, 1000)])
+    assert deliver(decoder, [(i, i) for i in range(RESTART_RUN + 2)]) == [7, 8, 9]
     assert decoder.statistics[1].restart_n == 1
+
+
+@pytest.mark.parametrize("divider", [1, 100])
+def test_restart_with_a_divider_is_seen_as_well(divider: int) -> None:
+    decoder = CanDecoder()
+    deliver(decoder, [(30_000 + i, i) for i in range(10)])
+    assert len(deliver(decoder, [(i * divider, i) for i in range(20)])) == 20 - RESTART_RUN + 1
+
+
+def test_old_frames_replayed_are_not_delivered() -> None:
+    """A few old frames, right in all their checks, between new ones or after them."""
+    decoder = CanDecoder()
+    frames = [pack_state(State(sample=i, capture_time_us=i * 4167), i) for i in range(2000)]
+    for frame in frames[:1500]:
+        decoder.receive(0x181, frame)
+    replayed = [decoder.receive(0x181, frame) for frame in frames[100:104]]
+    assert replayed == [[]] * 4
+    (after,) = decoder.receive(0x181, frames[1500])
+    assert isinstance(after, Sample)
+    assert after.state.sample == 1500
+    for i in range(1501, 1600):  # each new one followed by two old ones, for long
+        assert decoder.receive(0x181, frames[i]) != []
+        for old in (frames[i - 1000], frames[i - 999]):
+            assert not any(isinstance(e, Sample) for e in decoder.receive(0x181, old))
+    assert decoder.statistics[1].second_sender_n > 50, "somebody else sends on this identifier"
+
+
+def second_senders(decoder: CanDecoder, frames: list[tuple[int, bytes]]) -> list[Event]:
+    events = [e for can_id, data in frames for e in decoder.receive(can_id, data)]
+    return [e for e in events if isinstance(e, SecondSender)]
+
+
+@pytest.mark.parametrize("lead", [0, 1, 10, 63, 500, 20_000, 40_000])
+def test_two_senders_with_one_number_are_named(lead: int) -> None:
+    """Two boards that were started together, and two that were not."""
+    first = [State(sample=i, capture_time_us=5_000_000 + i * 4167) for i in range(300)]
+    second = [
+        State(sample=i + lead & 0xFFFF, capture_time_us=5_020_000 + i * 4170 + lead * 4) for i in range(300)
+    ]
+    frames = [
+        (0x183, pack_state(state, i))
+        for i, pair in enumerate(zip(first, second, strict=True))
+        for state in pair
+    ]
+    decoder = CanDecoder()
+    assert second_senders(decoder, frames) == [SecondSender(3, pytest.approx(nan, nan_ok=True))]
+    assert decoder.statistics[3].second_sender_n > 50
+
+
+def test_two_classic_senders_whose_parts_mix_are_named() -> None:
+    frames = []
+    for i in range(20):
+        ours = wire.pack_parts(State(sample=i, capture_time_us=i * 4167), i)
+        theirs = wire.pack_parts(State(sample=i + 300, capture_time_us=i * 4167 + 900_000), i + 7)
+        for pair in zip(ours, theirs, strict=True):
+            frames += [(IDS.tpdo(tpdo, 4), part) for tpdo, part in pair]
+    decoder = CanDecoder()
+    assert len(second_senders(decoder, frames)) == 1
+
+
+@pytest.mark.parametrize("boot_up", [True, False])
+def test_restarts_stragglers_and_steps_of_the_clock_are_no_second_sender(boot_up: bool) -> None:
+    rng, decoder = Random(9), CanDecoder()
+    time_us = 0
+    for _ in range(20):
+        if boot_up:
+            decoder.receive(0x701, b"\0")
+        time_us = rng.randrange(1 << 32)
+        frames = []
+        for i in range(rng.randrange(80, 200)):
+            time_us = time_us + 4167 & 0xFFFF_FFFF
+            frames.append(pack_state(State(sample=i, capture_time_us=time_us), i))
+        for i in range(0, len(frames) - 1, 10):
+            frames[i], frames[i + 1] = frames[i + 1], frames[i]
+        assert second_senders(decoder, [(0x181, frame) for frame in frames]) == []
+    assert decoder.statistics[1].second_sender_n == 0
 
 
 def test_late_samples_are_counted() -> None:
@@ -220,7 +300,7 @@ def test_bad_serial_line() -> None:
             ledger.take(decoder.receive(bytes(stream)))
             stream.clear()
     ledger.take(decoder.receive(bytes(stream) + b"\0"))
-    statistics = decoder.statistics[0]
+    statistics = decoder.statistics[1]
     ledger.balance(statistics)
     assert statistics.received_n > 0.5 * FRAMES
     assert min(statistics.corrupt_n, statistics.duplicate_n, statistics.out_of_order_n) > 0.03 * FRAMES
@@ -326,6 +406,99 @@ def test_any_bytes_parse_or_are_counted_and_the_next_frame_is_found(junk: list[b
     assert [type(e) for e in events] == [Sample]
 
 
+# --- classic samples that claim to be complete ---
+
+
+def classic_part(index: int, counter: int, sample_low: int, payload: int) -> tuple[int, bytes]:
+    """A part with a right CRC and any content."""
+    part = PARTS[index]
+    bits = sample_low | (part.page or 0) << 5 if part.page is not None else sample_low
+    bits |= payload << (8 if part.page is not None else 5)
+    frame = bytearray(2) + bytearray((bits & (1 << 48) - 1).to_bytes(6, "little"))
+    protect_p11(frame, counter, DATA_ID_CLASSIC | index)
+    return part.tpdo, bytes(frame)
+
+
+def test_two_valid_parts_that_claim_to_be_a_whole_sample_are_counted() -> None:
+    """part_n = 2, and right CRCs: there is no capture time, so there is no sample."""
+    state = State(sample=3, displacement_mm=1.0)
+    first, second = (part for _, part in wire.pack_parts(state, 0)[:2])
+    bits = int.from_bytes(second[2:], "little")
+    shift = 5 + 16 + 11 + 8 + 4  # sample_low, status, sample_high, pins_tracked, contact_n
+    bits = bits & ~(0xF << shift) | 2 << shift
+    claimed = bytearray(second[:2] + bits.to_bytes(6, "little"))
+    protect_p11(claimed, 0, DATA_ID_CLASSIC | 1)
+    assert unpack_part(2, bytes(claimed)).raws["part_n"] == 2
+    decoder = CanDecoder()
+    assert decoder.receive(0x181, first) == []
+    assert decoder.receive(0x281, bytes(claimed)) == []
+    assert decoder.statistics[1].corrupt_n == 1
+    again = [e for tpdo, part in wire.pack_parts(state, 1) for e in decoder.receive(IDS.tpdo(tpdo, 1), part)]
+    assert [type(e) for e in again] == [Sample], "and the next sample comes"
+
+
+def test_any_valid_parts_in_any_order_are_samples_or_are_counted(classic_rounds: int) -> None:
+    """Right CRCs, any content: nothing is raised, and what is delivered has passed its check."""
+    refused_n = 0
+    for seed in range(classic_rounds):
+        rng, decoder = Random(seed), CanDecoder()
+        for _ in range(300):
+            counter, low = rng.randrange(2), rng.randrange(2)
+            for index in sorted(rng.sample(range(12), rng.randrange(1, 6))):
+                tpdo, data = classic_part(index, counter, low, rng.getrandbits(48))
+                if index == 1 and rng.random() < 0.8:  # a part_n that is soon reached
+                    bits = int.from_bytes(data[2:], "little") & ~(0xF << 44) | rng.randrange(1, 6) << 44
+                    frame = bytearray(data[:2] + bits.to_bytes(6, "little"))
+                    protect_p11(frame, counter, DATA_ID_CLASSIC | 1)
+                    data = bytes(frame)
+                for event in decoder.receive(IDS.tpdo(tpdo, 1), data):
+                    assert isinstance(event, Sample | SecondSender)
+        refused_n += decoder.statistics[1].corrupt_n
+    assert refused_n > 5 * classic_rounds, "samples were completed, and refused by their check"
+
+
+# --- when it was, on the host's clock ---
+
+
+def sent_at(decoder: CanDecoder, i: int, host_s: float, device_s: float, status: int = 0) -> Sample:
+    state = State(
+        sample=i,
+        capture_time_us=round(device_s * 1e6) & 0xFFFF_FFFF,
+        latency_us=3000.0,
+        status=wire.Status(status),
+    )
+    (event,) = decoder.receive(0x181, pack_state(state, i), host_s + 0.0035)
+    assert isinstance(event, Sample)
+    return event
+
+
+def test_samples_carry_their_time_on_the_clock_of_their_arrival() -> None:
+    decoder = CanDecoder()
+    for i in range(300):
+        sample = sent_at(decoder, i, 1000 + i / 240, 77 + i / 240)
+        assert abs(sample.host_time_s - (1000 + i / 240)) <= sample.host_error_s
+    assert sample.host_error_s < 0.0011
+    (unknown,) = decoder.receive(0x182, pack_state(State(sample=1), 1))
+    assert isinstance(unknown, Sample)
+    assert isnan(unknown.host_time_s)
+
+
+@pytest.mark.parametrize("how", ["boot-up", "status bit", "emergency"])
+def test_announced_step_begins_the_clock_anew(how: str) -> None:
+    """A step too small to show by itself: 1 ms."""
+    decoder = CanDecoder()
+    for i in range(300):
+        sent_at(decoder, i, 1000 + i / 240, 77 + i / 240)
+    if how == "boot-up":
+        decoder.receive(0x701, b"\0")
+    elif how == "emergency":
+        decoder.receive(0x081, wire.pack_emergency(0x6002, 1, wire.FaultCode.CLOCK_STEP, 0))
+    status = wire.Status.CLOCK_STEP if how == "status bit" else 0
+    sample = sent_at(decoder, 300, 1000 + 300 / 240, 77 + 300 / 240 - 0.001, int(status))
+    assert decoder.clock(1).restarts == 1
+    assert abs(sample.host_time_s - (1000 + 300 / 240)) <= sample.host_error_s
+
+
 # --- other versions ---
 
 
@@ -371,6 +544,24 @@ def test_another_version_on_classic_can() -> None:
     assert (error.ours, error.theirs) == (VERSION, 2)
     assert (error.our_id, error.their_id) == (DATA_ID_CLASSIC & 0xFF, 0xC0)
     assert decoder.statistics[1].foreign_n > 20
+
+
+def test_one_frame_with_a_foreign_version_byte_is_noise_however_often_it_is_repeated() -> None:
+    """Right CRC-16, foreign version byte: two bytes of noise do that once in 65536 times."""
+    frame = bytearray(pack_state(State(sample=5), 1))
+    frame[3] = VERSION + 1
+    protect_p5(frame, 1, DATA_ID)
+    decoder = CanDecoder()
+    assert mismatches(decoder, [(0x187, bytes(frame))] * 100) == []
+    assert decoder.statistics[7].corrupt_n == 100
+    with pytest.raises(wire.CorruptFrame):
+        wire.unpack_state(bytes(frame))
+
+
+def test_mismatch_names_the_finger() -> None:
+    (error,) = mismatches(CanDecoder(), [(0x183, foreign_state(i, VERSION + 1, 0xBEEF)) for i in range(9)])
+    assert error.node == 3
+    assert str(error).startswith("finger 3 speaks wire version 2 ")
 
 
 def test_noise_is_not_another_version() -> None:

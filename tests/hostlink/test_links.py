@@ -15,7 +15,7 @@ import pytest
 
 import hostlink
 from edge.errors import SinkError
-from edge.transport import open_sink
+from edge.link.sinks import open_sink
 from hostlink.wire import pack_state, unpack_state
 from hostlink.wire.address import AddressError, parse_address
 from tests.hostlink.test_client import make_node, state, until

@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import struct
+import tracemalloc
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from random import Random
 
@@ -9,10 +15,10 @@ import can
 import pytest
 
 from hostlink.decoder import CanDecoder, Sample, SerialDecoder
-from hostlink.errors import LogError
+from hostlink.errors import LinkError, LogError
 from hostlink.recording import LogWriter, SerialWriter, decode_recording, read_log, read_serial
 from hostlink.wire import Message, State, encode_frame, pack_parts, pack_state
-from tests.hostlink.states import random_state
+from tests.support.states import random_state
 
 START_S = 1_767_225_600.123457  # 2026: where a double resolves 0.24 us
 
@@ -130,3 +136,142 @@ def test_a_channel_with_a_long_number_is_recorded(tmp_path: Path) -> None:
     assert message.channel == "bus-1d1372d93861"
     (back,) = read_log(tmp_path / "bus.blf")
     assert (back.arbitration_id, bytes(back.data), back.channel) == (0x181, b"12345678", 0)
+
+
+# ---- damage of every kind ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "(1.0) can0 181#00 (1.1) can0 182#11",  # two lines that became one
+        "(1.0) can0 181#00(1.1) can0 182#11",
+        "(1.0) can0 181#" + "00" * 9,  # more than a classic frame holds
+        "(1.0) can0 181##1" + "00" * 65,
+        "(1.0) can0 181#0",
+        "(nan) can0 181#00",
+        "(inf) can0 181#00",
+        "(-1.0) can0 181#00",
+        "(1.0) can0 FFFFFFFFF#00",
+        "(1.0) can0",
+        "x" * 100_000,
+    ],
+    ids=lambda line: line[:24],
+)
+def test_a_line_of_another_form_is_the_damage(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "a.log"
+    path.write_text(f"(1.0) can0 181#00\n{line}\n")
+    messages = read_log(path)
+    assert next(messages).data == b"\0"
+    with pytest.raises(LogError, match=r"after 1 messages: line 2 is not one that candump -L writes: '"):
+        next(messages)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "(1.5)  can0  181#0011 R",
+        "(1767225600.123457) vcan0 1FFFFFFF##700",
+        "(1.0) 0 181#R",
+        "(1.0) can0 181#R8 T",
+    ],
+)
+def test_lines_of_other_tools_are_read(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "a.log"
+    path.write_text(line + "\n\n")
+    assert len(list(read_log(path))) == 1
+
+
+def blf_of(container: bytes, says: int | None = None) -> bytes:
+    """A file with one container; what its header says of its length may be a lie."""
+    body = struct.pack("<H6xL4x", 2, 0) + container
+    size = 16 + len(body) if says is None else says
+    return (
+        b"LOGG"
+        + struct.pack("<L", 144)
+        + bytes(136)
+        + struct.pack("<4sHHLL", b"LOBJ", 16, 1, size, 10)
+        + body
+    )
+
+
+@pytest.mark.parametrize("says", [0, 15, 20, 1 << 30, (1 << 32) - 1])
+def test_a_blf_length_is_not_believed(tmp_path: Path, says: int) -> None:
+    path = tmp_path / "a.blf"
+    path.write_bytes(blf_of(zlib.compress(b"LOBJ" + bytes(60)), says))
+    with peak_below(4 << 20), pytest.raises(LogError, match=r"damaged after 0 messages: .* at byte 144"):
+        list(read_log(path))
+
+
+def test_a_blf_container_that_unpacks_without_end_is_damage(tmp_path: Path) -> None:
+    packer = zlib.compressobj(9)
+    parts = [packer.compress(bytes(1 << 20)) for _ in range(256)]
+    path = tmp_path / "a.blf"
+    path.write_bytes(blf_of(b"".join([*parts, packer.flush()])))
+    with peak_below(96 << 20), pytest.raises(LogError, match="a container too large at byte 144"):
+        list(read_log(path))
+
+
+def test_a_blf_file_that_is_cut_off_gives_what_is_there(tmp_path: Path) -> None:
+    path = tmp_path / "a.blf"
+    with LogWriter(path) as writer:
+        for message in traffic(300):
+            writer.write(message)
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) * 3 // 4])
+    messages = read_log(path)
+    assert len(list(islice(messages, 300))) == 300
+    with pytest.raises(LogError, match="cut off at byte"):
+        list(messages)
+
+
+@contextmanager
+def peak_below(n_bytes: int) -> Iterator[None]:
+    tracemalloc.start()
+    try:
+        yield
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < n_bytes
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf", ".serial"])
+def test_random_damage_is_read_up_to_or_refused(tmp_path: Path, suffix: str) -> None:
+    """Every file that chance makes of a good one gives events, then at most one LinkError."""
+    path, dice = tmp_path / f"a{suffix}", Random(16)
+    if suffix == ".serial":
+        with SerialWriter(path) as serial:
+            for i in range(20):
+                serial.write(encode_frame(Message.STATE, pack_state(State(sample=i), i)), i / 10)
+    else:
+        with LogWriter(path) as writer:
+            for message in traffic(10):
+                writer.write(message)
+    good = path.read_bytes()
+    lengths = [0, 1, 16, 32, 0xFFFF, 1 << 24, (1 << 31) - 1, 1 << 31, (1 << 32) - 1]
+    whole_n = 0
+    with peak_below(64 << 20):
+        for _ in range(600):
+            data = bytearray(good)
+            for _ in range(dice.choice([1, 1, 2, 5])):
+                at = dice.randrange(len(data) - 8)
+                match dice.randrange(5):
+                    case 0:
+                        data[at] ^= 1 << dice.randrange(8)
+                    case 1:
+                        data[at : at + 4] = struct.pack("<I", dice.choice(lengths))
+                    case 2:
+                        del data[at : at + dice.randrange(1, 8)]
+                    case 3:
+                        data[at:at] = data[at : at + dice.randrange(1, 64)]
+                    case _:
+                        end = data.find(b"\n", at)
+                        del data[end : end + 1 if end > 0 else end]
+            path.write_bytes(data)
+            try:
+                list(decode_recording(path))
+                whole_n += 1
+            except LinkError:
+                pass
+    assert 0 < whole_n < 600

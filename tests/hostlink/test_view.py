@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import hostlink
-from hostlink.cli import main
+from hostlink.commands.cli import main
 from hostlink.view import HandView
 from hostlink.web import pack_packet, parse_listen
 from hostlink.wire import Contact, State
-from tests.edge.test_view import unpack
+from tests.edge.view.test_page import unpack
 from tests.hostlink.test_client import Application, make_node, until
 
 BUS = f"udp:239.0.0.8?port={23_000 + os.getpid() % 20_000}"

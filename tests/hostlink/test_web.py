@@ -1,38 +1,58 @@
-"""The server under both live pages: what viewers cost it, and what becomes of those that never read."""
+"""The server under both live pages: what viewers cost it, and what strangers cannot make it cost."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import gc
+import json
+import logging
+import random
 import socket
 import threading
 import tracemalloc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
 
 import aiohttp
 import pytest
 
-import hostlink.web.server
-from hostlink.web import PageServer, parse_listen
-from hostlink.web.server import VIEWERS_MAX
+from hostlink.web import PageServer, WebError, find_token, parse_listen
+from hostlink.web.limits import SparseLog, WebLimits
+from hostlink.web.viewer import parse_message, wishes_in
+from tests.support.hostile_viewer import look, message_frame, upgrade_request
 
 SOON_S = 20.0
 PACKET = bytes(100_000)  # as large as one with a camera's image
+TOKEN = "a-token-for-tests"
+LIMITS = WebLimits()
 
 
 class Served:
     """A page without a loop behind it."""
 
-    def __init__(self) -> None:
+    def __init__(self, limits: WebLimits = LIMITS, token: str | None = None, packet: bytes = PACKET) -> None:
         self._changed = threading.Condition()
+        self._packet = packet
+        self.wanted: list[frozenset[str] | None] = []
         self.server = PageServer(
-            parse_listen("127.0.0.1:0"), "hostlink.view", self._make, {}, wishes=("image",)
+            parse_listen("127.0.0.1:0", token),
+            "hostlink.view",
+            self._make,
+            {},
+            {"tare": self._tare},
+            self.wanted.append,
+            ("image",),
+            limits,
         )
 
     def _make(self, wants: frozenset[str]) -> bytes:
         self._told()
-        return PACKET
+        return self._packet
+
+    def _tare(self, said: Mapping[str, Any]) -> str:
+        return "taken"
 
     def _told(self) -> None:
         with self._changed:
@@ -51,34 +71,58 @@ class Served:
     def url(self) -> str:
         return f"http://127.0.0.1:{self.server.port}/live"
 
+    def connect(self) -> socket.socket:
+        raw = socket.create_connection(("127.0.0.1", self.server.port))
+        raw.settimeout(SOON_S)
+        return raw
+
+    def ask(self, request: str) -> bytes:
+        """What comes back for a request, to its end."""
+        with self.connect() as raw:
+            raw.sendall(request.replace("\n", "\r\n").encode("latin-1"))
+            return read_all(raw)
+
+    def get(self, **headers: str) -> int:
+        """The status that a request for the page gets."""
+        lines = {"Host": f"127.0.0.1:{self.server.port}", "Connection": "close", **headers}
+        text = "".join(f"{name}: {value}\n" for name, value in lines.items())
+        return int(self.ask(f"GET / HTTP/1.1\n{text}\n").split(b" ", 2)[1])
+
+
+@contextlib.contextmanager
+def serving(**options: Any) -> Iterator[Served]:
+    running = Served(**options)
+    running.server.start()
+    try:
+        yield running
+    finally:
+        running.server.close()
+
 
 @pytest.fixture
 def served() -> Iterator[Served]:
-    running = Served()
-    running.server.start()
-    yield running
-    running.server.close()
+    with serving() as running:
+        yield running
 
 
 def never_reads(served: Served) -> socket.socket:
     """A viewer that asks for everything and reads nothing."""
-    raw = socket.create_connection(("127.0.0.1", served.server.port))
+    raw = socket.socket()
     raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    raw.sendall(
-        f"GET /live HTTP/1.1\r\nHost: 127.0.0.1:{served.server.port}\r\nUpgrade: websocket\r\n"
-        "Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
-        "Sec-WebSocket-Version: 13\r\n\r\n".encode()
-    )
-    text = b'{"want": ["image"]}'
-    raw.sendall(bytes([0x81, 0x80 | len(text), 0, 0, 0, 0]) + text)  # masked with zeros
+    raw.settimeout(SOON_S)
+    raw.connect(("127.0.0.1", served.server.port))
+    raw.sendall(upgrade_request(served.server.port))
+    raw.sendall(message_frame('{"want": ["image"]}'))
     return raw
 
 
-def read_all(raw: socket.socket) -> None:
+def read_all(raw: socket.socket) -> bytes:
     """To the end, however it comes."""
+    got = bytearray()
     with contextlib.suppress(ConnectionResetError):
-        while raw.recv(1 << 16):
-            pass
+        while data := raw.recv(1 << 16):
+            got += data
+    return bytes(got)
 
 
 async def visit(session: aiohttp.ClientSession, url: str, packets_n: int) -> int:
@@ -95,17 +139,68 @@ async def visit(session: aiohttp.ClientSession, url: str, packets_n: int) -> int
         return got_n
 
 
-def test_a_viewer_that_never_reads_is_cut_off(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hostlink.web.server, "PATIENCE_S", 0.3)
-    server = served.server
+# ---- viewers ------------------------------------------------------------------------------------------
+
+
+def test_a_viewer_that_never_reads_is_cut_off() -> None:
+    with serving(limits=WebLimits(patience_s=0.3)) as served:
+        server = served.server
+        with never_reads(served) as raw:
+            served.until(lambda: server.viewers_n == 1, "it is there")
+            sent_n = server.sent_n
+            served.until(lambda: server.cut_off_n == 1, "it is cut off")
+            assert server.sent_n - sent_n <= 2, "no more than two packets were under way to it"
+            served.until(lambda: server.viewers_n == 0, "it is forgotten")
+            read_all(raw)
+        served.until(lambda: served.wanted == [frozenset({"image"}), None], "nothing is made any more")
+
+
+def test_a_viewer_that_chatters_and_acknowledges_nothing_is_cut_off() -> None:
+    """Talking is no sign of life: only what it has got counts."""
+    with serving(limits=WebLimits(patience_s=0.3)) as served, never_reads(served) as raw:
+        with contextlib.suppress(ConnectionError):
+            while served.server.cut_off_n == 0:
+                raw.sendall(message_frame('{"want": ["image"]}'))
+                served.until(lambda: True, "")
+                threading.Event().wait(0.02)
+        served.until(lambda: served.server.cut_off_n == 1, "it is cut off")
+
+
+def test_commands_whose_answers_are_never_read_end_the_viewer() -> None:
+    """Each answer waits for its reader: a viewer has a few of them open, and not millions."""
+    limits = WebLimits(patience_s=SOON_S, messages_per_s=1 << 30)
+    with serving(limits=limits, packet=bytes(4)) as served, never_reads(served) as raw:
+        served.until(lambda: served.server.viewers_n == 1, "it is there")
+        ask = message_frame(json.dumps({"do": "x" * 100})) * 1000
+        gc.collect()
+        tracemalloc.start()
+        try:
+            with contextlib.suppress(ConnectionError):
+                while served.server.cut_off_n == 0:
+                    raw.sendall(ask)
+            _, peak = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+        assert served.server.cut_off_n == 1
+        assert peak < 8_000_000, "answers piled up"
+
+
+def test_a_viewer_that_talks_without_end_is_cut_off(served: Served) -> None:
     with never_reads(served) as raw:
-        served.until(lambda: server.viewers_n == 1, "it is there")
-        sent_n = server.sent_n
-        served.until(lambda: server.cut_off_n == 1, "it is cut off")
-        assert server.sent_n - sent_n <= 2, "no more than two packets were under way to it"
-        served.until(lambda: server.viewers_n == 0, "it is forgotten")
-        raw.settimeout(SOON_S)
-        read_all(raw)
+        with contextlib.suppress(ConnectionError):
+            raw.sendall(message_frame('{"want": []}') * (3 * LIMITS.messages_per_s))
+        served.until(lambda: served.server.cut_off_n == 1, "it is cut off")
+
+
+def test_pings_count_as_talk_and_are_answered(served: Served) -> None:
+    with never_reads(served) as raw:
+        raw.sendall(message_frame("hello", opcode=9))
+        got = b""
+        while b"\x8a\x05hello" not in got:
+            got += raw.recv(1 << 16)
+        with contextlib.suppress(ConnectionError):
+            raw.sendall(message_frame("", opcode=9) * (3 * LIMITS.messages_per_s))
+        served.until(lambda: served.server.cut_off_n == 1, "it is cut off")
 
 
 def test_a_hundred_viewers_come_and_go(served: Served) -> None:
@@ -115,7 +210,7 @@ def test_a_hundred_viewers_come_and_go(served: Served) -> None:
         async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as session:
             return await asyncio.gather(*(visit(session, served.url, 3) for _ in range(viewers_n)))
 
-    asyncio.run(wave(VIEWERS_MAX))  # what is made once, is made
+    asyncio.run(wave(LIMITS.viewers_n))  # what is made once, is made
     served.until(lambda: server.viewers_n == 0, "all have left")
     with never_reads(served):
         served.until(lambda: server.viewers_n == 1, "one that never reads is there")
@@ -134,3 +229,212 @@ def test_a_hundred_viewers_come_and_go(served: Served) -> None:
     assert seen.count(3) == 100
     assert after - before < 500_000, "memory did not come back"
     served.until(lambda: server.viewers_n == 0, "the last one has left")
+
+
+# ---- strangers ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("said", ["", "G", "GET / HTTP/1.1\r\nHost: "])
+def test_half_open_requests_shut_nobody_out(
+    served: Served, said: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Many times more than there are places for: a viewer comes in all the same."""
+    with contextlib.ExitStack() as stack:
+        for _ in range(5 * LIMITS.connections_n):
+            raw = stack.enter_context(served.connect())
+            raw.sendall(said.encode())
+        assert asyncio.run(look(served.url)) == 2
+        assert served.server.connections_n <= LIMITS.connections_n
+    assert sum(len(record.getMessage()) for record in caplog.records) < 10_000
+
+
+def test_half_open_sockets_take_no_viewer_place(served: Served) -> None:
+    """A place is taken by who has said what it wants, not by who has only come."""
+    with contextlib.ExitStack() as stack:
+        for _ in range(2 * LIMITS.viewers_n):
+            raw = stack.enter_context(served.connect())
+            raw.sendall(upgrade_request(served.server.port))
+            assert raw.recv(4096).startswith(b"HTTP/1.1 101")
+        assert asyncio.run(look(served.url)) == 2
+
+
+def test_a_request_that_takes_too_long_is_closed() -> None:
+    with serving(limits=WebLimits(request_s=0.2)) as served, served.connect() as raw:
+        raw.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ")
+        assert read_all(raw) == b""
+        served.until(lambda: served.server.connections_n == 0, "it is forgotten")
+
+
+def test_a_viewer_stays_longer_than_a_request_may_take() -> None:
+    with serving(limits=WebLimits(request_s=0.2)) as served:
+
+        async def stay() -> int:
+            async with aiohttp.ClientSession() as session:
+                return await visit(session, served.url, 20)
+
+        assert asyncio.run(stay()) == 20
+
+
+@pytest.mark.parametrize(
+    "host", ["[::1", "[", "::1]:80", "evil.example", "127.0.0.1.evil", "", "a\x80b", "[v1.x]"]
+)
+def test_a_host_that_is_not_ours_is_refused(served: Served, host: str) -> None:
+    assert served.get(Host=host) == 403
+
+
+@pytest.mark.parametrize("origin", ["http://[", "http://evil.example", "null", "", "http://[::1", "//"])
+def test_an_origin_that_is_not_ours_is_refused(served: Served, origin: str) -> None:
+    assert served.get(Origin=origin) == 403
+
+
+def test_our_own_page_is_let_in(served: Served) -> None:
+    assert served.get(Origin=f"http://127.0.0.1:{served.server.port}") == 200
+    assert served.get() == 200
+
+
+NONSENSE = [
+    "[" * 2000,
+    '{"a":' * 600,
+    '{"got": 1e400}',
+    '{"got": 1.5}',
+    '{"got": true}',
+    '{"got": -1}',
+    '{"got": NaN}',
+    '{"want": [[]]}',
+    '{"want": 5}',
+    '{"want": {"image": 1}}',
+    '{"do": ["tare"]}',
+    '{"do": "tare", "x": Infinity}',
+    '{"got": ' + "1" * 4000 + "}",
+    '"got"',
+    "17",
+    "null",
+    "",
+    "{",
+    '{"got": "\\ud800"}',
+]
+
+
+@pytest.mark.parametrize("text", NONSENSE, ids=lambda text: text[:16])
+def test_a_message_without_sense_ends_the_viewer_and_nothing_else(
+    served: Served, text: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def talk(first: bool) -> int | None:
+        async with aiohttp.ClientSession() as session, session.ws_connect(served.url) as connection:
+            if not first:
+                await connection.send_json({"want": []})
+            await connection.send_str(text)
+            async for _ in connection:
+                pass
+            return connection.close_code
+
+    with caplog.at_level(logging.DEBUG):
+        if not text.startswith(('{"got"', '{"do": [')) or "1e400" in text or "NaN" in text:
+            assert asyncio.run(talk(first=True)) == 4401
+        assert asyncio.run(talk(first=False)) == 1008
+    assert all(record.exc_info is None for record in caplog.records)
+    assert asyncio.run(look(served.url)) == 2
+
+
+@pytest.mark.parametrize("token", ["\\ud800", "x" * 3000, "wrong"])
+def test_a_wrong_token_is_refused_whatever_it_is(token: str) -> None:
+    async def talk(served: Served) -> int | None:
+        async with aiohttp.ClientSession() as session, session.ws_connect(served.url) as connection:
+            await connection.send_str(f'{{"token": "{token}"}}')
+            async for _ in connection:
+                pass
+            return connection.close_code
+
+    with serving(limits=WebLimits(wrong_token_s=0.0), token=TOKEN) as served:
+        assert asyncio.run(talk(served)) == 4401
+
+
+def test_random_requests_and_messages_get_an_answer_and_leave_no_trace(
+    served: Served, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Requests and messages changed at random: each is answered or closed, none is an error of ours (500)."""
+    dice = random.Random(14)
+    here = f"127.0.0.1:{served.server.port}"
+    seeds = [
+        f"GET / HTTP/1.1\r\nHost: {here}\r\nOrigin: http://{here}\r\nConnection: close\r\n\r\n",
+        f"POST /kit.js HTTP/1.1\r\nHost: {here}\r\nContent-Length: 5\r\nConnection: close\r\n\r\nhello",
+        f"GET /live HTTP/1.1\r\nHost: {here}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n",
+    ]
+    bits = [
+        b"[",
+        b"]",
+        b":",
+        b"%",
+        b"\x00",
+        b"\xff",
+        b"\r\n",
+        b"/../",
+        b"chunked",
+        b" ",
+        b"9" * 20,
+        b"/" * 50,
+    ]
+    messages = [*NONSENSE, '{"want": ["image"]}', '{"do": "tare"}', '{"got": 1}']
+    for _ in range(300):
+        data = bytearray(dice.choice(seeds).encode())
+        for _ in range(dice.randrange(4)):
+            at = dice.randrange(len(data))
+            data[at : at + dice.randrange(3)] = dice.choice(bits)
+        with served.connect() as raw, contextlib.suppress(OSError):
+            raw.sendall(data)
+            for _ in range(dice.randrange(4)):
+                raw.sendall(message_frame(dice.choice(messages), dice.choice([1, 1, 1, 2, 9, 0])))
+            raw.shutdown(socket.SHUT_WR)
+            answer = read_all(raw)
+            assert not answer.startswith(b"HTTP/1.1 5"), bytes(data)
+    assert all(record.exc_info is None for record in caplog.records), caplog.text
+    assert len(caplog.records) < 10, "the log is not theirs to fill"
+    assert asyncio.run(look(served.url)) == 2
+
+
+# ---- the parts ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("text", [text for text in NONSENSE if text[:4] not in ('{"go', '{"wa', '{"do')])
+def test_what_is_no_message_is_a_value_error(text: str) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        parse_message(text)
+
+
+def test_wishes_are_those_that_there_are() -> None:
+    assert wishes_in({"want": ["image", "money"]}, frozenset({"image"})) == {"image"}
+    assert wishes_in({}, frozenset({"image"})) == frozenset()
+
+
+def test_a_sparse_log_counts_what_it_leaves_out(caplog: pytest.LogCaptureFixture) -> None:
+    log = SparseLog(logging.getLogger("test"), 3600.0)
+    for n in range(5):
+        log.write(f"line {n}")
+    assert [record.getMessage() for record in caplog.records] == ["line 0"]
+    log._next_s = 0.0
+    log.write("line 5")
+    assert caplog.records[-1].getMessage() == "line 5 (4 more like this were not logged)"
+
+
+def test_a_token_comes_from_the_option_the_file_or_the_environment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A command line is seen by all users of a machine."""
+    path = tmp_path / "token"
+    path.write_text("from-the-file\nmore\n")
+    assert find_token(None, None, "--token-file") is None
+    assert find_token(None, path, "--token-file") == "from-the-file"
+    monkeypatch.setenv("VORONOI_TOUCH_VIEW_TOKEN", "from-the-environment")
+    assert find_token(None, None, "--token-file") == "from-the-environment"
+    assert find_token("given", None, "--token-file") == "given"
+    with pytest.raises(WebError, match="given twice"):
+        find_token("given", path, "--token-file")
+    path.write_bytes(b"\xff\xfe\xff")
+    with pytest.raises(WebError, match=r"--token-file .*token: not text; give a file whose first line"):
+        find_token(None, path, "--token-file")
+    with pytest.raises(WebError, match="No such file"):
+        find_token(None, tmp_path / "none", "--token-file")
+    path.write_text("\n")
+    with pytest.raises(WebError, match="its first line is empty"):
+        find_token(None, path, "--token-file")

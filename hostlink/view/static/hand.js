@@ -10,7 +10,7 @@ const NAMES = ["thumb", "index", "middle", "ring", "little"];
 const SHEAR_GAIN = 3; // a shear of 1 mm is a firm one; a tip is 10 mm and more in radius
 const TIP_MM = 10;
 const DEPTH_FULL_MM = 4;
-// The edge's two palettes (edge/draw/palette.py), as far as this page has the same marks.
+// The edge's two palettes (edge/view/palette.py), as far as this page has the same marks.
 const PALETTES = {
   paper: { compressed: [214, 30, 38], contact: [10, 30, 200], shear: [0, 0, 0], halo: [255, 255, 255] },
   safe: { compressed: [230, 140, 0], contact: [0, 110, 90], shear: [0, 0, 0], halo: [255, 255, 255] },

@@ -21,9 +21,9 @@ from hostlink.wire.fields import (
 )
 from hostlink.wire.generate.dbc import Signal, classic_signals, state_signals
 from hostlink.wire.generate.residual import undetected_p5, undetected_p11
-from hostlink.wire.objects import ABORTS, OBJECTS
+from hostlink.wire.objects import ABORTS, OBJECTS, REST_FRAME_REASONS, REST_FRAME_STATES
 from hostlink.wire.serial import BODY_MAX, CHUNK_MAX, Message
-from hostlink.wire.status import FAULTS, STATUS
+from hostlink.wire.status import FAULTS, NO_CONTROL, STATUS
 
 __all__ = ["markdown"]
 
@@ -144,6 +144,22 @@ def _state() -> list[str]:
     ]
 
 
+def _receiver() -> list[str]:
+    return [
+        "## Rules for a receiver that moves a hand",
+        "",
+        "1. *Check* each frame: CRC, version and `check`; a damaged one is as good as none.",
+        "2. *Order*: a frame whose counter is that of the last one is a repetition.",
+        "3. *Status*: a sample with one of the `NO_CONTROL` bits must not move anything.",
+        "4. *Invalid* is not zero and not the value before: test each value that you use.",
+        "5. *Silence*: what was felt last is not what is felt now. Note when each sample came; after five periods",
+        "   without one nothing is known, and the hand stops.",
+        "",
+        "README.md has both loops that do this, in Python and in C; a test runs them.",
+        "",
+    ]
+
+
 def _classic() -> list[str]:
     lines = [
         "## Classic CAN",
@@ -227,15 +243,34 @@ def _protection() -> list[str]:
         f"  frames, has {damaged_hz:.1g} damaged frames a second: an undetected one in {years:.0e} years.",
         "",
         "The counter finds what a CRC cannot, as the frame itself is intact: loss, repetition, insertion, wrong",
-        "order. A stale frame passes only if its 8-bit counter and its 16-bit sample number both look new: after",
+        "order. A late frame passes only if its 8-bit counter and its 16-bit sample number both look new: after",
         "32768 samples (2.3 minutes at 240 Hz) of delay. A frame of another type, part or version must have the",
         "right CRC by chance: 2^-16, or 2^-8 in classic parts (of the same node: identifiers differ).",
+        "",
+        *_unprotected(),
+    ]
+
+
+def _unprotected() -> list[str]:
+    """What the protection does not see, and how another version shows."""
+    return [
+        "### What is not seen",
+        "",
+        "- *The node.* It is in the identifier, not in the data id: a whole frame of finger 1 under finger 2's",
+        "  identifier is finger 2's for a receiver. The controllers' CRCs cover the identifier, so that noise does",
+        "  not do this; a gateway that maps identifiers wrongly does. Two senders with one number are seen: their",
+        "  sample numbers and capture times interleave (`second_sender_n` of the host library).",
+        "- *Intent.* CRCs are no signatures. Whoever can send on the bus can send samples in a finger's name, and",
+        "  repeat old ones. The host library drops frames that are older than the newest; it believes a restart",
+        "  after 8 frames of another sequence without one of the known between, or after a boot-up",
+        "  message. So a few old frames are not delivered, a longer replay while the finger is silent is.",
         "",
         "### Another version",
         "",
         "A receiver tells it from noise so: for each frame with a wrong CRC there is exactly one data id that",
-        "would make it right. Noise implies another one each time; three frames that imply the same one, with",
-        "the same version byte, are another version (chance of noise: 2^-48). The error names both.",
+        "would make it right. Noise implies another one each time; three different frames that imply the same",
+        "one, with the same version byte, are another version (chance of noise: 2^-48). The error names both. A",
+        "single frame whose CRC is right for our data id and whose version byte is not ours is noise.",
         "",
     ]
 
@@ -331,6 +366,33 @@ def _canopen() -> list[str]:
         "Abort codes:",
         "",
         *_table(("code", "meaning"), [(f"0x{code:08X}", text) for code, text in ABORTS.items()]),
+        *_rest_frame(),
+    ]
+
+
+def _rest_frame() -> list[str]:
+    return [
+        "### Whether a tare succeeded",
+        "",
+        "A node counts a request for a rest frame, sets the state to BUSY and then answers the write to `tare` or",
+        "`calibration`; the images are taken afterwards. So a host, once its write is answered,",
+        "",
+        "1. reads `rest_frame_request_n`: the number of its own request, or of a later one of another host;",
+        "2. reads `rest_frame_state` until it is not BUSY;",
+        "3. reads `rest_frame_reason` and `rest_frame_words`, which do not change any more, and",
+        "   `rest_frame_request_n` once more: a higher number is a later request, and 2 begins anew; a lower one",
+        "   says that the node has restarted.",
+        "",
+        "The rest frame and the calibration before stay in use, together, until new ones are accepted.",
+        "",
+        *_table(
+            ("`rest_frame_state`", "name", "meaning"),
+            [(state.value, state.name, text) for state, text in REST_FRAME_STATES.items()],
+        ),
+        *_table(
+            ("`rest_frame_reason`", "name", "meaning"),
+            [(reason.value, reason.name, text) for reason, text in REST_FRAME_REASONS.items()],
+        ),
     ]
 
 
@@ -338,9 +400,14 @@ def _faults() -> list[str]:
     return [
         "## Status bits",
         "",
+        f"`NO_CONTROL`, 0x{int(NO_CONTROL):04X}: the bits of samples that must never move a hand.",
+        "",
         *_table(
-            ("bit", "name", "meaning", "advice"),
-            [(s.bit.value.bit_length() - 1, s.bit.name, s.meaning, s.advice) for s in STATUS],
+            ("bit", "name", "meaning", "control on it?", "advice"),
+            [
+                (s.bit.value.bit_length() - 1, s.bit.name, s.meaning, "never" if s.no_control else "", s.advice)
+                for s in STATUS
+            ],
         ),
         "## Faults",
         "",
@@ -367,6 +434,7 @@ def markdown() -> str:
         "",
         f"Version {VERSION}, schema 0x{SCHEMA_HASH:08X}. Files for tools: `dbc/`, `eds/`, `c/`.",
         "",
+        *_receiver(),
         *_state(),
         *_classic(),
         *_serial(),

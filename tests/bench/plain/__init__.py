@@ -1,5 +1,1 @@
-"""The features of `edge.features` in plain NumPy: the same method, written for reading, slow. The oracle."""
-
-from tests.bench.plain.extract import FeatureExtractor
-
-__all__ = ["FeatureExtractor"]
+"""Methods of `edge` in plain NumPy, written for reading, slow: oracles."""

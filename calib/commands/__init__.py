@@ -1,0 +1,1 @@
+"""The commands of `python -m calib`, a module each, imported when it is called."""

@@ -1,0 +1,54 @@
+"""`python -m calib evaluate`: a calibration and frames with truth in, its errors out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from calib.commands.options import PATH, Frames, frames_options
+from calib.evaluate import counts_line, error_rows, evaluate
+from edge.calibration import Calibration
+
+
+@click.command("evaluate")
+@click.argument("calibration_path", metavar="CAL.json", type=PATH)
+@frames_options
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def evaluate_command(calibration_path: Path, as_json: bool, **frames: Any) -> None:
+    """Errors of a calibration on frames with known truth.
+
+    TABLE is a TARGETS.csv, with --frames and --rest, or one or more captures (.mcap) of one tip.
+
+    Errors are given over all frames that have a value, and over the accepted ones, whose values the edge
+    would have sent; it refuses the others, because it is not sure which pin is which. Frames that are
+    pressed and read as untouched are counted, and count with the zeros that the edge sends.
+    """
+    given = Frames(**frames)
+    calibration = Calibration.load(calibration_path)
+    data = given.open().seen_by(calibration)
+    report = evaluate(calibration, data.targets, given.extract(data))
+    if as_json:
+        click.echo(json.dumps(report))
+    else:
+        print_report(report, str(calibration_path))
+
+
+def print_report(report: dict[str, Any], of: str) -> None:
+    """A report of `calib.evaluate.evaluate` as a table."""
+    table = Table(title=f"Mean absolute errors: {of}")
+    for name in ("value", "all frames", "accepted frames", "unit"):
+        table.add_column(name, justify="left" if name in ("value", "unit") else "right")
+    for row in error_rows(report):
+        table.add_row(*row)
+    Console().print(table)
+    click.echo(counts_line(report))
+    missing = {name: n for name, n in report["n_without_value"].items() if n}
+    if missing:
+        click.echo(
+            "frames with truth but without a value: " + ", ".join(f"{k} {n}" for k, n in missing.items())
+        )

@@ -1,0 +1,137 @@
+"""`python -m calib fit`: a table of frames with truth in, a calibration out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from calib.axes import Axes
+from calib.commands.evaluate import print_report
+from calib.commands.options import PATH, Frames, frames_options, overwrite_option, progress_bar
+from calib.extract import executor
+from calib.fit import Choice, Prefer, fit, groups_of
+from calib.hold_out import evaluate_held_out
+from hostlink.cli_types import FiniteFloat, WholeNumber
+from hostlink.output_file import check_output, writing
+
+
+@click.command("fit")
+@frames_options
+@click.option("-o", "--output", required=True, type=PATH, help="Calibration file to write (.json).")
+@overwrite_option
+@click.option("--serial", default="unnamed", show_default=True, help="Serial number of the tip.")
+@click.option(
+    "--mm-per-px",
+    type=FiniteFloat(min=1e-4, max=10.0),
+    help="Scale at the tip's centre, if no contacts in known places give it.",
+)
+@click.option(
+    "--prefer",
+    type=click.Choice([p.value for p in Prefer]),
+    default=Prefer.SPEED.value,
+    show_default=True,
+    help="The smallest model that is as good as the best but for chance, or the best.",
+)
+@click.option(
+    "--hold-out",
+    type=FiniteFloat(min=0.01, max=0.9),
+    help="Share of the poses to judge a fit to the others by, e.g. 0.2.",
+)
+@click.option("--seed", type=WholeNumber(0, 2**31 - 1), default=0, show_default=True, help="Of --hold-out.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was fitted as one JSON object.")
+def fit_command(
+    output: Path,
+    overwrite: bool,
+    serial: str,
+    mm_per_px: float | None,
+    prefer: str,
+    hold_out: float | None,
+    seed: int,
+    as_json: bool,
+    **frames: Any,
+) -> None:
+    """Fit a calibration to frames with known truth.
+
+    TABLE is a TARGETS.csv, with --frames and --rest, or one or more captures (.mcap) of one tip.
+
+    Columns of TARGETS.csv: sensor_image and any of pose_z (mm), pose_Rx, pose_Ry (deg), shear_x, shear_y
+    (mm), shear_Rz (deg), force_z (N), area (mm2), contact_x, contact_y, contact_depth (mm). What has no
+    column is not fitted. The scale comes from contacts in known places, or from --mm-per-px; without
+    either, what is in mm of the image (places, slip speed) stays invalid.
+
+    With --hold-out, a share of the poses is held out first: a fit to the others is judged on them, as
+    `evaluate` does it. The file is then fitted to all frames.
+    """
+    given = Frames(**frames)
+    check_output(output, (".json",), given.inputs, overwrite)
+    data = given.open()
+    targets, extract = data.targets, given.extract(data)
+    judged = None
+    with executor(given.dask, given.workers) as pool, progress_bar(given.quiet) as bar:
+        if hold_out is not None:
+            judged = evaluate_held_out(
+                data.rest, targets, extract, hold_out, seed, prefer=Prefer(prefer), pool=pool
+            )
+        task = bar.add_task("models", total=len(groups_of(targets)))
+        calibration, choices = fit(
+            data.rest,
+            targets,
+            extract,
+            serial=serial,
+            mm_per_px=mm_per_px,
+            on_group=lambda names: bar.advance(task),
+            on_refused=lambda why: click.echo(f"not fitted: {why}", err=True),
+            on_axes=_print_axes,
+            prefer=Prefer(prefer),
+            pool=pool,
+        )
+    with writing(output, overwrite) as unfinished:
+        unfinished.write_bytes(calibration.encoded)
+    if as_json:
+        fitted = {"output": str(output), "models": [_row(c) for c in choices]}
+        click.echo(json.dumps(fitted if judged is None else fitted | {"held_out": judged}))
+        return
+    _print(choices, output)
+    if judged is not None:
+        print_report(judged, f"a fit to the other frames, on held-out ones ({hold_out:g}, seed {seed})")
+        click.echo(f"{output} is fitted to all frames.")
+
+
+def _print_axes(axes: Axes) -> None:
+    for line in axes.lines:
+        click.echo(f"axes: {line}", err=True)
+    for line in axes.warnings:
+        click.echo(f"warning: {line}", err=True)
+
+
+def _row(choice: Choice) -> dict[str, Any]:
+    return {
+        "outputs": choice.outputs,
+        "model": choice.chosen.name,
+        "terms": choice.chosen.n_terms,
+        "rms_held_out": choice.chosen.rms,
+        "sigma": choice.model.sigma,
+        "tried": len(choice.tried),
+    }
+
+
+def _print(choices: list[Choice], output: Path) -> None:
+    table = Table(title=f"{output}: what was fitted")
+    for name in ("value", "model chosen", "terms", "rms error (cross-validated)", "sigma"):
+        table.add_column(name)
+    for choice in choices:
+        row = _row(choice)
+        sigma = row["sigma"] if isinstance(row["sigma"], list) else [row["sigma"]]
+        table.add_row(
+            ", ".join(choice.outputs),
+            row["model"],
+            str(row["terms"]),
+            f"{row['rms_held_out']:.3g}",
+            ", ".join(f"{s:.3g}" for s in sigma),
+        )
+    Console().print(table)

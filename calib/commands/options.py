@@ -1,0 +1,91 @@
+"""What the commands share: options for frames with known truth, the rule for output files, a progress bar."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from calib.dataset import Dataset, open_dataset
+from calib.extract import Extract, executor
+from calib.targets import COLUMNS
+from hostlink.cli_types import WholeNumber
+
+__all__ = ["PATH", "Frames", "frames_options", "overwrite_option", "progress_bar", "worker_options"]
+
+PATH = click.Path(path_type=Path)
+
+overwrite_option = click.option("--overwrite", is_flag=True, help="Replace the output if it exists.")
+_WORKERS: list[Callable[[Any], Any]] = [
+    click.option("--workers", type=WholeNumber(1, 1024), help="Number of processes; default: one a core."),
+    click.option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster, e.g. tcp://host:8786."),
+]
+_FRAMES: list[Callable[[Any], Any]] = [
+    click.argument("tables", metavar="TABLE...", nargs=-1, required=True, type=PATH),
+    click.option("--frames", "folder", type=PATH, help="Folder of the frames that TARGETS.csv names."),
+    click.option("--rest", "rest_image", type=PATH, help="Image of the untouched tip, for TARGETS.csv."),
+    *_WORKERS,
+    click.option("-q", "--quiet", is_flag=True, help="No progress bar."),
+]
+
+
+def _with(options: list[Callable[[Any], Any]], command: Any) -> Any:
+    for decorate in reversed(options):
+        command = decorate(command)
+    return command
+
+
+def worker_options(command: Any) -> Any:
+    """--workers and --dask."""
+    return _with(_WORKERS, command)
+
+
+def frames_options(command: Any) -> Any:
+    """The options whose values make a `Frames`."""
+    return _with(_FRAMES, command)
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """Frames with known truth, as the command line names them, and where the work on them is done."""
+
+    tables: tuple[Path, ...]
+    folder: Path | None
+    rest_image: Path | None
+    workers: int | None
+    dask: str | None
+    quiet: bool
+
+    @property
+    def inputs(self) -> list[Path]:
+        """The files that are read, but for the frames themselves."""
+        beside = [path.with_suffix(".csv") for path in self.tables if path.suffix == ".mcap"]
+        return [*self.tables, *beside, *([self.rest_image] if self.rest_image else [])]
+
+    def open(self) -> Dataset:
+        """Raises TableError, CaptureError. What has no meaning in the table is told on stderr."""
+        data = open_dataset(self.tables, self.folder, self.rest_image)
+        if data.targets.unread:
+            columns = ", ".join(data.targets.unread)
+            click.echo(f"columns ignored: {columns}; known are {', '.join(COLUMNS)}", err=True)
+        return data
+
+    def extract(self, data: Dataset) -> Extract:
+        """Run the edge over all frames, with a progress bar."""
+        with executor(self.dask, self.workers) as pool, progress_bar(self.quiet) as bar:
+            task = bar.add_task("frames", total=len(data))
+            return data.extract(pool, lambda n: bar.advance(task, n))
+
+
+@contextmanager
+def progress_bar(quiet: bool = False) -> Iterator[Progress]:
+    """On stderr, with counts and the time that is left."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), disable=quiet) as bar:
+        yield bar

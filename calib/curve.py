@@ -1,0 +1,71 @@
+"""The paper's displacement curve: depth, monotone in the volume of deformation."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+from calib.errors import FitError
+from calib.fit_params import PARAMS
+from calib.ridge import Candidate, folds_of, rounded
+from edge.calibration.file import Curve
+from edge.types import Array, Complex, Index
+
+__all__ = ["CURVE", "cross_validated_curve", "fit_curve", "paper_curve"]
+
+CURVE = "the paper's curve of the volume"
+#: Of the volume, as a share of the tip's area: knots that are closer say nothing.
+KNOT_STEP_MIN = 1e-5
+
+
+def paper_curve(volume: Array, depth: Array) -> Curve:
+    """The paper's displacement curve of these frames; both (n,)."""
+    return _fitted(volume, depth)[0]
+
+
+def cross_validated_curve(volume: Array, depth: Array) -> Array:
+    """Prediction of each row by the paper's curve that has not seen its depth; both (n,)."""
+    return _fitted(volume, depth)[2].real
+
+
+def _fitted(volume: Array, depth: Array) -> tuple[Curve, Candidate, Complex]:
+    found = fit_curve(volume, depth, folds_of(depth[:, None]))
+    if found is None:
+        raise FitError("the volume of deformation is the same in all frames: no curve can be fitted")
+    return found
+
+
+def fit_curve(volume: Array, depth: Array, fold: Index) -> tuple[Curve, Candidate, Complex] | None:
+    """The paper's displacement curve: monotone in the volume of deformation.
+
+    volume   (n,) share of the tip's area
+    depth    (n,) mm
+    fold     (n,) of the cross-validation
+    Returns  the curve of all rows, its held-out error, and the held-out prediction of each row; None: the
+             volume does not vary
+    """
+    predicted = np.zeros(len(depth))
+    for k in range(int(fold.max()) + 1):
+        x, y = _knots(volume[fold != k], depth[fold != k])
+        predicted[fold == k] = np.interp(volume[fold == k], x, y)
+    x, y = _knots(volume, depth)
+    if len(x) < 2:
+        return None
+    squares = (predicted - depth) ** 2
+    rms = float(np.sqrt(squares.mean()))
+    error = float(squares.std() / np.sqrt(len(depth)) / (2 * rms)) if rms else 0.0
+    sigma = max(1e-6, rounded(float(np.quantile(np.abs(predicted - depth), 0.6827))))
+    knots = [(rounded(float(a)), rounded(float(b))) for a, b in zip(x, y, strict=True)]
+    curve = Curve(output="displacement_mm", input="volume", knots=knots, sigma=sigma)
+    return curve, Candidate(CURVE, len(x), rms, error, 0.0), predicted.astype(np.complex128)
+
+
+def _knots(volume: Array, depth: Array) -> tuple[Array, Array]:
+    """Monotone regression, averaged to a few knots. Increasing inputs, non-decreasing outputs."""
+    order = np.argsort(volume, kind="stable")
+    x, y = volume[order], isotonic_regression(depth[order]).x
+    parts = np.array_split(np.arange(len(x)), min(PARAMS.knots, max(2, len(x) // 4)))
+    kx = np.array([x[p].mean() for p in parts])
+    ky = np.array([y[p].mean() for p in parts])
+    keep = np.concatenate([[True], np.diff(kx) > KNOT_STEP_MIN])
+    return kx[keep], ky[keep]

@@ -1,0 +1,29 @@
+"""The numbers that the fit rests on. Evidence: docs/tuning.md, "calibration, fit"."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["PARAMS", "FitParams"]
+
+
+@dataclass(frozen=True, slots=True)
+class FitParams:
+    """What a fit may take for granted, and what it asks for."""
+
+    rows_min: int = 12  # frames: fewer cannot tell a model from chance
+    process_rows_min: int = 24  # frames: a process has a weight for each of 25 inputs
+    rows_per_term: float = 1.5  # frames for each term: more terms would fit noise, ridge or not
+    variation_min: float = 1e-3  # of a column, in its unit: below it nothing was varied
+    roundness_min: float = (
+        0.1  # smaller over larger variance of x and y: below it, one direction alone was tried
+    )
+    explained_min: float = 0.1  # share of the held-out variance that a model must explain
+    pin_noise: float = 0.003  # pitches: error of a pin's place in use, of each coordinate
+    noise_draws: int = 4  # of that noise, for each frame
+    folds: int = 10  # of the cross-validation
+    knots: int = 12  # of the displacement curve
+    spread_rows: int = 8  # directions of largest uncertainty that the file keeps
+
+
+PARAMS = FitParams()

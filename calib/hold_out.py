@@ -1,0 +1,65 @@
+"""Judging a fit on frames that it has not seen.
+
+Some of the poses are held out, by a seeded draw; frames of one pose stay together. The rest is fitted, as
+the whole would be, and its errors on the frames held out are reported. The file is then fitted to all
+frames: its errors are those reported, or a little smaller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from typing import Any
+
+import numpy as np
+
+from calib.errors import FitError
+from calib.evaluate import evaluate
+from calib.extract import Extract
+from calib.fit import Prefer, fit
+from calib.targets import Targets
+from edge.types import Mask, Rest
+
+__all__ = ["evaluate_held_out", "held_out_rows"]
+
+
+def held_out_rows(targets: Targets, share: float, seed: int) -> Mask:
+    """(n,) bool: which frames are held out; equal poses all or none, the same for the same seed.
+
+    Raises  FitError: too few poses to set some held
+    """
+    _, pose = np.unique(targets.poses, axis=0, return_inverse=True)
+    n = int(pose.max()) + 1
+    held_n = round(share * n)
+    if not 0 < held_n < n:
+        raise FitError(f"{targets.where}: {n} different poses; {share:g} of them cannot be held out")
+    held = np.random.default_rng(seed).permutation(n)[:held_n]
+    return np.asarray(np.isin(pose.ravel(), held))
+
+
+def evaluate_held_out(
+    rest: Rest,
+    targets: Targets,
+    extract: Extract,
+    share: float,
+    seed: int,
+    on_refused: Callable[[str], None] = lambda text: None,
+    prefer: Prefer = Prefer.SPEED,
+    pool: Executor | None = None,
+) -> dict[str, Any]:
+    """Errors of a fit to the other frames on the frames held out, as `calib.evaluate.evaluate` has them.
+
+    Raises  FitError: too few poses, or nothing could be fitted to the others
+    """
+    held = held_out_rows(targets, share, seed)
+    kept, judged = np.flatnonzero(~held), np.flatnonzero(held)
+    calibration, _ = fit(
+        rest,
+        targets.rows(kept),
+        extract.rows(kept),
+        mm_per_px=None,
+        on_refused=on_refused,
+        prefer=prefer,
+        pool=pool,
+    )
+    return evaluate(calibration, targets.rows(judged), extract.rows(judged))

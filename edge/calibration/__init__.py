@@ -1,0 +1,11 @@
+"""From geometry to mechanical units: a tip's calibration, and its application to one frame.
+
+file     the JSON file: structure, checks, load, save
+inputs   what models depend on, from a frame's features or one contact
+model    curves and polynomials ready to run; `Calibration.apply`: features in, a reading out
+"""
+
+from edge.calibration.file import CalibrationFile
+from edge.calibration.model import Calibration, uncalibrated
+
+__all__ = ["Calibration", "CalibrationFile", "uncalibrated"]

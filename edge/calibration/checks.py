@@ -1,0 +1,208 @@
+"""What a calibration file must hold beyond its structure: models that fit together, a tip that can exist.
+
+Structure, lengths and ranges are the types of `edge.calibration.file`. Here is what types cannot say. Nothing
+is built from the file before it has passed, and every message names the place in the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from edge.calibration.file import (
+    CONTACT_OUTPUTS,
+    UNTOUCHED,
+    CalibrationFile,
+    Curve,
+    Model,
+    Polynomial,
+    Process,
+    Sensor,
+)
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
+from edge.limits import IMAGE_PIXELS, BadContent, quote
+from edge.types import Array
+
+__all__ = ["check", "is_of_contact", "outputs_of"]
+
+
+@dataclass(frozen=True, slots=True)
+class TipLimits:
+    """Between what limits a description of a tip is believed. Evidence: docs/tuning.md, "calibration"."""
+
+    gap_min: float = 0.3  # pitches: smallest distance of two pins
+    pitch_ratio_max: float = 1.5  # stated over measured pitch, or the inverse
+    width_min: float = 0.1  # width over length of the pattern: below it the pins are on a line
+    outside_max: float = 1.0  # pin radii that a pin may lie outside of the image: the border cuts some
+    reach_min: float = 0.6  # tip radii: distance of the outermost pin from the centre
+    reach_max: float = 1.1  # the same, at most
+    fill_min: float = 0.25  # share of the tip's circle that pins of this pitch cover
+    knot_step_min: float = 1e-9  # of the input: smallest distance of two knots of a curve
+
+
+LIMITS = TipLimits()
+#: Area of a pin's cell, in squared pitches: hexagons.
+_CELL_AREA = 0.866
+
+
+def check(content: CalibrationFile) -> None:
+    """Raises  BadContent: place in the file, what is wrong, what would be right"""
+    _check_sensor(content.sensor)
+    seen: set[str] = set()
+    for i, model in enumerate(content.models):
+        _check_outputs(model, f"models[{i}]", seen)
+        if isinstance(model, Curve):
+            _check_curve(model, f"models[{i}]")
+        elif isinstance(model, Polynomial):
+            _check_polynomial(model, f"models[{i}]")
+        else:
+            _check_process(model, f"models[{i}]")
+
+
+def outputs_of(model: Model) -> list[str]:
+    """Names of the values that a model gives."""
+    return [model.output] if isinstance(model, Curve) else model.outputs
+
+
+def is_of_contact(model: Model) -> bool:
+    """Whether a model is evaluated once a contact; else once a frame."""
+    return all(name in CONTACT_OUTPUTS for name in outputs_of(model))
+
+
+def _check_outputs(model: Model, where: str, seen: set[str]) -> None:
+    for name in outputs_of(model):
+        if name not in UNTOUCHED and not is_of_contact(model):
+            known = ", ".join((*UNTOUCHED, *CONTACT_OUTPUTS))
+            raise BadContent(f"{where}: unknown output {quote(name)}; known: {known}")
+        if name in seen:
+            raise BadContent(f"{where}: a second model for '{name}'")
+        seen.add(name)
+
+
+def _known_inputs(model: Model) -> Sequence[str]:
+    return CONTACT_INPUTS if is_of_contact(model) else FRAME_INPUTS
+
+
+def _check_curve(model: Curve, where: str) -> None:
+    if model.input not in _known_inputs(model):
+        known = ", ".join(_known_inputs(model))
+        raise BadContent(f"{where}.input: unknown input {quote(model.input)}; known: {known}")
+    steps = np.diff(np.array(model.knots), axis=0)
+    if not np.all(steps[:, 0] >= LIMITS.knot_step_min):
+        k = int(np.argmin(steps[:, 0])) + 1
+        raise BadContent(f"{where}.knots[{k}]: the input must increase from knot to knot")
+    if np.any(steps[:, 1] < 0) and np.any(steps[:, 1] > 0):
+        raise BadContent(f"{where}.knots: the output must only rise or only fall (monotone)")
+
+
+def _check_polynomial(model: Polynomial, where: str) -> None:
+    inputs = _known_inputs(model)
+    _check_terms(model.terms, inputs, f"{where}.terms")
+    spread = [(f"spread[{r}]", row) for r, row in enumerate(model.spread)]
+    _check_rows([("weights", model.weights), *spread], len(model.terms), where)
+    _check_outputs_of(model, where)
+
+
+def _check_process(model: Process, where: str) -> None:
+    if is_of_contact(model):
+        raise BadContent(f"{where}: a process for '{model.outputs[0]}'; only values of a frame can have one")
+    _check_terms(model.terms, FRAME_INPUTS, f"{where}.terms")
+    _check_terms(model.noise_terms, FRAME_INPUTS, f"{where}.noise_terms")
+    factor = [(f"factor[{r}]", row) for r, row in enumerate(model.factor)]
+    _check_rows([("weights", model.weights), *factor], len(model.terms), where)
+    if len(model.noise_weights) != len(model.noise_terms):
+        raise BadContent(
+            f"{where}.noise_weights: {len(model.noise_weights)} numbers for {len(model.noise_terms)} "
+            "noise_terms; give one for each"
+        )
+    if model.noise_range[0] > model.noise_range[1]:
+        raise BadContent(f"{where}.noise_range: give [low, high]")
+    _check_outputs_of(model, where)
+
+
+def _check_terms(terms: Sequence[Sequence[str]], inputs: Sequence[str], where: str) -> None:
+    known = {name for one in inputs for name in (one, f"{one}*")}
+    for k, term in enumerate(terms):
+        for name in term:
+            if name not in known:
+                raise BadContent(
+                    f"{where}[{k}]: unknown input {quote(name)}; known: {', '.join(inputs)}, "
+                    "and each with a star (complex conjugate)"
+                )
+
+
+def _check_rows(rows: Sequence[tuple[str, Sequence[object]]], n: int, where: str) -> None:
+    for name, row in rows:
+        if len(row) != n:
+            raise BadContent(f"{where}.{name}: {len(row)} pairs of numbers for {n} terms; give one for each")
+
+
+def _check_outputs_of(model: Polynomial | Process, where: str) -> None:
+    """A range and a sigma for each output."""
+    outputs = len(model.outputs)
+    if len(model.valid) != outputs or any(low > high for low, high in model.valid):
+        raise BadContent(f"{where}.valid: give a range [low, high] for each of {outputs} outputs")
+    if len(model.sigma) != outputs:
+        raise BadContent(f"{where}.sigma: give one for each of {outputs} outputs")
+
+
+def _check_sensor(sensor: Sensor) -> None:
+    """A tip as the camera could see it: the pins in the image, apart, spread over the tip's circle."""
+    if not sensor.serial.isprintable():
+        raise BadContent(f"sensor.serial: {quote(sensor.serial)} has characters that cannot be printed")
+    width, height = sensor.size_px
+    if width * height > IMAGE_PIXELS:
+        raise BadContent(
+            f"sensor.size_px: {width}x{height} pixels are too many; at most {IMAGE_PIXELS} in all"
+        )
+    if sensor.brightness <= 0 or sensor.noise < 0:
+        raise BadContent("sensor: brightness must be more than 0, noise at least 0")
+    xy = np.array(sensor.rest_xy_px)
+    _check_inside(sensor, xy)
+    distance = cKDTree(xy).query(xy, k=2)[0][:, 1]
+    pitch = float(np.median(distance))
+    worst = int(distance.argmin())
+    if distance[worst] <= LIMITS.gap_min * pitch:
+        raise BadContent(
+            f"sensor.rest_xy_px[{worst}]: {distance[worst]:.3g} px from another pin, where the others are "
+            f"{pitch:.3g} px apart"
+        )
+    if not 1 / LIMITS.pitch_ratio_max <= sensor.pitch_px / pitch <= LIMITS.pitch_ratio_max:
+        raise BadContent(f"sensor.pitch_px: {sensor.pitch_px:g}, but the rest pins are {pitch:.3g} px apart")
+    if 2 * sensor.pin_radius_px > LIMITS.pitch_ratio_max * pitch:
+        raise BadContent(
+            f"sensor.pin_radius_px: {sensor.pin_radius_px:g}, too large for pins {pitch:.3g} px apart"
+        )
+    _check_circle(sensor, xy, pitch)
+
+
+def _check_inside(sensor: Sensor, xy: Array) -> None:
+    margin = LIMITS.outside_max * sensor.pin_radius_px + 0.5
+    outside = np.any((xy < -margin) | (xy > np.array(sensor.size_px) - 1 + margin), axis=1)
+    if outside.any():
+        k = int(outside.argmax())
+        width, height = sensor.size_px
+        raise BadContent(
+            f"sensor.rest_xy_px[{k}]: ({xy[k, 0]:g}, {xy[k, 1]:g}) is outside of the image ({width}x{height})"
+        )
+
+
+def _check_circle(sensor: Sensor, xy: Array, pitch: float) -> None:
+    length, width = np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)
+    if width < LIMITS.width_min * length:
+        raise BadContent("sensor.rest_xy_px: the pins are all on one line; a tip's pins cover a circle")
+    reach = float(np.hypot(*(xy - sensor.centre_px).T).max()) / sensor.tip_radius_px
+    if not LIMITS.reach_min <= reach <= LIMITS.reach_max:
+        raise BadContent(
+            f"sensor.tip_radius_px: {sensor.tip_radius_px:g}, but the outermost pin is "
+            f"{reach * sensor.tip_radius_px:.4g} px from centre_px"
+        )
+    fill = len(xy) * _CELL_AREA * pitch**2 / (np.pi * sensor.tip_radius_px**2)
+    if fill < LIMITS.fill_min:
+        raise BadContent(
+            f"sensor.rest_xy_px: {len(xy)} pins {pitch:.3g} px apart cover {fill:.0%} of the tip's circle; "
+            "most of the tip's pins are missing"
+        )

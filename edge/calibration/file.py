@@ -1,0 +1,276 @@
+"""The calibration file: its structure, and how it is read and replaced.
+
+The file is JSON, versioned, checked on load (`edge.calibration.checks`) and replaced atomically. It belongs
+to one tip: it holds the rest pins that it was made with, and the tare must find them again. It holds models
+as data, never code:
+
+    Curve       y = piecewise linear in one real input            the paper's displacement curve
+    Polynomial  Y = sum_k weight_k * prod_j input[term_kj]        in complex inputs, complex weights;
+                one output is its real part, two outputs (x, y) are its real and imaginary part
+    Process     a Gaussian process with a symmetric kernel of third degree: a polynomial of which the
+                covariance of the weights and the noise of each frame are known too
+
+Every list has a longest length and every number a range, so that what a file costs is known before anything
+is built from it: a frame takes at most `TERMS_MAX` products of `FACTORS_MAX` inputs for each model.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from edge import limits
+from edge.errors import CalibrationError
+from edge.limits import BadContent, ImageSide, Name, Number, Pixels
+from edge.types import PinPattern, Pins, Rest
+from hostlink.output_file import writing
+
+FORMAT = "voronoi-touch-calibration"
+VERSION = 1
+
+TERMS_MAX = 512  # of a polynomial; the largest that `calib fit` tries has about 200
+FACTORS_MAX = 6  # inputs in a product
+SPREAD_ROWS_MAX = 16
+FACTOR_ROWS_MAX = 64
+NOISE_TERMS_MAX = 16
+KNOTS_MAX = 256
+REST_SIGMA_PX = 0.05  # noise of a rest pin: the file does not keep each pin's own
+SOURCE_MAX = 10_000  # characters: names of the tables or captures that it was made from
+FRAMES_MAX = 1_000_000_000  # for the record alone
+
+#: In the output's unit: mm, mm2, N, deg.
+Output = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
+Sigma = Annotated[float, msgspec.Meta(ge=1e-9, le=1e6)]
+#: Logarithm, or power of one.
+Exponent = Annotated[float, msgspec.Meta(ge=-100, le=100)]
+Grey = Annotated[float, msgspec.Meta(ge=-65535, le=65535)]
+Length = Annotated[float, msgspec.Meta(ge=0.5, le=2 * limits.IMAGE_SIDE_PX)]
+Scale = Annotated[float, msgspec.Meta(ge=1e-4, le=10)]
+Count = Annotated[int, msgspec.Meta(ge=0, le=FRAMES_MAX)]
+
+Pair = tuple[Number, Number]
+Term = Annotated[list[Name], msgspec.Meta(max_length=FACTORS_MAX)]
+Row = Annotated[list[Pair], msgspec.Meta(max_length=TERMS_MAX)]
+
+#: Value names a model may have as output, and what an untouched tip reads.
+UNTOUCHED: dict[str, float] = {
+    "displacement_mm": 0.0,
+    "force_n": 0.0,
+    "contact_area_mm2": 0.0,
+    "shear_x_mm": 0.0,
+    "shear_y_mm": 0.0,
+    "torsion_deg": 0.0,
+    "tilt_x_deg": math.nan,  # nothing under the tip has no tilt
+    "tilt_y_deg": math.nan,
+}
+#: Outputs of models that are evaluated once a contact, from the contact's own inputs.
+CONTACT_OUTPUTS = ("contact_x_mm", "contact_y_mm", "contact_depth_mm")
+MODELS_MAX = len(UNTOUCHED) + len(CONTACT_OUTPUTS)
+
+
+class Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="curve"):
+    """A monotone curve through knots (input, output); flat beyond its ends."""
+
+    output: Name
+    input: Name
+    knots: Annotated[list[tuple[Number, Output]], msgspec.Meta(min_length=2, max_length=KNOTS_MAX)]
+    sigma: Sigma
+
+
+class Polynomial(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="moments"):
+    """A polynomial in complex inputs: one output (real part) or two (real and imaginary part).
+
+    terms     each a list of input names, multiplied; [] is the constant
+    weights   one (real, imaginary) pair a term
+    valid     [low, high] of each output in the data it was fitted to
+    sigma     of each output, from held-out frames
+    spread    how the sigma widens away from the data: rows (real, imaginary) of a factor L over the terms,
+              variance = sigma^2 (1 + |L psi|^2); empty: not known
+    """
+
+    outputs: Annotated[list[Name], msgspec.Meta(min_length=1, max_length=2)]
+    terms: Annotated[list[Term], msgspec.Meta(min_length=1, max_length=TERMS_MAX)]
+    weights: Row
+    valid: Annotated[list[tuple[Output, Output]], msgspec.Meta(max_length=2)]
+    sigma: Annotated[list[Sigma], msgspec.Meta(max_length=2)]
+    spread: Annotated[list[Row], msgspec.Meta(max_length=SPREAD_ROWS_MAX)] = []
+
+
+class Lost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What pins that are not seen add to a value's variance: exp(scale) gap^gap_power volume^volume_power.
+
+    In units of the model's sigma^2; `gap` and `volume` are inputs of the frame.
+
+    gap_max  largest gap that the fit has tried: beyond it there is no value
+    """
+
+    scale: Exponent
+    gap_power: Exponent
+    volume_power: Exponent
+    gap_max: Annotated[float, msgspec.Meta(gt=0, le=1e6)]
+
+
+class Process(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="process"):
+    """A Gaussian process with a symmetric kernel: `edge.calibration.process` says what is computed.
+
+    terms          each a list of input names, multiplied; [] is the constant
+    weights        mean of the weights, one (real, imaginary) pair a term
+    factor         rows (real, imaginary) of L over the terms, L^H L the covariance of the weights in units
+                   of sigma^2
+    far            largest |L psi|^2 that is not told as out of range
+    noise_terms    as terms; the logarithm of the noise's variance, in units of sigma^2, is the real part of
+    noise_weights  their sum with these weights
+    noise_range    [low, high] of that logarithm in the data
+    lost           None: not known what lost pins do
+    valid, sigma   as of a polynomial
+    """
+
+    outputs: Annotated[list[Name], msgspec.Meta(min_length=1, max_length=2)]
+    terms: Annotated[list[Term], msgspec.Meta(min_length=1, max_length=TERMS_MAX)]
+    weights: Row
+    valid: Annotated[list[tuple[Output, Output]], msgspec.Meta(max_length=2)]
+    sigma: Annotated[list[Sigma], msgspec.Meta(max_length=2)]
+    factor: Annotated[list[Row], msgspec.Meta(max_length=FACTOR_ROWS_MAX)]
+    far: Annotated[float, msgspec.Meta(ge=0, le=1e12)]
+    noise_terms: Annotated[list[Term], msgspec.Meta(max_length=NOISE_TERMS_MAX)] = []
+    noise_weights: Annotated[list[Number], msgspec.Meta(max_length=NOISE_TERMS_MAX)] = []
+    noise_range: tuple[Exponent, Exponent] = (0.0, 0.0)
+    lost: Lost | None = None
+
+
+Model = Curve | Polynomial | Process
+
+
+class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The tip and camera that the file belongs to."""
+
+    serial: Name
+    size_px: tuple[ImageSide, ImageSide]
+    pin_radius_px: Length
+    pitch_px: Length
+    centre_px: tuple[Pixels, Pixels]
+    tip_radius_px: Length
+    background: Grey
+    brightness: Grey
+    noise: Grey
+    rest_xy_px: Annotated[
+        list[tuple[Pixels, Pixels]], msgspec.Meta(min_length=limits.PINS_MIN, max_length=limits.PINS_MAX)
+    ]
+
+
+class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What it was made from, for the record."""
+
+    source: Annotated[str, msgspec.Meta(max_length=SOURCE_MAX)]
+    sha256: Name
+    n_frames: Count
+    created: Name
+
+
+class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The file's top level."""
+
+    format: Name
+    version: int
+    sensor: Sensor
+    mm_per_px: Scale | None
+    models: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)]
+    data: Data
+
+
+class _Header(msgspec.Struct, frozen=True):
+    """What tells whether the rest can be read at all."""
+
+    format: str = ""
+    version: int = 0
+
+
+def read_file(path: Path) -> CalibrationFile:
+    """Read a file. Raises CalibrationError: one line, file, place in it, what would be right."""
+    try:
+        raw = limits.read_bounded(path, limits.CALIBRATION_BYTES)
+    except OSError as error:
+        raise CalibrationError(f"{path}: cannot be read: {error.strerror}") from None
+    except BadContent as error:
+        raise CalibrationError(f"{path}: not a calibration file: {error}") from None
+    return decode(raw, str(path))
+
+
+def decode(raw: bytes, where: str) -> CalibrationFile:
+    """A file's bytes (read from disk, or uploaded over the bus) as far as structure and ranges go.
+
+    Raises  CalibrationError, as `read_file`
+    """
+    if len(raw) > limits.CALIBRATION_BYTES:
+        raise CalibrationError(f"{where}: larger than {limits.CALIBRATION_BYTES >> 10} KiB")
+    try:
+        header = limits.decode_json(raw, _Header)
+    except BadContent as error:
+        raise CalibrationError(f"{where}: not a calibration file: {error}") from None
+    if header.format != FORMAT:
+        raise CalibrationError(
+            f"{where}: not a calibration file: its format is {limits.quote(header.format)}, not '{FORMAT}'"
+        )
+    if header.version != VERSION:
+        raise CalibrationError(
+            f"{where}: has version {header.version}, this program reads version {VERSION}; fit it again"
+        )
+    try:
+        return limits.decode_json(raw, CalibrationFile)
+    except BadContent as error:
+        raise CalibrationError(f"{where}: {error}") from None
+
+
+def encode(content: CalibrationFile) -> bytes:
+    """The file's bytes."""
+    return msgspec.json.encode(content) + b"\n"
+
+
+def save(path: Path, encoded: bytes) -> None:
+    """Replace the file so that a reader, or a loss of power, finds the old or the new one, whole.
+
+    Raises  hostlink.output_file.OutputError: cannot be written
+    """
+    with writing(path, overwrite=True) as unfinished:
+        unfinished.write_bytes(encoded)
+
+
+def sensor_of(rest: Rest, serial: str) -> Sensor:
+    """The file's description of a tip, from its rest frame."""
+    p = rest.pattern
+    return Sensor(
+        serial=serial,
+        size_px=p.size_px,
+        pin_radius_px=p.pin_radius_px,
+        pitch_px=p.pitch_px,
+        centre_px=(float(p.centre_img[0]), float(p.centre_img[1])),
+        tip_radius_px=p.tip_radius_px,
+        background=p.background,
+        brightness=p.brightness,
+        noise=p.noise,
+        rest_xy_px=[(round(float(x), 3), round(float(y), 3)) for x, y in rest.xy_img],
+    )
+
+
+def rest_of(sensor: Sensor) -> Rest:
+    """The rest frame that a file describes."""
+    xy = np.array(sensor.rest_xy_px, dtype=np.float64).reshape(-1, 2)
+    pattern = PinPattern(
+        pin_radius_px=sensor.pin_radius_px,
+        pitch_px=sensor.pitch_px,
+        centre_img=np.array(sensor.centre_px),
+        tip_radius_px=sensor.tip_radius_px,
+        background=sensor.background,
+        brightness=sensor.brightness,
+        noise=sensor.noise,
+        size_px=sensor.size_px,
+    )
+    n = len(xy)
+    pins = Pins(
+        xy, np.full(n, REST_SIGMA_PX), np.full(n, sensor.pin_radius_px), np.full(n, sensor.brightness)
+    )
+    return Rest(pins, pattern)

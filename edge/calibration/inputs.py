@@ -1,0 +1,87 @@
+"""What the models of a calibration depend on: inputs made of a frame's features, or of one contact.
+
+Rules
+- Inputs are named and dimensionless: lengths are divided by the tip's radius, areas by its square, so that
+  a weight does not depend on the camera's resolution. A star behind a name means the complex conjugate.
+- Vectors are complex numbers x + i y: modes of motion `c_ab` (`edge.features.modes`), place `p` on the disc.
+- A feature that was not computed is NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from edge.types import Complex, ContactRegion, Features, PinPattern
+
+MODES = tuple(f"c{a}{d - a}" for d in range(6) for a in range(d, -1, -1))  # as `edge.features.modes` has them
+
+#: Inputs made of a frame's features; the order is that of `frame_inputs`. `volume` is real, `shear` the
+#: plain mean of the pins' motion, `c_ab` the modes of motion; `p`, `peak`, `size` are of the strongest
+#: contact, as below, all 0 where a touch is too light for one; `gap` is real, what is not known of lost pins.
+FRAME_INPUTS: tuple[str, ...] = ("volume", "shear", *MODES, "p", "peak", "size", "gap")
+#: Inputs made of one contact: place on the tip's unit disc, height of the maximum, the frame's mean motion
+#: (a shear moves the maximum within the contact), and the root of the contact's area.
+CONTACT_INPUTS: tuple[str, ...] = ("p", "peak", "shear", "size")
+
+
+def frame_inputs(features: Features, pattern: PinPattern) -> Complex:
+    """The inputs `FRAME_INPUTS` of one frame, NaN where a feature was not computed.
+
+    Returns  (27,) complex128, dimensionless
+    """
+    z = np.full(len(FRAME_INPUTS), np.nan, dtype=np.complex128)
+    r = pattern.tip_radius_px
+    if features.volume_px2 is not None:
+        z[0] = features.volume_px2 / (math.pi * r * r)
+    if features.shear_px is not None:
+        z[1] = complex(*features.shear_px.tolist()) / r
+    if features.modes_px is not None:
+        z[2 : 2 + len(MODES)] = features.modes_px / r
+    if features.contacts is not None:
+        z[-4:-1] = _place_peak_size(features.contacts[0], pattern) if features.contacts else 0.0
+    z[-1] = features.gap
+    return z
+
+
+def _place_peak_size(contact: ContactRegion, pattern: PinPattern) -> tuple[complex, float, float]:
+    x, y = contact.xy_img.tolist()
+    x0, y0 = pattern.centre_img.tolist()
+    r = pattern.tip_radius_px
+    return complex((x - x0) / r, (y - y0) / r), contact.peak, math.sqrt(contact.area_px2) / r
+
+
+def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPattern) -> Complex:
+    """The inputs `CONTACT_INPUTS` of one contact of a frame.
+
+    Returns  (4,) complex128, dimensionless
+    """
+    shear = math.nan if features.shear_px is None else complex(*features.shear_px.tolist())
+    place, peak, size = _place_peak_size(contact, pattern)
+    return np.array([place, peak, shear / pattern.tip_radius_px, size], dtype=np.complex128)
+
+
+def term_columns(terms: Sequence[Sequence[str]], inputs: Sequence[str]) -> list[list[int]]:
+    """The factors of each term as columns of the row (inputs, conjugates of inputs).
+
+    Raises  KeyError: a term names an input that there is not
+    """
+    column = {name: i for i, name in enumerate((*inputs, *(f"{name}*" for name in inputs)))}
+    return [[column[name] for name in term] for term in terms]
+
+
+def evaluate_terms(z: Complex, terms: Sequence[Sequence[int]]) -> Complex:
+    """Products of inputs.
+
+    z        (n, k) complex128, one row a frame
+    terms    from `term_columns`
+    Returns  (n, n_terms) complex128
+    """
+    row = np.hstack([z, z.conj()])
+    result = np.ones((len(z), len(terms)), dtype=np.complex128)
+    for products, term in zip(result.T, terms, strict=True):
+        for column in term:
+            products *= row[:, column]
+    return result

@@ -1,0 +1,269 @@
+"""The models of a calibration file, ready to run: features of a frame in, mechanical units out.
+
+Rules
+- A value outside of the range that the data supported is set to the range's end and named in `saturated`.
+- What the file has no model for is NaN: no raw number goes out in disguise.
+- An untouched tip reads zero: that is what the tare defines.
+- Some values need no model, as they follow from others and the scale: pressure is force over contact area;
+  area, where no model gives it, is that of the contacts in the image times the scale squared; slip speed is
+  the motion that no load explains, times the scale, over the time between two frames.
+- A single contact's depth is the frame's displacement: all pins contribute to it, and on a ball its error
+  is several times smaller than with the contact's own height and size (0.05 against 0.2..0.3 mm rms).
+- The number of contacts has no unit: it is sent without a calibration too.
+- Every value has a standard deviation: the residual of the fit on held-out frames, widened where a frame
+  lies far from the data (leverage), as in Bayesian linear regression; that of a process is each frame's own.
+- Processes are evaluated for what is in demand alone. They may need more of a frame than the demand itself
+  does (`Calibration.needed`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from edge.calibration.checks import check, is_of_contact, outputs_of
+from edge.calibration.file import (
+    CONTACT_OUTPUTS,
+    UNTOUCHED,
+    CalibrationFile,
+    Curve,
+    Model,
+    Process,
+    decode,
+    encode,
+    read_file,
+    rest_of,
+    save,
+)
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, contact_inputs, frame_inputs
+from edge.calibration.polynomial import ModelKernel
+from edge.calibration.process import ProcessKernel, wanted_models
+from edge.errors import CalibrationError
+from edge.limits import BadContent
+from edge.types import Array, Complex, Feature, Features, PinPattern, Reading
+
+#: Outputs of models behind what can be asked for.
+OUTPUTS_OF: dict[Feature, frozenset[str]] = {
+    Feature.DISPLACEMENT: frozenset({"displacement_mm"}),
+    Feature.FORCE: frozenset({"force_n"}),
+    Feature.PRESSURE: frozenset({"force_n", "contact_area_mm2"}),
+    Feature.CONTACT_AREA: frozenset({"contact_area_mm2"}),
+    Feature.CONTACTS: frozenset({"displacement_mm"}),  # it is a single contact's depth
+    Feature.SHEAR: frozenset({"shear_x_mm", "shear_y_mm"}),
+    Feature.TORSION: frozenset({"torsion_deg"}),
+    Feature.TILT: frozenset({"tilt_x_deg", "tilt_y_deg"}),
+}
+#: What a process takes its inputs from: modes and volume, the strongest contact.
+OF_PROCESS = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS})
+#: What contacts are part of: for no other demand are they handed on.
+OF_CONTACTS = frozenset({Feature.CONTACTS, Feature.PRESSURE, Feature.CONTACT_AREA, Feature.ORIENTATION})
+
+
+class _Models:
+    """The models that share their inputs, ready to run.
+
+    outputs    names: those of curves and polynomials in the file's order, then those of processes
+    sigmas     each output's, near the data
+    processes  their part of the models
+    """
+
+    def __init__(self, models: Sequence[Model], inputs: Sequence[str]) -> None:
+        others = [model for model in models if not isinstance(model, Process)]
+        self.processes = [model for model in models if isinstance(model, Process)]
+        ordered = [*others, *self.processes]
+        self.outputs = tuple(name for model in ordered for name in outputs_of(model))
+        self.sigmas = tuple(
+            sigma for m in ordered for sigma in ([m.sigma] if isinstance(m, Curve) else m.sigma)
+        )
+        self._kernel = ModelKernel(inputs, others)
+        self._n_others = sum(len(outputs_of(model)) for model in others)
+        self._process_kernel = ProcessKernel(inputs, self.processes) if self.processes else None
+        self._wanted = wanted_models(self.processes, None)
+
+    def want(self, outputs: frozenset[str] | None) -> None:
+        """Whose processes are evaluated from now on: those of these outputs; None: all."""
+        self._wanted = wanted_models(self.processes, outputs)
+
+    def run(self, z: Complex) -> Array:
+        """Value, sigma, and 1 where out of range, else 0.
+
+        z        (rows, inputs) complex128
+        Returns  (rows, outputs, 3)
+        """
+        out = np.empty((len(z), len(self.outputs), 3))
+        if self._process_kernel is None:
+            self._kernel.run(z.view(np.float64), out)
+            return out
+        if self._n_others:
+            others = np.empty((len(z), self._n_others, 3))
+            self._kernel.run(z.view(np.float64), others)
+            out[:, : self._n_others] = others
+        for row, values in zip(z.view(np.float64), out, strict=True):
+            self._process_kernel.run(row, self._wanted, values[self._n_others :])
+        return out
+
+
+class Calibration:
+    """A calibration file, ready to be applied. What a file holds is checked by `load` and `parse`, not here.
+
+    rest       the tip it belongs to, in the file's order of pins
+    mm_per_px  scale at the tip's centre; None: not known, places of contact are NaN
+    content_id 32 bits of the content's hash; goes over the wire as the calibration's identity
+    """
+
+    def __init__(self, content: CalibrationFile) -> None:
+        self.content = content
+        self.encoded = encode(content)
+        self.content_id = int.from_bytes(hashlib.sha256(self.encoded[:-1]).digest()[:4], "little")
+        self.mm_per_px = content.mm_per_px
+        self.rest = rest_of(content.sensor)
+        self._frame = _Models([m for m in content.models if not is_of_contact(m)], FRAME_INPUTS)
+        self._contact = _Models([m for m in content.models if is_of_contact(m)], CONTACT_INPUTS)
+        self.outputs = frozenset((*self._frame.outputs, *self._contact.outputs))
+        self._columns = [CONTACT_OUTPUTS.index(name) for name in self._contact.outputs]
+        self._placed = self.outputs >= {"contact_x_mm", "contact_y_mm"}
+        self._untouched = {name: UNTOUCHED[name] for name in self._frame.outputs}
+        self._untouched_sigmas = dict(zip(self._frame.outputs, self._frame.sigmas, strict=True))
+        self._demand: frozenset[Feature] | None = None
+
+    @classmethod
+    def load(cls, path: str | Path) -> Calibration:
+        """Read and check a file. Raises CalibrationError: one line with file and place in it."""
+        return cls.of(read_file(Path(path)), str(path))
+
+    @classmethod
+    def parse(cls, raw: bytes, where: str) -> Calibration:
+        """Check a file's bytes (read from disk, or uploaded over the bus). Raises CalibrationError."""
+        return cls.of(decode(raw, where), where)
+
+    @classmethod
+    def of(cls, content: CalibrationFile, where: str) -> Calibration:
+        """A decoded file, checked and ready. Raises CalibrationError."""
+        try:
+            check(content)
+        except BadContent as error:
+            raise CalibrationError(f"{where}: {error}") from None
+        return cls(content)
+
+    def save(self, path: str | Path) -> None:
+        """Write the file so that a reader, or a loss of power, finds the old or the new one, whole.
+
+        Raises  hostlink.output_file.OutputError: cannot be written
+        """
+        save(Path(path), self.encoded)
+
+    def needed(self, demand: frozenset[Feature]) -> frozenset[Feature]:
+        """The demand, and what else of a frame the models behind it take their inputs from."""
+        outputs = _outputs_in(demand)
+        if any(not outputs.isdisjoint(model.outputs) for model in self._frame.processes):
+            return demand | OF_PROCESS
+        return demand
+
+    def apply(
+        self,
+        features: Features,
+        pattern: PinPattern,
+        interval_s: float | None = None,
+        demand: frozenset[Feature] | None = None,
+    ) -> Reading:
+        """Values of one frame in mechanical units.
+
+        pattern     of the running tip; gives the place and size of the tip's circle
+        interval_s  time since the frame before this one; None: not known, no speed can be given
+        demand      what is wanted; None: all that there is
+        """
+        if demand is not self._demand:
+            self._demand = demand
+            self._frame.want(None if demand is None else _outputs_in(demand))
+        saturated: frozenset[str] = frozenset()
+        if features.in_contact:
+            rows = self._frame.run(frame_inputs(features, pattern)[None])[0]
+            ys, spreads, outside = rows.T.tolist()
+            names = self._frame.outputs
+            values, sigmas = dict(zip(names, ys, strict=True)), dict(zip(names, spreads, strict=True))
+            if any(outside):
+                beyond = zip(names, ys, outside, strict=True)
+                saturated = frozenset(name for name, y, out in beyond if out and math.isfinite(y))
+        else:
+            values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
+        if demand is not None and features.contacts is not None and demand.isdisjoint(OF_CONTACTS):
+            features = replace(features, contacts=None)
+        self._derive(features, values, sigmas, interval_s)
+        contacts = self._places(features, pattern)
+        if len(contacts) == 1 and "displacement_mm" in values:
+            contacts[0, 2] = values["displacement_mm"]
+        return Reading(values, sigmas, contacts, saturated, calibrated=True)
+
+    def frame_values(self, z: Complex) -> Iterator[tuple[str, float, float, bool]]:
+        """Name, value, sigma and whether out of range, of every output, from `frame_inputs`."""
+        rows = self._frame.run(z[None])[0].tolist()
+        for name, (y, sigma, outside) in zip(self._frame.outputs, rows, strict=True):
+            yield name, y, sigma, bool(outside)
+
+    def _derive(
+        self,
+        features: Features,
+        values: dict[str, float],
+        sigmas: dict[str, float],
+        interval_s: float | None,
+    ) -> None:
+        """Add what follows from other values and the scale; see the file's head."""
+        found, scale = features.contacts, self.mm_per_px
+        if found is not None:
+            if "contact_area_mm2" not in values and scale is not None:
+                values["contact_area_mm2"] = sum(c.area_px2 for c in found) * scale * scale
+            if found:
+                values["orientation_deg"] = math.degrees(found[0].orientation_rad)
+        force, area = values.get("force_n"), values.get("contact_area_mm2")
+        if force is not None and area is not None:
+            if not features.in_contact:
+                values["pressure_kpa"] = 0.0
+            elif area > 0.0:
+                pressure = 1e3 * force / area
+                values["pressure_kpa"] = pressure
+                if "contact_area_mm2" in sigmas:
+                    parts = (1e3 * sigmas["force_n"] / area, pressure * sigmas["contact_area_mm2"] / area)
+                    sigmas["pressure_kpa"] = math.hypot(*parts)
+        if features.slip_px is not None and features.slip_probability is not None:
+            values["slip_probability"] = features.slip_probability
+            if not features.in_contact:
+                values["slip_speed_mm_s"] = 0.0
+            elif scale is not None and interval_s is not None and interval_s > 0.0:
+                values["slip_speed_mm_s"] = features.slip_px * scale / interval_s
+
+    def _places(self, features: Features, pattern: PinPattern) -> Array:
+        contacts = features.contacts
+        if not contacts:
+            return np.empty((0, 3))
+        places = np.full((len(contacts), 3), np.nan)
+        if self.mm_per_px is not None and not self._placed:
+            for row, contact in zip(places, contacts, strict=True):
+                row[:2] = (contact.xy_img - pattern.centre_img) * self.mm_per_px
+        if self._columns:
+            z = np.array([contact_inputs(contact, features, pattern) for contact in contacts])
+            places[:, self._columns] = self._contact.run(z)[:, :, 0]
+        return places
+
+    def contact_values(self, z: Complex) -> Iterator[tuple[str, float, float]]:
+        """Name, value and sigma of every output of one contact, from `contact_inputs`."""
+        rows = self._contact.run(z[None])[0].tolist()
+        for name, (y, sigma, _) in zip(self._contact.outputs, rows, strict=True):
+            yield name, y, sigma
+
+
+def _outputs_in(demand: frozenset[Feature]) -> frozenset[str]:
+    return frozenset().union(*(OUTPUTS_OF[feature] for feature in demand & OUTPUTS_OF.keys()))
+
+
+def uncalibrated(features: Features | None = None) -> Reading:
+    """The reading of a tip without a calibration: nothing in mechanical units, but how many contacts.
+
+    features  None: nothing is known of this frame
+    """
+    contacts = features.contacts if features is not None else None
+    return Reading({}, {}, np.full((len(contacts or ()), 3), np.nan))

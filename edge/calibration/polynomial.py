@@ -1,0 +1,263 @@
+"""The curves and polynomials of a calibration, evaluated together. Compiled; runs uncompiled too.
+
+Idea. A file has half a dozen models of some sixty terms each, and their values are wanted once a frame. The
+arithmetic takes microseconds; each visit from Python would take as long. So all models that share their
+inputs are laid out one after the other in a few arrays, and answer in one call.
+
+Rules
+- The terms of a polynomial are products of inputs, given as columns of the row (inputs, their conjugates).
+- Complex numbers are pairs of float64.
+- A NaN among a model's inputs gives NaN, within the model's range.
+- The GIL is held: the scratch belongs to the object, and the work is short.
+"""
+
+# mypy: disable-error-code="valid-type,no-untyped-call,untyped-decorator,misc,name-defined"
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cython
+import numpy as np
+
+from edge.calibration.file import Curve, Polynomial
+from edge.calibration.inputs import term_columns
+
+if cython.compiled:
+    from cython.cimports.libc.math import isnan, sqrt
+else:
+    from math import isnan, sqrt
+
+#: Of each output: value, sigma, whether the model is out of its range (0 or 1).
+FIELDS = cython.declare(cython.Py_ssize_t, 3)
+#: Rows of a factor L that are summed together: sums that do not wait for each other.
+ROWS = cython.declare(cython.Py_ssize_t, 4)
+
+
+@cython.cclass
+class ModelKernel:
+    """Curves and polynomials of the same inputs.
+
+    inputs   their names
+    models   in the order of their outputs
+    Raises   ValueError: arrays of a model that do not belong together, an input that there is not
+    """
+
+    n_inputs: cython.Py_ssize_t
+    n_outputs: cython.Py_ssize_t
+    _n_models: cython.Py_ssize_t
+    # Of each model: where its part of the arrays below begins. Row n_models is their end.
+    _first_output: cython.Py_ssize_t[::1]
+    _first_knot: cython.Py_ssize_t[::1]  # a model without knots is a polynomial
+    _first_term: cython.Py_ssize_t[::1]
+    _first_spread: cython.Py_ssize_t[::1]
+    _curve_input: cython.Py_ssize_t[::1]
+    _knots: cython.double[:, ::1]  # input, output
+    _first_factor: cython.Py_ssize_t[::1]  # of each term, in `_columns`; the last row is the end
+    _columns: cython.int[::1]
+    _weights: cython.double[:, ::1]
+    _spread: cython.double[:, ::1]  # four rows of a factor, term by term: their real, then imaginary parts
+    _low: cython.double[::1]  # of each output
+    _high: cython.double[::1]
+    _sigma: cython.double[::1]
+    _row: cython.double[:, ::1]  # inputs, then their conjugates
+    _terms: cython.double[:, ::1]  # values of one model's terms
+
+    def __init__(self, inputs: Sequence[str], models: Sequence[Curve | Polynomial]) -> None:
+        self.n_inputs, self._n_models = len(inputs), len(models)
+        outputs: list[tuple[float, float, float]] = []
+        first: list[tuple[int, int, int, int]] = [(0, 0, 0, 0)]
+        curve_inputs: list[int] = []
+        knots: list[tuple[float, float]] = []
+        columns: list[list[int]] = []
+        weights: list[tuple[float, float]] = []
+        spread: list[list[float]] = []
+        for model in models:
+            if isinstance(model, Curve):
+                curve_inputs.append(_curve_input(model, inputs))
+                knots += model.knots
+                outputs.append((-np.inf, np.inf, model.sigma))
+            else:
+                curve_inputs.append(-1)
+                columns += _columns_of(model, inputs)
+                weights += model.weights
+                spread += _rows_by_four(model)
+                outputs += [(*valid, s) for valid, s in zip(model.valid, model.sigma, strict=True)]
+            first.append((len(outputs), len(knots), len(columns), len(spread)))
+        self.n_outputs = len(outputs)
+        begins = np.array(first, np.intp).T.copy()
+        self._first_output, self._first_knot, self._first_term, self._first_spread = begins
+        self._curve_input = np.array(curve_inputs, np.intp)
+        self._knots = np.array(knots, np.float64).reshape(-1, 2)
+        self._first_factor = np.cumsum([0, *map(len, columns)], dtype=np.intp)
+        self._columns = np.array([column for term in columns for column in term], np.int32)
+        self._weights = np.array(weights, np.float64).reshape(-1, 2)
+        self._spread = np.array(spread, np.float64).reshape(-1, 2 * ROWS)
+        self._low, self._high, self._sigma = np.array(outputs, np.float64).reshape(-1, 3).T.copy()
+        self._row = np.zeros((2 * len(inputs), 2))
+        self._terms = np.zeros((np.diff(begins[2]).max(initial=1), 2))
+
+    def run(self, z: cython.const[cython.double][:, ::1], out: cython.double[:, :, ::1]) -> None:
+        """Write value, sigma, and whether out of range, of every output.
+
+        z        (rows, 2 inputs) float64: real and imaginary part of each input
+        out      (rows, outputs, 3) float64, written
+        Raises   ValueError: other sizes
+        """
+        n: cython.Py_ssize_t = self.n_inputs
+        if z.shape[1] != 2 * n or out.shape[0] != z.shape[0]:
+            raise ValueError(f"run: rows of {n} complex inputs and as many rows of results are wanted")
+        if out.shape[1] != self.n_outputs or out.shape[2] != FIELDS:
+            raise ValueError(f"run: {self.n_outputs} outputs of {FIELDS} fields each are wanted")
+        r: cython.Py_ssize_t
+        i: cython.Py_ssize_t
+        for r in range(z.shape[0]):
+            for i in range(n):
+                self._row[i, 0] = self._row[n + i, 0] = z[r, 2 * i]
+                self._row[i, 1] = z[r, 2 * i + 1]
+                self._row[n + i, 1] = -z[r, 2 * i + 1]
+            for i in range(self._n_models):
+                if self._first_knot[i] < self._first_knot[i + 1]:
+                    self._run_curve(i, out[r])
+                else:
+                    self._run_polynomial(i, out[r])
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _run_curve(self, m: cython.Py_ssize_t, out: cython.double[:, ::1]) -> cython.void:
+        """Linear between the knots, flat beyond them."""
+        k: cython.Py_ssize_t = self._first_knot[m]
+        last: cython.Py_ssize_t = self._first_knot[m + 1] - 1
+        output: cython.Py_ssize_t = self._first_output[m]
+        x: cython.double = self._row[self._curve_input[m], 0]
+        y: cython.double = x
+        inside: cython.bint = self._knots[k, 0] <= x <= self._knots[last, 0]
+        if x <= self._knots[k, 0]:
+            y = self._knots[k, 1]
+        elif x >= self._knots[last, 0]:
+            y = self._knots[last, 1]
+        elif not isnan(x):
+            while k + 1 < last and x >= self._knots[k + 1, 0]:
+                k += 1
+            y = (self._knots[k + 1, 1] - self._knots[k, 1]) / (self._knots[k + 1, 0] - self._knots[k, 0])
+            y = y * (x - self._knots[k, 0]) + self._knots[k, 1]
+        out[output, 0] = y
+        out[output, 1] = self._sigma[output]
+        out[output, 2] = 0.0 if inside else 1.0
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _run_polynomial(self, m: cython.Py_ssize_t, out: cython.double[:, ::1]) -> cython.void:
+        """Sum of weighted terms; sigma widened by |L psi|^2, psi being the terms."""
+        begin: cython.Py_ssize_t = self._first_term[m]
+        n: cython.Py_ssize_t = self._first_term[m + 1] - begin
+        i: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        re: cython.double
+        im: cython.double
+        product: cython.double
+        q_re: cython.double
+        q_im: cython.double
+        y_re: cython.double = 0.0
+        y_im: cython.double = 0.0
+        for i in range(n):
+            re = 1.0
+            im = 0.0
+            for k in range(self._first_factor[begin + i], self._first_factor[begin + i + 1]):
+                q_re = self._row[self._columns[k], 0]
+                q_im = self._row[self._columns[k], 1]
+                product = re * q_re - im * q_im
+                im = re * q_im + im * q_re
+                re = product
+            self._terms[i, 0] = re
+            self._terms[i, 1] = im
+            y_re += self._weights[begin + i, 0] * re - self._weights[begin + i, 1] * im
+            y_im += self._weights[begin + i, 0] * im + self._weights[begin + i, 1] * re
+        away: cython.double = 0.0
+        k = self._first_spread[m]
+        while k < self._first_spread[m + 1]:
+            away = _add_squares_of_four(away, self._spread, k, self._terms, n)
+            k += n
+        output: cython.Py_ssize_t = self._first_output[m]
+        self._write(output, y_re, sqrt(1.0 + away), out)
+        if output + 1 < self._first_output[m + 1]:
+            self._write(output + 1, y_im, sqrt(1.0 + away), out)
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _write(
+        self, output: cython.Py_ssize_t, y: cython.double, widened: cython.double, out: cython.double[:, ::1]
+    ) -> cython.void:
+        """One output: its value within its range, its sigma, whether it was out of range."""
+        below: cython.bint = y < self._low[output]
+        above: cython.bint = y > self._high[output]
+        out[output, 0] = self._low[output] if below else self._high[output] if above else y
+        out[output, 1] = self._sigma[output] * widened
+        out[output, 2] = 1.0 if below or above else 0.0
+
+
+@cython.cfunc
+@cython.inline
+@cython.exceptval(check=False)
+def _add_squares_of_four(
+    total: cython.double,
+    spread: cython.double[:, ::1],
+    first: cython.Py_ssize_t,
+    terms: cython.double[:, ::1],
+    n: cython.Py_ssize_t,
+) -> cython.double:
+    """A total, and the squares of four rows of a factor times the terms."""
+    a: cython.double = 0.0
+    b: cython.double = 0.0
+    c: cython.double = 0.0
+    d: cython.double = 0.0
+    ia: cython.double = 0.0
+    ib: cython.double = 0.0
+    ic: cython.double = 0.0
+    id_: cython.double = 0.0
+    i: cython.Py_ssize_t
+    for i in range(n):
+        re: cython.double = terms[i, 0]
+        im: cython.double = terms[i, 1]
+        a += spread[first + i, 0] * re - spread[first + i, 4] * im
+        b += spread[first + i, 1] * re - spread[first + i, 5] * im
+        c += spread[first + i, 2] * re - spread[first + i, 6] * im
+        d += spread[first + i, 3] * re - spread[first + i, 7] * im
+        ia += spread[first + i, 0] * im + spread[first + i, 4] * re
+        ib += spread[first + i, 1] * im + spread[first + i, 5] * re
+        ic += spread[first + i, 2] * im + spread[first + i, 6] * re
+        id_ += spread[first + i, 3] * im + spread[first + i, 7] * re
+    total += a * a + ia * ia
+    total += b * b + ib * ib
+    total += c * c + ic * ic
+    return total + (d * d + id_ * id_)
+
+
+def _rows_by_four(model: Polynomial) -> list[list[float]]:
+    """A factor's rows, four at a time and filled up with zeros, as `_add_squares_of_four` takes them."""
+    n = len(model.terms)
+    padding = [[(0.0, 0.0)] * n] * ((ROWS - len(model.spread) % ROWS) % ROWS)
+    rows = np.array([*model.spread, *padding], np.float64).reshape(-1, ROWS, n, 2)
+    by_four: list[list[float]] = rows.transpose(0, 2, 3, 1).reshape(-1, 2 * ROWS).tolist()
+    return by_four
+
+
+def _curve_input(model: Curve, inputs: Sequence[str]) -> int:
+    """Column of a curve's input. Raises ValueError."""
+    if model.input not in inputs or len(model.knots) < 2:
+        raise ValueError(f"curve: two knots or more and an input of {', '.join(inputs)} are wanted")
+    return inputs.index(model.input)
+
+
+def _columns_of(model: Polynomial, inputs: Sequence[str]) -> list[list[int]]:
+    """The columns of each term's factors. Raises ValueError."""
+    n, outputs = len(model.terms), len(model.outputs)
+    if n < 1 or len(model.weights) != n or any(len(row) != n for row in model.spread):
+        raise ValueError(f"polynomial: {n} terms, but weights or rows of spread of another number")
+    if outputs not in (1, 2) or len(model.valid) != outputs or len(model.sigma) != outputs:
+        raise ValueError("polynomial: 1 or 2 outputs are wanted, and a range and a sigma for each")
+    try:
+        return term_columns(model.terms, inputs)
+    except KeyError as error:
+        raise ValueError(f"polynomial: input {error} is not one of {', '.join(inputs)}") from None

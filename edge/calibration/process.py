@@ -1,0 +1,330 @@
+"""The Gaussian processes of a calibration, evaluated together. Compiled; runs uncompiled too.
+
+Idea. The kernel of such a process (`calib.process_likelihood`) is a polynomial of third degree, so that the
+process is one too: its features are the products of inputs that turn as its outputs do, and what was learnt
+is the mean and the covariance of their weights. With those, no point of the data is needed any more: a frame
+costs a product for each term and a few rows of the covariance's root, instead of a kernel for each point.
+
+    value     = sum_k weight_k psi_k                             psi_k = product of inputs
+    variance  = sigma^2 (noise + learnt + lost)
+    noise     = exp(sum_k noise_weight_k Re psi'_k)              within the range that the data showed
+    learnt    = |L psi|^2                                        what the data left open of the weights
+    lost      = exp(scale) gap^gap_power volume^volume_power     what pins that are not seen leave open
+
+Rules
+- Terms of all models form one tree: a product is its parent's times one input, whoever needs it.
+- Only the models that are asked for are evaluated, and only the products that they need.
+- Of a model with one output, real parts count, of the value and of each row of L; with two, x + i y.
+- A value outside of `valid` is set to its end. That, and `learnt` above `far`, is told as out of range.
+- A NaN among a model's inputs gives NaN. So does a gap larger than any that the fit has tried.
+- The GIL is held: the scratch belongs to the object, and the work is short.
+"""
+
+# mypy: disable-error-code="valid-type,untyped-decorator,no-any-return"
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cython
+import numpy as np
+
+from edge.calibration.file import Process
+from edge.types import Array, Mask
+
+if cython.compiled:
+    from cython.cimports.libc.math import NAN, exp, isnan, log, sqrt
+else:
+    from math import exp, isnan, log, sqrt
+    from math import nan as NAN  # noqa: N812
+
+#: Of each output: value, sigma, whether it is out of range (0 or 1).
+FIELDS = cython.declare(cython.Py_ssize_t, 3)
+#: Rows of L are kept in whole blocks of so many, for the sake of vector instructions.
+BLOCK = 4
+VOLUME_MIN = cython.declare(cython.double, 1e-6)  # of the tip's circle times its radius: no load at all
+
+
+@cython.cclass
+class ProcessKernel:
+    """The processes of one calibration.
+
+    inputs  names of the frame's inputs, `gap` and `volume` among them
+    models  in the order of their outputs
+    Raises  KeyError: a term names an input that there is not
+    """
+
+    n_inputs: cython.Py_ssize_t
+    n_models: cython.Py_ssize_t
+    n_outputs: cython.Py_ssize_t
+    _n_nodes: cython.Py_ssize_t
+    _n_active: cython.Py_ssize_t
+    _width: cython.Py_ssize_t  # rows of L, the same for all models: shorter ones end in zeros
+    _gap: cython.Py_ssize_t
+    _volume: cython.Py_ssize_t
+    _parent: cython.int[::1]  # of each product; the root, 1, is its own
+    _letter: cython.int[::1]  # input that the parent is multiplied by; from n_inputs on its conjugate
+    _active: cython.int[::1]
+    _needed: cython.uchar[::1]
+    _wanted: cython.uchar[::1]
+    _first: cython.int[:, ::1]  # (models + 1, 3) first term, first noise term, first output
+    _node: cython.int[::1]  # of each term
+    _weight: cython.double[:, ::1]
+    _factor: cython.double[:, :, ::1]  # (terms, 2, width): real parts, imaginary parts
+    _noise_node: cython.int[::1]
+    _noise_weight: cython.double[::1]
+    # (models, 7) far, range of the noise's logarithm, scale, gap_power, volume_power, gap_max of `lost`
+    _limits: cython.double[:, ::1]
+    _valid: cython.double[:, ::1]  # (outputs, 3) low, high, sigma
+    _re: cython.double[::1]  # products of the frame in hand
+    _im: cython.double[::1]
+    _sums: cython.double[:, ::1]  # (2, width)
+
+    def __init__(self, inputs: Sequence[str], models: Sequence[Process]) -> None:
+        for model in models:
+            sizes = len(model.terms), len(model.noise_terms), len(model.outputs), len(model.outputs)
+            given = len(model.weights), len(model.noise_weights), len(model.valid), len(model.sigma)
+            if given != sizes:
+                raise ValueError(f"{sizes} weights, noise_weights, valid and sigma are wanted, not {given}")
+        self.n_inputs, self.n_models = len(inputs), len(models)
+        self._gap, self._volume = inputs.index("gap"), inputs.index("volume")
+        tree = _Tree(inputs)
+        nodes = [[tree.node(term) for term in model.terms] for model in models]
+        noise = [[tree.node(term) for term in model.noise_terms] for model in models]
+        self._parent, self._letter = np.array(tree.parents, np.int32), np.array(tree.letters, np.int32)
+        self._n_nodes = len(tree.parents)
+        counts = [[len(n), len(e), len(m.outputs)] for n, e, m in zip(nodes, noise, models, strict=True)]
+        ends = np.cumsum(np.array([[0, 0, 0], *counts]), axis=0)
+        self._first = ends.astype(np.int32)
+        self.n_outputs = int(ends[-1, 2])
+        self._node = np.array([n for part in nodes for n in part], np.int32)
+        self._noise_node = np.array([n for part in noise for n in part], np.int32)
+        self._weight = np.array([w for m in models for w in m.weights], np.float64).reshape(-1, 2)
+        self._noise_weight = np.array([w for m in models for w in m.noise_weights], np.float64)
+        rows = max((len(model.factor) for model in models), default=0)
+        self._width = BLOCK * ((rows + BLOCK - 1) // BLOCK)
+        factor = np.zeros((int(ends[-1, 0]), 2, self._width))
+        for model, first in zip(models, ends, strict=False):
+            part = np.array(model.factor, np.float64).reshape(-1, len(model.terms), 2)
+            factor[first[0] : first[0] + len(model.terms), :, : len(part)] = part.transpose(1, 2, 0)
+        self._factor = factor
+        self._limits = np.array([_limits(m) for m in models], np.float64).reshape(-1, 7)
+        self._valid = np.array(
+            [(*v, s) for m in models for v, s in zip(m.valid, m.sigma, strict=True)], np.float64
+        ).reshape(-1, 3)
+        self._re, self._im = np.zeros(self._n_nodes), np.zeros(self._n_nodes)
+        self._sums = np.zeros((2, self._width))
+        self._active = np.zeros(self._n_nodes, np.int32)
+        self._needed = np.zeros(self._n_nodes, np.uint8)
+        self._wanted = np.zeros(self.n_models, np.uint8)
+        self._n_active = 0
+
+    def run(
+        self,
+        z: cython.const[cython.double][::1],
+        wanted: cython.const[cython.uchar][::1],
+        out: cython.double[:, ::1],
+    ) -> None:
+        """Write value, sigma, and whether out of range, of the outputs of one frame.
+
+        z        (2 inputs,) float64: real and imaginary part of each input
+        wanted   (models,) uint8: 1 where a model's outputs are wanted; those of others become NaN
+        out      (outputs, 3) float64, written
+        Raises   ValueError: other sizes
+        """
+        n: cython.Py_ssize_t = self.n_inputs
+        if z.shape[0] != 2 * n or wanted.shape[0] != self.n_models:
+            raise ValueError(
+                f"run: {n} complex inputs and a flag for each of {self.n_models} models are wanted"
+            )
+        if out.shape[0] != self.n_outputs or out.shape[1] != FIELDS:
+            raise ValueError(f"run: {self.n_outputs} outputs of {FIELDS} fields each are wanted")
+        m: cython.Py_ssize_t
+        changed: cython.bint = False
+        for m in range(self.n_models):
+            changed |= self._wanted[m] != wanted[m]
+            self._wanted[m] = wanted[m]
+        if changed:
+            self._select()
+        self._multiply(z)
+        for m in range(self.n_models):
+            if self._wanted[m]:
+                self._evaluate(m, z[2 * self._gap], z[2 * self._volume], out)
+            else:
+                self._leave_out(m, out)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _select(self) -> cython.void:
+        """Which products the wanted models need."""
+        m: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        for k in range(self._n_nodes):
+            self._needed[k] = 0
+        for m in range(self.n_models):
+            if self._wanted[m]:
+                for k in range(self._first[m, 0], self._first[m + 1, 0]):
+                    self._needed[self._node[k]] = 1
+                for k in range(self._first[m, 1], self._first[m + 1, 1]):
+                    self._needed[self._noise_node[k]] = 1
+        for k in range(self._n_nodes - 1, 0, -1):
+            if self._needed[k]:
+                self._needed[self._parent[k]] = 1
+        self._n_active = 0
+        for k in range(1, self._n_nodes):
+            if self._needed[k]:
+                self._active[self._n_active] = cython.cast(cython.int, k)
+                self._n_active += 1
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _multiply(self, z: cython.const[cython.double][::1]) -> cython.void:
+        i: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        p: cython.Py_ssize_t
+        a: cython.Py_ssize_t
+        x: cython.double
+        y: cython.double
+        self._re[0] = 1.0
+        self._im[0] = 0.0
+        for i in range(self._n_active):
+            k = self._active[i]
+            p = self._parent[k]
+            a = self._letter[k]
+            if a < self.n_inputs:
+                x = z[2 * a]
+                y = z[2 * a + 1]
+            else:
+                a -= self.n_inputs
+                x = z[2 * a]
+                y = -z[2 * a + 1]
+            self._re[k] = self._re[p] * x - self._im[p] * y
+            self._im[k] = self._re[p] * y + self._im[p] * x
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _evaluate(
+        self, m: cython.Py_ssize_t, gap: cython.double, volume: cython.double, out: cython.double[:, ::1]
+    ) -> cython.void:
+        first: cython.Py_ssize_t = self._first[m, 2]
+        two: cython.bint = self._first[m + 1, 2] - first == 2
+        value_re: cython.double = 0.0
+        value_im: cython.double = 0.0
+        k: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        x: cython.double
+        y: cython.double
+        width: cython.Py_ssize_t = self._width
+        for j in range(width):
+            self._sums[0, j] = 0.0
+            self._sums[1, j] = 0.0
+        for k in range(self._first[m, 0], self._first[m + 1, 0]):
+            x = self._re[self._node[k]]
+            y = self._im[self._node[k]]
+            value_re += self._weight[k, 0] * x - self._weight[k, 1] * y
+            value_im += self._weight[k, 0] * y + self._weight[k, 1] * x
+            for j in range(width):
+                self._sums[0, j] += self._factor[k, 0, j] * x - self._factor[k, 1, j] * y
+            if two:
+                for j in range(width):
+                    self._sums[1, j] += self._factor[k, 0, j] * y + self._factor[k, 1, j] * x
+        learnt: cython.double = 0.0
+        for j in range(width):
+            learnt += self._sums[0, j] * self._sums[0, j] + self._sums[1, j] * self._sums[1, j]
+        variance: cython.double = learnt + self._noise(m) + self._lost(m, gap, volume)
+        # Asked so that a NaN is told as out of range too.
+        known: cython.bint = learnt <= self._limits[m, 0]
+        self._write(first, value_re, variance, known, out)
+        if two:
+            self._write(first + 1, value_im, variance, known, out)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _noise(self, m: cython.Py_ssize_t) -> cython.double:
+        """Variance of the noise, in units of sigma^2."""
+        h: cython.double = 0.0
+        k: cython.Py_ssize_t
+        for k in range(self._first[m, 1], self._first[m + 1, 1]):
+            h += self._noise_weight[k] * self._re[self._noise_node[k]]
+        if h < self._limits[m, 1]:
+            h = self._limits[m, 1]
+        if h > self._limits[m, 2]:
+            h = self._limits[m, 2]
+        return exp(h)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _lost(self, m: cython.Py_ssize_t, gap: cython.double, volume: cython.double) -> cython.double:
+        """Variance from pins that are not seen, in units of sigma^2; NaN: more than anyone has tried."""
+        if gap <= 0.0:
+            return 0.0
+        if not gap <= self._limits[m, 6]:
+            return NAN
+        if volume < VOLUME_MIN:
+            volume = VOLUME_MIN
+        return exp(self._limits[m, 3] + self._limits[m, 4] * log(gap) + self._limits[m, 5] * log(volume))
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _write(
+        self,
+        o: cython.Py_ssize_t,
+        value: cython.double,
+        variance: cython.double,
+        known: cython.bint,
+        out: cython.double[:, ::1],
+    ) -> cython.void:
+        if isnan(variance):
+            value = NAN
+        elif value < self._valid[o, 0]:
+            value = self._valid[o, 0]
+            known = False
+        elif value > self._valid[o, 1]:
+            value = self._valid[o, 1]
+            known = False
+        out[o, 0] = value
+        out[o, 1] = self._valid[o, 2] * sqrt(variance)
+        out[o, 2] = 0.0 if known or isnan(value) else 1.0
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _leave_out(self, m: cython.Py_ssize_t, out: cython.double[:, ::1]) -> cython.void:
+        o: cython.Py_ssize_t
+        for o in range(self._first[m, 2], self._first[m + 1, 2]):
+            out[o, 0] = NAN
+            out[o, 1] = NAN
+            out[o, 2] = 0.0
+
+
+def wanted_models(models: Sequence[Process], outputs: frozenset[str] | None) -> Mask:
+    """Which models have one of these outputs; None: all. (models,) uint8."""
+    return np.array([outputs is None or not outputs.isdisjoint(m.outputs) for m in models], np.uint8)
+
+
+class _Tree:
+    """Products of inputs, each its parent times one input; node 0 is 1."""
+
+    def __init__(self, inputs: Sequence[str]) -> None:
+        self._letter = {name: i for i, name in enumerate((*inputs, *(f"{name}*" for name in inputs)))}
+        self._node: dict[tuple[int, ...], int] = {(): 0}
+        self.parents = [0]
+        self.letters = [0]
+
+    def node(self, term: Sequence[str]) -> int:
+        """Number of a product; made, with all that it is made of, where it is new."""
+        letters = tuple(sorted(self._letter[name] for name in term))
+        for n in range(1, len(letters) + 1):
+            if letters[:n] not in self._node:
+                self._node[letters[:n]] = len(self.parents)
+                self.parents.append(self._node[letters[: n - 1]])
+                self.letters.append(letters[n - 1])
+        return self._node[letters]
+
+
+def _limits(model: Process) -> Array:
+    """One row of `_limits`."""
+    lost = model.lost
+    known = (-np.inf, 0.0, 0.0, np.inf) if lost is None else (
+        lost.scale, lost.gap_power, lost.volume_power, lost.gap_max
+    )  # fmt: skip
+    return np.array([model.far, *model.noise_range, *known])

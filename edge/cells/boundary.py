@@ -1,0 +1,175 @@
+r"""The artificial points round the pins, and how they move with the rim.
+
+Rules
+- On the rest frame a ball of `ball_pitches` rolls round the pins, outside. The boundary is what it leaves
+  uncovered, one pitch off the pins that it touches: no hull, no fitted circle, so any layout will do
+  (hexagonal, rings, spokes, square, non-convex, in parts), and gaps that the ball does not enter belong
+  to the tip. So do holes: pins that the rest frame missed.
+
+          (   ball  )
+       o   `.     .'   o       o  pins that the ball touches: the rim
+      /  \___`---'___/  \      ___  boundary: arcs of one pitch about them, and between two of them
+                                    an arc about the ball's centre
+
+- It is sampled arc by arc, so that it turns, shifts and scales with the pins.
+- A fence stands round it, for the triangulation's sake only (`edge.cells.mesh` says why); it moves by
+  the affine fit alone and so stays convex.
+- The boundary moves linearly with the rim pins: by an affine fit to all of them, plus what the nearest rim
+  pins do beside that fit. It follows translation, rotation, scaling and shearing of the tip exactly, local
+  motion of the rim smoothly.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from edge.cells.params import PARAMS, CellsParams
+from edge.geometry.layout import affine_terms
+from edge.types import Array, Index
+
+__all__ = ["RimMotion", "make_boundary", "make_fence", "rim_motion"]
+
+# Arcs of the ball's way shorter than this (rad) come from rounding: the ball touches three pins at once.
+ARC_MIN = 1e-6
+# Weights below this share of the largest are lost in rounding.
+NEGLIGIBLE = 1e-17
+
+
+def make_boundary(xy: Array, pitch_px: float, params: CellsParams = PARAMS) -> tuple[Array, Index]:
+    """Artificial points, in order round the tip (or round each of its parts), and who carries them.
+
+    Returns  (b, 2) px; (r,) indices of the rim pins
+    """
+    ball, offset = params.ball_pitches * pitch_px, params.boundary_pitches * pitch_px
+    step = params.step_pitches * pitch_px
+    pin, start, length = _ways_of_the_ball(xy, ball)
+    comes = xy[pin] + ball * _direction(start)  # ball's centre where it comes to this pin
+    leaves = xy[pin] + ball * _direction(start + length)  # and where it touches the next one, too
+    points: list[Array] = []
+    rim: list[int] = []
+    waiting = np.ones(len(pin), dtype=bool)
+    while waiting.any():
+        loop = [int(np.argmax(waiting))]
+        while True:
+            waiting[loop[-1]] = False
+            follower = int(np.argmin(((comes - leaves[loop[-1]]) ** 2).sum(axis=1)))
+            if not waiting[follower]:
+                break
+            loop.append(follower)
+        x, y = np.concatenate([np.stack([comes[k], leaves[k]]) for k in loop]).T
+        polygon = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+        segments = 0.5 * ball**2 * np.sum(length[loop] - np.sin(length[loop]))
+        if polygon + segments < 0:
+            continue  # the ball ran round the inside of a hole
+        for k, then in zip(loop, [*loop[1:], loop[0]], strict=True):
+            points.append(_arc(xy[pin[k]], offset, float(start[k]), float(length[k]), step))
+            to_this, to_then = xy[pin[k]] - leaves[k], xy[pin[then]] - leaves[k]
+            turn = np.arctan2(to_this[0] * to_then[1] - to_this[1] * to_then[0], float(to_this @ to_then))
+            if turn < -ARC_MIN:  # the other way round than about a pin
+                begin = float(np.arctan2(to_this[1], to_this[0]))
+                points.append(_arc(leaves[k], ball - offset, begin, float(turn), step))
+            rim.append(int(pin[k]))
+    return np.concatenate(points), np.unique(np.array(rim)).astype(np.int32)
+
+
+def _ways_of_the_ball(xy: Array, ball: float) -> tuple[Index, Array, Array]:
+    """Arcs that the ball's centre runs while it touches one pin: (a,) pin, start rad, length rad."""
+    pin: list[int] = []
+    arcs: list[tuple[float, float]] = []
+    _, first = np.unique(xy, axis=0, return_index=True)
+    for i in np.sort(first):
+        to_other = xy - xy[i]
+        distance = np.hypot(to_other[:, 0], to_other[:, 1])
+        near = (distance > 0) & (distance < 2 * ball)
+        middle = np.arctan2(to_other[near, 1], to_other[near, 0])
+        found = _exposed(middle, np.arccos(distance[near] / (2 * ball)))
+        arcs.extend(found)
+        pin.extend([int(i)] * len(found))
+    start, length = np.array(arcs).T
+    return np.array(pin, dtype=np.int32), start, length
+
+
+def _direction(angle: Array) -> Array:
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def _arc(centre: Array, radius: float, start: float, turn: float, step: float) -> Array:
+    """(k, 2) points on an arc, at most `step` apart, half of that from its ends."""
+    k = max(1, int(np.ceil(abs(turn) * radius / step - 1e-6)))  # 1e-6: rounding must not add a point
+    angle = start + turn * (np.arange(k) + 0.5) / k
+    points: Array = centre + radius * _direction(angle)
+    return points
+
+
+def _exposed(middle: Array, half: Array) -> list[tuple[float, float]]:
+    """Arcs of a circle that no interval middle +- half covers: (start, length), rad."""
+    if len(middle) == 0:
+        return [(0.0, 2 * np.pi)]
+    start = np.mod(middle - half, 2 * np.pi)
+    order = np.argsort(start)
+    start, end = start[order], start[order] + 2 * half[order]
+    wrapped = end.max() - 2 * np.pi  # what the intervals before this turn cover of it
+    reach = np.maximum.accumulate(np.concatenate([[wrapped], end[:-1]]))
+    return [(float(r), float(s - r)) for r, s in zip(reach, start, strict=True) if s - r > ARC_MIN]
+
+
+def make_fence(boundary: Array, pitch_px: float, params: CellsParams = PARAMS) -> Array:
+    """(f, 2) px, a circle of points round the boundary."""
+    centre = boundary.min(axis=0) + np.ptp(boundary, axis=0) / 2
+    gap = params.fence_pitches * pitch_px
+    radius = float(np.hypot(*(boundary - centre).T).max()) + gap
+    steps = int(np.ceil(2 * np.pi * radius / gap))
+    angle = 2 * np.pi * np.arange(steps) / steps
+    fence: Array = centre + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return fence
+
+
+class RimMotion(NamedTuple):
+    """How points round the tip follow r rim pins: an affine fit to all, and what the near ones do beside it.
+
+    rim        (r,) int32, the rim pins
+    rim_terms  (r, 3) float64, affine terms of the rim pins
+    fit        (3, r) float64, least squares: coefficients of the terms in the motion of the rim pins
+    terms      (b + f, 3) float64, affine terms of boundary and fence
+    near       (b, k) int32, which of the rim pins are near each boundary point
+    weight     (b, k) float64, their weights, 0 where there are fewer than k; every row sums to 1
+    """
+
+    rim: Index
+    rim_terms: Array
+    fit: Array
+    terms: Array
+    near: Index
+    weight: Array
+
+
+def rim_motion(
+    rest_xy: Array,
+    rim: Index,
+    boundary: Array,
+    fence: Array,
+    pitch_px: float,
+    params: CellsParams = PARAMS,
+) -> RimMotion:
+    """The constants by which boundary and fence follow the rim pins of one tip."""
+    xy = rest_xy[rim]
+    centre = xy.mean(axis=0)
+    scale = float(np.abs(xy - centre).max())
+    rim_terms = affine_terms(xy, centre, scale)
+    distance2 = ((boundary[:, None, :] - xy[None, :, :]) ** 2).sum(axis=2)
+    distance2 -= distance2.min(axis=1, keepdims=True)  # far from every pin, the nearest still counts
+    weight = np.exp(-0.5 * distance2 / (params.rim_reach_pitches * pitch_px) ** 2)
+    weight[weight < NEGLIGIBLE] = 0.0
+    weight /= weight.sum(axis=1, keepdims=True)
+    k = int(np.count_nonzero(weight, axis=1).max())
+    near = np.argsort(-weight, axis=1, kind="stable")[:, :k].astype(np.int32)
+    return RimMotion(
+        rim=rim,
+        rim_terms=rim_terms,
+        fit=np.linalg.pinv(rim_terms).astype(np.float64, copy=False),
+        terms=affine_terms(np.concatenate([boundary, fence]), centre, scale),
+        near=near,
+        weight=np.take_along_axis(weight, near, axis=1),
+    )

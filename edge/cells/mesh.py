@@ -1,0 +1,725 @@
+r"""Kept Delaunay triangulation of moving points, and the areas of their Voronoi cells.
+
+Idea
+  The triangulation of one frame is nearly always that of the next. So it is kept: every frame each
+  triangle is measured once, each edge checked once, and only edges that are no longer Delaunay are
+  flipped (Lawson). A triangulation from nothing (incremental insertion) is made at the start and
+  when points moved so far that triangles turned over and single flips cannot repair them.
+
+  All follows from one number an edge. With alpha, beta the angles that face the edge in its two
+  triangles,
+
+           r                weight = cot(alpha) + cot(beta)
+          /a\
+         /   \              weight >= 0           the edge is Delaunay
+        p-----q             weight length^2 / 8   area that the edge gives to the cell of p, and to that of q
+         \   /              weight = -incircle(p, q, r, s) / (orient(p, q, r) orient(q, p, s))
+          \b/
+           s
+
+  (length * weight / 2 is the length of the Voronoi edge, length / 2 the height of the triangle that it
+  spans with p.) A cell's area is a sum of terms that are all >= 0: nothing cancels, and at a flip the weight
+  passes through 0, so areas are continuous and near-cocircular points do not matter.
+
+Rules
+  - Decisions are exact (`predicates`). Thus every flip lowers the lifted surface and the loop ends; equality
+    (cocircular) never flips.
+  - Areas carry a running error bound; a cell whose bound exceeds AREA_TOLERANCE of its area is
+    summed again from exact weights, where each term is good to a few ulp whatever the input.
+  - Only differences of coordinates enter: no origin, no scale.
+  - Points come in this order: pins, whose areas are wanted; boundary points, that bound their cells;
+    fence points, that stand round the boundary. A cell that reaches the fence is not bounded; its
+    area is NaN. Four guard points far outside, added here, make a hull that never changes.
+  - Why a fence: without it, boundary points that lie nearly on a line have flat triangles on their
+    outer side, which turn over at the least motion. With a fence nearby these are never Delaunay.
+  - Points at the same place share one vertex and one cell: each gets an equal part of its area.
+  - All memory is taken when the object is made; the GIL is released while it works.
+
+Names: h, g are half-edges (3 t, 3 t + 1, 3 t + 2 belong to triangle t), tail[h] the point where h starts,
+twin[h] the same edge in the neighbouring triangle or -1 on the hull. Triangles run counter-clockwise
+in the coordinates' own sense (x right, y up).
+"""
+
+# mypy: disable-error-code="untyped-decorator,valid-type"
+
+from __future__ import annotations
+
+import cython
+import numpy as np
+
+from edge.types import Index
+
+if cython.compiled:
+    from cython.cimports.edge.cells.predicates import Predicates
+    from cython.cimports.libc.math import fabs
+else:
+    from math import fabs
+
+    from edge.cells.predicates import Predicates
+
+INFINITY = cython.declare(cython.double, float("inf"))
+NAN = cython.declare(cython.double, float("nan"))
+# Half an ulp of 1.
+EPSILON = cython.declare(cython.double, 2.0**-53)
+# Twice a triangle's area over the sum of its squared edges, below which its weights are taken exactly.
+SLIVER = cython.declare(cython.double, 1e-10)
+# Relative error bound beyond which a cell is summed from exact weights.
+AREA_TOLERANCE = cython.declare(cython.double, 1e-12)
+# Distance of the guards, in half-widths of the point set.
+GUARD = cython.declare(cython.double, 16.0)
+N_GUARD = cython.declare(cython.Py_ssize_t, 4)
+# Points of a kind; keeps every index within 32 bits.
+MAX_POINTS = 1_000_000
+# Products of four differences must not underflow, or they are not exact: of a set at least this wide,
+# coordinates smaller than this share of its width count as 0. 4 (66 + 140 + 52) bits < 1074.
+EXTENT_MIN = cython.declare(cython.double, 2.0**-66)
+EXTENT_MAX = cython.declare(cython.double, 2.0**66)
+SNAP = cython.declare(cython.double, 2.0**-140)
+# More flips a triangle than any motion needs that does not call for a new triangulation.
+FLIPS_PER_TRIANGLE = cython.declare(cython.Py_ssize_t, 32)
+# Passes over the triangles that turned over, before the triangulation is made anew.
+REPAIR_PASSES = cython.declare(cython.Py_ssize_t, 8)
+
+# What came of an update.
+DONE = cython.declare(cython.int, 0)
+NOT_FINITE = cython.declare(cython.int, 1)
+NO_EXTENT = cython.declare(cython.int, 2)
+NOT_BUILT = cython.declare(cython.int, 3)
+MESSAGES = (
+    "done",
+    "a coordinate is not finite",
+    "all points at one place, or farther apart than 7e19",
+    "no triangulation: coordinates out of range",
+)
+
+
+@cython.cclass
+class Mesh:
+    """The triangulation of one tip's points.
+
+    n_pins      how many points want an area; they come first
+    n_boundary  how many points after them bound the pins' cells
+    n_fence     how many after those stand round the boundary; a cell that reaches them is not bounded
+    Raises      ValueError: numbers out of range
+    """
+
+    n_pins: cython.Py_ssize_t
+    n_bounded: cython.Py_ssize_t  # pins and boundary; from here on it is fence and guards
+    n_points: cython.Py_ssize_t  # guards are points n_points .. n_points + 3
+    n_triangles: cython.Py_ssize_t  # 0: not built
+    n_stack: cython.Py_ssize_t
+    n_shared: cython.Py_ssize_t  # points that share their place with another, and its vertex
+    flips: cython.Py_ssize_t  # since the beginning, of the kept mesh, not those within a build
+    builds: cython.Py_ssize_t
+    changes: cython.Py_ssize_t  # how often the triangles changed
+    busy: cython.bint
+    predicates: Predicates
+    x: cython.double[::1]  # per point
+    y: cython.double[::1]
+    area: cython.double[::1]
+    bound: cython.double[::1]  # of the area's error
+    exactly: cython.uchar[::1]  # whether the area must be summed from exact weights
+    same_as: cython.int[::1]  # the point whose vertex it uses, mostly itself
+    tail: cython.int[::1]  # per half-edge
+    twin: cython.int[::1]
+    cot: cython.double[::1]  # cotangent of the angle that faces it
+    length2: cython.double[::1]
+    stacked: cython.uchar[::1]  # whether it is on the stack
+    stack: cython.int[::1]  # half-edges to look at
+    error: cython.double[::1]  # per triangle: bound of the error of its cotangents; inf: unknown
+
+    def __init__(self, n_pins: int, n_boundary: int, n_fence: int = 0) -> None:
+        if not (0 < n_pins <= MAX_POINTS and 0 <= n_boundary <= MAX_POINTS and 0 <= n_fence <= MAX_POINTS):
+            raise ValueError(
+                f"need 1 <= n_pins and 0 <= n_boundary, n_fence, each <= {MAX_POINTS}, "
+                f"got {n_pins}, {n_boundary}, {n_fence}"
+            )
+        n = n_pins + n_boundary + n_fence
+        n_all = n + N_GUARD
+        n_triangles = 2 * n + 2
+        self.n_pins = n_pins
+        self.n_bounded = n_pins + n_boundary
+        self.n_points = n
+        self.n_triangles = self.n_stack = self.n_shared = 0
+        self.flips = self.builds = self.changes = 0
+        self.busy = False
+        x, y = np.zeros(n_all), np.zeros(n_all)
+        self.predicates = Predicates(x, y)
+        self.x = x
+        self.y = y
+        self.area = np.zeros(n_all)
+        self.bound = np.zeros(n_all)
+        self.exactly = np.zeros(n_all, np.uint8)
+        self.same_as = np.zeros(n_all, np.int32)
+        self.tail = np.zeros(3 * n_triangles, np.int32)
+        self.twin = np.zeros(3 * n_triangles, np.int32)
+        self.cot = np.zeros(3 * n_triangles)
+        self.length2 = np.zeros(3 * n_triangles)
+        self.stacked = np.zeros(3 * n_triangles, np.uint8)
+        self.stack = np.zeros(3 * n_triangles, np.int32)
+        self.error = np.zeros(n_triangles)
+
+    def update(self, points: cython.const[cython.double][:, ::1], areas: cython.double[::1]) -> int:
+        """Move the points and write the pins' areas.
+
+        points   (n_pins + n_boundary + n_fence, 2) float64, contiguous
+        areas    (n_pins,) float64, written; in square units of the points; NaN where a cell is not bounded
+        Returns  how often the triangles have changed since the beginning
+        Raises   ValueError: a coordinate is not finite, all points at one place, wrong size
+                 RuntimeError: another thread is updating this mesh
+        """
+        if self.busy:
+            raise RuntimeError("another thread is updating this mesh")
+        if points.shape[0] != self.n_points or points.shape[1] != 2 or areas.shape[0] != self.n_pins:
+            raise ValueError(f"points ({self.n_points}, 2) and areas ({self.n_pins},) are wanted")
+        outcome: cython.int
+        self.busy = True
+        with cython.nogil:
+            outcome = self._update(points, areas)
+        self.busy = False
+        if outcome != DONE:
+            self.n_triangles = 0
+            raise ValueError(MESSAGES[outcome])
+        return int(self.changes)
+
+    def triangles(self) -> Index:
+        """(k, 3) int32, read-only: the triangles that touch a pin and not the fence, counter-clockwise."""
+        if self.busy:
+            raise RuntimeError("another thread is updating this mesh")
+        corners = np.empty((self.n_triangles, 3), np.int32)
+        k: cython.Py_ssize_t = self._choose(corners)
+        chosen: Index = corners[:k]
+        chosen.flags.writeable = False
+        return chosen
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _choose(self, corners: cython.int[:, ::1]) -> cython.Py_ssize_t:
+        chosen: cython.Py_ssize_t = 0
+        t: cython.Py_ssize_t
+        a: cython.int
+        b: cython.int
+        c: cython.int
+        for t in range(self.n_triangles):
+            a, b, c = self.tail[3 * t], self.tail[3 * t + 1], self.tail[3 * t + 2]
+            if min(a, b, c) < self.n_pins and max(a, b, c) < self.n_bounded:
+                corners[chosen, 0] = a
+                corners[chosen, 1] = b
+                corners[chosen, 2] = c
+                chosen += 1
+        return chosen
+
+    def counts(self) -> tuple[int, int, int]:
+        """Changes of the triangles, flips of the kept mesh, builds, since the beginning."""
+        return self.changes, self.flips, self.builds
+
+    # ---- one frame
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _update(self, points: cython.const[cython.double][:, ::1], areas: cython.double[::1]) -> cython.int:
+        outcome: cython.int = self._take(points)
+        if outcome != DONE:
+            return outcome
+        if (self.n_triangles == 0 or self._parted() or not self._follow()) and not self._build():
+            return NOT_BUILT
+        while True:
+            self._sweep()
+            if self.n_stack == 0:
+                break
+            self.changes += 1
+            if not self._legalize(True, FLIPS_PER_TRIANGLE * self.n_triangles) and not self._build():
+                return NOT_BUILT
+        self._sum_exactly()
+        self._share()
+        i: cython.Py_ssize_t
+        for i in range(self.n_pins):
+            areas[i] = 0.125 * self.area[i] if self.area[i] < INFINITY else NAN
+        return DONE
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _take(self, points: cython.const[cython.double][:, ::1]) -> cython.int:
+        """Take the coordinates, and place the guards round them."""
+        n: cython.Py_ssize_t = self.n_points
+        i: cython.Py_ssize_t
+        x: cython.double
+        y: cython.double
+        x_min: cython.double = INFINITY
+        x_max: cython.double = -INFINITY
+        y_min: cython.double = INFINITY
+        y_max: cython.double = -INFINITY
+        finite: cython.double = 0.0
+        for i in range(n):
+            x = points[i, 0]
+            y = points[i, 1]
+            finite += (x - x) + (y - y)  # NaN and inf leave NaN
+            x_min = x if x < x_min else x_min
+            x_max = x if x > x_max else x_max
+            y_min = y if y < y_min else y_min
+            y_max = y if y > y_max else y_max
+        if finite != 0.0:
+            return NOT_FINITE
+        extent: cython.double = x_max - x_min if x_max - x_min > y_max - y_min else y_max - y_min
+        if not EXTENT_MIN < extent < EXTENT_MAX:
+            return NO_EXTENT
+        tiny: cython.double = SNAP * extent
+        for i in range(n):
+            x = points[i, 0]
+            y = points[i, 1]
+            self.x[i] = 0.0 if fabs(x) < tiny else x
+            self.y[i] = 0.0 if fabs(y) < tiny else y
+        half: cython.double = 0.5 * extent * GUARD
+        x_mid: cython.double = x_min + 0.5 * (x_max - x_min)
+        y_mid: cython.double = y_min + 0.5 * (y_max - y_min)
+        self.x[n] = self.x[n + 3] = x_mid - half
+        self.x[n + 1] = self.x[n + 2] = x_mid + half
+        self.y[n] = self.y[n + 1] = y_mid - half
+        self.y[n + 2] = self.y[n + 3] = y_mid + half
+        return DONE
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _parted(self) -> cython.bint:
+        """Whether points that shared a vertex have left one another."""
+        i: cython.Py_ssize_t
+        if self.n_shared > 0:
+            for i in range(self.n_points):
+                if self.x[i] != self.x[self.same_as[i]] or self.y[i] != self.y[self.same_as[i]]:
+                    return True
+        return False
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _follow(self) -> cython.bint:
+        """Measure the kept triangles where they are now; false where flips cannot repair them."""
+        sound: cython.bint = True
+        flips: cython.Py_ssize_t = self.flips
+        t: cython.Py_ssize_t
+        for t in range(self.n_triangles):
+            sound &= self._measure(t)
+        if not sound:
+            sound = self._repair()
+        self.changes += self.flips != flips
+        return sound
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _repair(self) -> cython.bint:
+        """Flip the edge that a point crossed, where that makes both triangles sound; true if all are then."""
+        h: cython.Py_ssize_t
+        g: cython.Py_ssize_t
+        t: cython.Py_ssize_t
+        turned: cython.Py_ssize_t
+        repaired: cython.Py_ssize_t
+        p: cython.Py_ssize_t
+        q: cython.Py_ssize_t
+        r: cython.Py_ssize_t
+        s: cython.Py_ssize_t
+        attempt: cython.Py_ssize_t
+        for attempt in range(REPAIR_PASSES):  # noqa: B007  (typed)
+            turned = repaired = 0
+            for t in range(self.n_triangles):
+                if self.error[t] < INFINITY or self._measure(t):
+                    continue
+                turned += 1
+                for h in range(3 * t, 3 * t + 3):
+                    g = self.twin[h]
+                    if g < 0:
+                        continue
+                    p, q = self.tail[h], self.tail[g]
+                    r, s = self.tail[_before(h)], self.tail[_before(g)]
+                    if self.predicates.orient(p, s, r) > 0.0 and self.predicates.orient(q, r, s) > 0.0:
+                        self._flip(h)
+                        self._measure(t)
+                        self._measure(g // 3)
+                        repaired += 1
+                        break
+            if turned == 0:
+                return True
+            if repaired == 0:
+                return False
+        return False
+
+    # ---- triangles and areas
+
+    @cython.cfunc
+    @cython.inline
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _measure(self, t: cython.Py_ssize_t) -> cython.bint:
+        """Cotangents, squared lengths and error bound of triangle t; false if it is turned over or flat."""
+        h: cython.Py_ssize_t = 3 * t
+        a: cython.Py_ssize_t = self.tail[h]
+        b: cython.Py_ssize_t = self.tail[h + 1]
+        c: cython.Py_ssize_t = self.tail[h + 2]
+        abx: cython.double = self.x[b] - self.x[a]
+        aby: cython.double = self.y[b] - self.y[a]
+        bcx: cython.double = self.x[c] - self.x[b]
+        bcy: cython.double = self.y[c] - self.y[b]
+        cax: cython.double = self.x[a] - self.x[c]
+        cay: cython.double = self.y[a] - self.y[c]
+        cross: cython.double = aby * cax - abx * cay
+        ab2: cython.double = abx * abx + aby * aby
+        bc2: cython.double = bcx * bcx + bcy * bcy
+        ca2: cython.double = cax * cax + cay * cay
+        sum2: cython.double = ab2 + bc2 + ca2
+        self.length2[h] = ab2
+        self.length2[h + 1] = bc2
+        self.length2[h + 2] = ca2
+        if not cross > SLIVER * sum2:
+            self.error[t] = INFINITY
+            return self.predicates.orient(a, b, c) > 0.0
+        inverse: cython.double = 1.0 / cross
+        self.cot[h] = -(bcx * cax + bcy * cay) * inverse
+        self.cot[h + 1] = -(cax * abx + cay * aby) * inverse
+        self.cot[h + 2] = -(abx * bcx + aby * bcy) * inverse
+        # |cot| <= q, relative error of cross <= 4 eps q, of the dot products' magnitude 4 eps
+        q: cython.double = 0.5 * sum2 * inverse
+        self.error[t] = 8.0 * EPSILON * q * (1.0 + q)
+        return True
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _sweep(self) -> cython.void:
+        """Check every edge and sum the areas; edges that are not Delaunay go onto the stack."""
+        n: cython.Py_ssize_t = self.n_bounded
+        h: cython.Py_ssize_t
+        g: cython.Py_ssize_t
+        p: cython.Py_ssize_t
+        q: cython.Py_ssize_t
+        weight: cython.double
+        error: cython.double
+        part: cython.double
+        for p in range(self.n_points + N_GUARD):
+            self.area[p] = 0.0
+            self.bound[p] = 0.0
+        for h in range(3 * self.n_triangles):
+            g = self.twin[h]
+            if g < h:  # seen from the other side, or the hull
+                continue
+            weight = self.cot[h] + self.cot[g]
+            error = self.error[h // 3] + self.error[g // 3]
+            if not weight > error:
+                if self._incircle(h, g) > 0.0:
+                    self._push(h)
+                    continue
+                weight = self._exact_weight(h, g)
+                error = 8.0 * EPSILON * weight
+            p, q = self.tail[h], self.tail[g]
+            if p >= n or q >= n:
+                self.area[p] = self.area[q] = INFINITY
+                continue
+            part = self.length2[h] * weight
+            error = self.length2[h] * error
+            self.area[p] += part
+            self.area[q] += part
+            self.bound[p] += error
+            self.bound[q] += error
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _sum_exactly(self) -> cython.void:
+        """Sum the cells again whose error bound is too large, from exact weights."""
+        n: cython.Py_ssize_t = self.n_pins
+        found: cython.bint = False
+        i: cython.Py_ssize_t
+        h: cython.Py_ssize_t
+        g: cython.Py_ssize_t
+        p: cython.Py_ssize_t
+        q: cython.Py_ssize_t
+        part: cython.double
+        for i in range(n):
+            self.exactly[i] = self.bound[i] > AREA_TOLERANCE * self.area[i] and self.area[i] < INFINITY
+            if self.exactly[i]:
+                self.area[i] = 0.0
+                found = True
+        if not found:
+            return
+        for h in range(3 * self.n_triangles):
+            g = self.twin[h]
+            if g < h:
+                continue
+            p, q = self.tail[h], self.tail[g]
+            if not ((p < n and self.exactly[p]) or (q < n and self.exactly[q])):
+                continue
+            part = self.length2[h] * self._exact_weight(h, g)
+            if p < n and self.exactly[p]:
+                self.area[p] += part
+            if q < n and self.exactly[q]:
+                self.area[q] += part
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _share(self) -> cython.void:
+        """Points at one place: each gets an equal part of the cell."""
+        if self.n_shared == 0:
+            return
+        i: cython.Py_ssize_t
+        first: cython.Py_ssize_t
+        for i in range(self.n_points):
+            self.bound[i] = 0.0
+        for i in range(self.n_points):
+            self.bound[self.same_as[i]] += 1.0
+        for i in range(self.n_points):
+            first = self.same_as[i]
+            if first != i:
+                self.area[i] = self.area[first] / self.bound[first]
+        for i in range(self.n_points):
+            if self.same_as[i] == i:
+                self.area[i] /= self.bound[i]
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _incircle(self, h: cython.Py_ssize_t, g: cython.Py_ssize_t) -> cython.double:
+        """Above 0: the edge is not Delaunay."""
+        return self.predicates.incircle(
+            self.tail[h], self.tail[g], self.tail[_before(h)], self.tail[_before(g)]
+        )
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _exact_weight(self, h: cython.Py_ssize_t, g: cython.Py_ssize_t) -> cython.double:
+        p: cython.Py_ssize_t = self.tail[h]
+        q: cython.Py_ssize_t = self.tail[g]
+        r: cython.Py_ssize_t = self.tail[_before(h)]
+        s: cython.Py_ssize_t = self.tail[_before(g)]
+        inside: cython.double = self.predicates.incircle_exact(p, q, r, s)
+        return -inside / self.predicates.orient_exact(p, q, r) / self.predicates.orient_exact(q, p, s)
+
+    # ---- edges
+
+    @cython.cfunc
+    @cython.inline
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _link(self, h: cython.Py_ssize_t, g: cython.Py_ssize_t) -> cython.void:
+        self.twin[h] = g
+        if g >= 0:
+            self.twin[g] = h
+
+    @cython.cfunc
+    @cython.inline
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _push(self, h: cython.Py_ssize_t) -> cython.void:
+        if not self.stacked[h]:
+            self.stacked[h] = 1
+            self.stack[self.n_stack] = h
+            self.n_stack += 1
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _push_round(self, h: cython.Py_ssize_t, g: cython.Py_ssize_t) -> cython.void:
+        """The four edges round the one that a flip of h and its twin g has made."""
+        self._push(h)
+        self._push(_before(h))
+        self._push(g)
+        self._push(_before(g))
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _flip(self, h: cython.Py_ssize_t) -> cython.void:
+        r"""Replace the edge p-q of half-edge h by s-r.
+
+              r                 r
+             /|\               / \
+          h2/ | \h1         h2/ t0\h0'      t0 = h // 3 holds p, s, r afterwards,
+           /  |  \           /     \        t1 = g // 3 holds q, r, s.
+          p  h|g  q   --->  p  ...  q       (p-q was the edge, s-r is.)
+        """
+        g: cython.Py_ssize_t = self.twin[h]
+        h1: cython.Py_ssize_t = _after(h)
+        g1: cython.Py_ssize_t = _after(g)
+        r: cython.Py_ssize_t = self.tail[_before(h)]
+        s: cython.Py_ssize_t = self.tail[_before(g)]
+        beyond_h1: cython.Py_ssize_t = self.twin[h1]
+        beyond_g1: cython.Py_ssize_t = self.twin[g1]
+        self.tail[h1] = s
+        self.tail[g1] = r
+        self._link(h, beyond_g1)
+        self._link(g, beyond_h1)
+        self._link(h1, g1)
+        self.flips += 1
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _legalize(self, measured: cython.bint, limit: cython.Py_ssize_t) -> cython.bint:
+        """Flip until each edge on the stack, or beside a flip, is Delaunay; false beyond the limit."""
+        h: cython.Py_ssize_t
+        g: cython.Py_ssize_t
+        while self.n_stack > 0:
+            self.n_stack -= 1
+            h = self.stack[self.n_stack]
+            self.stacked[h] = 0
+            g = self.twin[h]
+            if g < 0 or not self._incircle(h, g) > 0.0:
+                continue
+            if limit <= 0:
+                return False
+            limit -= 1
+            self._flip(h)
+            if measured:
+                self._measure(h // 3)
+                self._measure(g // 3)
+            self._push_round(h, g)
+        return True
+
+    # ---- from nothing
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _build(self) -> cython.bint:
+        """Triangulate the points anew; false where the coordinates' range leaves no triangulation."""
+        n: cython.Py_ssize_t = self.n_points
+        flips: cython.Py_ssize_t = self.flips  # those made here do not count
+        near: cython.Py_ssize_t = 0
+        i: cython.Py_ssize_t
+        while self.n_stack > 0:
+            self.n_stack -= 1
+            self.stacked[self.stack[self.n_stack]] = 0
+        self.n_triangles = 0
+        self.n_shared = 0
+        h: cython.Py_ssize_t = self._add_triangle(n, n + 1, n + 2)
+        g: cython.Py_ssize_t = self._add_triangle(n, n + 2, n + 3)
+        for i in range(6):
+            self.twin[i] = -1
+        self._link(h + 2, g)
+        for i in range(n):
+            self.same_as[i] = i
+            near = self._insert(i, near)
+            if near < 0:
+                self.n_triangles = 0
+                return False
+        for i in range(self.n_triangles):
+            self._measure(i)
+        self.flips = flips
+        self.builds += 1
+        self.changes += 1
+        return True
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _add_triangle(
+        self, a: cython.Py_ssize_t, b: cython.Py_ssize_t, c: cython.Py_ssize_t
+    ) -> cython.Py_ssize_t:
+        h: cython.Py_ssize_t = 3 * self.n_triangles
+        self.n_triangles += 1
+        self.tail[h] = a
+        self.tail[h + 1] = b
+        self.tail[h + 2] = c
+        return h
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _insert(self, i: cython.Py_ssize_t, near: cython.Py_ssize_t) -> cython.Py_ssize_t:
+        """Insert point i, walking from triangle `near`. Returns a triangle near it, or -1."""
+        t: cython.Py_ssize_t = near
+        came: cython.Py_ssize_t = -1
+        on_edge: cython.Py_ssize_t = -1
+        zeros: cython.Py_ssize_t = 0
+        steps: cython.Py_ssize_t = 0
+        side: cython.double
+        h: cython.Py_ssize_t
+        out: cython.Py_ssize_t = 0
+        while out >= 0:
+            if steps > 4 * self.n_triangles + 16:
+                return -1
+            steps += 1
+            out = on_edge = -1
+            zeros = 0
+            for h in range(3 * t, 3 * t + 3):
+                if h == came:
+                    continue
+                side = self.predicates.orient(self.tail[h], self.tail[_after(h)], i)
+                if side < 0.0:
+                    out = h
+                    break
+                if side == 0.0:
+                    zeros += 1
+                    on_edge = h
+            if out >= 0:
+                came = self.twin[out]
+                if came < 0:
+                    return -1
+                t = came // 3
+        if zeros == 2:  # on the vertex that the two edges share
+            for h in range(3 * t, 3 * t + 3):
+                if self.x[self.tail[h]] == self.x[i] and self.y[self.tail[h]] == self.y[i]:
+                    self.same_as[i] = self.tail[h]
+            self.n_shared += 1
+            return t
+        if not self._split(i, t, on_edge if zeros == 1 else -1):
+            return -1
+        # Each flip gives the new point an edge that it keeps: there cannot be more than points.
+        return t if self._legalize(False, self.n_triangles + 8) else -1
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _split(self, i: cython.Py_ssize_t, t: cython.Py_ssize_t, on_edge: cython.Py_ssize_t) -> cython.bint:
+        """Make three triangles of t, with point i; where it lies on an edge, four of the two beside that."""
+        a: cython.Py_ssize_t = 3 * t
+        from_a: cython.Py_ssize_t = self.tail[a]
+        from_b: cython.Py_ssize_t = self.tail[a + 1]
+        from_c: cython.Py_ssize_t = self.tail[a + 2]
+        beyond_bc: cython.Py_ssize_t = self.twin[a + 1]
+        beyond_ca: cython.Py_ssize_t = self.twin[a + 2]
+        self.tail[a + 2] = i
+        b: cython.Py_ssize_t = self._add_triangle(from_b, from_c, i)
+        c: cython.Py_ssize_t = self._add_triangle(from_c, from_a, i)
+        self._link(b, beyond_bc)
+        self._link(c, beyond_ca)
+        self._link(a + 1, b + 2)
+        self._link(b + 1, c + 2)
+        self._link(c + 1, a + 2)
+        if on_edge != a:
+            self._push(a)
+        if on_edge != a + 1:
+            self._push(b)
+        if on_edge != a + 2:
+            self._push(c)
+        if on_edge < 0:
+            return True
+        # One of the three is flat: it and its neighbour change places.
+        flat: cython.Py_ssize_t = a if on_edge == a else b if on_edge == a + 1 else c
+        g: cython.Py_ssize_t = self.twin[flat]
+        if g < 0:
+            return False
+        self._flip(flat)
+        self._push_round(flat, g)
+        return True
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _after(h: cython.Py_ssize_t) -> cython.Py_ssize_t:
+    """The next half-edge of the same triangle."""
+    return h - 2 if h % 3 == 2 else h + 1
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _before(h: cython.Py_ssize_t) -> cython.Py_ssize_t:
+    """The half-edge before it in the same triangle."""
+    return h + 2 if h % 3 == 0 else h - 1

@@ -1,0 +1,53 @@
+"""Where a lost pin is, as far as the seen ones know.
+
+Idea: the motion is read as a random field (`edge.geometry.motion_field`), and a lost pin is where the seen
+pins make it most likely to be (kriging).
+
+Rules
+- An affine motion is continued exactly.
+- The equations are kept for the last set of lost pins: a pin that stays dark costs a frame next to nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from edge.geometry.layout import must_span
+from edge.geometry.motion_field import PREDICTING, precision
+from edge.types import Array, Index, Mask
+
+__all__ = ["Gap", "LostPins"]
+
+#: Lost pins (m,) ascending, their rows (2 m, 2 n) of the precision, the inverse (2 m, 2 m) of its block;
+#: x and y of a pin lie side by side.
+Gap = tuple[Index, Array, Array]
+
+
+class LostPins:
+    """Predicts lost pins of one tip; keeps the equations for the last set of lost ones.
+
+    rest_img  (n, 2) px
+    pitch_px  distance of neighbours
+    """
+
+    def __init__(self, rest_img: Array, pitch_px: float) -> None:
+        self._rest_img = rest_img
+        self._precision = precision(rest_img, pitch_px, PREDICTING)
+        self._seen = np.ones(len(rest_img), dtype=np.bool_).tobytes()  # the set that the gap is for
+        self.gap: Gap = (np.empty(0, np.int32), np.empty((0, 2 * len(rest_img))), np.empty((0, 0)))
+
+    def update(self, seen: Mask) -> bool:
+        """Makes `gap` that of the pins that are not seen; returns whether it is another one now.
+
+        Raises   DegenerateLayout: fewer than 3 pins seen, or all on a line
+        """
+        key = seen.tobytes()
+        if key == self._seen:
+            return False
+        must_span(self._rest_img[seen], "seen pins")
+        lost = np.flatnonzero(~seen).astype(np.int32)
+        both = np.column_stack([2 * lost, 2 * lost + 1]).ravel()
+        rows = self._precision[both]
+        inverse = np.linalg.inv(rows[:, both]).astype(np.float64, copy=False)
+        self.gap, self._seen = (lost, rows, inverse), key
+        return True

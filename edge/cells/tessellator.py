@@ -1,0 +1,131 @@
+"""From where the pins are to the areas of their cells: triangulation kept, areas from `edge.cells.mesh`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from edge.cells.boundary import make_boundary, make_fence, rim_motion
+from edge.cells.mesh import Mesh
+from edge.cells.missing import LostPins
+from edge.cells.params import PARAMS, CellsParams
+from edge.cells.points import FramePoints
+from edge.errors import DegenerateLayout
+from edge.geometry.lattice import side_length_of
+from edge.geometry.layout import must_span, spans
+from edge.types import Array, Cells, Index, Rest, Tracks
+
+__all__ = ["Tessellator", "cell_polygons"]
+
+
+class Tessellator:
+    """Cells of the pins of one tip; keeps the triangulation of the last frame.
+
+    rest.xy_img  (n, 2) px, n >= 3, finite, not all on a line
+    Raises       DegenerateLayout
+    """
+
+    def __init__(self, rest: Rest, params: CellsParams = PARAMS) -> None:
+        xy = np.ascontiguousarray(rest.xy_img, dtype=np.float64)
+        must_span(xy, "rest frame")
+        pitch_px = _side_length(xy)
+        boundary, rim = make_boundary(xy, pitch_px, params)
+        fence = make_fence(boundary, pitch_px, params)
+        n, b, f = len(xy), len(boundary), len(fence)
+        self._rest_img = xy
+        motion = rim_motion(xy, rim, boundary, fence, pitch_px, params)
+        self._frame_points = FramePoints(xy, motion, np.concatenate([boundary, fence]))
+        self._n_boundary = b
+        self._lost = LostPins(xy, pitch_px)
+        self._mesh = Mesh(n, b, f)
+        self._points = np.concatenate([xy, boundary, fence])  # of the last frame
+        self._rest_area_px2 = np.empty(n)
+        self._mesh.update(self._points, self._rest_area_px2)
+        self._rest_area_px2.flags.writeable = False
+        self._collapsed_px2 = params.collapsed_rel * float(self._rest_area_px2.sum())
+        self._gap = 0.0
+        self._changes = -1
+        self._triangles: Index = np.empty((0, 3), dtype=np.int32)
+
+    @property
+    def rest_area_px2(self) -> Array:
+        """(n,) px2, area of each pin's cell on the rest frame."""
+        return self._rest_area_px2
+
+    def cells(self, tracks: Tracks) -> Cells:
+        """Area of each pin's bounded cell in this frame.
+
+        tracks.xy_img  (n, 2) px, row i is pin i; NaN where lost
+        Returns        new arrays; but `rest_area_px2` and `triangles` are shared by frames and read-only
+        Raises         DegenerateLayout: fewer than 3 visible pins, or all on a line
+        """
+        n = len(self._rest_img)
+        if self._lost.update(tracks.seen):
+            self._frame_points.set_missing(*self._lost.gap)
+            # x and y of a pin: half of the sum over both is its variance along one.
+            self._gap = float(np.trace(self._lost.gap[2])) / (2 * n)
+        self._points = points = np.empty_like(self._points)
+        self._frame_points.place(np.ascontiguousarray(tracks.xy_img), points)
+        area = np.empty(n)
+        try:
+            changes = self._mesh.update(points, area)
+        except ValueError as error:
+            raise DegenerateLayout(f"{n} pins, {tracks.n_seen} of them seen: {error}") from error
+        total_px2 = float(np.add.reduce(area))
+        if math.isnan(total_px2):  # rare: a cell is not bounded
+            total_px2 = float(np.nansum(area)) if spans(points[:n]) else 0.0
+        if total_px2 < self._collapsed_px2:
+            raise DegenerateLayout(f"{n} pins, {tracks.n_seen} of them seen: all on a line or at one place")
+        if changes != self._changes:
+            self._triangles = self._mesh.triangles()
+            self._changes = changes
+        lost, whole = self._lost.gap[0], None
+        if len(lost):
+            whole = area
+            area = area.copy()
+            area[lost] = np.nan
+        return Cells(
+            area_px2=area,
+            rest_area_px2=self._rest_area_px2,
+            xy_img=points[:n],
+            triangles=self._triangles,
+            boundary_img=points[n : n + self._n_boundary],
+            whole_px2=whole,
+            gap=self._gap,
+        )
+
+
+def _side_length(xy: Array) -> float:
+    """Median length of the sides of the pins' triangles, px."""
+    mesh = Mesh(len(xy), 0)
+    mesh.update(xy, np.empty(len(xy)))
+    return side_length_of(xy, mesh.triangles())
+
+
+def cell_polygons(cells: Cells) -> list[Array]:
+    """Corners of each pin's cell, for drawings.
+
+    Returns  one (k, 2) px array a pin, going round the pin; (0, 2) where the area is NaN
+    """
+    points = np.concatenate([cells.xy_img, cells.boundary_img])
+    a, b, c = (points[cells.triangles[:, k]] for k in range(3))
+    u, v = b - a, c - a
+    cross = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    u2, v2 = (u * u).sum(axis=1), (v * v).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        centre = a + np.stack([v[:, 1] * u2 - u[:, 1] * v2, u[:, 0] * v2 - v[:, 0] * u2], axis=1) / (
+            2 * cross[:, None]
+        )
+    pin = cells.triangles.ravel()
+    corner = np.repeat(centre, 3, axis=0)
+    arm = corner - points[pin]
+    # A cell is convex and holds its pin: the angle about the pin puts the corners in order.
+    order = np.lexsort((np.arctan2(arm[:, 1], arm[:, 0]), pin))
+    n = len(cells.xy_img)
+    starts = np.searchsorted(pin[order], np.arange(n + 1))
+    corner = corner[order]
+    return [
+        corner[starts[i] : starts[i + 1]] if np.isfinite(cells.area_px2[i]) else np.empty((0, 2))
+        for i in range(n)
+    ]

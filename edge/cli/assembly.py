@@ -1,0 +1,185 @@
+"""Puts a finger together: source, loop, links, recorder and live page, as options and configuration say."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from edge.errors import ConfigError
+
+if TYPE_CHECKING:
+    from edge.calibration import Calibration
+    from edge.cli.options import LoopOptions
+    from edge.config import Config, SourceTable
+    from edge.link.device import LoopDevice
+    from edge.link.node import Node
+    from edge.pipeline import Result
+    from edge.runtime.loop import Loop
+    from edge.runtime.settings import SettingsFile
+    from edge.types import FrameSource
+    from hostlink.web import Listen
+    from hostlink.wire import State
+
+__all__ = ["load_calibration", "make_loop", "open_configured", "start_worker"]
+
+
+def open_configured(table: SourceTable, spec: str | None = None) -> FrameSource:
+    """The source of a configuration, or `spec` with its settings. Raises SourceError."""
+    from edge.sources import open_source
+
+    return open_source(
+        spec or table.spec,
+        width=table.width,
+        height=table.height,
+        rate_hz=table.rate_hz,
+        exposure_us=table.exposure_us,
+        gain=table.gain,
+    )
+
+
+def load_calibration(path: str | Path | None) -> Calibration | None:
+    """Raises CalibrationError."""
+    if path is None:
+        return None
+    from edge.calibration import Calibration
+
+    return Calibration.load(path)
+
+
+def make_loop(
+    stack: ExitStack,
+    source: FrameSource,
+    config: Config,
+    sink_specs: Sequence[str] = (),
+    calibration_path: Path | None = None,
+) -> Loop:
+    """The loop with everything that the options ask for; the stack closes it all."""
+    from edge.link.device import LoopDevice
+    from edge.runtime.board_monitor import BoardMonitor, free_space_problem
+    from edge.runtime.calibration_store import CalibrationStore
+    from edge.runtime.fault_registry import FaultLog, FaultRegistry
+    from edge.runtime.loop import Loop, LoopConfig
+    from edge.runtime.systemd import Notifier
+    from edge.runtime.tare import TareParams
+
+    state_dir = _state_directory(config)
+    store = None if state_dir is None else CalibrationStore(state_dir)
+    if store is not None:
+        store.clear_leftovers()
+    calibration = None if calibration_path or store is None else store.load()
+    if calibration is None:
+        calibration = load_calibration(calibration_path or config.calibration.file or None)
+    registry = FaultRegistry()
+    monitor = BoardMonitor(registry, hot_degc=config.limits.temperature_degc)
+    notifier = Notifier()
+    stack.callback(notifier.close)
+    loop = Loop(
+        source,
+        [],
+        calibration,
+        LoopConfig(
+            demand=frozenset(config.features.demand),
+            tare=TareParams(frames_n=config.tare.frames_n, steady_px=config.tare.steady_px),
+            drift_px=config.tare.drift_px,
+            load_pitches=config.limits.load_pitches,
+        ),
+        faults=registry,
+        board=monitor,
+        notifier=notifier,
+    )
+    registry.listeners.append(FaultLog(registry, notifier.status))
+    device = LoopDevice(loop, config.sensor.serial, store)
+    settings = _settings(config, state_dir)
+    monitor.storage += [loop.session.trouble, settings.trouble]
+    if state_dir is not None:
+        monitor.storage.append(lambda: free_space_problem(state_dir))
+    for spec in sink_specs or config.link.sinks:
+        _add_sink(stack, loop, spec, device, settings, config.sensor.node_id)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: loop.stop())
+    return loop
+
+
+def _state_directory(config: Config) -> Path | None:
+    """Raises ConfigError: it is no folder."""
+    if not config.state.directory:
+        return None
+    folder = Path(config.state.directory)
+    if not folder.is_dir():
+        raise ConfigError(f"[state] directory: {folder} is no folder; make it, or leave the key out")
+    return folder
+
+
+def _settings(config: Config, state_dir: Path | None) -> SettingsFile:
+    from edge.runtime.settings import Settings, SettingsFile
+    from hostlink.wire import FEATURE_BITS
+
+    return SettingsFile(
+        state_dir / "settings.json" if state_dir else None,
+        Settings(
+            heartbeat_ms=config.link.heartbeat_ms,
+            divider=config.link.divider,
+            features=sum(FEATURE_BITS.get(feature, 0) for feature in config.features.demand),
+        ),
+    )
+
+
+def _add_sink(
+    stack: ExitStack, loop: Loop, spec: str, device: LoopDevice, settings: SettingsFile, node_id: int
+) -> None:
+    """Open a sink; one that can carry commands becomes a node. Raises SinkError."""
+    from edge.link.node import Node
+    from edge.link.sinks import CanSink, SerialSink, open_sink
+
+    sink = open_sink(spec, node=node_id)
+    stack.callback(sink.close)
+    if not isinstance(sink, CanSink | SerialSink):
+        loop.sinks.append(sink)
+        return
+    node = Node(sink, device, settings, node_id)
+    loop.faults.listeners.append(node.report)
+    for code, message in loop.faults.active.items():
+        node.report(code, True, message)
+    loop.result_callbacks.append(_send_detail(node))
+    loop.sinks.append(node)
+
+
+def _send_detail(node: Node) -> Callable[[Result, State], None]:
+    """A callback that sends every pin's motion where the host has asked for it."""
+    import numpy as np
+
+    def send(result: Result, state: State) -> None:
+        if node.detail_divider and result.features is not None:
+            f = result.features
+            node.send_detail(state.sample, np.column_stack([f.displacement_px, f.area_change]).tolist())
+
+    return send
+
+
+def start_worker(
+    stack: ExitStack, loop: Loop, options: LoopOptions, listen: Listen | None, config: Config
+) -> str:
+    """Recorder and live page in a process of their own, where they are asked for.
+
+    Returns  the page's address; "": none
+    """
+    if listen is None and options.record_path is None:
+        return ""
+    from edge.worker import WorkerClient, WorkerConfig
+
+    worker = WorkerClient(
+        loop,
+        WorkerConfig(
+            listen,
+            options.record_path,
+            options.overwrite,
+            options.recordings_folder(config),
+            {"serial": config.sensor.serial},
+        ),
+    )
+    stack.callback(worker.close)
+    worker.start()
+    return worker.url if listen is not None else ""

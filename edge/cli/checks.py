@@ -1,0 +1,381 @@
+"""The checks of `edge doctor`, one function a topic. Evidence for the limits: docs/tuning.md, "Doctor"."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from edge.calibration import Calibration
+from edge.calibration.file import Curve
+from edge.cli.machine import Machine
+from edge.config import Config
+from edge.errors import CalibrationError, NoPins, SinkError
+from edge.link.sinks import open_sink
+from edge.pins import take_rest
+from edge.runtime.board_monitor import FREE_SPACE_BYTES, HOT_DEGC
+from edge.runtime.image_quality import DARK, FULL, level_of
+from edge.runtime.tip_match import in_order_of
+from edge.types import Frame, FrameSource, LiveSource, Rest
+from hostlink.wire.address import Address, AddressError, parse_address
+
+__all__ = [
+    "LEVELS",
+    "LIMITS",
+    "WRITE_BYTES",
+    "DoctorLimits",
+    "Line",
+    "calibration",
+    "camera",
+    "clock",
+    "disk",
+    "link",
+    "pins",
+    "processor",
+    "worst",
+]
+
+LEVELS = ("ok", "warn", "fail")
+WRITE_BYTES = 16 << 20  # written to measure the disk: more than its cache takes without notice
+FD_MTU = 72  # bytes; what Linux gives an interface for CAN FD
+
+
+@dataclass(frozen=True, slots=True)
+class DoctorLimits:
+    """Beyond these a topic is a warning or a failure.
+
+    rate_share     of the rate that was asked for
+    dim            mean level, share of full scale, below which light is worth adding
+    glare          share of saturated pixels above which exposure is worth lowering
+    soft_edge      blur of a pin's edge over its radius
+    few_pins       share of the calibration's pins: fewer are a warning
+    lost_pins      share of the calibration's pins: fewer are a failure
+    old_days       age of a calibration
+    rough_mm       residual of the calibration of displacement or shear
+    bus_errors_n   of a CAN controller's counters; from here on it warns (ISO 11898-1)
+    clock_step_ns  resolution of the monotonic clock
+    """
+
+    rate_share: float = 0.9
+    dim: float = 0.03
+    glare: float = 0.05
+    soft_edge: float = 0.45
+    few_pins: float = 0.97
+    lost_pins: float = 0.8
+    old_days: int = 365
+    rough_mm: float = 0.3
+    bus_errors_n: int = 96
+    clock_step_ns: float = 1e6
+
+
+LIMITS = DoctorLimits()
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One finding. level: one of LEVELS; advice: what to do, empty where nothing is to be done."""
+
+    topic: str
+    level: str
+    words: str
+    advice: str = ""
+
+
+def worst(lines: Sequence[Line]) -> str:
+    """The worst level of all."""
+    return max((line.level for line in lines), key=LEVELS.index, default="ok")
+
+
+def camera(source: FrameSource, frames: Sequence[Frame], seconds: float, config: Config) -> list[Line]:
+    """Found, rate, light."""
+    if not frames:
+        why = (source.condition if isinstance(source, LiveSource) else "") or "no images"
+        return [
+            Line("camera", "fail", f"{source.name}: {why}", "unplug it and plug it in again; other program?")
+        ]
+    width, height = source.size_px
+    lines = [Line("camera", "ok", f"{source.name}, {width}x{height}")]
+    refused = getattr(source, "refused", [])
+    if refused:
+        lines.append(
+            Line("camera", "warn", "; ".join(refused), "set what the camera has: v4l2-ctl --list-ctrls")
+        )
+    if source.live and len(frames) > 1:
+        steps_s = np.diff([f.capture_ns for f in frames]) / 1e9
+        steps_n = np.diff([f.sequence for f in frames])
+        rate_hz = float(1.0 / np.median(steps_s / np.maximum(steps_n, 1)))
+        asked_hz = config.source.rate_hz
+        slow = rate_hz < LIMITS.rate_share * asked_hz
+        lines.append(
+            Line(
+                "rate", "fail" if slow else "ok",
+                f"{rate_hz:.1f} frames/s" + (f", {asked_hz:g} asked" if asked_hz else ""),
+                "shorten [source] exposure_us, or ask for less" if slow else "",
+            )
+        )  # fmt: skip
+    return [*lines, _light(frames)]
+
+
+def _light(frames: Sequence[Frame]) -> Line:
+    levels = np.array([level_of(f.image, f.bits) for f in frames])
+    level, full = levels.mean(axis=0)
+    words = f"mean level {level:.1%} of full scale, {full:.1%} of the image at full scale"
+    if level < DARK:
+        return Line("light", "fail", words, "dark: is the LED lit? raise [source] exposure_us or gain")
+    if full > FULL:
+        return Line("light", "fail", words, "overexposed: lower [source] exposure_us, keep stray light out")
+    if level < LIMITS.dim:
+        return Line("light", "warn", words, "dim: raise [source] exposure_us, then gain")
+    if full > LIMITS.glare:
+        return Line("light", "warn", words, "glare: lower [source] exposure_us")
+    return Line("light", "ok", words)
+
+
+def pins(frames: Sequence[Frame]) -> tuple[list[Line], Rest | None]:
+    """Found, sharp, clear of the border; and the rest frame they make."""
+    try:
+        rest = take_rest([f.image for f in frames])
+    except NoPins as error:
+        return [
+            Line("pins", "fail", str(error), "focus the lens; look at `python -m edge inspect IMAGE`")
+        ], None
+    height, width = frames[0].image.shape
+    p = rest.pattern
+    lines = [
+        Line("pins", "ok", f"{len(rest)} found, radius {p.pin_radius_px:.1f} px, pitch {p.pitch_px:.1f} px")
+    ]
+    softness = p.edge_px / p.pin_radius_px
+    soft = softness > LIMITS.soft_edge
+    lines.append(
+        Line(
+            "focus", "warn" if soft else "ok",
+            f"edges are blurred by {p.edge_px:.1f} px, {softness:.0%} of a pin's radius",
+            "turn the lens until `python -m edge inspect` finds the sharpest pins" if soft else "",
+        )
+    )  # fmt: skip
+    x, y = rest.xy_img.T
+    margin = float(np.min([x, y, width - 1 - x, height - 1 - y])) - p.pin_radius_px
+    close = margin < p.pitch_px
+    lines.append(
+        Line(
+            "margin", "warn" if close else "ok",
+            f"outermost pin {margin:.0f} px from the image's border",
+            f"centre the tip: pins need {p.pitch_px:.0f} px of room to move" if close else "",
+        )
+    )  # fmt: skip
+    return lines, rest
+
+
+def calibration(path: Path | None, rest: Rest | None) -> list[Line]:
+    """Belongs to this tip, its age, how well it fits."""
+    if path is None:
+        return [
+            Line(
+                "calibration",
+                "warn",
+                "none: calibrated values are invalid",
+                "set [calibration] file, or upload one",
+            )
+        ]
+    try:
+        loaded = Calibration.load(path)
+    except CalibrationError as error:
+        return [Line("calibration", "fail", str(error), "fit it again: `python -m calib fit`")]
+    lines = []
+    if rest is not None:
+        known_n = len(loaded.rest)
+        share = len(rest) / known_n
+        if share < LIMITS.few_pins:
+            level = "fail" if share < LIMITS.lost_pins else "warn"
+            words = f"{len(rest)} of the calibration's {known_n} pins are seen"
+            lines.append(
+                Line("pins", level, words, "clean lens and skin, light it evenly; is the skin torn?")
+            )
+        try:
+            in_order_of(loaded, rest)
+        except CalibrationError as error:
+            lines.append(
+                Line(
+                    "calibration",
+                    "fail",
+                    str(error),
+                    f"this file was made for tip {loaded.content.sensor.serial}; use the one of this tip",
+                )
+            )
+        else:
+            lines.append(Line("calibration", "ok", f"{path}: of this tip, {loaded.content.sensor.serial}"))
+    return [*lines, _age(loaded), _residual(loaded)]
+
+
+def _age(loaded: Calibration) -> Line:
+    text = loaded.content.data.created
+    try:
+        made = datetime.fromisoformat(text)
+    except ValueError:
+        return Line("age", "warn", f"calibration of {text!r}: no date", "")
+    days = (datetime.now(UTC) - (made if made.tzinfo else made.replace(tzinfo=UTC))).days
+    old = days > LIMITS.old_days
+    return Line(
+        "age",
+        "warn" if old else "ok",
+        f"calibrated {days} days ago",
+        "skins age: calibrate again" if old else "",
+    )
+
+
+def _residual(loaded: Calibration) -> Line:
+    sigmas = _sigmas(loaded)
+    words = ", ".join(
+        f"{name} {value:.3g}" for name, value in sorted(sigmas.items()) if not name.startswith("contact_")
+    )
+    rough = [
+        n
+        for n, v in sigmas.items()
+        if n in ("displacement_mm", "shear_x_mm", "shear_y_mm") and v > LIMITS.rough_mm
+    ]
+    return Line(
+        "residual", "warn" if rough else "ok", f"one sigma: {words or 'no models'}",
+        f"{', '.join(rough)} above {LIMITS.rough_mm:g} mm: calibrate with more data" if rough else "",
+    )  # fmt: skip
+
+
+def _sigmas(loaded: Calibration) -> dict[str, float]:
+    """One-sigma error of each output."""
+    sigmas: dict[str, float] = {}
+    for model in loaded.content.models:
+        if isinstance(model, Curve):
+            sigmas[model.output] = model.sigma
+        else:
+            sigmas |= dict(zip(model.outputs, model.sigma, strict=True))
+    return sigmas
+
+
+def link(spec: str, machine: Machine) -> list[Line]:
+    """One sink: is it there, up, with which bit rates, how many errors."""
+    try:
+        address = parse_address(spec)
+    except AddressError as error:
+        return [Line("link", "fail", str(error), "see `python -m edge run --help`")]
+    if address.interface == "socketcan":
+        return _can(address, machine)
+    try:
+        open_sink(spec).close()
+    except SinkError as error:
+        return [Line("link", "fail", str(error), "check the cable and its name; join the group dialout")]
+    return [Line("link", "ok", f"{spec}: opens")]
+
+
+def _can(address: Address, machine: Machine) -> list[Line]:
+    name = address.channel
+    found = machine.interface(name)
+    if found is None:
+        advice = "load its driver or overlay; see deploy/README.md"
+        return [Line("link", "fail", f"no CAN interface {name}", advice)]
+    info = found.get("linkinfo", {})
+    data = info.get("info_data", {})
+    if info.get("info_kind") not in ("can", "vcan", "vxcan"):
+        return [Line("link", "fail", f"{name} is no CAN interface", "name one in [link] sinks")]
+    if "UP" not in found.get("flags", []):
+        advice = f"deploy/can-up.sh {name}, or enable systemd-networkd"
+        return [Line("link", "fail", f"{name} is down", advice)]
+    bitrate = data.get("bittiming", {}).get("bitrate", 0)
+    fast = data.get("data_bittiming", {}).get("bitrate", 0)
+    rates = (f", {bitrate / 1e6:g} Mbit/s" if bitrate else "") + (f" and {fast / 1e6:g}" if fast else "")
+    lines = [Line("link", "ok", f"{name} is up{rates}")]
+    if address.fd and found.get("mtu", 0) < FD_MTU:
+        advice = f"deploy/can-up.sh {name}, or can:{name}?fd=0"
+        lines.append(Line("link", "fail", f"{name} takes classic frames only", advice))
+    return [*lines, _bus_errors(data, info)]
+
+
+def _bus_errors(data: dict[str, Any], info: dict[str, Any]) -> Line:
+    """The controller's state and its error counters."""
+    state = data.get("state", "")
+    errors = data.get("berr_counter", {})
+    counted = data.get("can_stats", info.get("info_xstats", {}))
+    words = f"{state or 'virtual bus'}, errors tx {errors.get('tx', 0)} rx {errors.get('rx', 0)}, "
+    words += f"bus-off {counted.get('bus_off', 0)} times"
+    if state == "BUS-OFF":
+        return Line("errors", "fail", words, "the bus is not terminated, or another bit rate runs on it")
+    most = max(errors.get("tx", 0), errors.get("rx", 0))
+    if most >= LIMITS.bus_errors_n or state in ("ERROR-PASSIVE", "ERROR-WARNING"):
+        advice = "nobody acknowledges, or the wiring is bad: two 120 ohm terminators, same bit rates"
+        return Line("errors", "warn", words, advice)
+    return Line("errors", "ok", words)
+
+
+def processor(machine: Machine) -> list[Line]:
+    """Frequency governor and temperature."""
+    governors = machine.governors()
+    slow = governors - {"performance"}
+    words = f"governor {', '.join(sorted(governors))}" if governors else "no frequency governor"
+    advice = (
+        "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor" if slow else ""
+    )
+    lines = [Line("processor", "warn" if slow else "ok", words, advice)]
+    degc = machine.temperature_degc()
+    if not math.isnan(degc):
+        hot = degc >= HOT_DEGC
+        lines.append(
+            Line("temperature", "warn" if hot else "ok", f"{degc:.0f} degC", "cool the board" if hot else "")
+        )
+    return lines
+
+
+def clock(machine: Machine) -> list[Line]:
+    """Resolution of the clock that stamps samples; the wall clock, which stamps recordings."""
+    step_ns = time.get_clock_info("monotonic").resolution * 1e9
+    wall = {
+        True: "the wall clock follows a time server",
+        False: "the wall clock follows no time server",
+        None: "whether the wall clock follows a time server is not known",
+    }
+    synchronised = machine.clock_synchronised()
+    words = f"samples are stamped to {step_ns:.0f} ns; {wall[synchronised]}"
+    advice = (
+        "samples do not need it, recordings do: timedatectl set-ntp true" if synchronised is False else ""
+    )
+    coarse = step_ns > LIMITS.clock_step_ns
+    level = "fail" if coarse else "warn" if synchronised is False else "ok"
+    return [Line("clock", level, words, advice)]
+
+
+def disk(config: Config, rate_hz: float, machine: Machine) -> list[Line]:
+    """Whether settings can be stored, and recordings keep up."""
+    folder = Path(config.state.directory or ".")
+    try:
+        free = machine.free_bytes(folder)
+        if free < FREE_SPACE_BYTES + WRITE_BYTES:
+            return [Line("disk", "fail", f"{folder}: {free >> 20} MiB left", "make room")]
+        seconds = machine.write_s(folder, WRITE_BYTES)
+    except OSError as error:
+        return [
+            Line(
+                "disk",
+                "fail",
+                f"{folder}: {error.strerror}",
+                "set [state] directory to a folder we may write",
+            )
+        ]
+    speed = WRITE_BYTES / 1e6 / max(seconds, 1e-6)
+    need = config.source.width * config.source.height * (rate_hz or 60.0) / 1e6
+    words = f"{folder}: {free >> 20} MiB left, writes {speed:.0f} MB/s; raw recording takes {need:.0f}"
+    slow = speed < need
+    advice = "record at a lower rate, or onto a faster disk; the measurement is not affected" if slow else ""
+    lines = [Line("disk", "warn" if slow else "ok", words, advice)]
+    if not config.state.directory:
+        lines.append(
+            Line(
+                "settings",
+                "warn",
+                "live in memory only",
+                "set [state] directory, so that they survive a restart",
+            )
+        )
+    return lines

@@ -1,0 +1,142 @@
+"""`edge doctor`: is all there that a finger needs? A line a topic: ok, warn or fail, and what to do.
+
+    camera       found, rate, exposure, darkness
+    pins         found, sharp, clear of the image's border, as many as the calibration knows
+    calibration  belongs to this tip, age, residual
+    link         CAN interface up, bit rates, error counters; serial line there
+    processor, clock, disk
+
+Rules
+- Looks, and changes nothing. It needs the camera for itself: stop the service first.
+- What the machine says comes through `Machine`, frames through a `FrameSource`: both can be others.
+- A topic that cannot be judged because another failed is left out, not guessed.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from edge.cli import checks
+from edge.cli.assembly import open_configured
+from edge.cli.checks import LEVELS, WRITE_BYTES, Line, worst
+from edge.cli.machine import Machine
+from edge.cli.options import calibration_option, config_option, sink_option, source_option
+from edge.cli.progress import waiting
+from edge.config import Config, load_config
+from edge.errors import UsageError
+from edge.types import Frame, FrameSource, LiveSource
+
+__all__ = ["LEVELS", "WRITE_BYTES", "Line", "Machine", "doctor", "examine", "worst"]
+
+LOOK_FRAMES, LOOK_S = 60, 3.0  # frames looked at, and the longest time to wait for them
+REST_FRAMES = 8
+_COLOURS = {"ok": "green", "warn": "yellow", "fail": "red"}
+
+
+@click.command()
+@config_option
+@source_option
+@sink_option
+@calibration_option
+@click.option("--json", "as_json", is_flag=True, help="Print the lines as JSON.")
+def doctor(
+    config_path: Path | None,
+    source_spec: str | None,
+    sink_specs: Sequence[str],
+    calibration_path: Path | None,
+    as_json: bool,
+) -> None:
+    """Look at camera, pins, calibration, link, processor, clock and disk.
+
+    Says ok, warn or fail for each, and what to do. Leave the tip untouched, and stop the service: the
+    camera is needed. Exit code 1 where something fails, 0 otherwise.
+    """
+    from msgspec.structs import replace
+
+    from edge.runtime.calibration_store import CalibrationStore
+
+    config = load_config(config_path)
+    if source_spec:
+        config = replace(config, source=replace(config.source, spec=source_spec))
+    if sink_specs:
+        config = replace(config, link=replace(config.link, sinks=tuple(sink_specs)))
+    state_dir = Path(config.state.directory) if config.state.directory else None
+    stored = None if state_dir is None else CalibrationStore(state_dir).path
+    chosen = calibration_path or (stored if stored and stored.is_file() else config.calibration.file)
+    with waiting("looking at camera, link and machine", not as_json):
+        lines = examine(
+            config, lambda: open_configured(config.source), Path(chosen) if chosen else None, Machine()
+        )
+    if as_json:
+        click.echo(json.dumps({"worst": worst(lines), "lines": [asdict(line) for line in lines]}))
+    else:
+        for line in lines:
+            level = click.style(f"{line.level:4s}", _COLOURS[line.level])
+            click.echo(f"{level} {line.topic:12s} {line.words}")
+            if line.advice:
+                click.echo(f"{'':17s} -> {line.advice}")
+    raise SystemExit(worst(lines) == "fail")
+
+
+def examine(
+    config: Config, open_camera: Callable[[], FrameSource], calibration_path: Path | None, machine: Machine
+) -> list[Line]:
+    """Look at everything; the order is the data's way.
+
+    open_camera       opens the source; may raise SourceError
+    calibration_path  the calibration in use; None: there is none
+    """
+    lines: list[Line] = []
+    rest = None
+    try:
+        source = open_camera()
+    except UsageError as error:
+        lines.append(
+            Line(
+                "camera", "fail", str(error), "check cable, power and [source] spec; is the service running?"
+            )
+        )
+        asked_hz = config.source.rate_hz
+    else:
+        try:
+            frames, seconds = _watch(source)
+        finally:
+            source.close()
+        asked_hz = config.source.rate_hz or source.rate_hz
+        lines += checks.camera(source, frames, seconds, config)
+        if frames:
+            found, rest = checks.pins(frames[:REST_FRAMES])
+            lines += found
+    lines += checks.calibration(calibration_path, rest)
+    for spec in config.link.sinks:
+        lines += checks.link(spec, machine)
+    if not config.link.sinks:
+        lines.append(
+            Line("link", "warn", "no sink: samples go nowhere", 'set [link] sinks, e.g. ["can:can0"]')
+        )
+    lines += [*checks.processor(machine), *checks.clock(machine), *checks.disk(config, asked_hz, machine)]
+    return lines
+
+
+def _watch(source: FrameSource) -> tuple[list[Frame], float]:
+    """Frames as they come, and the time they took."""
+    frames: list[Frame] = []
+    end = time.monotonic() + LOOK_S
+    start = time.monotonic()
+    if not isinstance(source, LiveSource):
+        for frame in source:
+            frames.append(frame)
+            if len(frames) == LOOK_FRAMES:
+                break
+    else:
+        while len(frames) < LOOK_FRAMES and time.monotonic() < end:
+            got = source.read(0.1)
+            if got is not None:
+                frames.append(got)
+    return frames, time.monotonic() - start

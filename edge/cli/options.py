@@ -1,0 +1,175 @@
+"""Options that commands have in common, and the values they are given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from edge.errors import UsageError
+from hostlink.cli_types import FiniteFloat
+from hostlink.output_file import check_output
+from hostlink.web.listen import TOKEN_VARIABLE
+
+if TYPE_CHECKING:
+    from edge.config import Config
+    from hostlink.web import Listen
+
+__all__ = [
+    "LoopOptions",
+    "SpeedFactor",
+    "calibration_option",
+    "config_option",
+    "loop_options",
+    "overwrite_option",
+    "sink_option",
+    "source_option",
+]
+
+Command = Callable[..., None]
+
+config_option = click.option(
+    "-c", "--config", "config_path", type=click.Path(path_type=Path), help="TOML file; see deploy/."
+)
+source_option = click.option(
+    "--source",
+    "source_spec",
+    help="v4l2:0, /dev/video0, oak:, sim:press, or a file. Default: the configuration's, else v4l2:0.",
+)
+sink_option = click.option(
+    "--sink",
+    "sink_specs",
+    multiple=True,
+    help="Where samples go; may be given more than once. can:can0, can:can0?fd=0, virtual:NAME, "
+    "udp:239.0.0.1, serial:/dev/ttyACM0?baud=921600, slcan:/dev/ttyACM0, memory:",
+)
+calibration_option = click.option(
+    "--calibration", "calibration_path", type=click.Path(path_type=Path), help="Calibration file."
+)
+overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that exist already.")
+
+_LOOP_OPTIONS = (
+    config_option,
+    sink_option,
+    calibration_option,
+    click.option(
+        "--record",
+        "record_path",
+        type=click.Path(path_type=Path),
+        help="Write images and values to this .mcap file.",
+    ),
+    overwrite_option,
+    click.option(
+        "--view",
+        "view_here",
+        is_flag=True,
+        help="Serve a live page at 127.0.0.1:8765, or where --view-at says.",
+    ),
+    click.option(
+        "--view-at",
+        metavar="HOST:PORT",
+        help="Serve the live page there; beyond this machine only with a token.",
+    ),
+    click.option(
+        "--view-token",
+        metavar="TOKEN|auto",
+        help="Let the page tare and record, with this token of 8 characters or more; auto makes one. All "
+        f"users of the machine see a command line: {TOKEN_VARIABLE} in the environment or a file is safer.",
+    ),
+    click.option(
+        "--view-token-file",
+        type=click.Path(path_type=Path, dir_okay=False),
+        help="The token is the first line of this file.",
+    ),
+    click.option(
+        "--recordings",
+        type=click.Path(path_type=Path, file_okay=False),
+        help="Folder for what the page's record button makes. Default: in the state folder, else here.",
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class LoopOptions:
+    """What `run` and `replay` have in common, as it was given."""
+
+    config_path: Path | None
+    sink_specs: tuple[str, ...]
+    calibration_path: Path | None
+    record_path: Path | None
+    overwrite: bool
+    view_here: bool
+    view_at: str | None
+    view_token: str | None
+    view_token_file: Path | None
+    recordings: Path | None
+
+    def load_config(self) -> Config:
+        """Raises ConfigError."""
+        from edge.config import load_config
+
+        return load_config(self.config_path)
+
+    def check_record(self, *inputs: str | Path) -> None:
+        """Raises OutputError: there is a file already, or it is one that is read."""
+        if self.record_path is not None:
+            known = (path for path in (self.config_path, self.calibration_path) if path is not None)
+            check_output(self.record_path, (".mcap",), (*inputs, *known), self.overwrite)
+
+    def listen(self) -> Listen | None:
+        """Where the live page is served; None: there is none. Raises UsageError."""
+        from hostlink.web import WebError, find_token, parse_listen
+
+        if self.view_at is None and not self.view_here:
+            if self.view_token is not None or self.view_token_file is not None:
+                raise UsageError("--view-token: there is no page; give --view too")
+            return None
+        try:
+            token = find_token(self.view_token, self.view_token_file, "--view-token-file")
+            return parse_listen(self.view_at or "", token)
+        except WebError as error:
+            raise UsageError(str(error)) from None
+
+    def recordings_folder(self, config: Config) -> Path:
+        """For what the page's record button makes."""
+        if self.recordings is not None:
+            return self.recordings
+        return Path(config.state.directory) / "recordings" if config.state.directory else Path(".")
+
+
+def loop_options(command: Command) -> Command:
+    """Adds the options of `LoopOptions`; the command gets them as one argument, `options`."""
+    names = [field.name for field in fields(LoopOptions)]
+
+    @wraps(command)
+    def packed(**given: Any) -> None:
+        options = LoopOptions(**{name: given.pop(name) for name in names})
+        command(options=options, **given)
+
+    return add_options(packed, _LOOP_OPTIONS)
+
+
+def add_options(command: Command, options: Iterable[Callable[[Command], Command]]) -> Command:
+    """In the order in which help lists them."""
+    for option in reversed(list(options)):
+        command = option(command)
+    return command
+
+
+class SpeedFactor(FiniteFloat):
+    """A factor, or "max"."""
+
+    def __init__(self) -> None:
+        super().__init__(0.01, 100)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value == "max":
+            return value
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter:
+            self.fail(f"{value!r} is not a speed; give a factor from 0.01 to 100, or max", param, ctx)

@@ -1,0 +1,221 @@
+"""`edge render`: a recording as the paper's video: every frame through the pipeline and into a picture.
+
+Rules
+- The rest frame is the recording's first frames, as in a replay; they are in the video, too.
+- With a calibration the scale bar is in mm and the caption has the calibrated values with their errors.
+- A frame whose pins cannot be told apart is shown with its image and without cells.
+- The video appears under its name when it is whole: a full disk or Ctrl-C leaves nothing behind.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from itertools import chain, islice
+from math import hypot, isnan, nan
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+from edge.calibration import Calibration
+from edge.cells import cell_polygons
+from edge.cli.assembly import load_calibration
+from edge.cli.options import calibration_option, overwrite_option
+from edge.cli.progress import bar
+from edge.cli.summary import damage_of, json_line
+from edge.errors import NoPins, SourceError
+from edge.pipeline import Pipeline, Result
+from edge.runtime.tare import TareParams, tare
+from edge.sources import open_source
+from edge.types import Feature, FrameSource, Reading
+from edge.view.palette import PAPER, SAFE
+from edge.view.panels import View, picture
+from edge.view.video import CODECS, write_video
+from hostlink.cli_types import FiniteFloat, WholeNumber
+from hostlink.output_file import check_output, writing
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+log = logging.getLogger(__name__)
+
+__all__ = ["Made", "caption", "render", "render_recording"]
+
+PALETTES = {"paper": PAPER, "safe": SAFE}
+#: What a picture shows; the surface is not drawn.
+DRAWN = frozenset(Feature) - {Feature.SURFACE}
+
+
+@click.command()
+@click.argument("recording")
+@click.option("-o", "--out", required=True, type=click.Path(path_type=Path), help=".mp4, .webm, .mkv or .avi")
+@calibration_option
+@click.option(
+    "--palette",
+    type=click.Choice(["paper", "safe"]),
+    default="paper",
+    show_default=True,
+    help="safe: orange and blue, which most colour-blind readers tell apart.",
+)
+@click.option("--rate", "rate_hz", type=FiniteFloat(1, 240), help="Pictures a second; else as recorded.")
+@click.option("--height", type=WholeNumber(120, 2160), default=640, show_default=True, help="Of a panel, px.")
+@overwrite_option
+@click.option("--json", "as_json", is_flag=True, help="Print what was made as JSON.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress, no closing line.")
+def render(
+    recording: str,
+    out: Path,
+    calibration_path: Path | None,
+    palette: str,
+    rate_hz: float | None,
+    height: int,
+    overwrite: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Make a video of RECORDING: cells, contacts and shear beside the camera's image.
+
+    The first frames must show the untouched tip: they are the rest frame.
+    """
+    check_output(
+        out, tuple(CODECS), [recording, *([calibration_path] if calibration_path else [])], overwrite
+    )
+    style = Style(palette, rate_hz, height)
+    calibration = load_calibration(calibration_path)
+    with writing(out, overwrite) as unfinished:
+        made = render_recording(recording, unfinished, calibration, style, not (quiet or as_json))
+    if as_json:
+        click.echo(json_line(asdict(made)))
+    elif not quiet:
+        click.echo(
+            f"{out}: {made.frames_n} frames at {made.rate_hz:g} Hz, {made.unidentified_n} without values"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Style:
+    """palette  "paper" or "safe"
+    rate_hz  pictures a second; None: the recording's own
+    height   of a panel, px
+    """
+
+    palette: str = "paper"
+    rate_hz: float | None = None
+    height: int = 640
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """frames_n        in the video
+    unidentified_n  of them without values, because the pins could not be told apart
+    pins_n          of the rest frame
+    rate_hz         pictures a second
+    """
+
+    frames_n: int
+    unidentified_n: int
+    pins_n: int
+    rate_hz: float
+
+
+def render_recording(
+    recording: str,
+    out: Path,
+    calibration: Calibration | None = None,
+    style: Style | None = None,
+    progress: bool = False,
+) -> Made:
+    """Write the video.
+
+    progress  show a bar on stderr
+    Raises    SourceError: no such recording, or no pins in its first frames; SinkError: cannot be written;
+              OSError: the disk is full; CalibrationError: of another tip
+    """
+    source = open_source(recording)
+    with closing(source):
+        if source.live:
+            raise SourceError(f"source {recording}: is live; record it first, then render the recording")
+        made = _render(source, recording, out, calibration, style or Style(), progress)
+    if damage := damage_of(source):
+        log.warning("%s: %s", recording, damage)
+    return made
+
+
+def _render(
+    source: FrameSource,
+    recording: str,
+    out: Path,
+    calibration: Calibration | None,
+    style: Style,
+    progress: bool,
+) -> Made:
+    frames = iter(source)
+    first = list(islice(frames, TareParams().frames_n))
+    if not first:
+        raise SourceError(f"source {recording}: no images")
+    try:
+        rest = tare([frame.image for frame in first], np.inf, calibration)
+    except NoPins as error:
+        raise SourceError(f"source {recording}: {error}") from None
+    mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0
+    view = View.of(rest.xy_img, rest.pattern.pitch_px, style.height, mm_per_px)
+    pipeline = Pipeline(rest, calibration, DRAWN)
+    rate_hz = style.rate_hz or source.rate_hz or 30.0
+    unidentified_n = 0
+
+    def pictures() -> Iterator[NDArray[np.uint8]]:
+        nonlocal unidentified_n
+        for frame in chain(first, frames):
+            result = pipeline.process(frame)
+            unidentified_n += result.features is None
+            polygons = cell_polygons(result.cells) if result.cells is not None else []
+            yield picture(
+                view,
+                frame,
+                result.tracks,
+                polygons,
+                result.features,
+                palette=PALETTES[style.palette],
+                caption=caption(result),
+            )
+
+    with bar(progress) as shown:
+        task = shown.add_task(out.name, total=getattr(source, "frames_n", 0) or None)
+        drawn = (_counted(shown, task, one) for one in pictures())
+        frames_n = write_video(drawn, out, rate_hz)
+    return Made(frames_n, unidentified_n, len(rest), rate_hz)
+
+
+def _counted(shown: Progress, task: TaskID, one: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    shown.advance(task)
+    return one
+
+
+def caption(result: Result) -> str:
+    """The calibrated values of a frame in a line; empty without any."""
+    reading = result.reading
+    parts = [
+        _part("depth", reading, "displacement_mm", "mm"),
+        _shear(reading),
+        _part("force", reading, "force_n", "N", error=False),
+        _part("torsion", reading, "torsion_deg", "deg", error=False),
+    ]
+    return "   ".join(part for part in parts if part)
+
+
+def _part(name: str, reading: Reading, field: str, unit: str, error: bool = True) -> str:
+    value, sigma = reading.values.get(field, nan), reading.sigmas.get(field, nan)
+    if isnan(value):
+        return ""
+    spread = f" +-{sigma:.2f}" if error and not isnan(sigma) else ""
+    return f"{name} {value:.2f}{spread} {unit}"
+
+
+def _shear(reading: Reading) -> str:
+    x, y = reading.values.get("shear_x_mm", nan), reading.values.get("shear_y_mm", nan)
+    return "" if isnan(x) or isnan(y) else f"shear {hypot(x, y):.2f} mm"

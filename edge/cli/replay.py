@@ -1,0 +1,138 @@
+"""`edge replay`: a recording instead of a camera."""
+
+from __future__ import annotations
+
+import logging
+from contextlib import ExitStack
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import click
+
+from edge.cli.assembly import make_loop, start_worker
+from edge.cli.options import LoopOptions, SpeedFactor, loop_options
+from edge.cli.progress import counting, waiting
+from edge.cli.summary import Summary, damage_of, json_line, print_summary
+from edge.errors import UsageError
+
+if TYPE_CHECKING:
+    from edge.pipeline import Result
+    from edge.runtime.loop import Loop
+    from edge.types import FrameSource
+    from hostlink.wire import State
+
+log = logging.getLogger("edge")
+
+
+@click.command()
+@click.argument("recording")
+@loop_options
+@click.option(
+    "--speed", type=SpeedFactor(), default="1", show_default=True, metavar="FACTOR|max",
+    help="1 as recorded, 2 twice as fast.",
+)  # fmt: skip
+@click.option("--loop", "again", is_flag=True, help="Again from its start when it ends, until stopped.")
+@click.option("--samples", is_flag=True, help="Print every sample as a line of JSON.")
+@click.option("-q", "--quiet", is_flag=True, help="No closing summary.")
+@click.option("--json", "as_json", is_flag=True, help="Print the closing summary as JSON.")
+def replay(
+    options: LoopOptions,
+    recording: str,
+    speed: float | str,
+    again: bool,
+    samples: bool,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Send RECORDING (MCAP, video, folder of images) as if it were live.
+
+    The first frames must show the untouched tip: they are the rest frame. A closing summary lists the
+    pins that were seen, the shear in px and, with a calibration, the depth in mm.
+    """
+    if again and isinstance(speed, str):
+        raise UsageError("--loop: has no end at --speed max; give a factor")
+    config = options.load_config()
+    options.check_record(recording)
+    listen = options.listen()
+    with ExitStack() as stack:
+        with waiting(f"opening {recording}", not quiet):
+            source, total_n = _open(recording, speed, again)
+            stack.callback(source.close)
+            loop = make_loop(stack, source, config, options.sink_specs, options.calibration_path)
+            url = start_worker(stack, loop, options, listen, config)
+        if url:
+            click.echo(f"live page: {url}", err=True)
+        summary, passed, printer = Summary(), _PassedBefore(source), _SamplePrinter(loop)
+        loop.result_callbacks += [summary.add, passed.note, *([printer.print] if samples else [])]
+        with counting("replay", total_n, not (quiet or samples or again)) as count:
+            loop.tick_callbacks.append(lambda: count(loop.frames_n))
+            statistics = loop.run()
+        printer.raise_failure()
+        if not quiet or as_json:
+            print_summary(statistics, loop.sinks, as_json, summary.report())
+        for message in (damage_of(source), _lost_to_tare(loop, config.tare.frames_n, passed.skipped_n)):
+            if message:
+                log.warning("%s: %s", recording, message)
+
+
+def _open(recording: str, speed: float | str, again: bool) -> tuple[FrameSource, int]:
+    """The source, and how many frames it has; 0: not known. Raises SourceError."""
+    from edge.sources import Paced, open_source
+
+    source = open_source(recording)
+    total_n: int = getattr(source, "frames_n", 0)
+    return (source if isinstance(speed, str) else Paced(source, speed=speed, loop=again)), total_n
+
+
+class _PassedBefore:
+    """Notes how many images had passed before the first result.
+
+    skipped_n  None: there was no result
+    """
+
+    def __init__(self, source: FrameSource) -> None:
+        self._source = source
+        self.skipped_n: int | None = None
+
+    def note(self, result: Result, state: State) -> None:
+        if self.skipped_n is None:
+            self.skipped_n = self._source.dropped_n
+
+
+class _SamplePrinter:
+    """Prints samples; where stdout takes no more (`| head -1`, a full disk), the loop is stopped."""
+
+    def __init__(self, loop: Loop) -> None:
+        self._loop = loop
+        self._failure: OSError | None = None
+
+    def print(self, result: Result, state: State) -> None:
+        if self._failure is None:
+            try:
+                click.echo(json_line(asdict(state)))
+            except OSError as error:
+                self._failure = error
+                self._loop.stop()
+
+    def raise_failure(self) -> None:
+        """For `run_command`, which knows what it means."""
+        if self._failure is not None:
+            raise self._failure
+
+
+def _lost_to_tare(loop: Loop, tare_n: int, skipped_n: int | None) -> str:
+    """What of a recording the tare took up, in words; empty: no more than its own images."""
+    from edge.types import LiveSource
+
+    source = loop.source
+    paced = isinstance(source, LiveSource)
+    if not loop.frames_n or (isinstance(source, LiveSource) and not source.ended):
+        return ""  # stopped
+    way_out = "--loop plays it on, --speed max takes every image" if paced else "replay a longer one"
+    if loop.last is None:
+        return (
+            f"ended while the rest frame was being taken ({tare_n} images and a search), no values; {way_out}"
+        )
+    if skipped_n:
+        return f"{skipped_n} images passed while the rest frame was being taken; {way_out}"
+    return ""

@@ -1,0 +1,315 @@
+"""Is anything touching? Decided on the cells' area changes and their noise, which is learnt while nothing
+does.
+
+Idea: a contact makes neighbouring cells grow together. Noise does not: the area that one cell gains by its
+pin's jitter its neighbours lose. So the mean area change over a ring (a pin and its six neighbours) is
+compared with its noise. A contact also moves neighbouring pins alike, which a reflection that shifts one or
+two pins does not: the skin must still have grown when each pin moves as the median of its ring.
+
+Rules
+- Where there are areas they decide: a camera that shakes in its mount moves all pins, but changes no area.
+  Without cells (nobody asked for an area) the motion about its own median decides.
+- The medians are only looked at when the means say yes, and first where the area change is highest: in a
+  contact that costs a hundredth of the whole scan. A frame that fails here counts as untouched.
+- The noise follows from the pins' own sigma until untouched frames have taught a better value. What is learnt
+  stays within `noise_ratio_max` of the prediction, so that a slow touch cannot raise the limit beyond itself.
+- A mean over fewer cells averages less noise away and is scaled down accordingly.
+- Hysteresis: a contact begins above `raise_sigma` and ends below `clear_sigma`.
+
+A kernel: compiled by Cython (see setup.py), and the same when it is not.
+"""
+
+# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
+
+from __future__ import annotations
+
+import cython
+import numpy as np
+
+from edge.features.params import PARAMS, FeatureParams
+from edge.geometry.lattice import slope_stencil
+from edge.types import Rest
+
+if cython.compiled:
+    from cython.cimports.edge.geometry.select import median
+    from cython.cimports.libc.math import NAN, fabs, hypot, isfinite, isnan, sqrt
+else:
+    from math import fabs, hypot, isfinite, isnan, sqrt
+    from math import nan as NAN  # noqa: N812
+
+    from edge.geometry.select import median
+
+#: Standard deviation of normal noise over the median of its size.
+_MAD_TO_SIGMA = cython.declare(cython.double, 1.4826)
+
+
+@cython.cclass
+class ContactDetector:
+    """In contact or not, frame by frame, for the n pins of one tip."""
+
+    _n: cython.Py_ssize_t
+    _width: cython.Py_ssize_t  # pins of a ring
+    _rest: cython.double[:, ::1]
+    _ring: cython.int[:, ::1]
+    _slope: cython.double[:, :, ::1]
+    _pitch_px: cython.double
+    _rest_variance: cython.double
+    _noise_ratio: cython.double  # measured over predicted noise
+    _in_contact: cython.bint
+    _root: cython.double[::1]  # sqrt(known pins of a ring / all of them)
+    _peak_row: cython.Py_ssize_t  # the ring of `_highest_mean`
+    _middle: cython.double[:, ::1]  # ring medians of the motion; NaN: not looked up yet
+    _sorted_x: cython.double[::1]  # motion of one ring, in order
+    _sorted_y: cython.double[::1]
+    _values: cython.double[::1]
+    _cell_noise: cython.double
+    _ring_noise: cython.double
+    _median_noise: cython.double
+    _raise_sigma: cython.double
+    _clear_sigma: cython.double
+    _coherent_peak_rel: cython.double
+    _coherent_any_rel: cython.double
+    _min_ring_known: cython.Py_ssize_t
+    _noise_ratio_max: cython.double
+    _noise_learning_rate: cython.double
+
+    def __init__(self, rest: Rest, params: FeatureParams = PARAMS) -> None:
+        ring, slope = slope_stencil(rest.xy_img, rest.pattern.pitch_px)
+        n, width = ring.shape
+        self._n, self._width = n, width
+        self._rest = np.array(rest.xy_img, np.float64, order="C")
+        self._ring, self._slope = ring, slope
+        self._pitch_px = rest.pattern.pitch_px
+        self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
+        self._noise_ratio = 1.0
+        self._in_contact = False
+        self._root = np.sqrt(np.arange(width + 1) / width)
+        self._middle = np.empty((n, 2))
+        self._sorted_x, self._sorted_y = np.empty(width), np.empty(width)
+        self._values = np.empty(n)
+        self._cell_noise = params.cell_noise
+        self._ring_noise = params.ring_noise
+        self._median_noise = params.median_noise
+        self._raise_sigma = params.raise_sigma
+        self._clear_sigma = params.clear_sigma
+        self._coherent_peak_rel = params.coherent_peak_rel
+        self._coherent_any_rel = params.coherent_any_rel
+        self._min_ring_known = min(params.min_ring_known, width)
+        self._noise_ratio_max = params.noise_ratio_max
+        self._noise_learning_rate = params.noise_learning_rate
+
+    def sigma_px(self, now_px: cython.double) -> float:
+        """Noise of one coordinate of a pin's motion since rest, from its mean in this frame's positions."""
+        return sqrt(now_px * now_px + self._rest_variance)
+
+    def cell_noise(self, sigma_px: cython.double) -> float:
+        """One-sigma noise of a single cell's relative area change."""
+        return self._cell_noise / self._pitch_px * sigma_px * self._noise_ratio
+
+    def by_area(
+        self,
+        area_change: cython.const[cython.double][::1],
+        xy: cython.const[cython.double][:, ::1],
+        sigma_px: cython.double,
+    ) -> bool:
+        """Decide on one frame's area changes, and learn from them if nothing touches.
+
+        area_change  (n,) float64, relative; NaN where lost
+        xy           (n, 2) float64, px, where the pins are; finite
+        sigma_px     of `sigma_px`
+        Raises       ValueError: sizes that do not fit
+        """
+        n: cython.Py_ssize_t = self._n
+        if area_change.shape[0] != n or xy.shape[0] != n or xy.shape[1] != 2:
+            raise ValueError(f"area_change ({n},) and xy ({n}, 2) are wanted")
+        highest: cython.double = self._highest_mean(area_change)
+        if isnan(highest):
+            return self._in_contact  # a dark frame says nothing
+        predicted: cython.double = sigma_px / self._pitch_px
+        limit: cython.double = self._limit_sigma() * self._ring_noise * predicted * self._noise_ratio
+        self._in_contact = highest > limit and self._is_coherent(xy, limit)
+        if not self._in_contact:
+            self._learn(area_change, predicted)
+        return self._in_contact
+
+    def by_motion(self, xy: cython.const[cython.double][:, ::1], sigma_px: cython.double) -> bool:
+        """Decide without areas: do pins move against each other beyond their noise?
+
+        xy        (n, 2) float64, px, where the pins are; NaN where lost
+        sigma_px  of `sigma_px`
+        Raises    ValueError: sizes that do not fit
+        """
+        n: cython.Py_ssize_t = self._n
+        if xy.shape[0] != n or xy.shape[1] != 2:
+            raise ValueError(f"xy ({n}, 2) is wanted")
+        shift_x: cython.double = self._median_motion(xy, 0)
+        shift_y: cython.double = self._median_motion(xy, 1)
+        if isnan(shift_x) or isnan(shift_y):
+            return self._in_contact
+        i: cython.Py_ssize_t
+        known: cython.Py_ssize_t
+        size: cython.double
+        highest: cython.double = 0.0
+        for i in range(n):
+            known = self._ring_median(xy, i, shift_x, shift_y)
+            if known >= self._min_ring_known:
+                size = hypot(self._middle[i, 0], self._middle[i, 1]) * self._root[known]
+                if size > highest:
+                    highest = size
+        limit: cython.double = self._limit_sigma() * self._median_noise * sigma_px / sqrt(self._width)
+        self._in_contact = highest > limit
+        return self._in_contact
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _limit_sigma(self) -> cython.double:
+        return self._clear_sigma if self._in_contact else self._raise_sigma
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _highest_mean(self, area_change: cython.const[cython.double][::1]) -> cython.double:
+        """Highest mean over a ring, scaled down where not all of it is known; NaN where nothing is."""
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        known: cython.Py_ssize_t
+        mean: cython.double
+        highest: cython.double = 0.0
+        nothing: cython.bint = True
+        self._peak_row = 0
+        for i in range(self._n):
+            mean = 0.0
+            for k in range(self._width):
+                mean += area_change[self._ring[i, k]]
+            known = self._width
+            if isnan(mean):
+                mean = 0.0
+                known = 0
+                for k in range(self._width):
+                    j = self._ring[i, k]
+                    if not isnan(area_change[j]):
+                        mean += area_change[j]
+                        known += 1
+                if known == 0:
+                    continue
+            nothing = False
+            if known < self._min_ring_known:
+                continue
+            mean = mean / known * self._root[known]
+            if mean > highest:
+                highest = mean
+                self._peak_row = i
+        return NAN if nothing else highest
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _is_coherent(self, xy: cython.const[cython.double][:, ::1], limit: cython.double) -> cython.bint:
+        """Whether the skin still grows by enough when each pin moves as the median of its ring does.
+
+        Looked for in the ring of the highest mean first, then everywhere.
+        """
+        i: cython.Py_ssize_t
+        for i in range(self._n):
+            self._middle[i, 0] = NAN
+        for i in range(self._width):
+            if self._median_growth(xy, self._ring[self._peak_row, i]) > self._coherent_peak_rel * limit:
+                return True
+        for i in range(self._n):  # noqa: SIM110
+            if self._median_growth(xy, i) > self._coherent_any_rel * limit:
+                return True
+        return False
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _median_growth(self, xy: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t) -> cython.double:
+        """Area change at pin i by the slope of the ring medians round it."""
+        j: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        xx: cython.double = 0.0
+        xy_: cython.double = 0.0
+        yx: cython.double = 0.0
+        yy: cython.double = 0.0
+        for k in range(self._width):
+            j = self._ring[i, k]
+            if isnan(self._middle[j, 0]):
+                self._ring_median(xy, j, 0.0, 0.0)
+            xx += self._slope[i, 0, k] * self._middle[j, 0]
+            xy_ += self._slope[i, 1, k] * self._middle[j, 0]
+            yx += self._slope[i, 0, k] * self._middle[j, 1]
+            yy += self._slope[i, 1, k] * self._middle[j, 1]
+        return (1.0 + xx) * (1.0 + yy) - xy_ * yx - 1.0
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _ring_median(
+        self,
+        xy: cython.const[cython.double][:, ::1],
+        i: cython.Py_ssize_t,
+        shift_x: cython.double,
+        shift_y: cython.double,
+    ) -> cython.Py_ssize_t:
+        """Median of the motion, less a shift, over ring i, by component; how many of its pins are known."""
+        j: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        to: cython.Py_ssize_t
+        known: cython.Py_ssize_t = 0
+        x: cython.double
+        y: cython.double
+        for k in range(self._width):
+            j = self._ring[i, k]
+            x = xy[j, 0] - self._rest[j, 0] - shift_x
+            y = xy[j, 1] - self._rest[j, 1] - shift_y
+            if isnan(x):
+                continue
+            to = known
+            while to > 0 and self._sorted_x[to - 1] > x:
+                self._sorted_x[to] = self._sorted_x[to - 1]
+                to -= 1
+            self._sorted_x[to] = x
+            to = known
+            while to > 0 and self._sorted_y[to - 1] > y:
+                self._sorted_y[to] = self._sorted_y[to - 1]
+                to -= 1
+            self._sorted_y[to] = y
+            known += 1
+        if known > 0:
+            j = (known - 1) // 2
+            k = known // 2
+            self._middle[i, 0] = 0.5 * (self._sorted_x[j] + self._sorted_x[k])
+            self._middle[i, 1] = 0.5 * (self._sorted_y[j] + self._sorted_y[k])
+        return known
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _median_motion(
+        self, xy: cython.const[cython.double][:, ::1], component: cython.Py_ssize_t
+    ) -> cython.double:
+        """Of the known pins; NaN where fewer than `min_ring_known` are."""
+        i: cython.Py_ssize_t
+        known: cython.Py_ssize_t = 0
+        for i in range(self._n):
+            if isfinite(xy[i, component]):
+                self._values[known] = xy[i, component] - self._rest[i, component]
+                known += 1
+        return median(self._values, known) if known >= self._min_ring_known else NAN
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _learn(self, area_change: cython.const[cython.double][::1], predicted: cython.double) -> cython.void:
+        """Move the learnt noise towards that of this untouched frame; `predicted` is the pins' own, in
+        pitches.
+        """
+        i: cython.Py_ssize_t
+        known: cython.Py_ssize_t = 0
+        for i in range(self._n):
+            if isfinite(area_change[i]):
+                self._values[known] = fabs(area_change[i])
+                known += 1
+        # About zero rather than about the median: a drift is noise too.
+        ratio: cython.double = 1.0
+        if predicted > 0.0:
+            ratio = _MAD_TO_SIGMA * median(self._values, known) / (self._cell_noise * predicted)
+        if not isfinite(ratio):
+            return
+        ratio = min(max(ratio, 1.0 / self._noise_ratio_max), self._noise_ratio_max)
+        self._noise_ratio += self._noise_learning_rate * (ratio - self._noise_ratio)

@@ -1,0 +1,276 @@
+"""Peaks of a field on a grid, and which of them are connected above a level.
+
+    field --regional maxima--> those above the noise, highest first --valleys--> connected or separate
+
+Rules
+- Regional maxima with plateaus, as MATLAB's `imregionalmax` and `skimage.morphology.local_maxima` have them:
+  connected grid points (8 neighbours) of one height, all of whose other neighbours are lower.
+- The grid has a border of -inf, so that every point has eight neighbours and no walk leaves it.
+
+A kernel: compiled by Cython (see setup.py), and the same when it is not.
+"""
+
+# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
+
+from __future__ import annotations
+
+import cython
+import numpy as np
+
+from edge.types import Mask
+
+#: Peaks of one field that are looked at.
+PEAKS_MAX = 24
+
+_PEAKS_MAX = cython.declare(cython.Py_ssize_t, PEAKS_MAX)
+_NOTHING = cython.declare(cython.float, -np.inf)
+_LOWEST = cython.declare(cython.float, float(np.finfo(np.float32).min))
+# Marks of a point.
+_UNKNOWN = cython.declare(cython.int, 0)
+_SLOPE = cython.declare(cython.int, 1)
+_TOP = cython.declare(cython.int, 2)
+_PLATEAU = cython.declare(cython.int, 3)  # visited, verdict pending
+_REACHED = cython.declare(cython.int, 4)  # and upwards: by the walk from peak 0, 1, ...
+
+
+@cython.cclass
+class PeakFinder:
+    """Peaks on the points of a grid; k points. All arrays are good until the next field.
+
+    width    points of a padded row: point p lies in column place[p] % width, row place[p] // width
+    place    (k,) int32, where in the padded grid each point lies
+    grid     (h * width,) float32, the field, -inf outside
+    mark     (h * width,) int32, scratch between two calls
+    n_peaks  of the last field; at (PEAKS_MAX,) int32, place of each, highest first;
+             point (PEAKS_MAX,) int32, which of the k points it is; height (PEAKS_MAX,) float32
+
+    inside   (rows, columns) bool: the k points, row by row
+    """
+
+    width = cython.declare(cython.Py_ssize_t, visibility="readonly")
+    place = cython.declare(cython.int[::1], visibility="readonly")
+    grid = cython.declare(cython.float[::1], visibility="readonly")
+    mark = cython.declare(cython.int[::1], visibility="readonly")
+    n_peaks = cython.declare(cython.Py_ssize_t, visibility="readonly")
+    at = cython.declare(cython.int[::1], visibility="readonly")
+    point = cython.declare(cython.int[::1], visibility="readonly")
+    height = cython.declare(cython.float[::1], visibility="readonly")
+    _around: cython.int[::1]  # (8,) from a place to its neighbours
+    _stack: cython.int[::1]
+
+    def __init__(self, inside: Mask) -> None:
+        padded = np.pad(inside, 1)
+        self.width = padded.shape[1]
+        self.place = np.flatnonzero(padded).astype(np.int32)
+        self.grid = np.full(padded.size, -np.inf, np.float32)
+        self.mark, self._stack = np.zeros(padded.size, np.int32), np.empty(padded.size, np.int32)
+        self.at, self.point = np.zeros(PEAKS_MAX, np.int32), np.zeros(PEAKS_MAX, np.int32)
+        self.height = np.zeros(PEAKS_MAX, np.float32)
+        self.n_peaks = 0
+        w = self.width
+        self._around = np.array([-w - 1, -w, -w + 1, -1, 1, w - 1, w, w + 1], np.int32)
+
+    def set_field(self, field: cython.const[cython.float][::1]) -> None:
+        """The field at the k points, row by row. Raises ValueError: another number of points."""
+        p: cython.Py_ssize_t
+        if field.shape[0] != self.place.shape[0]:
+            raise ValueError(f"field ({self.place.shape[0]},) is wanted")
+        for p in range(self.place.shape[0]):
+            self.grid[self.place[p]] = field[p]
+
+    def mark_maxima(self) -> Mask:
+        """(k,) bool, which points are regional maxima."""
+        self._mark()
+        return np.asarray(self.mark)[np.asarray(self.place)] == _TOP
+
+    def find(
+        self, noise: cython.const[cython.float][::1], noise_factor: cython.float, least: cython.float
+    ) -> cython.Py_ssize_t:
+        """Find the peaks above noise_factor times the noise at the point, and above `least`.
+
+        noise    (k,) float32
+        Returns  number of peaks, PEAKS_MAX at the most
+        Raises   ValueError: another number of points
+        """
+        if noise.shape[0] != self.place.shape[0]:
+            raise ValueError(f"noise ({self.place.shape[0]},) is wanted")
+        p: cython.Py_ssize_t
+        h: cython.float
+        self._mark()
+        self.n_peaks = 0
+        for p in range(self.place.shape[0]):
+            if self.mark[self.place[p]] == _TOP:
+                h = self.grid[self.place[p]]
+                if h > max(noise[p] * noise_factor, least):
+                    self._insert(p, h)
+        return self.n_peaks
+
+    def find_within(
+        self,
+        member: cython.const[cython.uchar][::1],
+        points: cython.const[cython.int][::1],
+        n: cython.Py_ssize_t,
+    ) -> cython.Py_ssize_t:
+        """Find the strict maxima among the first n of these points that are members; the walks stay among the
+        n.
+
+        member   (k,) uint8; points (at least n,) int32, which of the k points
+        Returns  number of peaks, PEAKS_MAX at the most
+        Raises   ValueError: sizes that do not fit, no such point
+        """
+        k: cython.Py_ssize_t = self.place.shape[0]
+        i: cython.Py_ssize_t
+        d: cython.Py_ssize_t
+        here: cython.Py_ssize_t
+        h: cython.float
+        highest: cython.bint
+        if member.shape[0] != k or n < 0 or n > points.shape[0]:
+            raise ValueError(f"member ({k},) and n of 0 to {points.shape[0]} are wanted")
+        self.n_peaks = 0
+        for i in range(n):
+            if points[i] < 0 or points[i] >= k:
+                raise ValueError(f"points: 0 to {k - 1} are wanted, not {points[i]}")
+            here = self.place[points[i]]
+            self.mark[here] = _UNKNOWN
+            if not member[points[i]]:
+                continue
+            h = self.grid[here]
+            highest = True
+            for d in range(8):
+                if not self.grid[here + self._around[d]] < h:
+                    highest = False
+                    break
+            if highest:
+                self._insert(points[i], h)
+        return self.n_peaks
+
+    def drop_low(self, least_rel: cython.float) -> cython.Py_ssize_t:
+        """Drop the peaks lower than this share of the highest; how many are left."""
+        while self.n_peaks > 1 and self.height[self.n_peaks - 1] < least_rel * self.height[0]:
+            self.n_peaks -= 1
+        return self.n_peaks
+
+    def keep(self, kept: cython.const[cython.uchar][::1]) -> cython.Py_ssize_t:
+        """Drop the peaks that are not kept, (n_peaks or more,) uint8; how many are left."""
+        if kept.shape[0] < self.n_peaks:
+            raise ValueError(f"kept ({self.n_peaks},) is wanted")
+        i: cython.Py_ssize_t
+        left: cython.Py_ssize_t = 0
+        for i in range(self.n_peaks):
+            if kept[i]:
+                self.at[left] = self.at[i]
+                self.point[left] = self.point[i]
+                self.height[left] = self.height[i]
+                left += 1
+        self.n_peaks = left
+        return left
+
+    def first_connected(self, j: cython.Py_ssize_t, level: cython.float) -> cython.Py_ssize_t:
+        """The first, thus highest, peak that peak j is connected with at or above a level; j itself if none
+        before it.
+
+        Raises ValueError: no such peak
+        """
+        if j < 0 or j >= self.n_peaks:
+            raise ValueError(f"j: a peak of 0 to {self.n_peaks - 1} is wanted, not {j}")
+        i: cython.Py_ssize_t
+        d: cython.Py_ssize_t
+        to: cython.int
+        n: cython.Py_ssize_t = 1
+        reached: cython.int = _REACHED + cython.cast(cython.int, j)
+        if level < _LOWEST:
+            level = _LOWEST  # the border is -inf: no walk may reach it
+        self._stack[0] = self.at[j]
+        self.mark[self.at[j]] = reached
+        i = 0
+        while i < n:
+            for d in range(8):
+                to = self._stack[i] + self._around[d]
+                if self.grid[to] >= level and self.mark[to] != reached:
+                    self.mark[to] = reached
+                    self._stack[n] = to
+                    n += 1
+            i += 1
+        for i in range(j):
+            if self.mark[self.at[i]] == reached:
+                return i
+        return j
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _insert(self, p: cython.Py_ssize_t, h: cython.float) -> cython.void:
+        """Point p into the list of peaks; of equals the first comes first."""
+        i: cython.Py_ssize_t = self.n_peaks
+        if i < _PEAKS_MAX:
+            self.n_peaks += 1
+        elif h > self.height[_PEAKS_MAX - 1]:
+            i = _PEAKS_MAX - 1
+        else:
+            return
+        while i > 0 and self.height[i - 1] < h:
+            self.height[i] = self.height[i - 1]
+            self.at[i] = self.at[i - 1]
+            self.point[i] = self.point[i - 1]
+            i -= 1
+        self.height[i] = h
+        self.at[i] = self.place[p]
+        self.point[i] = p
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _mark(self) -> cython.void:
+        """Mark every point _TOP or _SLOPE."""
+        p: cython.Py_ssize_t
+        d: cython.Py_ssize_t
+        here: cython.Py_ssize_t
+        h: cython.float
+        other: cython.float
+        higher: cython.bint
+        equal: cython.bint
+        for p in range(self.place.shape[0]):
+            self.mark[self.place[p]] = _UNKNOWN
+        for p in range(self.place.shape[0]):
+            here = self.place[p]
+            if self.mark[here] != _UNKNOWN:
+                continue
+            h = self.grid[here]
+            higher = False
+            equal = False
+            for d in range(8):
+                other = self.grid[here + self._around[d]]
+                if other > h:
+                    higher = True
+                    break
+                if other == h:
+                    equal = True
+            if higher or h == _NOTHING:
+                self.mark[here] = _SLOPE
+            elif equal:
+                self._mark_plateau(here)
+            else:
+                self.mark[here] = _TOP
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _mark_plateau(self, start: cython.Py_ssize_t) -> cython.void:
+        """All connected points of one height are _TOP if nothing round them is higher, else _SLOPE."""
+        h: cython.float = self.grid[start]
+        i: cython.Py_ssize_t = 0
+        d: cython.Py_ssize_t
+        n: cython.Py_ssize_t = 1
+        to: cython.int
+        verdict: cython.int = _TOP
+        self._stack[0] = cython.cast(cython.int, start)
+        self.mark[start] = _PLATEAU
+        while i < n:
+            for d in range(8):
+                to = self._stack[i] + self._around[d]
+                if self.grid[to] > h:
+                    verdict = _SLOPE
+                elif self.grid[to] == h and self.mark[to] != _PLATEAU:
+                    self.mark[to] = _PLATEAU
+                    self._stack[n] = to
+                    n += 1
+            i += 1
+        for i in range(n):
+            self.mark[self._stack[i]] = verdict

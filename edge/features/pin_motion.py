@@ -1,0 +1,286 @@
+"""What the pins' motion says: mean, which pins are in the contact, torsion, and what a rigid load leaves.
+
+Mean motion is the paper's global shear.
+
+Torsion is the rotation that best carries the contact's pins from rest to where they are (Procrustes): exact
+for a rigid turn of any size, blind to translation and to uniform growth. It is the skin's turn as the pins
+show it; the object's is that times a factor of the tip (1.4 on the simulated one, flat contact).
+
+A step of the motion, from one frame to a later one, is split into a plane in each component (translation,
+turn and linear stretch, which a load on sticking skin explains) and the rest, which `slip` judges.
+
+A kernel: compiled by Cython (see setup.py), and the same when it is not.
+"""
+
+# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
+
+from __future__ import annotations
+
+import cython
+import numpy as np
+
+from edge.types import Index, Rest
+
+if cython.compiled:
+    from cython.cimports.edge.geometry.plane import solve_plane
+    from cython.cimports.libc.math import NAN, atan2, isnan
+else:
+    from math import atan2, isnan
+    from math import nan as NAN  # noqa: N812
+
+    from edge.geometry.plane import solve_plane
+
+#: Ridge on a plane's equations, for pins on one line: 1e-9 of a pin costs no pin its freedom.
+_RIDGE = cython.declare(cython.double, 1e-9)
+#: Determinant of the compressed pins' covariance on the unit disc below which they are one pin, or on a line.
+_FLAT = cython.declare(cython.double, 1e-12)
+#: Squared semi-axes of the contact's ellipse in variances: two standard deviations, a uniform disc's own
+#: edge.
+_ELLIPSE = cython.declare(cython.double, 4.0)
+
+
+@cython.cclass
+class PinMotion:
+    """Motion of the n pins of one tip."""
+
+    _n: cython.Py_ssize_t
+    _rest: cython.double[:, ::1]
+    _unit: cython.double[:, ::1]  # rest places on the tip's unit disc
+    _pins: cython.int[::1]  # of `in_contact`
+    _pins_array: Index  # the same memory
+    _g: cython.double[:, ::1]  # (3, 5), equations of a plane: three unknowns, two right sides
+
+    def __init__(self, rest: Rest) -> None:
+        n = len(rest)
+        if rest.xy_img.shape != (n, 2):
+            raise ValueError(f"rest places ({n}, 2) are wanted, not {rest.xy_img.shape}")
+        self._n = n
+        self._rest = np.array(rest.xy_img, np.float64, order="C")
+        self._unit = np.ascontiguousarray(
+            (rest.xy_img - rest.pattern.centre_img) / rest.pattern.tip_radius_px
+        )
+        self._pins_array = np.empty(n, np.int32)
+        self._pins = self._pins_array
+        self._g = np.empty((3, 5))
+
+    def since_rest(
+        self,
+        xy: cython.const[cython.double][:, ::1],
+        sigma_px: cython.const[cython.double][::1],
+        seen: cython.const[cython.uchar][::1],
+        motion: cython.double[:, ::1],
+    ) -> tuple[float, float, float, int]:
+        """Motion since rest into `motion`, and means over the seen pins.
+
+        xy, motion  (n, 2) float64 px; xy is NaN where lost, and so is the motion
+        sigma_px    (n,) float64; seen (n,) bool
+        Returns     mean motion x, y (NaN where no pin is seen), mean sigma (0 then), number of seen pins
+        Raises      ValueError: sizes that do not fit
+        """
+        n: cython.Py_ssize_t = self._n
+        if xy.shape[0] != n or xy.shape[1] != 2 or motion.shape[0] != n or motion.shape[1] != 2:
+            raise ValueError(f"xy and motion ({n}, 2) are wanted")
+        if sigma_px.shape[0] != n or seen.shape[0] != n:
+            raise ValueError(f"sigma_px and seen ({n},) are wanted")
+        i: cython.Py_ssize_t
+        n_seen: cython.Py_ssize_t = 0
+        x: cython.double = 0.0
+        y: cython.double = 0.0
+        sigma: cython.double = 0.0
+        for i in range(n):
+            motion[i, 0] = xy[i, 0] - self._rest[i, 0]
+            motion[i, 1] = xy[i, 1] - self._rest[i, 1]
+            if seen[i]:
+                x += motion[i, 0]
+                y += motion[i, 1]
+                sigma += sigma_px[i]
+                n_seen += 1
+        if n_seen == 0:
+            return NAN, NAN, 0.0, 0
+        return x / n_seen, y / n_seen, sigma / n_seen, n_seen
+
+    def in_contact(self, area_change: cython.const[cython.double][::1], least: cython.double) -> Index:
+        """Which pins are in the contact: those in the ellipse of the compressed pins' spread.
+
+        So the low middle of a flat contact, a ring of compressed pins, belongs to it.
+
+        area_change  (n,) float64, relative; NaN where lost
+        least        below this area change nothing presses
+        Returns      (k,) int32 ascending, good until the next call; all pins when nothing is compressed
+        Raises       ValueError: sizes that do not fit
+        """
+        if area_change.shape[0] != self._n:
+            raise ValueError(f"area_change ({self._n},) is wanted")
+        rows: Index = self._pins_array
+        return rows[: self._select(area_change, max(least, 0.0))]
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _select(
+        self, area_change: cython.const[cython.double][::1], least: cython.double
+    ) -> cython.Py_ssize_t:
+        i: cython.Py_ssize_t
+        n_pins: cython.Py_ssize_t = 0
+        c: cython.double
+        u: cython.double
+        v: cython.double
+        total: cython.double = 0.0
+        x: cython.double = 0.0
+        y: cython.double = 0.0
+        xx: cython.double = 0.0
+        xy: cython.double = 0.0
+        yy: cython.double = 0.0
+        for i in range(self._n):
+            c = area_change[i]
+            if c > least:
+                u = self._unit[i, 0]
+                v = self._unit[i, 1]
+                total += c
+                x += c * u
+                y += c * v
+                xx += c * u * u
+                xy += c * u * v
+                yy += c * v * v
+        if total > 0.0:
+            x /= total
+            y /= total
+            xx = xx / total - x * x
+            xy = xy / total - x * y
+            yy = yy / total - y * y
+        det: cython.double = xx * yy - xy * xy
+        chosen: cython.bint
+        for i in range(self._n):
+            if not total > 0.0:
+                chosen = True
+            elif det > _FLAT:
+                u = self._unit[i, 0] - x
+                v = self._unit[i, 1] - y
+                chosen = u * u * yy - 2.0 * u * v * xy + v * v * xx <= _ELLIPSE * det
+            else:
+                chosen = area_change[i] > least
+            if chosen:
+                self._pins[n_pins] = i
+                n_pins += 1
+        return n_pins
+
+    def torsion(
+        self, motion: cython.const[cython.double][:, ::1], pins: cython.const[cython.int][::1]
+    ) -> float:
+        """Rotation of these pins about their own centre.
+
+        motion   (n, 2) float64 px since rest; NaN where lost
+        pins     (k,) int32, rows
+        Returns  rad, positive from x towards y (clockwise on the screen); NaN for fewer than two seen pins
+        Raises   ValueError: sizes that do not fit, no such pin
+        """
+        self._check(motion, pins)
+        i: cython.Py_ssize_t
+        p: cython.Py_ssize_t
+        used: cython.Py_ssize_t = 0
+        x: cython.double = 0.0
+        y: cython.double = 0.0
+        for p in range(pins.shape[0]):
+            i = pins[p]
+            if not isnan(motion[i, 0]):
+                x += self._rest[i, 0]
+                y += self._rest[i, 1]
+                used += 1
+        if used < 2:
+            return NAN
+        x /= used
+        y /= used
+        re: cython.double = 0.0
+        im: cython.double = 0.0
+        bx: cython.double
+        by: cython.double
+        ax: cython.double
+        ay: cython.double
+        for p in range(pins.shape[0]):  # conj(before) after; a common shift of `after` drops out
+            i = pins[p]
+            if not isnan(motion[i, 0]):
+                bx = self._rest[i, 0] - x
+                by = self._rest[i, 1] - y
+                ax = bx + motion[i, 0]
+                ay = by + motion[i, 1]
+                re += bx * ax + by * ay
+                im += bx * ay - by * ax
+        return atan2(im, re)
+
+    def fit_step(
+        self,
+        now: cython.const[cython.double][:, ::1],
+        before: cython.const[cython.double][:, ::1],
+        pins: cython.const[cython.int][::1],
+    ) -> tuple[int, float, float]:
+        """Fit a plane to each component of these pins' step from `before` to `now`.
+
+        now, before  (n, 2) float64 px, motion since rest; NaN where lost
+        pins         (k,) int32, rows
+        Returns      number of pins seen in both; sum of their steps' squares, px2; what the planes leave of
+                     it
+        Raises       ValueError: sizes that do not fit, no such pin
+        """
+        self._check(now, pins)
+        if before.shape[0] != self._n or before.shape[1] != 2:
+            raise ValueError(f"before ({self._n}, 2) is wanted")
+        i: cython.Py_ssize_t
+        p: cython.Py_ssize_t
+        used: cython.Py_ssize_t = 0
+        dx: cython.double
+        dy: cython.double
+        square: cython.double = 0.0
+        left: cython.double = 0.0
+        self._g[:, :] = 0.0
+        for p in range(pins.shape[0]):
+            i = pins[p]
+            dx = now[i, 0] - before[i, 0]
+            dy = now[i, 1] - before[i, 1]
+            if not isnan(dx):
+                self._add(self._unit[i, 0], self._unit[i, 1], dx, dy)
+                square += dx * dx + dy * dy
+                used += 1
+        if used == 0:
+            return 0, 0.0, 0.0
+        for i in range(3):
+            self._g[i, i] += _RIDGE
+        solve_plane(self._g)
+        for p in range(pins.shape[0]):
+            i = pins[p]
+            dx = now[i, 0] - before[i, 0]
+            dy = now[i, 1] - before[i, 1]
+            if not isnan(dx):
+                dx = dx - self._g[0, 3] - self._g[1, 3] * self._unit[i, 0] - self._g[2, 3] * self._unit[i, 1]
+                dy = dy - self._g[0, 4] - self._g[1, 4] * self._unit[i, 0] - self._g[2, 4] * self._unit[i, 1]
+                left += dx * dx + dy * dy
+        return used, square, left
+
+    @cython.cfunc
+    def _check(
+        self, motion: cython.const[cython.double][:, ::1], pins: cython.const[cython.int][::1]
+    ) -> cython.bint:
+        """Raises ValueError: sizes that do not fit, no such pin."""
+        n: cython.Py_ssize_t = self._n
+        p: cython.Py_ssize_t
+        if motion.shape[0] != n or motion.shape[1] != 2:
+            raise ValueError(f"motion ({n}, 2) is wanted")
+        for p in range(pins.shape[0]):
+            if pins[p] < 0 or pins[p] >= n:
+                raise ValueError(f"pins: rows of 0 to {n - 1} are wanted, not {pins[p]}")
+        return True
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _add(self, u: cython.double, v: cython.double, dx: cython.double, dy: cython.double) -> cython.void:
+        """One pin's part of the planes' equations; upper triangle."""
+        self._g[0, 0] += 1.0
+        self._g[0, 1] += u
+        self._g[0, 2] += v
+        self._g[1, 1] += u * u
+        self._g[1, 2] += u * v
+        self._g[2, 2] += v * v
+        self._g[0, 3] += dx
+        self._g[1, 3] += u * dx
+        self._g[2, 3] += v * dx
+        self._g[0, 4] += dy
+        self._g[1, 4] += u * dy
+        self._g[2, 4] += v * dy

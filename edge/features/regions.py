@@ -1,0 +1,359 @@
+"""Which peaks make one contact, and the region of the grid that belongs to each contact.
+
+    peaks --prominence--> contacts --nearest peak, level--> regions --moments--> middle, axes, direction, area
+
+Rules
+- Two peaks are one contact unless every way from one to the other goes down far enough: by a share of the
+  lower one and by a multiple of the pins' noise there (topographic prominence, relative).
+- The region of a contact is what rises above a share of its peak and is nearest to one of its peaks. A share
+  and no fixed height, so that it does not grow with the depth alone.
+- Contacts are in the order of their highest peaks, CONTACTS_MAX at the most.
+
+A kernel: compiled by Cython (see setup.py), and the same when it is not.
+"""
+
+# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
+
+from __future__ import annotations
+
+import cython
+import numpy as np
+
+from edge.features.params import PARAMS, FeatureParams
+from edge.features.peaks import PEAKS_MAX, PeakFinder
+from edge.types import Array
+
+if cython.compiled:
+    from cython.cimports.libc.math import atan2, hypot, isfinite, sqrt
+else:
+    from math import atan2, hypot, isfinite, sqrt
+
+CONTACTS_MAX = 8
+
+_CONTACTS_MAX = cython.declare(cython.Py_ssize_t, CONTACTS_MAX)
+_NONE = cython.declare(cython.int, -1)
+#: Smallest variance across a region, in squared steps: below it the ratio of the axes is rounding.
+_VARIANCE_MIN = cython.declare(cython.double, 1e-9)
+
+
+@cython.cclass
+class Regions:
+    """Contacts of one frame: their peaks, and the moments of their regions. Good until the next frame.
+
+    n_contacts   of the frame
+    middle       (CONTACTS_MAX, 2) float64 px, centre of gravity of each region
+    semi_axis    (CONTACTS_MAX,) float64 px, the long one
+    elongation   (CONTACTS_MAX,) float64, long over short axis
+    direction    (CONTACTS_MAX,) float64 rad, of the long axis, from x towards y
+    owner        (padded grid,) int32, contact that a point belongs to, -1: none
+    x0, y0, step_px  place of the padded grid's first column and row, and the distance of its points
+
+    peaks        of the field
+    x0, y0, step_px  place of the field's first column and row, and the distance of its points
+    """
+
+    n_contacts = cython.declare(cython.Py_ssize_t, visibility="readonly")
+    middle = cython.declare(cython.double[:, ::1], visibility="readonly")
+    semi_axis = cython.declare(cython.double[::1], visibility="readonly")
+    elongation = cython.declare(cython.double[::1], visibility="readonly")
+    direction = cython.declare(cython.double[::1], visibility="readonly")
+    owner = cython.declare(cython.int[::1], visibility="readonly")
+    x0 = cython.declare(cython.double, visibility="readonly")
+    y0 = cython.declare(cython.double, visibility="readonly")
+    step_px = cython.declare(cython.double, visibility="readonly")
+    _n_points: cython.Py_ssize_t[::1]  # of each region
+    _level: cython.float[::1]  # a region's edge
+    _sums: cython.double[:, ::1]  # of each region: weight, first and second moments
+    _n_peaks: cython.Py_ssize_t
+    _at: cython.int[::1]  # of each peak: its place in the padded grid
+    _height: cython.float[::1]
+    _contact: cython.int[
+        ::1
+    ]  # the contact it belongs to, -1: one too many; a contact's first peak is its highest
+    _peaks: PeakFinder
+    _found_at: cython.int[::1]  # of `peaks`
+    _found_point: cython.int[::1]
+    _found_height: cython.float[::1]
+    _grid: cython.float[::1]
+    _place: cython.int[::1]
+    _column: cython.int[::1]  # of each place in the padded grid
+    _row: cython.int[::1]
+    _level_rel: cython.double
+    _min_prominence_rel: cython.float
+    _min_prominence_sigma: cython.double
+
+    def __init__(
+        self, peaks: PeakFinder, x0: float, y0: float, step_px: float, params: FeatureParams = PARAMS
+    ) -> None:
+        table = PEAKS_MAX + CONTACTS_MAX  # a second look may turn one contact into two
+        self.n_contacts, self._n_peaks = 0, 0
+        self.middle = np.zeros((CONTACTS_MAX, 2))
+        self.semi_axis, self.elongation = np.zeros(CONTACTS_MAX), np.zeros(CONTACTS_MAX)
+        self.direction = np.zeros(CONTACTS_MAX)
+        self._n_points, self._level = np.zeros(CONTACTS_MAX, np.intp), np.zeros(CONTACTS_MAX, np.float32)
+        self._sums = np.zeros((CONTACTS_MAX, 6))
+        self._at, self._contact = np.zeros(table, np.int32), np.zeros(table, np.int32)
+        self._height = np.zeros(table, np.float32)
+        self._peaks = peaks
+        self._found_at, self._found_point, self._found_height = peaks.at, peaks.point, peaks.height
+        self._grid, self._place, self.owner = peaks.grid, peaks.place, peaks.mark
+        row, column = np.divmod(np.arange(len(peaks.grid), dtype=np.int32), peaks.width)
+        self._row, self._column = row.astype(np.int32), column.astype(np.int32)
+        self.x0, self.y0, self.step_px = x0 - step_px, y0 - step_px, step_px
+        self._level_rel = params.region_level_rel
+        self._min_prominence_rel = params.min_prominence_rel
+        self._min_prominence_sigma = params.min_prominence_sigma
+
+    def merge(self, noise: cython.const[cython.float][::1], noise_px: cython.double) -> cython.Py_ssize_t:
+        """Group the peaks into contacts by prominence, and measure their regions.
+
+        noise     (k,) float32, noise of the field at each point per px of a pin's
+        noise_px  of a pin; not used for a single peak
+        Returns   number of contacts
+        Raises    ValueError: another number of points
+        """
+        if noise.shape[0] != self._place.shape[0]:
+            raise ValueError(f"noise ({self._place.shape[0]},) is wanted")
+        j: cython.Py_ssize_t
+        first: cython.Py_ssize_t
+        depth: cython.float
+        pins: cython.float = self._min_prominence_sigma * noise_px
+        self._n_peaks = self._peaks.n_peaks
+        self.n_contacts = 0
+        for j in range(self._n_peaks):
+            self._at[j] = self._found_at[j]
+            self._height[j] = self._found_height[j]
+            first = j
+            if j > 0:
+                depth = max(self._min_prominence_rel * self._height[j], pins * noise[self._found_point[j]])
+                first = self._peaks.first_connected(j, self._height[j] - depth)
+            if first < j:
+                self._contact[j] = self._contact[first]
+            elif self.n_contacts < _CONTACTS_MAX:
+                self._contact[j] = cython.cast(cython.int, self.n_contacts)
+                self.n_contacts += 1
+            else:
+                self._contact[j] = _NONE
+        self._measure()
+        return self.n_contacts
+
+    def keep(self, kept: cython.const[cython.uchar][::1]) -> None:
+        """Drop the contacts that are not kept, (n_contacts or more,) uint8; the others get their ground."""
+        if kept.shape[0] < self.n_contacts:
+            raise ValueError(f"kept ({self.n_contacts},) is wanted")
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        n: cython.int = 0
+        for i in range(self.n_contacts):
+            for j in range(self._n_peaks):
+                if self._contact[j] == i:
+                    self._contact[j] = n if kept[i] else _NONE
+            n += 1 if kept[i] else 0
+        self.n_contacts = n
+        self._drop_peaks()
+        self._measure()
+
+    def split(self, i: cython.Py_ssize_t, first: cython.Py_ssize_t, second: cython.Py_ssize_t) -> None:
+        """Replace the peaks of contact i by two places of the padded grid: one stays i, the other is a new
+        contact.
+
+        To be followed by `sort`. Raises ValueError: no such contact or place, or no room
+        """
+        j: cython.Py_ssize_t
+        found: cython.bint = False
+        if not 0 <= i < self.n_contacts < _CONTACTS_MAX:
+            raise ValueError(f"i: a contact of 0 to {self.n_contacts - 1} is wanted, and room for one more")
+        if not (0 <= first < self._grid.shape[0] and 0 <= second < self._grid.shape[0]):
+            raise ValueError(f"first, second: places of 0 to {self._grid.shape[0] - 1} are wanted")
+        for j in range(self._n_peaks):
+            if self._contact[j] == i:
+                if not found:
+                    self._at[j] = cython.cast(cython.int, first)
+                    self._height[j] = self._grid[first]
+                else:
+                    self._contact[j] = _NONE
+                found = True
+        self._drop_peaks()
+        self._at[self._n_peaks] = cython.cast(cython.int, second)
+        self._height[self._n_peaks] = self._grid[second]
+        self._contact[self._n_peaks] = cython.cast(cython.int, self.n_contacts)
+        self._n_peaks += 1
+        self.n_contacts += 1
+
+    def sort(self) -> None:
+        """Put the contacts in the order of their highest peaks again, and measure their regions."""
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        for i in range(1, self.n_contacts):
+            j = i
+            while j > 0 and self._height[self._highest(j)] > self._height[self._highest(j - 1)]:
+                for k in range(self._n_peaks):
+                    if self._contact[k] == j:
+                        self._contact[k] = cython.cast(cython.int, j - 1)
+                    elif self._contact[k] == j - 1:
+                        self._contact[k] = cython.cast(cython.int, j)
+                j -= 1
+        self._measure()
+
+    def area_px2(self, i: cython.Py_ssize_t) -> float:
+        """Of contact i's region."""
+        self._check(i)
+        return self._n_points[i] * self.step_px * self.step_px
+
+    def peak_height(self, i: cython.Py_ssize_t) -> float:
+        """Of contact i's highest peak, between the grid's points: by a parabola through three along each
+        axis.
+        """
+        self._check(i)
+        at: cython.Py_ssize_t = self._at[self._highest(i)]
+        k: cython.Py_ssize_t
+        step: cython.Py_ssize_t
+        top: cython.double = cython.cast(cython.double, self._grid[at])
+        height: cython.double = top
+        low: cython.double
+        high: cython.double
+        curvature: cython.double
+        for k in range(2):
+            step = self._peaks.width if k == 0 else 1
+            low = cython.cast(cython.double, self._grid[at - step])
+            high = cython.cast(cython.double, self._grid[at + step])
+            curvature = 2.0 * top - low - high
+            if low > top or high > top:
+                continue  # no maximum of this field: one of the two of a split contact
+            if curvature > 0.0 and isfinite(curvature):
+                height += (high - low) * (high - low) / (8.0 * curvature)
+        return height
+
+    def ridge(self, i: cython.Py_ssize_t) -> Array:
+        """(m, 2) float64 px, all peaks of contact i."""
+        self._check(i)
+        j: cython.Py_ssize_t
+        places = []
+        for j in range(self._n_peaks):
+            if self._contact[j] == i:
+                places.append(
+                    (
+                        self.x0 + self.step_px * self._column[self._at[j]],
+                        self.y0 + self.step_px * self._row[self._at[j]],
+                    )
+                )
+        return np.array(places)
+
+    @cython.cfunc
+    def _check(self, i: cython.Py_ssize_t) -> cython.bint:
+        if i < 0 or i >= self.n_contacts:
+            raise ValueError(f"i: a contact of 0 to {self.n_contacts - 1} is wanted, not {i}")
+        return True
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _highest(self, i: cython.Py_ssize_t) -> cython.Py_ssize_t:
+        """Which peak is the highest of contact i."""
+        j: cython.Py_ssize_t = 0
+        while self._contact[j] != i:
+            j += 1
+        return j
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _drop_peaks(self) -> cython.void:
+        """Forget the peaks that belong to no contact."""
+        j: cython.Py_ssize_t
+        left: cython.Py_ssize_t = 0
+        for j in range(self._n_peaks):
+            if self._contact[j] != _NONE:
+                self._at[left] = self._at[j]
+                self._height[left] = self._height[j]
+                self._contact[left] = self._contact[j]
+                left += 1
+        self._n_peaks = left
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _measure(self) -> cython.void:
+        """Collect each contact's region, and find its shape."""
+        i: cython.Py_ssize_t
+        self._collect()
+        for i in range(self.n_contacts):
+            self._find_shape(i)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _collect(self) -> cython.void:
+        """Owner of each point, and sums over each region, weighted by the height above its edge."""
+        i: cython.Py_ssize_t
+        p: cython.Py_ssize_t
+        at: cython.Py_ssize_t
+        h: cython.float
+        w: cython.double
+        x: cython.double
+        y: cython.double
+        lowest: cython.float = (
+            np.inf if self.n_contacts == 0 else self._level_rel * self._height[self._highest(0)]
+        )
+        for i in range(self.n_contacts):
+            self._level[i] = self._level_rel * self._height[self._highest(i)]
+            lowest = min(lowest, self._level[i])
+            self._n_points[i] = 0
+            for p in range(6):
+                self._sums[i, p] = 0.0
+        for p in range(self._place.shape[0]):
+            at = self._place[p]
+            h = self._grid[at]
+            self.owner[at] = _NONE
+            if not h > lowest:
+                continue
+            i = self._contact[self._nearest(at)]
+            if i < 0 or not h > self._level[i]:
+                continue
+            self.owner[at] = cython.cast(cython.int, i)
+            w = cython.cast(cython.double, h - self._level[i])
+            x = self._column[at]
+            y = self._row[at]
+            self._n_points[i] += 1
+            self._sums[i, 0] += w
+            self._sums[i, 1] += w * x
+            self._sums[i, 2] += w * y
+            self._sums[i, 3] += w * x * x
+            self._sums[i, 4] += w * x * y
+            self._sums[i, 5] += w * y * y
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _nearest(self, at: cython.Py_ssize_t) -> cython.Py_ssize_t:
+        """Which peak is nearest to a place; of equals the first, and the first where there is one contact."""
+        j: cython.Py_ssize_t
+        nearest: cython.Py_ssize_t = 0
+        least: cython.int = 2147483647
+        dx: cython.int
+        dy: cython.int
+        if self.n_contacts == 1:
+            return 0
+        for j in range(self._n_peaks):
+            dx = self._column[at] - self._column[self._at[j]]
+            dy = self._row[at] - self._row[self._at[j]]
+            if dx * dx + dy * dy < least:
+                least = dx * dx + dy * dy
+                nearest = j
+        return nearest
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _find_shape(self, i: cython.Py_ssize_t) -> cython.void:
+        """Middle and axes of a region from its sums."""
+        w: cython.double = self._sums[i, 0]
+        x: cython.double = self._sums[i, 1] / w
+        y: cython.double = self._sums[i, 2] / w
+        # 1/12: a grid point stands for a square of one step.
+        xx: cython.double = self._sums[i, 3] / w - x * x + 1.0 / 12.0
+        xy: cython.double = self._sums[i, 4] / w - x * y
+        yy: cython.double = self._sums[i, 5] / w - y * y + 1.0 / 12.0
+        mean: cython.double = 0.5 * (xx + yy)
+        half: cython.double = hypot(0.5 * (xx - yy), xy)
+        self.middle[i, 0] = self.x0 + self.step_px * x
+        self.middle[i, 1] = self.y0 + self.step_px * y
+        # A uniform ellipse's semi-axis is two standard deviations.
+        self.semi_axis[i] = 2.0 * sqrt(mean + half) * self.step_px
+        self.direction[i] = 0.5 * atan2(2.0 * xy, xx - yy)
+        self.elongation[i] = sqrt((mean + half) / max(mean - half, _VARIANCE_MIN))

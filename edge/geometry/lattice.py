@@ -1,0 +1,195 @@
+"""The lattice of pins at rest: neighbours, pitch, and stencils over the neighbours.
+
+Idea: pins sit on one skin, so their motion is a smooth function of the rest position, and near pins
+predict each other. What they say of a motion is linear in it: its weights depend on the rest frame alone
+and are made once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay, QhullError, cKDTree
+
+from edge.errors import DegenerateLayout
+from edge.types import Array, Index
+
+__all__ = [
+    "N_NEAR",
+    "N_RING",
+    "Lattice",
+    "nearest",
+    "pitch_of",
+    "residual_stencil",
+    "side_length_of",
+    "slope_stencil",
+]
+
+# Edges of the rest Delaunay longer than this many pitches bridge the hull's bays and tie pins that are
+# no neighbours: a hexagonal lattice has edges of 1, a square one of 1 and 1.41.
+LONGEST_EDGE = 1.7
+# The first ring of a hexagonal lattice.
+N_RING = 6
+# The first two rings: enough that an affine map survives a third of them lost.
+N_NEAR = 18
+# Reach of the second ring, and the width of the Gaussian weight, in pitches.
+NEAR_REACH = 2.6
+NEAR_WIDTH = 1.6
+# Singular values below this share of the largest count as zero: pins on a line determine no slope across it.
+RANK_TOLERANCE = 1e-4
+# No two tracks come nearer than half a pitch, or this share of their distance at rest where that is less.
+DISTANCE_MIN = 0.5
+DISTANCE_MIN_OF_REST = 0.85
+N_CLOSEST = 8
+
+
+def pitch_of(xy: Array) -> float:
+    """Median over the pins of the mean distance to the three nearest; xy (n, 2) any unit, same unit out."""
+    distance, _ = cKDTree(xy).query(xy, k=min(4, len(xy)))
+    return float(np.median(distance[:, 1:].mean(axis=1)))
+
+
+def side_length_of(xy: Array, corners: NDArray[np.integer]) -> float:
+    """Median length of the sides of triangles; xy (n, 2) any unit, corners (t, 3) rows of xy; same unit out.
+
+    Of Delaunay triangles it is longer than `pitch_of` by the sides that cross from ring to ring: by 2 % on a
+    tip with pins in rings.
+    """
+    sides = xy[corners] - xy[np.roll(corners, -1, axis=1)]
+    return float(np.median(np.hypot(sides[..., 0], sides[..., 1])))
+
+
+def nearest(xy: Array, k: int) -> Index:
+    """Each pin itself and its k nearest ones.
+
+    xy       (n, 2) any unit
+    Returns  (n, k + 1) int32, nearest first, the lower row first of two at one distance; fewer columns
+             where there are fewer pins
+    """
+    d2 = ((xy[:, None, :] - xy[None, :, :]) ** 2).sum(axis=2)
+    np.fill_diagonal(d2, -1.0)
+    return np.ascontiguousarray(np.argsort(d2, axis=1, kind="stable")[:, : k + 1], np.int32)
+
+
+def slope_stencil(xy: Array, pitch: float) -> tuple[Index, Array]:
+    """Slope of a motion at each pin as a constant weighting of its first ring: the plane of least squares.
+
+    xy, pitch  (n, 2) and the pitch, same unit
+    Returns    (n, 7) int32, the pin itself and the six nearest; (n, 2, 7) float64 per unit: their weights in
+               the slopes along x and along y. Fewer columns where there are fewer pins; where the plane is
+               not determined, the shortest of the solutions.
+    """
+    ring = nearest(xy, N_RING)
+    plane = np.linalg.pinv(_terms((xy[ring] - xy[:, None]) / pitch, 1), rcond=RANK_TOLERANCE)
+    return ring, np.ascontiguousarray(plane[:, 1:] / pitch)
+
+
+def residual_stencil(xy: Array, pitch: float) -> tuple[Index, Array]:
+    """How far a pin's motion is off the quadratic through its two rings, as a constant weighting.
+
+    Weighted least squares (Gaussian of NEAR_WIDTH pitches), so that an affine motion leaves no residual.
+
+    xy, pitch  (n, 2) and the pitch, same unit
+    Returns    (n, 19) int32, the pin itself and the eighteen nearest; (n, 19) float64: their weights. The
+               squares of a row sum to 1, so that the noise of a residual is that of a pin.
+    """
+    near = nearest(xy, N_NEAR)
+    away = (xy[near[:, 1:]] - xy[:, None]) / pitch
+    root = np.sqrt(_gaussian((away**2).sum(axis=2)))
+    fit = np.linalg.pinv(_terms(away, 2) * root[..., None], rcond=RANK_TOLERANCE)[:, 0] * root
+    error = np.concatenate([np.ones((len(xy), 1)), -fit], axis=1)
+    return near, error / np.sqrt((error**2).sum(axis=1, keepdims=True))
+
+
+def _gaussian(square: Array) -> Array:
+    """Weight of a neighbour by the square of its distance in pitches."""
+    return np.asarray(np.exp(-0.5 * square / NEAR_WIDTH**2), np.float64)
+
+
+def _terms(away: Array, degree: int) -> Array:
+    """(n, k, 3 or 6): 1, x, y, and for degree 2 the squares, of (n, k, 2) offsets."""
+    x, y = away[..., 0], away[..., 1]
+    terms = [np.ones_like(x), x, y]
+    if degree == 2:
+        terms += [x * x, x * y, y * y]
+    return np.stack(terms, axis=-1)
+
+
+def _delaunay(xy: Array) -> Index:
+    """(t, 3) rows of each triangle's corners."""
+    try:
+        return np.asarray(Delaunay(xy).simplices, np.int32)
+    except QhullError:
+        raise DegenerateLayout("all pins of the rest frame lie on one line") from None
+
+
+class Lattice:
+    """Neighbours of each pin at rest.
+
+    rest_xy          (n, 2) float64, px
+    pitch_px         of the tip
+    edges            (e, 2) int32, Delaunay edges, each once, none longer than LONGEST_EDGE pitches
+    triangles        (t, 3) int32, Delaunay triangles of such edges
+    adjacent         (n, k) int32, Delaunay neighbours, filled up with n
+    direction_rad    of the edges, modulo 60 degrees
+    near             (n, N_NEAR) int32, nearest pins, nearest first; fewer columns where there are fewer pins
+    offset           (n, N_NEAR, 2) to these, pitches
+    weight           (n, N_NEAR) of these by distance, zero beyond NEAR_REACH
+    closest          (n, N_CLOSEST) int32, the first columns of near
+    local_pitch_px   (n,) distance to the next pin, a median over the neighbourhood: the unit of every gate
+    pairs            (p, 2) int32, each pin and its closest ones, each pair once
+    distance_min_px  (p,) that the tracks of such a pair keep
+    """
+
+    def __init__(self, rest_xy: Array, pitch_px: float) -> None:
+        """Raises DegenerateLayout: fewer than 4 pins, or all on a line."""
+        self.n = n = len(rest_xy)
+        if n < 4:
+            raise DegenerateLayout(f"{n} pins in the rest frame; tracking needs at least 4")
+        self.rest_xy = rest_xy
+        self.pitch_px = pitch_px
+        self.edges, self.triangles = _edges_and_triangles(rest_xy, LONGEST_EDGE * pitch_px)
+        along = rest_xy[self.edges[:, 1]] - rest_xy[self.edges[:, 0]]
+        sixfold = np.angle(np.sum(np.exp(6j * np.arctan2(along[:, 1], along[:, 0])))) / 6
+        self.direction_rad = float(sixfold)
+        self.adjacent = _adjacent(self.edges, n)
+
+        near = nearest(rest_xy, N_NEAR)
+        self.near = np.ascontiguousarray(near[:, 1:])
+        self.offset = (rest_xy[self.near] - rest_xy[:, None]) / pitch_px
+        distance = np.hypot(self.offset[..., 0], self.offset[..., 1])
+        self.weight = np.where(distance < NEAR_REACH, _gaussian(distance**2), 0.0)
+        # Rows may be much denser one way than the other; what can be mistaken is the nearest neighbour.
+        nearest_px = distance[:, 0] * pitch_px
+        self.local_pitch_px: Array = np.median(nearest_px[near[:, :N_CLOSEST]], axis=1)
+        # Pins that are close at rest may stay so.
+        self.closest = np.ascontiguousarray(self.near[:, :N_CLOSEST])
+        columns = self.closest.shape[1]
+        pin = np.repeat(np.arange(n, dtype=np.int32), columns)
+        both = np.sort(np.stack([pin, self.closest.ravel()], axis=1))
+        self.pairs, first = np.unique(both, axis=0, return_index=True)
+        apart = distance[:, :columns].ravel()[first]
+        self.distance_min_px = np.minimum(DISTANCE_MIN, DISTANCE_MIN_OF_REST * apart) * pitch_px
+
+
+def _edges_and_triangles(xy: Array, longest: float) -> tuple[Index, Index]:
+    """Delaunay edges (e, 2), each once, and triangles (t, 3) that have none longer."""
+    corners = _delaunay(xy)
+    edges = np.unique(
+        np.sort(np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])), axis=0
+    )
+    length = np.hypot(*(xy[edges[:, 0]] - xy[edges[:, 1]]).T)
+    sides = xy[corners] - xy[np.roll(corners, 1, axis=1)]
+    short = (np.hypot(sides[..., 0], sides[..., 1]) < longest).all(1)
+    return edges[length < longest], corners[short]
+
+
+def _adjacent(edges: Index, n: int) -> Index:
+    """(n, k) the pins that edges tie each pin to, filled up with n."""
+    both = np.vstack([edges, edges[:, ::-1]])
+    both = both[np.argsort(both[:, 0], kind="stable")]
+    degree = np.bincount(both[:, 0], minlength=n)
+    adjacent = np.full((n, max(1, int(degree.max()))), n, np.int32)
+    column = np.arange(len(both)) - np.repeat(np.cumsum(degree) - degree, degree)
+    adjacent[both[:, 0], column] = both[:, 1]
+    return adjacent

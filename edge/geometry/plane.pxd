@@ -1,0 +1,1 @@
+cdef void solve_plane(double[:, ::1] g) noexcept nogil

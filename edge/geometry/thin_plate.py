@@ -1,0 +1,54 @@
+"""The thin-plate spline: the surface of least bending through values at knots, as constant matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from edge.errors import DegenerateLayout
+from edge.types import Array
+
+__all__ = ["thin_plate_operators"]
+
+
+def thin_plate_operators(knots: Array, points: Array) -> tuple[Array, Array, Array]:
+    """Matrices that give the spline through values at the knots, and its slopes, at points.
+
+    knots    (n, 2) and points (m, 2), same unit; n >= 3, not all on a line
+    Returns  three (m, n) float64: value, derivative along x and along y (per unit of the knots)
+    Raises   DegenerateLayout: fewer than 3 knots, or all on a line
+    Source   Duchon 1977; Wahba, Spline Models for Observational Data, 1990, section 2.4
+    """
+    n = len(knots)
+    centre = knots.mean(axis=0)
+    spread = np.linalg.svd(knots - centre, compute_uv=False) if n >= 3 else np.zeros(2)
+    if not spread[-1] > 1e-9 * spread[0]:
+        raise DegenerateLayout(f"a surface needs three pins that are not on one line; here are {n}")
+    scale = float(np.sqrt(((knots - centre) ** 2).sum(axis=1).mean()))
+    x, p = (knots - centre) / scale, (points - centre) / scale
+    value, _, _ = _kernel(x, x)
+    system = np.zeros((n + 3, n + 3))
+    system[:n, :n] = value
+    system[:n, n:] = np.column_stack([np.ones(n), x])
+    system[n:, :n] = system[:n, n:].T
+    one, zero = np.ones((len(p), 1)), np.zeros((len(p), 1))
+    value, along_x, along_y = _kernel(p, x)
+    right = np.vstack(
+        [
+            np.hstack([value, one, p]),
+            np.hstack([along_x, zero, one, zero]) / scale,
+            np.hstack([along_y, zero, zero, one]) / scale,
+        ]
+    )
+    # The system is symmetric: right S^-1 = (S^-1 right^T)^T; values fill the first n rows of its input.
+    solved = np.linalg.solve(system, right.T)[:n].T
+    value, along_x, along_y = np.split(solved, 3)
+    return value, along_x, along_y
+
+
+def _kernel(a: Array, b: Array) -> tuple[Array, Array, Array]:
+    """r^2 log r, zero at r = 0, and its derivatives along x and y."""
+    d = a[:, None, :] - b[None, :, :]
+    r2 = (d**2).sum(axis=2)
+    log = np.log(np.where(r2 > 0.0, r2, 1.0))
+    slope = np.where(r2 > 0.0, log + 1.0, 0.0)
+    return 0.5 * r2 * log, d[:, :, 0] * slope, d[:, :, 1] * slope

@@ -1,0 +1,161 @@
+"""The limits under which every file and upload is parsed: calibration, settings, configuration, recordings.
+
+    raw = read_bounded(path, limits.CALIBRATION_BYTES)      # the size is known before anything is read
+    content = decode_json(raw, CalibrationFile)             # structure, lengths and ranges by the types
+    ...                                                     # what the types cannot say: the stage's checks
+    ...                                                     # and only then something is built from it
+
+Rules
+- What a file costs in time and memory is bounded by its size in bytes and by the lengths in its types.
+- NaN and infinity are never a number, and every number has a range that its quantity can have.
+- What is wrong is one line: the place in the file, what would be right. `BadContent` carries it; whoever
+  reads the file puts the file's name before it.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+import msgspec
+
+__all__ = [
+    "CALIBRATION_BYTES",
+    "CONFIG_BYTES",
+    "IMAGE_PIXELS",
+    "IMAGE_SIDE_PX",
+    "PINS_MAX",
+    "PINS_MIN",
+    "SETTINGS_BYTES",
+    "BadContent",
+    "ImageSide",
+    "Name",
+    "Number",
+    "Pixels",
+    "check_nesting",
+    "decode_json",
+    "explain",
+    "quote",
+    "read_bounded",
+]
+
+CALIBRATION_BYTES = 2 << 20  # a 1000-pin tip with every model takes about 0.5 MB
+CONFIG_BYTES = 64 << 10  # every key with a comment takes 4 kB
+SETTINGS_BYTES = 4 << 10  # five numbers
+NESTING_MAX = 32  # lists and tables within each other, where a file's types do not bound it
+
+IMAGE_SIDE_PX = 8192  # width or height
+IMAGE_PIXELS = 1 << 24  # 4096 x 4096, more than any camera that fits behind a fingertip
+PINS_MIN = 12  # as many as `edge.pins` wants to see before it believes in a pattern
+PINS_MAX = 2048  # six times the densest tip in use
+
+T = TypeVar("T")
+
+#: Any number of a file that has no closer range.
+Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]
+#: A place or a length in an image; a place may lie a little outside of it.
+Pixels = Annotated[float, msgspec.Meta(ge=-IMAGE_SIDE_PX, le=2 * IMAGE_SIDE_PX)]
+ImageSide = Annotated[int, msgspec.Meta(ge=16, le=IMAGE_SIDE_PX)]
+Name = Annotated[str, msgspec.Meta(max_length=64)]
+
+
+class BadContent(ValueError):
+    """A file's content cannot be used: the place in it, what is wrong, what would be right. One line."""
+
+
+def read_bounded(path: Path, bytes_max: int) -> bytes:
+    """A file's bytes, if there are not too many.
+
+    Raises  BadContent: it is larger, or no ordinary file; OSError: it cannot be read
+    """
+    if path.exists() and not path.is_file():  # reading a device or a pipe might never end
+        raise BadContent("a folder or a device; give a file")
+    with path.open("rb") as file:
+        raw = file.read(bytes_max + 1)
+    if len(raw) > bytes_max:
+        raise BadContent(f"larger than {bytes_max >> 10} KiB")
+    return raw
+
+
+def decode_json(raw: bytes, kind: type[T]) -> T:
+    """JSON as one of the given type. Raises BadContent."""
+    try:
+        return msgspec.json.decode(raw, type=kind)
+    except msgspec.ValidationError as error:
+        raise BadContent(explain(str(error))) from None
+    except msgspec.DecodeError as error:
+        words = str(error).removeprefix("JSON is malformed: ")
+        raise BadContent(f"no JSON: {words[:1].lower() + words[1:]}") from None
+    except UnicodeDecodeError as error:
+        raise BadContent(f"no JSON: byte {error.start} is not UTF-8 text") from None
+    except RecursionError:
+        raise BadContent("lists and tables are nested too deeply") from None
+
+
+def check_nesting(raw: bytes) -> None:
+    """Whether JSON of no fixed type can be walked through. Raises BadContent: nested too deeply."""
+    depth = 0
+    for token in re.finditer(rb'"(?:[^"\\]|\\.)*"|[\[{\]}]', raw, re.DOTALL):
+        depth += {b"[": 1, b"{": 1, b"]": -1, b"}": -1}.get(token[0], 0)
+        if depth > NESTING_MAX:
+            raise BadContent(f"lists and tables are nested more than {NESTING_MAX} deep")
+
+
+def quote(text: str) -> str:
+    """Text from a file, as a message has it: printable, in quotes, cut where it is long."""
+    text = text if len(text) <= 40 else text[:37] + "..."
+    return repr(text) if text.isprintable() else ascii(text)
+
+
+_KINDS = {
+    "str": "text",
+    "int": "a whole number",
+    "float": "a number",
+    "bool": "true or false",
+    "array": "a list",
+    "object": "a table {...}",
+    "null": "null",
+}
+_COMPARED = {
+    ">=": "must be at least",
+    ">": "must be more than",
+    "<=": "must be at most",
+    "<": "must be less than",
+}
+_AMOUNT = {"<=": "at most {}", ">=": "at least {}", None: "exactly {}"}
+_PATH = re.compile(r" - at `\$\.?(?P<path>.*)`$", re.DOTALL)
+_LENGTH = re.compile(r"Expected `(?P<kind>\w+)` of length (?P<op>[<>]=?)? ?(?P<n>\d+)")
+_RANGE = re.compile(r"Expected `\w+` (?P<op>[<>]=?) (?P<limit>\S+)")
+_KIND = re.compile(r"Expected `(?P<wanted>[^`]*)`, got `(?P<found>[^`]*)`")
+_FIELD = re.compile(r"Object (?P<what>missing required|contains unknown) field `(?P<name>.*)`", re.DOTALL)
+_VALUE = re.compile(r"Invalid (?:enum )?value (?P<value>.*)", re.DOTALL)
+
+
+def explain(message: str) -> str:
+    """A message of msgspec in words: `models[0].sigma: must be more than 0`."""
+    found = _PATH.search(message)
+    place = found["path"] if found else ""
+    what = _what(message[: found.start()] if found else message)
+    return f"{place}: {what}" if place else what
+
+
+def _what(message: str) -> str:
+    if m := _LENGTH.match(message):
+        unit = "characters" if m["kind"] == "str" else "items"
+        return f"must have {_AMOUNT[m['op']].format(m['n'])} {unit}"
+    if m := _RANGE.match(message):
+        return f"{_COMPARED[m['op']]} {float(m['limit']):g}"
+    if m := _KIND.match(message):
+        return f"must be {_named(m['wanted'])}, is {_named(m['found'])}"
+    if m := _FIELD.match(message):
+        if m["what"] == "missing required":
+            return f"lacks {m['name']}"
+        return f"unknown key {quote(m['name'])}"
+    if m := _VALUE.match(message):
+        return f"unknown value {quote(m['value'].strip(chr(39)))}"
+    return message[:1].lower() + message[1:]
+
+
+def _named(kinds: str) -> str:
+    return " or ".join(_KINDS.get(kind, kind) for kind in kinds.split(" | "))

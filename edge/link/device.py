@@ -1,0 +1,126 @@
+"""The running app as its bus nodes see it: identity, tare, calibration, features, reboot.
+
+Called from the links' threads. Nothing here waits for the loop: what changes the pipeline is posted to it
+and done between two frames; what can be refused at once is refused at once, and `rest_frame` says what became
+of the rest.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from importlib.metadata import version
+
+from edge.calibration import Calibration
+from edge.errors import CalibrationError
+from edge.link.node import Refused
+from edge.runtime.calibration_store import CalibrationStore
+from edge.runtime.loop import Loop
+from edge.runtime.tare_state import TareBusy
+from edge.types import Clock, Feature
+from hostlink.wire import FaultCode
+
+__all__ = ["LoopDevice"]
+
+
+class LoopDevice:
+    """`edge.link.node.Device` on a `Loop`.
+
+    serial_number  of the fingertip
+    store          where an uploaded calibration is kept; None: it is lost at the end
+    """
+
+    def __init__(self, loop: Loop, serial_number: str, store: CalibrationStore | None = None) -> None:
+        self._loop = loop
+        self._serial_number = serial_number
+        self._store = store
+        self._started_s = time.monotonic()
+        # What no node can switch, such as the surface for a viewer.
+        self._extra = loop.measurement.demand - set(_NAMED)
+        self.reboot_wanted = False
+
+    def describe(self) -> Mapping[str, int | float | str | bytes]:
+        """Read-only objects by name."""
+        statistics, calibration = self._loop.statistics(), self._loop.calibration
+        return {
+            "serial_number": self._serial_number,
+            "software_version": version("voronoi-touch"),
+            "calibration_id": f"{calibration.content_id:08x}" if calibration else "",
+            "pin_n": statistics.pins_n,
+            "camera": self._loop.source.name,
+            "camera_rate_hz": statistics.rate_hz,
+            "uptime_s": int(time.monotonic() - self._started_s),
+            "samples_n": statistics.frames_n,
+            "dropped_n": statistics.dropped_n + statistics.lost_by_camera_n,
+            "latency_p50_us": round(statistics.latency_us[0]),
+            "latency_p99_us": round(statistics.latency_us[1]),
+        }
+
+    def clock_us(self) -> int | None:
+        """The clock that stamps the images, now; None where it is the camera's or a recording's own."""
+        last = self._loop.last
+        if last is None or last.frame.clock not in (Clock.HOST, Clock.DRIVER):
+            return None
+        return time.monotonic_ns() // 1000
+
+    def tare(self, force: bool) -> None:
+        """Have a new rest frame taken. Raises Refused: something touches the tip, or one is being taken."""
+        if self._loop.in_contact and not force:
+            raise Refused("something touches the tip; let go, or force the tare")
+        try:
+            self._loop.request_tare(force)
+        except TareBusy as error:
+            raise Refused(str(error)) from None
+
+    def rest_frame(self) -> Mapping[str, int | float | str | bytes]:
+        """What became of the last request for a rest frame."""
+        outcome = self._loop.tare_outcome
+        return {
+            "rest_frame_request_n": outcome.number,
+            "rest_frame_state": outcome.state,
+            "rest_frame_reason": outcome.reason,
+            "rest_frame_words": outcome.message,
+        }
+
+    def calibration_bytes(self) -> bytes:
+        """The calibration file in use; empty: none."""
+        calibration = self._loop.calibration
+        return calibration.encoded if calibration else b""
+
+    def upload_calibration(self, data: bytes) -> None:
+        """Check another calibration, and have a rest frame taken with it; then it is stored and used.
+
+        Raises  CalibrationError: not usable; Refused: a rest frame is being taken. Nothing has changed
+        """
+        calibration = Calibration.parse(data, "upload")
+        frame, made_at = self._loop.frame, calibration.rest.pattern.size_px
+        if frame is not None and made_at != (size := frame.image.shape[1::-1]):
+            raise CalibrationError(
+                f"upload: made at {made_at[0]}x{made_at[1]}, the camera gives {size[0]}x{size[1]}; "
+                "give one of this tip and camera"
+            )
+        store = self._store
+        try:
+            self._loop.request_tare(
+                calibration=calibration,
+                store=None if store is None else lambda: store.replace(calibration),
+            )
+        except TareBusy as error:
+            raise Refused(str(error)) from None
+
+    def set_features(self, names: frozenset[str]) -> None:
+        """Compute these features from the next frame on."""
+        demand = frozenset(Feature(name) for name in names) | self._extra
+        self._loop.post(lambda: self._loop.set_demand(demand))
+
+    def reboot(self) -> None:
+        """End the loop; the program that runs it starts anew."""
+        self.reboot_wanted = True
+        self._loop.post(self._loop.stop)
+
+    def report(self, code: FaultCode, active: bool, message: str = "") -> None:
+        """A link's fault appeared or went."""
+        self._loop.faults.report(code, active, message)
+
+
+_NAMED = frozenset(Feature) - {Feature.SURFACE}

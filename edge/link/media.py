@@ -1,0 +1,221 @@
+"""Open buses and lines, and what their failures mean: MediumFull (drop, go on), MediumError (open anew).
+
+python-can and pyserial report a dead medium in many ways: their own errors, OSError, ValueError for a
+file number that is gone, TypeError for a handle that became None. All of them end here.
+"""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Protocol
+
+import can
+import serial
+
+from hostlink.wire.address import Address
+from hostlink.wire.open_errors import cannot_open, is_junk, words_of
+from hostlink.wire.port_lock import PortLock
+
+__all__ = ["CanMedium", "Medium", "MediumError", "MediumFull", "SerialMedium", "open_bus", "open_line"]
+
+WRITE_S = 0.2  # a line that takes nothing for this long is full
+INSTANT = frozenset({"socketcan", "virtual", "udp_multicast"})  # interfaces whose send(timeout=0) returns
+FULL = frozenset({errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK})
+FD_CLOCK_HZ = 80_000_000  # CiA 601-3's recommended CAN FD clock
+FD_SAMPLE_POINT = 80.0  # percent, both phases; CiA 601-3
+READ_CHUNK = 4096
+INTERFACES = Path("/sys/class/net")
+
+# Error frames of SocketCAN: class bits in the identifier (linux/can/error.h).
+CAN_ERR_BUSOFF = 0x40
+CAN_ERR_RESTARTED = 0x100
+
+for _library in ("can", "canopen"):
+    # They log what they also raise: that would be a second line on stderr.
+    logging.getLogger(_library).addHandler(logging.NullHandler())
+    logging.getLogger(_library).propagate = False
+
+
+class MediumError(Exception):
+    """The medium failed and must be opened anew."""
+
+
+class MediumFull(Exception):
+    """The medium takes nothing now; it may in a moment."""
+
+
+class Medium(Protocol):
+    """An open bus or line. What it carries: can.Message on a bus, bytes on a line."""
+
+    instant: bool  # whether a write returns at once, come what may
+    bus_off: bool
+
+    def write(self, item: Any) -> None:
+        """Raises MediumFull, MediumError."""
+        ...
+
+    def read(self, timeout_s: float) -> Any:
+        """What came in, or None. Raises MediumError."""
+        ...
+
+    def close(self) -> None: ...
+
+
+_NO_DRIVER = (ImportError, AttributeError, NameError)  # python-can without a driver's own library
+_BROKEN = (can.CanError, OSError, ValueError, TypeError)  # serial.SerialException is an OSError
+
+
+class CanMedium:
+    """A python-can bus.
+
+    instant  whether its `send(timeout=0)` returns at once
+    carrier  file of a SocketCAN interface that holds 1 while its controller is on the bus. The kernel takes
+             frames for one that is off, and throws them away: there a write proves nothing
+    lock     of a serial-line adapter's port
+    """
+
+    def __init__(
+        self, bus: can.BusABC, instant: bool, carrier: Path | None = None, lock: PortLock | None = None
+    ) -> None:
+        self.instant = instant
+        self.bus_off = False
+        self.junk_n = 0  # datagrams that were no frames
+        self._bus = bus
+        self._carrier = carrier
+        self._lock = lock
+        self._timeout_s = 0.0 if instant else WRITE_S
+
+    def write(self, item: can.Message) -> None:
+        if self.bus_off and self._carrier is not None:
+            raise MediumFull("bus-off")
+        try:
+            self._bus.send(item, timeout=self._timeout_s)
+        except _BROKEN as error:
+            if _means_full(error):
+                raise MediumFull(str(error)) from error
+            raise MediumError(words_of(error)) from error
+        self.bus_off = False
+
+    def read(self, timeout_s: float) -> can.Message | None:
+        try:
+            message = self._bus.recv(timeout_s)
+        except _BROKEN as error:
+            if is_junk(error):
+                self.junk_n += 1
+                return None
+            raise MediumError(words_of(error)) from error
+        if message is not None and message.is_error_frame:
+            if message.arbitration_id & CAN_ERR_BUSOFF:
+                self.bus_off = True
+            elif message.arbitration_id & CAN_ERR_RESTARTED:
+                self.bus_off = False
+            return None
+        if self.bus_off and self._carrier is not None:  # also where the word of the restart was missed
+            with suppress(OSError):  # an interface that is down has no answer
+                self.bus_off = self._carrier.read_text().strip() != "1"
+        return message
+
+    def close(self) -> None:
+        with suppress(*_BROKEN):  # a dead bus cannot be told goodbye
+            self._bus.shutdown()
+        if self._lock is not None:
+            self._lock.close()
+
+
+class SerialMedium:
+    """A pyserial port."""
+
+    instant = False
+    bus_off = False
+
+    def __init__(self, port: Any) -> None:
+        self._port = port
+
+    def write(self, item: bytes) -> None:
+        try:
+            self._port.write(item)
+        except serial.SerialTimeoutException as error:
+            with suppress(*_BROKEN):
+                self._port.reset_output_buffer()  # what is stuck in there is old by now
+            raise MediumFull(str(error)) from error
+        except _BROKEN as error:
+            raise MediumError(words_of(error)) from error
+
+    def read(self, timeout_s: float) -> bytes | None:
+        try:
+            self._port.timeout = timeout_s
+            first = self._port.read(1)
+            return bytes(first + self._port.read(min(self._port.in_waiting, READ_CHUNK))) if first else None
+        except _BROKEN as error:
+            raise MediumError(words_of(error)) from error
+
+    def close(self) -> None:
+        with suppress(*_BROKEN):
+            self._port.close()
+
+
+def open_bus(address: Address) -> Callable[[], CanMedium]:
+    """What opens the bus of an address, time after time. It raises MediumError."""
+
+    def opener() -> CanMedium:
+        arguments = address.bus_arguments()
+        lock: PortLock | None = None
+        try:
+            if address.interface == "slcan":  # before the adapter is told anything
+                lock = PortLock(address.channel)
+            timing = address.fd_timing()
+            if timing is not None:
+                arguments.pop("bitrate", None)
+                arguments["timing"] = can.BitTimingFd.from_sample_point(
+                    f_clock=FD_CLOCK_HZ,
+                    nom_bitrate=timing[0],
+                    nom_sample_point=FD_SAMPLE_POINT,
+                    data_bitrate=timing[1],
+                    data_sample_point=FD_SAMPLE_POINT,
+                )
+            bus = can.Bus(**arguments)
+            carrier = None
+            if address.interface == "socketcan":
+                carrier = INTERFACES / address.channel / "carrier"
+                # An interface that goes down says so once, to a reader or to a writer. A reader that was
+                # woken for it after the writer was told would wait for ever, and hold the link with it.
+                os.set_blocking(bus.fileno(), False)
+            return CanMedium(bus, address.interface in INSTANT, carrier, lock)
+        except (*_BROKEN, *_NO_DRIVER) as error:
+            if lock is not None:
+                lock.close()
+            raise MediumError(cannot_open(address, error)) from error
+
+    return opener
+
+
+def open_line(address: Address) -> Callable[[], SerialMedium]:
+    """What opens the serial port of an address, time after time. It raises MediumError."""
+
+    def opener() -> SerialMedium:
+        try:
+            port = serial.serial_for_url(
+                address.channel,
+                baudrate=address.baud,
+                write_timeout=WRITE_S,
+                exclusive=True,  # two readers would steal each other's bytes
+            )
+        except _BROKEN as error:
+            raise MediumError(cannot_open(address, error)) from error
+        return SerialMedium(port)
+
+    return opener
+
+
+def _means_full(error: BaseException) -> bool:
+    number = getattr(error, "error_code", None) or getattr(error.__cause__, "errno", None)
+    if number is None:
+        # SocketCAN and slcan raise "Transmit buffer full" and a timeout without a number.
+        timed_out = isinstance(error.__cause__, TimeoutError | serial.SerialTimeoutException)
+        return timed_out or isinstance(error, TimeoutError) or "buffer full" in str(error)
+    return number in FULL

@@ -1,0 +1,296 @@
+"""The finger as an ordinary CANopen node: a sink that also listens.
+
+    app --send--> Node --[NMT state, rate, divider, SYNC]--> sink ==bus==> host
+                   ^ objects (SDO, serial requests), NMT, SYNC <============
+
+Rules
+- A node is a `Sink`: it sends what is due and leaves out the rest. Left out is not dropped.
+- It starts by itself: boot-up, pre-operational, operational (CiA 302-2's self-starting device), for most
+  hands have no NMT master. A master can stop it, and start it again.
+- Transmission type 254: samples go out as they come. 1..240: the newest sample is latched, and each n-th
+  SYNC sends it, once; without a new sample nothing is sent, for a repetition would pass for news.
+- A fault sends one emergency when it appears and one with code 0 and what remains in the error register
+  when it goes (CiA 301, 7.2.7); the fault byte is 0 when none remains.
+- Objects are served by the link's reader thread: `Device` methods are called from there, not from the loop.
+- The application is known through `Device` alone.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Protocol
+
+from edge.link.object_server import ObjectServer, Refused
+from edge.link.ports import CanPort, SerialPort
+from edge.link.sinks import CanFdSink, CanSink, LinkSink, SerialSink, SinkCounters
+from edge.runtime.settings import SettingsFile
+from hostlink.wire import FAULTS, FEATURE_BITS, CanIds, FaultCode, State, Status, pack_detail, pack_emergency
+
+__all__ = ["Device", "Node", "Refused"]
+
+Value = int | float | str | bytes
+
+DETAIL_SHARE = 0.3  # of the link's time that the detail stream may take at the most
+OPERATIONAL = "OPERATIONAL"
+NMT_RESET_NODE, NMT_RESET_COMMUNICATION = 129, 130
+
+_FAULTS = {fault.code: fault for fault in FAULTS}
+_STANDARD_IDS = CanIds()
+
+
+class Device(Protocol):
+    """What a node asks of the application. Called from the link's thread; must return within some 50 ms,
+    for the host waits for the answer."""
+
+    def describe(self) -> Mapping[str, Value]:
+        """Read-only objects by name (`hostlink.wire.OBJECTS`): serial_number (required), hardware_version,
+        software_version, calibration_id, pin_n, camera, camera_rate_hz, uptime_s, samples_n, dropped_n,
+        latency_p50_us, latency_p99_us. What is left out reads as its default."""
+        ...
+
+    def clock_us(self) -> int | None:
+        """The clock that stamps the images, now, us of any width; None where it cannot be read."""
+        ...
+
+    def tare(self, force: bool) -> None:
+        """Have a new rest frame taken from the next images; `rest_frame` says what became of it.
+
+        Raises Refused: something touches the tip, and `force` is not set; or one is being taken
+        """
+        ...
+
+    def rest_frame(self) -> Mapping[str, Value]:
+        """Objects rest_frame_request_n, _state, _reason, _words: what became of the last request for one."""
+        ...
+
+    def calibration_bytes(self) -> bytes:
+        """The calibration file in use; empty: none."""
+        ...
+
+    def upload_calibration(self, data: bytes) -> None:
+        """Check another calibration file and have a rest frame taken with it; then it is stored and used.
+
+        Raises ValueError, edge.errors.CalibrationError: not usable, nothing changed; Refused: not now
+        """
+        ...
+
+    def set_features(self, names: frozenset[str]) -> None:
+        """Compute these features (`edge.types.Feature` values) from now on."""
+        ...
+
+    def reboot(self) -> None:
+        """Restart the software, after the answer had time to leave."""
+        ...
+
+    def report(self, code: FaultCode, active: bool, message: str = "") -> None:
+        """A fault of the link appeared or went: `FaultRegistry.report`."""
+        ...
+
+
+class Node:
+    """One finger on one link.
+
+    sink      the open link; the node closes it
+    device    the application
+    settings  where settings live; several nodes of one finger may share one
+    node      CANopen node number on a serial line; on CAN it is the sink's
+    """
+
+    def __init__(
+        self, sink: CanSink | SerialSink, device: Device, settings: SettingsFile | None = None, node: int = 1
+    ) -> None:
+        self.sink: LinkSink = sink
+        self.name = sink.name
+        self._device = device
+        self._settings = settings or SettingsFile()
+        self._sending = threading.Lock()
+        self._watching = threading.Lock()
+        self._latched: tuple[State, float] | None = None
+        self._syncs = 0
+        self._frames = 0
+        self._next_us = 0.0
+        self._dropped_n = 0
+        self._detail_counter = 0
+        self._detail_frames = 0
+        self._active: set[FaultCode] = set()
+        self._link_faults: frozenset[FaultCode] = frozenset()
+        number = sink.node if isinstance(sink, CanSink) else node
+        ids = sink.ids if isinstance(sink, CanSink) else None
+        self.objects = ObjectServer(
+            device, self._settings, number, ids or _STANDARD_IDS, self._changed, self._statistics
+        )
+        self._port: CanPort | SerialPort
+        if isinstance(sink, CanSink):
+            self._port = CanPort(sink, self.objects, self._on_nmt, self._on_sync)
+        else:
+            self._port = SerialPort(sink, number, self.objects, self._on_nmt, self._on_sync)
+        sink.on_faults = self.watch_link
+        self._changed("features")
+        self._start()
+
+    # ---- a sink -----------------------------------------------------------------------------------
+
+    @property
+    def up(self) -> bool:
+        return self.sink.up
+
+    @property
+    def counters(self) -> SinkCounters:
+        return self.sink.counters
+
+    @property
+    def state(self) -> str:
+        """CiA 301 NMT state: OPERATIONAL, PRE-OPERATIONAL, STOPPED."""
+        return str(self._port.node.nmt.state)
+
+    def send(self, state: State) -> bool:
+        """Send a sample if it is due; True: it left. A sample that is not due is neither sent nor counted."""
+        if self.state != OPERATIONAL or not self._is_due(state.capture_time_us):
+            return False
+        if self.objects.transmission[1] != 254:
+            with self._sending:
+                self._latched = (state, time.monotonic())
+            return False
+        return self._send(state)
+
+    def drain(self, timeout_s: float) -> bool:
+        return self.sink.drain(timeout_s)
+
+    def close(self) -> None:
+        self.sink.close()
+
+    # ---- the detail stream ------------------------------------------------------------------------
+
+    @property
+    def detail_divider(self) -> int:
+        """Every n-th measurement is asked for in detail; 0: none."""
+        return self._settings.values.detail_divider
+
+    def send_detail(self, sample: int, rows: Sequence[tuple[float, float, float]]) -> bool:
+        """Send every pin's (dx px, dy px, relative area change), if asked for, due, and the link has room.
+
+        Classic CAN has no detail stream: at 6 bytes a frame it would leave no room for samples.
+        """
+        divider, sink = self.detail_divider, self.sink
+        self._detail_frames += 1
+        if divider == 0 or self.state != OPERATIONAL or self._detail_frames % divider:
+            return False
+        if not isinstance(sink, CanFdSink | SerialSink):
+            return False
+        segments = pack_detail(sample, rows, self._detail_counter)
+        items = [sink.encode_detail(segment) for segment in segments]
+        if not sink.send_detail(items, sink.frame_s(len(segments[0])) / DETAIL_SHARE):
+            return False
+        self._detail_counter += len(segments)
+        return True
+
+    # ---- faults -----------------------------------------------------------------------------------
+
+    def report(self, code: FaultCode, active: bool, message: str = "") -> None:
+        """A fault appeared or went: `FaultRegistry.on_change`. Sends the emergency."""
+        if active == (code in self._active):
+            return
+        (self._active.add if active else self._active.discard)(code)
+        if active:
+            self.objects.record(_FAULTS[code])
+        self._tell(code, active)
+
+    def _tell(self, code: FaultCode, active: bool) -> None:
+        register, status = 0, Status(0)
+        for held in self._active:
+            register |= _FAULTS[held].register
+            status |= _FAULTS[held].status
+        self.objects.error_register = register
+        emcy = _FAULTS[code].emcy if active else 0
+        named = int(code) if self._active else 0
+        self._port.send_emergency(pack_emergency(emcy, register, named, int(status)))
+
+    def watch_link(self) -> None:
+        """Tell of what the link has to complain about; called by the sink when that may have changed."""
+        with self._watching:
+            if self.sink.faults != self._link_faults:
+                self._tell_of_link()
+
+    def _tell_of_link(self) -> None:
+        faults = self.sink.faults
+        for code in faults ^ self._link_faults:
+            self._device.report(code, code in faults, f"{self.name}: {_FAULTS[code].meaning}")
+        self._link_faults = faults
+        if not faults:  # what was said meanwhile nobody heard
+            for code in sorted(self._active):
+                self._tell(code, True)
+
+    # ---- within -----------------------------------------------------------------------------------
+
+    def _start(self) -> None:
+        self._port.start()
+        self._port.node.nmt.state = OPERATIONAL
+
+    def _send(self, state: State) -> bool:
+        dropped_n = self.sink.counters.dropped
+        if dropped_n != self._dropped_n:
+            state = replace(state, status=state.status | Status.LINK_FAULT)
+        sent = self.sink.send(state)
+        if sent:
+            self._dropped_n = dropped_n
+        return sent
+
+    def _is_due(self, capture_us: int) -> bool:
+        """Whether rate and divider let this one out. At most `rate_hz`, evenly, whatever the camera does."""
+        settings = self._settings.values
+        self._frames += 1
+        if self._frames % settings.divider:
+            return False
+        if settings.rate_hz == 0:
+            return True
+        period_us = 1e6 / settings.rate_hz
+        if abs(capture_us - self._next_us) > 2 * period_us:
+            self._next_us = capture_us  # first one, a pause, or a clock set anew
+        # Half a millisecond of the camera's jitter must not turn 100 Hz out of 100 Hz into 50.
+        if capture_us < self._next_us - 500:
+            return False
+        self._next_us += period_us
+        return True
+
+    def _on_sync(self) -> None:
+        every = self.objects.transmission[1]
+        if every == 254 or self.state != OPERATIONAL:
+            return
+        self._syncs += 1
+        if self._syncs % every:
+            return
+        with self._sending:
+            latched, self._latched = self._latched, None
+        if latched is not None:
+            state, since_s = latched
+            waited_us = (time.monotonic() - since_s) * 1e6
+            self._send(replace(state, latency_us=state.latency_us + waited_us))
+
+    def _on_nmt(self, command: int) -> None:
+        if command in (NMT_RESET_NODE, NMT_RESET_COMMUNICATION):
+            if command == NMT_RESET_NODE:
+                self._settings.values = self._settings.load()
+                self._changed("features")
+            self.objects.reset()
+            self._latched = None
+            self._start()
+
+    def _changed(self, setting: str) -> None:
+        values = self._settings.values
+        if setting == "heartbeat_ms":
+            self._port.set_heartbeat(values.heartbeat_ms)
+        elif setting == "features":
+            names = frozenset(name for name, bit in FEATURE_BITS.items() if values.features & bit)
+            self._device.set_features(names)
+
+    def _statistics(self) -> dict[str, int]:
+        c = self.sink.counters
+        return {
+            "sent_n": c.sent,
+            "unsent_n": c.dropped,
+            "link_lost_n": c.reconnects + (not self.sink.up),
+            "detail_dropped_n": c.detail_skipped,
+        }

@@ -1,0 +1,257 @@
+"""The object server: reads and writes of the object table, whoever asks (SDO or serial).
+
+Every access walks the same steps: is there such an object, may it be accessed so, does the value fit,
+who provides or applies it. What fits no step is an `Abort` with CiA 301's code; nothing else leaves here.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import struct
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from hashlib import sha256
+from typing import TYPE_CHECKING
+
+from edge.errors import CalibrationError
+from hostlink.output_file import OutputError
+from hostlink.wire import (
+    OBJECTS,
+    Abort,
+    CanIds,
+    CorruptFrame,
+    Fault,
+    Object,
+    object_at,
+    pack_value,
+    unpack_value,
+)
+from hostlink.wire.objects import TYPES
+
+if TYPE_CHECKING:
+    from edge.link.node import Device
+    from edge.runtime.settings import SettingsFile
+
+__all__ = ["Aborted", "ObjectServer"]
+
+log = logging.getLogger(__name__)
+Value = int | float | str | bytes
+
+HISTORY = 8  # entries of 0x1003
+FORCE = 2  # value of the tare object
+DESCRIBE_S = 0.1
+_DESCRIBED = frozenset(
+    {
+        "hardware_version",
+        "software_version",
+        "serial_number",
+        "calibration_id",
+        "pin_n",
+        "camera",
+        "camera_rate_hz",
+        "uptime_s",
+        "samples_n",
+        "dropped_n",
+        "latency_p50_us",
+        "latency_p99_us",
+    }
+)
+_INDICES = frozenset(o.index for o in OBJECTS)
+_SETTINGS = frozenset({"heartbeat_ms", "rate_hz", "divider", "features", "detail_divider"})
+_COB_IDS = {
+    "sync_cob_id": "sync",
+    "emergency_cob_id": "emergency",
+    "sdo_request_cob_id": "sdo_request",
+    "sdo_response_cob_id": "sdo_response",
+    **{f"tpdo{n}_cob_id": f"tpdo{n}" for n in range(1, 5)},
+}
+
+
+class Aborted(Exception):
+    """An access that was refused; `code` is one of `hostlink.wire.Abort`."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f"0x{code:08X}")
+        self.code = code
+
+
+class ObjectServer:
+    """The node's objects.
+
+    on_change  called with the name of a setting that changed
+    link       counters that the node itself keeps: name of a statistics object -> value now
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        settings: SettingsFile,
+        node: int,
+        ids: CanIds,
+        on_change: Callable[[str], None],
+        link: Callable[[], dict[str, int]],
+    ) -> None:
+        self._device = device
+        self._settings = settings
+        self._node = node
+        self._ids = ids
+        self._on_change = on_change
+        self._link = link
+        self._description: Mapping[str, Value] = {}
+        self._described_s = -math.inf
+        self.error_register = 0
+        self.refusal = ""  # why the last write was refused
+        self._errors: deque[int] = deque(maxlen=HISTORY)  # newest first
+        self.reset()
+
+    def reset(self) -> None:
+        """Power-on state of what is not stored."""
+        self._errors.clear()
+        self.transmission = dict.fromkeys(range(1, 5), 254)
+
+    def record(self, fault: Fault) -> None:
+        """Enter a fault into the error history."""
+        self._errors.appendleft(fault.emcy | int(fault.code) << 16)
+
+    # ---- the two accesses -------------------------------------------------------------------------
+
+    def read(self, index: int, sub: int) -> bytes:
+        """The object's bytes. Raises Aborted."""
+        obj = _find(index, sub)
+        if obj.access == "wo":
+            raise Aborted(Abort.WRITE_ONLY)
+        value = self._value(obj)
+        if value is None:
+            raise Aborted(Abort.NO_DATA)
+        try:
+            return _encode(obj, value)
+        except (TypeError, ValueError, struct.error) as error:
+            log.error("object %s: %s", obj.name, error)
+            raise Aborted(Abort.GENERAL) from None
+
+    def write(self, index: int, sub: int, data: bytes) -> None:
+        """Apply a value. Raises Aborted: it was not applied; `refusal` may say why."""
+        self.refusal = ""
+        obj = _find(index, sub)
+        if obj.access not in ("rw", "wo"):
+            raise Aborted(Abort.READ_ONLY)
+        try:
+            value = unpack_value(obj, data)
+        except CorruptFrame:
+            raise Aborted(Abort.LENGTH) from None
+        if isinstance(value, int | float) and obj.low is not None and obj.high is not None:
+            if not value >= obj.low:
+                raise Aborted(Abort.VALUE_LOW)
+            if not value <= obj.high:
+                raise Aborted(Abort.VALUE_HIGH)
+        self._described_s = -math.inf  # what is written may show there
+        try:
+            self._apply(obj, value)
+        except Refused as error:
+            self.refusal = str(error)
+            raise Aborted(Abort.NOT_NOW) from None
+        except (ValueError, CalibrationError) as error:
+            self.refusal = str(error)
+            log.warning("object %s: %s", obj.name, error)
+            raise Aborted(Abort.VALUE_RANGE) from None
+        except OutputError as error:
+            self.refusal = f"cannot be stored: {error}"
+            log.error("object %s cannot be stored: %s", obj.name, error)
+            raise Aborted(Abort.NOT_STORED) from None
+        except OSError as error:
+            self.refusal = f"cannot be stored: {error.strerror}; make room or give the state folder's rights"
+            log.error("object %s cannot be stored: %s", obj.name, error)
+            raise Aborted(Abort.NOT_STORED) from None
+
+    # ---- who provides, who applies ----------------------------------------------------------------
+
+    def _value(self, obj: Object) -> Value | None:
+        name = obj.name
+        if name in _SETTINGS:
+            setting: Value = getattr(self._settings.values, name)
+            return setting
+        if name in _COB_IDS:
+            base = int(getattr(self._ids, _COB_IDS[name]))
+            return base + (self._node if obj.node_id else 0)
+        if name == "settings_stored":
+            return self._settings.is_stored
+        if obj.index == 0x2032 and obj.sub:
+            return self._device.rest_frame()[name]
+        if name == "refusal":
+            return self.refusal
+        if name == "error_register":
+            return self.error_register
+        if name == "error_n":
+            return len(self._errors)
+        if obj.index == 0x1003:
+            return self._errors[obj.sub - 1] if obj.sub <= len(self._errors) else None
+        if name.endswith("_transmission"):
+            return self.transmission[obj.index - 0x1800 + 1]
+        if name == "calibration":
+            return self._device.calibration_bytes() or None
+        link = self._link()
+        if name in link:
+            return link[name]
+        if name == "serial_short":
+            serial = str(self._described()["serial_number"])
+            return int.from_bytes(sha256(serial.encode()).digest()[:4], "big")
+        if name == "time_us":
+            return self._device.clock_us()
+        return self._described().get(name, obj.default) if name in _DESCRIBED else obj.default
+
+    def _described(self) -> Mapping[str, Value]:
+        """What the device says of itself, at most DESCRIBE_S old: it costs the loop some time each time."""
+        now_s = time.monotonic()
+        if now_s - self._described_s > DESCRIBE_S:
+            self._description, self._described_s = self._device.describe(), now_s
+        return self._description
+
+    def _apply(self, obj: Object, value: Value) -> None:
+        name = obj.name
+        if name in _SETTINGS:
+            assert isinstance(value, int | float)
+            self._settings.change(**{name: value})
+            self._on_change(name)
+        elif name == "tare":
+            self._device.tare(value == FORCE)
+        elif name == "reboot":
+            self._device.reboot()
+        elif name == "restore_defaults":
+            self._settings.restore_defaults()
+            for setting in sorted(_SETTINGS):
+                self._on_change(setting)
+        elif name == "calibration":
+            assert isinstance(value, bytes)
+            self._device.upload_calibration(value)
+        elif name == "error_n":
+            self._errors.clear()
+        elif name.endswith("_transmission"):
+            assert isinstance(value, int)
+            if not (1 <= value <= 240 or value == 254):
+                raise ValueError(f"transmission type {value}: 1..240 or 254")
+            self.transmission[obj.index - 0x1800 + 1] = value
+        else:
+            raise Aborted(Abort.UNSUPPORTED)
+
+
+class Refused(Exception):
+    """The device will not do that now: a tare while something touches the tip."""
+
+
+def _find(index: int, sub: int) -> Object:
+    try:
+        return object_at(index, sub)
+    except KeyError:
+        raise Aborted(Abort.NO_SUB if index in _INDICES else Abort.NO_OBJECT) from None
+
+
+def _encode(obj: Object, value: Value) -> bytes:
+    if isinstance(value, str | bytes):
+        return pack_value(obj, value)
+    # Counters are read modulo their width: they count on for years.
+    code = TYPES[obj.type][1]
+    if code == "f":
+        return struct.pack("<f", value)
+    return struct.pack("<" + code, int(value) & (1 << 8 * struct.calcsize(code)) - 1)

@@ -1,0 +1,100 @@
+"""A frame's result as the wire's sample: `to_state`. No units change here, only names and validity.
+
+Rules
+- A value that is not known is NaN, never 0; what may be trusted was decided before (calibration, pipeline).
+- Contacts: the strongest that have a place on the wire are listed, all of them are counted.
+- With identities that are not trusted, or without a result, the sample still goes out: status bits and time,
+  no values.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from math import nan
+from typing import Any, Protocol
+
+from edge.types import Reading, Tracks
+from hostlink.wire import Contact, State, Status
+from hostlink.wire.fields import CONTACTS_MAX
+
+__all__ = ["Measured", "to_state"]
+
+#: Fields that the calibration fills in; the others are the frame's own.
+VALUES = frozenset(f.name for f in fields(State)) - {
+    "sample",
+    "status",
+    "capture_time_us",
+    "latency_us",
+    "pins_tracked",
+    "contact_n",
+    "contacts",
+    "displacement_sigma_mm",
+    "shear_sigma_mm",
+    "temperature_degc",
+}
+
+#: Which values' standard deviations go out; two axes share the larger one.
+SIGMAS = {
+    "displacement_sigma_mm": ("displacement_mm",),
+    "shear_sigma_mm": ("shear_x_mm", "shear_y_mm"),
+}
+
+
+class Measured(Protocol):
+    """What of a result goes over the wire."""
+
+    @property
+    def tracks(self) -> Tracks: ...
+
+    @property
+    def reading(self) -> Reading: ...
+
+
+def to_state(
+    measured: Measured | None,
+    *,
+    sample: int,
+    status: Status,
+    capture_time_us: int,
+    latency_us: float = nan,
+    temperature_degc: float = nan,
+) -> State:
+    """The sample of one frame.
+
+    measured          tracks and reading; None: there is no rest frame, or no image
+    sample            number of the measurement; counts on over gaps, wraps on the wire
+    status            bits known so far; SATURATED, UNCALIBRATED and TRACKER_LOST are added from the result
+    capture_time_us   start of exposure on this device's monotonic clock
+    latency_us        from capture to sending
+    Raises            KeyError: a value that the wire has no field for (a programming error)
+    """
+    frame: dict[str, Any] = {
+        "sample": sample,
+        "capture_time_us": capture_time_us,
+        "latency_us": latency_us,
+        "temperature_degc": temperature_degc,
+    }
+    if measured is None:
+        return State(status=status, **frame)
+    reading, tracks = measured.reading, measured.tracks
+    values, sigmas, n = reading.values, reading.sigmas, len(tracks.seen)
+    if not (VALUES.issuperset(values) and VALUES.issuperset(sigmas)):
+        unknown = (values.keys() | sigmas.keys()) - VALUES
+        raise KeyError(f"the state frame has no field {', '.join(sorted(unknown))}")
+    if not reading.calibrated:
+        status |= Status.UNCALIBRATED
+    if reading.saturated:
+        status |= Status.SATURATED
+    if tracks.confidence < Tracks.LOW_CONFIDENCE:
+        status |= Status.TRACKER_LOST
+    frame |= values
+    for name, of in SIGMAS.items():
+        frame[name] = max([sigmas[part] for part in of if part in sigmas], default=nan)
+    found = reading.contacts
+    return State(
+        status=status,
+        pins_tracked=tracks.n_seen / n if n else nan,
+        contact_n=len(found),
+        contacts=tuple([Contact(*row) for row in found[:CONTACTS_MAX].tolist()]) if len(found) else (),
+        **frame,
+    )

@@ -1,0 +1,180 @@
+"""Samples onto a bus or a line: `open_sink("can:can0")`, `sink.send(state)`.
+
+Addresses: `hostlink.wire.address`.
+What a failing link does, and what it never does: `edge.link.link_sink`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import can
+
+from edge.errors import SinkError
+from edge.link.link_sink import LinkSink
+from edge.link.media import Medium, MediumError, MediumFull, open_bus, open_line
+from edge.link.sink import MemorySink, Sink, SinkCounters
+from hostlink.wire import (
+    CanIds,
+    Message,
+    State,
+    encode_frame,
+    pack_message,
+    pack_parts,
+    pack_state,
+    unpack_message,
+)
+from hostlink.wire.address import DEFAULT_BAUD, AddressError, parse_address
+from hostlink.wire.errors import CorruptFrame
+from hostlink.wire.serial import decode_frame
+from hostlink.wire.timing import fd_frame_s, serial_frame_s
+
+__all__ = [
+    "CanClassicSink",
+    "CanFdSink",
+    "CanSink",
+    "LinkSink",
+    "Medium",
+    "MediumError",
+    "MediumFull",
+    "MemorySink",
+    "SerialSink",
+    "Sink",
+    "SinkCounters",
+    "open_sink",
+]
+
+NODE_DEFAULT = 1
+BITRATE, DBITRATE = 1_000_000, 5_000_000  # assumed where the address names none: CiA 601-3
+
+
+class CanSink(LinkSink):
+    """A node on a CAN bus. Items and incoming messages are can.Message.
+
+    node  CANopen node number, 1..127
+    ids   bases of the identifiers
+    """
+
+    def __init__(
+        self,
+        name: str,
+        open_medium: Callable[[], Medium],
+        node: int = NODE_DEFAULT,
+        ids: CanIds | None = None,
+    ) -> None:
+        self.node = node
+        self.ids = ids or CanIds()
+        self.ids.state(node)  # ValueError: no such node
+        super().__init__(name, open_medium)
+
+    def post_can(self, can_id: int, data: bytes) -> None:
+        """Post an 8-byte message: an answer, an emergency, a heartbeat."""
+        self.post(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+
+
+class CanFdSink(CanSink):
+    """One CAN FD frame of 64 bytes a sample, on TPDO1's identifier."""
+
+    def encode(self, state: State, counter: int) -> Sequence[can.Message]:
+        return (_fd_message(self.ids.state(self.node), pack_state(state, counter)),)
+
+    bitrate, dbitrate = BITRATE, DBITRATE  # of the bus, where the address names them
+
+    def encode_detail(self, payload: bytes) -> can.Message:
+        """The message of one detail segment, on TPDO4's identifier."""
+        return _fd_message(self.ids.detail(self.node), payload)
+
+    def frame_s(self, n_bytes: int) -> float:
+        """How long such a frame holds the bus, at worst."""
+        return fd_frame_s(n_bytes, self.bitrate, self.dbitrate)
+
+
+class CanClassicSink(CanSink):
+    """4 to 12 messages of 8 bytes a sample, on the identifiers of TPDO1..4."""
+
+    def encode(self, state: State, counter: int) -> Sequence[can.Message]:
+        return [
+            can.Message(arbitration_id=self.ids.tpdo(tpdo, self.node), data=data, is_extended_id=False)
+            for tpdo, data in pack_parts(state, counter)
+        ]
+
+
+class SerialSink(LinkSink):
+    """COBS frames on a serial line. Items are bytes; incoming messages are (type, counter, body).
+
+    What is damaged on its way in is dropped: who asked asks again.
+    """
+
+    BUFFER_MAX = 4096  # longer than any frame: a line without a single zero is noise
+
+    def __init__(self, name: str, open_medium: Callable[[], Medium]) -> None:
+        self._buffer = bytearray()
+        self.corrupt_n = 0
+        self.on_frame: Callable[[Message, int, bytes], None] | None = None
+        super().__init__(name, open_medium)
+        self.on_message = self._split
+
+    def encode(self, state: State, counter: int) -> Sequence[bytes]:
+        return (encode_frame(Message.STATE, pack_state(state, counter)),)
+
+    baud = DEFAULT_BAUD
+
+    def encode_detail(self, payload: bytes) -> bytes:
+        """The frame of one detail segment."""
+        return encode_frame(Message.DETAIL, payload)
+
+    def frame_s(self, n_bytes: int) -> float:
+        """How long such a frame holds the line."""
+        return serial_frame_s(n_bytes, self.baud)
+
+    def frame(self, kind: Message, body: bytes, counter: int) -> bytes:
+        """The bytes of an answer, an emergency or a heartbeat."""
+        return encode_frame(kind, pack_message(kind, body, counter))
+
+    def post_frame(self, kind: Message, body: bytes, counter: int) -> None:
+        """Post an answer, an emergency or a heartbeat."""
+        self.post(self.frame(kind, body, counter))
+
+    def _split(self, chunk: bytes) -> None:
+        self._buffer += chunk
+        *blocks, rest = self._buffer.split(b"\0")
+        self._buffer = rest[-self.BUFFER_MAX :]
+        for block in filter(None, blocks):
+            try:
+                number, payload = decode_frame(bytes(block))
+                kind = Message(number)
+                counter, body = unpack_message(kind, payload)
+            except (CorruptFrame, ValueError):
+                self.corrupt_n += 1
+                continue
+            if self.on_frame is not None:
+                self.on_frame(kind, counter, body)
+
+
+def open_sink(spec: str, node: int | None = None, ids: CanIds | None = None) -> Sink:
+    """The sink at an address such as `can:can0`, `serial:/dev/ttyACM0?baud=921600`, `memory:`.
+
+    node    CANopen node number where the address names none
+    Raises  SinkError, one line: the address makes no sense, or nothing is there
+    """
+    try:
+        address = parse_address(spec)
+    except AddressError as error:
+        raise SinkError(str(error)) from None
+    if address.scheme == "memory":
+        return MemorySink()
+    if not address.is_can:
+        line = SerialSink(str(address), open_line(address))
+        line.baud = address.baud
+        return line
+    kind: type[CanSink] = CanFdSink if address.fd else CanClassicSink
+    bus = kind(str(address), open_bus(address), address.node or node or NODE_DEFAULT, ids)
+    if isinstance(bus, CanFdSink):
+        bus.bitrate, bus.dbitrate = address.bitrate or BITRATE, address.dbitrate or DBITRATE
+    return bus
+
+
+def _fd_message(can_id: int, data: bytes) -> can.Message:
+    return can.Message(
+        arbitration_id=can_id, data=data, is_extended_id=False, is_fd=True, bitrate_switch=True
+    )

@@ -1,0 +1,191 @@
+"""Bright round spots of about a given radius, wherever they are and however bright the surroundings.
+
+Idea
+- A spot is a local maximum of a difference of Gaussians at the pin's scale. That finds every pin, and also
+  much that is none: rims, glare, texture.
+- What it is decides the profile along rays that leave it: a pin falls to half on nearly every ray and at
+  nearly the same distance. A rim or a streak of glare does not fall along two opposite bundles of rays, a
+  step does not fall on half of them, texture falls at any distance. All levels are relative to the spot's
+  own surroundings, so vignetting, gain and a rim brighter than the pins do not matter.
+
+Rules
+- Works on a reduced image in which a pin's radius is 2.5 to 5 px: the cost does not grow with the pins' size.
+- Positions here are good to half a pixel; the window centroid makes them subpixel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edge.pins.params import PARAMS
+from edge.types import Array, Image, Mask
+
+RAYS = 16
+# Distances along a ray, in radii: beyond 2.25 radii lies the next pin where the pitch is the tightest seen
+# (2.9 radii on the binary set).
+STEPS = np.arange(0.0, 2.26, 0.25)
+
+_ANGLES = 2.0 * np.pi * np.arange(RAYS) / RAYS
+_COS = np.cos(_ANGLES)[None, :, None]
+_SIN = np.sin(_ANGLES)[None, :, None]
+
+
+Places = NDArray[np.intp]
+Levels = NDArray[Any]  # grey levels, float32 or float64
+
+
+@dataclass(frozen=True, slots=True)
+class Spots:
+    """Local maxima at one scale, and how they look along the rays.
+
+    xy_img     (n, 2) float64 px
+    depth      (n,) grey levels from the spot's middle down to its surroundings (median over rays)
+    share      (n,) share of the rays that fall by half of `depth`
+    radius_px  (n,) median distance of the half fall
+    spread     (n,) 20..80 percentile range of that distance over its median; 0 for a perfect disc
+    """
+
+    xy_img: Array
+    depth: Array
+    share: Array
+    radius_px: Array
+    spread: Array
+
+    def __len__(self) -> int:
+        return len(self.xy_img)
+
+    def __getitem__(self, which: Mask | Places) -> Spots:
+        return Spots(
+            self.xy_img[which],
+            self.depth[which],
+            self.share[which],
+            self.radius_px[which],
+            self.spread[which],
+        )
+
+
+def join(parts: list[Spots]) -> Spots:
+    """Spots of several scales in one."""
+    return Spots(
+        np.concatenate([p.xy_img for p in parts]),
+        np.concatenate([p.depth for p in parts]),
+        np.concatenate([p.share for p in parts]),
+        np.concatenate([p.radius_px for p in parts]),
+        np.concatenate([p.spread for p in parts]),
+    )
+
+
+def find_spots(image: Image, radius_px: float, depth_min: float) -> Spots:
+    """All local maxima at the scale of `radius_px` that stand out by `depth_min` grey levels or more."""
+    k = max(1, int(radius_px // PARAMS.reduced_radius_px))
+    grey: Levels = image.astype(np.float32)
+    if k > 1:
+        h, w = image.shape[0] // k, image.shape[1] // k
+        grey = cv2.resize(grey[: h * k, : w * k], (w, h), interpolation=cv2.INTER_AREA)
+    r = radius_px / k
+    # Outside of the image it is dark: a pin that the border cuts still falls on all sides.
+    margin = int(np.ceil(1.5 * r))
+    dark = float(np.percentile(grey[::4, ::4], 1.0))
+    grey = cv2.copyMakeBorder(grey, margin, margin, margin, margin, cv2.BORDER_CONSTANT, value=dark)
+    s = r / np.sqrt(2.0)  # the Laplacian of Gaussian answers a disc of radius r best at this sigma
+    fine = cv2.GaussianBlur(grey, (0, 0), 0.7 * s)
+    band = fine - cv2.GaussianBlur(grey, (0, 0), 1.25 * s)
+    size = 2 * max(1, int(0.7 * r)) + 1
+    top = cv2.dilate(band, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)))
+    # A disc of contrast c answers with 0.16..0.38 c at this pair of sigmas, for radii 0.5..1.7 of the scale.
+    inside = np.s_[margin:-margin, margin:-margin]
+    ys, xs = np.nonzero((band[inside] >= top[inside]) & (band[inside] > 0.1 * depth_min))
+    ys, xs = ys + margin, xs + margin
+    if len(xs) > PARAMS.candidates_max:
+        best = np.argpartition(band[ys, xs], -PARAMS.candidates_max)[-PARAMS.candidates_max :]
+        ys, xs = ys[best], xs[best]
+    spots = _measure(_rays(grey, r, xs, ys), r)
+    xy = (np.stack([xs, ys], axis=1) - margin + 0.5) * k - 0.5
+    found = Spots(xy.astype(np.float64), spots[0], spots[1], spots[2] * k, spots[3])
+    return found[found.depth >= depth_min]
+
+
+def measure_discs(image: Image, spots: Spots) -> tuple[Array, float]:
+    """Radius of each spot (n,) and the blur of the pins' edge (median), px, from the profile round it.
+
+    The profile of a disc of radius r blurred by s falls through half its height at r, as an error function.
+    """
+    step = 0.5
+    reach = np.arange(0.0, 2.0 * float(np.median(spots.radius_px)) + 2.0, step)
+    n = len(spots)
+    x, y = spots.xy_img[:, 0, None, None], spots.xy_img[:, 1, None, None]
+    map_x = (x + reach * _COS).astype(np.float32).reshape(n, -1)
+    map_y = (y + reach * _SIN).astype(np.float32).reshape(n, -1)
+    level = cv2.remap(
+        image.astype(np.float32), map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    ).reshape(n, RAYS, len(reach))
+    profile = np.median(level, axis=1)
+    near = reach < np.maximum(0.6 * spots.radius_px, 1.0)[:, None]
+    top = (profile * near).sum(axis=1) / near.sum(axis=1)
+    bottom = np.minimum.accumulate(profile, axis=1)
+    floor = np.take_along_axis(
+        bottom,
+        np.minimum((1.8 * spots.radius_px / step).astype(np.intp) + 1, len(reach) - 1)[:, None],
+        axis=1,
+    )
+    level = (bottom - floor) / np.maximum(top[:, None] - floor, 1e-6)
+    radius = _crossing(level, 0.5) * step
+    # between 0.8 and 0.2 of its height a Gaussian edge is 1.683 sigma wide
+    edge = (_crossing(level, 0.2) - _crossing(level, 0.8)) * step / 1.683
+    good = (radius > 0.5 * spots.radius_px) & (radius < 1.5 * spots.radius_px)
+    return np.where(good, radius, spots.radius_px), float(
+        np.clip(np.median(edge), 0.35, np.median(radius) / 2)
+    )
+
+
+def _crossing(profile: Levels, height: float) -> Array:
+    """First index, between samples, at which each falling row goes below `height`."""
+    after = np.maximum((profile < height).argmax(axis=1), 1)
+    b = np.take_along_axis(profile, after[:, None], axis=1)[:, 0]
+    a = np.take_along_axis(profile, after[:, None] - 1, axis=1)[:, 0]
+    place: Array = after - 1 + np.clip((a - height) / np.maximum(a - b, 1e-6), 0.0, 1.0)
+    return place
+
+
+def _rays(grey: Levels, r: float, xs: Places, ys: Places) -> Levels:
+    """(n, RAYS, STEPS) grey levels along the rays, noise smoothed at a third of the radius."""
+    smooth = cv2.GaussianBlur(grey, (0, 0), max(0.3 * r, 0.6))
+    reach = (STEPS * r)[None, None, :]
+    n = len(xs)
+    if n == 0:
+        return np.empty((0, RAYS, len(STEPS)), np.float32)
+    map_x = (xs[:, None, None] + reach * _COS).astype(np.float32).reshape(n, -1)
+    map_y = (ys[:, None, None] + reach * _SIN).astype(np.float32).reshape(n, -1)
+    level: Levels = cv2.remap(smooth, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return level.reshape(n, RAYS, len(STEPS))
+
+
+def _measure(level: Levels, r: float) -> tuple[Array, Array, Array, Array]:
+    """Depth, share, radius and spread of each spot from its rays."""
+    step = (STEPS[1] - STEPS[0]) * r
+    middle = level[:, :, :2].mean(axis=(1, 2))
+    fall = middle[:, None] - level[:, :, 2:].min(axis=2)
+    depth = _quantile(fall, 0.5)
+    half = middle - 0.5 * depth
+    share: Array = (fall > 0.5 * depth[:, None]).mean(axis=1)
+    below = level < half[:, None, None]
+    first = np.maximum(below.argmax(axis=2), 1)
+    reached = below.any(axis=2)
+    after = np.take_along_axis(level, first[..., None], axis=2)[..., 0]
+    before = np.take_along_axis(level, first[..., None] - 1, axis=2)[..., 0]
+    part = np.clip((before - half[:, None]) / np.maximum(before - after, 1e-6), 0.0, 1.0)
+    distance = np.where(reached, (first - 1 + part) * step, (STEPS[-1] + 0.25) * r)
+    radius = np.maximum(_quantile(distance, 0.5), 1e-6)
+    spread = (_quantile(distance, 0.8) - _quantile(distance, 0.2)) / radius
+    return depth.astype(np.float64), share, radius.astype(np.float64), spread.astype(np.float64)
+
+
+def _quantile(values: Levels, q: float) -> Levels:
+    """Quantile along axis 1 without interpolation; far cheaper than numpy's on short rows."""
+    k = round(q * (values.shape[1] - 1))
+    return np.partition(values, k, axis=1)[:, k]

@@ -1,0 +1,687 @@
+"""Where each pin is now: one call over all pins, reading only their windows. Compiled; runs uncompiled too.
+
+Idea. A pin is a blurred disc of known radius d(r) on a local plane. Around a guess c the image is
+
+    I = b + g.(u,v) + A d + A (dx tx + dy ty) + noise,      tx = -d(d)/du: minus the disc's slope
+
+which is linear in b, g, A, A dx, A dy. tx and ty live on the disc's edge, where all knowledge about its place
+is: their least-squares answer is the maximum-likelihood step and reaches the Cramer-Rao bound, which a plain
+centroid misses by half. It is repeated until the step is below half a phase, so where the window started
+leaves no trace.
+
+Rules
+- Templates (`templates.py`) are in 16-bit integers for PHASES x PHASES subpixel offsets, zero outside of the
+  support circle. d is orthogonal to 1; tx and ty to 1 and d.
+- One pass over a window's pixels: nine pins in ten are answered by the first. Divisions are of the pin alone;
+  what is the template's stands in `norms`.
+- Levels are taken relative to the window's middle, so that all sums are exact integers.
+- Two pins never answer from one blob: of a pair closer than their clash distance the one that went further
+  from its prediction is lost.
+"""
+
+# mypy: disable-error-code="untyped-decorator,valid-type,index,attr-defined,assignment"
+
+from __future__ import annotations
+
+import cython
+import numpy as np
+
+from edge.pins.templates import BLOCK, HALF_MAX, LANES, NORM, PHASES, STEP_MAX, TemplateSet
+from edge.types import Array, Image, Index
+
+if cython.compiled:
+    from cython.cimports.edge.geometry.select import select_kth
+    from cython.cimports.edge.pins.windows import copy_rows, prefetch, sums_of_bytes, sums_of_shorts
+    from cython.cimports.libc.math import HUGE_VAL, NAN, floor, isfinite, isnan, ldexp, sqrt
+else:
+    from math import floor, isfinite, isnan, ldexp, sqrt
+    from math import inf as HUGE_VAL  # noqa: N812
+    from math import nan as NAN  # noqa: N812
+
+    from edge.geometry.select import select_kth
+    from edge.pins.windows import copy_rows, prefetch, sums_of_bytes, sums_of_shorts
+
+N_PHASES = cython.declare(cython.int, PHASES)
+LEVEL_MAX = cython.declare(cython.int, STEP_MAX)
+STEPS_MAX = cython.declare(cython.int, 8)
+NEAR = cython.declare(cython.double, 0.75 / PHASES)  # px: a step this short is the last
+FAR = cython.declare(cython.double, 0.35)  # px: the slopes alone are enough for a step this long
+AHEAD = cython.declare(cython.Py_ssize_t, 3)  # from the pin in hand to the one whose window is on its way
+# Of a disc that a border cuts: less of its variation than this share, or fewer pixels, is no answer.
+CUT_SHARE_MIN = cython.declare(cython.double, 0.3)
+CUT_PIXELS_MIN = cython.declare(cython.double, 12)
+
+#: One row of `templates.NORM`: what is known of one phase of one template.
+Norm = cython.struct(
+    pixels=cython.double, d2=cython.double, tx2=cython.double, ty2=cython.double, tx_u=cython.double,
+    ty_v=cython.double, u2=cython.double, v2=cython.double, u_mean=cython.double, v_mean=cython.double,
+    u_d=cython.double, v_d=cython.double, radius=cython.double, unit_d=cython.double, unit_t=cython.double,
+    inv_pixels=cython.double, inv_d2=cython.double, inv_tx2=cython.double, inv_ty2=cython.double,
+    inv_det_x=cython.double, inv_det_y=cython.double, inv_freedom=cython.double,
+)  # fmt: skip
+#: One row of `ANSWER`.
+Answer = cython.struct(
+    x=cython.double, y=cython.double, sigma=cython.double, amplitude=cython.double, fit=cython.double
+)
+#: x, y, sigma in px, amplitude in levels, fit: the share of the window's variation that the disc explained.
+ANSWER = np.dtype([(name, np.float64) for name in ("x", "y", "sigma", "amplitude", "fit")])
+
+
+@cython.cclass
+class CentroidKernel:
+    """Centroids of the n pins of one tip."""
+
+    n: cython.Py_ssize_t
+    _answers: Array
+    _fit_min: cython.double
+    _amplitude_share_min: cython.double
+    _reach2: cython.double
+    _clash: cython.double
+    _noise2: cython.double
+    _shift: cython.int  # bits that 16-bit images have too many
+    _wide: cython.bint
+    _rows: cython.Py_ssize_t
+    _columns: cython.Py_ssize_t
+    _image8: cython.const[cython.uchar][:, :]
+    _image16: cython.const[cython.ushort][:, :]
+    _kind: cython.Py_ssize_t  # whose windows the buffers are padded for
+    _kind_of: cython.int[::1]
+    _half: cython.int[::1]
+    _stride: cython.int[::1]
+    _first: cython.Py_ssize_t[::1]
+    _plane: cython.Py_ssize_t[::1]
+    _templates: cython.short[::1]
+    _norms: Norm[:, ::1]
+    _rest_amplitude: cython.double[::1]
+    _order: cython.int[::1]
+    _predicted: cython.double[:, ::1]
+    _out: Answer[::1]
+    _ratio: cython.double[::1]
+    _pixels: cython.uchar[::1]
+    _window: cython.short[::1]
+    _sums: cython.double[::1]
+    _normal: cython.double[:, ::1]
+    _inverse: cython.double[:, ::1]
+    _basis: cython.double[::1]
+
+    def __init__(
+        self, templates: TemplateSet, kind_of: Index, rest_amplitude: Array, limits: dict[str, float]
+    ) -> None:
+        """Constants of one tip.
+
+        templates       of k kinds of pins
+        kind_of         (n,) int32, which of the kinds each pin is
+        rest_amplitude  (n,) float64, levels
+        limits          fit_min, amplitude_share_min (shares), reach_px, clash_px, noise (levels), spare_bits
+        Raises          ValueError: arrays that do not belong together, an index out of range
+        """
+        self._kind_of = np.array(kind_of, np.int32)
+        self.n = self._kind_of.shape[0]
+        self._rest_amplitude = np.array(rest_amplitude, np.float64)
+        self._kind = -1
+        self._half = np.array(templates.half, np.int32)
+        self._stride = np.array(templates.stride, np.int32)
+        self._first = np.array(templates.first, np.intp)
+        self._plane = np.array(templates.plane, np.intp)
+        self._templates = templates.values
+        self._norms = templates.norms
+        _check(templates, np.asarray(self._kind_of), np.asarray(self._rest_amplitude))
+        if not 0 <= limits["spare_bits"] <= 8:
+            raise ValueError(f"spare_bits of 0 to 8 are wanted, not {limits['spare_bits']}")
+        self._fit_min = limits["fit_min"]
+        self._amplitude_share_min = limits["amplitude_share_min"]
+        self._reach2 = limits["reach_px"] ** 2
+        self._clash = limits["clash_px"]
+        self._shift = int(limits["spare_bits"])
+        self._noise2 = limits["noise"] ** 2 / 4.0 ** int(limits["spare_bits"])
+        self._order = np.arange(self.n, dtype=np.int32)
+        self._answers = np.empty((self.n, len(ANSWER.names or ())))
+        self._out = self._answers.view(ANSWER)[:, 0].view(np.recarray)
+        self._ratio = np.empty(self.n)
+        plane_max = int(np.max(templates.plane))
+        self._pixels = np.zeros(plane_max, np.uint8)
+        self._window = np.zeros(plane_max, np.int16)
+        self._sums = np.empty(7)
+        self._normal = np.empty((4, 5))
+        self._inverse = np.empty((4, 4))
+        self._basis = np.empty(4)
+
+    def read(self, image: Image, predicted: Array) -> Array:
+        """(n, 5) x, y, sigma, amplitude, fit, good until the next image; NaN in x, y, sigma of a lost pin.
+
+        image      (h, w) uint8 or uint16
+        predicted  (n, 2) float64, px
+        Raises     ValueError: another kind of image, another number of predictions
+        """
+        if image.dtype == np.uint8 and image.ndim == 2:
+            self._wide = False
+            self._image8 = image if image.strides[1] == 1 else np.ascontiguousarray(image)
+        elif image.dtype == np.uint16 and image.ndim == 2:
+            self._wide = True
+            self._image16 = image
+        else:
+            raise ValueError(f"image of {image.ndim} axes, {image.dtype}: 2 axes, uint8 or uint16 wanted")
+        self._rows, self._columns = image.shape
+        if self._rows < 1 or self._columns < 1:
+            raise ValueError("an image without pixels")
+        self._predicted = predicted
+        if self._predicted.shape[0] != self.n or self._predicted.shape[1] != 2:
+            raise ValueError(
+                f"predictions of {self._predicted.shape[0]} pins do not belong together with {self.n}"
+            )
+        self._read()
+        self._reject()
+        return self._answers
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _read(self) -> cython.void:
+        i: cython.Py_ssize_t
+        for i in range(self.n):
+            if not self._wide:
+                self._prefetch(i + AHEAD if i + AHEAD < self.n else i)
+            self._follow(i)
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _prefetch(self, i: cython.Py_ssize_t) -> cython.void:
+        half: cython.int = self._half[self._kind_of[i]]
+        x: cython.double = self._predicted[i, 0]
+        y: cython.double = self._predicted[i, 1]
+        inside: cython.bint = (
+            x >= half and y >= half and x < self._columns - half - 1 and y < self._rows - half - 1
+        )
+        if inside:
+            prefetch(
+                self._image8,
+                cython.cast(cython.Py_ssize_t, x + 0.5) - half,
+                cython.cast(cython.Py_ssize_t, y + 0.5) - half,
+                2 * half + 1,
+                2 * half + 1,
+            )
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _level(self, x: cython.Py_ssize_t, y: cython.Py_ssize_t) -> cython.int:
+        if self._wide:
+            return cython.cast(cython.int, self._image16[y, x])
+        return cython.cast(cython.int, self._image8[y, x])
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _take_bytes(
+        self, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, kind: cython.Py_ssize_t
+    ) -> cython.bint:
+        """The window round (cx, cy) as it lies in an 8-bit image; False where it does not lie within it."""
+        half: cython.int = self._half[kind]
+        stride: cython.int = self._stride[kind]
+        size: cython.int = 2 * half + 1
+        x0: cython.Py_ssize_t = cx - half
+        y0: cython.Py_ssize_t = cy - half
+        if self._wide or x0 < 0 or y0 < 0 or x0 + stride > self._columns or y0 + size > self._rows:
+            return False
+        copy_rows(self._image8, x0, y0, size, stride, self._pixels)
+        return True
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _take_window(
+        self, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, kind: cython.Py_ssize_t, level: cython.int
+    ) -> cython.bint:
+        """Pixels less `level`, zero outside of support and image; True if the window lies within."""
+        half: cython.int = self._half[kind]
+        stride: cython.int = self._stride[kind]
+        size: cython.int = 2 * half + 1
+        x0: cython.Py_ssize_t = cx - half
+        y0: cython.Py_ssize_t = cy - half
+        i: cython.int
+        j: cython.int
+        x: cython.Py_ssize_t
+        y: cython.Py_ssize_t
+        at: cython.Py_ssize_t
+        step: cython.int
+        for j in range(size):
+            y = y0 + j
+            for i in range(stride):
+                x = x0 + i
+                at = j * stride + i
+                step = 0
+                if self._templates[self._first[kind] + at] and 0 <= y < self._rows and 0 <= x < self._columns:
+                    step = (self._level(x, y) - level) >> self._shift
+                self._window[at] = cython.cast(cython.short, min(max(step, -LEVEL_MAX), LEVEL_MAX))
+        return x0 >= 0 and y0 >= 0 and x0 + size <= self._columns and y0 + size <= self._rows
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _lost(self, i: cython.Py_ssize_t) -> cython.void:
+        self._out[i].x = self._predicted[i, 0]
+        self._out[i].y = self._predicted[i, 1]
+        self._out[i].sigma = NAN
+        self._out[i].amplitude = 0.0
+        self._out[i].fit = 0.0
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _clear(self, kind: cython.Py_ssize_t) -> cython.void:
+        """Zero what lies behind the rows of such a window; the rows are written each time."""
+        k: cython.Py_ssize_t
+        for k in range((2 * self._half[kind] + 1) * self._stride[kind], self._plane[kind]):
+            self._pixels[k] = 0
+            self._window[k] = 0
+        self._kind = kind
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _follow(self, i: cython.Py_ssize_t) -> cython.void:
+        """Steps from the prediction of pin i to its centroid; where they lead nowhere, it is lost."""
+        kind: cython.Py_ssize_t = self._kind_of[i]
+        x: cython.double = self._predicted[i, 0]
+        y: cython.double = self._predicted[i, 1]
+        self._lost(i)
+        if not isfinite(x) or not isfinite(y):
+            return
+        half: cython.int = self._half[kind]
+        plane: cython.Py_ssize_t = self._plane[kind]
+        step_max: cython.double = 0.5 * (half - 2 if half > 4 else 2)
+        turn: cython.int
+        had_x: cython.Py_ssize_t = -1
+        had_y: cython.Py_ssize_t = -1
+        level: cython.int = 0
+        inside: cython.bint = False
+        whole: cython.bint = False
+        cx: cython.Py_ssize_t
+        cy: cython.Py_ssize_t
+        px: cython.int
+        py: cython.int
+        if kind != self._kind:
+            self._clear(kind)
+        done: cython.int = 0
+        for turn in range(STEPS_MAX):
+            if x < 0 or y < 0 or x > self._columns - 1 or y > self._rows - 1:
+                return
+            cx = cython.cast(cython.Py_ssize_t, x + 0.5)
+            cy = cython.cast(cython.Py_ssize_t, y + 0.5)
+            px = phase_of(x - cx)
+            py = phase_of(y - cy)
+            if cx != had_x or cy != had_y:
+                level = self._level(cx, cy)
+                inside = self._take_bytes(cx, cy, kind)
+                whole = inside or self._take_window(cx, cy, kind, level)
+                had_x = cx
+                had_y = cy
+            if whole:
+                if inside:
+                    sums_of_bytes(
+                        self._pixels, level, self._templates, self._phase_at(kind, py * N_PHASES + px),
+                        self._first[kind], cython.cast(cython.int, plane), self._sums,
+                    )  # fmt: skip
+                else:
+                    sums_of_shorts(
+                        self._window, self._wide, self._templates, self._phase_at(kind, py * N_PHASES + px),
+                        self._first[kind], cython.cast(cython.int, plane), self._sums,
+                    )  # fmt: skip
+                done = self._step(i, kind, x, y, cx, cy, px, py, step_max, turn)
+            else:
+                done = self._step_cut(i, kind, cx, cy, px, py, step_max, turn)
+            if done < 0:
+                self._lost(i)
+                return
+            x = self._out[i].x
+            y = self._out[i].y
+            if square(x - self._predicted[i, 0], y - self._predicted[i, 1]) > self._reach2:
+                self._lost(i)
+                return
+            if done:
+                return
+        self._lost(i)
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _phase_at(self, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t) -> cython.Py_ssize_t:
+        return self._first[kind] + 3 * self._plane[kind] * (1 + phase)
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _step(
+        self, i: cython.Py_ssize_t, kind: cython.Py_ssize_t, x: cython.double, y: cython.double,
+        cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, px: cython.int, py: cython.int,
+        step_max: cython.double, turn: cython.int,
+    ) -> cython.int:  # fmt: skip
+        """One step by the sums of a window within the image: -1 lost, 0 go on from here, 1 arrived."""
+        n: Norm = self._norms[kind, py * N_PHASES + px]
+        s_d: cython.double = self._sums[0] * n.unit_d
+        s_tx: cython.double = self._sums[1] * n.unit_t
+        s_ty: cython.double = self._sums[2] * n.unit_t
+        s_1: cython.double = self._sums[3]
+        ox: cython.double = (px + 0.5) / N_PHASES - 0.5
+        oy: cython.double = (py + 0.5) / N_PHASES - 0.5
+        ex: cython.double
+        ey: cython.double
+        shorten: cython.double
+        amplitude: cython.double = s_d * n.inv_d2
+        if not (amplitude > 0):
+            return -1
+        inverse: cython.double = 1 / amplitude
+        if turn < STEPS_MAX - 3:  # far off: go nearer first, by the slopes alone
+            ex = s_tx * n.inv_tx2 * inverse
+            ey = s_ty * n.inv_ty2 * inverse
+            far2: cython.double = square(ex, ey)
+            if far2 > FAR * FAR:
+                shorten = step_max / sqrt(far2) if far2 > step_max * step_max else 1
+                self._out[i].x = cx + ox + shorten * ex
+                self._out[i].y = cy + oy + shorten * ey
+                return 0
+        su: cython.double = self._sums[4] - n.u_mean * s_1 - n.u_d * s_d
+        sv: cython.double = self._sums[5] - n.v_mean * s_1 - n.v_d * s_d
+        energy: cython.double = self._sums[6] - s_1 * s_1 * n.inv_pixels
+        # The slope of the surroundings and the step, together; then the slope shrunk by how sure it is: where
+        # it is within its own noise, leaving it out costs nothing and saves a fifth of the noise.
+        gx: cython.double = (n.tx2 * su - n.tx_u * s_tx) * n.inv_det_x
+        gy: cython.double = (n.ty2 * sv - n.ty_v * s_ty) * n.inv_det_y
+        ex = (n.u2 * s_tx - n.tx_u * su) * n.inv_det_x
+        ey = (n.v2 * s_ty - n.ty_v * sv) * n.inv_det_y
+        rest: cython.double = energy - s_d * amplitude - (gx * su + ex * s_tx) - (gy * sv + ey * s_ty)
+        variance: cython.double = (rest if rest > 0 else 0.0) * n.inv_freedom + 1.0 / 12.0
+        limit_x: cython.double = 4 * variance * n.tx2 * n.inv_det_x
+        limit_y: cython.double = 4 * variance * n.ty2 * n.inv_det_y
+        keep_x: cython.double = 1 - limit_x / (gx * gx) if gx * gx > limit_x else 0.0
+        keep_y: cython.double = 1 - limit_y / (gy * gy) if gy * gy > limit_y else 0.0
+        # what a slope of the surroundings explains is no evidence against the disc
+        level_energy: cython.double = energy - gx * su - gy * sv
+        ex = (s_tx - n.tx_u * gx * keep_x) * n.inv_tx2 * inverse
+        ey = (s_ty - n.ty_v * gy * keep_y) * n.inv_ty2 * inverse
+        dx: cython.double = ox + cx + ex - x
+        dy: cython.double = oy + cy + ey - y
+        step2: cython.double = square(dx, dy)
+        if step2 > step_max * step_max:
+            shorten = step_max / sqrt(step2)
+            dx *= shorten
+            dy *= shorten
+        self._out[i].x = x + dx
+        self._out[i].y = y + dy
+        if square(ex, ey) >= NEAR * NEAR and turn < STEPS_MAX - 1:
+            return 0
+        spread: cython.double = 0.5 * (
+            (1 + keep_x * n.tx_u * n.tx_u * n.inv_det_x) * n.inv_tx2
+            + (1 + keep_y * n.ty_v * n.ty_v * n.inv_det_y) * n.inv_ty2
+        )
+        self._out[i].amplitude = ldexp(amplitude, self._shift) if self._shift else amplitude
+        self._out[i].sigma = sigma_of(
+            variance * spread * inverse * inverse, rest, n.pixels - 6, level_energy, self._noise2, n.radius
+        )
+        self._out[i].fit = s_d * amplitude / level_energy if level_energy > 0 else 0.0
+        return 1
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _step_cut(
+        self, i: cython.Py_ssize_t, kind: cython.Py_ssize_t, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t,
+        px: cython.int, py: cython.int, step_max: cython.double, turn: cython.int,
+    ) -> cython.int:  # fmt: skip
+        """The same for a pin that the border cuts: the fit of 1, d, tx, ty over the pixels there are."""
+        n: Norm = self._norms[kind, py * N_PHASES + px]
+        self._gather_cut(kind, cx, cy, py * N_PHASES + px)
+        energy: cython.double = self._sums[0]
+        seen: cython.double = self._sums[1]
+        total: cython.double = self._normal[0, 4]
+        if self._normal[1, 1] < CUT_SHARE_MIN * n.d2 or seen < CUT_PIXELS_MIN or not self._invert():
+            return -1
+        energy -= total * total / seen
+        explained: cython.double = -total * total / seen
+        amplitude: cython.double = 0
+        ex: cython.double = 0
+        ey: cython.double = 0
+        solved: cython.double
+        r: cython.int
+        c: cython.int
+        for r in range(4):
+            solved = 0
+            for c in range(4):
+                solved += self._inverse[r, c] * self._normal[c, 4]
+            explained += solved * self._normal[r, 4]
+            if r == 1:
+                amplitude = solved
+            elif r == 2:
+                ex = solved
+            elif r == 3:
+                ey = solved
+        if not (amplitude > 0) or not (energy > 0):
+            return -1
+        rest: cython.double = energy - explained
+        variance: cython.double = (rest if rest > 0 else 0.0) / (seen - 4) + 1.0 / 12.0
+        ex /= amplitude
+        ey /= amplitude
+        far: cython.double = sqrt(square(ex, ey))
+        shorten: cython.double = step_max / far if far > step_max else 1.0
+        self._out[i].x = cx + ((px + 0.5) / N_PHASES - 0.5) + shorten * ex
+        self._out[i].y = cy + ((py + 0.5) / N_PHASES - 0.5) + shorten * ey
+        if far >= NEAR and turn < STEPS_MAX - 1:
+            return 0
+        self._out[i].amplitude = ldexp(amplitude, self._shift)
+        self._out[i].sigma = sigma_of(
+            variance * 0.5 * (self._inverse[2, 2] + self._inverse[3, 3]) / (amplitude * amplitude),
+            rest, seen - 4, energy, self._noise2, n.radius,
+        )  # fmt: skip
+        self._out[i].fit = explained / energy
+        return 1
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _gather_cut(
+        self, kind: cython.Py_ssize_t, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, phase: cython.int
+    ) -> cython.void:
+        """Normal equations of 1, d, tx, ty over the pixels in view; `_sums` takes their energy and number."""
+        half: cython.int = self._half[kind]
+        stride: cython.int = self._stride[kind]
+        plane: cython.Py_ssize_t = self._plane[kind]
+        t: cython.Py_ssize_t = self._phase_at(kind, phase)
+        unit_d: cython.double = self._norms[kind, phase].unit_d
+        unit_t: cython.double = self._norms[kind, phase].unit_t
+        i: cython.int
+        j: cython.int
+        r: cython.int
+        c: cython.int
+        x: cython.Py_ssize_t
+        y: cython.Py_ssize_t
+        at: cython.Py_ssize_t
+        basis: cython.double
+        level: cython.double
+        for r in range(4):
+            for c in range(5):
+                self._normal[r, c] = 0
+        self._sums[0] = 0
+        self._sums[1] = 0
+        for j in range(2 * half + 1):
+            for i in range(2 * half + 1):
+                at = j * stride + i
+                x = cx - half + i
+                y = cy - half + j
+                if not self._templates[self._first[kind] + at]:
+                    continue
+                if x < 0 or y < 0 or x >= self._columns or y >= self._rows:
+                    continue
+                level = cython.cast(cython.double, self._window[at])
+                self._basis[0] = 1
+                self._basis[1] = unit_d * self._templates[t + at]
+                self._basis[2] = unit_t * self._templates[t + plane + at]
+                self._basis[3] = unit_t * self._templates[t + 2 * plane + at]
+                for r in range(4):
+                    basis = self._basis[r]
+                    for c in range(4):
+                        self._normal[r, c] += basis * self._basis[c]
+                    self._normal[r, 4] += basis * level
+                self._sums[0] += level * level
+                self._sums[1] += 1
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _invert(self) -> cython.bint:
+        """Gauss-Jordan on the small symmetric matrix; sigma wants its inverse. False: singular."""
+        r: cython.int
+        c: cython.int
+        o: cython.int
+        pivot: cython.double
+        f: cython.double
+        for r in range(4):
+            for c in range(4):
+                self._inverse[r, c] = 1 if r == c else 0
+        for r in range(4):
+            pivot = self._normal[r, r]
+            if not (pivot > 1e-9):
+                return False
+            for c in range(4):
+                self._normal[r, c] /= pivot
+                self._inverse[r, c] /= pivot
+            for o in range(4):
+                if o == r:
+                    continue
+                f = self._normal[o, r]
+                for c in range(4):
+                    self._normal[o, c] -= f * self._normal[r, c]
+                    self._inverse[o, c] -= f * self._inverse[r, c]
+        return True
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _reject(self) -> cython.void:
+        """Lose what does not look like its pin, and of two pins in one blob the one that went further."""
+        i: cython.Py_ssize_t
+        m: cython.Py_ssize_t = 0
+        # The light may have changed for all pins at once: amplitudes are compared after the common gain.
+        for i in range(self.n):
+            if self._out[i].fit > self._fit_min:
+                self._ratio[m] = self._out[i].amplitude / self._rest_amplitude[i]
+                m += 1
+        gain: cython.double = select_kth(self._ratio, m, m // 2) if m else 1.0
+        least: cython.double = self._amplitude_share_min * gain
+        for i in range(self.n):
+            if (
+                not (self._out[i].fit > self._fit_min)
+                or self._out[i].amplitude < least * self._rest_amplitude[i]
+            ):
+                self._forget(i)
+        self._sort()
+        self._reject_clashes()
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _forget(self, i: cython.Py_ssize_t) -> cython.void:
+        self._out[i].x = NAN
+        self._out[i].y = NAN
+        self._out[i].sigma = NAN
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _sort(self) -> cython.void:
+        """`_order` by x, lost pins last. It is kept from image to image, so it is nearly sorted already."""
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        who: cython.int
+        key: cython.double
+        before: cython.double
+        for i in range(1, self.n):
+            who = self._order[i]
+            key = self._out[who].x
+            if isnan(key):
+                key = HUGE_VAL
+            j = i
+            while j > 0:
+                before = self._out[self._order[j - 1]].x
+                if not (before > key or (isnan(before) and key < HUGE_VAL)):
+                    break
+                self._order[j] = self._order[j - 1]
+                j -= 1
+            self._order[j] = who
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _reject_clashes(self) -> cython.void:
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        a: cython.int
+        b: cython.int
+        for i in range(self.n):
+            a = self._order[i]
+            for j in range(i + 1, self.n):
+                b = self._order[j]
+                if isnan(self._out[a].x):
+                    break
+                if isnan(self._out[b].x):
+                    continue
+                if self._out[b].x - self._out[a].x > self._clash:
+                    break
+                if (
+                    square(self._out[b].x - self._out[a].x, self._out[b].y - self._out[a].y)
+                    <= self._clash * self._clash
+                ):
+                    self._forget(a if self._went2(a) > self._went2(b) else b)
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _went2(self, i: cython.Py_ssize_t) -> cython.double:
+        """Square of the way from the prediction."""
+        return square(self._out[i].x - self._predicted[i, 0], self._out[i].y - self._predicted[i, 1])
+
+
+@cython.cfunc
+@cython.inline
+@cython.exceptval(check=False)
+def square(x: cython.double, y: cython.double) -> cython.double:
+    """Of the length."""
+    return x * x + y * y
+
+
+@cython.cfunc
+@cython.inline
+@cython.exceptval(check=False)
+def phase_of(fraction: cython.double) -> cython.int:
+    """Which subpixel offset a fraction of (-0.5, 0.5] is nearest to."""
+    p: cython.int = cython.cast(cython.int, floor((fraction + 0.5) * N_PHASES))
+    return 0 if p < 0 else (N_PHASES - 1 if p >= N_PHASES else p)
+
+
+@cython.cfunc
+@cython.inline
+@cython.exceptval(check=False)
+def sigma_of(
+    noise_variance: cython.double, rest: cython.double, freedom: cython.double,
+    energy: cython.double, noise2: cython.double, radius: cython.double,
+) -> cython.double:  # fmt: skip
+    """Sigma of a coordinate, px: the noise as the fit leaves it, and what a blob that is no disc may hide.
+
+    The share m of the variation that the disc leaves unexplained counts as radius x m^2 (docs/tuning.md).
+    """
+    missing: cython.double = rest - freedom * (noise2 + 1.0 / 12.0)
+    m: cython.double = missing / energy if missing > 0 and energy > 0 else 0.0
+    hidden: cython.double = radius * m * m
+    return sqrt(noise_variance + hidden * hidden)
+
+
+def _check(templates: TemplateSet, kind_of: Index, rest_amplitude: Array) -> None:
+    """Refuse constants that would lead the loops out of their arrays."""
+    if kind_of.ndim != 1 or rest_amplitude.shape != kind_of.shape:
+        raise ValueError("kinds and amplitudes of pins do not belong together")
+    n_kinds = len(templates.half)
+    if kind_of.size and (kind_of.min() < 0 or kind_of.max() >= n_kinds):
+        raise ValueError(f"a pin's kind is out of range: 0 to {n_kinds - 1}")
+    for half, stride, first, plane in zip(
+        templates.half, templates.stride, templates.first, templates.plane, strict=True
+    ):
+        if not (1 <= half <= HALF_MAX and stride % LANES == 0 and stride >= 2 * half + 1):
+            raise ValueError(
+                f"a template of half width {half}, stride {stride}: 1 to {HALF_MAX}, a multiple of {LANES}"
+            )
+        if plane % BLOCK or plane < (2 * half + 1) * stride:
+            raise ValueError(f"a template's plane of {plane} numbers is too short for its rows")
+        if first < 0 or first + 3 * plane * (PHASES * PHASES + 1) > templates.values.size:
+            raise ValueError("a template that does not fit its table")
+    if templates.norms.shape != (n_kinds, PHASES * PHASES) or templates.norms.dtype != NORM:
+        raise ValueError("norms do not belong together with the templates")

@@ -1,0 +1,265 @@
+"""All pins of a whole image, with no prior but (at most) how they look.
+
+Idea
+- Spots of all sizes are gathered (`blobs`); the size that most of the light in spots has is the pins'. What
+  does not fit its neighbours is thrown out, what fills a gap is taken in (`pattern`).
+- With a pattern at hand only its own size is looked for. Its absolute brightness is not used: light changes.
+  Where pins are missing, those that the view's border cuts are found too (`partial`); a rest frame has none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import cast
+
+import cv2
+import numpy as np
+from scipy.spatial import cKDTree
+
+from edge.errors import NoPins
+from edge.geometry.lattice import pitch_of
+from edge.pins.blobs import Spots, find_spots, join, measure_discs
+from edge.pins.params import PARAMS
+from edge.pins.partial import find_cut
+from edge.pins.pattern import belongs, fills_gap, one_of_each, unevenness
+from edge.pins.refine import CentroidRefiner
+from edge.pins.templates import RADIUS_MAX_PX
+from edge.types import Array, Image, Mask, PinPattern, Pins, Rest
+
+
+def learn_pattern(image: Image) -> PinPattern:
+    """Size, pitch, circle, brightness and blur of the pins in one image of the untouched tip.
+
+    image   (h, w) uint8 or uint16, or (h, w, 3) BGR
+    Raises  NoPins: nothing in it looks like a tip's pins
+    """
+    return _learn_or_explain(to_grey(image))[0]
+
+
+def detect(image: Image, pattern: PinPattern | None = None) -> Pins:
+    """All pins of the image, in no order.
+
+    With a pattern an image without pins gives no rows. Without one the pattern is learnt from this very
+    image, and NoPins is raised where there is none.
+    """
+    grey = to_grey(image)
+    if pattern is None:
+        return _learn_or_explain(grey)[1]
+    whole = _centroids(grey, _find(grey, pattern), pattern)[0]
+    if len(whole) >= pattern.count:
+        return whole
+    cut = find_cut(grey, whole, pattern, pattern.count - len(whole))
+    return Pins(
+        np.concatenate([whole.xy_img, cut.xy_img]),
+        np.concatenate([whole.sigma_px, cut.sigma_px]),
+        np.concatenate([whole.radius_px, cut.radius_px]),
+        np.concatenate([whole.brightness, cut.brightness]),
+    )
+
+
+def inspect_image(image: Image) -> Pins:
+    """The pins of a single image of which nothing is known; raises NoPins where there are none."""
+    return detect(image)
+
+
+def to_grey(image: Image) -> Image:
+    """(h, w) uint8 or uint16, rows contiguous; colour (h, w, 3) is taken as BGR."""
+    if image.ndim == 3:
+        return to_grey(cast(Image, cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)))
+    return cast(Image, np.ascontiguousarray(image))
+
+
+def noise_of(grey: Image) -> float:
+    """Standard deviation of the grey level from pixel to pixel, gradients removed; robust to edges."""
+    # weights 1 1 -4 1 1 give sqrt(20) times the noise
+    residual = cv2.Laplacian(grey.astype(np.float32), cv2.CV_32F)
+    return float(np.median(np.abs(residual)) / 0.6745 / np.sqrt(20.0))
+
+
+def _learn_or_explain(grey: Image) -> tuple[PinPattern, Pins]:
+    try:
+        return learn(grey)
+    except NoPins as error:
+        raise explained(error, grey) from None
+
+
+def explained(error: NoPins, grey: Image) -> NoPins:
+    """The error with what would help: where the inverted image shows pins, they are dark ones."""
+    if "darker than" in str(error):
+        return error
+    try:
+        n = len(learn(np.iinfo(grey.dtype).max - grey)[1])
+    except NoPins:
+        return error
+    return NoPins(_dark_pins(f"the inverted image shows {n} of them"))
+
+
+def learn(grey: Image) -> tuple[PinPattern, Pins]:
+    """Pattern and pins of a grey image of which nothing is known; raises NoPins where there are none."""
+    noise = noise_of(grey)
+    low, high = np.percentile(grey[::4, ::4], (1.0, 99.0))
+    depth_min = max(PARAMS.depth_min_noise * noise, PARAMS.depth_min_range * float(high - low), 2.0)
+    radius_max = max(3.0, PARAMS.search_radius_max_side * min(grey.shape))
+    scales = PARAMS.search_radius_min_px * PARAMS.search_radius_step ** np.arange(
+        np.log(radius_max / PARAMS.search_radius_min_px) / np.log(PARAMS.search_radius_step)
+    )
+    found = _at_scales(grey, scales, depth_min)
+    spots = found[_well_shaped(found)]
+    if len(spots) < PARAMS.pins_min:
+        raise NoPins(_complaint(grey, f"{len(spots)} spots"))
+    size = _common_radius(spots)
+    core = np.median(spots.depth[np.abs(np.log(spots.radius_px / size)) < 0.2])
+    spots = _settle(grey, found, size, PARAMS.depth_min_pins * float(core))
+    if len(spots) < PARAMS.pins_min:
+        raise NoPins(_complaint(grey, f"{len(spots)} spots alike"))
+    (x, y), reach = cv2.minEnclosingCircle(spots.xy_img.astype(np.float32))
+    radius_px, brightness = float(np.median(spots.radius_px)), float(np.median(spots.depth))
+    at = np.rint(spots.xy_img).astype(np.intp)
+    background = float(np.median(grey[at[:, 1], at[:, 0]] - spots.depth))
+    pattern = PinPattern(
+        pin_radius_px=radius_px,
+        pitch_px=pitch_of(spots.xy_img),
+        centre_img=np.array([x, y]),
+        tip_radius_px=float(reach) + radius_px,
+        background=max(background, 0.0),
+        brightness=brightness,
+        noise=noise,
+        size_px=(grey.shape[1], grey.shape[0]),
+        edge_px=measure_discs(grey, spots)[1],
+        radius_range_px=(
+            float(np.quantile(spots.radius_px, 0.02)),
+            float(np.quantile(spots.radius_px, 0.98)),
+        ),
+    )
+    if radius_px < PARAMS.scale_range[0] * PARAMS.search_radius_min_px:
+        raise NoPins(_complaint(grey, f"spots of {radius_px:.1f} px radius"))
+    if radius_px > RADIUS_MAX_PX:
+        raise NoPins(
+            f"pins of {radius_px:.0f} px radius in an image of {grey.shape[1]} x {grey.shape[0]} px: up to "
+            f"{RADIUS_MAX_PX} px are read; set the camera to a smaller image"
+        )
+    spots = _find(grey, pattern)
+    if len(spots) >= PARAMS.pins_min:
+        pins, fit = _centroids(grey, spots, pattern)
+        if len(pins) >= PARAMS.pins_min and unevenness(spots) + 1.0 - fit < PARAMS.unlike_pins_max:
+            _refuse_glints(grey, pins, pattern)
+            at_rest = replace(pattern, count=len(pins))
+            glints = find_cut(grey, pins, at_rest, len(pins)).xy_img
+            return replace(at_rest, glints_img=tuple((float(x), float(y)) for x, y in glints)), pins
+    raise NoPins(_complaint(grey, "spots that are neither round nor evenly spaced"))
+
+
+def _refuse_glints(grey: Image, pins: Pins, pattern: PinPattern) -> None:
+    """Raise NoPins where the bright spots are reflections on dark pins.
+
+    The skin between bright pins is as dark as round each of them. Round a reflection on a dark pin is that
+    pin, and halfway to the next one the brighter skin.
+    """
+    neighbour = cKDTree(pins.xy_img).query(pins.xy_img, k=2)[1][:, 1]
+    x, y = np.rint((pins.xy_img + pins.xy_img[neighbour]) / 2).astype(np.intp).T
+    skin = float(np.median(grey[y, x]))
+    if skin > pattern.background + 0.5 * pattern.brightness:
+        raise NoPins(
+            _dark_pins(f"{len(pins)} bright spots lie on darker ground than is between them: reflections")
+        )
+
+
+def _dark_pins(found: str) -> str:
+    return f"the pins are darker than the skin ({found}); only bright pins are read: invert the image"
+
+
+def _find(grey: Image, pattern: PinPattern) -> Spots:
+    small, large = pattern.radius_range_px
+    if small <= 0.0:
+        small = large = pattern.pin_radius_px
+    count = max(
+        1, int(np.ceil(np.log(large / small) / np.log(PARAMS.scale_range[1] / PARAMS.scale_range[0])))
+    )
+    scales = small * (large / small) ** ((np.arange(count) + 0.5) / count)
+    found = _at_scales(grey, scales, max(PARAMS.depth_min_noise * pattern.noise, 0.15 * pattern.brightness))
+    found = found[np.hypot(*(found.xy_img - pattern.centre_img).T) < 1.1 * pattern.tip_radius_px]
+    spots = found[_well_shaped(found)]
+    if len(spots) == 0:
+        return spots
+    return _settle(grey, found, pattern.pin_radius_px, PARAMS.depth_min_pins * float(np.median(spots.depth)))
+
+
+def _at_scales(grey: Image, scales: Array, depth_min: float) -> Spots:
+    """Spots of all scales, each once, at the scale that suits it best."""
+    parts, misfits = [], []
+    for radius in scales:
+        spots = find_spots(grey, float(radius), depth_min)
+        scale = spots.radius_px / radius
+        fits = (scale > PARAMS.scale_range[0]) & (scale < PARAMS.scale_range[1])
+        fits &= (spots.share >= PARAMS.gap_ray_share_min) & (spots.spread < PARAMS.gap_ray_spread_max)
+        parts.append(spots[fits])
+        misfits.append((np.abs(np.log(scale)) + spots.spread + (1.0 - spots.share))[fits])
+    return one_of_each(join(parts), np.concatenate(misfits))
+
+
+def _well_shaped(spots: Spots) -> Mask:
+    shape: Mask = (spots.share >= PARAMS.ray_share_min) & (spots.spread < PARAMS.ray_spread_max)
+    return shape
+
+
+def _settle(grey: Image, found: Spots, radius_px: float, depth_min: float) -> Spots:
+    """Of all spots found the pins: about the given size, fitting each other; then what fills their gaps."""
+    scale = found.radius_px / radius_px
+    found = found[(found.depth > depth_min) & (scale > 0.45) & (scale < 2.0)]
+    if len(found) == 0:
+        return found
+    found = replace(found, radius_px=measure_discs(grey, found)[0])
+    good = _well_shaped(found)
+    kept = np.flatnonzero(good)
+    kept = kept[belongs(found[kept])]
+    pins, others = found[kept], found[np.setdiff1d(np.arange(len(found)), kept)]
+    return join([pins, others[fills_gap(others, pins)]])
+
+
+def _common_radius(spots: Spots) -> float:
+    """The radius that most light in spots has: mode over log radius, weighted with depth and radius."""
+    log_r = np.log(spots.radius_px)
+    weight = spots.depth * spots.radius_px
+    kernel = np.exp(-0.5 * ((log_r[:, None] - log_r[None, :]) / 0.12) ** 2)
+    return float(spots.radius_px[(kernel @ weight).argmax()])
+
+
+def _centroids(grey: Image, spots: Spots, pattern: PinPattern) -> tuple[Pins, float]:
+    """The same estimator as in flight, started on the spots, and how well a disc fits them (median).
+
+    What it finds no disc in is no pin.
+    """
+    n = len(spots)
+    start = Pins(spots.xy_img, np.full(n, np.nan), spots.radius_px, spots.depth)
+    if n == 0:
+        return start, 0.0
+    refiner = CentroidRefiner(Rest(start, pattern))
+    found = refiner.refine(grey, spots.xy_img)
+    fit = refiner.fit
+    seen = ~np.isnan(found.xy_img[:, 0])
+    seen[_twins(found, np.where(seen, fit, -np.inf))] = False
+    pins = Pins(found.xy_img[seen], found.sigma_px[seen], found.radius_px[seen], found.brightness[seen])
+    return pins, float(np.median(fit))
+
+
+def _twins(pins: Pins, fit: Array) -> Mask:
+    """(n,) of pins that stand in one another all but the one that a disc fits best."""
+    twin = np.zeros(len(pins), bool)
+    there = np.flatnonzero(np.isfinite(pins.xy_img[:, 0]))
+    xy, radius = pins.xy_img[there], pins.radius_px[there]
+    if len(there) < 2:
+        return twin
+    a, b = cKDTree(xy).query_pairs(2 * PARAMS.twin_radii * float(radius.max()), output_type="ndarray").T
+    close = np.hypot(*(xy[a] - xy[b]).T) < PARAMS.twin_radii * (radius[a] + radius[b])
+    for i, j in zip(there[a[close]], there[b[close]], strict=True):
+        if not (twin[i] or twin[j]):
+            twin[j if fit[i] >= fit[j] else i] = True
+    return twin
+
+
+def _complaint(grey: Image, found: str) -> str:
+    low, high = float(grey.min()), float(grey.max())
+    return (
+        f"no pattern of pins in the image: {found}, grey levels {low:g} to {high:g}; "
+        "an image of the tip in focus with its light on would show a dozen or more"
+    )

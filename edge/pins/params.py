@@ -1,0 +1,72 @@
+"""Every number of this stage that was chosen; its evidence stands in docs/tuning.md, "Pins"."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class PinParams:
+    """Parameters by name; lengths in px, or in units of the pin's radius, the pitch, the image's side."""
+
+    # --- full-frame search: scales
+    search_radius_min_px: float = 1.7  # smallest disc that has an inside
+    search_radius_step: float = 1.3  # ratio of one scale to the next
+    search_radius_max_side: float = 1 / 22  # largest disc, of the image's shorter side
+    scale_range: tuple[float, float] = (0.7, 1.4)  # radii that one scale sees well, ratios to it
+    reduced_radius_px: float = 2.5  # a pin's radius in the reduced image that is searched
+    candidates_max: int = 4000  # local maxima of one scale that are looked at
+    pins_min: int = 12  # fewer are no tip
+    unlike_pins_max: float = 1.15  # unevenness of the neighbours plus what discs leave unexplained
+    depth_min_noise: float = 2.0  # a spot's depth, sigmas of a pixel's noise
+    depth_min_range: float = 0.03  # ... of the image's own range
+    depth_min_pins: float = 0.3  # ... of the pins' median depth
+    twin_radii: float = 0.8  # two centroids nearer than this share of the sum of their radii are one pin
+    # --- shape of a single spot, along 16 rays
+    ray_share_min: float = 0.7  # share of the rays that fall by half
+    ray_spread_max: float = 0.6  # 20..80 percentile range of that distance over its median
+    gap_ray_share_min: float = 0.5  # the same for a spot that fills a gap of the pattern
+    gap_ray_spread_max: float = 1.5
+    # --- against the neighbours: log ratios of size, depth and spacing
+    neighbours: int = 6
+    scatter_min: tuple[float, float, float] = (0.08, 0.13, 0.13)  # bounds of the tip's own scatter
+    scatter_max: tuple[float, float, float] = (0.11, 0.20, 0.20)
+    outlier_max: float = 25.0  # sum of squares in units of that scatter
+    outlier_max_outside: float = 9.0  # outside of the hull of what is connected
+    outlier_max_touching: float = 6.0  # of two spots that touch
+    size_range: tuple[float, float] = (0.5, 2.0)  # ratio to the neighbours beyond which nothing is a pin
+    depth_ratio_min: float = 0.25
+    link_factor: float = 1.6  # two are connected within this many times the distance to their nearest
+    group_min: int = 6  # a connected group has so many pins
+    group_share_min: float = 0.03  # ... of the largest group
+    hull_margin_pitches: float = 0.5
+    link_pitches_outside: float = 1.9
+    touch_radii: float = 1.15  # two touch within this share of the sum of their radii
+    touch_pitches: float = 0.7
+    gap_pitches_min: float = 0.8  # from a spot in a gap to the nearest pin
+    # --- pins that a border cuts
+    cut_area_range: tuple[float, float] = (0.12, 1.05)  # share of the disc that is left
+    cut_facing_min: float = 0.4  # cosine between the arc's slope and straight outwards
+    cut_span_min_rad: float = 1.0
+    cut_scatter_max_radii: float = 0.09  # rms of the arc about its circle
+    cut_scatter_max_px: float = 0.5
+    cut_spread_min: float = 0.01  # determinant of the normal matrix, a sample
+    cut_brightness_min: float = 0.5  # of the neighbours'
+    cut_pitches_range: tuple[float, float] = (0.6, 1.7)  # to the nearest pin
+    cut_same_pitches: float = 0.2  # an arc of the housing is found again within this
+    cut_sigma_min_px: float = 0.25
+    cut_sigma_min_radii: float = 0.05
+    # --- rest frame
+    steady_radii: float = 0.1  # images are of one place where four of five pins moved less than this
+    steady_sigmas: float = 4.0
+    steady_share_min: float = 0.6  # of the pins that two images must share to be compared
+    # --- centroids in the windows of known pins
+    radius_kind_step: float = 1.05  # ratio of one template's radius to the next
+    fit_min: float = 0.25  # share of the window's variation that the disc has to explain
+    amplitude_share_min: float = 0.25  # of the usual brightness, after the gain common to all pins
+    reach_pitches: float = 0.6  # from the prediction
+    clash_radii: float = 1.1  # two centroids nearer than this answer from one blob
+    gain_max: float = 2.5  # how much brighter than at rest the pins may become before they saturate
+
+
+PARAMS = PinParams()

@@ -1,0 +1,151 @@
+"""What makes a set of spots a pattern of pins: neighbours of the same size and brightness at an even pitch.
+
+Rules
+- A spot is judged against its neighbours, not against the whole: a fisheye or a tilted tip shows pins of very
+  different size, vignetting of very different brightness, but never a small one among large ones.
+- How much neighbours may differ is learnt from the image: little on an even tip, more on an uneven one.
+- Pins hang together: what the chain of neighbours does not reach is outside of the skin.
+- A gap inside the pattern may be filled with a spot of poor shape: a pin that leans on a reflection, or on
+  another pin, is still a pin.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from edge.geometry.lattice import pitch_of
+from edge.pins.blobs import Spots
+from edge.pins.params import PARAMS
+from edge.types import Array, Index, Mask
+
+
+def one_of_each(spots: Spots, misfit: Array) -> Spots:
+    """Of spots on the same place the one with the least misfit."""
+    if len(spots) < 2:
+        return spots
+    near = cKDTree(spots.xy_img).query_ball_point(spots.xy_img, 0.9 * spots.radius_px)
+    dead = np.zeros(len(spots), bool)
+    keep = np.zeros(len(spots), bool)
+    for i in np.argsort(misfit):
+        if not dead[i]:
+            keep[i] = True
+            dead[near[i]] = True
+    return spots[keep]
+
+
+def belongs(spots: Spots) -> Mask:
+    """Which spots fit their neighbours and hang together."""
+    keep = np.ones(len(spots), bool)
+    for _ in range(4):  # each false spot that goes clears its neighbours' medians; it settles in two rounds
+        index = np.flatnonzero(keep)
+        if len(index) <= PARAMS.neighbours:
+            return np.zeros(len(spots), bool)
+        outlierness = _outlierness(spots[index])
+        xy = spots.xy_img[index]
+        core = index[outlierness < PARAMS.outlier_max][_connected(xy[outlierness < PARAMS.outlier_max])]
+        if len(core) <= PARAMS.neighbours:
+            return np.zeros(len(spots), bool)
+        pitch = pitch_of(spots.xy_img[core])
+        inside = _inside_hull(spots.xy_img[core], xy, PARAMS.hull_margin_pitches * pitch)
+        near = cKDTree(spots.xy_img[core]).query(xy)[0] < PARAMS.link_pitches_outside * pitch
+        fits = (outlierness < PARAMS.outlier_max) & (
+            inside | (near & (outlierness < PARAMS.outlier_max_outside))
+        )
+        keep[index[~fits]] = False
+        if fits.all():
+            break
+    return keep
+
+
+def fills_gap(spots: Spots, pins: Spots) -> Mask:
+    """Which spots stand where a pin of the pattern is missing, about as large and bright as it would be."""
+    if len(spots) == 0 or len(pins) <= PARAMS.neighbours:
+        return np.zeros(len(spots), bool)
+    tree = cKDTree(pins.xy_img)
+    distance, near = tree.query(spots.xy_img, k=PARAMS.neighbours)
+    pitch = np.median(tree.query(pins.xy_img, k=3)[0][:, 1:].mean(axis=1)[near], axis=1)
+    size = spots.radius_px / np.median(pins.radius_px[near], axis=1)
+    depth = spots.depth / np.median(pins.depth[near], axis=1)
+    fits: Mask = (
+        (distance[:, 0] > PARAMS.gap_pitches_min * pitch)
+        & (size > 0.65)
+        & (size < 1.5)
+        & (depth > 0.45)
+        & (depth < 1.7)
+    )
+    fits[fits] = _inside_hull(
+        pins.xy_img, spots.xy_img[fits], PARAMS.hull_margin_pitches * pitch_of(pins.xy_img)
+    )
+    return fits
+
+
+def unevenness(spots: Spots) -> float:
+    """How unlike neighbours are: log scatter of size, of depth and of the nearest distance.
+
+    Weighted so that it parts the tips at hand from textures best.
+    """
+    distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=PARAMS.neighbours + 1)
+    values = (spots.radius_px, spots.depth, distance[:, 1])
+    scatter = [np.median(np.abs(_log_ratio(value, near[:, 1:]))) for value in values]
+    return float(1.4826 * (scatter[0] + 1.5 * scatter[1] + 2.0 * scatter[2]))
+
+
+def _outlierness(spots: Spots) -> Array:
+    """How far each spot is from its neighbours in size, depth and spacing; infinite beyond the limits."""
+    distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=PARAMS.neighbours + 1)
+    distance, near = distance[:, 1:], near[:, 1:]
+    difference = np.stack(
+        [
+            _log_ratio(spots.radius_px, near),
+            _log_ratio(spots.depth, near),
+            np.maximum(_log_ratio(distance[:, :2].mean(axis=1), near), 0.0),
+        ]
+    )
+    scatter = np.clip(1.4826 * np.median(np.abs(difference), axis=1), PARAMS.scatter_min, PARAMS.scatter_max)
+    outlierness: Array = ((difference / scatter[:, None]) ** 2).sum(axis=0)
+    size, depth = np.exp(difference[0]), np.exp(difference[1])
+    outlierness[
+        (size < PARAMS.size_range[0]) | (size > PARAMS.size_range[1]) | (depth < PARAMS.depth_ratio_min)
+    ] = np.inf
+    # Two that touch where the others keep their distance: one is a reflection on or beside the other.
+    closest = near[:, 0]
+    touching = distance[:, 0] < PARAMS.touch_radii * (spots.radius_px + spots.radius_px[closest])
+    touching &= distance[:, 0] < PARAMS.touch_pitches * np.median(distance[near, 0], axis=1)
+    return np.where(
+        touching & (outlierness > outlierness[closest]) & (outlierness > PARAMS.outlier_max_touching),
+        np.inf,
+        outlierness,
+    )
+
+
+def _log_ratio(value: Array, near: Index) -> Array:
+    """Log ratio of each value to the median of its neighbours'."""
+    ratio: Array = np.log(value / np.median(value[near], axis=1))
+    return ratio
+
+
+def _connected(xy_img: Array) -> Mask:
+    """Which belong to a large group; two are linked when no further apart than each is used to."""
+    n = len(xy_img)
+    if n < 2:
+        return np.zeros(n, bool)
+    tree = cKDTree(xy_img)
+    own = tree.query(xy_img, k=2)[0][:, 1]
+    a, b = tree.query_pairs(PARAMS.link_factor * float(np.quantile(own, 0.95)), output_type="ndarray").T
+    linked = np.hypot(*(xy_img[a] - xy_img[b]).T) < PARAMS.link_factor * np.minimum(own[a], own[b])
+    graph = coo_array((np.ones(linked.sum()), (a[linked], b[linked])), shape=(n, n))
+    _, label = connected_components(graph, directed=False)
+    size = np.bincount(label)
+    member: Mask = size[label] >= max(PARAMS.group_min, PARAMS.group_share_min * size.max())
+    return member
+
+
+def _inside_hull(pins: Array, xy_img: Array, margin_px: float) -> Mask:
+    hull = cv2.convexHull(pins.astype(np.float32))
+    return np.array(
+        [cv2.pointPolygonTest(hull, (float(x), float(y)), True) > -margin_px for x, y in xy_img], bool
+    )

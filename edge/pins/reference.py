@@ -1,0 +1,87 @@
+"""The rest frame: the untouched tip, from several images; row i defines pin i for ever after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+
+from edge.errors import NoPins
+from edge.pins.detect import explained, learn, noise_of, to_grey
+from edge.pins.params import PARAMS
+from edge.pins.refine import CentroidRefiner
+from edge.types import Image, Pins, Rest
+
+
+def take_rest(images: Sequence[Image]) -> Rest:
+    """The rest frame from one or more images of the untouched tip; row i defines pin i.
+
+    Pins are found on the mean of the largest set of images among which nothing moves: the mean of a moving
+    tip has smeared pins as no image shows them. A dark first image, as cameras give, counts for nothing.
+
+    Raises  NoPins: no image, images of different size, or no pins in them
+    """
+    greys = [to_grey(image) for image in images]
+    if not greys:
+        raise NoPins("no image to take the rest from; give one or more of the untouched tip")
+    if len({grey.shape for grey in greys}) > 1:
+        raise NoPins("images of different size cannot make one rest; give images of one camera setting")
+    if len(greys) > 1:
+        greys = [greys[i] for i in _steady(greys)]
+    mean = np.zeros(greys[0].shape, np.float64)
+    for grey in greys:
+        mean += grey
+    average = cast(Image, np.rint(mean / len(greys)).astype(greys[0].dtype))
+    try:
+        pattern, pins = learn(average)
+    except NoPins as error:
+        raise explained(error, average) from None
+    # The noise is that of one image, as they will come, not that of the mean.
+    pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])))
+    order = np.lexsort((pins.xy_img[:, 0], np.rint(pins.xy_img[:, 1] / pattern.pitch_px)))
+    pins = Pins(pins.xy_img[order], pins.sigma_px[order], pins.radius_px[order], pins.brightness[order])
+    return Rest(pins, pattern)
+
+
+def _steady(greys: Sequence[Image]) -> list[int]:
+    """Indices of the largest set of images that show the pins in the same places.
+
+    Raises  NoPins: no image shows any
+    """
+    start, rest = _first_with_pins(greys)
+    refiner = CentroidRefiner(rest)
+    xy = np.empty((len(greys), len(rest), 2))
+    for way in (range(start, len(greys)), range(start - 1, -1, -1)):
+        expected = rest.xy_img
+        for k in way:
+            xy[k] = refiner.refine(greys[k], expected).xy_img
+            expected = np.where(np.isfinite(xy[k]), xy[k], expected)
+    sigma = float(np.median(rest.pins.sigma_px))
+    limit = PARAMS.steady_radii * rest.pattern.pin_radius_px + PARAMS.steady_sigmas * sigma
+    away = np.full((len(greys), len(greys)), np.inf)
+    for k in range(len(greys)):
+        moved = np.hypot(*np.moveaxis(xy - xy[k], -1, 0))
+        both = np.isfinite(moved)
+        enough = both.mean(axis=1) > PARAMS.steady_share_min
+        away[k, enough] = [np.quantile(m[b], 0.8) for m, b in zip(moved[enough], both[enough], strict=True)]
+    near = away <= limit
+    size = near.sum(axis=1)
+    # Of sets of the same size the one that is steadiest; all else equal the first.
+    total = np.where(near, away, 0.0).sum(axis=1)
+    middle = min(range(len(greys)), key=lambda k: (-size[k], total[k]))
+    return np.flatnonzero(near[middle]).tolist()
+
+
+def _first_with_pins(greys: Sequence[Image]) -> tuple[int, Rest]:
+    """The first image that shows pins, and these; raises NoPins with what is wrong with the last one."""
+    complaint = NoPins("")
+    for k, grey in enumerate(greys):
+        try:
+            pattern, pins = learn(grey)
+        except NoPins as error:
+            complaint = error
+        else:
+            return k, Rest(pins, pattern)
+    raise explained(complaint, greys[-1])

@@ -1,0 +1,52 @@
+"""Where each known pin is now, from its neighbourhood alone: the tip's constants for `centroids`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from edge.pins.centroids import CentroidKernel
+from edge.pins.params import PARAMS, PinParams
+from edge.pins.templates import STEP_MAX, templates_of
+from edge.types import Array, Image, Pins, Rest
+
+
+class CentroidRefiner:
+    """Reads the pins of `rest` in image after image, each near where it is predicted."""
+
+    def __init__(self, rest: Rest, params: PinParams = PARAMS) -> None:
+        pattern = rest.pattern
+        radius = np.asarray(rest.pins.radius_px, np.float64)
+        kinds, kind_of = np.unique(
+            np.rint(np.log(radius) / np.log(params.radius_kind_step)), return_inverse=True
+        )
+        self._radius = radius
+        self._fit: Array = np.full(len(rest), np.nan)
+        self._kernel = CentroidKernel(
+            templates_of(tuple(params.radius_kind_step**kinds), pattern.edge_px, pattern.pitch_px),
+            kind_of.astype(np.int32),
+            rest.pins.brightness,
+            {
+                "fit_min": params.fit_min,
+                "amplitude_share_min": params.amplitude_share_min,
+                "reach_px": params.reach_pitches * pattern.pitch_px,
+                "clash_px": params.clash_radii * radius.min(),
+                "noise": pattern.noise,
+                "spare_bits": max(0.0, np.ceil(np.log2(params.gain_max * pattern.brightness / STEP_MAX))),
+            },
+        )
+
+    def refine(self, image: Image, xy_img_predicted: Array) -> Pins:
+        """Centroid of each pin near its prediction; row i is pin i, NaN where there is none.
+
+        image             (h, w) uint8 or uint16
+        xy_img_predicted  (n, 2) float64, px; within half a pitch of the truth; NaN gives NaN
+        Raises            ValueError: another image or another number of predictions
+        """
+        answer = self._kernel.read(image, np.ascontiguousarray(xy_img_predicted, np.float64))
+        self._fit = answer[:, 4]
+        return Pins(answer[:, :2].copy(), answer[:, 2].copy(), self._radius, answer[:, 3].copy())
+
+    @property
+    def fit(self) -> Array:
+        """(n,) share of the window's variation that the disc explained in the last image."""
+        return self._fit.copy()

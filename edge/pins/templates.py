@@ -1,0 +1,161 @@
+"""What a pin looks like: disc, slopes and their norms at every subpixel offset, as `centroids` wants them.
+
+Rules
+- Radii come in kinds 5 % apart: a template that is 2.5 % off in radius is still symmetric, so it costs a
+  little noise (1 %) and no bias.
+- Integers of 16 bits, scaled so that no sum with any window leaves 32 bits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erfc
+
+from edge.types import Array
+
+PHASES = 4  # subpixel offsets along each axis
+LANES = 8  # a row's stride is a multiple of it
+BLOCK = 32  # a plane's length is a multiple of it: no remainder to do one by one
+HALF_MAX = 39  # px, half width of a window
+RADIUS_MAX_PX = 34  # of a pin whose edge and surroundings such a window still holds
+STEP_MAX = 4095  # a pixel against the window's middle, levels: 12 bits; brighter images lose their last bits
+
+#: Of one phase: sums over the support of 1, d^2, tx^2, ty^2, tx u, ty v, u^2, v^2; means of u and v, and
+#: their shares of d, which is what frees them of both; the radius; what one step of the integers in d and in
+#: tx, ty is worth; one over the first four, over the determinants of (tx, u) and (ty, v), over the degrees of
+#: freedom.
+NORM = np.dtype(
+    [
+        (name, np.float64)
+        for name in [
+            "pixels",
+            "d2",
+            "tx2",
+            "ty2",
+            "tx_u",
+            "ty_v",
+            "u2",
+            "v2",
+            "u_mean",
+            "v_mean",
+            "u_d",
+            "v_d",
+            "radius",
+            "unit_d",
+            "unit_t",
+            "inv_pixels",
+            "inv_d2",
+            "inv_tx2",
+            "inv_ty2",
+            "inv_det_x",
+            "inv_det_y",
+            "inv_freedom",
+        ]
+    ]
+)
+
+Shorts = NDArray[np.int16]
+Norms = NDArray[np.void]
+
+
+@dataclass(frozen=True)
+class TemplateSet:
+    """Templates of k kinds of pins.
+
+    half, stride  (k,) window is (2 half + 1) rows of `stride` numbers
+    first, plane  (k,) where a kind begins in `values`, and the length of each of its planes there
+    values        int16; a kind is the support, u, v, then d, tx, ty of each phase
+    norms         (k, PHASES^2) NORM
+    """
+
+    half: tuple[int, ...]
+    stride: tuple[int, ...]
+    first: tuple[int, ...]
+    plane: tuple[int, ...]
+    values: Shorts
+    norms: Norms
+
+
+@lru_cache(maxsize=8)  # recovery detects frame after frame with the same pattern
+def templates_of(radii: tuple[float, ...], edge_px: float, pitch_px: float) -> TemplateSet:
+    """Templates of discs of these radii whose edge is blurred by `edge_px` (sigma), `pitch_px` apart."""
+    parts = [_templates(radius, edge_px, pitch_px) for radius in radii]
+    sizes = [planes.size for _, _, planes, _ in parts]
+    return TemplateSet(
+        half=tuple(half for half, *_ in parts),
+        stride=tuple(stride for _, stride, *_ in parts),
+        first=tuple(int(first) for first in np.cumsum([0, *sizes[:-1]])),
+        plane=tuple(planes.shape[2] for _, _, planes, _ in parts),
+        values=np.concatenate([planes.ravel() for _, _, planes, _ in parts]),
+        norms=np.stack([norm for *_, norm in parts]).view(np.recarray),
+    )
+
+
+@lru_cache(maxsize=64)
+def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int, Shorts, Norms]:
+    """Half width, row stride, planes (17, 3, rows * stride, padded) and norms (16,) of one radius.
+
+    The first three planes are the support and the columns and rows in it; then for each phase the disc freed
+    of a constant, and its slopes in x and y freed of both.
+    """
+    support = min(
+        radius + 3.0 * edge_px + 0.5, max(radius + 1.5 * edge_px, 0.85 * pitch_px - radius - 1.5 * edge_px)
+    )
+    half = min(int(np.ceil(support + 0.5)), HALF_MAX)
+    size = 2 * half + 1
+    stride = -(-size // LANES) * LANES
+    offset = (np.arange(PHASES) + 0.5) / PHASES - 0.5
+    grid = np.arange(-half, half + 1, dtype=np.float64)
+    columns, rows = np.meshgrid(grid, grid)
+    u = columns - np.tile(offset, PHASES)[:, None, None]
+    v = rows - np.repeat(offset, PHASES)[:, None, None]
+    r = np.hypot(u, v)
+    one = (np.hypot(columns, rows) <= support).astype(np.float64)[None]
+    disc = one * 0.5 * erfc((r - radius) / (np.sqrt(2.0) * edge_px))
+    slope = one * np.exp(-0.5 * ((r - radius) / edge_px) ** 2) / np.maximum(r, 1e-9)
+    slope /= edge_px * np.sqrt(2.0 * np.pi)
+    d = disc - one * _dot(disc, one) / _dot(one, one)
+    tx, ty, px, py = (_freed(p, one, d) for p in (slope * u, slope * v, columns * one, rows * one))
+    scale = (0.99 * _scale(d), 0.99 * min(_scale(tx), _scale(ty)))
+    norm = [
+        _dot(one, one), _dot(d, d), _dot(tx, tx), _dot(ty, ty),
+        _dot(tx, px), _dot(ty, py), _dot(px, px), _dot(py, py),
+        _dot(columns, one) / _dot(one, one), _dot(rows, one) / _dot(one, one),
+        _dot(columns, d) / _dot(d, d), _dot(rows, d) / _dot(d, d),
+        radius, 1.0 / scale[0], 1.0 / scale[1],
+    ]  # fmt: skip
+    pixels, _, tx2, ty2, tx_u, ty_v, u2, v2 = map(np.asarray, norm[:8])
+    divisors = (*norm[:4], tx2 * u2 - tx_u**2, ty2 * v2 - ty_v**2, np.where(pixels > 8, pixels - 6, 2))
+    norm += [1.0 / divisor for divisor in divisors]
+    planes = np.zeros((PHASES * PHASES + 1, 3, -(-size * stride // BLOCK) * BLOCK), np.int16)
+    rows_of = planes[:, :, : size * stride].reshape(-1, 3, size, stride)[..., :size]
+    rows_of[0] = np.stack([one[0], columns * one[0], rows * one[0]])
+    rows_of[1:] = np.rint(np.stack([d * scale[0], tx * scale[1], ty * scale[1]], axis=1))
+    norms = np.zeros(PHASES * PHASES, NORM)
+    for name, value in zip(NORM.names or (), norm, strict=True):
+        norms[name] = np.asarray(value, np.float64).ravel()
+    return half, stride, planes, norms
+
+
+def _scale(plane: Array) -> float:
+    """The largest factor that keeps the integers and their sum with any window within their range."""
+    return float(
+        min(
+            32767.0 / np.abs(plane).max(),
+            (2.0**31 - 1.0) / (STEP_MAX * np.abs(plane).sum(axis=(1, 2)).max()),
+        )
+    )
+
+
+def _freed(plane: Array, one: Array, d: Array) -> Array:
+    """`plane` less its share of `one` and of `d`, which are orthogonal."""
+    return plane - one * _dot(plane, one) / _dot(one, one) - d * _dot(plane, d) / _dot(d, d)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    product: Array = (a * b).sum(axis=(1, 2), keepdims=True)
+    return product

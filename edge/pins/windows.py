@@ -1,0 +1,47 @@
+"""The inner loops of `centroids`, as they run uncompiled; `windows.pxd` has them in C.
+
+Sums are of integers, so both give the same to the last bit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edge.types import Array, Image
+
+Bytes = NDArray[np.uint8]
+Shorts = NDArray[np.int16]
+
+
+def copy_rows(image: Image, x: int, y: int, rows: int, stride: int, to: Bytes) -> None:
+    """The `rows` rows of `stride` pixels from (x, y) of an 8-bit image, one after the other."""
+    to[: rows * stride] = image[y : y + rows, x : x + stride].ravel()
+
+
+def prefetch(image: Image, x: int, y: int, rows: int, length: int) -> None:
+    """Have the memory bring a window: the processor does not guess which rows come next."""
+
+
+def sums_of_bytes(
+    pixels: Bytes, level: int, templates: Shorts, at: int, common: int, n: int, sums: Array
+) -> None:
+    """Sums over a window, relative to `level`, of I d, I tx, I ty, I, I u, I v, I^2 within the support.
+
+    at      where d, tx, ty of one phase stand in `templates`, n each
+    common  where the support, u and v stand
+    """
+    _sums(pixels[:n].astype(np.int64) - level, templates, at, common, n, sums)
+
+
+def sums_of_shorts(
+    pixels: Shorts, wide: bool, templates: Shorts, at: int, common: int, n: int, sums: Array
+) -> None:
+    """The same of levels that are relative already; `wide`: their squares may be of 24 bits."""
+    _sums(pixels[:n].astype(np.int64), templates, at, common, n, sums)
+
+
+def _sums(level: NDArray[np.int64], templates: Shorts, at: int, common: int, n: int, sums: Array) -> None:
+    planes = [templates[first + k * n : first + (k + 1) * n] for first in (at, common) for k in range(3)]
+    sums[:6] = [level @ plane.astype(np.int64) for plane in planes]
+    sums[6] = (level * level) @ planes[3].astype(np.int64)

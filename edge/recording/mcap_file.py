@@ -1,0 +1,271 @@
+"""The records of an MCAP file, damaged or hostile as it may be.
+
+- Chunk by chunk, never the whole file in memory. Where the file has its index, damage to one chunk costs that
+  chunk alone; where it has none (killed, truncated), everything up to the last complete chunk comes out.
+- Damage is counted in `faults` and carried on.
+- Memory is bounded before it is taken: no length is believed beyond the end of the file (`_Bounded`), no
+  chunk unpacks to more than `UNPACKED_MAX`, and its records come out one by one.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from edge.errors import SourceError
+
+__all__ = ["RawMessage", "attachments_in", "damage", "image_count", "metadata_in", "raw_messages"]
+
+#: Bytes of one record or of one unpacked chunk. Ours stay near 1 MiB; the largest image has 32 MiB.
+UNPACKED_MAX = 128 << 20
+
+
+class RawMessage(NamedTuple):
+    """One message as stored."""
+
+    topic: str
+    schema: str
+    encoding: str
+    log_ns: int
+    sequence: int
+    data: bytes
+
+
+def damage(*more: type[Exception]) -> tuple[type[Exception], ...]:
+    """What the mcap library and its decompressors raise on damaged bytes, and `more`."""
+    from google.protobuf.message import DecodeError
+    from mcap.exceptions import McapError
+    from zstandard import ZstdError
+
+    # ValueError: CRC, UTF-8, lengths; RuntimeError: lz4, deep JSON; KeyError, IndexError: opcodes
+    known = (ValueError, RuntimeError, KeyError, IndexError, MemoryError, OverflowError, struct.error)
+    return (McapError, DecodeError, ZstdError, *known, *more)
+
+
+class _Bounded:
+    """A file that promises no more than it has: a damaged length must not become memory.
+
+    Raises ValueError: more is asked for than there is
+    """
+
+    def __init__(self, file: io.BufferedIOBase) -> None:
+        self._file = file
+        self.size = file.seek(0, io.SEEK_END)
+        file.seek(0)
+
+    def read(self, n_bytes: int = -1) -> bytes:
+        left = self.size - self._file.tell()
+        if left and n_bytes > left:
+            raise ValueError(f"a record of {n_bytes} bytes, {left} are left")
+        return self._file.read(n_bytes)
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        if whence == io.SEEK_SET and not 0 <= offset <= self.size:
+            raise ValueError(f"offset {offset} lies outside of the file")
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def records(self) -> Iterator[Any]:
+        """From here to the end; chunks are not taken apart."""
+        from mcap.exceptions import EndOfFile
+        from mcap.stream_reader import StreamReader
+
+        stream: Any = self
+        reader = StreamReader(stream, skip_magic=True, emit_chunks=True, record_size_limit=UNPACKED_MAX)
+        try:
+            yield from reader.records
+        except EndOfFile:
+            if self.tell() < self.size:
+                raise
+
+    def summary(self) -> Any:
+        """What the file's index says; None: it has none. Raises one of `damage`."""
+        from mcap.reader import SeekingReader
+
+        stream: Any = self
+        return SeekingReader(stream, record_size_limit=UNPACKED_MAX).get_summary()
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[_Bounded]:
+    """The file, behind its magic. Raises SourceError: not there, not MCAP."""
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise SourceError(f"recording {path}: {error.strerror}; give an existing MCAP file") from error
+    with file:
+        if file.read(8) != b"\x89MCAP0\r\n":
+            raise SourceError(f"recording {path}: not an MCAP file; give a file that `record` wrote")
+        yield _Bounded(file)
+
+
+def _chunks(file: _Bounded, faults: Counter[str]) -> Iterator[Any]:
+    """Schema, channel and chunk records; by the index where there is one, else in the file's order."""
+    from mcap.records import Channel, Chunk, Message, Schema
+
+    broken = damage(OSError)
+    summary = None
+    try:
+        summary = file.summary()
+    except broken:
+        faults["truncated"] += 1
+    if summary is not None and summary.chunk_indexes:
+        yield from summary.schemas.values()
+        yield from summary.channels.values()
+        end = 0
+        for index in sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset):
+            try:
+                if index.chunk_start_offset < end:
+                    raise ValueError("chunks overlap")
+                file.seek(index.chunk_start_offset)
+                chunk = next(file.records(), None)
+                if not isinstance(chunk, Chunk):
+                    raise ValueError("no chunk where the index has one")
+                end = file.tell()
+            except broken:
+                faults["damaged chunk"] += 1
+            else:
+                yield chunk
+        return
+    file.seek(8)
+    try:
+        for record in file.records():
+            if isinstance(record, Schema | Channel | Chunk | Message):
+                yield record
+    except broken:
+        faults["truncated"] = 1
+
+
+def _unpacked(chunk: Any) -> Iterator[Any]:
+    """The records in a chunk, one by one. Raises one of `damage`; for a wrong CRC before the first record."""
+    from mcap.records import Chunk
+    from mcap.stream_reader import get_chunk_data_stream
+
+    if chunk.uncompressed_size > UNPACKED_MAX:
+        raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes")
+    plain = Chunk(
+        compression="",
+        data=_decompressed(chunk),
+        message_end_time=0,
+        message_start_time=0,
+        uncompressed_crc=chunk.uncompressed_crc,
+        uncompressed_size=chunk.uncompressed_size,
+    )
+    get_chunk_data_stream(plain, validate_crc=True)
+    yield from _Bounded(io.BytesIO(plain.data)).records()
+
+
+def _decompressed(chunk: Any) -> bytes:
+    """Raises ValueError: it is not as large as it says, whatever its compression would make of it."""
+    size = chunk.uncompressed_size
+    if chunk.compression == "lz4":
+        from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
+
+        data: bytes = LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+    elif chunk.compression == "zstd":
+        from zstandard import ZstdDecompressor
+
+        with ZstdDecompressor().stream_reader(chunk.data) as reader:
+            data = reader.read(size + 1)
+    elif chunk.compression:
+        raise ValueError(f"compression {chunk.compression!r} is not known")
+    else:
+        data = chunk.data
+    if len(data) != size:
+        raise ValueError(f"a chunk of {size} bytes holds others")
+    return data
+
+
+def raw_messages(path: Path, faults: Counter[str]) -> Iterator[RawMessage]:
+    """All messages in the file's order; what is damaged is counted.
+
+    Raises SourceError: not there, not MCAP
+    """
+    from mcap.records import Channel, Chunk, Message, Schema
+
+    broken = damage()
+    schemas: dict[int, str] = {}
+    channels: dict[int, Channel] = {}
+    with _opened(path) as file:
+        for record in _chunks(file, faults):
+            items = _unpacked(record) if isinstance(record, Chunk) else iter([record])
+            while True:
+                try:
+                    item = next(items)
+                except StopIteration:
+                    break
+                except broken:
+                    faults["damaged chunk"] += 1
+                    break
+                if isinstance(item, Schema):
+                    schemas[item.id] = item.name
+                elif isinstance(item, Channel):
+                    channels[item.id] = item
+                elif isinstance(item, Message):
+                    channel = channels.get(item.channel_id)
+                    if channel is None:
+                        faults["message without channel"] += 1
+                        continue
+                    name = schemas.get(channel.schema_id, "")
+                    encoding = channel.message_encoding
+                    yield RawMessage(channel.topic, name, encoding, item.log_time, item.sequence, item.data)
+
+
+def image_count(path: Path, topic: str | None) -> int:
+    """Messages on a topic that the file's index counts; 0: it has none, as after a kill."""
+    with _opened(path) as file:
+        try:
+            summary = file.summary()
+            if summary is None or summary.statistics is None:
+                return 0
+            counts = summary.statistics.channel_message_counts
+            return sum(n for id, n in counts.items() if summary.channels[id].topic == topic)
+        except damage(OSError):
+            return 0
+
+
+def attachments_in(path: Path) -> dict[str, bytes]:
+    """Attached files by name; the last one of a name wins."""
+    from mcap.records import Attachment
+
+    return {record.name: record.data for record in _outside_chunks(path, Attachment)}
+
+
+def metadata_in(path: Path) -> dict[str, dict[str, str]]:
+    """Key-value pairs by the record's name."""
+    from mcap.records import Metadata
+
+    return {record.name: dict(record.metadata) for record in _outside_chunks(path, Metadata)}
+
+
+def _outside_chunks(path: Path, kind: type[Any]) -> list[Any]:
+    """Attachments or metadata: by the index, else by reading on."""
+    from mcap.records import Attachment
+
+    broken = damage(OSError)
+    found: list[Any] = []
+    with _opened(path) as file:
+        try:
+            summary = file.summary()
+            if summary is not None:
+                indexes = summary.attachment_indexes if kind is Attachment else summary.metadata_indexes
+                for index in indexes:
+                    file.seek(index.offset)
+                    record = next(file.records(), None)
+                    if not isinstance(record, kind):
+                        raise ValueError("another record than the index says")
+                    found.append(record)
+                return found
+        except broken:
+            found.clear()
+        file.seek(8)
+        with suppress(*broken):  # truncated: what came before it stands
+            found.extend(record for record in file.records() if isinstance(record, kind))
+    return found

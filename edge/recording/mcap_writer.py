@@ -1,0 +1,125 @@
+"""An MCAP file that grows by whole chunks: what is handed over to the kernel survives a kill.
+
+A chunk is closed after `CHUNK_BYTES` or `CHUNK_AGE_S`, whichever comes first, so a killed process loses at
+most that much. (A power cut may cost more: an fsync for each chunk would stall an SD card; the file is synced
+when it is closed.)
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Literal
+
+from edge.errors import SinkError
+from edge.recording.topics import TOPICS, proto, schema_of
+
+__all__ = ["CHUNK_AGE_S", "CHUNK_BYTES", "Compression", "McapWriter"]
+
+CHUNK_BYTES = 1 << 20  # the mcap library's own default; three raw 640x480 frames
+CHUNK_AGE_S = 0.5  # a kill costs at most this much of a recording that has no images
+
+Compression = Literal["none", "lz4", "zstd"]
+
+
+class McapWriter:
+    """One open file; used by one thread.
+
+    path         must not exist, unless `overwrite`
+    metadata     about the whole recording
+    written_n    messages by topic, in chunks that are closed or open
+    Raises       SinkError: the file exists or cannot be made
+    """
+
+    def __init__(
+        self, path: Path, compression: Compression, metadata: Mapping[str, str], overwrite: bool
+    ) -> None:
+        try:
+            from mcap.writer import CompressionType, Writer
+        except ImportError as error:
+            raise SinkError(f"recording: {error}; install voronoi-touch[edge]") from error
+        proto("RawImage")
+        self.written_n: Counter[str] = Counter()
+        self._file = _open(path, overwrite)
+        self._writer: Any = Writer(
+            self._file,
+            chunk_size=1 << 62,  # chunks are closed by `end_chunk`, by size and age
+            compression=CompressionType[compression.upper()],
+        )
+        self._channels: dict[str, int] = {}
+        self._chunk_bytes = 0
+        self._chunk_since_s = 0.0
+        self._writer.start(profile="", library="voronoi-touch")
+        self._writer.add_metadata("voronoi_touch", dict(metadata))
+        try:
+            self._file.flush()
+        except OSError as error:
+            with suppress(OSError):  # closing tries the same bytes again
+                self._file.close()
+            raise SinkError(f"recording: cannot write {path}: {error.strerror}; make room") from error
+
+    def add(self, key: str, log_ns: int, publish_ns: int, sequence: int, data: bytes) -> None:
+        """Append a message; `key` is one of TOPICS. Raises OSError."""
+        if key not in self._channels:
+            topic = TOPICS[key]
+            message_encoding, schema_encoding, schema = schema_of(topic)
+            schema_id = self._writer.register_schema(topic.schema, schema_encoding, schema)
+            self._channels[key] = self._writer.register_channel(topic.name, message_encoding, schema_id)
+        if not self._chunk_bytes:
+            self._chunk_since_s = time.monotonic()
+        self._writer.add_message(self._channels[key], log_ns, data, publish_ns, sequence)
+        self._chunk_bytes += len(data) + 1
+        self.written_n[TOPICS[key].name] += 1
+
+    def add_attachment(self, now_ns: int, name: str, data: bytes, media_type: str) -> None:
+        """A file inside of the recording. Raises OSError."""
+        self.end_chunk()
+        self._writer.add_attachment(now_ns, now_ns, name, media_type, data)
+        self._file.flush()
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Key-value pairs. Raises OSError."""
+        self.end_chunk()
+        self._writer.add_metadata(name, dict(values))
+        self._file.flush()
+
+    @property
+    def chunk_due_s(self) -> float | None:
+        """How long until the open chunk is old enough to be closed, s; None: none is open."""
+        if not self._chunk_bytes:
+            return None
+        if self._chunk_bytes >= CHUNK_BYTES:
+            return 0.0
+        return max(0.0, self._chunk_since_s + CHUNK_AGE_S - time.monotonic())
+
+    def end_chunk(self) -> None:
+        """Close the chunk and hand it to the kernel: a kill does not touch it any more. Raises OSError."""
+        self._writer.flush()
+        self._chunk_bytes = 0
+
+    def finish(self) -> None:
+        """Write the last chunk and the index, and force all of it to the disk. Raises OSError."""
+        self.end_chunk()
+        self._writer.finish()
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        """Raises OSError: the buffered tail did not fit."""
+        self._file.close()
+
+
+def _open(path: Path, overwrite: bool) -> Any:
+    """Raises SinkError."""
+    try:
+        return path.open("wb" if overwrite else "xb")
+    except FileExistsError as error:
+        raise SinkError(f"recording: {path} exists; give another name") from error
+    except OSError as error:
+        raise SinkError(
+            f"recording: cannot write {path}: {error.strerror}; give a folder that can be written"
+        ) from error

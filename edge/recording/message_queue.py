@@ -1,0 +1,105 @@
+"""Between the loop, which never waits, and the thread that writes: a queue of bounded size."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+__all__ = ["ITEM_BYTES", "Item", "MessageQueue"]
+
+ITEM_BYTES = 512  # what a queued message weighs beside its arrays, roughly
+
+
+class Item(NamedTuple):
+    """A message that is not encoded yet.
+
+    cost_bytes  of what it keeps in memory
+    topic       key of `topics.TOPICS`
+    encode      called by the thread that writes
+    """
+
+    cost_bytes: int
+    topic: str
+    log_ns: int
+    publish_ns: int
+    sequence: int
+    encode: Callable[[], bytes]
+
+
+class MessageQueue:
+    """Items and calls in order.
+
+    size_bytes  how much may wait; what does not fit is dropped
+    dropped_n   messages that did not fit, came after the end, or were given up
+    """
+
+    def __init__(self, size_bytes: int) -> None:
+        self.dropped_n = 0
+        self._size_bytes = size_bytes
+        self._items: deque[Item | Callable[[], None]] = deque()
+        self._waiting_bytes = 0
+        self._reported_n = 0
+        self._closed = False
+        self._changed = threading.Condition()
+
+    def put(self, items: Sequence[Item]) -> bool:
+        """All of them, or none: False."""
+        cost = sum(item.cost_bytes for item in items)
+        with self._changed:
+            if self._closed or self._waiting_bytes + cost > self._size_bytes:
+                self.dropped_n += len(items)
+                return False
+            self._items.extend(items)
+            self._waiting_bytes += cost
+            self._changed.notify()
+        return True
+
+    def put_call(self, call: Callable[[], None]) -> None:
+        """Something that the writing thread does between messages; never dropped."""
+        with self._changed:
+            self._items.append(call)
+            self._changed.notify()
+
+    def count_lost(self, messages_n: int) -> None:
+        """Messages were lost on their way here."""
+        with self._changed:
+            self.dropped_n += messages_n
+
+    def close(self) -> None:
+        """Nothing more is taken; what waits can still be got."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify()
+
+    def give_up(self) -> None:
+        """Nothing more is taken or given; what waits is dropped."""
+        with self._changed:
+            self._closed = True
+            self.dropped_n += len(self._items)
+            self._items.clear()
+            self._waiting_bytes = 0
+            self._changed.notify()
+
+    def get(self, timeout_s: float | None) -> Item | Callable[[], None] | None:
+        """The next; None: none came in time, or `ended`."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._items or self._closed, timeout_s)
+            return self._items.popleft() if self._items else None
+
+    @property
+    def ended(self) -> bool:
+        """Closed, and all of it was got."""
+        return self._closed and not self._items
+
+    def done(self, item: Item) -> None:
+        """An item that was got needs its memory no more."""
+        with self._changed:
+            self._waiting_bytes = max(0, self._waiting_bytes - item.cost_bytes)
+
+    def newly_dropped(self) -> int:
+        """How many were dropped since the last call."""
+        with self._changed:
+            lost_n, self._reported_n = self.dropped_n - self._reported_n, self.dropped_n
+        return lost_n

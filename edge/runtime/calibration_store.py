@@ -1,0 +1,70 @@
+"""The calibration that a host has uploaded, on disk: the one in use, and the last good one beside it.
+
+A file is stored only after it was tried on the tip, and replaced atomically. What cannot be read at a start
+(a damaged disk, a file that an older release took) costs the file, not the finger: the one before it is used.
+"""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+from edge.calibration import Calibration
+from edge.errors import CalibrationError
+from hostlink.output_file import find_unfinished, writing
+
+__all__ = ["CalibrationStore"]
+
+log = logging.getLogger(__name__)
+
+
+class CalibrationStore:
+    """Uploaded calibrations in the state folder.
+
+    path      the one in use
+    previous  the one before
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+        self.path = directory / "calibration.json"
+        self.previous = directory / "calibration.previous.json"
+
+    def load(self) -> Calibration | None:
+        """The newest file that can be used; None: there is none."""
+        for path in (self.path, self.previous):
+            if not path.is_file():
+                continue
+            try:
+                calibration = Calibration.load(path)
+            except CalibrationError as error:
+                log.error("stored calibration: %s; using the one before, if there is one", error)
+                continue
+            if path is self.previous:
+                log.warning("%s: used instead; upload the calibration of this tip again", path)
+            return calibration
+        return None
+
+    def replace(self, calibration: Calibration) -> None:
+        """Store a calibration that was tried; the one before stays beside it.
+
+        Raises OSError, hostlink.output_file.OutputError: not stored, the one before is still in its place
+        """
+        try:
+            good = self.path.read_bytes() if Calibration.load(self.path) else b""
+        except (CalibrationError, OSError):
+            good = b""  # none, or one that must not take the last good one's place
+        if good:
+            with writing(self.previous, overwrite=True) as unfinished:
+                unfinished.write_bytes(good)
+        calibration.save(self.path)
+
+    def clear_leftovers(self) -> None:
+        """Remove what writes left that were cut off by a loss of power; at the start, before another one."""
+        for name in ("calibration.json", "calibration.previous.json", "settings.json"):
+            for path in find_unfinished(self.directory / name):
+                if path.is_file() and not path.is_symlink():
+                    try:
+                        path.unlink()
+                    except OSError as error:  # it takes room, and does no other harm
+                        log.warning("%s: %s", path, error.strerror)

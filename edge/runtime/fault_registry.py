@@ -1,0 +1,109 @@
+"""Which faults hold now, each with a reason in words.
+
+The fault table (codes, status bits, emergency codes, how each clears) is `hostlink.wire.FAULTS`; here is
+only which of them hold. A fault is announced once when it appears and once when it clears; how often it
+appeared is counted.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+
+from hostlink.wire import FAULTS, FaultCode, Status
+
+__all__ = ["FaultLog", "FaultRegistry"]
+
+log = logging.getLogger(__name__)
+
+_STATUS = {fault.code: fault.status for fault in FAULTS}
+
+
+class FaultRegistry:
+    """The set of active faults. `report` may be called from any thread.
+
+    listeners  called with (code, active, message) at each appearance and clearing, from the thread that
+               reported it, one at a time
+    appeared   how often each fault has appeared
+    status     status bits of the active faults
+    """
+
+    def __init__(self) -> None:
+        self._active: dict[FaultCode, str] = {}
+        self._lock = threading.RLock()  # a listener may ask what is active
+        self.listeners: list[Callable[[FaultCode, bool, str], None]] = []
+        self.appeared: Counter[FaultCode] = Counter()
+        self.status = Status(0)
+
+    def report(self, code: FaultCode, active: bool, message: str | Callable[[], str] = "") -> None:
+        """Say whether a fault holds now; saying it again changes nothing.
+
+        message  the reason, or a function that gives it, called only when the fault appears
+        """
+        if active == (code in self._active):  # without the lock: this is called a dozen times a frame
+            return
+        with self._lock:
+            if active == (code in self._active):
+                return
+            if active:
+                message = self._active[code] = message() if callable(message) else message
+                self.appeared[code] += 1
+            else:
+                message = self._active.pop(code)
+            status = Status(0)
+            for held in self._active:
+                status |= _STATUS[held]
+            self.status = status
+            for notify in self.listeners:
+                notify(code, active, message)
+
+    @property
+    def active(self) -> dict[FaultCode, str]:
+        """Faults that hold now, each with its reason."""
+        with self._lock:
+            return dict(self._active)
+
+
+class FaultLog:
+    """A log line for each fault that appears, and one when it clears; a listener of `FaultRegistry`.
+
+    A fault that flickers gets at most one pair of lines every `EVERY_S`; the next line says how often it
+    appeared meanwhile.
+
+    set_status  gets the active faults in one line: for `systemctl status`
+    """
+
+    EVERY_S = 10.0
+
+    def __init__(
+        self,
+        registry: FaultRegistry,
+        set_status: Callable[[str], None],
+        clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._registry = registry
+        self._set_status = set_status
+        self._clock_s = clock_s
+        self._logged_s: dict[FaultCode, float] = {}
+        self._suppressed: Counter[FaultCode] = Counter()
+        self._open: set[FaultCode] = set()  # logged as on, not yet as off
+
+    def __call__(self, code: FaultCode, active: bool, message: str) -> None:
+        """Called by `FaultRegistry`, from any thread, one at a time."""
+        now_s = self._clock_s()
+        if not active:
+            if code in self._open:
+                self._open.discard(code)
+                log.warning("%s cleared", code.name)
+        elif now_s - self._logged_s.get(code, -self.EVERY_S) < self.EVERY_S:
+            self._suppressed[code] += 1
+        else:
+            n = self._suppressed.pop(code, 0)
+            repeated = f" (and {n} times since the last such line)" if n else ""
+            log.warning("%s: %s%s", code.name, message, repeated)
+            self._logged_s[code] = now_s
+            self._open.add(code)
+        self._set_status("; ".join(f"{c.name}: {m}" for c, m in self._registry.active.items()) or "no fault")

@@ -1,0 +1,373 @@
+"""The loop: frames in, samples out. The only place where stages, links, recorder and commands meet.
+
+    source --newest frame--> Measurement.measure --> State --> every sink
+                                   |                     \\--> node (EMCY, SYNC), statistics
+                                   \\--> recorder, viewers (only if somebody asked)
+
+Rules
+- One thread runs the loop. Other threads (bus nodes, viewers) never touch the pipeline: they `post` a
+  command, which runs between two frames, and wait for its answer.
+- Nothing that fails outside of the computation stops the loop: a fault is a status bit, an emergency and
+  a counter.
+- A frame whose pins cannot be identified is sent with its status bits and without values, never left out:
+  the host must see that the finger is alive and does not know.
+- Without images the loop wakes all the same: faults are announced within 0.1 s, and samples without values go
+  on every `KEEPALIVE_S`. Signals and commands only set a mark; the loop acts on it within that time.
+- The garbage collector does not run when it likes: what start-up made is frozen, what a frame makes has no
+  cycles, and once a minute, after a sample has left, what other threads made is collected.
+"""
+
+from __future__ import annotations
+
+import gc
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from math import nan
+from threading import Event
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+from edge.calibration import Calibration
+from edge.link.pack import to_state
+from edge.link.sinks import Sink
+from edge.pipeline import Pipeline, Result
+from edge.recording.session import RecordingSession
+from edge.runtime.board_monitor import BoardMonitor
+from edge.runtime.fault_detector import FaultDetector
+from edge.runtime.fault_registry import FaultRegistry
+from edge.runtime.measurement import LoopConfig, Measurement
+from edge.runtime.statistics import LoopStatistics, StatisticsCollector
+from edge.runtime.systemd import Notifier
+from edge.runtime.tare_state import TareOutcome, TareRequest
+from edge.types import Clock, Feature, Frame, FrameSource, LiveSource
+from hostlink.wire import State, Status
+
+__all__ = ["Loop", "LoopConfig", "ResultCallback"]
+
+log = logging.getLogger(__name__)
+T = TypeVar("T")
+
+DRAIN_S = 1.0  # how long a recording waits for a link that takes nothing
+WAIT_S = 0.02  # longest wait for an image before faults and commands are looked at
+KEEPALIVE_S = 0.05  # samples without images: "the slow rate" of the fault table
+NO_IMAGES_S = 1.0  # without images for so long a tare that was asked for is refused
+LATE_NS = 2_000_000_000  # an image older than this, or from the future, is stamped by another clock than ours
+GARBAGE_S = 60.0  # what other threads leave in cycles (viewers, requests) is collected this often
+
+#: Called with each result and its sample: viewer, detail stream, summary. Must return at once.
+ResultCallback = Callable[[Result, State], None]
+
+
+class Loop:
+    """One finger.
+
+    source       where frames come from
+    sinks        where samples go
+    calibration  of this tip, or None: values that need one are sent as invalid
+    config       what is computed, and limits
+    faults       the active faults; a new registry where not given
+    board        the board's temperature and storage; None: not looked after
+    notifier     the service manager; None: nobody
+    clock_ns     the host's monotonic clock
+    """
+
+    def __init__(
+        self,
+        source: FrameSource,
+        sinks: Sequence[Sink],
+        calibration: Calibration | None = None,
+        config: LoopConfig | None = None,
+        *,
+        faults: FaultRegistry | None = None,
+        board: BoardMonitor | None = None,
+        notifier: Notifier | None = None,
+        clock_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self.source = source
+        self.sinks = list(sinks)
+        self.faults = faults or FaultRegistry()
+        self.session = RecordingSession(self.faults)
+        self.result_callbacks: list[ResultCallback] = []
+        self.tick_callbacks: list[Callable[[], None]] = []  # after each turn, with an image or without
+        self.frame: Frame | None = None  # the newest, with a result or without
+        config = config or LoopConfig()
+        self._counters = StatisticsCollector()
+        self._detector = FaultDetector(source, self.faults, config.load_pitches, clock_ns)
+        self.measurement = Measurement(
+            source, calibration, config, self.faults, self._detector, self._counters
+        )
+        self._board = board
+        self._notifier = notifier or Notifier({})
+        self._clock_ns = clock_ns
+        self._commands: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
+        self._stop = Event()
+        self._garbage = _GarbageCollection(clock_ns)
+        self._sample = 0
+        self._keepalive_due_ns = 0
+        self._frame_begun_ns: int | None = None  # when the frame in hand was taken up
+
+    # ---- from other threads ------------------------------------------------------------------------
+
+    def post(self, command: Callable[[], T]) -> Future[T]:
+        """Have the loop run a command between two frames; the future holds its answer or its exception."""
+        future: Future[T] = Future()
+        self._commands.append((command, future))
+        return future
+
+    def request_tare(
+        self,
+        force: bool = False,
+        calibration: Calibration | None = None,
+        store: Callable[[], None] | None = None,
+    ) -> TareRequest:
+        """Have a new rest frame taken from the next images; `done` of what is returned gets the outcome.
+
+        What is in use stays in use, rest frame and calibration, until the new ones are accepted.
+
+        force        take it although it shows a touch
+        calibration  to be used from this rest frame on
+        store        called when the rest frame is good, before it is used. Raises OSError
+        Raises       TareBusy
+        """
+        return self.measurement.tare.ask(force, calibration, store)
+
+    @property
+    def tare_outcome(self) -> TareOutcome:
+        """What became of the last request for a rest frame."""
+        return self.measurement.tare.outcome
+
+    def stop(self) -> None:
+        """End the loop after the frame in hand. May be called from a signal handler; closes nothing."""
+        self._stop.set()
+
+    @property
+    def frames_n(self) -> int:
+        """Frames since the start."""
+        return self._counters.counts.frames_n
+
+    def statistics(self) -> LoopStatistics:
+        """A copy of the counters and times as they stand."""
+        m = self.measurement
+        return self._counters.snapshot(
+            dropped_n=self.source.dropped_n,
+            pins_n=len(m.pipeline.rest) if m.pipeline else 0,
+            drift_px=m.drift.offset_px if m.drift else 0.0,
+            faults={code.name: n for code, n in self.faults.appeared.items()},
+        )
+
+    # ---- what is measured, and how: `Measurement` has the rest --------------------------------------
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The calibration in use."""
+        return self.measurement.calibration
+
+    @property
+    def pipeline(self) -> Pipeline | None:
+        """The computing stages; None: there is no rest frame yet."""
+        return self.measurement.pipeline
+
+    @property
+    def last(self) -> Result | None:
+        """The last result; None: there was none yet."""
+        return self.measurement.last
+
+    @property
+    def in_contact(self) -> bool:
+        """Whether the last frame showed a touch; a tare now would be wrong."""
+        return self.measurement.in_contact
+
+    @property
+    def taring(self) -> bool:
+        """Whether a rest frame is being taken."""
+        return self.measurement.tare.busy
+
+    @property
+    def tares_n(self) -> int:
+        """Rest frames taken since the start."""
+        return self.measurement.tares_n
+
+    def forget_drift(self) -> None:
+        """Measure from the rest frame as it was taken, until drift is learnt anew."""
+        self.measurement.forget_drift()
+
+    def set_demand(self, demand: frozenset[Feature]) -> None:
+        """Compute these features from the next frame on."""
+        self.measurement.set_demand(demand)
+
+    def set_shown(self, features: frozenset[Feature]) -> None:
+        """What viewers look at, beyond the demand: computed for as long as they do."""
+        self.measurement.set_shown(features)
+
+    # ---- the loop -----------------------------------------------------------------------------------
+
+    def run(self, frames_max: int | None = None) -> LoopStatistics:
+        """Run until the source ends, `stop`, or a number of frames.
+
+        Raises  SourceError when a recording shows no pins to begin with
+        """
+        self._counters.started_s = time.monotonic()
+        self.measurement.tare.beside = self.source.live  # a recording waits
+        if self._board is not None:
+            self._board.checks += [self._detector.camera, self._check_frame_time]
+            self._board.start()
+        try:
+            with self._garbage:
+                for frame in self._frames():
+                    self._run_commands()
+                    if frame is None:
+                        self._keep_alive()
+                    else:
+                        self.step(frame)
+                    self._end_turn()
+                    if self._stop.is_set() or self.frames_n == frames_max:
+                        break
+                if not self._stop.is_set():
+                    self.measurement.source_ended()
+        finally:
+            self._notifier.stopping()
+            if self._board is not None:
+                self._board.close()
+            self.measurement.tare.close()
+            self._run_commands()
+        return self.statistics()
+
+    def _frames(self) -> Iterator[Frame | None]:
+        """The source's frames; from a live source also None, whenever none came for a while."""
+        source = self.source
+        if not isinstance(source, LiveSource):
+            yield from source
+            return
+        while True:
+            frame = source.read(WAIT_S)
+            if frame is None and source.ended:
+                return
+            yield frame
+
+    def _keep_alive(self) -> None:
+        """No image came. Say why, and that we live."""
+        status_before = self.faults.status
+        self._detector.frozen = False
+        self._detector.camera()
+        now_ns = self._clock_ns()
+        if Status.CAMERA_FAULT not in self.faults.status:
+            return  # a slow camera: not late yet
+        if self.faults.status == status_before and now_ns < self._keepalive_due_ns:
+            return
+        self._keepalive_due_ns = now_ns + round(KEEPALIVE_S * 1e9)
+        self._counters.counts.keepalives_n += 1
+        frame, since_ns = self._detector.last or (None, now_ns)
+        if now_ns - since_ns > NO_IMAGES_S * 1e9:
+            self.measurement.no_images()
+        # On the camera's clock, as all other samples: its last time and what has passed since.
+        capture_ns = frame.capture_ns + now_ns - since_ns if frame else now_ns
+        self._send(None, capture_ns, 0.0)
+
+    def _check_frame_time(self) -> None:
+        """Called from the board's thread: whether the frame in hand takes long."""
+        # A recording waits for its search; and the first frame after a tare has to search.
+        if not self.taring and self.last is not None and self.source.live:
+            self._detector.slow(self._frame_begun_ns)
+
+    def step(self, frame: Frame) -> State:
+        """Everything that one frame causes."""
+        begun_ns = self._frame_begun_ns = self._clock_ns()
+        self._count(frame, begun_ns)
+        self.frame = frame
+        result = self.measurement.measure(frame)
+        self._frame_begun_ns = None
+        computed_ns = self._clock_ns()
+        # A recorded or foreign clock cannot be subtracted from ours: then latency counts from the hand-over.
+        ours = frame.clock in (Clock.HOST, Clock.DRIVER) and 0 <= begun_ns - frame.capture_ns < LATE_NS
+        since_ns = frame.capture_ns if ours else begun_ns
+        state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)
+        self._counters.latency_us.add((self._clock_ns() - since_ns) / 1e3)
+        self._notifier.frame()
+        self.session.take(frame, result, state)
+        if result is not None:
+            _call_each(self.result_callbacks, result, state)
+        self._garbage.collect_if_due(begun_ns)
+        self._counters.compute_us.add((computed_ns - begun_ns) / 1e3)
+        return state
+
+    def _count(self, frame: Frame, begun_ns: int) -> None:
+        """Note the frame, and what is missing before it."""
+        counts = self._counters.counts
+        counts.frames_n += 1
+        self._detector.order(frame, begun_ns)
+        # A frame that gave way to a newer one leaves a gap too, but did not get lost on its way here.
+        lost_n = self._detector.gaps_n - self.source.dropped_n
+        counts.lost_by_camera_n = max(counts.lost_by_camera_n, lost_n)
+        self._detector.camera()
+
+    def _send(self, result: Result | None, capture_ns: int, latency_us: float) -> State:
+        counts = self._counters.counts
+        state = to_state(
+            result,
+            sample=self._sample,
+            status=self._detector.status(result, counts.lost_by_camera_n + self.source.dropped_n),
+            latency_us=latency_us,
+            capture_time_us=capture_ns // 1000,
+            temperature_degc=self._board.temperature_degc if self._board else nan,
+        )
+        self._sample += 1
+        for sink in self.sinks:
+            if not self.source.live:  # a recording goes as fast as the link takes it, and loses nothing
+                sink.drain(DRAIN_S)
+            counts.sent_n += sink.send(state)
+        return state
+
+    def _end_turn(self) -> None:
+        """After each turn, with an image or without."""
+        _call_each(self.tick_callbacks)
+
+    def _run_commands(self) -> None:
+        while self._commands:
+            command, future = self._commands.popleft()
+            if not future.set_running_or_notify_cancel():
+                continue
+            try:
+                future.set_result(command())
+            except Exception as error:  # noqa: BLE001  (it is the asker's to handle)
+                future.set_exception(error)
+
+
+def _call_each(callbacks: list[Any], *arguments: Any) -> None:
+    """Call all; one that raises is removed."""
+    for callback in list(callbacks):
+        try:
+            callback(*arguments)
+        except Exception:
+            log.exception("viewer callback raised; removed")
+            callbacks.remove(callback)
+
+
+class _GarbageCollection:
+    """The collector at our times: off while the loop runs, but for `collect_if_due`."""
+
+    def __init__(self, clock_ns: Callable[[], int]) -> None:
+        self._due_ns = clock_ns() + round(GARBAGE_S * 1e9)
+        self._was_enabled = True
+
+    def __enter__(self) -> Self:
+        gc.collect()
+        gc.freeze()
+        self._was_enabled = gc.isenabled()
+        gc.disable()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._was_enabled:
+            gc.enable()
+        gc.unfreeze()
+
+    def collect_if_due(self, now_ns: int) -> None:
+        """Collect what other threads left, after the sample has left; frozen objects are not looked at."""
+        if now_ns > self._due_ns:
+            self._due_ns = now_ns + round(GARBAGE_S * 1e9)
+            gc.collect()

@@ -1,0 +1,282 @@
+"""From a frame to a result that may be sent: rest frame, pipeline, drift, and what the fault detector says.
+
+Everything here runs in the loop's thread, but for `_prepare`. The rest frame and the calibration in use
+change together, and only once the new ones have been tried.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from edge.calibration import Calibration
+from edge.errors import CalibrationError, EdgeError, SourceError
+from edge.pipeline import Pipeline, Result
+from edge.runtime.drift import LIMIT_PX, Drift
+from edge.runtime.fault_detector import LOAD_PITCHES, NO_CALIBRATION, FaultDetector
+from edge.runtime.fault_registry import FaultRegistry
+from edge.runtime.statistics import StatisticsCollector
+from edge.runtime.tare import PARAMS, TareParams, TareRefused, take_rest_frame
+from edge.runtime.tare_state import Prepared, TareRequest, TareState
+from edge.types import Feature, Frame, FrameSource, Reading, Rest
+from hostlink.output_file import OutputError
+from hostlink.wire import FaultCode, RestFrameReason, RestFrameState
+
+__all__ = ["LoopConfig", "Measurement"]
+
+log = logging.getLogger(__name__)
+
+_NOTHING = np.empty((0, 3))
+
+
+class _SizeChanged(EdgeError):
+    """An image of another size than the rest frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopConfig:
+    """What is computed, and limits; `edge.config` has the same for users.
+
+    demand        features that are computed
+    tare          how the rest frame is taken and judged
+    drift_px      largest drift of a pin that is taken off the measurement; 0: none
+    load_pitches  motion of the pins beyond which the tip is overloaded
+    """
+
+    demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}
+    tare: TareParams = PARAMS
+    drift_px: float = LIMIT_PX
+    load_pitches: float = LOAD_PITCHES
+
+
+class Measurement:
+    """What one finger is measured with, and against.
+
+    calibration  in use; None: values that need one are invalid
+    pipeline     the computing stages; None: there is no rest frame yet
+    drift        learnt since the rest frame was taken
+    last         the last result
+    tares_n      rest frames taken
+    tare         the rest frame that is being taken, and what became of the last request for one
+    """
+
+    def __init__(
+        self,
+        source: FrameSource,
+        calibration: Calibration | None,
+        config: LoopConfig,
+        faults: FaultRegistry,
+        detector: FaultDetector,
+        counters: StatisticsCollector,
+    ) -> None:
+        self.calibration = calibration
+        self.pipeline: Pipeline | None = None
+        self.drift: Drift | None = None
+        self.last: Result | None = None
+        self.tares_n = 0
+        self._source, self._config, self._faults = source, config, faults
+        self._detector, self._counters = detector, counters
+        self.demand = config.demand
+        self._shown: frozenset[Feature] = frozenset()
+        self.tare = TareState(config.tare.frames_n)
+        self._reference: Rest | None = None  # the last rest frame that was not forced
+        self._failing = False  # the last frame could not be computed
+        if calibration is None:
+            faults.report(FaultCode.CALIBRATION_MISSING, True, NO_CALIBRATION)
+
+    @property
+    def in_contact(self) -> bool:
+        """Whether the last frame showed a touch."""
+        return self.last is not None and self.last.features is not None and self.last.features.in_contact
+
+    # ---- settings -----------------------------------------------------------------------------------
+
+    def set_demand(self, demand: frozenset[Feature]) -> None:
+        """Compute these features from the next frame on."""
+        self.demand = demand
+        self._set_demand()
+
+    def set_shown(self, features: frozenset[Feature]) -> None:
+        """Compute these features too, for viewers."""
+        self._shown = features
+        self._set_demand()
+
+    def _set_demand(self) -> None:
+        if self.pipeline is not None:
+            self.pipeline.demand = self.demand | self._shown
+
+    def forget_drift(self) -> None:
+        """Measure from the rest frame as it was taken, until drift is learnt anew."""
+        if self.drift is not None:
+            self.drift.forget()
+
+    # ---- frames -------------------------------------------------------------------------------------
+
+    def measure(self, frame: Frame) -> Result | None:
+        """Result of one frame; None: there is no rest frame, or the image cannot be computed.
+
+        No image, whatever it shows, raises: what cannot be computed is a lost tracker.
+        Raises  SourceError, CalibrationError: a recording that cannot be used, at its start
+        """
+        try:
+            self._check_size(frame)
+            self._detector.image(frame)
+            result = self._measure(frame)
+        except (CalibrationError, SourceError):
+            raise
+        except Exception as error:  # noqa: BLE001  (logged, counted and reported as a fault by `_failed`)
+            self._failed(frame, error)
+            return None
+        self._failing = False
+        if result is not None:
+            self.last = result
+        return result
+
+    def _failed(self, frame: Frame, error: Exception) -> None:
+        if not self._failing:
+            expected = isinstance(error, EdgeError)
+            level = logging.WARNING if expected else logging.ERROR
+            log.log(level, "image %d: %s", frame.sequence, error, exc_info=not expected)
+        self._failing = True
+        self._counters.counts.failed_n += 1
+        self._faults.report(FaultCode.TRACKER_LOST, True, f"image cannot be measured: {error}")
+        if self.tare.frames is not None:
+            self.tare.restart()
+        if self.pipeline is not None:
+            self.pipeline.forget()
+
+    def _check_size(self, frame: Frame) -> None:
+        """Raises _SizeChanged: the camera changed its size, and the rest frame is no measure any more."""
+        if self.pipeline is not None:
+            width, height = self.pipeline.rest.pattern.size_px
+            if frame.image.shape != (height, width):
+                now = f"{frame.image.shape[1]}x{frame.image.shape[0]}"
+                raise _SizeChanged(
+                    f"it has {now} px, the rest frame {width}x{height}; set the camera back, or restart"
+                )
+
+    def _measure(self, frame: Frame) -> Result | None:
+        self._tare(frame)
+        if self.pipeline is None:
+            return None
+        detector, counts = self._detector, self._counters.counts
+        if detector.after_gap:
+            self.pipeline.forget()
+        result = self.pipeline.process(frame, self.drift)
+        counts.full_searches_n += result.searched
+        if result.features is not None and detector.impossible(result.tracks):
+            self.pipeline.forget()
+            tracks = replace(result.tracks, confidence=0.0)
+            result = replace(result, tracks=tracks, cells=None, features=None)
+        tracks, features = result.tracks, result.features
+        counts.unidentified_n += features is None
+        self._counters.pins_seen.add(tracks.n_seen)
+        if not detector.pins(frame, tracks, features) or detector.blind:
+            no_reading = Reading({}, {}, _NOTHING, calibrated=self.calibration is not None)
+            result = replace(result, reading=no_reading)
+        detector.load(features)
+        drift = self.drift
+        untouched = features is not None and not features.in_contact
+        if features is not None:
+            detector.place(
+                features.displacement_px, features.in_contact, drift is not None and drift.at_limit
+            )
+        if drift is not None:
+            drift.learn(tracks, frame.capture_ns, untouched and detector.quiet)
+        return result
+
+    # ---- tare ---------------------------------------------------------------------------------------
+
+    def _tare(self, frame: Frame) -> None:
+        """Collect this image for a rest frame that is wanted, and use one that is ready."""
+        tare = self.tare
+        frames = tare.collect(frame, usable=not self._detector.frozen)
+        if frames is not None:
+            request = tare.request or TareRequest(0)
+            # Without a rest frame there is nothing to go on with.
+            tare.start(lambda: self._prepare(frames, request), can_wait=self.pipeline is not None)
+        if not tare.judged:
+            return
+        try:
+            prepared = tare.result()
+        except TareRefused as error:
+            self._refuse_tare(error)
+        except (OSError, OutputError) as error:
+            self._refuse_tare(
+                TareRefused(RestFrameReason.NOT_STORED, f"the calibration cannot be stored: {error}")
+            )
+        except Exception as error:
+            log.exception("a rest frame could not be taken")
+            self._refuse_tare(TareRefused(RestFrameReason.OTHER, str(error)))
+        else:
+            self._accept_tare(prepared)
+
+    def _prepare(self, frames: Sequence[Frame], request: TareRequest) -> Prepared:
+        """Take and judge the rest frame, make its stages, and store the calibration that comes with it.
+
+        May run beside the loop. Raises TareRefused; OSError, OutputError: not stored
+        """
+        calibration, params = request.calibration or self.calibration, self._config.tare
+        live = self._source.live
+        if not live:  # a recording is what it is; only a live tip can be asked to keep still
+            params = replace(params, steady_px=np.inf)
+        rest_frame = take_rest_frame(
+            [frame.image for frame in frames],
+            params,
+            calibration,
+            self._reference,
+            force=request.force or not live,
+        )
+        pipeline = Pipeline(rest_frame.rest, calibration)
+        if request.store is not None:
+            request.store()
+        return Prepared(rest_frame, pipeline, frames[-1])
+
+    def _accept_tare(self, prepared: Prepared) -> None:
+        """Measure against this rest frame, with its calibration, from now on."""
+        found, self.pipeline = prepared.rest_frame, prepared.pipeline
+        self.calibration = self.pipeline.calibration
+        self._set_demand()
+        self.drift = Drift(found.rest, self._config.drift_px)
+        self.tares_n += 1
+        self._detector.learn(found.rest, prepared.frame, self.calibration is not None)
+        if found.reason is RestFrameReason.NONE:
+            self._reference = found.rest
+            state = RestFrameState.ACCEPTED
+        else:
+            self._faults.report(FaultCode.TARE_IMPLAUSIBLE, True, f"rest frame forced: {found.message}")
+            state = RestFrameState.FORCED
+        self.tare.finish(state, found.reason, found.message)
+        log.info("%s: rest frame with %d pins", self._source.name, len(found.rest))
+
+    def _refuse_tare(self, error: TareRefused) -> None:
+        """Keep rest frame and calibration that we have; without them, try again with the next images."""
+        if self.pipeline is None and not self._source.live:
+            kind = CalibrationError if error.reason is RestFrameReason.OTHER_TIP else SourceError
+            raise kind(f"{self._source.name}: {error}")
+        self._faults.report(FaultCode.TARE_IMPLAUSIBLE, True, str(error))
+        if self.pipeline is None and self.tare.request is None:
+            foreign = error.reason is RestFrameReason.OTHER_TIP
+            self._faults.report(FaultCode.CALIBRATION_FOREIGN, foreign, str(error))
+        self.tare.finish(RestFrameState.REFUSED, error.reason, str(error))
+        if self.pipeline is None:
+            self.tare.restart()
+
+    def no_images(self) -> None:
+        """The camera has given none for long: who waits for a rest frame is told."""
+        if self.tare.request is not None and not self.tare.judging:
+            message = "; ".join(self._faults.active.values())
+            self._refuse_tare(TareRefused(RestFrameReason.NO_IMAGES, f"no images: {message}"))
+
+    def source_ended(self) -> None:
+        """A recording shorter than the tare: take what there is. Raises SourceError, CalibrationError."""
+        frames = self.tare.frames
+        if self.pipeline is None and frames is not None and not self._source.live:
+            self.tare.start(lambda: self._prepare(frames, TareRequest(0)), can_wait=False)
+            try:
+                self._accept_tare(self.tare.result())
+            except TareRefused as error:
+                self._refuse_tare(error)

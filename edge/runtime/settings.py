@@ -1,0 +1,125 @@
+"""Settings that a host may change over the link, and that survive a restart.
+
+A JSON file beside the calibration, replaced atomically: after a power cut it is the old one or the new one,
+never half of one. A file that cannot be used costs the settings, never the finger: defaults, and a line in
+the log. What may be set, its limits and defaults: `stored` rows of `hostlink.wire.objects`.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from hostlink.output_file import OutputError, writing
+from hostlink.wire import OBJECTS
+
+__all__ = ["Settings", "SettingsFile"]
+
+log = logging.getLogger(__name__)
+
+SHOWN_S = 1.0  # how long a failed write is reported as a storage fault
+MAX_BYTES = 4096  # ten times what is ever written
+RATE_MIN_HZ = 0.01  # slower is no rate: 1e-45 would be a sample in the age of the universe
+
+_STORED = {o.name: o for o in OBJECTS if o.stored and o.type != "domain"}
+
+
+def _default(name: str) -> float:
+    value = _STORED[name].default
+    assert isinstance(value, int | float), name
+    return value
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """One set of settings; names, units and limits are the object table's."""
+
+    heartbeat_ms: int = int(_default("heartbeat_ms"))
+    rate_hz: float = _default("rate_hz")
+    divider: int = int(_default("divider"))
+    features: int = int(_default("features"))
+    detail_divider: int = int(_default("detail_divider"))
+
+
+class SettingsFile:
+    """Where settings live. `path` None: in memory only."""
+
+    def __init__(self, path: Path | None = None, defaults: Settings | None = None) -> None:
+        self._path = path
+        self._defaults = defaults or Settings()
+        self._failed: tuple[str, float] | None = None
+        self.values = self.load()
+
+    @property
+    def is_stored(self) -> bool:
+        """Whether values survive a restart: there is a file for them."""
+        return self._path is not None
+
+    def load(self) -> Settings:
+        """What the file says; defaults where it says nothing usable."""
+        if self._path is None or not self._path.exists():
+            return self._defaults
+        try:
+            with self._path.open("rb") as file:
+                raw = file.read(MAX_BYTES + 1)
+            if len(raw) > MAX_BYTES:
+                raise ValueError(f"longer than {MAX_BYTES} bytes")
+            table = msgspec.json.decode(raw, type=dict[str, int | float])
+            values: dict[str, Any] = {name: checked(name, value) for name, value in table.items()}
+            return replace(self._defaults, **values)
+        except (OSError, ValueError, KeyError, RecursionError) as error:
+            log.warning("%s: settings cannot be used (%s); starting with defaults", self._path, error)
+            return self._defaults
+
+    def change(self, **changes: float) -> Settings:
+        """Change and store. Raises ValueError: out of limits; OutputError: not stored; nothing is changed."""
+        changed: dict[str, Any] = {name: checked(name, value) for name, value in changes.items()}
+        values = replace(self.values, **changed)
+        self._store(values)
+        self.values = values
+        return values
+
+    def restore_defaults(self) -> Settings:
+        """Back to defaults, in the file too. Raises OutputError."""
+        self._store(self._defaults)
+        self.values = self._defaults
+        return self.values
+
+    def trouble(self) -> str:
+        """Empty, or why the last settings could not be stored, for a second after that."""
+        message, at_s = self._failed or ("", 0.0)
+        return message if message and time.monotonic() - at_s < SHOWN_S else ""
+
+    def _store(self, values: Settings) -> None:
+        if self._path is None:
+            return
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with writing(self._path, overwrite=True) as unfinished:
+                unfinished.write_bytes(msgspec.json.format(msgspec.json.encode(asdict(values))) + b"\n")
+        except OutputError as error:
+            self._failed = (str(error), time.monotonic())
+            raise
+        except OSError as error:
+            self._failed = (f"{self._path}: cannot be written: {error.strerror}", time.monotonic())
+            raise OutputError(self._failed[0]) from None
+        self._failed = None
+
+
+def checked(name: str, value: float) -> float:
+    """The value, if this setting may have it. Raises KeyError: no such setting; ValueError"""
+    obj = _STORED[name]
+    if isinstance(value, bool) or (obj.type != "real32" and not isinstance(value, int)):
+        raise ValueError(f"{name} is {value!r}, not a whole number")
+    if obj.low is not None and obj.high is not None and not obj.low <= value <= obj.high:
+        raise ValueError(f"{name} is {value:g}, possible is {obj.low:g} to {obj.high:g}")
+    if name == "rate_hz" and 0 < value < RATE_MIN_HZ:
+        raise ValueError(
+            f"rate_hz is {value:g}, possible is 0 (every image) or {RATE_MIN_HZ:g} to {obj.high:g}"
+        )
+    return value

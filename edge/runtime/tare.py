@@ -1,0 +1,252 @@
+"""The rest frame: taken from a few images of the untouched tip, matched to known pins, and judged.
+
+Everything is measured against the rest frame, so one that shows a touch makes every later value wrong without
+a sign of it. So each candidate is judged:
+
+    within itself    the pins do not move from the first image to the last
+    by known pins    those of the calibration, or else of the last accepted rest frame, seen from where the
+                     camera is now: what is left after a homography (a camera that turned in its mount,
+                     another focus) must be untouched. Where none are known, the last image by the first
+
+"Untouched" is the contact detector's own decision, by the noise that it expects of the pins' positions. The
+noise is also measured in the candidate, because creep and warmth bend a tip a little: if the typical area
+change is larger than expected, the expectation is raised, as far as the detector's own learning may raise it.
+Beyond that no noise explains it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from edge.calibration import Calibration
+from edge.cells import Tessellator
+from edge.errors import CalibrationError, DegenerateLayout, EdgeError, NoPins
+from edge.features import FeatureExtractor
+from edge.features.params import PARAMS as CONTACT
+from edge.pins import CentroidRefiner, take_rest
+from edge.runtime.tip_match import in_order_of, match_rest
+from edge.tracking import Tracker
+from edge.types import Image, Pins, Rest, Tracks
+from hostlink.wire import RestFrameReason
+
+__all__ = ["RestFrame", "TareParams", "TareRefused", "take_rest_frame", "tare"]
+
+Reason = RestFrameReason
+LET_GO = "let go, or force the tare"
+
+
+@dataclass(frozen=True, slots=True)
+class TareParams:
+    """Thresholds of the tare; evidence in docs/tuning.md.
+
+    frames_n   images of which the rest frame is made
+    steady_px  largest motion of 90 % of the pins from the first image to the last
+    kept_rel   least share of the last rest frame's pins that must be found, without a calibration
+    """
+
+    frames_n: int = 8
+    steady_px: float = 0.5
+    kept_rel: float = 0.9
+
+
+PARAMS = TareParams()
+
+
+class TareRefused(EdgeError):
+    """This rest frame is not taken.
+
+    reason   the wire's word for why
+    problem  the same in words
+    advice   what to do
+    """
+
+    def __init__(self, reason: RestFrameReason, problem: str, advice: str = "") -> None:
+        super().__init__(f"tare: {problem}; {advice}" if advice else f"tare: {problem}")
+        self.reason, self.problem = reason, problem
+
+
+@dataclass(frozen=True, slots=True)
+class RestFrame:
+    """A rest frame that may be used.
+
+    rest     row i is pin i of the calibration, where there is one
+    reason   NONE, or why it is implausible: then it was forced
+    message  the same in words
+    """
+
+    rest: Rest
+    reason: RestFrameReason = Reason.NONE
+    message: str = ""
+
+
+def take_rest_frame(
+    images: Sequence[Image],
+    params: TareParams = PARAMS,
+    calibration: Calibration | None = None,
+    reference: Rest | None = None,
+    *,
+    force: bool = False,
+) -> RestFrame:
+    """The rest frame from a few images of the tip, judged.
+
+    calibration  gives the order of the pins, and what the untouched tip looks like
+    reference    last accepted rest frame; gives the latter where there is no calibration
+    force        take what shows a touch, moves, or has lost pins, and say so; not what is another tip
+    Raises       TareRefused
+    """
+    try:
+        rest = take_rest(images)
+    except NoPins as error:
+        raise TareRefused(Reason.NO_PIN_PATTERN, str(error)) from None
+    problems: list[TareRefused] = []
+
+    def check(judge: TareRefused | None) -> None:
+        if judge is not None:
+            if not force:
+                raise judge
+            problems.append(judge)
+
+    refiner = CentroidRefiner(rest)
+    first, last = (refiner.refine(images[k], rest.xy_img) for k in (0, -1))
+    check(_unsteady(first, last, params))
+    if calibration is not None:
+        try:
+            matched, tracks = match_rest(calibration.rest, rest)
+        except CalibrationError as error:
+            raise TareRefused(Reason.OTHER_TIP, str(error)) from None
+        check(_touch_shown(calibration.rest, tracks, "the calibration's"))
+        rest = matched
+    elif reference is not None:
+        check(_changed(reference, rest, params))
+    else:
+        check(_begins(rest, first, last))
+    if not problems:
+        return RestFrame(rest)
+    return RestFrame(rest, problems[0].reason, "; ".join(problem.problem for problem in problems))
+
+
+def _unsteady(first: Pins, last: Pins, params: TareParams) -> TareRefused | None:
+    """Whether pins move from the first image to the last."""
+    motion_px = float(np.nanpercentile(np.hypot(*(last.xy_img - first.xy_img).T), 90))
+    if motion_px > params.steady_px:
+        return TareRefused(Reason.UNSTEADY, *_moved(motion_px, params.steady_px))
+    return None
+
+
+def _begins(rest: Rest, first: Pins, last: Pins) -> TareRefused | None:
+    """Whether a touch begins or ends between the first image and the last."""
+    seen = np.isfinite(first.xy_img[:, 0]) & np.isfinite(last.xy_img[:, 0])
+    before = Rest(replace(rest.pins, xy_img=np.where(seen[:, None], first.xy_img, rest.xy_img)), rest.pattern)
+    xy = np.where(seen[:, None], last.xy_img, np.nan)
+    sigma = np.where(seen, last.sigma_px, np.nan)
+    if _touch_sigmas(before, Tracks(xy, sigma, seen, 1.0)):
+        return TareRefused(Reason.UNSTEADY, "a touch began or ended while the rest frame was taken", LET_GO)
+    return None
+
+
+def _moved(motion_px: float, limit_px: float) -> tuple[str, str]:
+    """Problem and advice."""
+    return (
+        f"the pins moved by {motion_px:.1f} px while the rest frame was taken",
+        f"leave the tip untouched (limit {limit_px:g} px, key [tare] steady_px)",
+    )
+
+
+def _changed(reference: Rest, rest: Rest, params: TareParams) -> TareRefused | None:
+    """Whether the rest frame shows a touch, or fewer pins, against the last accepted one."""
+    if len(rest) < params.kept_rel * len(reference):
+        return TareRefused(
+            Reason.TOO_FEW_PINS,
+            f"{len(rest)} pins, {len(reference)} at the last one",
+            "clear the camera's view",
+        )
+    tracks = Tracker(reference).identify(rest.pins)
+    if tracks.confidence < Tracks.LOW_CONFIDENCE:
+        return TareRefused(
+            Reason.OTHER,
+            "the pins cannot be matched with those of the last rest frame: something touches the tip, or it "
+            "is another one",
+            LET_GO,
+        )
+    return _touch_shown(reference, tracks, "the last rest frame's")
+
+
+def _touch_shown(reference: Rest, tracks: Tracks, whose: str) -> TareRefused | None:
+    sigmas = _touch_sigmas(reference, _seen_from_before(reference, tracks))
+    if not sigmas:
+        return None
+    return TareRefused(
+        Reason.TOUCHED,
+        f"something touches the tip (cells changed by {sigmas:.0f} sigma against {whose})",
+        LET_GO,
+    )
+
+
+def _seen_from_before(reference: Rest, tracks: Tracks) -> Tracks:
+    """The tracks as a camera would see them that sits where it did for the reference.
+
+    The homography is fitted to the half of the pins that fit it best: a touch must not pull it along.
+    """
+    seen = tracks.seen
+    wanted, found = reference.xy_img[seen], tracks.xy_img[seen]
+    best = np.ones(len(found), dtype=np.bool_)
+    moved = found
+    for _ in range(5):
+        homography, _ = cv2.findHomography(found[best], wanted[best], 0)
+        if homography is None:
+            return tracks
+        moved = cv2.perspectiveTransform(found[None], homography)[0]
+        off = np.hypot(*(moved - wanted).T)
+        best = off <= np.median(off)
+    xy = np.full_like(tracks.xy_img, np.nan)
+    xy[seen] = moved
+    return replace(tracks, xy_img=xy)
+
+
+def _touch_sigmas(reference: Rest, tracks: Tracks) -> float:
+    """Where the contact detector sees a touch: the largest area change of a cell, in sigmas of its noise.
+
+    Returns  0.0: untouched
+    """
+    tessellator = Tessellator(reference)
+    rest_area = tessellator.rest_area_px2
+    try:
+        cells = tessellator.cells(tracks)
+    except DegenerateLayout:
+        return math.inf
+    rest_sigma_px = float(np.median(reference.pins.sigma_px))
+    sigma_px = math.hypot(float(np.mean(tracks.sigma_px[tracks.seen])), rest_sigma_px)
+    change = cells.area_px2 / rest_area - 1.0
+    expected = CONTACT.cell_noise * sigma_px / reference.pattern.pitch_px
+    # The median of all cells is that of an untouched one; 1.4826 makes it a sigma of normal noise.
+    ratio = 1.4826 * float(np.nanmedian(np.abs(change))) / expected
+    sigmas = float(np.nanmax(np.abs(change))) / (expected * max(1.0, min(ratio, CONTACT.noise_ratio_max)))
+    if ratio > CONTACT.noise_ratio_max:
+        return sigmas
+    # The detector adds the reference's own noise to what it is given.
+    frame_px = math.sqrt(max((sigma_px * max(1.0, ratio)) ** 2 - rest_sigma_px**2, 0.0))
+    noisy = replace(tracks, sigma_px=np.where(tracks.seen, frame_px, np.nan))
+    in_contact: bool = FeatureExtractor(reference, rest_area).extract(noisy, cells, frozenset()).in_contact
+    return sigmas if in_contact else 0.0
+
+
+def tare(images: Sequence[Image], steady_px: float, calibration: Calibration | None = None) -> Rest:
+    """The rest frame from a few images of a recording's untouched tip.
+
+    With a calibration its pins' order is kept, and the tip must be the one that it belongs to.
+
+    steady_px  largest motion of 90 % of the pins from the first to the last image
+    Raises     NoPins: no pins in view, or they move; CalibrationError: another tip, another image size
+    """
+    rest = take_rest(images)
+    refiner = CentroidRefiner(rest)
+    first, last = (refiner.refine(images[k], rest.xy_img).xy_img for k in (0, -1))
+    motion_px = float(np.nanpercentile(np.hypot(*(last - first).T), 90))
+    if motion_px > steady_px:
+        raise NoPins("tare: " + "; ".join(_moved(motion_px, steady_px)))
+    return rest if calibration is None else in_order_of(calibration, rest)

@@ -1,0 +1,176 @@
+"""Requests for a rest frame, and what became of the last one.
+
+    request() -> images are collected -> a job takes and judges the rest frame -> accepted or refused
+                                         (beside the loop, which goes on with the old rest frame)
+
+Requests come from any thread; all else is the loop's. Whoever asked waits on `TareRequest.done`, or, on the
+far end of a bus, reads `TareState.outcome` until it is not BUSY.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+from edge.calibration import Calibration
+from edge.errors import EdgeError
+from edge.pipeline import Pipeline
+from edge.runtime.tare import RestFrame
+from edge.types import Frame
+from hostlink.wire import RestFrameReason, RestFrameState
+
+__all__ = ["Prepared", "TareBusy", "TareOutcome", "TareRequest", "TareState"]
+
+
+class TareBusy(EdgeError):
+    """A rest frame is being taken already."""
+
+
+@dataclass(frozen=True, slots=True)
+class TareOutcome:
+    """What became of request `number`; 0: of none yet."""
+
+    number: int = 0
+    state: RestFrameState = RestFrameState.UNKNOWN
+    reason: RestFrameReason = RestFrameReason.NONE
+    message: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TareRequest:
+    """Somebody wants a new rest frame.
+
+    force        take it although it shows a touch
+    calibration  to be used from then on; None: the present one stays
+    store        called when the rest frame is good, before it is used. Raises OSError
+    done         gets the outcome
+    """
+
+    number: int
+    force: bool = False
+    calibration: Calibration | None = None
+    store: Callable[[], None] | None = None
+    done: Future[TareOutcome] = field(default_factory=Future)
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """What a job gives: a rest frame, and the stages that measure against it.
+
+    frame  the last image that it was made of
+    """
+
+    rest_frame: RestFrame
+    pipeline: Pipeline
+    frame: Frame
+
+
+class TareState:
+    """Which rest frame is being taken, and what became of the last request.
+
+    outcome  of the last request; replaced as a whole, so that any thread may read it
+    frames   collected so far; None: none is being taken
+
+    A finger starts by taking one that nobody asked for.
+    """
+
+    def __init__(self, frames_n: int) -> None:
+        self.outcome = TareOutcome()
+        self.frames: list[Frame] | None = []
+        self.request: TareRequest | None = None
+        self.beside = False  # whether rest frames are judged beside a loop that goes on
+        self._frames_n = frames_n
+        self._lock = threading.Lock()
+        self._job: Future[Prepared] | None = None
+        self._executor: ThreadPoolExecutor | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a rest frame is being taken or judged."""
+        return self.frames is not None or self._job is not None
+
+    def ask(
+        self,
+        force: bool = False,
+        calibration: Calibration | None = None,
+        store: Callable[[], None] | None = None,
+    ) -> TareRequest:
+        """Have a rest frame taken from the next images. From any thread. Raises TareBusy."""
+        with self._lock:
+            if self.request is not None:
+                raise TareBusy("a rest frame is being taken already; ask again when it is done")
+            request = TareRequest(self.outcome.number + 1, force, calibration, store)
+            self.outcome = TareOutcome(request.number, RestFrameState.BUSY)
+            self.request = request
+        return request
+
+    # ---- the loop's thread --------------------------------------------------------------------------
+
+    def collect(self, frame: Frame, usable: bool) -> list[Frame] | None:
+        """Keep an image, if a rest frame is wanted; all of them, once there are enough.
+
+        usable  False: this image repeats an earlier one, or shows none
+        """
+        if self._job is not None:
+            return None
+        if self.frames is None and self.request is not None:
+            self.frames = []
+        if self.frames is None or not usable:
+            return None
+        self.frames.append(frame)
+        return self.frames if len(self.frames) >= self._frames_n else None
+
+    def start(self, job: Callable[[], Prepared], can_wait: bool) -> None:
+        """Judge what was collected: at once, or beside the loop where that is possible."""
+        self.frames = None
+        if can_wait and self.beside:
+            self._executor = self._executor or ThreadPoolExecutor(1, "tare")
+            self._job = self._executor.submit(job)
+            return
+        self._job = Future()
+        try:
+            self._job.set_result(job())
+        except Exception as error:  # noqa: BLE001  (`result` raises it)
+            self._job.set_exception(error)
+
+    @property
+    def judging(self) -> bool:
+        """Whether a job is under way, or done and not looked at."""
+        return self._job is not None
+
+    @property
+    def judged(self) -> bool:
+        """Whether `result` has something."""
+        return self._job is not None and self._job.done()
+
+    def result(self) -> Prepared:
+        """What the job gave. Raises TareRefused, or whatever it met."""
+        assert self._job is not None
+        job, self._job = self._job, None
+        return job.result()
+
+    def restart(self) -> None:
+        """Collect anew."""
+        self.frames = []
+
+    def finish(self, state: RestFrameState, reason: RestFrameReason, message: str) -> None:
+        """The request has its outcome, where there is one."""
+        with self._lock:
+            request, self.request = self.request, None
+            if request is not None:
+                self.outcome = TareOutcome(request.number, state, reason, message)
+        self.frames = None
+        if request is not None:
+            request.done.set_result(self.outcome)
+
+    def close(self) -> None:
+        """No more images come: refuse what is asked for. A job under way is left to itself."""
+        if self._executor is not None:
+            self._executor.shutdown(wait=False, cancel_futures=True)
+            self._executor = None
+        self._job = None
+        if self.request is not None:
+            message = "the program ends"
+            self.finish(RestFrameState.REFUSED, RestFrameReason.NO_IMAGES, message)

@@ -1,0 +1,111 @@
+"""Whether a rest frame shows the tip that a calibration belongs to, and which pin is which.
+
+Asked at each tare; whether the tip is untouched is then judged more closely (`edge.runtime.tare`).
+
+Rules
+- A camera that was taken out and put back shifts and turns all pins alike, a little. What is left after
+  the best common shift, turn and zoom is deformation: a touch, or another tip.
+- Nearly all of the calibration's pins must be seen, and nearly all pins seen must be the calibration's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edge.calibration import Calibration
+from edge.errors import CalibrationError
+from edge.tracking import Tracker
+from edge.types import Pins, Rest, Tracks
+
+__all__ = ["in_order_of", "match_rest"]
+
+
+@dataclass(frozen=True, slots=True)
+class TipMatchParams:
+    """When two rest frames show one tip. Evidence: docs/tuning.md, "calibration"."""
+
+    pins_found_min: float = 0.9  # share of the calibration's pins that are seen
+    pins_known_min: float = 0.9  # share of the pins seen that the calibration knows
+    shift_max: float = 0.4  # pitches, median motion of the pins
+    deformation_max: float = 0.1  # pitches, 95 % quantile of what no common shift, turn, zoom explains
+
+
+PARAMS = TipMatchParams()
+
+
+def in_order_of(calibration: Calibration, rest: Rest) -> Rest:
+    """The rest frame with row i being pin i of the calibration file.
+
+    Raises  CalibrationError: another image size, another tip, or a tip that is plainly touched
+    """
+    matched, tracks = match_rest(calibration.rest, rest)
+    _check_deformation(calibration.rest, tracks)
+    return matched
+
+
+def match_rest(made_with: Rest, rest: Rest) -> tuple[Rest, Tracks]:
+    """The rest frame with row i being pin i of the one that a calibration was made with, touched or not.
+
+    Returns  the rest frame, and where its pins were found: NaN where they were not
+    Raises   CalibrationError: another image size, another tip, another mounting
+    """
+    (width, height), (now_width, now_height) = made_with.pattern.size_px, rest.pattern.size_px
+    if (width, height) != (now_width, now_height):
+        raise CalibrationError(
+            f"the calibration was made at {width}x{height}, the images are {now_width}x{now_height}: "
+            "give the calibration of this tip, or set the camera to that size"
+        )
+    tracks = Tracker(made_with).identify(rest.pins)
+    _check_counts(tracks, len(made_with), len(rest))
+    _check_shift(made_with, tracks)
+    seen = tracks.seen
+    moved = tracks.xy_img - made_with.xy_img
+    # A pin that was not found stands where the calibration's pin moved with the others.
+    xy = np.where(seen[:, None], tracks.xy_img, made_with.xy_img + np.nanmedian(moved, axis=0))
+    sigma = np.where(seen, tracks.sigma_px, made_with.pattern.pin_radius_px)
+    # Brightness is that of today's light; a pin that was not found gets the median.
+    brightness = np.full(len(made_with), np.median(rest.pins.brightness))
+    of_rest = np.hypot(*(tracks.xy_img[seen][:, None] - rest.xy_img).transpose(2, 0, 1)).argmin(1)
+    brightness[seen] = rest.pins.brightness[of_rest]
+    return Rest(Pins(xy, sigma, made_with.pins.radius_px, brightness), rest.pattern), tracks
+
+
+def _check_counts(tracks: Tracks, known_n: int, seen_n: int) -> None:
+    """Raises CalibrationError: the pins of one are not those of the other."""
+    found_n = tracks.n_seen
+    if tracks.confidence < Tracks.LOW_CONFIDENCE or found_n < PARAMS.pins_found_min * known_n:
+        raise CalibrationError(
+            f"the calibration belongs to another tip: {found_n} of its {known_n} pins were found"
+        )
+    if found_n < PARAMS.pins_known_min * seen_n:
+        raise CalibrationError(
+            f"the calibration has {known_n} pins, the camera sees {seen_n}: "
+            "its file lacks pins of this tip, or belongs to another one; fit it again"
+        )
+
+
+def _check_shift(made_with: Rest, tracks: Tracks) -> None:
+    """Raises CalibrationError: the pins are not where the calibration has them."""
+    moved = (tracks.xy_img - made_with.xy_img)[tracks.seen]
+    shift, shift_max = float(np.median(np.hypot(*moved.T))), PARAMS.shift_max * made_with.pattern.pitch_px
+    if shift > shift_max:
+        raise CalibrationError(
+            f"the pins are {shift:.1f} px from where the calibration has them (limit {shift_max:.1f}): "
+            "the camera was moved, something touches the tip, or it is another tip"
+        )
+
+
+def _check_deformation(made_with: Rest, tracks: Tracks) -> None:
+    """Raises CalibrationError: no common shift, turn and zoom explains where the pins are."""
+    z, w = made_with.xy_img[tracks.seen] @ (1, 1j), tracks.xy_img[tracks.seen] @ (1, 1j)
+    design = np.column_stack([z, np.ones_like(z)])
+    residual = w - design @ np.linalg.lstsq(design, w, rcond=None)[0]
+    deformation = float(np.quantile(np.abs(residual), 0.95))
+    deformation_max = PARAMS.deformation_max * made_with.pattern.pitch_px
+    if deformation > deformation_max:
+        raise CalibrationError(
+            f"the pattern of pins is deformed by {deformation:.1f} px against the calibration's (limit "
+            f"{deformation_max:.1f}): something touches the tip, or it is another tip"
+        )

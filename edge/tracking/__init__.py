@@ -1,0 +1,17 @@
+"""Which pin is which: identity against the rest frame, kept from frame to frame, found again after a jump.
+
+    Pins, one row a pin --follow--> Tracks        steady state: nearest neighbour with prediction
+    Pins, unordered  --identify--> Tracks         start-up, jump, after frames without light: no prior needed
+
+tracker    the state between frames, and whether the identities are held
+follow     which followed pins are seen (a kernel), without the photometric outliers (`outliers`, a kernel)
+search     identities after a jump: `coarse` fits, matches grown from them (`match`, a kernel)
+score      how good a match is, and how far ahead of its best alternative
+repair     places of a match that are inconsistent
+tip        what all of them share: the rest lattice and its local affine maps (`affine`, a kernel)
+params     all thresholds
+"""
+
+from edge.tracking.tracker import Tracker
+
+__all__ = ["Tracker"]

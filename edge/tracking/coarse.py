@@ -1,0 +1,78 @@
+"""Coarse motion of a whole tip: polynomials fitted to the nearest blobs, from several starts at once.
+
+Idea: a field of low degree cannot follow single pins, so most of its pins must be right for it to fit at
+all. From several shifts of the rest frame it gains freedom while its gate closes: affine, then up to
+degree 4; in each round blobs are matched one to one and the field is fitted again. Arrays carry a leading
+axis h of hypotheses.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from edge.tracking.match import NearestBlob
+from edge.tracking.tip import Tip
+from edge.types import Array, Mask
+
+__all__ = ["CoarseFit", "PolynomialField"]
+
+
+class PolynomialField:
+    """Least-squares vector polynomials of the rest position, Legendre products up to a total degree."""
+
+    def __init__(self, rest_xy: Array, degree: int) -> None:
+        centre = (rest_xy.min(0) + rest_xy.max(0)) / 2
+        unit = (rest_xy - centre) / np.abs(rest_xy - centre).max()
+        x = legendre.legvander(unit[:, 0], degree)
+        y = legendre.legvander(unit[:, 1], degree)
+        terms = [(d - j, j) for d in range(degree + 1) for j in range(d + 1)]
+        basis = np.stack([x[:, i] * y[:, j] for i, j in terms], axis=1)
+        self._basis: Array = np.asarray(basis, np.float64)
+        # A light ridge that grows with the degree: pins at the rim without a match must not let it swing.
+        self._ridge = np.array([0.01 * (1 + i + j) ** 1.5 if i + j > 1 else 1e-6 for i, j in terms])
+        self._outer: dict[int, NDArray[np.float64]] = {}
+        for d in range(1, degree + 1):
+            b = self._basis[:, : (d + 1) * (d + 2) // 2]
+            self._outer[d] = (b[:, :, None] * b[:, None, :]).reshape(len(b), -1)
+
+    def smooth(self, motion: Array, weight: Array, degree: int) -> Array:
+        """motion (h, n, 2) px, weight (h, n) >= 0 -> (h, n, 2) the fitted polynomial at every pin."""
+        p = (degree + 1) * (degree + 2) // 2
+        basis = self._basis[:, :p]
+        normal = (weight @ self._outer[degree]).reshape(-1, p, p) + np.diag(self._ridge[:p])
+        terms = np.linalg.solve(normal, basis.T @ (motion * weight[..., None]))
+        return np.asarray(basis @ terms, np.float64)
+
+
+class CoarseFit:
+    """Fits of one tip, from a grid of shifts and from a tip that swelled or shrank."""
+
+    def __init__(self, tip: Tip) -> None:
+        self._tip = tip
+        p = tip.params
+        self._field = PolynomialField(tip.rest_xy, max(degree for degree, _ in p.schedule))
+        k = range(-p.start_rings, p.start_rings + 1)
+        grid = [(a + b / 2, b * np.sqrt(0.75)) for a in k for b in k if abs(a + b) <= p.start_rings]
+        shifts = np.array(grid)[:, None, :] * (p.start_step * tip.pitch_px) + np.zeros((len(tip), 1))
+        out = tip.rest_xy - tip.rest.pattern.centre_img
+        swollen = out * (np.median(tip.local_pitch_px) / max(np.hypot(*out.T).max(), 1e-9))
+        self._starts = tip.rest_xy + np.concatenate([shifts, swollen[None], -swollen[None]])
+
+    def fit(self, blobs: NearestBlob, blob_xy: Array, guesses: list[Array]) -> tuple[Array, Mask]:
+        """Motions (h, n, 2) px and which pins of each have a blob (h, n); guesses (n, 2) px are further
+        starts.
+        """
+        p, rest_xy, local_pitch = self._tip.params, self._tip.rest_xy, self._tip.local_pitch_px
+        at = np.concatenate([np.stack(guesses), self._starts]) if guesses else self._starts
+        for k, (degree, gate) in enumerate(p.schedule):
+            gate_px = gate * local_pitch
+            blob, square, matched = blobs.match(at, p.schedule_reach * gate_px)
+            weight = np.where(matched, np.exp(np.where(matched, -0.5 * square / gate_px**2, 0.0)), 0.0)
+            if k == p.prune_round:
+                keep = np.argsort(-weight.sum(1), kind="stable")[: p.pruned_n]
+                blob, weight = blob[keep], weight[keep]
+            at = rest_xy + self._field.smooth(blob_xy[blob] - rest_xy, weight, degree)
+        blob, _, matched = blobs.match(at, p.seam * local_pitch)
+        return blob_xy[blob] - rest_xy, matched

@@ -1,0 +1,383 @@
+"""Which of the pins found at the predicted places are seen. A kernel: compiled by Cython, and the same
+when it is not.
+
+Idea: each found pin's motion since rest is compared with what its neighbours predict of it (a constant
+sparse matrix), twice: the second time without the pins that the first rejected. What is left of it, the
+residual, changes little from one frame to the next.
+
+    found -> residual and its innovation -> two on one blob -> photometric outliers -> positions of all pins
+
+A rejected pin is lost, not somewhere else: it moves with its neighbours, and keeps a fading residual.
+"""
+
+# mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
+
+from __future__ import annotations
+
+import cython
+import numpy as np
+
+from edge.geometry.lattice import Lattice
+from edge.tracking.params import TrackingParams
+from edge.types import Array, Mask
+
+if cython.compiled:
+    from cython.cimports.edge.geometry.select import select_kth
+    from cython.cimports.edge.tracking.outliers import PhotometricFilter
+    from cython.cimports.libc.math import NAN, sqrt
+else:
+    from math import nan as NAN  # noqa: N812
+    from math import sqrt
+
+    from edge.geometry.select import select_kth
+    from edge.tracking.outliers import PhotometricFilter
+
+
+@cython.final
+@cython.cclass
+class Follower:
+    """The pins of one tip from frame to frame.
+
+    lattice      of the rest frame
+    photometric  of the same tip
+    Raises       ValueError: another number of pins, a pin that does not exist
+    """
+
+    n: cython.Py_ssize_t
+    photometric: PhotometricFilter
+    residual_max: cython.double
+    innovation_max: cython.double
+    innovation_max_lost: cython.double
+    near_seen_min: cython.double
+    residual_decay: cython.double
+    # of the tip
+    rest: cython.double[:, ::1]
+    local_pitch: cython.double[::1]
+    start: cython.int[::1]  # rows of the sparse matrix of full neighbourhoods
+    column: cython.int[::1]
+    weight: cython.double[::1]
+    closest: cython.int[:, ::1]
+    pairs: cython.int[:, ::1]
+    distance_min: cython.double[::1]
+    # of the last frame that was accepted
+    last: cython.double[:, ::1]
+    velocity: cython.double[:, ::1]
+    last_residual: cython.double[:, ::1]
+    last_seen: cython.uchar[::1]
+    # of the frame in hand
+    now: cython.double[:, ::1]
+    residual: cython.double[:, ::1]
+    seen: cython.uchar[::1]
+    predicted: cython.double[:, ::1]  # motion since rest, by the neighbours
+    motion: cython.double[:, ::1]
+    limit: cython.double[::1]
+    some: cython.double[::1]
+    before: cython.uchar[::1]
+
+    def __init__(self, lattice: Lattice, photometric: PhotometricFilter, params: TrackingParams) -> None:
+        n = lattice.n
+        _check(lattice, photometric.n)
+        self.n = n
+        self.photometric = photometric
+        self.residual_max = params.residual_max
+        self.innovation_max = params.innovation_max
+        self.innovation_max_lost = params.innovation_max_lost
+        self.near_seen_min = params.near_seen_min
+        self.residual_decay = params.residual_decay
+        self.rest = np.array(lattice.rest_xy, np.float64, order="C")
+        self.local_pitch = np.array(lattice.local_pitch_px, np.float64)
+        mean = photometric.affine.matrix()
+        self.start = mean.indptr.astype(np.int32)
+        self.column = mean.indices.astype(np.int32)
+        self.weight = np.array(mean.data, np.float64)
+        self.closest = np.array(lattice.closest, np.int32, order="C")
+        self.pairs = np.array(lattice.pairs, np.int32, order="C")
+        self.distance_min = np.array(lattice.distance_min_px, np.float64)
+        self.last, self.velocity, self.last_residual = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2))
+        self.now, self.residual = np.empty((n, 2)), np.empty((n, 2))
+        self.predicted, self.motion = np.empty((n, 2)), np.empty((n, 2))
+        self.last_seen, self.seen = np.empty(n, np.uint8), np.empty(n, np.uint8)
+        self.before = np.empty(n, np.uint8)
+        self.limit, self.some = np.empty(n), np.empty(n)
+        self.reset()
+
+    def reset(self) -> None:
+        """Start from rest, with no pin seen."""
+        self.last[:] = self.rest
+        self.velocity[:] = 0
+        self.last_residual[:] = 0
+        self.last_seen[:] = False
+
+    def last_xy(self) -> Array:
+        """(n, 2) px, where each pin was in the last frame that was accepted."""
+        return np.array(self.last)
+
+    def predict(self) -> Array:
+        """(n, 2) px, where each pin is expected in the next frame."""
+        xy = np.empty((self.n, 2))
+        out: cython.double[:, ::1] = xy
+        i: cython.Py_ssize_t
+        for i in range(self.n):
+            out[i, 0] = self.last[i, 0] + self.velocity[i, 0]
+            out[i, 1] = self.last[i, 1] + self.velocity[i, 1]
+        return xy
+
+    def follow(
+        self,
+        found: cython.const[cython.double][:, ::1],
+        sigma: cython.const[cython.double][::1],
+        brightness: cython.const[cython.double][::1],
+    ) -> tuple[Array, Array, Mask, int, float]:
+        """Judge one frame; `accept` makes it the last one.
+
+        found, sigma  (n, 2) and (n,) float64, px; row i is pin i, NaN where nothing was found
+        brightness    (n,) float64, levels
+        Returns       (n, 2) px and (n,) px, found and sigma of the seen pins, NaN elsewhere; (n,) bool,
+                      seen; how many are seen; the median innovation of all pins, in local pitches
+        Raises        ValueError: sizes that do not fit
+        """
+        n: cython.Py_ssize_t = self.n
+        if found.shape[0] != n or found.shape[1] != 2 or sigma.shape[0] != n or brightness.shape[0] != n:
+            raise ValueError(f"found ({n}, 2), sigma ({n},) and brightness ({n},) are wanted")
+        xy, sigma_out, seen = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
+        xys: cython.double[:, ::1] = xy
+        sigmas: cython.double[::1] = sigma_out
+        is_seen: cython.uchar[::1] = seen.view(np.uint8)
+        i: cython.Py_ssize_t
+        seen_n: cython.Py_ssize_t = 0
+        innovation: cython.double
+        with cython.nogil:
+            self._judge(found)
+            self._keep_apart(found)
+            for i in range(n):
+                self.motion[i, 0] = found[i, 0] - self.rest[i, 0]
+                self.motion[i, 1] = found[i, 1] - self.rest[i, 1]
+            self.photometric.filter(brightness, sigma, self.motion, self.residual, self.seen, False)
+            self._place(found)
+            for i in range(n):
+                is_seen[i] = self.seen[i]
+                seen_n += self.seen[i]
+                xys[i, 0] = found[i, 0] if self.seen[i] else NAN
+                xys[i, 1] = found[i, 1] if self.seen[i] else NAN
+                sigmas[i] = sigma[i] if self.seen[i] else NAN
+            innovation = self._median_innovation(self.now)
+        return xy, sigma_out, seen, seen_n, innovation
+
+    def accept(self, damping: cython.double) -> None:
+        """Make the frame that was followed the last one; damping: share of its motion that is expected
+        again.
+        """
+        i: cython.Py_ssize_t
+        d: cython.int
+        for i in range(self.n):
+            for d in range(2):
+                self.velocity[i, d] = damping * (self.now[i, d] - self.last[i, d])
+                self.last[i, d] = self.now[i, d]
+                self.last_residual[i, d] = self.residual[i, d]
+            self.last_seen[i] = self.seen[i]
+
+    def settle(self, xy: Array, residual: Array, seen: Mask) -> None:
+        """Make what a search found the last frame, at a standstill.
+
+        xy, residual  (n, 2) px, of all pins; seen (n,) bool
+        Raises        ValueError: sizes that do not fit
+        """
+        if xy.shape != (self.n, 2) or residual.shape != (self.n, 2) or seen.shape != (self.n,):
+            raise ValueError(f"xy ({self.n}, 2), residual ({self.n}, 2) and seen ({self.n},) are wanted")
+        np.asarray(self.last)[:] = xy
+        np.asarray(self.last_residual)[:] = residual
+        np.asarray(self.last_seen)[:] = np.asarray(seen, np.bool_)
+        self.velocity[:] = 0
+
+    def median_innovation(self, xy: Array) -> float:
+        """Median over the pins of the distance from where they were predicted, in local pitches; xy (n, 2)
+        px.
+        """
+        if xy.shape != (self.n, 2):
+            raise ValueError(f"xy ({self.n}, 2) is wanted, not {xy.shape}")
+        return self._median_innovation(np.ascontiguousarray(xy, np.float64))
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    @cython.nogil
+    def _judge(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
+        """Residuals of all found pins, and which of them are seen: off their neighbours' map as in the
+        last frame.
+        """
+        i: cython.Py_ssize_t
+        limit: cython.double
+        turn: cython.int
+        step: cython.int
+        missing: cython.bint
+        for i in range(self.n):
+            limit = self._innovation_limit(i)
+            self.limit[i] = limit * limit
+            self.seen[i] = found[i, 0] == found[i, 0]
+            self.predicted[i, 0] = self.last[i, 0] + self.velocity[i, 0] - self.rest[i, 0]
+            self.predicted[i, 1] = self.last[i, 1] + self.velocity[i, 1] - self.rest[i, 1]
+        for turn in range(2):
+            missing = False
+            for i in range(self.n):
+                missing |= not self.seen[i]
+            # A lost pin moves with its neighbours, and these may be lost pins that move with theirs.
+            for step in range(2 if missing else 1):
+                self._predict_from_neighbours(found, turn > 0 or step > 0)
+            if not self._reject_by_residual(found):
+                break
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    @cython.nogil
+    def _innovation_limit(self, i: cython.Py_ssize_t) -> cython.double:
+        """How far a pin's residual may change, px. A lost pin returns where most of its nearest were seen."""
+        c: cython.Py_ssize_t
+        seen_n: cython.int = 0
+        if self.last_seen[i]:
+            return self.innovation_max * self.local_pitch[i]
+        for c in range(self.closest.shape[1]):
+            seen_n += self.last_seen[self.closest[i, c]]
+        if seen_n >= self.near_seen_min * self.closest.shape[1]:
+            return self.innovation_max_lost * self.local_pitch[i]
+        return 0
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    @cython.nogil
+    def _predict_from_neighbours(
+        self, found: cython.const[cython.double][:, ::1], add_residual: cython.bint
+    ) -> cython.void:
+        """Motion of each pin as its neighbours have it; of a pin that is not seen, its prediction stands
+        for it.
+        """
+        i: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        at: cython.Py_ssize_t
+        d: cython.int
+        x: cython.double
+        y: cython.double
+        for i in range(self.n):
+            for d in range(2):
+                if self.seen[i]:
+                    self.motion[i, d] = found[i, d] - self.rest[i, d]
+                elif add_residual:
+                    self.motion[i, d] = self.predicted[i, d] + self.last_residual[i, d]
+                else:
+                    self.motion[i, d] = self.predicted[i, d]
+        for i in range(self.n):
+            x = 0
+            y = 0
+            for k in range(self.start[i], self.start[i + 1]):
+                at = self.column[k]
+                x += self.weight[k] * self.motion[at, 0]
+                y += self.weight[k] * self.motion[at, 1]
+            self.predicted[i, 0] = x
+            self.predicted[i, 1] = y
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    @cython.nogil
+    def _reject_by_residual(self, found: cython.const[cython.double][:, ::1]) -> cython.bint:
+        """Whether another pin is seen, or no longer seen, by its residual and how that has changed."""
+        i: cython.Py_ssize_t
+        d: cython.int
+        residual: cython.double
+        square: cython.double
+        change: cython.double
+        limit: cython.double
+        good: cython.bint
+        changed: cython.bint = False
+        for i in range(self.n):
+            square = 0
+            change = 0
+            for d in range(2):
+                residual = found[i, d] - self.rest[i, d] - self.predicted[i, d]
+                self.residual[i, d] = residual
+                square += residual * residual
+                residual -= self.last_residual[i, d]
+                change += residual * residual
+            limit = self.residual_max * self.local_pitch[i]
+            good = change < self.limit[i] and square < limit * limit  # NaN, not found, is false
+            changed |= good != self.seen[i]
+            self.seen[i] = good
+        return changed
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    @cython.nogil
+    def _keep_apart(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
+        """Of two pins that came too near to each other the one with the larger innovation is lost."""
+        p: cython.Py_ssize_t
+        a: cython.Py_ssize_t
+        b: cython.Py_ssize_t
+        dx: cython.double
+        dy: cython.double
+        for a in range(self.n):
+            self.before[a] = self.seen[a]  # all pairs are judged on what was seen before any was rejected
+        for p in range(self.pairs.shape[0]):
+            a = self.pairs[p, 0]
+            b = self.pairs[p, 1]
+            dx = found[a, 0] - found[b, 0]
+            dy = found[a, 1] - found[b, 1]
+            if not (dx * dx + dy * dy < self.distance_min[p] * self.distance_min[p]):
+                continue
+            if self.before[a] and self.before[b]:
+                self.seen[a if self._innovation2(a) > self._innovation2(b) else b] = False
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    @cython.nogil
+    def _innovation2(self, i: cython.Py_ssize_t) -> cython.double:
+        """Square of the change of a residual, px2."""
+        dx: cython.double = self.residual[i, 0] - self.last_residual[i, 0]
+        dy: cython.double = self.residual[i, 1] - self.last_residual[i, 1]
+        return dx * dx + dy * dy
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    @cython.nogil
+    def _place(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
+        """Where every pin is: the seen ones where they were found, the others where their neighbours take
+        them.
+        """
+        i: cython.Py_ssize_t
+        d: cython.int
+        for i in range(self.n):
+            for d in range(2):
+                if self.seen[i]:
+                    self.now[i, d] = found[i, d]
+                else:
+                    self.residual[i, d] = self.residual_decay * self.last_residual[i, d]
+                    self.now[i, d] = self.rest[i, d] + self.predicted[i, d] + self.residual[i, d]
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    @cython.nogil
+    def _median_innovation(self, xy: cython.const[cython.double][:, ::1]) -> cython.double:
+        i: cython.Py_ssize_t
+        dx: cython.double
+        dy: cython.double
+        for i in range(self.n):
+            dx = xy[i, 0] - self.last[i, 0] - self.velocity[i, 0]
+            dy = xy[i, 1] - self.last[i, 1] - self.velocity[i, 1]
+            self.some[i] = (dx * dx + dy * dy) / (self.local_pitch[i] * self.local_pitch[i])
+        return sqrt(select_kth(self.some, self.n, self.n // 2))
+
+
+def _check(lattice: Lattice, n: int) -> None:
+    """Raises ValueError: arrays that are not of n pins, a pin that does not exist."""
+    pairs_n = len(lattice.pairs)
+    shapes = {
+        "rest_xy": (lattice.rest_xy, (n, 2)),
+        "local_pitch_px": (lattice.local_pitch_px, (n,)),
+        "closest": (lattice.closest, (n, lattice.closest.shape[1])),
+        "pairs": (lattice.pairs, (pairs_n, 2)),
+        "distance_min_px": (lattice.distance_min_px, (pairs_n,)),
+    }
+    for name, (array, shape) in shapes.items():
+        if array.shape != shape:
+            raise ValueError(f"{name}: {shape} is wanted for {n} pins, not {array.shape}")
+    for name, pins in (("closest", lattice.closest), ("pairs", lattice.pairs)):
+        if pins.size and (pins.min() < 0 or pins.max() >= n):
+            raise ValueError(f"{name}: pins of 0 to {n - 1} are wanted, not {pins.min()} to {pins.max()}")

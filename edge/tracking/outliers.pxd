@@ -1,0 +1,22 @@
+from edge.tracking.affine cimport LocalAffine
+
+
+cdef class PhotometricFilter:
+    cdef readonly Py_ssize_t n
+    cdef LocalAffine affine
+    cdef double brightness_sigmas, brightness_change_min, sigma_ratio_max
+    cdef double residual_max, residual_max_search, residual_ratio, support_min
+    cdef double[::1] local_pitch, rest_brightness, rest_sigma_ratio, off, some
+    cdef float[::1] values
+    cdef unsigned char[::1] suspect, trusted
+
+    cdef void filter(
+        self, const double[::1] brightness, const double[::1] sigma, const double[:, ::1] motion,
+        const double[:, ::1] residual, unsigned char[::1] seen, bint searched
+    ) noexcept nogil
+    cdef void _find_trusted(
+        self, const double[::1] brightness, const double[::1] sigma, const unsigned char[::1] seen,
+        double sigma_ratio_max
+    ) noexcept nogil
+    cdef bint _fits(self, const double[:, ::1] motion, Py_ssize_t i, double residual_max) noexcept nogil
+    cdef double _off_trusted(self, const double[:, ::1] motion, Py_ssize_t i) noexcept nogil

@@ -1,0 +1,232 @@
+"""Photometric outliers: pins whose brightness or centroid sigma is not their own.
+
+A kernel: compiled by Cython, and the same when it is not.
+
+Idea: stray light beside a pin biases its centroid, and a speck may lie where a dark pin was. A pin with an
+anomalous brightness or sigma is therefore accepted only with a small residual. What is anomalous is told
+from the frame itself: by the gain that all pins share and by how much the others scatter, scaled by the
+pin's own ratio at rest (permanent glare is no anomaly).
+"""
+
+# mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
+
+from __future__ import annotations
+
+import cython
+import numpy as np
+
+from edge.tracking.params import TrackingParams
+from edge.types import Array, Mask, Pins
+
+if cython.compiled:
+    from cython.cimports.edge.geometry.select import select_kth
+    from cython.cimports.edge.tracking.affine import Fit, LocalAffine
+    from cython.cimports.libc.math import HUGE_VAL, fabs
+else:
+    from math import fabs
+    from math import inf as HUGE_VAL  # noqa: N812
+
+    from edge.geometry.select import select_kth
+    from edge.tracking.affine import Fit, LocalAffine
+
+#: Standard deviation of normal noise, in median absolute deviations.
+SIGMA_OF_MAD = cython.declare(cython.double, 1.4826)
+#: Halvings of the range in which a median is looked for: exact to a ten-thousandth of it.
+HALVINGS = cython.declare(cython.int, 14)
+UNKNOWN = cython.declare(cython.double, -2)
+UNSUPPORTED = cython.declare(cython.double, -1)
+
+
+@cython.cclass
+class PhotometricFilter:
+    """Rejects the outliers among the n pins of one tip.
+
+    at_rest         how bright each pin is at rest, and its sigma
+    local_pitch_px  (n,) float64
+    Raises          ValueError: arrays of another number of pins
+    """
+
+    def __init__(
+        self, affine: LocalAffine, at_rest: Pins, local_pitch_px: Array, params: TrackingParams
+    ) -> None:
+        n = affine.n
+        if len(at_rest) != n or len(local_pitch_px) != n:
+            raise ValueError(
+                f"arrays of {n} pins are wanted, not of {len(at_rest)} and {len(local_pitch_px)}"
+            )
+        if (
+            at_rest.brightness.shape != (n,)
+            or at_rest.sigma_px.shape != (n,)
+            or np.shape(local_pitch_px) != (n,)
+        ):
+            raise ValueError(f"brightness, sigma_px and local_pitch_px of {n} numbers each are wanted")
+        self.n = n
+        self.affine = affine
+        self.brightness_sigmas = params.brightness_sigmas
+        self.brightness_change_min = params.brightness_change_min
+        self.sigma_ratio_max = params.sigma_ratio_max
+        self.residual_max = params.outlier_residual_max
+        self.residual_max_search = params.outlier_residual_max_search
+        self.residual_ratio = params.outlier_residual_ratio
+        self.support_min = params.outlier_support_min
+        self.local_pitch = np.array(local_pitch_px, np.float64)
+        self.rest_brightness = np.array(at_rest.brightness, np.float64)
+        self.rest_sigma_ratio = np.maximum(at_rest.sigma_px / np.median(at_rest.sigma_px), 1.0)
+        self.off, self.some, self.values = np.empty(n), np.empty(n), np.empty(n, np.float32)
+        self.suspect, self.trusted = np.empty(n, np.uint8), np.empty(n, np.uint8)
+
+    def accepted(self, pins: Pins, motion: Array, residual: Array, seen: Mask, searched: bool) -> Mask:
+        """(n,) the seen pins that are no outliers.
+
+        pins              of n; whatever where not seen
+        motion, residual  (n, 2) px since rest, and off what the neighbours predict; likewise
+        seen              (n,) bool
+        searched          nothing is known but this frame: a large sigma is no reason, a larger residual is
+                          allowed
+        Raises            ValueError: sizes that do not fit
+        """
+        n = self.n
+        sizes = {len(pins.brightness), len(pins.sigma_px), len(motion), len(residual), len(seen)}
+        if sizes != {n} or motion.shape != (n, 2) or residual.shape != (n, 2):
+            raise ValueError(f"arrays of {n} pins are wanted, not of {sorted(sizes)}")
+        is_seen = np.array(seen, np.bool_).view(np.uint8)
+        self.filter(
+            np.ascontiguousarray(pins.brightness, np.float64),
+            np.ascontiguousarray(pins.sigma_px, np.float64),
+            np.ascontiguousarray(motion, np.float64),
+            np.ascontiguousarray(residual, np.float64),
+            is_seen,
+            searched,
+        )
+        return is_seen.view(np.bool_)
+
+    def filter(
+        self,
+        brightness: cython.const[cython.double][::1],
+        sigma: cython.const[cython.double][::1],
+        motion: cython.const[cython.double][:, ::1],
+        residual: cython.const[cython.double][:, ::1],
+        seen: cython.uchar[::1],
+        searched: cython.bint,
+    ) -> cython.void:
+        """`accepted`, of arrays that fit; seen is written."""
+        i: cython.Py_ssize_t
+        limit: cython.double
+        residual_max: cython.double = self.residual_max_search if searched else self.residual_max
+        some_suspect: cython.bint = False
+        for i in range(self.n):
+            limit = residual_max * self.local_pitch[i]
+            self.suspect[i] = seen[i] and (
+                residual[i, 0] * residual[i, 0] + residual[i, 1] * residual[i, 1] > limit * limit
+            )
+            some_suspect |= self.suspect[i]
+        if not some_suspect:
+            return
+        self._find_trusted(brightness, sigma, seen, HUGE_VAL if searched else self.sigma_ratio_max)
+        for i in range(self.n):
+            self.off[i] = UNKNOWN
+        for i in range(self.n):
+            if self.suspect[i] and not self.trusted[i]:
+                seen[i] = self._fits(motion, i, residual_max)
+
+    def _find_trusted(
+        self,
+        brightness: cython.const[cython.double][::1],
+        sigma: cython.const[cython.double][::1],
+        seen: cython.const[cython.uchar][::1],
+        sigma_ratio_max: cython.double,
+    ) -> cython.void:
+        """The seen pins, one at least, of usual brightness and sigma."""
+        i: cython.Py_ssize_t
+        gain: cython.double
+        change_max: cython.double
+        sigma_max: cython.double
+        m: cython.Py_ssize_t = 0
+        for i in range(self.n):
+            self.off[i] = brightness[i] / self.rest_brightness[i]
+            self.values[m] = self.off[i]
+            m += seen[i]
+        gain = _median(self.values, m)
+        for i in range(m):
+            self.values[i] = fabs(self.values[i] - cython.cast(cython.float, gain))
+        change_max = self.brightness_sigmas * SIGMA_OF_MAD * _median(self.values, m)
+        change_max = max(change_max, self.brightness_change_min * gain)
+        m = 0
+        for i in range(self.n):
+            self.values[m] = sigma[i]
+            m += seen[i]
+        sigma_max = sigma_ratio_max * _median(self.values, m)
+        for i in range(self.n):
+            self.trusted[i] = (
+                seen[i]
+                and not fabs(self.off[i] - gain) > change_max
+                and not sigma[i] > sigma_max * self.rest_sigma_ratio[i]
+            )
+
+    def _fits(
+        self, motion: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t, residual_max: cython.double
+    ) -> cython.bint:
+        """Whether a pin fits the trusted ones, nearly as closely as two thirds of its trusted neighbours
+        do.
+        """
+        own: cython.double = self._off_trusted(motion, i)
+        limit: cython.double = residual_max * self.local_pitch[i]
+        c: cython.Py_ssize_t
+        at: cython.Py_ssize_t
+        m: cython.Py_ssize_t = 0
+        if own < limit * limit:
+            return True
+        for c in range(self.affine.k):
+            at = self.affine.near[i, c]
+            if not self.trusted[at] or not self.affine.weight[i, c] > 0:
+                continue
+            if self.off[at] == UNKNOWN:
+                self.off[at] = self._off_trusted(motion, at)
+            if self.off[at] >= 0:
+                self.some[m] = self.off[at]
+                m += 1
+        if m == 0:
+            return True
+        limit = self.residual_ratio
+        return own < limit * limit * select_kth(self.some, m, 2 * m // 3)
+
+    def _off_trusted(
+        self, motion: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t
+    ) -> cython.double:
+        """Square of a pin's distance from where the trusted ones predict it, px2; negative: too few are
+        near.
+        """
+        fit: Fit = self.affine.fit(motion, self.trusted, i)
+        dx: cython.double = motion[i, 0] - fit.x
+        dy: cython.double = motion[i, 1] - fit.y
+        return UNSUPPORTED if fit.support < self.support_min else dx * dx + dy * dy
+
+
+@cython.cfunc
+@cython.exceptval(check=False)
+@cython.nogil
+def _median(v: cython.float[::1], n: cython.Py_ssize_t) -> cython.double:
+    """Median of the first n >= 1 values, to a ten-thousandth of their range.
+
+    By halving the range and counting: counts are vectorised, while a selection's branches are unpredictable.
+    """
+    low: cython.float = v[0]
+    high: cython.float = v[0]
+    half: cython.float
+    i: cython.int
+    m: cython.int = n
+    below: cython.int
+    _turn: cython.int
+    for i in range(m):
+        low = v[i] if v[i] < low else low
+        high = v[i] if v[i] > high else high
+    for _turn in range(HALVINGS):
+        half = cython.cast(cython.float, 0.5) * (low + high)
+        below = 0
+        for i in range(m):
+            below += v[i] < half
+        if below > m // 2:
+            high = half
+        else:
+            low = half
+    return cython.cast(cython.double, low)

@@ -1,0 +1,123 @@
+"""Every number of this stage that was chosen; its evidence stands in docs/tuning.md, "Tracking"."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class TrackingParams:
+    """Parameters by name. Lengths are in local pitches (a pin's distance to the next one) unless the name
+    says px
+    or the comment says pitches (the median of the tip); counts are pins, shares are of all pins.
+    """
+
+    # --- prediction from the neighbours
+    gradient_ridge: float = 0.05  # on the local map's gradient, in neighbours' weights
+    velocity_damping: float = 0.7  # share of the last motion that is expected again
+    # --- which followed pins are seen: residual = motion off the neighbours' map
+    residual_max: float = 0.5
+    innovation_max: float = 0.25  # change of the residual from one frame to the next
+    innovation_max_lost: float = 0.35  # the same of a pin that was lost
+    near_seen_min: float = 0.5  # share of a lost pin's nearest that must be seen for it to return
+    residual_decay: float = 0.95  # of a lost pin's residual, a frame
+    # --- photometric outliers: brightness or centroid sigma unlike the pin's own
+    brightness_sigmas: float = 4.0  # robust sigmas of the frame, off the gain that all pins share
+    brightness_change_min: float = 0.03  # ... and at least this share
+    sigma_ratio_max: float = 2.0  # to the frame's median, times the pin's own ratio at rest
+    outlier_residual_max: float = 0.005  # of such a pin while it is followed
+    outlier_residual_max_search: float = 0.04  # ... and after a search
+    outlier_residual_ratio: float = 4.0  # ... or this many times what two thirds of its neighbours show
+    outlier_support_min: float = 1.2  # sum of the neighbours' weights to judge it by: two near ones
+    # --- whether the identities are held
+    median_innovation_max: float = (
+        0.35  # motion that was not predicted: as near to the next pin as to the own
+    )
+    seen_share_min: float = 0.4
+    baseline_share_min: float = 0.65  # of the baseline: the share seen lately
+    baseline_frames: float = 30.0  # time constant of the baseline, frames
+    full_share_min: float = 0.85  # of the largest share that a search found; less is searched again ...
+    research_frames: int = 60  # ... every so many frames
+    leap_innovation: float = 0.1  # so much innovation with fewer than this share of the baseline is a leap
+    leap_share_min: float = 0.95
+    refused_confidence: float = 0.4  # the confidence where the identities are given up: not to be used
+    fresh_frames: int = 2  # frames without identities after which the last positions are no evidence
+    # --- coarse fits
+    schedule: tuple[tuple[int, float], ...] = (
+        (1, 0.6), (1, 0.5), (2, 0.5), (2, 0.45), (3, 0.4), (3, 0.4), (4, 0.35), (4, 0.35)
+    )  # degree of the polynomial and gate of each round  # fmt: skip
+    schedule_reach: float = 2.5  # gates; blobs further away have no weight
+    prune_round: int = 3  # round of the schedule after which only the best starts go on
+    pruned_n: int = 8
+    start_step: float = 0.5  # pitches between the shifts to start from, on a hexagonal grid ...
+    start_rings: int = 2  # ... of so many rings
+    # --- search
+    coarse_tried_n: int = 5  # coarse fits that are tried
+    grown_max: int = 16  # matches that are grown in all, alternatives included: half a millisecond each
+    sweeps_max: int = 24
+    growth_gate: float = 0.38  # from a pin's prediction to its blob
+    growth_support_min: float = 1.2  # sum of the neighbours' weights that carries a prediction: two near ones
+    seam: float = 0.35  # difference in motion of two neighbours that parts them
+    bridge_seam: float = 0.5  # the same at most of pins further apart
+    bridged_n: int = 2  # coarse fits whose largest piece may reach over gaps ...
+    bridge_gain_min: float = 1.2  # ... where that makes it so many times as large
+    agree: float = 0.22  # difference in motion of a pin and the mean of its neighbours
+    same_share: float = 0.9  # share of a coarse match that makes it one that was tried
+    trusted_confidence: float = 0.6  # ends the search, ...
+    trusted_clashes_max: int = 2  # ... with no more clashes
+    guess_share_min: float = 0.9  # of pins or blobs: a guess that grew so far needs no coarse fits beside it
+    guess_cost_max: float = 10.0  # pins; unless its deformation cost is higher
+    alternative_share_min: float = 0.4  # of the match's agreeing pins that an alternative has before it grows
+    raster_px: float = 2.0  # cell of the nearest-blob table
+    # --- score of a match
+    clash_reach: float = (
+        0.8  # pitches; an unassigned blob this near to an unmatched pin should have been its own
+    )
+    free_space: float = 0.5  # pitches; an unassigned blob nearer to a matched one is no pin
+    cost_per_pitch: float = 3.0  # pins, for a root-mean-square motion of one local pitch
+    cost_of_rotation: float = 40.0  # pins, for the square of a mean rotation of one pitch
+    rotation_max: float = 0.15  # pitches; beyond, a lower deformation cost gives no margin
+    full_margin: float = 6.0  # pins ahead of the best alternative that give full confidence
+    chance_clashes: float = 0.08  # clashes by chance, for each pin without a blob
+    clash_sigmas_max: float = 6.0  # standard deviations above chance that leave no confidence
+    forgiven_share: float = 0.025  # clashes of a sharp contact, forgiven where between ...
+    forgiven_range: tuple[float, float] = (0.8, 0.9)  # ... none and all of them, so many pins agree
+    complete_share: float = 0.03  # difference of the counts of pins and blobs: hardly one missing or false
+    unmatched_range: tuple[float, float] = (0.08, 0.2)  # unmatched pins then: full confidence, none
+    agreeing_range: tuple[float, float] = (0.38, 0.86)  # agreeing pins: no confidence, full
+    # --- inliers of a match
+    inlier_rounds: int = 2
+    inlier_residual: float = 0.06
+    inlier_residual_ratio: float = 3.0  # ... or so many times what two thirds of the neighbours show,
+    inlier_residual_beside: float = 0.16  # but no more beside unmatched pins
+    inlier_residual_torn: float = 0.12  # nor beside unmatched pins where blobs are unassigned
+    whole_share: float = 0.8  # of its neighbours that a pin must have not to count as beside unmatched ones
+    island_min: int = 8  # pins that must form a piece
+    # --- neighbour consistency, where blobs stay unassigned among unmatched pins
+    neighbours_min: float = 2.0  # matched neighbours, of neighbours_of, against the frame's mean
+    neighbours_few: float = 3.6  # with no more than these ...
+    residual_few: float = 0.08  # ... a pin's residual may be no larger
+    neighbours_of: float = 6.0
+    unassigned_reach: float = 1.3  # pitches; unassigned blobs that speak against a pin
+    unassigned_by_chance: float = 2.0  # times the frame's mean, that do not
+    crowded: float = 0.3  # pitches; an unassigned blob this near may be the pin as well
+    # --- repair of inconsistent places
+    repair_beside: float = 1.2  # pitches round an unassigned blob, where pins are assigned anew
+    repair_margins: tuple[int, ...] = (1, 3, 5)  # rings of neighbours besides: a slip may reach far
+    repair_blobs_min: int = 2  # unassigned blobs in one place: false blobs lie anywhere
+    repair_certain_blobs: int = 5  # so many, and such a share of all unassigned ones, are no chance
+    repair_certain_share: float = 0.5
+    repair_lost_margin: int = 1  # rings round a place that could not be repaired, where ...
+    repair_fits: float = 0.15  # ... a pin stays matched this near to the surface through those further out
+    repair_largest: float = 0.5  # share of all pins; a larger place has too little around it
+    repair_reach: float = 3.5  # pitches round a place, of the pins that predict it
+    repair_around_min: int = 8
+    repair_rounds: int = 6  # of predicting and assigning, at most
+    repair_ridge: float = 0.05  # of the thin plate, on distances in pitches
+    repair_area_range: tuple[float, float] = (0.15, 5.0)  # of the skin between three neighbours, against rest
+    repair_residual_max: float = 0.45
+    repair_residual_max_complete: float = 1.0  # where hardly a blob is missing or false
+    repair_whole_share: float = (
+        0.75  # matched pins; with fewer, unmatched pins and false blobs meet by chance
+    )
+    repair_apart_complete: float = 0.6  # of the least distance of two tracks, where hardly a blob is missing

@@ -1,0 +1,70 @@
+"""What the stage knows of a tip: made once from the rest frame, shared by all parts of the stage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edge.geometry.lattice import Lattice
+from edge.tracking.affine import LocalAffine
+from edge.tracking.match import Adjacency
+from edge.tracking.outliers import PhotometricFilter
+from edge.tracking.params import TrackingParams
+from edge.types import Array, Rest
+
+__all__ = ["Tip"]
+
+
+@dataclass(frozen=True, slots=True)
+class Tip:
+    """One tip at rest.
+
+    rest         row i is pin i
+    lattice      its neighbours
+    affine       the motion that near pins predict for each pin
+    photometric  rejects pins that look unlike themselves
+    adjacency    how far motions are off the mean of the Delaunay neighbours'
+    radial       (n, 2) unit vectors away from the tip's centre
+    tangential   (n, 2) unit vectors around it
+    """
+
+    params: TrackingParams
+    rest: Rest
+    lattice: Lattice
+    affine: LocalAffine
+    photometric: PhotometricFilter
+    adjacency: Adjacency
+    radial: Array
+    tangential: Array
+
+    @classmethod
+    def of(cls, rest: Rest, params: TrackingParams | None = None) -> Tip:
+        """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
+        params = params or TrackingParams()
+        lattice = Lattice(rest.xy_img, rest.pattern.pitch_px)
+        affine = LocalAffine(lattice, params.gradient_ridge)
+        out = rest.xy_img - rest.pattern.centre_img
+        radial = out / np.maximum(np.hypot(*out.T), 1e-9)[:, None]
+        tangential = np.stack([-radial[:, 1], radial[:, 0]], axis=1)
+        photometric = PhotometricFilter(affine, rest.pins, lattice.local_pitch_px, params)
+        adjacency = Adjacency(lattice.adjacent)
+        return cls(params, rest, lattice, affine, photometric, adjacency, radial, tangential)
+
+    def __len__(self) -> int:
+        return len(self.rest)
+
+    @property
+    def rest_xy(self) -> Array:
+        """(n, 2) px."""
+        return self.rest.xy_img
+
+    @property
+    def pitch_px(self) -> float:
+        """Median distance of neighbouring pins."""
+        return self.rest.pattern.pitch_px
+
+    @property
+    def local_pitch_px(self) -> Array:
+        """(n,) distance to the next pin around each pin."""
+        return self.lattice.local_pitch_px

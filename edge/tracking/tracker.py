@@ -1,0 +1,154 @@
+"""Identity from frame to frame, and the decision when it is lost.
+
+Held: each pin is looked for where the last frames predict it (`predict`), and `follow` judges what was
+found there: a pin's motion since rest must be near that of its neighbours, and its residual must have
+changed little since the last frame. A pin with an anomalous brightness or centroid sigma is accepted only
+with a small residual: stray light biases the centroid, and a speck may lie where a dark pin was. A pin
+that is rejected is lost, not somewhere else: it moves with its neighbours until it is found again. Not
+held: `predict` is None until `identify` finds the identities again with high confidence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from edge.tracking.follow import Follower
+from edge.tracking.params import TrackingParams
+from edge.tracking.search import Identifier, Identity
+from edge.tracking.tip import Tip
+from edge.types import Array, Pins, Rest, Tracks
+
+__all__ = ["Tracker"]
+
+
+class Tracker:
+    """Keeps which blob is which pin. Row i of everything is pin i of the rest frame."""
+
+    def __init__(self, rest: Rest, params: TrackingParams | None = None) -> None:
+        """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
+        self._tip = Tip.of(rest, params)
+        self._params = self._tip.params
+        self._follower = Follower(self._tip.lattice, self._tip.photometric, self._params)
+        self._identifier = Identifier(self._tip)
+        self.forget()
+
+    def forget(self) -> None:
+        """Take the next frame for itself, as after a jump from rest."""
+        self._follower.reset()
+        self._held = False
+        self._unheld_frames = self._params.fresh_frames  # since the identities were held
+        self._baseline_share = 0.0  # of the pins, seen lately
+        self._found_share = 0.0  # the largest that a search found
+        self._frames_since_search = 0
+        self._fallback: Tracks | None = None  # what `follow` found and refused in this very frame
+
+    def predict(self) -> Array | None:
+        """(n, 2) px, where each pin is expected in the next frame; None: identities are not held."""
+        return self._follower.predict() if self._held else None
+
+    def follow(self, pins: Pins) -> Tracks:
+        """Judge what was found at the predicted places.
+
+        pins  row i is pin i; NaN where nothing was found
+        Low confidence: too few pins, or all of them too far off; identify the whole frame then.
+        """
+        p = self._params
+        xy, sigma, seen, seen_n, innovation = self._follower.follow(
+            np.ascontiguousarray(pins.xy_img),
+            np.ascontiguousarray(pins.sigma_px),
+            np.ascontiguousarray(pins.brightness, np.float64),
+        )
+        share = seen_n / len(self._tip)
+        confidence = self._continuity(innovation, share)
+        tracks = Tracks(xy, sigma, seen, confidence)
+        self._frames_since_search += 1
+        refused = self._too_few(share, innovation)
+        self._baseline_share += (share - self._baseline_share) / p.baseline_frames
+        if refused or confidence < Tracks.LOW_CONFIDENCE:
+            self._held = False
+            self._fallback = tracks if confidence >= Tracks.LOW_CONFIDENCE else None
+            return replace(tracks, confidence=min(confidence, p.refused_confidence))
+        self._follower.accept(p.velocity_damping)
+        self._hold()
+        return tracks
+
+    def identify(self, pins: Pins) -> Tracks:
+        """Find the identities of unordered pins, from rest or from where they were last seen.
+
+        When the search is uncertain or finds less, and `follow` refused this very frame only for the
+        number of pins that it missed, what `follow` had found stands.
+        """
+        identity = self._identifier.identify(pins.xy_img, [self._follower.last_xy()])
+        fallback, self._fallback = self._fallback, None
+        xy, sigma = self._found(pins, identity, searched=fallback is None)
+        seen = np.isfinite(xy[:, 0])
+        predicted, _, _ = self._tip.affine.predict(xy - self._tip.rest_xy, seen)
+        now = np.where(seen[:, None], xy, self._tip.rest_xy + predicted)
+        self._frames_since_search = 0
+        share = float(np.count_nonzero(seen)) / len(self._tip)
+        confidence = identity.confidence
+        if self._unheld_frames < self._params.fresh_frames:
+            innovation = self._follower.median_innovation(now)
+            confidence = max(confidence, self._continuity(innovation, identity.agree_n / len(self._tip)))
+        if fallback is not None and fallback.n_seen > identity.agree_n:
+            confidence = 0.0
+        if confidence >= Tracks.LOW_CONFIDENCE:
+            self._baseline_share, self._found_share = share, max(share, self._found_share)
+            self._follower.settle(now, now - self._tip.rest_xy - predicted, seen)
+            self._hold()
+        elif fallback is not None:
+            self._follower.accept(self._params.velocity_damping)
+            self._hold()
+            return fallback
+        else:
+            self._held = False
+            self._unheld_frames += 1
+        return Tracks(xy, sigma, seen, confidence)
+
+    def _hold(self) -> None:
+        self._held, self._unheld_frames, self._fallback = True, 0, None
+
+    def _found(self, pins: Pins, identity: Identity, searched: bool) -> tuple[Array, Array]:
+        """(n, 2) and (n,) px, place and sigma of each pin's blob; NaN where it has none, or an outlier.
+
+        searched  nothing is known of the frame but what the search found
+        """
+        n = len(self._tip)
+        seen = identity.blob >= 0
+        xy, sigma = np.full((n, 2), np.nan), np.full(n, np.nan)
+        xy[seen] = pins.xy_img[identity.blob[seen]]
+        sigma[seen] = pins.sigma_px[identity.blob[seen]]
+        if seen.any():
+            motion = xy - self._tip.rest_xy
+            predicted, _, _ = self._tip.affine.predict(motion, seen)
+            blob = np.maximum(identity.blob, 0)
+            of_pins = Pins(xy, sigma, pins.radius_px[blob], pins.brightness[blob])
+            seen = self._tip.photometric.accepted(of_pins, motion, motion - predicted, seen, searched)
+            xy[~seen], sigma[~seen] = np.nan, np.nan
+        return xy, sigma
+
+    def _too_few(self, share: float, innovation: float) -> bool:
+        """Whether so few pins are seen, against the baseline, that the identities are given up.
+
+        When a third vanish at once, what is left may be a lattice that slipped. A region that was lost as
+        a whole does not come back by itself: from time to time it is searched for. And a leap may take
+        some pins to their neighbours' blobs while it loses others.
+        """
+        p = self._params
+        vanished = share < p.baseline_share_min * self._baseline_share
+        incomplete = share < p.full_share_min * self._found_share
+        leapt = innovation > p.leap_innovation and share < p.leap_share_min * self._baseline_share
+        return vanished or (incomplete and self._frames_since_search >= p.research_frames) or leapt
+
+    def _continuity(self, innovation: float, share: float) -> float:
+        """0..1, how certain it is that every pin went to where it is, and not its neighbour.
+
+        innovation  median over the pins of the motion that was not predicted, in local pitches
+        share       of the pins that were seen
+        """
+        p = self._params
+        return min(
+            1.0, share / (2 * p.seen_share_min), max(0.0, 1 - innovation / (2 * p.median_innovation_max))
+        )

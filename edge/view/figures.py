@@ -1,0 +1,210 @@
+"""Figures for print, by matplotlib (extra `calib`): the same two panels with axes, and the 3D surface.
+
+matplotlib is loaded inside of the functions: the edge draws without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from edge.errors import UsageError
+from edge.types import Array, Features, Frame, Tracks
+from edge.view.palette import FULL_CHANGE, PAPER, Bgr, Palette, cell_colours
+
+__all__ = ["figure", "surface_figure"]
+
+_COLUMN_IN = 7.16  # both columns of an IEEE page
+_MEAN_GAIN = 6.0  # the arrow of the mean motion is drawn so many times as long
+_SHAFT = 0.013  # of the mean arrow, in parts of the panel; a shorter one has no direction, and would be a dot
+#: Left, bottom, width, height in parts of the figure: the box fills it, with room for the label of z.
+_SURFACE_AT = (-0.05, -0.02, 1.0, 1.1)
+
+
+def _figure(width_in: float, height_in: float) -> Any:
+    """A figure without any window system."""
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise UsageError(f"figures: {error}; install voronoi-touch[calib]") from error
+    made = Figure(figsize=(width_in, height_in), layout="constrained")
+    FigureCanvasAgg(made)
+    return made
+
+
+def _rgb(colour: Bgr) -> tuple[float, float, float]:
+    return colour[2] / 255, colour[1] / 255, colour[0] / 255
+
+
+def _colour_map(palette: Palette) -> Any:
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(cell_colours(np.linspace(-1, 1, 257), palette, 1.0)[:, ::-1] / 255)
+
+
+def _origin(xy_img: Array, mm_per_px: float) -> tuple[Array, float, str]:
+    """Origin of the axes, units of an image px, and the axes' unit."""
+    if mm_per_px:
+        return np.nanmean(xy_img, axis=0), mm_per_px, "mm"
+    return np.zeros(2), 1.0, "px"
+
+
+def figure(
+    path: str | Path,
+    frame: Frame,
+    tracks: Tracks,
+    polygons: Sequence[Array],
+    features: Features,
+    *,
+    mm_per_px: float = 0.0,
+    palette: Palette = PAPER,
+    full: float = FULL_CHANGE,
+) -> None:
+    """The paper's figure: what was felt (left), what the camera saw (right). PNG, PDF or SVG by the name.
+
+    mm_per_px  0: axes in px of the image; else in mm from the tip's middle
+    """
+    rest = tracks.xy_img - features.displacement_px
+    origin, unit_per_px, unit = _origin(rest, mm_per_px)
+
+    def place(xy_img: Array) -> Array:
+        placed: Array = (xy_img - origin) * unit_per_px
+        return placed
+
+    made = _figure(_COLUMN_IN, 3.6)
+    left, right = made.subplots(1, 2)
+    kept = [i for i, p in enumerate(polygons) if len(p) >= 3 and np.isfinite(p).all()]
+    cells = _cells([place(polygons[i]) for i in kept], features.area_change[kept], palette, full)
+    left.add_collection(cells)
+    xy = place(tracks.xy_img)
+    left.plot(*xy.T, ".", color=_rgb(palette.pin), markersize=1.5)
+    left.quiver(
+        *xy.T, *(features.displacement_px * unit_per_px).T, angles="xy", scale_units="xy", scale=0.5,
+        color=[_rgb(palette.local)], width=0.0025, headwidth=3,
+    )  # fmt: skip
+    if features.shear_px is not None:
+        shear = features.shear_px * unit_per_px
+        _draw_shear(left, place(np.nanmean(rest, axis=0)), shear, _width(place(rest)), palette)
+    for contact in features.contacts or ():
+        _draw_contact(left, place(contact.xy_img), palette)
+    _draw_camera(right, frame, place)
+    right.plot(*xy.T, "o", mfc="none", mec="#ffc800", markersize=3, mew=0.5)
+    outline = place(np.concatenate([polygons[i] for i in kept])) if kept else xy
+    for axes, title in ((left, "cells, contacts, pin motion (x2, mean x6)"), (right, "camera, pins seen")):
+        _label(axes, title, outline, unit)
+    bar = made.colorbar(cells, ax=[left, right], location="bottom", shrink=0.5, aspect=40, pad=0.02)
+    bar.set_label("relative change of cell area (+ compressed, - expanded)", fontsize=8)
+    bar.ax.tick_params(labelsize=7)
+    made.savefig(path, dpi=200)
+
+
+def _cells(polygons: Sequence[Array], change: Array, palette: Palette, full: float) -> Any:
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import Normalize
+
+    return PolyCollection(
+        polygons,
+        array=change,
+        cmap=_colour_map(palette),
+        norm=Normalize(-full, full),
+        edgecolors=[_rgb(palette.edge)],
+        linewidths=0.4,
+    )
+
+
+def _width(points: Array) -> float:
+    """Largest extent of the points, along x or y."""
+    return float((np.nanmax(points, axis=0) - np.nanmin(points, axis=0)).max())
+
+
+def _draw_shear(axes: Any, middle: Array, shear: Array, width: float, palette: Palette) -> None:
+    """The mean motion as an arrow; one that is shorter than its own shaft is wide shows no direction."""
+    if _MEAN_GAIN * np.hypot(*shear) > _SHAFT * width:
+        axes.quiver(
+            *middle, *shear, angles="xy", scale_units="xy", scale=1 / _MEAN_GAIN,
+            color=[_rgb(palette.shear)], width=_SHAFT, zorder=4, edgecolor="white", linewidth=0.8,
+        )  # fmt: skip
+
+
+def _draw_contact(axes: Any, at: Array, palette: Palette) -> None:
+    for width, colour in ((3.0, palette.halo), (1.4, palette.contact)):
+        axes.plot(*at, marker=(6, 2, 0), color=_rgb(colour), markersize=11, mew=width, zorder=5)
+
+
+def _draw_camera(axes: Any, frame: Frame, place: Callable[[Array], Array]) -> None:
+    height, width = frame.image.shape
+    corners = place(np.array([[-0.5, -0.5], [width - 0.5, height - 0.5]]))
+    axes.imshow(
+        frame.image,
+        cmap="gray",
+        vmax=(1 << frame.bits) - 1,
+        extent=(corners[0, 0], corners[1, 0], corners[1, 1], corners[0, 1]),
+    )
+
+
+def _label(axes: Any, title: str, outline: Array, unit: str) -> None:
+    """Title, names of the axes, and limits that hold the outline."""
+    low, high = np.nanmin(outline, axis=0), np.nanmax(outline, axis=0)
+    pad = 0.02 * float((high - low).max())
+    axes.set(xlim=(low[0] - pad, high[0] + pad), ylim=(high[1] + pad, low[1] - pad), aspect="equal")
+    axes.set_xlabel(f"x ({unit})", fontsize=8)
+    axes.set_ylabel(f"y, down ({unit})", fontsize=8)
+    axes.set_title(title, fontsize=8)
+    axes.tick_params(labelsize=7)
+
+
+def surface_figure(
+    path: str | Path,
+    features: Features,
+    *,
+    mm_per_px: float = 0.0,
+    palette: Palette = PAPER,
+    full: float = FULL_CHANGE,
+) -> None:
+    """The smooth surface of area change over the tip, in 3D; contacts as stars on its maxima.
+
+    features.surface  must have been asked for
+    Raises            UsageError: it was not
+    """
+    if features.surface is None or features.grid_img is None:
+        raise UsageError("figures: no surface in these features; demand Feature.SURFACE and touch the tip")
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    grid_x, grid_y = features.grid_img
+    inside = np.isfinite(features.surface)
+    middle = np.array([grid_x.mean(), grid_y.mean()])
+    unit_per_px, unit = (mm_per_px, "mm") if mm_per_px else (1.0, "px")
+    origin = middle if mm_per_px else np.zeros(2)
+    x, y = np.meshgrid((grid_x - origin[0]) * unit_per_px, (grid_y - origin[1]) * unit_per_px)
+    height = np.where(inside, features.surface, np.nan)
+    made = _figure(4.2, 3.1)
+    made.set_layout_engine("none")  # which counts neither the labels of a turned box nor the room round it
+    axes = made.add_axes(_SURFACE_AT, projection="3d", computed_zorder=False)
+    scale = ScalarMappable(Normalize(-full, full), _colour_map(palette))
+    axes.plot_surface(
+        x, y, height, facecolors=scale.to_rgba(height), rstride=1, cstride=1,
+        linewidth=0.15, edgecolor=(0.35, 0.35, 0.35, 0.5), antialiased=True, shade=False,
+    )  # fmt: skip
+    for contact in features.contacts or ():
+        at = (contact.xy_img - origin) * unit_per_px
+        # On the surface as drawn: `contact.peak` is the maximum between the grid's points.
+        near = np.hypot(x - at[0], y - at[1])
+        top = float(height.flat[np.argmin(np.where(inside, near, np.inf))])
+        axes.plot(
+            [at[0]], [at[1]], [top + 0.02], marker=(6, 2, 0), color=_rgb(palette.contact),
+            markersize=12, mew=1.8, zorder=10,
+        )  # fmt: skip
+    axes.set_xlabel(f"x ({unit})", fontsize=8, labelpad=-4)
+    axes.set_ylabel(f"y, down ({unit})", fontsize=8, labelpad=-4)
+    axes.set_zlabel("relative area change", fontsize=8, labelpad=-6)
+    axes.tick_params(labelsize=7, pad=-2)
+    axes.locator_params(nbins=5)
+    axes.invert_yaxis()
+    axes.view_init(elev=32, azim=-60)
+    axes.set_box_aspect((1, 1, 0.45), zoom=1.0)
+    made.savefig(path, dpi=200)

@@ -1,0 +1,182 @@
+"""The app's live page, in the second process: what comes from the loop, and what viewers get of it.
+
+    main thread     show, take: keep what is new
+    server thread   make(wants): the newest of it as a packet
+    worker threads  viewers' commands
+
+Rules
+- Charts show every sample, not only those whose picture was drawn: `recent` holds what came since the last
+  packet, and is bounded.
+- Without a new result there are packets still, `BEAT_HZ` a second: with the camera's image if there is one
+  (to aim and to focus before pins are found), and with the faults.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from edge.errors import UsageError
+from edge.pipeline import Result
+from edge.types import Frame, Rest
+from edge.view.scene import CHART, Arrays, camera, hello, touch
+from edge.worker.messages import Show
+from hostlink.web import Listen, PageServer, WebError, pack_packet
+from hostlink.wire import State
+
+__all__ = ["Page"]
+
+RECENT = 256  # samples between two packets: 8 at 240 frames/s; a viewer that was slow loses the older ones
+BEAT_HZ = 4.0
+STALE_S = 0.5  # without a result for this long, the camera's image stands alone
+OVERLAP_S = 0.3  # charts' rows are sent this long
+RATE_S = 0.5  # the rate is counted over this time
+#: Numbers beside the picture; fields of the state frame.
+VALUES = (
+    "displacement_mm",
+    "displacement_sigma_mm",
+    "force_n",
+    "shear_x_mm",
+    "shear_y_mm",
+    "shear_sigma_mm",
+    "torsion_deg",
+    "tilt_x_deg",
+    "tilt_y_deg",
+    "slip_probability",
+    "contact_n",
+    "latency_us",
+)
+
+
+class Page:
+    """The live page.
+
+    source, serial  names of camera and tip
+    commands        of viewers, by name
+    on_wants        told what all viewers want together when that changes; None: nobody watches
+    recording       what viewers are told of a recording, while there is one
+    """
+
+    def __init__(
+        self,
+        listen: Listen,
+        source: str,
+        serial: str,
+        commands: Mapping[str, Callable[[Mapping[str, Any]], str]],
+        on_wants: Callable[[frozenset[str] | None], None],
+    ) -> None:
+        self.recording: dict[str, Any] | None = None
+        self._tell_wants = on_wants
+        self._latest: tuple[Result, State] | None = None
+        self._frame: Frame | None = None
+        self._rest: Rest | None = None
+        self._about: dict[str, Any] = {}
+        self._seen_n = 0
+        self._last_s = time.monotonic()
+        self._recent: deque[tuple[float, ...]] = deque(maxlen=RECENT)
+        self._rows: deque[tuple[float, ...]] = deque(maxlen=RECENT)
+        self._rows_n = 0
+        self._made: dict[frozenset[str], tuple[int, float]] = {}  # wishes: results seen, when
+        self._counted = (time.monotonic(), 0)
+        self._rate_hz = nan
+        self.server = PageServer(
+            listen,
+            "edge.view",
+            self._make,
+            hello(source, serial),
+            commands,
+            self._on_wants,
+            ("image", "surface"),
+        )
+
+    def start(self) -> None:
+        """Serve the page. Raises UsageError."""
+        try:
+            self.server.start()
+        except WebError as error:
+            raise UsageError(str(error)) from None
+
+    def close(self) -> None:
+        """End the page."""
+        self.server.close()
+
+    # ---- the main thread ----------------------------------------------------------------------------
+
+    def show(self, show: Show) -> None:
+        """What is new in the loop."""
+        if show.rest is not None:
+            self._rest = show.rest
+        if show.frame is not None:
+            self._frame = show.frame
+        if show.result is not None and show.state is not None:
+            self._latest = (show.result, show.state)
+        self._about = show.about
+        self._recent.extend(show.rows)
+        self._last_s = show.last_s
+        self._seen_n = show.seen_n
+
+    def take(self, frame: Frame, result: Result | None, state: State) -> None:
+        """What is recorded is seen too."""
+        self._frame = frame
+        if result is not None:
+            self._latest = (result, state)
+
+    # ---- the server's thread ------------------------------------------------------------------------
+
+    def _on_wants(self, wants: frozenset[str] | None) -> None:
+        if wants is None:
+            self._recent.clear()
+            self._rows.clear()
+            self._made.clear()
+        self._tell_wants(wants)
+
+    def _make(self, wants: frozenset[str]) -> bytes | None:
+        now_s = time.monotonic()
+        seen_n, last_s = self._made.get(wants, (-1, 0.0))
+        if not self._about or (self._seen_n == seen_n and now_s - last_s < 1 / BEAT_HZ):
+            return None
+        self._made[wants] = (self._seen_n, now_s)
+        self._take_rows(now_s)
+        frame, latest, rest = self._frame, self._latest, self._rest
+        header: dict[str, Any] = {"now_s": now_s, "rate_hz": self._rate_hz}
+        arrays: Arrays = {}
+        if latest is not None and rest is not None:
+            result, state = latest
+            # A frame that came in and gave no result (a tare, a tip that went dark) is worth seeing.
+            if frame is None or frame.capture_ns - result.frame.capture_ns < STALE_S * 1e9:
+                frame = result.frame
+            if len(result.tracks.seen) == len(rest):  # not from before a tare of another tip
+                part, arrays = touch(result, rest, "surface" in wants)
+                header |= part
+            header["values"] = {name: getattr(state, name) for name in VALUES}
+        header["age_s"] = now_s - self._last_s
+        if frame is not None and "image" in wants:
+            part, picture = camera(frame)
+            header |= part
+            arrays |= picture
+        header |= self._about
+        header |= {"rows_n": self._rows_n, "viewers_n": self.server.viewers_n}
+        if self.recording is not None:
+            header["recording"] = self.recording
+        return pack_packet(header, arrays | self._chart(now_s))
+
+    def _take_rows(self, now_s: float) -> None:
+        """Samples since the last packet become rows of the charts."""
+        while self._recent:
+            self._rows.append(self._recent.popleft())
+            self._rows_n += 1
+        since_s, since_n = self._counted
+        if now_s - since_s >= RATE_S:
+            self._rate_hz = (self._seen_n - since_n) / (now_s - since_s)
+            self._counted = (now_s, self._seen_n)
+
+    def _chart(self, now_s: float) -> Arrays:
+        """The last rows; viewers that got a packet less find what they missed, and skip what they have."""
+        rows = np.array([row for row in self._rows if now_s - row[0] < OVERLAP_S]).reshape(-1, len(CHART))
+        rows[:, 0] -= now_s  # small numbers: float32 holds them to the microsecond
+        return {"rows": ("f4", rows.astype("<f4").tobytes())}

@@ -1,0 +1,304 @@
+"""The two panels of the paper's figures, drawn by OpenCV: fast enough for a live view and for video.
+
+- Left what was felt: cells, contacts, shear; right what the camera saw, with the pins marked.
+- A `View` is fixed once a tip, so that nothing jumps from frame to frame.
+- All coordinates go through `View.fixed`: fixed-point, 1/16 px, anti-aliased.
+- Vectors are drawn longer than they are, by factors that the legend names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edge.errors import SinkError
+from edge.types import Array, Features, Frame, Image, Pins, Tracks
+from edge.view.palette import FULL_CHANGE, PAPER, Bgr, Palette, cell_colours
+
+__all__ = ["GLOBAL_GAIN", "LOCAL_GAIN", "View", "draw_camera", "draw_touch", "picture", "save_pins_overlay"]
+
+Canvas = NDArray[np.uint8]
+LOCAL_GAIN = 2.0  # local shear vectors: pins move up to 1.3 pitches, most of them far less
+GLOBAL_GAIN = 6.0  # global shear arrow: the mean is small beside the largest
+_SHIFT = 4
+_ONE = 1 << _SHIFT
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Which part of the image a panel shows.
+
+    corner_img  (x, y) px of its upper left corner
+    scale       canvas px for one image px
+    size        (width, height) of a panel, canvas px
+    mm_per_px   for the scale bar; 0: it says px
+    """
+
+    corner_img: tuple[float, float]
+    scale: float
+    size: tuple[int, int]
+    mm_per_px: float = 0.0
+
+    @classmethod
+    def of(cls, xy_img: Array, pitch_px: float, height: int = 640, mm_per_px: float = 0.0) -> View:
+        """A square round all pins, with room for the boundary cells and for pins that move."""
+        low, high = np.nanmin(xy_img, axis=0), np.nanmax(xy_img, axis=0)
+        side = float((high - low).max()) + 4 * pitch_px
+        corner = (low + high) / 2 - side / 2
+        return cls((float(corner[0]), float(corner[1])), height / side, (height, height), mm_per_px)
+
+    def canvas(self, xy_img: Array) -> Array:
+        """(n, 2) canvas px, pixel centres on integers."""
+        moved: Array = (xy_img - np.array(self.corner_img) + 0.5) * self.scale - 0.5
+        return moved
+
+    def fixed(self, xy_img: Array) -> NDArray[np.int32]:
+        return _fixed(self.canvas(xy_img))
+
+
+def _fixed(xy: Array) -> NDArray[np.int32]:
+    # A cell of a torn frame may reach far out; OpenCV's fixed point must not overflow.
+    return np.rint(np.clip(xy, -16000, 16000) * _ONE).astype(np.int32)
+
+
+def draw_touch(
+    view: View,
+    polygons: Sequence[Array],
+    tracks: Tracks,
+    features: Features | None,
+    palette: Palette = PAPER,
+    full: float = FULL_CHANGE,
+) -> Canvas:
+    """Cells shaded by area change, pins, local and global shear, contact stars.
+
+    polygons  (k, 2) px, row i the cell of pin i; empty where there is none
+    full      area change that gets the full colour
+    """
+    canvas = np.full((view.size[1], view.size[0], 3), palette.paper, np.uint8)
+    if features is not None:
+        _cells(canvas, view, polygons, cell_colours(features.area_change, palette, full), palette)
+        _local_shear(canvas, view, tracks, features, palette)
+    seen = tracks.xy_img[tracks.seen]
+    for x, y in view.fixed(seen).tolist():
+        cv2.circle(canvas, (x, y), round(0.004 * view.size[1] * _ONE), palette.pin, -1, cv2.LINE_AA, _SHIFT)
+    if features is not None:
+        _global_shear(canvas, view, tracks, features, palette)
+        for contact in features.contacts or ():
+            _star(canvas, view, contact.xy_img, palette)
+    return canvas
+
+
+def _cells(
+    canvas: Canvas, view: View, polygons: Sequence[Array], colours: NDArray[np.uint8], palette: Palette
+) -> None:
+    corners = [view.fixed(p) if len(p) >= 3 and np.isfinite(p).all() else None for p in polygons]
+    for corner, colour in zip(corners, colours.tolist(), strict=True):
+        if corner is not None:
+            cv2.fillPoly(canvas, [corner], colour, cv2.LINE_AA, _SHIFT)
+    outlines = [corner for corner in corners if corner is not None]
+    cv2.polylines(canvas, outlines, True, palette.edge, 1, cv2.LINE_AA, _SHIFT)
+
+
+def _local_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features, palette: Palette) -> None:
+    """The way that each pin went since rest, LOCAL_GAIN times as long; its dot is the tail."""
+    motion = features.displacement_px
+    known = np.isfinite(motion).all(axis=1) & tracks.seen
+    start = tracks.xy_img[known]
+    ends = np.stack([view.fixed(start), view.fixed(start + LOCAL_GAIN * motion[known])], axis=1)
+    width = max(1, round(view.size[1] / 480))
+    cv2.polylines(canvas, list(ends), False, palette.local, width, cv2.LINE_AA, _SHIFT)
+
+
+def _arrow(canvas: Canvas, tail: Array, head: Array, width_px: float, colour: Bgr, halo: Bgr) -> None:
+    """A filled arrow with a halo, canvas px; none where it is too short to have a direction.
+
+    OpenCV's own has a head that scales with its length.
+    """
+    along = head - tail
+    length = float(np.hypot(*along))
+    if length < width_px:
+        return
+    u = along / length
+    v = np.array([-u[1], u[0]])
+    barb = min(4.0 * width_px, 0.6 * length)
+    neck = head - barb * u
+    outline = np.array(
+        [
+            tail + v * width_px / 2,
+            neck + v * width_px / 2,
+            neck + v * barb * 0.45,
+            head,
+            neck - v * barb * 0.45,
+            neck - v * width_px / 2,
+            tail - v * width_px / 2,
+        ]
+    )
+    shape = [_fixed(outline)]
+    cv2.polylines(canvas, shape, True, halo, max(2, round(width_px)), cv2.LINE_AA, _SHIFT)
+    cv2.fillPoly(canvas, shape, colour, cv2.LINE_AA, _SHIFT)
+
+
+def _global_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features, palette: Palette) -> None:
+    if features.shear_px is None or not np.isfinite(features.shear_px).all():
+        return
+    rest = tracks.xy_img - features.displacement_px
+    if not np.isfinite(rest).all(axis=1).any():
+        return
+    tail = view.canvas(np.nanmean(rest, axis=0))
+    head = tail + GLOBAL_GAIN * view.scale * features.shear_px
+    _arrow(canvas, tail, head, view.size[1] / 100, palette.shear, palette.halo)
+
+
+def _star(canvas: Canvas, view: View, xy_img: Array, palette: Palette) -> None:
+    """The paper's asterisk."""
+    centre = view.canvas(xy_img)
+    angles = np.arange(3) * np.pi / 3 + np.pi / 6
+    arm = view.size[1] / 40 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    lines = [_fixed(np.stack([centre - a, centre + a])) for a in arm]
+    width = max(2, round(view.size[1] / 200))
+    cv2.polylines(canvas, lines, False, palette.halo, 2 * width + 1, cv2.LINE_AA, _SHIFT)
+    cv2.polylines(canvas, lines, False, palette.contact, width, cv2.LINE_AA, _SHIFT)
+
+
+def draw_camera(
+    view: View, image: Image, bits: int = 8, tracks: Tracks | None = None, palette: Palette = PAPER
+) -> Canvas:
+    """The camera's image in the same view, with a ring round every pin that is held."""
+    grey = image if image.dtype == np.uint8 else (image >> max(0, bits - 8)).astype(np.uint8)
+    s = view.scale
+    # canvas = s * image + t; pixel centres on integers in both
+    t = view.canvas(np.zeros((1, 2)))[0]
+    affine = np.array([[s, 0.0, t[0]], [0.0, s, t[1]]])
+    warped = cv2.warpAffine(grey, affine, view.size, flags=cv2.INTER_LINEAR, borderValue=0.0)
+    canvas = np.asarray(cv2.cvtColor(warped, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    if tracks is not None:
+        radius = round(0.009 * view.size[1] * _ONE)
+        for x, y in view.fixed(tracks.xy_img[tracks.seen]).tolist():
+            cv2.circle(canvas, (x, y), radius, _RING, 1, cv2.LINE_AA, _SHIFT)
+    return canvas
+
+
+def save_pins_overlay(path: str | Path, image: Image, pins: Pins) -> None:
+    """The image, twice its size, with a circle of each pin's own radius and a cross at its centre.
+
+    Raises  SinkError: cannot be written
+    """
+    scale = 2.0
+    view = View((-0.5, -0.5), scale, (int(scale * image.shape[1]), int(scale * image.shape[0])))
+    canvas = draw_camera(view, image, 8 if image.dtype == np.uint8 else 16)
+    for (x, y), r in zip(view.fixed(pins.xy_img).tolist(), pins.radius_px.tolist(), strict=True):
+        cv2.circle(canvas, (x, y), round(r * scale * _ONE), _RING, 1, cv2.LINE_AA, _SHIFT)
+        cv2.drawMarker(canvas, (round(x / _ONE), round(y / _ONE)), _CROSS, cv2.MARKER_CROSS, 5, 1)
+    if not _write(Path(path), canvas):
+        raise SinkError(f"picture {path}: cannot be written; give a folder that exists and may be written to")
+
+
+def _write(path: Path, canvas: Canvas) -> bool:
+    try:
+        return bool(cv2.imwrite(str(path), canvas))
+    except cv2.error:  # no encoder for this suffix
+        return False
+
+
+_CROSS: Bgr = (60, 60, 255)
+_RING: Bgr = (0, 200, 255)  # amber: apart from white pins and from a grey image for every reader
+
+
+def picture(
+    view: View,
+    frame: Frame,
+    tracks: Tracks,
+    polygons: Sequence[Array],
+    features: Features | None,
+    *,
+    palette: Palette = PAPER,
+    full: float = FULL_CHANGE,
+    caption: str = "",
+) -> Canvas:
+    """Both panels side by side, with legend, scale bar and caption; BGR, same size for every frame."""
+    touch = draw_touch(view, polygons, tracks, features, palette, full)
+    camera = draw_camera(view, frame.image, frame.bits, tracks, palette)
+    width, height = view.size
+    gap, foot = max(4, height // 80), round(0.12 * height)
+    canvas = np.full((height + foot, 2 * width + gap, 3), palette.paper, np.uint8)
+    canvas[:height, :width] = touch
+    canvas[:height, width + gap :] = camera
+    _legend(canvas[height:, :width], view, palette, full)
+    _caption(canvas[height:, width + gap :], frame, tracks, features, caption, palette)
+    return canvas
+
+
+def _text(canvas: Canvas, at: tuple[float, float], text: str, size: float, colour: Bgr) -> float:
+    """Left end of the base line at `at`; size is the height of a capital. Returns the width."""
+    scale = size / 21.0  # FONT_HERSHEY_SIMPLEX at scale 1 has capitals of 21 px
+    weight = max(1, round(size / 11))
+    (width, _), _ = cv2.getTextSize(text, _FONT, scale, weight)
+    cv2.putText(canvas, text, (round(at[0]), round(at[1])), _FONT, scale, colour, weight, cv2.LINE_AA)
+    return float(width)
+
+
+def _legend(foot: Canvas, view: View, palette: Palette, full: float) -> None:
+    """Colour bar of the area change, scale bar, and what the vectors are multiplied by."""
+    h, w = foot.shape[:2]
+    size = h * 0.17
+    bar = cell_colours(np.linspace(-full, full, round(0.34 * w)), palette, full)
+    top, bottom, left = round(0.18 * h), round(0.36 * h), round(0.03 * w)
+    foot[top:bottom, left : left + len(bar)] = bar
+    cv2.rectangle(foot, (left, top), (left + len(bar) - 1, bottom - 1), palette.edge, 1)
+    for share, text in ((0.0, f"-{full:.0%}"), (0.5, "0"), (1.0, f"+{full:.0%}")):
+        wide = cv2.getTextSize(text, _FONT, size / 21, 1)[0][0]
+        x = left + share * len(bar) - (0.5 * wide if share == 0.5 else wide * share)
+        _text(foot, (x, bottom + 1.6 * size), text, size, palette.ink)
+    _text(foot, (left, h - 0.4 * size), "change of cell area (+ compressed)", size, palette.ink)
+
+    unit, value = _round_length(0.16 * w / view.scale, view.mm_per_px)
+    length = value / (view.mm_per_px or 1.0) * view.scale
+    x0 = 0.47 * w
+    y = 0.27 * h
+    cv2.line(foot, (round(x0), round(y)), (round(x0 + length), round(y)), palette.ink, 2)
+    for x in (x0, x0 + length):
+        cv2.line(foot, (round(x), round(y - 4)), (round(x), round(y + 4)), palette.ink, 2)
+    _text(foot, (x0, bottom + 1.6 * size), f"{value:g} {unit}", size, palette.ink)
+
+    x1, glyph = 0.66 * w, 0.06 * w
+    cv2.circle(foot, (round(x1), round(y)), max(2, h // 25), palette.pin, -1, cv2.LINE_AA)
+    cv2.line(foot, (round(x1), round(y)), (round(x1 + glyph), round(y)), palette.local, 2, cv2.LINE_AA)
+    _text(foot, (x1 + 1.3 * glyph, y + 0.4 * size), f"pin motion x{LOCAL_GAIN:g}", size, palette.ink)
+    y2 = bottom + 1.2 * size
+    tail = np.array([x1, y2])
+    _arrow(foot, tail, tail + np.array([glyph, 0.0]), h / 16, palette.shear, palette.halo)
+    _text(foot, (x1 + 1.3 * glyph, y2 + 0.4 * size), f"mean motion x{GLOBAL_GAIN:g}", size, palette.ink)
+
+
+def _round_length(wanted_px: float, mm_per_px: float) -> tuple[str, float]:
+    """A length of 1, 2 or 5 times a power of ten near the wanted one."""
+    wanted = wanted_px * (mm_per_px or 1.0)
+    power = 10.0 ** np.floor(np.log10(wanted))
+    value = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted)
+    return ("mm" if mm_per_px else "px"), float(value)
+
+
+def _caption(
+    foot: Canvas, frame: Frame, tracks: Tracks, features: Features | None, caption: str, palette: Palette
+) -> None:
+    h, w = foot.shape[:2]
+    size = h * 0.17
+    first = f"frame {frame.sequence}   pins {tracks.n_seen} of {len(tracks.seen)}"
+    if tracks.confidence < Tracks.LOW_CONFIDENCE:
+        first += "   identities unsure"
+    second = "no features"
+    if features is not None:
+        second = f"contacts {len(features.contacts or ())}"
+        if features.shear_px is not None:
+            x, y = features.shear_px
+            second += (
+                f"   mean motion {np.hypot(x, y):.2f} px at {np.degrees(np.arctan2(y, x)):+.0f} deg (x to y)"
+            )
+    for line, text in enumerate((first, second, caption)):
+        _text(foot, (0.02 * w, (0.30 + 0.29 * line) * h), text, size, palette.ink)

@@ -1,0 +1,102 @@
+"""Pictures to a video file.
+
+OpenCV does not say when the disk is full: it goes on and returns nothing. So a finished file is opened again,
+and must have as many frames as were written; FFmpeg's own complaints, one a frame, are not shown.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterable
+from contextlib import closing
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edge.errors import SinkError
+from edge.sources.files import quiet_opencv
+
+__all__ = ["CODECS", "write_video"]
+
+# What OpenCV's wheels encode (they have no H.264), by suffix; pictures of 1288x716 a second on one core.
+CODECS: dict[str, str] = {
+    ".mp4": "mp4v",  # 107; every video player, no browser
+    ".webm": "VP80",  # 20; browsers
+    ".mkv": "FFV1",  # 17; lossless
+    ".avi": "MJPG",  # 56; every picture stands alone
+}
+
+
+def write_video(pictures: Iterable[NDArray[np.uint8]], path: str | Path, rate_hz: float) -> int:
+    """Write BGR pictures of one size to a video. Returns how many.
+
+    Raises  SinkError: unknown suffix, cannot be written, no pictures, another size in the middle;
+            OSError: the disk is full. The file is then the caller's to remove
+    """
+    path = Path(path)
+    if path.suffix.lower() not in CODECS:
+        raise SinkError(
+            f"video {path}: no format {path.suffix or 'without a suffix'!r}; give {', '.join(CODECS)}"
+        )
+    n = 0
+    with quiet_opencv(), closing(_Writer(path, rate_hz)) as writer:
+        for drawn in pictures:
+            writer.write(drawn)
+            n += 1
+    if not n:
+        raise SinkError(f"video {path}: no pictures; give a recording with frames in it")
+    _check_whole(path, n)
+    return n
+
+
+class _Writer:
+    """Opened with the first picture, whose size is that of all."""
+
+    def __init__(self, path: Path, rate_hz: float) -> None:
+        self._path, self._rate_hz = path, rate_hz
+        self._writer: cv2.VideoWriter | None = None
+        self._size = (0, 0)
+
+    def write(self, picture: NDArray[np.uint8]) -> None:
+        """Raises SinkError, OSError."""
+        # Video codecs subsample colour: sides must be even.
+        even = picture[: picture.shape[0] & ~1, : picture.shape[1] & ~1]
+        size = (even.shape[1], even.shape[0])
+        if self._writer is None:
+            self._size = size
+            self._writer = _open(self._path, self._rate_hz, size)
+        elif size != self._size:
+            wanted = f"{self._size[0]}x{self._size[1]}"
+            raise SinkError(f"video {self._path}: a picture is {size[0]}x{size[1]}, not {wanted}")
+        self._writer.write(np.ascontiguousarray(even))
+        if not os.statvfs(self._path.parent).f_bavail:  # early: the rest would be for nothing
+            raise _disk_full(self._path)
+
+    def close(self) -> None:
+        if self._writer is not None:
+            self._writer.release()
+
+
+def _check_whole(path: Path, n: int) -> None:
+    """Raises OSError: not all frames are in the file."""
+    with quiet_opencv():
+        capture = cv2.VideoCapture(str(path.absolute()), cv2.CAP_FFMPEG)
+        found = capture.get(cv2.CAP_PROP_FRAME_COUNT) if capture.isOpened() else 0.0
+        capture.release()
+    if round(found) != n:
+        raise _disk_full(path)
+
+
+def _disk_full(path: Path) -> OSError:
+    return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+
+def _open(path: Path, rate_hz: float, size: tuple[int, int]) -> cv2.VideoWriter:
+    codec = cv2.VideoWriter.fourcc(*CODECS[path.suffix.lower()])
+    writer = cv2.VideoWriter(str(path.absolute()), cv2.CAP_FFMPEG, codec, rate_hz or 30.0, size)
+    if not writer.isOpened():
+        raise SinkError(f"video {path}: cannot be written; give a folder that exists and may be written to")
+    return writer

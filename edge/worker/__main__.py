@@ -1,0 +1,271 @@
+"""The second process: `python -m edge.worker DATA CONTROL MEMORY`, with inherited file descriptors.
+
+    main thread     Inbox -> recorder, page
+    "control"       answers to what viewers asked the loop for
+    "view"          the page's server; its commands in worker threads
+    "recorder"      encodes and writes
+
+It ends when the data channel ends, whether the loop has closed it or died: then what came is written. Signals
+are the loop's: a service manager sends them to both.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from concurrent.futures import Future
+from datetime import datetime
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from edge.runtime.process import limit_threads
+
+limit_threads()
+
+import cv2  # noqa: E402  (after the libraries' threads are counted)
+
+from edge.errors import EdgeError  # noqa: E402
+from edge.recording import TOPICS, Recorder  # noqa: E402
+from edge.recording.frame_recorder import FrameRecorder  # noqa: E402
+from edge.runtime.process import run_and_exit  # noqa: E402
+from edge.worker.messages import (  # noqa: E402
+    Answer,
+    Ask,
+    Attach,
+    Begin,
+    Event,
+    PageReport,
+    Ready,
+    RecordingReport,
+    Show,
+    Stopped,
+    Take,
+    Wants,
+)
+from edge.worker.shared_memory import Inbox, receive  # noqa: E402
+from hostlink.web import Refused  # noqa: E402
+
+log = logging.getLogger("edge.worker")
+
+NICE = 5  # the loop goes first; a third of its share is enough for a recording on a processor that is full
+REPORT_S = 0.1  # the loop hears of page and recorder this often, where something changed
+LOOP_S, TARE_S = 5.0, 12.0  # the loop's side gives up earlier
+DRAIN_S = 5.0  # for what is under way when a recording ends
+
+
+class Worker:
+    """What runs here.
+
+    control  to the loop's process
+    inbox    from it
+    """
+
+    def __init__(self, control: socket.socket, inbox: Inbox, begin: Begin) -> None:
+        self._control, self._inbox, self._begin = control, inbox, begin
+        self._recording: FrameRecorder | None = None
+        self._switching = threading.Lock()  # of recordings, by one worker thread at a time
+        self._drained = threading.Event()
+        self._pending: dict[int, Future[str]] = {}
+        self._numbers = count()
+        self._reported: dict[type, object] = {PageReport: PageReport(), RecordingReport: RecordingReport()}
+        self._due_s = 0.0
+        if begin.record:
+            self._recording = FrameRecorder(self._recorder(Path(begin.record), begin.overwrite))
+        self._page: Any = None
+        if begin.listen is not None:
+            from edge.view.page import Page
+
+            self._page = Page(
+                begin.listen,
+                begin.source,
+                begin.tip.get("serial", ""),
+                {"tare": self._tare, "record": self._record},
+                self._on_wants,
+            )
+            self._page.start()
+
+    @property
+    def port(self) -> int:
+        return self._page.server.port if self._page is not None else 0
+
+    def run(self) -> None:
+        """Until the loop's process closes the channel, or dies."""
+        threading.Thread(target=self._receive_loop, name="control", daemon=True).start()
+        while (message := self._inbox.get()) is not None:
+            recording = self._recording
+            match message:
+                case Show():
+                    self._page.show(message)
+                case Take(frame, result, state, lost_n):
+                    if self._page is not None:
+                        self._page.take(frame, result, state)
+                    if recording is not None:
+                        recording.recorder.count_lost(lost_n)
+                        recording.take(frame, result, state)
+                case Event(level, text) if recording is not None:
+                    recording.event(level, text)
+                case Attach(name, data) if recording is not None:
+                    recording.recorder.attach(name, data.tobytes())
+                case Stopped():
+                    self._drained.set()
+            now_s = time.monotonic()
+            if now_s >= self._due_s:
+                self._due_s = now_s + REPORT_S
+                self._report()
+        if self._page is not None:
+            self._page.close()
+        with self._switching:
+            if self._recording is not None:
+                self._recording.recorder.close()
+                self._report()
+
+    # ---- to and from the loop -----------------------------------------------------------------------
+
+    def _send(self, message: object) -> None:
+        try:
+            self._control.send(pickle.dumps(message))
+        except OSError:
+            log.debug("the loop's process has ended")  # and the data channel with it
+
+    def _report(self) -> None:
+        """How page and recording are, where that has changed."""
+        now: list[object] = []
+        if self._page is not None:
+            server = self._page.server
+            now.append(PageReport(server.viewers_n, server.sent_n, server.cut_off_n))
+        recording = self._recording
+        if recording is not None:
+            now.append(RecordingReport(_frames_n(recording.recorder), recording.dropped_n, recording.fault))
+            if self._page is not None:
+                self._page.recording = {
+                    "file": recording.path.name,
+                    "frames_n": _frames_n(recording.recorder),
+                    "dropped_n": recording.dropped_n,
+                    "fault": recording.fault,
+                }
+        elif self._page is not None:
+            self._page.recording = None
+        for message in now:
+            if message != self._reported[type(message)]:
+                self._reported[type(message)] = message
+                self._send(message)
+
+    def _on_wants(self, wants: frozenset[str] | None) -> None:
+        self._send(Wants(wants))
+        self._report()  # the last viewer leaves, and nothing will come that could report it
+
+    def _receive_loop(self) -> None:
+        while packet := receive(self._control):
+            answer: Answer = pickle.loads(packet)
+            future = self._pending.pop(answer.number, None)
+            if future is not None:
+                future.set_result(answer.refused)
+
+    def _ask(self, what: str, force: bool = False) -> None:
+        """Have the loop do something. Raises Refused."""
+        number, future = next(self._numbers), Future[str]()
+        self._pending[number] = future
+        self._send(Ask(number, what, force))
+        try:
+            refused = future.result(TARE_S if what == "tare" else LOOP_S)
+        except TimeoutError:
+            refused = "the loop does not answer"
+        if refused:
+            raise Refused(refused)
+
+    # ---- commands of viewers, in worker threads -----------------------------------------------------
+
+    def _tare(self, said: Mapping[str, Any]) -> str:
+        self._ask("tare", bool(said.get("force")))
+        return "a new rest frame is in use"
+
+    def _record(self, said: Mapping[str, Any]) -> str:
+        with self._switching:
+            return (
+                self._begin_recording() if self._recording is None else self._end_recording(self._recording)
+            )
+
+    def _recorder(self, path: Path, overwrite: bool = False) -> Recorder:
+        return Recorder(path, tip=self._begin.tip, rate_hz=self._begin.rate_hz, overwrite=overwrite)
+
+    def _begin_recording(self) -> str:
+        folder = Path(self._begin.recordings)
+        name = f"{self._begin.tip.get('serial', 'tip')}-{datetime.now():%Y%m%d-%H%M%S}.mcap"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            recorder = self._recorder(folder / name)
+        except EdgeError as error:
+            raise Refused(str(error)) from None
+        except OSError as error:
+            raise Refused(f"{folder}: {error.strerror}; give another folder") from None
+        self._recording = FrameRecorder(recorder)
+        try:
+            self._ask("start_recording")
+        except Refused:
+            self._recording = None
+            recorder.close()
+            raise
+        return f"recording {name}"
+
+    def _end_recording(self, recording: FrameRecorder) -> str:
+        self._drained.clear()
+        self._ask("stop_recording")
+        self._drained.wait(DRAIN_S)  # all that the loop has put has come
+        self._recording = None
+        recorder = recording.recorder
+        recorder.close()
+        frames_n = _frames_n(recorder)
+        if recorder.fault:
+            raise Refused(f"{recorder.path.name}: {frames_n} frames, then {recorder.fault}")
+        lost = f", {recorder.dropped_n} messages lost" if recorder.dropped_n else ""
+        return f"{recorder.path.name}: {frames_n} frames{lost}"
+
+
+def _frames_n(recorder: Recorder) -> int:
+    return recorder.written_n[TOPICS["frame"].name]
+
+
+def step_back() -> None:
+    """Behind the loop: ordinary scheduling, below it, and off the core of a loop that is given real time."""
+    real_time = os.sched_getscheduler(0) in (os.SCHED_FIFO, os.SCHED_RR)
+    others = set(range(os.cpu_count() or 1)) - os.sched_getaffinity(0)
+    try:
+        if real_time:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.setpriority(os.PRIO_PROCESS, 0, max(NICE, os.getpriority(os.PRIO_PROCESS, 0)))
+        if real_time and others:
+            os.sched_setaffinity(0, others)
+    except OSError as error:  # a sandbox that forbids it; deploy/ has one that does not
+        log.warning("viewers and recorder run with the loop's own priority: %s", error.strerror)
+
+
+def main() -> None:
+    """Serve and record until the loop's process ends."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    data, control, memory = (int(text) for text in sys.argv[1:4])
+    cv2.setNumThreads(1)
+    inbox = Inbox(socket.socket(fileno=data), memory)
+    with socket.socket(fileno=control) as connection:
+        begin: Begin = pickle.loads(receive(connection))
+        logging.basicConfig(level=begin.log_level, format="%(levelname)s %(name)s: %(message)s")
+        step_back()
+        try:
+            worker = Worker(connection, inbox, begin)
+        except EdgeError as error:
+            connection.send(pickle.dumps(Ready(refused=str(error), kind=type(error).__name__)))
+        else:
+            connection.send(pickle.dumps(Ready(worker.port)))
+            worker.run()
+
+
+if __name__ == "__main__":
+    run_and_exit(main)

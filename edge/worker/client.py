@@ -1,0 +1,323 @@
+"""The loop's side of the worker: starts it, sends it what is new, does what its viewers ask, outlives it.
+
+Rules
+- `ViewFeed` and `RecordingFeed` run in the loop's thread after the sample has left, and wait for nothing.
+- A thread of its own receives from the worker; what changes the pipeline is posted to the loop.
+- The end of the socket is the end of the process. If it ends by itself, a recording counts as broken (what
+  was written reads back), and the page is served again at the same address.
+"""
+
+from __future__ import annotations
+
+import logging
+import pickle
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from edge import errors
+from edge.errors import UsageError
+from edge.runtime.loop import Loop
+from edge.runtime.tare_state import TareBusy
+from edge.types import Feature
+from edge.worker.messages import (
+    Answer,
+    Ask,
+    Attach,
+    Begin,
+    PageReport,
+    Ready,
+    RecordingReport,
+    Stopped,
+    Wants,
+)
+from edge.worker.recording_feed import RecordingFeed
+from edge.worker.shared_memory import Outbox, pair, receive
+from edge.worker.view_feed import ViewFeed
+from hostlink.web import Listen
+from hostlink.wire import RestFrameState
+
+__all__ = ["WorkerClient", "WorkerConfig"]
+
+log = logging.getLogger(__name__)
+
+#: What the page shows of its own accord; the surface is computed only for a viewer that asks for it.
+SHOWN = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS, Feature.SHEAR, Feature.TORSION})
+#: Memory for what is under way: 70 images of 640x480 with their results, 0.3 s at 240 frames/s. The recorder
+#: has 64 MB more for a slow disk; this is for a worker that is not scheduled.
+MEMORY_BYTES = 24 << 20
+LOOP_S = 2.0  # a command runs between two frames; a loop that is busy for longer is in trouble
+START_S = 60.0  # Python, OpenCV and a web server on a slow board
+TARE_S = 10.0  # a few images, and a search that takes seconds on a slow board
+END_S = 2.0  # for a page to say goodbye
+DISK_S = 12.0  # for a recording to be written: the recorder gives up after 10
+LIVED_S = 5.0  # a process that ended sooner than this would end again
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerConfig:
+    """listen      where the live page is served; None: no page
+    record      a file to record from the first frame on; None: none
+    overwrite   whether that file may be there already
+    recordings  folder for what the page's button records
+    tip         about the tip, for recordings
+    """
+
+    listen: Listen | None = None
+    record: Path | None = None
+    overwrite: bool = False
+    recordings: Path = Path(".")
+    tip: Mapping[str, str] = field(default_factory=dict)
+
+
+class WorkerClient:
+    """Viewers and recorder of a loop.
+
+    page       the worker's last word about the page
+    recording  the loop's recorder, while there is one
+    process    None: not started
+    """
+
+    def __init__(self, loop: Loop, config: WorkerConfig) -> None:
+        self._loop = loop
+        self._config = config
+        self._listen = config.listen
+        self.page = PageReport()
+        self.view = ViewFeed(loop, self._put)
+        self.recording = RecordingFeed(self._put, self.view.was_recorded)
+        self.process: subprocess.Popen[bytes] | None = None
+        self._closing = False
+        self._sending = threading.Lock()  # the channel may be exchanged for another
+        self._outbox: Outbox | None = None
+        self._thread: threading.Thread | None = None
+        self._started_s = 0.0
+
+    @property
+    def url(self) -> str:
+        """For a browser; the token stands behind the #, which browsers keep to themselves."""
+        assert self._listen is not None
+        return f"http://{self._listen}/" + (f"#token={self._listen.token}" if self._listen.token else "")
+
+    @property
+    def port(self) -> int:
+        assert self._listen is not None
+        return self._listen.port
+
+    @property
+    def connected(self) -> bool:
+        """Whether a worker is there to be sent to."""
+        return self._outbox is not None
+
+    def start(self) -> None:
+        """Start the process, and send to it from now on. Raises UsageError."""
+        self._start_process(str(self._config.record or ""))
+        self._loop.result_callbacks.append(self.view.on_result)
+        self._loop.tick_callbacks.append(self.view.on_tick)
+        if self._config.record is not None:
+            self._start_recording()
+
+    def close(self) -> None:
+        """End page and recording, and wait for what is to be written."""
+        self._closing = True
+        loop = self._loop
+        if self.view.on_result in loop.result_callbacks:
+            loop.result_callbacks.remove(self.view.on_result)
+        if self.view.on_tick in loop.tick_callbacks:
+            loop.tick_callbacks.remove(self.view.on_tick)
+        recording = loop.session.recorder is self.recording
+        if recording:
+            loop.session.recorder = None
+        self._close_channel(Stopped())
+        if self.process is not None:
+            _end(self.process, DISK_S if recording else END_S)
+        if self._thread is not None:
+            self._thread.join()
+        feed = self.recording
+        if recording and (feed.fault or feed.dropped_n):
+            log.warning("recording: %s", feed.fault or f"{feed.dropped_n} messages lost")
+
+    def _put(self, message: Any) -> bool:
+        with self._sending:
+            return self._outbox is not None and self._outbox.put(message)
+
+    def _close_channel(self, last: Any = None) -> None:
+        with self._sending:
+            outbox, self._outbox = self._outbox, None
+            if outbox is not None:
+                if last is not None:
+                    outbox.put(last)
+                outbox.close()
+
+    # ---- the loop's thread --------------------------------------------------------------------------
+
+    def _start_recording(self) -> None:
+        """Record from the next frame on."""
+        calibration = self._loop.calibration
+        if calibration is not None:
+            self._put(Attach("calibration.json", np.frombuffer(calibration.encoded, np.uint8)))
+        self.recording.begin()
+        self._loop.session.recorder = self.recording
+
+    def _stop_recording(self) -> None:
+        """Record no more."""
+        if self._loop.session.recorder is self.recording:
+            self._loop.session.recorder = None
+        self._put(Stopped())
+
+    # ---- the process ----------------------------------------------------------------------------------
+
+    def _start_process(self, record: str) -> None:
+        """Raises UsageError: it cannot serve or record so."""
+        outbox = Outbox(MEMORY_BYTES)
+        control, far_control = pair()
+        fds = (outbox.far_end.fileno(), far_control.fileno(), outbox.fd)
+        # In a session of its own: Ctrl-C at the terminal is the loop's, and its end is ours.
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "edge.worker", *map(str, fds)],
+            pass_fds=fds,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        far_control.close()
+        outbox.far_end.close()
+        control.send(pickle.dumps(self._first_message(record)))
+        control.settimeout(START_S)
+        early: list[Any] = []  # viewers of an earlier worker may be back before this one is ready
+        try:
+            while isinstance(ready := _receive(control), Wants | PageReport):
+                early.append(ready)
+        except TimeoutError:
+            ready = None
+        if not isinstance(ready, Ready) or ready.refused:
+            outbox.close()
+            control.close()
+            _end(self.process, END_S)
+            if isinstance(ready, Ready):
+                raise getattr(errors, ready.kind)(ready.refused)
+            raise UsageError("view, record: the process for it ended at its start; see above for why")
+        control.settimeout(None)
+        if self._listen is not None:
+            self._listen = Listen(self._listen.host, ready.port, self._listen.token)
+        self.view.forget_shown()
+        self._started_s = time.monotonic()
+        with self._sending:
+            self._outbox = outbox
+        self._thread = threading.Thread(
+            target=self._receive_loop, args=(control, early), name="worker client", daemon=True
+        )
+        self._thread.start()
+
+    def _first_message(self, record: str) -> Begin:
+        source, config = self._loop.source, self._config
+        return Begin(
+            self._listen,
+            source.name,
+            source.rate_hz,
+            str(config.recordings),
+            record,
+            config.overwrite,
+            dict(config.tip),
+            logging.getLogger().getEffectiveLevel(),
+        )
+
+    # ---- the thread that receives ---------------------------------------------------------------------
+
+    def _receive_loop(self, control: socket.socket, early: list[Any]) -> None:
+        with control:
+            while (message := early.pop(0) if early else _receive(control)) is not None:
+                match message:
+                    case Wants(wants):
+                        self._on_wants(wants)
+                    case PageReport():
+                        self.page = message
+                    case RecordingReport():
+                        self.recording.report = message
+                    case Ask():
+                        answer = Answer(message.number, self._do(message))
+                        try:
+                            control.send(pickle.dumps(answer))
+                        except OSError:
+                            break
+        if not self._closing:
+            self._on_worker_exit()
+
+    def _on_wants(self, wants: frozenset[str] | None) -> None:
+        """Have computed what is looked at, and no more."""
+        shown = frozenset[Feature]()
+        if wants is not None:
+            shown = SHOWN | ({Feature.SURFACE} if "surface" in wants else shown)
+
+        def change() -> None:
+            self.view.set_watched(wants is not None)
+            self._loop.set_shown(shown)
+
+        self._loop.post(change)
+
+    def _do(self, ask: Ask) -> str:
+        """Do what a viewer asks for; "" or why it was not done."""
+        if ask.what == "tare":
+            if self._loop.in_contact and not ask.force:
+                return "something touches the tip; let go, or force the tare"
+            return self._tare(ask.force)
+        starts = ask.what == "start_recording"
+        return self._in_loop(self._start_recording if starts else self._stop_recording)
+
+    def _tare(self, force: bool) -> str:
+        """Have a new rest frame taken; "" or why the one before stays in use."""
+        try:
+            outcome = self._loop.request_tare(force).done.result(TARE_S)
+        except TareBusy as error:
+            return str(error)
+        except TimeoutError:
+            return "no rest frame could be taken in time; the one before stays in use until it is"
+        return outcome.message if outcome.state is RestFrameState.REFUSED else ""
+
+    def _in_loop(self, command: Callable[[], None]) -> str:
+        """Have the loop do it between two frames; "" or why it did not."""
+        future = self._loop.post(command)
+        try:
+            future.result(LOOP_S)
+        except TimeoutError:
+            future.cancel()
+            return "the loop does not answer; nothing was done"
+        return ""
+
+    def _on_worker_exit(self) -> None:
+        """The worker ended by itself: say so, and serve the page again."""
+        assert self.process is not None
+        code = self.process.wait()
+        log.error("the process for viewers and recordings ended (%s)", code)
+        self.recording.failure = f"its process ended ({code})"
+        self.page = PageReport()
+        self._on_wants(None)
+        self._close_channel()
+        if self._listen is None or time.monotonic() - self._started_s < LIVED_S or self._closing:
+            return
+        try:
+            self._start_process("")
+        except UsageError as error:
+            log.error("the live page has ended: %s", error)
+
+
+def _receive(control: socket.socket) -> Any:
+    """The next message; None: the end."""
+    packet = receive(control)
+    return pickle.loads(packet) if packet else None
+
+
+def _end(process: subprocess.Popen[bytes], patience_s: float) -> None:
+    try:
+        process.wait(patience_s)
+    except subprocess.TimeoutExpired:
+        log.error("the process for viewers and recordings does not end; killed")
+        process.kill()
+        process.wait()

@@ -1,0 +1,152 @@
+"""What the two processes send each other.
+
+Down the data channel, from the loop: `Show`, `Take`, `Event`, `Attach`, `Stopped`. Over the control socket,
+both ways: `Begin`, `Answer` to the worker; `Ready`, `Ask`, `Wants`, `PageReport`, `RecordingReport` from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from edge.pipeline import Result
+from edge.types import Frame, Rest
+from hostlink.web import Listen
+from hostlink.wire import State
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """listen   where to serve the page; None: no page
+    source      the camera's name
+    rate_hz     the camera's
+    recordings  folder for what the page's button records
+    record      file to record from the start; "": none
+    overwrite   whether it may be there already
+    tip         about the tip
+    log_level   of the program
+    """
+
+    listen: Listen | None
+    source: str
+    rate_hz: float
+    recordings: str
+    record: str
+    overwrite: bool
+    tip: dict[str, str]
+    log_level: int
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """port   where the page is served
+    refused  words of a user's mistake; "": all is well
+    kind     of the error, a class of `edge.errors`
+    """
+
+    port: int = 0
+    refused: str = ""
+    kind: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Show:
+    """What viewers get to see since the last one.
+
+    now_s, last_s  monotonic time: now, and of the newest result
+    seen_n         results since the start
+    rows           of the charts: one a sample
+    frame          the newest image, with a result or without; None: as before
+    result, state  the newest; None: as before
+    rest           the rest frame; None: as before
+    about          what does not come from a frame
+    """
+
+    now_s: float
+    last_s: float
+    seen_n: int
+    rows: list[tuple[float, ...]]
+    frame: Frame | None
+    result: Result | None
+    state: State | None
+    rest: Rest | None
+    about: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Take:
+    """One turn of the loop, to be recorded.
+
+    lost_n  turns lost before this one: there was no room for them
+    """
+
+    frame: Frame
+    result: Result | None
+    state: State
+    lost_n: int
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A line of the log, to be recorded."""
+
+    level: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Attach:
+    """A file inside of the recording.
+
+    data  (n,) uint8
+    """
+
+    name: str
+    data: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """The loop records no more; everything before this was put."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """A viewer's command that is the loop's to do: "tare", "start_recording", "stop_recording"."""
+
+    number: int
+    what: str
+    force: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """refused  why nothing was done; "": it is done"""
+
+    number: int
+    refused: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Wants:
+    """What all viewers want together; None: nobody watches."""
+
+    wants: frozenset[str] | None
+
+
+@dataclass(frozen=True, slots=True)
+class PageReport:
+    """The page: viewers now, packets sent and viewers cut off so far."""
+
+    viewers_n: int = 0
+    sent_n: int = 0
+    cut_off_n: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingReport:
+    """The recording: images written, messages lost, why it ended."""
+
+    frames_n: int = 0
+    dropped_n: int = 0
+    fault: str | None = None

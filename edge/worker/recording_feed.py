@@ -1,0 +1,72 @@
+"""The recorder as the loop sees it (`edge.recording.session.Recording`): everything goes to the worker."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from edge.worker.messages import Event, RecordingReport, Take
+
+if TYPE_CHECKING:
+    from edge.pipeline import Result
+    from edge.types import Frame
+    from hostlink.wire import State
+
+__all__ = ["RecordingFeed"]
+
+
+class RecordingFeed:
+    """Sends each turn of the loop to be recorded, and knows what became of it.
+
+    put          sends a message to the worker; False: there is no room now
+    on_recorded  told of each turn that was sent: the worker has its image and result
+    report       the worker's last word about the recording
+    """
+
+    def __init__(
+        self, put: Callable[[Any], bool], on_recorded: Callable[[Frame, Result | None], None]
+    ) -> None:
+        self._put = put
+        self._on_recorded = on_recorded
+        self.report = RecordingReport()
+        self.failure: str | None = None  # the worker itself has failed
+        self._lost_n = self._lost_reported_n = 0
+
+    def begin(self) -> None:
+        """Another recording: nothing is known of it."""
+        self.report = RecordingReport()
+        self.failure = None
+        self._lost_n = self._lost_reported_n = 0
+
+    def take(self, frame: Frame, result: Result | None, state: State) -> None:
+        """Record a turn of the loop."""
+        lost_n = self.unreported_n
+        if not self._put(Take(frame, result, state, lost_n)):
+            self._lost_n += 1
+            return
+        self._lost_reported_n += lost_n
+        self._on_recorded(frame, result)
+
+    def event(self, level: str, text: str) -> None:
+        """Record a line of the log; from any thread."""
+        self._put(Event(level, text))
+
+    @property
+    def unreported_n(self) -> int:
+        """Turns that were lost on the way, and that the worker does not know of yet."""
+        return self._lost_n - self._lost_reported_n
+
+    @property
+    def lost_n(self) -> int:
+        """Turns that were lost on the way to the worker."""
+        return self._lost_n
+
+    @property
+    def fault(self) -> str | None:
+        """Why nothing is recorded any more."""
+        return self.failure or self.report.fault
+
+    @property
+    def dropped_n(self) -> int:
+        """Messages that the disk or the worker was too slow for."""
+        return self.report.dropped_n + self.unreported_n

@@ -1,0 +1,51 @@
+"""Numbers on a command line, for all three programs: NaN and infinity are never one.
+
+@click.option("--seconds", type=FiniteFloat(min=0, min_open=True))
+@click.option("--finger", type=WholeNumber(1, 127))
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+import click
+
+__all__ = ["FiniteFloat", "WholeNumber"]
+
+
+class FiniteFloat(click.FloatRange):
+    """A finite number, within limits where they are given. Limits as `click.FloatRange` has them."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            number = float("nan")
+        if not isfinite(number):
+            self.fail(f"{value!r} is not a number; give {_what('a number', self)}", param, ctx)
+        return float(super().convert(number, param, ctx))
+
+
+class WholeNumber(click.IntRange):
+    """A whole number, within limits where they are given. Limits as `click.IntRange` has them."""
+
+    name = "whole number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        try:
+            number = int(value)
+        except (TypeError, ValueError, OverflowError):
+            self.fail(f"{value!r} is not a whole number; give {_what('a whole number', self)}", param, ctx)
+        return int(super().convert(number, param, ctx))
+
+
+def _what(kind: str, limits: click.FloatRange | click.IntRange) -> str:
+    low, high = limits.min, limits.max
+    if low is not None and high is not None and not (limits.min_open or limits.max_open):
+        return f"{kind} from {low} to {high}"
+    least = None if low is None else f"above {low}" if limits.min_open else f"of {low} or more"
+    most = None if high is None else f"below {high}" if limits.max_open else f"up to {high}"
+    return " ".join([kind, " and ".join(filter(None, (least, most)))]).rstrip()

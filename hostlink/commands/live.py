@@ -1,0 +1,221 @@
+"""Commands that let samples flow by: monitor, record, decode."""
+
+from __future__ import annotations
+
+import json
+import logging
+import queue
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import asdict
+from math import isnan
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hostlink.cli_types import FiniteFloat, WholeNumber
+from hostlink.client import Connection, connect
+from hostlink.commands.monitor import Board, line, screen
+from hostlink.decoder import SERIAL_NODE, CanDecoder, Event, Sample, SerialDecoder
+from hostlink.errors import ConnectError, LinkTimeout, LogError, VersionMismatch
+from hostlink.output_file import WriteError, check_output, writing
+from hostlink.recording import (
+    CAN_SUFFIXES,
+    SERIAL_SUFFIX,
+    LogWriter,
+    SerialWriter,
+    check_suffix,
+    decode_recording,
+    decoder_for,
+)
+from hostlink.wire import State, Status
+from hostlink.wire.address import parse_address
+from hostlink.wire.open_errors import words_of
+
+# The pace of the display. It shows what holds, news or none (a link that is down, a rate that falls): no
+# event of the link could stand in for it.
+LOOK_S = 0.1  # a table that changes faster cannot be read
+LINE_S = 1.0
+seconds_option = click.option(
+    "--seconds", type=FiniteFloat(min=0, min_open=True), help="Stop after this time; else at Ctrl-C."
+)
+
+
+@click.command()
+@click.argument("address")
+@seconds_option
+@click.option("--plain", is_flag=True, help="Lines, not a table; so it is where stdout is no terminal.")
+def monitor(address: str, seconds: float | None, plain: bool) -> None:
+    """Show what the fingers at ADDRESS feel, and how the link does."""
+    end_s = None if seconds is None else time.monotonic() + seconds
+    with connect(address) as hand:
+        board = Board(hand)
+        with suppress(KeyboardInterrupt):  # Ctrl-C is how one stops looking
+            if plain or not sys.stdout.isatty():
+                _print_lines(board, end_s, address)
+            else:
+                _show_table(hand, board, end_s)
+
+
+def _print_lines(board: Board, end_s: float | None, address: str) -> None:
+    looked = False
+    while (wait_s := _left(end_s, LINE_S)) > (LOOK_S if looked else 0):  # a rate over less is noise
+        time.sleep(wait_s)
+        rows, looked = board.look(), True
+        for row in rows:
+            click.echo(line(row))
+        if not rows:
+            click.echo(f"{address}: nothing heard yet")
+        sys.stdout.flush()
+
+
+def _show_table(hand: Connection, board: Board, end_s: float | None) -> None:
+    from rich.live import Live
+
+    # The table itself says when the link is down; a line of the log would tear it.
+    logging.getLogger("hostlink").addHandler(logging.NullHandler())
+    with Live(auto_refresh=False, screen=False) as live:
+        while (wait_s := _left(end_s, LOOK_S)) > 0:
+            time.sleep(wait_s)
+            link = "" if hand.up else "  (link down)"
+            live.update(screen(board.look(), f"{hand.address}{link}"), refresh=True)
+
+
+def _left(end_s: float | None, most_s: float) -> float:
+    return most_s if end_s is None else min(most_s, end_s - time.monotonic())
+
+
+@click.command()
+@click.argument("address")
+@click.argument("file", type=click.Path(path_type=Path))
+@seconds_option
+@click.option("--overwrite", is_flag=True, help="Replace FILE if it exists.")
+def record(address: str, file: Path, seconds: float | None, overwrite: bool) -> None:
+    """Record all that comes in at ADDRESS into FILE: .log or .blf for a bus, .serial for a line.
+
+    Ends after --seconds, or with Ctrl-C.
+    """
+    place = parse_address(address)
+    suffixes = CAN_SUFFIXES if place.is_can else (SERIAL_SUFFIX,)
+    if check_suffix(file).suffix.lower() not in suffixes:
+        raise ConnectError(f"{file}: a bus is recorded as .log or .blf, a serial line as .serial")
+    path = check_output(file, suffixes, overwrite=overwrite)
+    # `timeout` and systemd end a program so: as with Ctrl-C, what was recorded until then is the recording.
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with connect(address) as hand, writing(path, overwrite, keep_partial=True) as unfinished:
+            written_n, samples_n = _record(hand, unfinished, seconds)
+    except LogError as error:  # it names the unfinished file, which the user does not know
+        why = words_of(error.__cause__ or error)
+        raise WriteError(f"{path}: cannot be written: {why}; the recording ends there") from None
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    what = "frames" if place.is_can else "chunks"
+    click.echo(f"{path}: {written_n} {what}, {samples_n} samples", err=True)
+    if not written_n:
+        raise LinkTimeout(f"{address}: nothing came in")
+
+
+def _record(hand: Connection, path: Path, seconds: float | None) -> tuple[int, int]:
+    """Record until the time is up or Ctrl-C; what was written, and the samples within. Raises LogError."""
+    arrived: queue.SimpleQueue[tuple[Any, float]] = queue.SimpleQueue()
+    is_can = hand.address.is_can
+    node = hand.address.node or SERIAL_NODE
+    decoder: Any = CanDecoder() if is_can else SerialDecoder(node)  # counts what the file holds, no more
+    written_n = samples_n = 0
+    with LogWriter(path) if is_can else SerialWriter(path, node) as writer:
+        # The clock on the wall: logs are compared with other logs.
+        end = hand.on_raw(lambda data, _: arrived.put((data, time.time())))
+        for data, at_s in _until_ended(arrived, None if seconds is None else time.monotonic() + seconds, end):
+            events: list[Event] = []
+            if isinstance(writer, LogWriter):
+                writer.write(data)
+                if not (data.is_extended_id or data.is_error_frame or data.is_remote_frame):
+                    with suppress(VersionMismatch):  # recorded all the same
+                        events = decoder.receive(data.arbitration_id, data.data)
+            else:
+                writer.write(data, at_s)
+                with suppress(VersionMismatch):
+                    events = decoder.receive(data)
+            written_n += 1
+            samples_n += sum(isinstance(event, Sample) for event in events)
+    return written_n, samples_n
+
+
+def _until_ended(
+    arrived: queue.SimpleQueue[tuple[Any, float]], end_s: float | None, end: Callable[[], None]
+) -> Iterator[tuple[Any, float]]:
+    """What arrives until the time is up or Ctrl-C, to the last one that arrived before."""
+    try:
+        while (wait_s := _left(end_s, LINE_S)) > 0:
+            with suppress(queue.Empty):
+                yield arrived.get(timeout=wait_s)
+    except KeyboardInterrupt:
+        click.echo("", err=True)  # Ctrl-C is how a recording ends
+    end()
+    with suppress(queue.Empty):
+        while True:
+            yield arrived.get_nowait()
+
+
+@click.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--json/--text", "as_json", default=True, help="JSON objects (default), or plain text.")
+@click.option("--finger", type=WholeNumber(1, 127), help="Only this finger.")
+@click.option("--summary", is_flag=True, help="Counts of each finger on stderr at the end.")
+def decode(file: Path, as_json: bool, finger: int | None, summary: bool) -> None:
+    """Print the samples in a recording FILE (.log, .blf, .serial), one line each."""
+    decoder = decoder_for(file)
+    shown_n = 0
+    for event in decode_recording(file, decoder):
+        if isinstance(event, Sample) and finger in (None, event.finger):
+            click.echo(_json(event) if as_json else _text(event))
+            shown_n += 1
+    if summary:
+        for node, statistics in sorted(decoder.statistics.items()):
+            counts = " ".join(f"{name.removesuffix('_n')}={n}" for name, n in asdict(statistics).items() if n)
+            click.echo(f"finger={node} {counts}", err=True)
+    if not shown_n:
+        raise LogError(f"{file}: {_nothing_found(decoder, finger)}")
+
+
+def _nothing_found(decoder: CanDecoder | SerialDecoder, finger: int | None) -> str:
+    """Why no sample was printed, and what is there instead."""
+    found = [node for node, s in sorted(decoder.statistics.items()) if s.received_n]
+    if found:
+        return f"no sample of finger {finger}; it holds those of {', '.join(map(str, found))}"
+    damaged_n = sum(s.corrupt_n for s in decoder.statistics.values())
+    others_n = getattr(decoder, "unknown_n", 0)
+    return f"no sample of a fingertip; {damaged_n} damaged frames, {others_n} of other devices"
+
+
+def _json(event: Sample) -> str:
+    """One sample as a JSON object; NaN is null, status bits are names."""
+    values: dict[str, Any] = {"finger": event.node, "arrival_s": event.arrival_s, "lost_n": event.lost_n}
+    for name, value in asdict(event.state).items():
+        values[name] = _plain(value)
+    values["status"] = [bit.name for bit in Status if bit in event.state.status]
+    return json.dumps(values)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float):
+        return None if isnan(value) else round(value, 6)
+    if isinstance(value, dict):
+        return {name: _plain(v) for name, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    return value
+
+
+def _text(event: Sample) -> str:
+    s: State = event.state
+    return (
+        f"{event.arrival_s:.6f} finger={event.node} sample={s.sample} "
+        f"displacement_mm={s.displacement_mm:.3f} shear_mm={s.shear_x_mm:.3f},{s.shear_y_mm:.3f} "
+        f"force_n={s.force_n:.3f} contacts={s.contact_n}"
+    )

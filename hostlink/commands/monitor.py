@@ -1,0 +1,185 @@
+"""What a person wants to see of a connection: one row a finger, as a table or as plain lines.
+
+`Board` keeps the counts between two looks; `look` gives rows of plain values, `screen` and `line` show them.
+The table fits a terminal of 80 columns; what is wrong with a finger stands in a line of its own below.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import atan2, hypot, isnan, nan, tau
+from typing import TYPE_CHECKING
+
+from hostlink.client import Connection, Finger
+from hostlink.wire import STATUS, State, Status
+
+if TYPE_CHECKING:
+    from rich.console import Group
+    from rich.table import Table
+
+__all__ = ["Board", "FingerRow", "arrow", "line", "screen"]
+
+ARROWS = "→↘↓↙←↖↑↗"  # y points down in the tip's frame, as in the camera's image
+ARROW_MIN_MM = 0.02  # below a tenth of a pixel's motion a direction is noise
+COLUMNS = (
+    "finger",
+    "depth\nmm",
+    "shear\nmm",
+    "force\nN",
+    "rate\nHz",
+    "age\nms",
+    "lost",
+    "late",
+    "bad",
+    "contacts, place\nof the first, mm",
+)
+NMT: dict[int | None, str] = {0: "starting", 4: "stopped", 127: "not started (pre-operational)"}
+
+
+@dataclass(frozen=True, slots=True)
+class FingerRow:
+    """One finger at one look.
+
+    state    newest sample, or None: none within the last second
+    rate_hz  samples a second since the look before
+    words    what is wrong, in words; empty: nothing
+    """
+
+    finger: int
+    state: State | None
+    rate_hz: float
+    age_s: float
+    received_n: int
+    lost_n: int
+    late_n: int
+    corrupt_n: int
+    words: str
+
+
+class Board:
+    """Looks at a connection from time to time."""
+
+    STALE_S = 1.0
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._counts: dict[int, int] = {}
+        self._looked_s = time.monotonic()
+
+    def look(self) -> list[FingerRow]:
+        """A row for each finger heard so far."""
+        now_s = time.monotonic()
+        passed_s, self._looked_s = max(now_s - self._looked_s, 1e-3), now_s
+        rows = []
+        for node, finger in sorted(self._connection.fingers.items()):
+            sample = None if finger.mismatch is not None else finger.latest(self.STALE_S)
+            s = finger.statistics
+            fresh_n = s.received_n - self._counts.get(node, 0)
+            self._counts[node] = s.received_n
+            rows.append(
+                FingerRow(
+                    finger=node,
+                    state=sample.state if sample else None,
+                    rate_hz=fresh_n / passed_s,
+                    age_s=sample.age_s if sample else nan,
+                    received_n=s.received_n,
+                    lost_n=s.lost_n,
+                    late_n=s.late_n,
+                    corrupt_n=s.corrupt_n,
+                    words=_words(finger, sample.state if sample else None, self._connection.up),
+                )
+            )
+        return rows
+
+
+def arrow(x_mm: float, y_mm: float) -> str:
+    """Direction of a shear as one character; a dot when there is next to none, blank when unknown."""
+    if isnan(x_mm) or isnan(y_mm):
+        return " "
+    if hypot(x_mm, y_mm) < ARROW_MIN_MM:
+        return "·"
+    return ARROWS[round(atan2(y_mm, x_mm) / (tau / 8)) % 8]
+
+
+def line(row: FingerRow) -> str:
+    """A row as one plain line, `name=value`."""
+    s = row.state
+    if s is None:
+        return (
+            f"finger={row.finger} no samples lost={row.lost_n} corrupt={row.corrupt_n} {row.words}".rstrip()
+        )
+    return (
+        f"finger={row.finger} displacement={_number(s.displacement_mm, 3)}mm "
+        f"shear={_number(s.shear_x_mm, 3)},{_number(s.shear_y_mm, 3)}mm "
+        f"force={_number(s.force_n, 2)}N contacts={s.contact_n} rate={row.rate_hz:.0f}Hz "
+        f"age={row.age_s * 1e3:.1f}ms received={row.received_n} lost={row.lost_n} late={row.late_n} "
+        f"corrupt={row.corrupt_n} {row.words}"
+    ).rstrip()
+
+
+def screen(rows: Sequence[FingerRow], title: str) -> Group:
+    """All that is shown on a terminal: the table, and what is wrong."""
+    from rich.console import Group
+    from rich.text import Text
+
+    if not rows:
+        return Group(Text(title), Text("nothing heard yet"))
+    return Group(
+        _table(rows, title), *(Text(f"finger {row.finger}: {row.words}") for row in rows if row.words)
+    )
+
+
+def _table(rows: Sequence[FingerRow], title: str) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    t = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=0)
+    for name in COLUMNS:
+        t.add_column(name, justify="right", no_wrap=True)
+    for row in rows:
+        s = row.state
+        t.add_row(
+            str(row.finger),
+            *(["-"] * 3 if s is None else _cells(s)),
+            f"{row.rate_hz:.0f}",
+            _number(row.age_s * 1e3, 1),
+            str(row.lost_n),
+            str(row.late_n),
+            str(row.corrupt_n),
+            "-" if s is None else _places(s),
+        )
+    return t
+
+
+def _cells(s: State) -> list[str]:
+    return [
+        _number(s.displacement_mm, 3),
+        f"{_number(hypot(s.shear_x_mm, s.shear_y_mm), 3)} {arrow(s.shear_x_mm, s.shear_y_mm)}".rstrip(),
+        _number(s.force_n, 2),
+    ]
+
+
+def _places(s: State) -> str:
+    """Their number, and where the strongest is."""
+    first = f" ({s.contacts[0].x_mm:+.1f},{s.contacts[0].y_mm:+.1f})" if s.contacts else ""
+    return f"{s.contact_n}{first}"
+
+
+def _number(value: float, digits: int) -> str:
+    return "-" if isnan(value) else f"{value:.{digits}f}"
+
+
+def _words(finger: Finger, state: State | None, up: bool) -> str:
+    """What the status bits, the node's state and the link say, in words."""
+    words = [] if up else ["link down"]
+    if finger.mismatch is not None:
+        words.append(str(finger.mismatch))
+    if finger.second_sender:
+        words.append("two senders use this number; give each fingertip its own (?node=)")
+    if finger.state_nmt in NMT:
+        words.append(NMT[finger.state_nmt])
+    if state is not None:
+        words += [s.meaning for s in STATUS if s.bit in state.status and s.bit is not Status.TOUCHED]
+    return "; ".join(words)

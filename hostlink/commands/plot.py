@@ -1,0 +1,288 @@
+"""`python -m hostlink plot`: what a recording holds over time, as a picture for print.
+
+Rules
+- A recording of the bus (.log, .blf), of a line (.serial) or of the edge (.mcap, its `/bus/sample`) gives the
+  same picture, because it holds the same samples.
+- One panel a quantity with its unit, one line a finger; a value that was not known leaves a gap, one that
+  is known between two gaps is a dot, and a quantity that was never known leaves no panel.
+- Times count from the recording's first sample, on the sensor's clock: capture, not arrival.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import struct
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from math import isnan, nan
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hostlink.cli_types import WholeNumber
+from hostlink.decoder import Sample
+from hostlink.errors import LogError, UsageError
+from hostlink.output_file import check_output, writing
+from hostlink.recording import CAN_SUFFIXES, SERIAL_SUFFIX, check_suffix, decode_recording
+
+__all__ = ["PANELS", "Series", "draw", "plot", "read_series"]
+
+log = logging.getLogger(__name__)
+
+MCAP_SUFFIX = ".mcap"
+_WITH_SAMPLES = "give what `hostlink record` or `edge run --record` wrote"
+_RECORD_MAX = 1 << 30  # bytes; ours stay near 1 MiB, and a damaged length must not eat the memory
+PICTURES = (".png", ".pdf", ".svg")
+_WIDTH_IN = 7.16  # both columns of an IEEE page
+_PANEL_IN = 1.15
+_WRAP_US = 1 << 32
+#: A silence longer than this is drawn as a gap: samples that never came must not look measured.
+_GAP_S = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """title   what the axis is called
+    fields  of the state frame; two are x and y
+    unit    as the axis has it
+    sigma   field with the standard deviation of all of them; "": none
+    scale   the axis' unit in the wire's
+    counts  whole numbers that jump
+    """
+
+    title: str
+    fields: tuple[str, ...]
+    unit: str
+    sigma: str = ""
+    scale: float = 1.0
+    counts: bool = False
+
+
+PANELS = (
+    Panel("displacement", ("displacement_mm",), "mm", "displacement_sigma_mm"),
+    Panel("shear", ("shear_x_mm", "shear_y_mm"), "mm", "shear_sigma_mm"),
+    Panel("normal force", ("force_n",), "N"),
+    Panel("pressure", ("pressure_kpa",), "kPa"),
+    Panel("contact area", ("contact_area_mm2",), "mm²"),
+    Panel("torsion", ("torsion_deg",), "°"),
+    Panel("tilt", ("tilt_x_deg", "tilt_y_deg"), "°"),
+    Panel("slip speed", ("slip_speed_mm_s",), "mm/s"),
+    Panel("contacts", ("contact_n",), "number", counts=True),
+    Panel("latency", ("latency_us",), "ms", scale=1e-3),
+)
+_COLUMNS = tuple(dict.fromkeys(f for p in PANELS for f in (*p.fields, p.sigma) if f))
+
+
+@dataclass(slots=True)
+class Series:
+    """One finger's samples: times from the recording's start, and a column for each field of `PANELS`.
+
+    samples_n  of them; a row more for each gap
+    """
+
+    samples_n: int = 0
+    time_s: list[float] = field(default_factory=list)
+    values: dict[str, list[float]] = field(default_factory=lambda: {name: [] for name in _COLUMNS})
+    _last_us: int | None = None
+
+    def add(self, capture_us: int, start_us: int, state: Any) -> None:
+        """A sample; `state` has the fields as attributes or keys."""
+        # The wire's microseconds wrap after 71 minutes.
+        if self._last_us is not None:
+            capture_us = (
+                self._last_us + (capture_us - self._last_us + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
+            )
+        self._last_us = capture_us
+        at_s = (capture_us - start_us) * 1e-6
+        if self.time_s and at_s - self.time_s[-1] > _GAP_S:
+            self._append((self.time_s[-1] + at_s) / 2, {})
+        self._append(at_s, state)
+        self.samples_n += 1
+
+    def _append(self, at_s: float, state: dict[str, Any]) -> None:
+        self.time_s.append(at_s)
+        for name, column in self.values.items():
+            value = state.get(name)
+            column.append(nan if value is None else float(value))
+
+    def known(self, name: str) -> bool:
+        return not all(isnan(value) for value in self.values[name])
+
+
+def read_series(path: Path) -> dict[int, Series]:
+    """Each finger's samples in a recording.
+
+    Raises  LogError: unreadable, unknown format, or without samples
+    """
+    series: dict[int, Series] = {}
+    start_us: dict[int, int] = {}
+    first_s: float | None = None
+    for node, arrival_s, capture_us, values in _samples(path):
+        if node not in series:
+            # Fingers have clocks of their own; what joins them is when their first samples came.
+            first_s = arrival_s if first_s is None else first_s
+            series[node], start_us[node] = Series(), capture_us - round((arrival_s - first_s) * 1e6)
+        series[node].add(capture_us, start_us[node], values)
+    if not series:
+        raise LogError(f"{path}: holds no samples of a fingertip; {_WITH_SAMPLES}")
+    return series
+
+
+def _samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]]:
+    """(finger, arrival s, capture us, values by field)."""
+    if path.suffix.lower() == MCAP_SUFFIX:
+        yield from _mcap_samples(path)
+        return
+    check_suffix(path, (*CAN_SUFFIXES, SERIAL_SUFFIX, MCAP_SUFFIX))
+    for event in decode_recording(path):
+        if isinstance(event, Sample):
+            values = {name: getattr(event.state, name) for name in _COLUMNS}
+            yield event.node, event.arrival_s, event.state.capture_time_us, values
+
+
+def _mcap_samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]]:
+    try:
+        from mcap.exceptions import InvalidMagic, McapError
+        from mcap.reader import NonSeekingReader
+        from zstandard import ZstdError
+    except ImportError as error:
+        raise UsageError(f"{path}: {error}; install voronoi-touch[edge]") from error
+    broken = (McapError, ZstdError, struct.error, RuntimeError, LookupError, OverflowError, MemoryError)
+    samples_n = 0
+    try:
+        with path.open("rb") as file:
+            # In the file's order, without its index: one that was cut off has none.
+            reader = NonSeekingReader(file, record_size_limit=_RECORD_MAX)
+            for _, _, message in reader.iter_messages(topics=["/bus/sample"], log_time_order=False):
+                values = json.loads(message.data)["values"]
+                capture_us = int(values["capture_time_us"])
+                samples_n += 1
+                yield 1, message.log_time * 1e-9, capture_us, values
+    except InvalidMagic:
+        raise LogError(f"{path}: not an MCAP file; give one that `edge run --record` wrote") from None
+    except (*broken, ValueError, TypeError):
+        if not samples_n:
+            raise LogError(
+                f"{path}: cut off or damaged before its first sample; copy or record it again"
+            ) from None
+        log.warning("%s: cut off or damaged; only the samples before that are drawn", path)
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def draw(series: dict[int, Series], out: Path, title: str = "") -> tuple[str, ...]:
+    """Write the picture; the panels that it has.
+
+    Raises  UsageError: no matplotlib; OSError: the file cannot be written
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise UsageError(f"plot: {error}; install voronoi-touch[plot]") from error
+    panels = [p for p in PANELS if any(s.known(name) for s in series.values() for name in p.fields)]
+    if not panels:
+        raise LogError(f"{title or out}: every value of every sample is unknown; was the tip calibrated?")
+    figure = Figure(figsize=(_WIDTH_IN, _PANEL_IN * len(panels) + 0.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, panel in zip(rows, panels, strict=True):
+        _panel(axes, panel, series)
+    rows[-1].set_xlabel("time since the first sample (s)", fontsize=8)
+    figure.align_ylabels()
+    if title:
+        figure.suptitle(title, fontsize=9)
+    figure.savefig(out, dpi=200)
+    return tuple(p.title for p in panels)
+
+
+#: Okabe and Ito, without the yellow that white paper swallows; dashes carry the axis in grey print too.
+_COLOURS = ("#0060a8", "#c24a00", "#007a5a", "#b0609a", "#000000", "#4aa3d8")
+_DASHES: tuple[Any, ...] = ("-", (0, (4, 2)))
+
+
+def _panel(axes: Any, panel: Panel, series: dict[int, Series]) -> None:
+    several = len(series) > 1
+    for k, (node, one) in enumerate(sorted(series.items())):
+        for i, name in enumerate(panel.fields):
+            if not one.known(name):
+                continue
+            # One finger: a colour an axis. Several: a colour a finger, dashes tell the axes apart.
+            colour = _COLOURS[(k if several else i) % len(_COLOURS)]
+            axis = f" {'xy'[i]}" if len(panel.fields) == 2 else ""
+            label = f"finger {node}{axis}" if several else axis.strip() or None
+            values = [v * panel.scale for v in one.values[name]]
+            style = "steps-post" if panel.counts else "default"
+            axes.plot(
+                one.time_s,
+                values,
+                color=colour,
+                linestyle=_DASHES[i],
+                linewidth=1.0,
+                label=label,
+                drawstyle=style,
+            )
+            alone = _alone(values)
+            axes.plot(
+                [one.time_s[j] for j in alone], [values[j] for j in alone], ".", color=colour, markersize=3
+            )
+            if panel.sigma and one.known(panel.sigma):
+                sigma = one.values[panel.sigma]
+                low, high = ([v + sign * s for v, s in zip(values, sigma, strict=True)] for sign in (-1, 1))
+                axes.fill_between(one.time_s, low, high, color=colour, alpha=0.18, linewidth=0)
+    axes.set_ylabel(f"{panel.title}\n({panel.unit})", fontsize=8)
+    if panel.counts:
+        axes.yaxis.get_major_locator().set_params(integer=True)
+    axes.tick_params(labelsize=7)
+    axes.grid(linewidth=0.4, color="#dddddd")
+    axes.margins(x=0.01)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(fontsize=7, loc="upper left", ncols=6, frameon=True, framealpha=0.85, edgecolor="none")
+
+
+def _alone(values: Sequence[float]) -> list[int]:
+    """Which values are known between two that are not: no line goes through them, so each gets a dot."""
+    around = [nan, *values, nan]
+    return [i for i, v in enumerate(values) if not isnan(v) and isnan(around[i]) and isnan(around[i + 2])]
+
+
+def _only(series: dict[int, Series], fingers: Sequence[int], path: Path) -> dict[int, Series]:
+    missing = sorted(set(fingers) - series.keys())
+    if missing:
+        raise UsageError(f"{path}: no finger {_list(missing)}; it holds {_list(sorted(series))}")
+    return {node: series[node] for node in fingers} if fingers else series
+
+
+def _list(numbers: Iterable[int]) -> str:
+    return ", ".join(map(str, numbers))
+
+
+@click.command()
+@click.argument("file", type=click.Path(path_type=Path, dir_okay=False))
+@click.option("-o", "--out", type=click.Path(path_type=Path), help="PNG, PDF or SVG; else FILE.png.")
+@click.option("--overwrite", is_flag=True, help="Replace the picture if it exists.")
+@click.option(
+    "--finger", "fingers", type=WholeNumber(1, 127), multiple=True, help="Only this one; may be given again."
+)
+@click.option("--json", "as_json", is_flag=True, help="Say what was drawn as JSON.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing.")
+def plot(
+    file: Path, out: Path | None, overwrite: bool, fingers: Sequence[int], as_json: bool, quiet: bool
+) -> None:
+    """Draw what FILE holds over time.
+
+    FILE is a recording of a bus (.log, .blf), of a serial line (.serial) or of the edge (.mcap).
+    """
+    out = check_output(out or file.with_suffix(".png"), PICTURES, inputs=(file,), overwrite=overwrite)
+    series = _only(read_series(file), fingers, file)
+    with writing(out, overwrite) as unfinished:
+        panels = draw(series, unfinished, file.name)
+    samples_n = {node: one.samples_n for node, one in series.items()}
+    if as_json:
+        click.echo(json.dumps({"out": str(out), "panels": panels, "samples": samples_n}))
+    elif not quiet:
+        click.echo(f"{out}: {', '.join(panels)}; {sum(samples_n.values())} samples")

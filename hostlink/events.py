@@ -1,0 +1,115 @@
+"""What a decoder gives: samples, and all else that a fingertip says on its link.
+
+`node` is the sender's node number; `arrival_s` is when it came in, on the clock of the caller of `receive`:
+`time.monotonic()` on a live link, wall clock in a recording. NaN: the caller did not say.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from hostlink.wire.detail import Detail
+from hostlink.wire.serial import ObjectReply
+from hostlink.wire.state import State
+
+__all__ = [
+    "DetailFrame",
+    "Emergency",
+    "Event",
+    "Heartbeat",
+    "ObjectAnswer",
+    "Sample",
+    "SdoFrame",
+    "SecondSender",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One sample of one finger, live or from a recording.
+
+    finger        node number
+    state         the values; fields: `hostlink.wire.fields`
+    host_time_s   when the image was taken, on the clock of `arrival_s`; NaN where that is NaN
+    host_error_s  bound of that time's error: see `hostlink.clock`
+    arrival_s     when it came in
+    lost_n        samples lost between the one before and this
+    """
+
+    finger: int
+    state: State
+    host_time_s: float
+    host_error_s: float
+    arrival_s: float
+    lost_n: int = 0
+
+    @property
+    def node(self) -> int:
+        """The finger's number, as the other events call it."""
+        return self.finger
+
+    @property
+    def age_s(self) -> float:
+        """Time since the image was taken; of a live sample only."""
+        return time.monotonic() - self.host_time_s
+
+
+@dataclass(frozen=True, slots=True)
+class DetailFrame:
+    """Every pin's motion of one sample."""
+
+    node: int
+    detail: Detail
+    arrival_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Heartbeat:
+    """CiA 301 NMT state: 0 boot-up, 4 stopped, 5 operational, 127 pre-operational."""
+
+    node: int
+    state: int
+    arrival_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Emergency:
+    """A fault appeared (fault: its code in `wire.FAULTS`), or all are gone (emcy == fault == 0)."""
+
+    node: int
+    emcy: int
+    register: int
+    fault: int
+    status: int
+    arrival_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class SdoFrame:
+    """A response of the node's SDO server, for an SDO client such as `canopen`'s."""
+
+    node: int
+    data: bytes
+    arrival_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectAnswer:
+    """Serial: the reply to the request with the same counter."""
+
+    node: int
+    counter: int
+    reply: ObjectReply
+    arrival_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class SecondSender:
+    """Two senders use this node number: samples of both come, and count as lost or old. Given once."""
+
+    node: int
+    arrival_s: float
+
+
+Event = Sample | DetailFrame | Heartbeat | Emergency | SdoFrame | ObjectAnswer | SecondSender

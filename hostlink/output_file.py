@@ -1,0 +1,185 @@
+"""Files that a command writes: one rule for the three programs.
+
+    path = check_output("tip.json", (".json",), inputs=("targets.csv",), overwrite=overwrite)
+    ...                                                       # the work
+    with writing(path, overwrite=overwrite) as unfinished:
+        unfinished.write_bytes(content)
+
+Rules
+- Never over an input of the same command, never over what exists unless `--overwrite` was given, never
+  under a suffix that says another format. `check_output` finds that out before any work is done, and
+  also whether the folder takes a file at all.
+- A file appears under its name when it is whole: it is written beside, as `.STEM.XXXXXXXX.part.SUFFIX`,
+  forced to the disk and then renamed. On an error or Ctrl-C it is removed, unless half of it is worth having.
+- `cli_exit.run_command` turns OutputError into one line and exit code 2, WriteError into exit code 1.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+__all__ = ["OutputError", "WriteError", "check_output", "find_unfinished", "writing"]
+
+_PROBE = bytes(4096)  # one block: an empty file fits on a full disk
+_CANNOT_LINK = frozenset({errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK})
+#: Errors of a write that are the disk's, whatever library met them.
+_DISK = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS})
+
+
+class OutputError(Exception):
+    """This file must not or cannot be written: one line that says why and what would be right."""
+
+
+class WriteError(OutputError):
+    """Writing failed half-way: the disk is full, or the folder went away."""
+
+
+def check_output(
+    path: str | Path, suffixes: Sequence[str], inputs: Iterable[str | Path] = (), overwrite: bool = False
+) -> Path:
+    """The path, if a command may write there. Call it before the work whose result goes there.
+
+    suffixes   allowed ones with their dot, e.g. (".json",); empty: any
+    inputs     files that the same command reads
+    overwrite  whether the user allowed to replace an existing file
+    Raises     OutputError
+    """
+    path = Path(path)
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise OutputError(f"{path}: the name must end in {' or '.join(suffixes)}")
+    if path.is_dir():
+        raise OutputError(f"{path}: is a folder; give the name of a file")
+    if path.exists() and not path.is_file():
+        raise OutputError(f"{path}: is a device or a pipe; give the name of a file")
+    for other in inputs:
+        if _is_same(path, Path(other)):
+            raise OutputError(f"{path}: is an input of this command; give another name for the output")
+    if os.path.lexists(path) and not overwrite:
+        raise OutputError(f"{path}: exists already; give another name, or --overwrite to replace it")
+    if not path.parent.is_dir():
+        raise OutputError(f"{path}: there is no folder {path.parent}")
+    _try_folder(path)
+    return path
+
+
+@contextmanager
+def writing(path: str | Path, overwrite: bool = False, keep_partial: bool = False) -> Iterator[Path]:
+    """The name to write under; when the block ends without an error, the file gets the name `path`.
+
+    overwrite     replace what is there; else a file that another program made meanwhile stays, and this one
+                  is kept beside it
+    keep_partial  what was written before an error is worth having, as of a recording: it gets its name, too
+    Raises     OutputError: the folder takes no file; WriteError: the disk is full or broken (also where code
+               within the block met it)
+    """
+    path = Path(path)
+    target = Path(os.path.realpath(path))  # a link stays a link
+    unfinished = _unfinished_name(target)
+    try:
+        os.close(os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, _mode(target)))
+        if target.exists():  # the mode above went through the umask
+            unfinished.chmod(_mode(target))
+        yield unfinished
+        _force_to_disk(unfinished)
+        _rename(unfinished, target, overwrite)
+        _force_to_disk(target.parent)
+    except OSError as error:
+        _give_up(unfinished, target, overwrite, keep_partial)
+        if error.errno in _DISK or error.filename in (str(unfinished), str(target.parent)):
+            raise _cannot(path, error) from None
+        raise
+    except WriteError:  # kept on purpose, see `_rename`
+        raise
+    except BaseException:
+        _give_up(unfinished, target, overwrite, keep_partial)
+        raise
+
+
+def find_unfinished(path: str | Path) -> list[Path]:
+    """What `writing(path)` left where the power or the process went away half-way."""
+    path = Path(path)
+    length = len(_unfinished_name(path).name)
+    return [p for p in path.parent.glob(f".{path.stem}.*.part{path.suffix}") if len(p.name) == length]
+
+
+def _unfinished_name(path: Path) -> Path:
+    """Beside the file, hidden, with the same suffix: many libraries choose the format by it."""
+    return path.with_name(f".{path.stem}.{secrets.token_hex(4)}.part{path.suffix}")
+
+
+def _mode(path: Path) -> int:
+    try:
+        return path.stat().st_mode & 0o777
+    except OSError:
+        return 0o666
+
+
+def _is_same(path: Path, other: Path) -> bool:
+    try:
+        return path.samefile(other)
+    except OSError:  # one of them is not there
+        return os.path.realpath(path) == os.path.realpath(other)
+
+
+def _try_folder(path: Path) -> None:
+    """Write and remove one block: what permissions say is not all (read-only or full disk)."""
+    probe = _unfinished_name(path)
+    try:
+        probe.write_bytes(_PROBE)
+    except OSError as error:
+        raise _cannot(path, error) from None
+    finally:
+        _remove(probe)
+
+
+def _force_to_disk(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _rename(unfinished: Path, target: Path, overwrite: bool) -> None:
+    if overwrite:
+        unfinished.replace(target)
+        return
+    try:
+        os.link(unfinished, target)  # unlike a rename it never replaces
+    except FileExistsError:
+        raise WriteError(f"{target}: another program made it meanwhile; this one's is {unfinished}") from None
+    except OSError as error:
+        if error.errno not in _CANNOT_LINK:
+            raise
+        if target.exists():
+            raise WriteError(
+                f"{target}: another program made it meanwhile; this one's is {unfinished}"
+            ) from None
+        unfinished.replace(target)
+        return
+    unfinished.unlink()
+
+
+def _give_up(unfinished: Path, target: Path, overwrite: bool, keep: bool) -> None:
+    """Remove what was written before an error, or give it its name."""
+    if not keep:
+        _remove(unfinished)
+    elif unfinished.exists():
+        with suppress(OSError, WriteError):  # it stays beside
+            _rename(unfinished, target, overwrite)
+
+
+def _remove(path: Path) -> None:
+    with suppress(OSError):
+        path.unlink()
+
+
+def _cannot(path: Path, error: OSError) -> OutputError:
+    """WriteError for a full or broken disk, OutputError for a folder that this user may not write to."""
+    kind = WriteError if error.errno in _DISK else OutputError
+    return kind(f"{path}: cannot be written: {error.strerror}")

@@ -1,0 +1,192 @@
+"""Order of one node's samples: what is new, lost, old or repeated; and whether one sender sent them all.
+
+Sequence      sample number and E2E counter -> deliver or not, and how many were lost before it
+SenderWatch   sample number and capture time -> is there a second sender with this node number?
+Evidence      frames with a wrong CRC -> noise, or another version?
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+__all__ = ["EVIDENCE_P5", "EVIDENCE_P11", "Evidence", "LinkStatistics", "SenderWatch", "Sequence"]
+
+WINDOW: Final = 64  # samples; a bus that reorders does not hold one back for longer
+RESTART_RUN: Final = 8  # samples of another sequence, and none of the known one: the sensor has restarted
+EVIDENCE_P5: Final = 3  # frames that imply one foreign data id: chance of noise doing that is 2**-48
+EVIDENCE_P11: Final = 6  # of 12 bits each: 2**-60
+SUSPECT_N: Final = 3  # samples that go back to another sequence: a restart makes one, and a straggler one
+SENDER_SPAN_US: Final = 10_000_000  # capture times of one sender's samples within WINDOW
+
+
+@dataclass(slots=True)
+class LinkStatistics:
+    """What one node sent and what became of it.
+
+    received_n       samples delivered
+    lost_n           samples sent that never came, or came damaged
+    corrupt_n        frames with a wrong CRC, length or content; serial: also blocks that are no frame
+    duplicate_n      samples that came again; dropped
+    out_of_order_n   samples that came after a newer one; dropped, and no longer counted as lost
+    late_n           samples delivered, but later than the fastest by more than the limit
+    restart_n        times the sample number began anew
+    foreign_n        frames of another version
+    stray_n          classic parts that belonged to no sample begun
+    second_sender_n  frames that show that two senders use this node number
+    detail_n, detail_lost_n  detail frames delivered; begun and not completed
+    """
+
+    received_n: int = 0
+    lost_n: int = 0
+    corrupt_n: int = 0
+    duplicate_n: int = 0
+    out_of_order_n: int = 0
+    late_n: int = 0
+    restart_n: int = 0
+    foreign_n: int = 0
+    stray_n: int = 0
+    second_sender_n: int = 0
+    detail_n: int = 0
+    detail_lost_n: int = 0
+
+
+class Sequence:
+    """Which of one node's samples to deliver; counts what was lost, repeated or old."""
+
+    def __init__(self, statistics: LinkStatistics) -> None:
+        self._statistics = statistics
+        self._sample: int | None = None  # newest delivered
+        self._counter = 0
+        self._stride = 1  # sample numbers from one sent sample to the next: the sensor's divider
+        self._seen = 0  # bit i: sample number newest - i was delivered
+        self._other: int | None = None  # newest sample number of what may be a new sequence
+        self._other_run = 0
+
+    def accept(self, sample: int, counter: int, modulus: int) -> int | None:
+        """Number of samples lost before this one, or None if it must not be delivered."""
+        if self._sample is None:
+            return self._begin(sample, counter)
+        ahead = (sample - self._sample) & 0xFFFF
+        if ahead == 0 or ahead > 0x8000:
+            return self._old(sample, counter, (-ahead) & 0xFFFF)
+        steps = (counter - self._counter) % modulus
+        if steps == 0:
+            steps = modulus
+        steps += modulus * max(0, round((ahead / self._stride - steps) / modulus))
+        steps = max(1, min(steps, ahead))
+        if steps == 1:
+            self._stride = ahead
+        self._sample, self._counter, self._other = sample, counter, None
+        self._seen = (self._seen << ahead | 1) & (1 << WINDOW) - 1
+        self._statistics.lost_n += steps - 1
+        return steps - 1
+
+    def restart(self) -> None:
+        """The node says that it begins anew."""
+        self._sample = None
+
+    def _begin(self, sample: int, counter: int) -> int:
+        self._sample, self._counter, self._stride = sample, counter, 1
+        self._seen, self._other = 1, None
+        return 0
+
+    def _old(self, sample: int, counter: int, age: int) -> int | None:
+        """A repetition, a straggler, or the first samples after a restart that we did not see."""
+        if age < WINDOW:
+            if self._seen >> age & 1:
+                self._statistics.duplicate_n += 1
+            else:
+                self._seen |= 1 << age
+                self._statistics.out_of_order_n += 1
+                self._statistics.lost_n = max(0, self._statistics.lost_n - 1)
+            return None
+        follows = self._other is not None and 0 < (sample - self._other) & 0xFFFF < 0x8000
+        self._other, self._other_run = sample, self._other_run + 1 if follows else 1
+        if self._other_run >= RESTART_RUN:
+            self._statistics.restart_n += 1
+            return self._begin(sample, counter)
+        self._statistics.out_of_order_n += 1
+        return None
+
+
+@dataclass(slots=True)
+class _Track:
+    """Samples that may be one sender's: the newest, and the last ones' capture times by number."""
+
+    sample: int
+    time_us: int
+    times: dict[int, int] = field(default_factory=dict)
+
+    def is_near(self, sample: int, time_us: int) -> bool:
+        passed_us = (time_us - self.time_us + 0x8000_0000 & 0xFFFF_FFFF) - 0x8000_0000
+        return abs(self.steps_to(sample)) <= WINDOW and abs(passed_us) <= SENDER_SPAN_US
+
+    def steps_to(self, sample: int) -> int:
+        return (sample - self.sample + 0x8000 & 0xFFFF) - 0x8000
+
+    def add(self, sample: int, time_us: int) -> None:
+        self.sample, self.time_us = sample, time_us
+        self.times.pop(sample, None)
+        self.times[sample] = time_us
+        if len(self.times) > 2 * WINDOW:
+            del self.times[next(iter(self.times))]
+
+
+class SenderWatch:
+    """Finds a second sender with one node number: its samples interleave with those of the first.
+
+    A restart goes back in the sample numbers once. Two senders do so again and again: to the numbers that the
+    other one has used for other images, or to a sequence far from the other's.
+    """
+
+    def __init__(self) -> None:
+        self._tracks: list[_Track] = []  # at most two, the present one first
+        self._suspect_n = 0
+        self._quiet_n = 0  # samples since the last suspect one
+
+    def see(self, sample: int, time_us: int) -> bool:
+        """Whether this sample shows a second sender."""
+        for i, track in enumerate(self._tracks):
+            if track.is_near(sample, time_us):
+                used = track.times.get(sample, time_us) != time_us and track.steps_to(sample) <= 0
+                track.add(sample, time_us)
+                if i:
+                    self._tracks.reverse()
+                return self._is_second(bool(i) or used)
+        self._tracks = [_Track(sample, time_us, {sample: time_us}), *self._tracks[:1]]
+        return False
+
+    def restart(self) -> None:
+        """The node says that it begins anew."""
+        self._tracks, self._suspect_n = [], 0
+
+    def _is_second(self, suspect: bool) -> bool:
+        if suspect:
+            self._suspect_n, self._quiet_n = self._suspect_n + 1, 0
+            return self._suspect_n >= SUSPECT_N
+        self._quiet_n += 1
+        if self._quiet_n > WINDOW:
+            self._suspect_n = 0
+        return False
+
+
+class Evidence:
+    """Tells another version from noise: the same foreign data id implied by frame after frame."""
+
+    def __init__(self, needed: int) -> None:
+        self._needed = needed
+        self._implied: tuple[int, int] | None = None  # version, data id
+        self._frames: set[bytes] = set()
+
+    def weigh(self, version: int, data_id: int, frame: bytes) -> bool:
+        """Whether frames so far are proof. A repeated frame adds none."""
+        if self._implied != (version, data_id):
+            self._implied, self._frames = (version, data_id), set()
+        if len(self._frames) < self._needed:
+            self._frames.add(bytes(frame))
+        return len(self._frames) >= self._needed
+
+    def clear(self) -> None:
+        """A frame of our own version came."""
+        self._implied = None

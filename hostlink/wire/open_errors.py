@@ -1,0 +1,103 @@
+"""What an end of the wire says when it does not open, and what to do then: one line, for both ends alike.
+
+python-can and pyserial wrap what the system said in errors of their own; what was meant is the system's
+number, and the advice hangs on it.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from hostlink.wire.address import Address
+
+__all__ = ["cannot_open", "is_junk", "words_of"]
+
+_ARPHRD_CAN: Final = "280"  # linux/if_arp.h
+_TAKEN: Final = frozenset({errno.EBUSY, errno.EAGAIN})
+_PORTS: Final = ("ttyACM*", "ttyUSB*", "ttyAMA*", "ttyS[0-9]")
+_DRIVER: Final = "is the adapter's driver installed? python-can's documentation says what it needs"
+_ROUTE: Final = "give it a way: ip link set lo multicast on; ip route add 239.0.0.0/8 dev lo"
+
+#: By python-can's interface ("serial": a line) and what the system said; None: anything else.
+ADVICE: Final[dict[tuple[str, int | None], str]] = {
+    ("socketcan", errno.ENODEV): "CAN interfaces here: {cans}; deploy/can-up.sh {channel} brings one up",
+    ("socketcan", errno.EAFNOSUPPORT): "this kernel has no CAN: modprobe can_raw, or another kernel",
+    ("socketcan", None): "ip -details link show {channel} says how it is set up",
+    ("serial", errno.ENOENT): "serial ports here: {ports}",
+    ("serial", errno.EACCES): "join the group dialout, log in again",
+    ("serial", errno.EBUSY): "end that program, or use its link",
+    ("serial", errno.EAGAIN): "end that program, or use its link",
+    ("serial", None): "is it a serial port? Here are: {ports}",
+    ("udp_multicast", errno.ENODEV): _ROUTE,
+    ("udp_multicast", errno.ENETUNREACH): _ROUTE,
+    (
+        "udp_multicast",
+        errno.EADDRINUSE,
+    ): "another program keeps the port to itself; give ?port=43114",
+}
+
+
+def cannot_open(
+    address: Address, error: BaseException, net: Path = Path("/sys/class/net"), dev: Path = Path("/dev")
+) -> str:
+    """One line for an error of python-can or pyserial: what does not open, why, what to do.
+
+    net, dev  where this system lists its interfaces and devices
+    """
+    kind = "serial" if address.interface in ("", "slcan") else address.interface
+    number = next((n for e in _chain(error) if (n := getattr(e, "errno", None))), None)
+    advice = ADVICE.get((kind, number)) or ADVICE.get((kind, None), _DRIVER)
+    if kind not in ("serial", "socketcan") and isinstance(error, ValueError):
+        advice = "its options do not suit it"  # the driver is there, and said so
+    here = {"channel": address.channel, "cans": "", "ports": ""}
+    if "{cans}" in advice:
+        here["cans"] = ", ".join(p.parent.name for p in sorted(net.glob("*/type")) if _is_can(p)) or "none"
+    if "{ports}" in advice:
+        found = [path for pattern in _PORTS for path in sorted(dev.glob(pattern))]
+        here["ports"] = ", ".join(map(str, found)) or "none"
+    what_to_do = advice.format_map(here)
+    what = "serial port" if kind == "serial" else "CAN interface"
+    by = f" ({address.interface})" if address.interface else ""
+    why = os.strerror(number) if number else words_of(error)
+    if kind == "serial" and number in _TAKEN:
+        why = "another program has it open"
+    return f"cannot open {what} {address.channel!r}{by}: {why}; {what_to_do}"
+
+
+def words_of(error: BaseException) -> str:
+    """One line of what went wrong, without the libraries' wrapping."""
+    number = getattr(error, "errno", None)
+    if isinstance(error, OSError) and number:
+        return os.strerror(number)
+    return str(error).splitlines()[0].rstrip(".") if str(error) else type(error).__name__
+
+
+def _chain(error: BaseException) -> Iterator[BaseException]:
+    """The error and what it came from."""
+    link: BaseException | None = error
+    while link is not None:
+        yield link
+        link = link.__cause__
+
+
+def _is_can(path: Path) -> bool:
+    try:
+        return path.read_text().strip() == _ARPHRD_CAN
+    except OSError:  # gone meanwhile
+        return False
+
+
+def is_junk(error: BaseException) -> bool:
+    """A datagram that is no CAN frame (`udp:`), as python-can reports it.
+
+    Its sender's fault, and no reason to open the bus anew: a bus that failed has an OSError for its cause, or
+    none.
+    """
+    cause = error.__cause__
+    return (
+        type(error).__name__ == "CanOperationError" and cause is not None and not isinstance(cause, OSError)
+    )

@@ -1,0 +1,160 @@
+"""Compiles the kernels. pip runs this; by hand:
+
+python setup.py build_ext --inplace              as pip does: beside their sources
+python setup.py build_ext --variant checked      into build/checked: every index is checked
+python setup.py build_ext --variant sanitized    into build/sanitized: sanitizers of addresses and behaviour
+
+A kernel is a Python module that Cython compiles. A new one needs a line in KERNELS and nothing else.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+from setuptools import Extension, setup
+from setuptools.command.build_ext import build_ext
+
+#: The limited API of CPython 3.11: one wheel for 3.11 and every later release.
+LIMITED_API = [("Py_LIMITED_API", "0x030B0000"), ("CYTHON_LIMITED_API", "1")]
+
+FAST = ["-O3", "-fno-math-errno", "-fno-wrapv"]
+#: Exact arithmetic: a multiplication and an addition must not become one operation with one rounding.
+EXACT = ["-O3", "-ffp-contract=off"]
+#: Kernel -> flags of the C compiler.
+KERNELS = {
+    "edge.calibration.polynomial": FAST,
+    "edge.calibration.process": FAST,
+    "edge.cells.mesh": EXACT,
+    "edge.cells.points": EXACT,
+    "edge.cells.predicates": EXACT,
+    "edge.features.contact_detector": FAST,
+    "edge.features.contact_field": FAST,
+    "edge.features.contact_place": FAST,
+    "edge.features.modes": FAST,
+    "edge.features.peaks": FAST,
+    "edge.features.pin_motion": FAST,
+    "edge.features.pin_noise": FAST,
+    "edge.features.quantized_operator": FAST,
+    "edge.features.regions": FAST,
+    "edge.features.split": FAST,
+    "edge.geometry.plane": FAST,
+    "edge.geometry.select": FAST,
+    "edge.pins.centroids": FAST,
+    "edge.runtime.measures": FAST,
+    "edge.tracking.affine": FAST,
+    "edge.tracking.follow": FAST,
+    "edge.tracking.match": FAST,
+    "edge.tracking.outliers": FAST,
+}
+#: Cython's own code for typed memoryviews, which all kernels share.
+SHARED = "edge._memoryview"
+
+
+class Variant(NamedTuple):
+    """One way to build the kernels: Cython's directives, and flags added for compiler and linker."""
+
+    directives: dict[str, bool | int]
+    compile_args: tuple[str, ...] = ()
+    link_args: tuple[str, ...] = ()
+
+
+RELEASE = {
+    "language_level": 3,
+    "boundscheck": False,
+    "wraparound": False,
+    "cdivision": True,
+    "initializedcheck": False,
+}
+CHECKED = RELEASE | {"boundscheck": True, "initializedcheck": True}
+SANITIZE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined")
+VARIANTS = {
+    "release": Variant(RELEASE),
+    "checked": Variant(CHECKED, ("-O1",)),
+    "sanitized": Variant(RELEASE, ("-O1", "-g", *SANITIZE), SANITIZE),
+}
+
+
+def extensions(variant: Variant) -> list[Extension]:
+    """All that is to be compiled."""
+    sources = [(name, ".py", flags) for name, flags in KERNELS.items()]
+    return [
+        Extension(
+            name,
+            [name.replace(".", "/") + suffix],
+            define_macros=LIMITED_API,
+            extra_compile_args=["-std=c11", "-g0", *flags, *variant.compile_args],
+            extra_link_args=list(variant.link_args),
+            py_limited_api=True,
+        )
+        for name, suffix, flags in [*sources, (SHARED, ".c", ["-O2"])]
+    ]
+
+
+class BuildKernels(build_ext):
+    """Python to C in build/VARIANT/c, then C to modules, on all processors; what is up to date stays."""
+
+    user_options = [*build_ext.user_options, ("variant=", None, f"one of {', '.join(VARIANTS)}")]  # noqa: RUF012
+
+    def initialize_options(self) -> None:
+        super().initialize_options()
+        self.variant = "release"
+
+    def finalize_options(self) -> None:
+        if self.variant not in VARIANTS:
+            raise SystemExit(f"setup.py: no variant {self.variant}; choose {', '.join(VARIANTS)}")
+        self.distribution.ext_modules = extensions(VARIANTS[self.variant])
+        super().finalize_options()
+        self.parallel = self.parallel or len(os.sched_getaffinity(0))
+        # Compiled here and copied to where setuptools wants it: what is up to date is not compiled again.
+        host = "_PYTHON_HOST_PLATFORM" not in os.environ
+        self.place = Path("build", self.variant if host else f"{self.variant}-{self.plat_name}")
+        self.build_temp = str(self.place / "o")
+        if self.variant != "release" or self.inplace:
+            self.build_lib = str(self.place)
+
+    def run(self) -> None:
+        wanted, self.build_lib = self.build_lib, str(self.place)
+        super().run()
+        made, self.build_lib = self.get_outputs(), wanted
+        for source in made:
+            target = Path(wanted, Path(source).relative_to(self.place))
+            if target != Path(source):
+                self.mkpath(str(target.parent))
+                self.copy_file(source, str(target))
+
+    def build_extensions(self) -> None:
+        self._translate()
+        super().build_extensions()
+
+    def _translate(self) -> None:
+        """Replace each kernel's Python by the C that Cython makes of it."""
+        from Cython.Build import cythonize
+
+        folder = self.place / "c"
+        directives = VARIANTS[self.variant].directives
+        for extension in self.extensions:
+            made = folder / Path(*extension.name.split("."))
+            note, settings = made.with_suffix(".settings"), repr((directives, extension.extra_compile_args))
+            if not note.is_file() or note.read_text() != settings:  # what is there was made otherwise
+                made.with_suffix(".c").unlink(missing_ok=True)
+                note.parent.mkdir(parents=True, exist_ok=True)
+                note.write_text(settings)
+            extension.depends = [str(note)]
+        translated = cythonize(
+            self.extensions,
+            build_dir=str(folder),
+            compiler_directives=directives,
+            shared_utility_qualified_name=SHARED,
+            nthreads=self.parallel,
+            quiet=not self.verbose,
+            show_all_warnings=False,
+        )
+        for extension, c in zip(self.extensions, translated, strict=True):
+            extension.sources = c.sources
+
+
+if __name__ == "__main__":
+    # The list is made anew for the variant that is asked for; without one here, there would be no build_ext.
+    setup(ext_modules=extensions(VARIANTS["release"]), cmdclass={"build_ext": BuildKernels})

@@ -1,0 +1,180 @@
+"""Instructions and cache misses of a frame, counted: `python -m tests.bench instructions [--json]`.
+
+Time depends on the machine and on what else it does; the number of instructions does not. Valgrind's
+cachegrind (Debian package valgrind) runs the same recording twice, once longer, with the caches of a small
+board; the difference, per frame, has no start of the program in it.
+
+Rules
+- Frames are rendered beforehand and read from a file; garbage collection is off; one thread.
+- What a compiled kernel does is found by its symbol, whose name Cython makes of the module's.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from tests.bench.frames import REST_FRAMES, scene
+
+__all__ = ["Counts", "command", "count"]
+
+ROOT = Path(__file__).resolve().parents[2]
+RESULTS = Path(__file__).parent / "results"
+#: First-level instruction and data caches and the last level of a small board: bytes, ways, bytes of a line.
+CACHES = ("--I1=49152,12,64", "--D1=32768,8,64", "--LL=1048576,16,64")
+#: Scene of the simulator, frames until those that count, what is asked for.
+VARIANTS = {
+    "contact": ("press", 10, "pipeline"),
+    "no_contact": ("nothing", 0, "pipeline"),
+    "grasp": ("press", 10, "grasp"),
+}
+LENGTHS = {"pipeline": (8, 72), "grasp": (8, 72), "reference": (1, 4)}
+TOP = 25  # functions in the table
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What one frame takes.
+
+    instructions, ll_misses  of everything
+    functions                (stage, function) -> instructions
+    """
+
+    instructions: float
+    ll_misses: float
+    functions: dict[tuple[str, str], float]
+
+    def stages(self) -> dict[str, float]:
+        """Instructions of each stage; `interpreter, libraries` is what no kernel does itself."""
+        total: Counter[str] = Counter()
+        for (stage, _), n in self.functions.items():
+            total[stage] += n
+        return dict(total.most_common())
+
+
+def count(kind: str, frames: Path, folder: Path) -> Counts:
+    """Count one kind of work (see `instructions_child`) on a recording."""
+    lengths = LENGTHS[kind]
+    _run([], kind, frames, 1)  # leaves compiled Python behind, for both runs alike
+    runs = []
+    for n in lengths:
+        out = folder / f"cachegrind.{kind}.{n}"
+        valgrind = ["valgrind", "--tool=cachegrind", "--cache-sim=yes", *CACHES]
+        _run([*valgrind, f"--cachegrind-out-file={out}"], kind, frames, n)
+        runs.append(_read(out))
+    (before, before_misses), (after, after_misses) = runs
+    per = lengths[1] - lengths[0]
+    functions: Counter[tuple[str, str]] = Counter()
+    for name in after.keys() | before.keys():
+        functions[_stage_of(name)] += (after[name] - before[name]) / per
+    return Counts(sum(functions.values()), (after_misses - before_misses) / per, dict(functions))
+
+
+def record(variant: str, folder: Path) -> Path:
+    """The frames of a variant, rendered into a file."""
+    name, skipped, _ = VARIANTS[variant]
+    frames = scene(name, 331)
+    path = folder / f"{variant}.npz"
+    np.savez(path, images=np.stack([frame.image for frame in frames]), contact=REST_FRAMES + skipped)
+    return path
+
+
+def _run(before: list[str], kind: str, frames: Path, n: int) -> None:
+    child = [sys.executable, "-m", "tests.bench.instructions_child", kind, str(frames), str(n)]
+    env = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
+    done = subprocess.run([*before, *child], cwd=ROOT, env=env, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join([*before, *child])}: {done.stderr[-2000:]}")
+
+
+def _read(path: Path) -> tuple[Counter[str], int]:
+    """Instructions of each function, and last-level misses of all."""
+    functions: Counter[str] = Counter()
+    events: list[str] = []
+    misses = 0
+    function = ""
+    with path.open() as lines:
+        for line in lines:
+            if line.startswith("fn="):
+                function = line[3:].strip()
+            elif line.startswith("events:"):
+                events = line.split()[1:]
+            elif line[0].isdigit():
+                counts = dict(zip(events, map(int, line.split()[1:]), strict=False))
+                functions[function] += counts["Ir"]
+                misses += sum(counts.get(kind, 0) for kind in ("ILmr", "DLmr", "DLmw"))
+    return functions, misses
+
+
+def _stage_of(symbol: str) -> tuple[str, str]:
+    """Stage and name of a symbol: __pyx_f_4edge_5cells_4mesh_4Mesh__sweep is cells, mesh.Mesh._sweep."""
+    match = re.match(r"__pyx_[a-z]+_(?=4edge_)", symbol)
+    if not match:
+        return "interpreter, libraries", symbol
+    rest, parts = symbol[match.end() :], []
+    while (piece := re.match(r"(\d+)", rest)) and len(parts) < 4:
+        size = int(piece[1])
+        parts.append(rest[piece.end() : piece.end() + size])
+        rest = rest[piece.end() + size :].removeprefix("_")
+    return parts[1] if len(parts) > 1 else "edge", ".".join([*parts[2:], rest])
+
+
+@click.command("instructions")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout, nothing else.")
+@click.option("--variant", type=click.Choice(list(VARIANTS)), default="contact", show_default=True)
+@click.option("--reference/--no-reference", default=True, help="Count the paper's method, too.")
+@click.option("--keep", is_flag=True, help="Keep the result in tests/bench/results.")
+def command(as_json: bool, variant: str, reference: bool, keep: bool) -> None:
+    """Instructions and last-level cache misses of a frame of 331 pins, by stage and function."""
+    folder = ROOT / "out" / "instructions"
+    folder.mkdir(parents=True, exist_ok=True)
+    frames = record(variant, folder)
+    counts = count(VARIANTS[variant][2], frames, folder)
+    result: dict[str, object] = {
+        "variant": variant,
+        "instructions_331": round(counts.instructions),
+        "ll_misses_331": round(counts.ll_misses),
+    }
+    if reference:
+        of_reference = count("reference", frames, folder)
+        result["reference_instructions_331"] = round(of_reference.instructions)
+        result["reference_ll_misses_331"] = round(of_reference.ll_misses)
+    top = sorted(counts.functions.items(), key=lambda item: -item[1])[:TOP]
+    result["stages"] = {stage: round(n) for stage, n in counts.stages().items()}
+    result["functions"] = [[*name, round(n)] for name, n in top]
+    (RESULTS if keep else folder).joinpath(f"instructions_{variant}.json").write_text(
+        json.dumps(result, indent=1) + "\n"
+    )
+    if as_json:
+        click.echo(json.dumps(result))
+    else:
+        show(result)
+
+
+def show(result: dict[str, object]) -> None:
+    """Tables on the terminal."""
+    console = Console()
+    whole = Table("a frame", "count", title=f"331 pins, {result['variant']}")
+    for name, n in result.items():
+        if isinstance(n, int):
+            whole.add_row(name, f"{n:,}")
+    stages, functions = result["stages"], result["functions"]
+    assert isinstance(stages, dict)
+    assert isinstance(functions, list)
+    table = Table("stage", "function", "instructions")
+    for stage, n in stages.items():
+        table.add_row(stage, "", f"{n:,}")
+    for stage, function, n in functions:
+        table.add_row(stage, function[:70], f"{n:,}")
+    console.print(whole, table)

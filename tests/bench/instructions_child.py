@@ -1,0 +1,41 @@
+"""What `tests.bench.instructions` counts: `python -m tests.bench.instructions_child KIND FRAMES N`.
+
+KIND is `pipeline`, `grasp` (displacement and shear alone) or `reference`; FRAMES an .npz of images, the first
+of the untouched tip, `contact` where those that count begin; N how many of them are processed, up and down.
+"""
+
+from __future__ import annotations
+
+import gc
+import sys
+
+import numpy as np
+
+from edge.types import Feature, Frame
+from tests.bench.frames import REST_FRAMES, back_and_forth, calibration_of
+from tests.bench.reference import Reference
+from tests.bench.speed import started
+
+
+def main(kind: str, path: str, n: int) -> None:
+    with np.load(path) as recording:
+        images, first = recording["images"], int(recording["contact"])
+    frames = [
+        Frame(sequence=k, capture_ns=k * 4_166_667, image=image, bits=8) for k, image in enumerate(images)
+    ]
+    counted = back_and_forth(frames[first:], n)
+    rest, up = frames[:REST_FRAMES], frames[REST_FRAMES:first]
+    demand = frozenset({Feature.DISPLACEMENT, Feature.SHEAR}) if kind == "grasp" else frozenset(Feature)
+    pipeline = started([*rest, *up], calibration_of(frames), demand)
+    gc.disable()
+    if kind == "reference":
+        reference = Reference(frames[0].image, pipeline.rest.pattern.pin_radius_px)
+        for frame in [*up, *counted]:
+            reference.step(frame.image)
+        return
+    for frame in counted:
+        assert not pipeline.process(frame).searched, "tracking is to be measured"
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], int(sys.argv[3]))

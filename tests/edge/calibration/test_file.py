@@ -1,0 +1,385 @@
+"""The calibration file: round trip; damage and hostile content are one line, before anything is built."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import tracemalloc
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from edge import limits
+from edge.calibration import Calibration
+from edge.calibration.file import FACTORS_MAX, TERMS_MAX
+from edge.calibration.inputs import FRAME_INPUTS
+from edge.errors import CalibrationError
+from tests.support.calibrations import (
+    PATTERN,
+    PINS,
+    calibration_content,
+    damaged,
+    parsed,
+    touched_features,
+)
+
+
+def test_saved_and_loaded_is_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "cal.json"
+    made = parsed(calibration_content())
+    made.save(path)
+    loaded = Calibration.load(path)
+    assert loaded.content == made.content
+    assert loaded.content_id == made.content_id
+    assert list(tmp_path.iterdir()) == [path]
+    path.chmod(0o600)
+    made.save(path)
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
+DAMAGE = [
+    (damaged("format", value="something"), "not a calibration file: its format is 'something'"),
+    (damaged("version", value=2), "has version 2, this program reads version 1"),
+    (damaged("mm_per_px", value=0), "mm_per_px: must be at least 0.0001"),
+    (damaged("mm_per_px", value="NaN"), "mm_per_px: must be a number or null, is text"),
+    (damaged("mm_per_px", value=1e300), "mm_per_px: must be at most 10"),
+    (damaged("extra", value=1), "unknown key 'extra'"),
+    (damaged("models", 0, "input", value="smell"), "models[0].input: unknown input 'smell'"),
+    (damaged("models", 0, "output", value="taste"), "models[0]: unknown output 'taste'"),
+    (damaged("models", 0, "type", value="network"), "models[0].type: unknown value 'network'"),
+    (damaged("models", 0, "knots", value=[[0, 0], [1, 2], [2, 1]]), "models[0].knots: the output must only"),
+    (damaged("models", 0, "knots", value=[[0, 0], [0, 1]]), "models[0].knots[1]: the input must increase"),
+    (damaged("models", 0, "knots", value=[[0, 0]]), "models[0].knots: must have at least 2 items"),
+    (
+        damaged("models", 1, "weights", value=[[1.0, 0.0]]),
+        "models[1].weights: 1 pairs of numbers for 3",
+    ),
+    (damaged("models", 1, "spread", value=[[[1.0, 0.0]]]), "models[1].spread[0]: 1 pairs of numbers for 3"),
+    (damaged("models", 1, "terms", 2, value=["shear", "smell"]), "models[1].terms[2]: unknown input 'smell'"),
+    (damaged("models", 1, "outputs", value=["displacement_mm", "shear_y_mm"]), "second model for"),
+    (damaged("models", 1, "outputs", value=["shear_x_mm"] * 2), "models[1]: a second model for 'shear_x_mm'"),
+    (damaged("models", 1, "outputs", value=["shear_x_mm", "contact_x_mm"]), "unknown output 'contact_x_mm'"),
+    (damaged("models", 1, "valid", value=[[2, -2], [-2, 2]]), "models[1].valid: give a range [low, high]"),
+    (damaged("models", 1, "sigma", value=[0.1, -0.1]), "models[1].sigma[1]: must be at least 1e-09"),
+    (damaged("models", 1, "sigma", value=[0.1]), "models[1].sigma: give one for each of 2 outputs"),
+    (
+        damaged("models", 1, "weights", 0, value=["a", 0]),
+        "models[1].weights[0][0]: must be a number, is",
+    ),
+    (damaged("models", value={}), "models: must be a list, is a table"),
+    (damaged("sensor", "serial", value="a\nb"), "sensor.serial: "),
+    (damaged("sensor", "rest_xy_px", value=[]), "sensor.rest_xy_px: must have at least 12 items"),
+]
+
+
+@pytest.mark.parametrize(("table", "expected"), DAMAGE, ids=[expected for _, expected in DAMAGE])
+def test_damage_is_one_line_that_names_the_place(table: dict[str, Any], expected: str) -> None:
+    message = refusal(msgspec.json.encode(table))
+    assert expected in message
+    assert "$" not in message
+
+
+def refusal(raw: bytes) -> str:
+    """The one line with which a file is refused."""
+    with pytest.raises(CalibrationError) as caught:
+        Calibration.parse(raw, "cal.json")
+    message = str(caught.value)
+    assert message.startswith("cal.json: ")
+    assert "\n" not in message
+    assert len(message) < 400
+    return message
+
+
+def _line_of_pins() -> list[list[float]]:
+    return [[100.0 + 20.0 * k, 240.0 + 0.01 * (k % 3)] for k in range(20)]
+
+
+def _two_groups() -> dict[str, Any]:
+    """A tip of which only two groups of pins are left, on either side."""
+    pins = [[x + dx, y] for x, y in PINS for dx in (-150.0, 150.0)]
+    return calibration_content()["sensor"] | {"rest_xy_px": pins, "tip_radius_px": 196.0}
+
+
+#: Files that took a finger out, or would have: all parse as JSON and have the right keys.
+HOSTILE = {
+    "empty terms and a long one": (
+        damaged("models", 1, "terms", value=[[]] * 14_999 + [["shear"] * 15_000]),
+        f"models[1].terms[14999]: must have at most {FACTORS_MAX} items",
+    ),
+    "many terms": (
+        damaged("models", 1, "terms", value=[[]] * 100_000),
+        f"models[1].terms: must have at most {TERMS_MAX} items",
+    ),
+    "a long term": (
+        damaged("models", 1, "terms", value=[[], ["shear"], ["shear"] * 15_000]),
+        f"models[1].terms[2]: must have at most {FACTORS_MAX} items",
+    ),
+    "pins far out": (
+        damaged("sensor", "rest_xy_px", value=[*PINS, [15_000.0, 15_000.0]]),
+        "sensor.rest_xy_px[19]: (15000, 15000) is outside of the image (640x480)",
+    ),
+    "pins farther out": (
+        damaged("sensor", "rest_xy_px", value=[*PINS, [30_000.0, 30_000.0]]),
+        "sensor.rest_xy_px[19][0]: must be at most 16384",
+    ),
+    "a pin at 1e9": (
+        damaged("sensor", "rest_xy_px", value=[*PINS, [1e9, 240.0]]),
+        "sensor.rest_xy_px[19][0]: must be at most 16384",
+    ),
+    "pins on a line": (
+        damaged("sensor", "rest_xy_px", value=_line_of_pins()),
+        "sensor.rest_xy_px: the pins are all on one line",
+    ),
+    "three pins": (damaged("sensor", "rest_xy_px", value=PINS[:3]), "must have at least 12 items"),
+    "too many pins": (
+        damaged("sensor", "rest_xy_px", value=[[0.1 * k, 0.0] for k in range(5000)]),
+        "must have at most 2048 items",
+    ),
+    "a pin twice": (
+        damaged("sensor", "rest_xy_px", value=[*PINS, PINS[4]]),
+        "0 px from another pin, where the others are 20 px apart",
+    ),
+    "one pin many times": (damaged("sensor", "rest_xy_px", value=[PINS[0]] * 19), "0 px from another pin"),
+    "an image of another world": (
+        damaged("sensor", "size_px", value=[100_000, 100_000]),
+        "sensor.size_px[0]: must be at most 8192",
+    ),
+    "an image of too many pixels": (
+        damaged("sensor", "size_px", value=[8192, 8192]),
+        "sensor.size_px: 8192x8192 pixels are too many",
+    ),
+    "no radius": (damaged("sensor", "pin_radius_px", value=1e-300), "sensor.pin_radius_px: must be at least"),
+    "a huge radius": (
+        damaged("sensor", "tip_radius_px", value=1e300),
+        "tip_radius_px: must be at most",
+    ),
+    "pins larger than their pitch": (
+        damaged("sensor", "pin_radius_px", value=40.0),
+        "pin_radius_px: 40",
+    ),
+    "another pitch": (
+        damaged("sensor", "pitch_px", value=60.0),
+        "pitch_px: 60, but the rest pins are 20",
+    ),
+    "a tip larger than its pins": (
+        damaged("sensor", "tip_radius_px", value=460.0),
+        "sensor.tip_radius_px: 460, but the outermost pin is 40 px",
+    ),
+    "most pins missing": (
+        damaged("sensor", value=_two_groups()),
+        "sensor.rest_xy_px: 38 pins 20 px apart cover 11% of the tip's circle",
+    ),
+    "weights beyond measure": (
+        damaged("models", 1, "weights", 1, value=[1e300, 0.0]),
+        "models[1].weights[1][0]: must be at most 1e+15",
+    ),
+    "a text of a megabyte": (
+        damaged("data", "source", value="x" * 1_000_000),
+        "data.source: must have",
+    ),
+    "an output of a megabyte": (
+        damaged("models", 0, "output", value="x" * 1_000_000),
+        "models[0].output: must have at most 64 characters",
+    ),
+    "many models": (
+        damaged("models", value=[calibration_content()["models"][0]] * 1000),
+        "models: must have at most 11 items",
+    ),
+}
+
+
+@pytest.mark.parametrize(("table", "expected"), HOSTILE.values(), ids=HOSTILE.keys())
+def test_a_hostile_file_is_refused_before_anything_is_built(table: dict[str, Any], expected: str) -> None:
+    raw = msgspec.json.encode(table)
+    tracemalloc.start()
+    try:
+        message = refusal(raw)
+        peak_bytes = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert expected in message
+    assert peak_bytes < 2_000_000 + 40 * len(raw)
+
+
+@pytest.mark.parametrize(
+    ("raw", "expected"),
+    [
+        (b"", "not a calibration file: no JSON"),
+        (b"a note to self", "not a calibration file: no JSON"),
+        (b"[1, 2]", "not a calibration file: must be a table {...}, is a list"),
+        (b"\xff\xfe", "not a calibration file: no JSON"),
+        (b'{"format": ', "not a calibration file: no JSON"),
+        (b'{"format": "a\xff"}', "is not UTF-8 text"),
+        (b"[" * 200_000, "not a calibration file: "),
+        (b'{"a":' * 200_000, "not a calibration file: lists and tables are nested too deeply"),
+        (b'{"format":"voronoi-touch-calibration","version":1,"sensor":' + b"[" * 200_000, "too deeply"),
+        (b" " * (limits.CALIBRATION_BYTES + 1), "larger than 2048 KiB"),
+    ],
+    ids=["empty", "text", "list", "binary", "cut", "latin", "deep list", "deep table", "deep sensor", "long"],
+)
+def test_what_is_no_calibration_says_so(tmp_path: Path, raw: bytes, expected: str) -> None:
+    assert expected in refusal(raw)
+    path = tmp_path / "cal.json"
+    path.write_bytes(raw)
+    with pytest.raises(CalibrationError, match=r"cal\.json: "):
+        Calibration.load(path)
+
+
+@pytest.mark.parametrize("number", [b"NaN", b"Infinity", b"-Infinity", b"1e400", b"-1e999", b"null", b"true"])
+@pytest.mark.parametrize(
+    "path",
+    [
+        ("sensor", "pitch_px"),
+        ("sensor", "rest_xy_px", 3),
+        ("models", 0, "knots", 1),
+        ("models", 0, "sigma"),
+        ("models", 1, "weights", 2),
+        ("models", 1, "valid", 0),
+        ("models", 1, "spread", 0),
+    ],
+    ids=lambda path: ".".join(map(str, path)),
+)
+def test_no_number_of_a_file_is_nan_or_infinite(path: tuple[str | int, ...], number: bytes) -> None:
+    content: Any = calibration_content()
+    for key in path:
+        content = content[key]
+    value: Any = "HERE"
+    while isinstance(content, list):
+        value, content = [value, *([0.0] * (len(content) - 1))], content[0]
+    raw = msgspec.json.encode(damaged(*path, value=value)).replace(b'"HERE"', number)
+    refusal(raw)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match=r"absent\.json: cannot be read: No such file"):
+        Calibration.load(tmp_path / "absent.json")
+    with pytest.raises(CalibrationError, match=r"a folder or a device; give a file"):
+        Calibration.load(tmp_path)
+    with pytest.raises(CalibrationError, match=r"a folder or a device; give a file"):
+        Calibration.load("/dev/zero")
+
+
+def test_a_kill_while_writing_leaves_a_whole_file(tmp_path: Path) -> None:
+    path = tmp_path / "cal.json"
+    made = parsed(calibration_content())
+    made.save(path)
+    script = (
+        "import sys; from edge.calibration import Calibration\n"
+        "cal = Calibration.load(sys.argv[1]); print('ready', flush=True)\n"
+        "while True: cal.save(sys.argv[1])\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", script, str(path)], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        for _ in range(50):
+            assert Calibration.load(path).content == made.content
+        os.kill(process.pid, signal.SIGKILL)
+    assert Calibration.load(path).content == made.content
+
+
+# ---- generated files ------------------------------------------------------------------------------------
+
+_NUMBERS = [0, -1, 1, 0.5, -0.5, 3, 20.0, 1e-9, 1e-45, -1e-300, 1e6, 1e15, -1e15, 1e16, 1e300, 2**63, 10**40]
+_OTHERS: list[Any] = [None, True, "", "shear", "c00*", "x" * 2000, [], {}, [[]], [0.0, 0.0], ["shear"] * 6]
+
+
+def _nudge(value: Any, rng: random.Random) -> Any:
+    """The same with one number a little different."""
+    if isinstance(value, list) and value:
+        k = rng.randrange(len(value))
+        return [*value[:k], _nudge(value[k], rng), *value[k + 1 :]]
+    if isinstance(value, dict) and value:
+        key = rng.choice(list(value))
+        return {**value, key: _nudge(value[key], rng)}
+    if isinstance(value, float):
+        return value * rng.choice([-1.0, 0.0, 0.99, 1.01, 2.0, 1e3]) + rng.choice([0.0, 1e-3, 1.0])
+    return value
+
+
+def _mutate(value: Any, rng: random.Random) -> Any:
+    """Another value for one place of the file: another number, another kind, longer, shorter, twice."""
+    choice = rng.randrange(8)
+    if isinstance(value, list) and value and choice < 5:
+        k = rng.randrange(len(value))
+        if choice == 0:
+            return value[:k] + value[k + 1 :]
+        if choice == 1:
+            return [*value, value[k]]
+        if choice == 2:
+            return value * rng.choice([2, 30, 3000])
+        return [*value[:k], _mutate(value[k], rng), *value[k + 1 :]]
+    if isinstance(value, dict) and value and choice < 7:
+        key = rng.choice(list(value))
+        if choice == 0:
+            return {name: other for name, other in value.items() if name != key}
+        if choice == 1:
+            return {**value, key + "x": value[key]}
+        return {**value, key: _mutate(value[key], rng)}
+    if isinstance(value, int | float) and choice < 3:
+        return value * rng.choice([-1.0, 0.0, 1.001, 2.0, 1e-3, 1e3])
+    return rng.choice(_NUMBERS) if choice < 6 else rng.choice(_OTHERS)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_any_file_is_refused_in_one_line_or_gives_bounded_values(seed: int) -> None:
+    """Loading ends in a calibration whose values are finite and within their range, or in one line."""
+    rng = random.Random(seed)
+    features = touched_features(0.05, (1.0, -0.5))
+    accepted = 0
+    for _ in range(150):
+        table = calibration_content()
+        for _ in range(rng.choice([1, 1, 2, 4])):
+            table = (_nudge if rng.random() < 0.5 else _mutate)(table, rng)
+        raw = msgspec.json.encode(table)
+        if rng.random() < 0.1:
+            raw = raw[: rng.randrange(len(raw))]
+        try:
+            calibration = Calibration.parse(raw, "cal.json")
+        except CalibrationError as error:
+            message = str(error)
+            assert message.startswith("cal.json: ")
+            assert "\n" not in message
+            assert len(message) < 400
+            continue
+        accepted += 1
+        assert 12 <= len(calibration.rest) <= limits.PINS_MAX
+        reading = calibration.apply(features, PATTERN)
+        for name, value in reading.values.items():
+            assert abs(value) <= 1e6, name
+        for sigma in reading.sigmas.values():
+            assert 0 < sigma < float("inf")
+    assert accepted > 5
+
+
+def test_the_largest_file_that_is_accepted_runs_in_bounded_memory() -> None:
+    """Every limit reached at once: what a frame takes then is what a finger must be able to bear."""
+    names = [name for name in FRAME_INPUTS if name != "volume"]
+    rng = random.Random(1)
+    content = calibration_content()
+    content["models"] = [
+        {
+            "type": "moments",
+            "outputs": [output],
+            "terms": [[rng.choice(names) for _ in range(FACTORS_MAX)] for _ in range(TERMS_MAX)],
+            "weights": [[1.0, 0.0]] * TERMS_MAX,
+            "valid": [[-1.0, 1.0]],
+            "sigma": [0.1],
+            "spread": [[[1, 0]] * TERMS_MAX] * 16,
+        }
+        for output in ("displacement_mm", "force_n", "torsion_deg", "contact_area_mm2")
+    ]
+    tracemalloc.start()
+    try:
+        calibration = parsed(content)
+        calibration.apply(touched_features(0.05, (1.0, 0.0)), PATTERN)
+        peak_bytes = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert np.isfinite(calibration.rest.xy_img).all()
+    assert peak_bytes < 64_000_000

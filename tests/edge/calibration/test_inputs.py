@@ -1,0 +1,25 @@
+"""What models depend on: the same for the same touch, whatever the camera's resolution."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from edge.calibration.inputs import frame_inputs
+from edge.types import Features
+from tests.support.calibrations import PATTERN, touched_features
+
+
+def test_inputs_are_free_of_resolution() -> None:
+    f = touched_features(0.05, (4.0, -2.0))
+    doubled = Features(
+        area_change=f.area_change,
+        displacement_px=f.displacement_px,
+        in_contact=True,
+        shear_px=2 * f.shear_px if f.shear_px is not None else None,
+        contacts=f.contacts,
+        volume_px2=4 * f.volume_px2 if f.volume_px2 is not None else None,
+    )
+    larger = replace(PATTERN, tip_radius_px=2 * PATTERN.tip_radius_px)
+    np.testing.assert_allclose(frame_inputs(f, PATTERN), frame_inputs(doubled, larger))

@@ -1,0 +1,150 @@
+"""The models of a calibration: values, ranges, sigmas, and what no model gives."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from edge.calibration import Calibration, uncalibrated
+from edge.calibration.inputs import FRAME_INPUTS
+from edge.types import ContactRegion, Features
+from tests.support.calibrations import PATTERN, calibration_content, parsed, touched_features
+
+R = PATTERN.tip_radius_px / 200.0
+
+
+def test_values_follow_the_models() -> None:
+    reading = parsed(calibration_content()).apply(touched_features(0.05, (4.0 * R, -2.0 * R)), PATTERN)
+    assert reading.calibrated
+    assert reading.values["displacement_mm"] == pytest.approx(1.0)
+    # 0.1 + 50 s + 3i conj(s) volume, with s = (4 - 2i)/200
+    assert reading.values["shear_x_mm"] == pytest.approx(0.1 + 1.0 - 3 * 0.01 * 0.05)
+    assert reading.values["shear_y_mm"] == pytest.approx(-0.5 + 3 * 0.02 * 0.05)
+    assert reading.sigmas["displacement_mm"] == pytest.approx(0.02)
+    assert reading.sigmas["shear_x_mm"] == pytest.approx(0.03 * math.sqrt(1 + 900 * (0.02**2 + 0.01**2)))
+    assert reading.saturated == frozenset()
+
+
+def test_out_of_range_is_the_end_of_the_range_and_named() -> None:
+    reading = parsed(calibration_content()).apply(touched_features(0.9, (20.0, 0.0)), PATTERN)
+    assert reading.values["displacement_mm"] == 5.0
+    assert reading.values["shear_x_mm"] == 2.0
+    assert reading.saturated == {"displacement_mm", "shear_x_mm"}
+
+
+def test_a_missing_feature_is_invalid_not_zero() -> None:
+    bare = Features(area_change=np.zeros(4), displacement_px=np.zeros((4, 2)), in_contact=True)
+    reading = parsed(calibration_content()).apply(bare, PATTERN)
+    assert math.isnan(reading.values["displacement_mm"])
+    assert math.isnan(reading.values["shear_x_mm"])
+    assert reading.saturated == frozenset()
+
+
+def test_untouched_reads_zero() -> None:
+    bare = Features(area_change=np.zeros(4), displacement_px=np.zeros((4, 2)), in_contact=False)
+    reading = parsed(calibration_content()).apply(bare, PATTERN)
+    assert reading.values == {"displacement_mm": 0.0, "shear_x_mm": 0.0, "shear_y_mm": 0.0}
+
+
+def test_contact_places_are_in_the_tip_frame() -> None:
+    contact = ContactRegion(np.array([340.0, 230.0]), 0.3, 100.0, math.nan, 1.0, np.zeros((1, 2)))
+    reading = parsed(calibration_content()).apply(touched_features(0.1, (0.0, 0.0), (contact,)), PATTERN)
+    np.testing.assert_allclose(reading.contacts[0, :2], [2.0, -1.0])
+
+
+def test_the_depth_of_a_single_contact_is_the_frame_s() -> None:
+    spot = ContactRegion(np.array([340.0, 230.0]), 0.3, 100.0, math.nan, 1.0, np.zeros((1, 2)))
+    one = parsed(calibration_content()).apply(touched_features(0.05, (0.0, 0.0), (spot,)), PATTERN)
+    two = parsed(calibration_content()).apply(touched_features(0.05, (0.0, 0.0), (spot, spot)), PATTERN)
+    assert one.contacts[0, 2] == one.values["displacement_mm"] == pytest.approx(1.0)
+    assert np.isnan(two.contacts[:, 2]).all()
+
+
+def _forced() -> Calibration:
+    """With a force model: 2 N at a volume of 0.05, and a scale of 0.1 mm/px."""
+    table = calibration_content()
+    table["models"].append(
+        {
+            "type": "curve",
+            "output": "force_n",
+            "input": "volume",
+            "knots": [[0.0, 0.0], [0.1, 4.0]],
+            "sigma": 0.1,
+        }
+    )
+    return parsed(table)
+
+
+def test_pressure_is_force_over_the_contacts_area() -> None:
+    edge = ContactRegion(np.array([340.0, 230.0]), 0.3, 5000.0, math.radians(30.0), 3.0, np.zeros((1, 2)))
+    reading = _forced().apply(touched_features(0.05, (0.0, 0.0), (edge,)), PATTERN)
+    assert reading.values["force_n"] == pytest.approx(2.0)
+    assert reading.values["contact_area_mm2"] == pytest.approx(50.0)
+    assert reading.values["pressure_kpa"] == pytest.approx(40.0)
+    assert reading.values["orientation_deg"] == pytest.approx(30.0)
+
+
+def test_without_a_force_gauge_there_is_no_pressure() -> None:
+    spot = ContactRegion(np.array([340.0, 230.0]), 0.3, 5000.0, math.nan, 1.0, np.zeros((1, 2)))
+    reading = parsed(calibration_content()).apply(touched_features(0.05, (0.0, 0.0), (spot,)), PATTERN)
+    assert "pressure_kpa" not in reading.values
+    assert math.isnan(reading.values["orientation_deg"])
+
+
+def test_slip_speed_needs_a_scale_and_the_time_between_two_frames() -> None:
+    slipping = Features(
+        area_change=np.zeros(4),
+        displacement_px=np.zeros((4, 2)),
+        in_contact=True,
+        slip_px=0.5,
+        slip_probability=0.9,
+    )
+    calibrated = parsed(calibration_content())
+    reading = calibrated.apply(slipping, PATTERN, interval_s=0.01)
+    assert reading.values["slip_speed_mm_s"] == pytest.approx(0.5 * 0.1 / 0.01)
+    assert reading.values["slip_probability"] == 0.9
+    for interval in (None, 0.0, -0.01):
+        assert "slip_speed_mm_s" not in calibrated.apply(slipping, PATTERN, interval).values
+    bare = calibration_content()
+    bare["mm_per_px"] = None
+    assert "slip_speed_mm_s" not in parsed(bare).apply(slipping, PATTERN, 0.01).values
+
+
+def test_an_uncalibrated_tip_counts_its_contacts_and_places_none() -> None:
+    spot = ContactRegion(np.array([340.0, 230.0]), 0.3, 100.0, math.nan, 1.0, np.zeros((1, 2)))
+    reading = uncalibrated(touched_features(0.1, (0.0, 0.0), (spot, spot)))
+    assert len(reading.contacts) == 2
+    assert np.isnan(reading.contacts).all()
+    assert not reading.values
+    assert not reading.calibrated
+    assert len(uncalibrated().contacts) == 0
+
+
+@pytest.mark.parametrize("tip", ["hex127_flat", "rings331_ball"])
+def test_old_files_give_what_they_gave(data_dir: Path, tip: str) -> None:
+    """Values of frames under a touch, as written down by the program that made the files."""
+    old = json.loads((data_dir / "old" / "values-2026-11-21.json").read_text())[tip]
+    calibration = Calibration.load(data_dir / "old" / f"{tip}-2026-11-21.json")
+    assert calibration.content_id == old["content_id"]
+    for row in old["rows"]:
+        frame = _complex(row["frame"])
+        added = np.full(len(FRAME_INPUTS) - len(frame), np.nan)  # inputs that files of then know nothing of
+        found = list(calibration.frame_values(np.append(frame, added)))
+        assert [(name, beyond) for name, _, _, beyond in found] == [(r[0], r[3]) for r in row["values"]]
+        np.testing.assert_allclose(
+            [r[1:3] for r in found], [r[1:3] for r in row["values"]], rtol=1e-12, atol=1e-12
+        )
+        found_contact = list(calibration.contact_values(_complex(row["contact"])))
+        assert [r[0] for r in found_contact] == [r[0] for r in row["contact_values"]]
+        np.testing.assert_allclose(
+            [r[1:] for r in found_contact], [r[1:] for r in row["contact_values"]], rtol=1e-12, atol=1e-12
+        )
+
+
+def _complex(pairs: list[list[float]]) -> Any:
+    return np.array(pairs).view(np.complex128)[:, 0]

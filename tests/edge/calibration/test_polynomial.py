@@ -1,0 +1,100 @@
+"""The kernel of curves and polynomials: as NumPy has it, and what it refuses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from edge.calibration.file import Curve, Polynomial
+from edge.calibration.inputs import evaluate_terms, term_columns
+from edge.calibration.polynomial import ModelKernel
+
+pytestmark = pytest.mark.kernels
+
+INPUTS = ("volume", "shear", "c10")
+CURVE = Curve("force_n", "volume", [(-0.3, 5.0), (0.0, 4.0), (0.1, 2.0), (0.4, -1.0)], 0.02)
+
+
+def polynomial(outputs: int, spread_rows: int, seed: int = 0) -> Polynomial:
+    """Terms of none to four factors."""
+    rng = np.random.default_rng(seed)
+    names = [*INPUTS, *(f"{name}*" for name in INPUTS)]
+    terms = [[], *([str(name) for name in rng.choice(names, n)] for n in (1, 1, 2, 2, 3, 4))]
+
+    def pairs() -> list[tuple[float, float]]:
+        return [(float(x), float(y)) for x, y in rng.normal(0, 3, (len(terms), 2))]
+
+    return Polynomial(
+        outputs=["shear_x_mm", "shear_y_mm"][:outputs],
+        terms=terms,
+        weights=pairs(),
+        valid=[(-2.0, 2.0), (-1.0, 3.0)][:outputs],
+        sigma=[0.03, 0.04][:outputs],
+        spread=[pairs() for _ in range(spread_rows)],
+    )
+
+
+@pytest.mark.parametrize(("outputs", "spread_rows"), [(1, 0), (2, 1), (1, 3), (2, 4), (2, 5), (1, 8)])
+def test_all_models_in_one_call_are_each_model_in_numpy(outputs: int, spread_rows: int) -> None:
+    """Curves by `numpy.interp`, polynomials by `evaluate_terms`; far out, NaN and several rows included."""
+    rng = np.random.default_rng(3)
+    z = rng.normal(0.0, 0.2, (200, 3)) + 1j * rng.normal(0.0, 0.2, (200, 3))
+    z[7, 0] = np.nan
+    model = polynomial(outputs, spread_rows)
+    out = np.full((200, 1 + outputs, 3), np.nan)
+    ModelKernel(INPUTS, (CURVE, model)).run(z.view(np.float64), out)
+    x = z[:, 0].real
+    np.testing.assert_allclose(out[:, 0, 0], np.interp(x, *np.array(CURVE.knots).T), rtol=1e-13)
+    np.testing.assert_array_equal(out[:, 0, 1], CURVE.sigma)
+    np.testing.assert_array_equal(out[:, 0, 2], ~((x >= -0.3) & (x <= 0.4)))
+    psi = evaluate_terms(z, term_columns(model.terms, INPUTS))
+    y = psi @ (np.array(model.weights) @ (1, 1j))
+    spread = np.array(model.spread).reshape(-1, len(model.terms), 2) @ (1, 1j)
+    widened = np.sqrt(1.0 + (np.abs(psi @ spread.T) ** 2).sum(axis=1))
+    assert np.isnan(out[7, 0, 0])
+    assert np.isnan(y[7])
+    for i, part in enumerate((y.real, y.imag)[:outputs]):
+        low, high = model.valid[i]
+        np.testing.assert_allclose(out[:, 1 + i, 0], np.clip(part, low, high), rtol=1e-12)
+        np.testing.assert_allclose(out[:, 1 + i, 1], model.sigma[i] * widened, rtol=1e-12)
+        np.testing.assert_array_equal(out[:, 1 + i, 2], (part < low) | (part > high))
+        assert 0 < np.count_nonzero(out[:, 1 + i, 2]) < 200
+
+
+def test_no_models_no_outputs() -> None:
+    ModelKernel(INPUTS, ()).run(np.zeros((2, 6)), np.empty((2, 0, 3)))
+
+
+def changed(**fields: Any) -> Polynomial:
+    return msgspec.structs.replace(polynomial(1, 1), **fields)
+
+
+@pytest.mark.parametrize(
+    ("model", "why"),
+    [
+        (msgspec.structs.replace(CURVE, knots=[(0.0, 0.0)]), "two knots or more"),
+        (msgspec.structs.replace(CURVE, input="smell"), "an input of volume, shear, c10"),
+        (changed(terms=[["smell"]] * 7), "input 'smell' is not one of volume"),
+        (changed(terms=[]), "0 terms, but"),
+        (changed(weights=[(0.0, 0.0)]), "7 terms, but weights or rows of spread of another number"),
+        (changed(spread=[[(0.0, 0.0)]]), "7 terms, but weights or rows of spread of another number"),
+        (changed(valid=[]), "a range and a sigma for each"),
+        (changed(sigma=[0.1, 0.1]), "a range and a sigma for each"),
+        (changed(outputs=["a", "b", "c"]), "1 or 2 outputs"),
+    ],
+)
+def test_models_whose_parts_do_not_fit_are_refused(model: Curve | Polynomial, why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        ModelKernel(INPUTS, (model,))
+
+
+@pytest.mark.parametrize(
+    ("z", "out"),
+    [((2, 4), (2, 1, 3)), ((2, 6), (1, 1, 3)), ((2, 6), (2, 2, 3)), ((2, 6), (2, 1, 2))],
+)
+def test_arrays_of_other_sizes_are_refused(z: tuple[int, ...], out: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match="are wanted"):
+        ModelKernel(INPUTS, (CURVE,)).run(np.zeros(z), np.zeros(out))

@@ -1,0 +1,201 @@
+"""The kernel of processes: against plain products and sums; what is not wanted, not known, or too far."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from edge.calibration.file import Lost, Process
+from edge.calibration.process import ProcessKernel, wanted_models
+from edge.errors import CalibrationError
+from edge.types import Array, Complex
+from tests.support.calibrations import calibration_content, parsed
+
+pytestmark = pytest.mark.kernels
+
+INPUTS = ("volume", "gap", "a", "b", "c")
+RNG = np.random.default_rng(5)
+
+
+def _pairs(n: int, rng: np.random.Generator) -> list[tuple[float, float]]:
+    return [(float(x), float(y)) for x, y in rng.normal(size=(n, 2))]
+
+
+def _process(outputs: list[str], n_terms: int, rows: int, seed: int, **other: Any) -> Process:
+    rng = np.random.default_rng(seed)
+    letters = ["a", "a*", "b", "b*", "c", "volume"]
+    terms = [
+        [],
+        *([str(name) for name in rng.choice(letters, rng.integers(1, 4))] for _ in range(n_terms - 1)),
+    ]
+    return Process(
+        outputs=outputs,
+        terms=terms,
+        weights=_pairs(n_terms, rng),
+        valid=[(-1e6, 1e6)] * len(outputs),
+        sigma=[0.5, 0.7][: len(outputs)],
+        factor=[_pairs(n_terms, rng) for _ in range(rows)],
+        **({"far": 1e12, "noise_terms": [[], ["volume"], ["a", "a*"]], "noise_weights": [0.1, -0.4, 0.2],
+            "noise_range": (-1.0, 1.0), "lost": Lost(-0.5, 1.5, 1.0, 2.0)} | other),
+    )  # fmt: skip
+
+
+MODELS = [_process(["x", "y"], 30, 7, 1), _process(["s"], 11, 4, 2), _process(["t"], 5, 0, 3, lost=None)]
+
+
+def _frame(gap: float = 0.0) -> Complex:
+    z = RNG.normal(size=len(INPUTS)) + 1j * RNG.normal(size=len(INPUTS))
+    z[0], z[1] = abs(z[0]), gap
+    return z
+
+
+def _run(models: list[Process], z: Complex, wanted: Any = None) -> Array:
+    kernel = ProcessKernel(INPUTS, models)
+    flags = wanted_models(models, None) if wanted is None else np.array(wanted, np.uint8)
+    out = np.empty((sum(len(m.outputs) for m in models), 3))
+    kernel.run(z.view(np.float64), flags, out)
+    return out
+
+
+def _plainly(model: Process, z: Complex) -> list[tuple[float, float]]:
+    """Value and sigma of each output, by the definitions in the file."""
+    row = dict(zip(INPUTS, z, strict=True)) | {f"{n}*": v.conj() for n, v in zip(INPUTS, z, strict=True)}
+
+    def products(terms: list[list[str]]) -> Complex:
+        return np.array([math.prod((row[name] for name in term), start=1 + 0j) for term in terms])
+
+    psi = products(model.terms)
+    value = complex(psi @ (np.array(model.weights) @ (1, 1j)))
+    rows = [complex(psi @ (np.array(r) @ (1, 1j))) for r in model.factor]
+    two = len(model.outputs) == 2
+    learnt = sum(abs(r) ** 2 if two else r.real**2 for r in rows)
+    h = float(products(model.noise_terms).real @ model.noise_weights)
+    variance = learnt + math.exp(min(max(h, model.noise_range[0]), model.noise_range[1]))
+    gap, volume = z[1].real, z[0].real
+    if gap > 0 and model.lost is not None:
+        lost = model.lost
+        variance += math.exp(lost.scale) * gap**lost.gap_power * volume**lost.volume_power
+    parts = [value.real, value.imag] if two else [value.real]
+    return [(part, s * math.sqrt(variance)) for part, s in zip(parts, model.sigma, strict=True)]
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.3])
+def test_values_and_sigmas_are_those_of_the_definition(gap: float) -> None:
+    for _ in range(5):
+        z = _frame(gap)
+        expected = [pair for model in MODELS for pair in _plainly(model, z)]
+        found = _run(MODELS, z)
+        np.testing.assert_allclose(found[:, :2], expected, rtol=1e-10)
+        assert not found[:, 2].any()
+
+
+def test_what_is_not_wanted_is_not_there_and_changes_nothing() -> None:
+    z = _frame()
+    everything = _run(MODELS, z)
+    for wanted in ([1, 0, 0], [0, 1, 1], [0, 0, 0]):
+        found = _run(MODELS, z, wanted)
+        is_there = np.repeat(np.array(wanted, bool), [2, 1, 1])
+        np.testing.assert_array_equal(found[is_there], everything[is_there])
+        assert np.isnan(found[~is_there, :2]).all()
+    kernel = ProcessKernel(INPUTS, MODELS)  # one kernel, a demand that changes
+    out = np.empty((4, 3))
+    for wanted in ([0, 1, 0], [1, 1, 1]):
+        kernel.run(z.view(np.float64), np.array(wanted, np.uint8), out)
+    np.testing.assert_array_equal(out, everything)
+
+
+def test_more_lost_pins_than_the_fit_has_tried_give_no_value() -> None:
+    found = _run(MODELS, _frame(gap=2.5))
+    assert np.isnan(found[:3, 0]).all()
+    assert np.isfinite(found[3, 0])  # its fit knows nothing of lost pins
+    assert np.isnan(_run(MODELS, _frame(gap=math.nan))[:3, 0]).all()
+
+
+def test_far_from_the_data_a_value_is_told_as_out_of_range() -> None:
+    z = _frame()
+    near, beyond = _process(["s"], 11, 4, 2, far=1e6), _process(["s"], 11, 4, 2, far=1e-6)
+    assert _run([near], z)[0, 2] == 0
+    assert _run([beyond], z)[0, 2] == 1
+    assert _run([beyond], z)[0, 0] == _run([near], z)[0, 0]
+
+
+def test_a_value_beyond_the_range_is_set_to_its_end() -> None:
+    z = _frame()
+    value = _run([MODELS[1]], z)[0, 0]
+    low = msgspec.structs.replace(MODELS[1], valid=[(value + 1.0, value + 2.0)])
+    high = msgspec.structs.replace(MODELS[1], valid=[(value - 2.0, value - 1.0)])
+    np.testing.assert_allclose(_run([low], z)[0], [value + 1.0, _run([MODELS[1]], z)[0, 1], 1.0])
+    assert _run([high], z)[0, 0] == value - 1.0
+
+
+def test_an_input_that_is_not_known_gives_no_value() -> None:
+    z = _frame()
+    z[2] = math.nan
+    found = _run(MODELS, z)
+    assert np.isnan(found[:, 0]).all()
+    assert not found[:, 2].any()
+
+
+def test_sizes_that_do_not_fit_are_refused() -> None:
+    kernel = ProcessKernel(INPUTS, MODELS)
+    z, wanted, out = _frame().view(np.float64), wanted_models(MODELS, None), np.empty((4, 3))
+    for arguments in ((z[:-1].copy(), wanted, out), (z, wanted[1:].copy(), out), (z, wanted, out[:3].copy())):
+        with pytest.raises(ValueError, match="run: "):
+            kernel.run(*arguments)
+
+
+@pytest.mark.parametrize("field", ["weights", "noise_weights", "valid", "sigma"])
+def test_a_model_whose_parts_do_not_fit_is_refused(field: str) -> None:
+    short = msgspec.structs.replace(MODELS[0], **{field: getattr(MODELS[0], field)[1:]})
+    with pytest.raises(ValueError, match="are wanted"):
+        ProcessKernel(INPUTS, [short, *MODELS[1:]])
+
+
+def _with_process(**changes: Any) -> dict[str, Any]:
+    table = calibration_content()
+    table["models"][1] = {
+        "type": "process",
+        "outputs": ["shear_x_mm", "shear_y_mm"],
+        "terms": [[], ["c00"], ["p", "p*", "c00"]],
+        "weights": [[0.1, 0.0], [50.0, 0.0], [0.0, 3.0]],
+        "valid": [[-2.0, 2.0], [-2.0, 2.0]],
+        "sigma": [0.03, 0.04],
+        "factor": [[[0.0, 0.0], [30.0, 0.0], [0.0, 0.0]]],
+        "far": 10.0,
+        "noise_terms": [[], ["volume"]],
+        "noise_weights": [0.1, -2.0],
+        "noise_range": [-1.0, 1.0],
+        "lost": {"scale": 0.1, "gap_power": 1.0, "volume_power": 0.5, "gap_max": 2.0},
+    } | changes
+    return table
+
+
+def test_a_file_with_a_process_is_read() -> None:
+    assert "shear_x_mm" in parsed(_with_process()).outputs
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"terms": [[], ["c00"], ["smell"]]}, "models[1].terms[2]: unknown input 'smell'"),
+        ({"noise_terms": [["smell"], []]}, "models[1].noise_terms[0]: unknown input 'smell'"),
+        ({"noise_weights": [0.1]}, "models[1].noise_weights: 1 numbers for 2 noise_terms"),
+        ({"noise_range": [1.0, -1.0]}, "models[1].noise_range: give [low, high]"),
+        ({"factor": [[[1.0, 0.0]]]}, "models[1].factor[0]: 1 pairs of numbers for 3 terms"),
+        ({"weights": [[1.0, 0.0]]}, "models[1].weights: 1 pairs of numbers for 3 terms"),
+        ({"sigma": [0.1]}, "models[1].sigma: give one for each of 2 outputs"),
+        ({"far": -1.0}, "models[1].far: must be at least 0"),
+        ({"lost": {"scale": 0.1}}, "models[1].lost: "),
+        ({"outputs": ["contact_x_mm", "contact_y_mm"]}, "only values of a frame can have one"),
+        ({"terms": [[]] * 513}, "models[1].terms: must have at most 512 items"),
+    ],
+)
+def test_damage_to_a_process_is_one_line_that_names_the_place(changes: dict[str, Any], expected: str) -> None:
+    with pytest.raises(CalibrationError, match=r"cal\.json: ") as caught:
+        parsed(_with_process(**changes))
+    assert expected in str(caught.value)
+    assert "\n" not in str(caught.value)

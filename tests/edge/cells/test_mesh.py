@@ -1,0 +1,215 @@
+"""The kept triangulation by itself: exact areas, flips, degenerate sets, misuse."""
+
+from __future__ import annotations
+
+import threading
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from edge.cells.mesh import Mesh
+from tests.support import exact
+from tests.support.cell_checks import worst_relative
+from tests.support.layouts import HARD_SETS, Points, bounded
+
+pytestmark = pytest.mark.kernels
+SCALES = (1e-9, 1e-3, 1.0, 1e6, 1e9)
+OFFSETS = (0.0, 1e6)
+
+
+def areas_of(mesh: Mesh, points: Points, n_pins: int) -> Points:
+    areas = np.empty(n_pins)
+    mesh.update(np.ascontiguousarray(points, dtype=np.float64), areas)
+    return areas
+
+
+@pytest.mark.parametrize("offset", OFFSETS)
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize("name", HARD_SETS)
+def test_areas_equal_rational_arithmetic(name: str, scale: float, offset: float) -> None:
+    pins = HARD_SETS[name](np.random.default_rng(7))
+    points = bounded(pins) * scale + offset * np.array([1.0, -0.7])
+    areas = areas_of(Mesh(len(pins), len(points) - len(pins)), points, len(pins))
+    assert exact.relative_errors(areas, exact.cell_areas(points, len(pins))).max() <= 1e-13
+
+
+@pytest.mark.compiled  # two minutes uncompiled
+@pytest.mark.parametrize("name", HARD_SETS)
+def test_kept_equals_fresh_when_one_set_becomes_another(name: str) -> None:
+    """Pins wander from the hard set to another one and back, in steps that flips follow and in one jump."""
+    rng = np.random.default_rng(11)
+    pins = HARD_SETS[name](rng)
+    other = pins[rng.permutation(len(pins))] * 0.9
+    n = len(pins)
+    kept = Mesh(n, 40)
+    for share in (*np.linspace(0, 1, 60), 0.0):
+        points = bounded((1 - share) * pins + share * other)
+        fresh = Mesh(n, 40)
+        assert worst_relative(areas_of(kept, points, n), areas_of(fresh, points, n)) <= 1e-12
+
+
+def test_small_steps_are_followed_by_flips_alone() -> None:
+    rng = np.random.default_rng(3)
+    pins = HARD_SETS["random"](rng)
+    mesh = Mesh(len(pins), 40)
+    for turn in np.linspace(0, 2, 400):  # inner pins turn against outer ones: everything must flip
+        angle = turn * (np.hypot(*pins.T) < 0.5)
+        c, s = np.cos(angle), np.sin(angle)
+        x, y = pins.T
+        areas_of(mesh, bounded(np.stack([c * x - s * y, s * x + c * y], axis=1)), len(pins))
+    changes, flips, builds = mesh.counts()
+    assert builds <= 5  # inner pins pass outer ones now and then
+    assert flips >= 50
+    assert changes <= 401
+
+
+def test_triangles_are_delaunay_exactly() -> None:
+    points = bounded(HARD_SETS["square"](np.random.default_rng(0)))
+    n = len(points) - 40
+    mesh = Mesh(n, 40)
+    areas_of(mesh, points, n)
+    triangles = mesh.triangles()
+    place = [(Fraction(x), Fraction(y)) for x, y in points.tolist()]
+    assert len(triangles) > 2 * n - 2
+    for corners in triangles.tolist():
+        x, y = exact.circumcentre(*points[corners])
+        radius2 = (place[corners[0]][0] - x) ** 2 + (place[corners[0]][1] - y) ** 2
+        assert all((px - x) ** 2 + (py - y) ** 2 >= radius2 for px, py in place)
+
+
+# Small whole numbers: almost every four points are cocircular, collinear or the same.
+grid_point = st.tuples(st.integers(-4, 4), st.integers(-4, 4))
+frames = st.lists(st.lists(grid_point, min_size=9, max_size=9), min_size=2, max_size=5)
+
+
+@given(frames=frames, exponent=st.integers(-30, 30), shift=st.sampled_from([0.0, 1e6]))
+@settings(max_examples=150, deadline=None)
+def test_degenerate_motion_stays_exact(
+    frames: list[list[tuple[int, int]]], exponent: int, shift: float
+) -> None:
+    """Whatever pins do, each frame's areas are those of rational arithmetic."""
+    mesh = Mesh(9, 24)
+    for frame in frames:
+        points = bounded(np.array(frame, dtype=float) / 6, 24) * 2.0**exponent + shift
+        if np.ptp(points) == 0:
+            continue
+        wanted = exact.cell_areas(points, 9)
+        assert exact.relative_errors(areas_of(mesh, points, 9), wanted).max() <= 1e-13
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    spread=st.floats(1e-15, 1.0),
+    step=st.floats(1e-15, 1.0),
+)
+@settings(max_examples=60, deadline=None)
+def test_random_motion_stays_exact(seed: int, spread: float, step: float) -> None:
+    """As above, for pins that are close together and steps of any size."""
+    rng = np.random.default_rng(seed)
+    mesh = Mesh(9, 24)
+    pins = rng.uniform(-0.5, 0.5, 2) + 0.2 * spread * rng.uniform(-1, 1, (9, 2))
+    for _ in range(3):
+        points = bounded(pins, 24)
+        wanted = exact.cell_areas(points, 9)
+        assert exact.relative_errors(areas_of(mesh, points, 9), wanted).max() <= 1e-13
+        pins = np.clip(pins + step * 0.3 * rng.uniform(-1, 1, (9, 2)), -0.7, 0.7)  # within the ring
+
+
+def test_area_is_continuous_through_cocircularity() -> None:
+    """Four pins pass through a common circle in steps of 1e-15: no step shows in the areas."""
+    angle = np.array([0.1, 1.4, 3.3, 4.9])
+    base = 0.5 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    mesh = Mesh(4, 40)
+    rows = []
+    for k in range(-40, 41):
+        pins = base.copy()
+        pins[2] *= 1 + k * 1e-15
+        rows.append(areas_of(mesh, bounded(pins), 4))
+    assert np.abs(np.diff(rows, axis=0)).max() <= 1e-14
+    assert mesh.counts()[2] == 1
+
+
+def test_a_pin_among_the_fence_has_no_bounded_cell() -> None:
+    ring = bounded(np.empty((0, 2)), 24)
+    pins = np.array([[0.0, 0.0], [0.4, 0.1], [1.6, 0.0]])
+    points = np.concatenate([pins, ring, 2 * ring])
+    areas = areas_of(Mesh(3, 24, 24), points, 3)
+    assert np.isfinite(areas).tolist() == [True, True, False]
+
+
+def test_coordinates_below_any_meaning_do_not_break_exactness() -> None:
+    pins = np.array([[1e-300, -1e-310], [0.3, 5e-324], [-0.2, 0.4], [0.0, -0.5]])
+    as_zero = np.where(np.abs(pins) < 1e-200, 0.0, pins)
+    areas = areas_of(Mesh(4, 40), bounded(pins), 4)
+    assert (areas == areas_of(Mesh(4, 40), bounded(as_zero), 4)).all()
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (np.full((4, 2), np.nan), "not finite"),
+        (np.array([[0, 0], [1, 0], [0, np.inf], [1, 1.0]]), "not finite"),
+        (np.ones((4, 2)), "one place"),
+        (np.array([[0, 0], [1e20, 0], [0, 1], [1, 1.0]]), "farther apart"),
+        (np.zeros((3, 2)), "are wanted"),
+        pytest.param(np.zeros((4, 2), dtype=np.int64), "dtype", marks=pytest.mark.compiled),
+    ],
+)
+def test_misuse_is_said_and_leaves_the_mesh_usable(points: Points, message: str) -> None:
+    mesh = Mesh(1, 3)
+    good = np.array([[0.0, 0.0], [-1, -1], [1, -1], [0, 1]])
+    before = areas_of(mesh, good, 1)
+    with pytest.raises(ValueError, match=message):
+        mesh.update(points, np.empty(1))
+    assert areas_of(mesh, good, 1) == before
+
+
+@pytest.mark.parametrize("counts", [(0, 3), (-1, 3), (1, -1), (2_000_000, 0)])
+def test_impossible_sizes_are_refused(counts: tuple[int, int]) -> None:
+    with pytest.raises(ValueError, match="need 1 <= n_pins"):
+        Mesh(*counts)
+
+
+@pytest.mark.compiled  # uncompiled, any array will do
+def test_strided_arrays_are_refused_not_misread() -> None:
+    mesh = Mesh(1, 3)
+    with pytest.raises((ValueError, BufferError)):
+        mesh.update(np.zeros((4, 4))[:, ::2], np.empty(1))
+    with pytest.raises((ValueError, BufferError)):
+        mesh.update(np.zeros((4, 2)), np.empty(2)[::2])
+
+
+@pytest.mark.compiled  # uncompiled, a thread keeps the interpreter for longer
+def test_two_threads_never_share_a_mesh() -> None:
+    """A mesh at work refuses a second caller, and what the first one gets is right."""
+    rng = np.random.default_rng(5)
+    n = 4000  # a build takes milliseconds, with the interpreter free to run the other thread
+    mesh = Mesh(n, 40)
+    ring = bounded(np.empty((0, 2)))
+    sets = [np.concatenate([rng.uniform(-0.7, 0.7, (n, 2)), ring]) for _ in range(2)]
+    wanted = [areas_of(Mesh(n, 40), points, n) for points in sets]
+    wrong: list[float] = []
+    refused: list[RuntimeError] = []
+    start = threading.Barrier(2)
+
+    def work(k: int) -> None:
+        for _ in range(10):
+            start.wait()
+            try:
+                got = areas_of(mesh, sets[k], n)
+            except RuntimeError as error:
+                refused.append(error)
+                continue
+            wrong.append(worst_relative(got, wanted[k]))
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert refused
+    assert len(wrong) >= 10
+    assert max(wrong) <= 1e-12

@@ -1,0 +1,376 @@
+"""Cells of a tip: boundary, bounded polygon, lost pins, invariances, walks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from edge.cells import Tessellator, cell_polygons
+from edge.errors import DegenerateLayout
+from edge.types import Cells
+from tests.support import exact
+from tests.support.cell_checks import (
+    Points,
+    bounded_polygon_area,
+    points_of,
+    polygon_area,
+    random_walks,
+    worst_relative,
+)
+from tests.support.layouts import (
+    CENTRE,
+    PITCH_PX,
+    TIPS,
+    hexagonal,
+    moved,
+    pressed,
+    rest_of,
+    square,
+    tracks_of,
+)
+
+
+def cells_of(rest: Points, now: Points) -> Cells:
+    return Tessellator(rest_of(rest)).cells(tracks_of(now))
+
+
+@pytest.mark.parametrize("tip", TIPS)
+def test_at_rest_areas_are_the_rest_areas(tip: str) -> None:
+    rest = TIPS[tip]()
+    cells = cells_of(rest, rest)
+    assert np.isfinite(cells.area_px2).all()
+    assert worst_relative(cells.area_px2, cells.rest_area_px2) <= 1e-14
+
+
+@pytest.mark.parametrize(("tip", "inner"), [("hexagonal", np.sqrt(3) / 2), ("square", 1.0)])
+def test_inner_cells_are_those_of_the_lattice(tip: str, inner: float) -> None:
+    rest = TIPS[tip]()
+    areas = Tessellator(rest_of(rest)).rest_area_px2 / PITCH_PX**2
+    assert np.median(areas) == pytest.approx(inner, rel=1e-12)
+    assert areas.min() > 0.5 * inner  # rim cells are of the same kind
+    assert areas.max() < 1.1 * inner
+
+
+@pytest.mark.parametrize("tip", TIPS)
+@pytest.mark.parametrize("loaded", [False, True])
+def test_areas_sum_to_the_bounded_polygon(tip: str, loaded: bool) -> None:
+    rest = TIPS[tip]()
+    cells = cells_of(rest, pressed(rest) if loaded else rest)
+    assert float(cells.area_px2.sum()) == pytest.approx(float(bounded_polygon_area(cells)), rel=1e-13)
+
+
+@pytest.mark.parametrize("tip", TIPS)
+def test_areas_equal_rational_arithmetic(tip: str) -> None:
+    rest = TIPS[tip]()
+    cells = cells_of(rest, pressed(rest))
+    wanted = exact.cell_areas(points_of(cells), len(rest))
+    assert exact.relative_errors(cells.area_px2, wanted).max() <= 1e-13
+
+
+@pytest.mark.parametrize("tip", TIPS)
+def test_boundary_is_denser_than_the_pins_and_keeps_its_distance(tip: str) -> None:
+    rest = TIPS[tip]()
+    boundary = cells_of(rest, rest).boundary_img
+    between = np.hypot(*(boundary[:, None] - boundary[None]).transpose(2, 0, 1))
+    np.fill_diagonal(between, np.inf)
+    assert np.median(between.min(axis=1)) < 0.65 * PITCH_PX
+    assert between.min(axis=1).max() < PITCH_PX
+    to_pin = np.hypot(*(boundary[:, None] - rest[None]).transpose(2, 0, 1)).min(axis=1)
+    assert to_pin.min() == pytest.approx(PITCH_PX, rel=0.05)
+    assert to_pin.max() < (1.2 if tip != "horseshoe" else 2.0) * PITCH_PX
+
+
+def test_boundary_bridges_gaps_between_spokes() -> None:
+    """Rows of pins that start from the middle, at the outer end three pitches apart."""
+    angle = 2 * np.pi * np.arange(12) / 12
+    spokes = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    rest = np.concatenate([r * PITCH_PX * spokes for r in range(2, 7)]) + CENTRE
+    boundary = cells_of(rest, rest).boundary_img
+    assert np.hypot(*(boundary - CENTRE).T).min() > 6 * PITCH_PX
+
+
+@pytest.mark.parametrize(
+    "stray", [[(0.0, 0.0)], [(0.0, 0.0), (2.0, 0.0)], [(0.0, 0.0), (2.0, 0.0), (1.0, 2.0)]]
+)
+def test_stray_pins_get_a_boundary_of_their_own(stray: list[tuple[float, float]]) -> None:
+    """A reflection far outside that the rest frame took for a pin must not spoil anything."""
+    rest = np.concatenate([hexagonal(4), CENTRE + PITCH_PX * (np.array(stray) + np.array([20.0, 3.0]))])
+    alone, together = Tessellator(rest_of(hexagonal(4))), Tessellator(rest_of(rest))
+    assert np.isfinite(together.rest_area_px2).all()
+    assert worst_relative(together.rest_area_px2[:61], alone.rest_area_px2) <= 1e-10
+
+
+def test_parts_of_a_tip_have_a_boundary_each() -> None:
+    rest = np.concatenate([hexagonal(3), hexagonal(3) + np.array([20 * PITCH_PX, 0.0])])
+    tessellator = Tessellator(rest_of(rest))
+    areas = tessellator.rest_area_px2
+    assert worst_relative(areas[:37], areas[37:]) <= 1e-10
+    assert float(areas.sum()) == pytest.approx(
+        float(bounded_polygon_area(tessellator.cells(tracks_of(rest)))), rel=1e-13
+    )
+
+
+def test_boundary_enters_a_bay() -> None:
+    rest = TIPS["horseshoe"]()
+    boundary = cells_of(rest, rest).boundary_img
+    depth = rest[:, 1].max() - boundary[np.abs(boundary[:, 0] - rest[:, 0].mean()) < PITCH_PX, 1]
+    assert depth.max() > 2 * PITCH_PX  # there are points on the bay's floor
+    assert np.isfinite(cells_of(rest, pressed(rest)).area_px2).all()
+
+
+def test_pins_missing_at_rest_leave_no_boundary_inside() -> None:
+    rest = hexagonal()
+    holed = np.delete(rest, [165, 100, 101], axis=0)
+    inside = np.hypot(*(cells_of(holed, holed).boundary_img - CENTRE).T) < 8 * PITCH_PX
+    assert not inside.any()
+
+
+@pytest.mark.parametrize("tip", TIPS)
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e9])
+def test_scale_of_the_image_does_not_matter(tip: str, scale: float) -> None:
+    rest = TIPS[tip]()
+    plain, scaled = cells_of(rest, pressed(rest)), cells_of(rest * scale, pressed(rest) * scale)
+    assert worst_relative(scaled.area_px2, plain.area_px2 * scale**2) <= 1e-10
+
+
+@pytest.mark.parametrize("tip", TIPS)
+@given(angle=st.floats(-3.1, 3.1), shift=st.floats(-1e6, 1e6), scale=st.floats(0.1, 10))
+@settings(max_examples=10, deadline=None)
+def test_a_moved_image_has_moved_cells(tip: str, angle: float, shift: float, scale: float) -> None:
+    """Rest and load turned, shifted and scaled alike: areas follow. 1e6 px off costs 1e-10 px a point."""
+    rest = TIPS[tip]()
+    plain = cells_of(rest, pressed(rest))
+    other = cells_of(moved(rest, angle, scale, shift), moved(pressed(rest), angle, scale, shift))
+    resolution = 1e-10 + 40 * np.spacing(abs(shift) + 500 * scale) / (scale * PITCH_PX)
+    assert worst_relative(other.area_px2, plain.area_px2 * scale**2) <= resolution
+
+
+@pytest.mark.parametrize("tip", TIPS)
+@given(angle=st.floats(-0.5, 0.5), shift=st.floats(-50, 50), scale=st.floats(0.9, 1.1))
+@settings(max_examples=10, deadline=None)
+def test_a_moved_tip_changes_areas_by_its_scale_only(
+    tip: str, angle: float, shift: float, scale: float
+) -> None:
+    """Against the resting tip: the boundary goes along with the rim."""
+    rest = TIPS[tip]()
+    cells = cells_of(rest, moved(rest, angle, scale, shift))
+    assert worst_relative(cells.area_px2, cells.rest_area_px2 * scale**2) <= 1e-10
+
+
+@pytest.mark.parametrize("tip", TIPS)
+def test_the_order_of_pins_does_not_matter(tip: str) -> None:
+    rest = TIPS[tip]()
+    order = np.random.default_rng(1).permutation(len(rest))
+    plain, mixed = cells_of(rest, pressed(rest)), cells_of(rest[order], pressed(rest)[order])
+    assert worst_relative(mixed.area_px2, plain.area_px2[order]) <= 1e-10
+
+
+def test_rim_cells_hold_when_the_rim_moves_far() -> None:
+    """The rim ring 20 px out on one side and 10 px in on the other: no cell opens or collapses."""
+    rest = hexagonal()
+    tessellator = Tessellator(rest_of(rest))
+    for share in np.linspace(0, 1, 21):
+        x, y = (rest - CENTRE).T / (10 * PITCH_PX)
+        motion = share * np.stack([15 * x**2 + 5 * x + 5 * y**2, 8 * y - 6 * x * y], axis=1)
+        ratio = tessellator.cells(tracks_of(rest + motion)).area_px2 / tessellator.rest_area_px2
+        assert np.isfinite(ratio).all()
+        assert ratio.min() > 0.6
+        assert ratio.max() < 1.6
+
+
+def test_walks_agree_with_fresh_triangulations_and_show_no_jumps() -> None:
+    """A share of the walks of `python -m tests.bench stability`."""
+    walks = random_walks(40, 10, 0.5, seed=1)
+    assert walks.worst_difference <= 1e-12
+    assert walks.worst_share <= 1.0
+    assert walks.flips > 500
+    jumps = random_walks(10, 10, 6.0, seed=2, explain=False)
+    assert jumps.worst_difference <= 1e-12
+    assert jumps.builds > 10  # this is the other way through the code
+    large = random_walks(20, 30, 2.0, seed=1, explain=False)
+    assert large.worst_difference <= 1e-12
+    assert large.builds <= 40  # of 600 frames; 78 where triangles that turned over were not repaired
+
+
+# ---- lost pins
+
+
+@pytest.mark.parametrize("tip", TIPS)
+@given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.01, 0.3))
+@settings(max_examples=15, deadline=None)
+def test_blinking_pins_change_nothing_at_rest(tip: str, seed: int, share: float) -> None:
+    rest = TIPS[tip]()
+    lost = np.random.default_rng(seed).random(len(rest)) < share
+    tessellator = Tessellator(rest_of(rest))
+    cells = tessellator.cells(tracks_of(np.where(lost[:, None], np.nan, rest)))
+    assert (np.isnan(cells.area_px2) == lost).all()
+    assert worst_relative(cells.area_px2[~lost], cells.rest_area_px2[~lost]) <= 1e-12
+    assert worst_relative(cells.xy_img, rest) <= 1e-12
+
+
+def test_blinking_pins_add_no_more_than_the_noise_that_is_there() -> None:
+    """Sensor noise, a tenth of the pins lost anew each frame: areas scatter hardly more than unlost ones."""
+    rest, rng = hexagonal(), np.random.default_rng(4)
+    tessellator = Tessellator(rest_of(rest))
+    whole, blinking = [], []
+    for _ in range(60):
+        xy = rest + rng.normal(0, 0.05, rest.shape)
+        whole.append(tessellator.cells(tracks_of(xy)).area_px2 / tessellator.rest_area_px2 - 1)
+        lost = rng.random(len(rest)) < 0.1
+        cells = tessellator.cells(tracks_of(np.where(lost[:, None], np.nan, xy)))
+        blinking.append(cells.area_px2 / tessellator.rest_area_px2 - 1)
+    assert np.nanmax(np.abs(blinking)) <= 1.5 * np.max(np.abs(whole))
+    assert np.nanstd(blinking) <= 1.2 * np.std(whole)
+
+
+@pytest.mark.parametrize("tip", TIPS)
+def test_lost_pins_under_load_leave_their_neighbours_alone(tip: str) -> None:
+    rest = TIPS[tip]()
+    now = pressed(rest)
+    tessellator = Tessellator(rest_of(rest))
+    whole = tessellator.cells(tracks_of(now))
+    signal = np.abs(whole.area_px2 / whole.rest_area_px2 - 1).max()
+    lost = np.random.default_rng(2).random(len(rest)) < 0.1
+    cells = tessellator.cells(tracks_of(np.where(lost[:, None], np.nan, now)))
+    error = np.abs(cells.area_px2 - whole.area_px2)[~lost] / whole.rest_area_px2[~lost]
+    assert error.max() <= 0.1 * signal
+    assert np.hypot(*(cells.xy_img - now)[lost].T).max() <= 0.1 * PITCH_PX
+
+
+def test_lost_pins_are_where_a_press_pushes_them() -> None:
+    """Along the gradient of a potential: a surface through each component is off by 0.4 px."""
+    rest, rng = hexagonal(), np.random.default_rng(8)
+    from_place = rest - CENTRE - np.array([1.2, 0.7]) * PITCH_PX
+    far2 = (from_place**2).sum(axis=1, keepdims=True) / PITCH_PX**2
+    now = rest + 0.5 * from_place * np.exp(-far2 / 4.0)
+    error = []
+    for _ in range(10):
+        lost = rng.random(len(rest)) < 0.3
+        cells = cells_of(rest, np.where(lost[:, None], np.nan, now))
+        error.append(np.mean((cells.xy_img - now)[lost] ** 2))
+        assert cells.whole_px2 is not None
+        np.testing.assert_array_equal(cells.whole_px2[~lost], cells.area_px2[~lost])
+        assert np.isnan(cells.area_px2[lost]).all()
+    true = cells_of(rest, now)
+    assert true.whole_px2 is None
+    off = (cells.whole_px2 - true.area_px2)[lost] / true.rest_area_px2[lost]
+    grown = (true.area_px2 / true.rest_area_px2 - 1.0)[lost]
+    assert np.sqrt(np.mean(error)) < 0.1
+    assert np.sqrt(np.mean(off**2)) < 0.3 * np.sqrt(np.mean(grown**2))
+
+
+def test_a_lost_pin_follows_an_affine_motion_exactly() -> None:
+    rest = hexagonal()
+    now = moved(rest, 0.2, 1.1, 40.0)
+    lost = np.zeros(len(rest), dtype=bool)
+    lost[[0, 1, 5, 160, 161, 162, 330]] = True
+    cells = cells_of(rest, np.where(lost[:, None], np.nan, now))
+    assert np.hypot(*(cells.xy_img - now)[lost].T).max() <= 1e-6
+    assert worst_relative(cells.area_px2[~lost], 1.21 * cells.rest_area_px2[~lost]) <= 1e-7
+
+
+def test_rows_of_lost_pins_are_not_read() -> None:
+    """A tracker may leave a stale place where `seen` says no."""
+    rest = hexagonal(4)
+    tracks = tracks_of(np.where((np.arange(len(rest)) == 7)[:, None], np.nan, rest))
+    stale = tracks.xy_img.copy()
+    stale[7] = 1e9
+    tessellator = Tessellator(rest_of(rest))
+    a = tessellator.cells(tracks)
+    b = tessellator.cells(type(tracks)(stale, tracks.sigma_px, tracks.seen, 1.0))
+    assert np.array_equal(a.area_px2, b.area_px2, equal_nan=True)
+
+
+# ---- degenerate
+
+
+@pytest.mark.parametrize(
+    ("rest", "message"),
+    [
+        (np.array([[0.0, 0.0], [1.0, 0.0]]), "2 pins"),
+        (np.stack([np.arange(9.0), 2 * np.arange(9.0)], axis=1), "on a line"),
+        (np.full((5, 2), 3.0), "on a line"),
+        (np.array([[0.0, 0.0], [1.0, 0.0], [np.nan, 1.0]]), "not finite"),
+    ],
+)
+def test_a_rest_frame_without_a_plane_is_refused(rest: Points, message: str) -> None:
+    with pytest.raises(DegenerateLayout, match=message):
+        Tessellator(rest_of(rest))
+
+
+def test_three_pins_are_enough() -> None:
+    rest = np.array([[0.0, 0.0], [10.0, 0.0], [5.0, 9.0]])
+    areas = Tessellator(rest_of(rest)).rest_area_px2
+    assert (areas > 50).all()
+
+
+@pytest.mark.parametrize("seen", [[], [3], [3, 4], [0, 1, 2, 3, 4]])
+def test_too_few_pins_in_view_are_refused(seen: list[int]) -> None:
+    """The last case: a whole row of the grid, and nothing else."""
+    rest = square(8)
+    now = np.full_like(rest, np.nan)
+    now[seen] = rest[seen]
+    tessellator = Tessellator(rest_of(rest))
+    with pytest.raises(DegenerateLayout, match="seen pins"):
+        tessellator.cells(tracks_of(now))
+    assert np.isfinite(tessellator.cells(tracks_of(rest)).area_px2).all()  # and it goes on afterwards
+
+
+def test_pins_fallen_together_are_refused_in_flight() -> None:
+    rest = square(8)
+    tessellator = Tessellator(rest_of(rest))
+    with pytest.raises(DegenerateLayout, match="one place"):
+        tessellator.cells(tracks_of(np.full((64, 2), 5.0)))
+    with pytest.raises(DegenerateLayout, match="on a line"):
+        tessellator.cells(tracks_of(rest @ np.array([[0.3, 0.4], [0.0, 0.0]])))
+    assert np.isfinite(tessellator.cells(tracks_of(rest)).area_px2).all()
+
+
+def test_merged_pins_share_their_cell_and_part_again() -> None:
+    rest = hexagonal(5)
+    tessellator = Tessellator(rest_of(rest))
+    merged = rest.copy()
+    merged[40] = merged[41] = (rest[40] + rest[41]) / 2
+    cells = tessellator.cells(tracks_of(merged))
+    assert cells.area_px2[40] == cells.area_px2[41]
+    assert float(cells.area_px2.sum()) == pytest.approx(float(bounded_polygon_area(cells)), rel=1e-13)
+    assert worst_relative(tessellator.cells(tracks_of(rest)).area_px2, tessellator.rest_area_px2) <= 1e-12
+
+
+def test_a_pin_beyond_the_boundary_has_no_area() -> None:
+    rest = hexagonal(5)
+    now = rest.copy()
+    now[60] = CENTRE + np.array([40 * PITCH_PX, 0.0])
+    cells = cells_of(rest, now)
+    assert np.isnan(cells.area_px2[60])
+    assert np.isfinite(cells.area_px2).sum() > 80
+
+
+# ---- drawings
+
+
+@pytest.mark.parametrize("tip", TIPS)
+def test_polygons_have_the_areas_of_their_cells(tip: str) -> None:
+    rest = TIPS[tip]()
+    now = pressed(rest)
+    now[5] = np.nan
+    cells = cells_of(rest, now)
+    polygons = cell_polygons(cells)
+    assert len(polygons) == len(rest)
+    assert polygons[5].shape == (0, 2)
+    drawn = np.array([polygon_area(p) for p in polygons])
+    seen = np.arange(len(rest)) != 5
+    assert worst_relative(drawn[seen], cells.area_px2[seen]) <= 1e-9
+
+
+def test_triangles_are_kept_while_nothing_flips() -> None:
+    rest = hexagonal()
+    tessellator = Tessellator(rest_of(rest))
+    now = pressed(rest)
+    first = tessellator.cells(tracks_of(now))
+    second = tessellator.cells(tracks_of(now + 1e-3))
+    assert second.triangles is first.triangles
+    assert not first.triangles.flags.writeable
+    assert not first.rest_area_px2.flags.writeable

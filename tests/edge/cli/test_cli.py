@@ -1,0 +1,448 @@
+"""`python -m edge` as a user types it: results, and every mistake one line and exit code 2."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import fields
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from edge.__main__ import main
+from edge.cli.options import LoopOptions
+from edge.recording import Recorder
+from edge.sources import open_source
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
+    """Exit code of a command line."""
+    monkeypatch.setattr("sys.argv", ["edge", *map(str, arguments)])
+    try:
+        main()
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else 1
+    return 0
+
+
+@pytest.fixture
+def tip_image(data_dir: Path, tmp_path: Path) -> Path:
+    """The first frame of a bundled recording as a picture."""
+    source = open_source(str(data_dir / "nothing.mcap"))
+    frame = next(iter(source))
+    source.close()
+    path = tmp_path / "tip.png"
+    cv2.imwrite(str(path), frame.image)
+    return path
+
+
+def write(path: Path, image: np.ndarray) -> Path:
+    cv2.imwrite(str(path), image)
+    return path
+
+
+def test_inspect_lists_the_pins(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tip_image: Path, tmp_path: Path
+) -> None:
+    assert run(monkeypatch, "inspect", tip_image, "--json", "--overlay", tmp_path / "seen") == 0
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found["image"] == str(tip_image)
+    assert found["n_pins"] == len(found["xy_px"]) == 127
+    assert (tmp_path / "seen" / "tip_pins.png").is_file()
+
+
+def test_replay_prints_what_was_held_and_sent(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], data_dir: Path
+) -> None:
+    arguments = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "--sink", "memory:", "--json")
+    calibration = ("--calibration", data_dir / "hex127_flat.json")
+    assert run(monkeypatch, *arguments, *calibration) == 0
+    table = json.loads(capsys.readouterr().out)
+    assert table["frames_n"] == table["sent_n"] == 40
+    assert table["pins_held_min"] == table["pins_n"] == 127
+    assert table["displacement_max_mm"] == pytest.approx(3.0, abs=0.15)
+    # The scene shears by (1.2, -0.9) mm.
+    assert table["shear_peak_deg"] == pytest.approx(np.degrees(np.arctan2(-0.9, 1.2)), abs=3.0)
+
+
+def test_replay_prints_samples_as_json_lines(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], data_dir: Path
+) -> None:
+    assert run(monkeypatch, "replay", data_dir / "nothing.mcap", "--speed", "max", "--samples", "--json") == 0
+    *samples, summary = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert len(samples) == summary["frames_n"] - 7  # frames that became the rest frame have no result
+    assert all(sample["contact_n"] == 0 for sample in samples)
+
+
+def test_a_recording_of_a_replay_replays_the_same(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], data_dir: Path, tmp_path: Path
+) -> None:
+    first = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "--samples")
+    assert run(monkeypatch, *first, "--record", tmp_path / "again.mcap") == 0
+    once = capsys.readouterr().out.splitlines()
+    assert run(monkeypatch, "replay", tmp_path / "again.mcap", "--speed", "max", "--samples") == 0
+    again = capsys.readouterr().out.splitlines()
+
+    def values(lines: list[str]) -> list[dict[str, object]]:
+        samples = [json.loads(line) for line in lines if line.startswith("{")]
+        return [{k: v for k, v in s.items() if k not in ("latency_us", "capture_time_us")} for s in samples]
+
+    assert values(once) == values(again)
+    assert len(values(once)) == 33
+
+
+@pytest.mark.parametrize(("speed", "way_out"), [("100", "--loop plays it on"), ("max", "a longer one")])
+def test_a_recording_that_ends_within_its_tare_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    tip_image: Path,
+    speed: str,
+    way_out: str,
+) -> None:
+    assert run(monkeypatch, "replay", tip_image, "--speed", speed, "-q") == 0
+    (said,) = [record.getMessage() for record in caplog.records if record.name == "edge"]
+    assert said.startswith(f"{tip_image}: ended while the rest frame was being taken (8 images and a search)")
+    assert way_out in said
+
+
+def test_images_that_pass_during_the_tare_are_told(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, data_dir: Path
+) -> None:
+    """A search takes longer than 40 images do at a hundred times their rate."""
+    assert run(monkeypatch, "replay", data_dir / "press_shear.mcap", "--speed", "100", "-q") == 0
+    (said,) = [record.getMessage() for record in caplog.records if record.name == "edge"]
+    assert "while the rest frame was being taken" in said
+    assert "--loop" in said
+
+
+def test_a_recording_that_was_cut_off_is_told_and_its_rest_replayed(
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    capsys: pytest.CaptureFixture[str],
+    data_dir: Path,
+    tmp_path: Path,
+) -> None:
+    with Recorder(tmp_path / "cut.mcap") as recorder:
+        for _ in range(3):  # more than one chunk
+            for frame in open_source(str(data_dir / "press_shear.mcap")):
+                recorder.frame(frame)
+    os.truncate(tmp_path / "cut.mcap", (tmp_path / "cut.mcap").stat().st_size * 2 // 3)
+    assert run(monkeypatch, "replay", tmp_path / "cut.mcap", "--speed", "max", "--json") == 0
+    assert 8 < json.loads(capsys.readouterr().out)["frames_n"] < 120
+    said = f"{tmp_path}/cut.mcap: not whole (cut off at its end); what could be read was taken"
+    assert said in caplog.text
+    caplog.clear()
+    assert run(monkeypatch, "render", tmp_path / "cut.mcap", "-o", tmp_path / "a.mkv", "-q") == 0
+    assert said in caplog.text
+
+
+def test_without_a_sink_it_says_that_samples_are_not_sent(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    arguments = ("run", "--source", "sim:nothing?pins=37&layout=hex&paced=0", "--frames", "1", "-q")
+    assert run(monkeypatch, *arguments) == 0
+    assert "no sink: samples are not sent; give --sink can:can0" in caplog.text
+    caplog.clear()
+    assert run(monkeypatch, *arguments, "--sink", "memory:") == 0
+    assert run(monkeypatch, *arguments, "--record", tmp_path / "a.mcap") == 0
+    assert "no sink" not in caplog.text
+
+
+BLACK, WHITE = np.zeros((240, 320), np.uint8), np.full((240, 320), 255, np.uint8)
+
+
+@pytest.mark.parametrize("image", [BLACK, WHITE], ids=["black", "white"])
+def test_inspect_says_when_there_are_no_pins(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, image: np.ndarray
+) -> None:
+    path = write(tmp_path / "image.png", image)
+    assert run(monkeypatch, "inspect", path, "--json") == 2
+    output = capsys.readouterr()
+    assert json.loads(output.out)[0]["n_pins"] == 0
+    assert len(output.err.strip().splitlines()) == 1
+    assert str(path) in output.err
+
+
+def test_inspect_goes_on_after_a_bad_image(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, tip_image: Path
+) -> None:
+    assert run(monkeypatch, "inspect", tmp_path / "absent.png", tip_image, "--json") == 2
+    output = capsys.readouterr()
+    assert [entry["n_pins"] for entry in json.loads(output.out)] == [0, 127]
+    assert "absent.png" in output.err
+
+
+def _text(folder: Path, name: str, content: str) -> Path:
+    path = folder / name
+    path.write_text(content)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["replay", "absent.mcap"], "absent.mcap"),
+        (["replay", "text.mcap"], "text.mcap"),
+        (["replay", "text.png"], "text.png"),
+        (["replay", "empty"], "empty"),
+        (["replay", "black.png", "--speed", "max"], "black.png"),
+        (["replay", "white.png", "--speed", "max"], "white.png"),
+        (
+            ["replay", "{press}", "--speed", "fast"],
+            "'fast' is not a speed; give a factor from 0.01 to 100, or max",
+        ),
+        (["replay", "{press}", "--speed", "0"], "'0' is not a speed"),
+        (["replay", "{press}", "--speed", "nan"], "'nan' is not a speed"),
+        (["replay", "{press}", "--speed", "max", "--loop"], "--loop: has no end at --speed max"),
+        (["replay", "{press}", "--record", "a.avi"], "a.avi: the name must end in .mcap"),
+        (["replay", "there.mcap", "--record", "there.mcap"], "there.mcap: is an input of this command"),
+        (["replay", "{press}", "--record", "there.mcap"], "there.mcap: exists already; give another name"),
+        (["run", "--record", "there.mcap"], "there.mcap: exists already"),
+        (["render", "video.mp4", "-o", "video.mp4"], "video.mp4: is an input of this command"),
+        (["render", "video.mp4", "-o", "video.mp4", "--overwrite"], "video.mp4: is an input of this command"),
+        (["render", "{press}", "-o", "video.mp4"], "video.mp4: exists already; give another name"),
+        (["render", "{press}", "-o", "a.png"], "a.png: the name must end in .mp4 or .webm or .mkv or .avi"),
+        (["render", "{press}", "-o", "a.mp4", "--rate", "nan"], "'nan' is not a number"),
+        (["render", "{press}", "-o", "a.mp4", "--rate", "inf"], "'inf' is not a number"),
+        (["run", "--frames", "1e3"], "'1e3' is not a whole number"),
+        (["inspect", "black.png", "--overlay", "seen"], "black_pins.png: exists already"),
+        (["inspect", "black.png", "seen/black.png", "--overlay", "new"], "two images are named black"),
+        (["replay", "{press}", "--view", "--view-token-file", "absent"], "absent: No such file"),
+        (["replay", "{press}", "--view", "--view-token-file", "nothing"], "its first line is empty"),
+        (["replay", "{press}", "--view-token", "12345678"], "there is no page; give --view too"),
+        (["replay", "{press}", "--calibration", "text.png"], "not a calibration file"),
+        (["replay", "{press}", "--calibration", "absent.json"], "absent.json: cannot be read"),
+        (["replay", "{press}", "--speed", "max", "--calibration", "{other}"], "calibration"),
+        (["replay", "{press}", "--config", "bad.toml"], "unknown key 'speck' in [source]"),
+        (["replay", "float.tiff"], "float.tiff: pixels of type float32; save it with 8 or 16 bits"),
+        (["inspect", "float.tiff"], "float.tiff: pixels of type float32; save it with 8 or 16 bits"),
+        (["replay", "cut.mcap"], "cut.mcap: cut off before its first whole image; copy or record it again"),
+        (["replay", "{press}", "--view-at", "no host"], "no host 'no host' is known; give HOST:PORT"),
+        (
+            ["render", "{press}", "-o", "a.mp4", "--calibration", "{other}"],
+            "give the calibration of this tip",
+        ),
+        (["run", "--source", "sim:tour?paced=x"], "sim:tour: paced=x: give 0 or 1, e.g. paced=1"),
+        (["run", "--source", "sim:tour?pins=many"], "sim:tour: pins=many: give a whole number"),
+        (["run", "--source", "v4l2:abc"], "v4l2:abc: no such camera; give v4l2:NUMBER"),
+        (["run", "--source", "v4l2:0?width=wide"], "width=wide: give a whole number, e.g. width=1"),
+        (["replay", "{press}", "--sink", "udp:8.8.8.8"], "8.8.8.8 is no multicast group"),
+        (["replay", "{press}", "--sink", "can:can77"], "can77"),
+        (["replay", "{press}", "--sink", "serial:/dev/absent"], "/dev/absent"),
+        (["replay", "{press}", "--sink", "smoke:signals"], "smoke"),
+        (["replay", "{press}", "--record", "no/such/folder.mcap"], "folder.mcap"),
+        (["run", "--source", "v4l2:77"], "77"),
+        (["run", "--source", "nothing:here"], "nothing"),
+        (["inspect", "text.png"], "text.png"),
+        (["inspect"], "IMAGE"),
+        (["dance"], "No such command 'dance'; see python -m edge --help"),
+        (["run", "--frames", "few"], "'few'"),
+    ],
+    ids=lambda value: "_".join(value)[:40] if isinstance(value, list) else "",
+)
+def test_a_mistake_is_one_line_and_exit_code_2(
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    data_dir: Path,
+    tmp_path: Path,
+    arguments: list[str],
+    expected: str,
+) -> None:
+    _text(tmp_path, "text.mcap", "this is a letter, not a recording\n")
+    _text(tmp_path, "text.png", "this is a letter, not an image\n")
+    _text(tmp_path, "bad.toml", "[source]\nspeck = 'v4l2:0'\n")
+    cv2.imwrite(str(tmp_path / "float.tiff"), np.full((240, 320), 0.5, np.float32))
+    whole = (data_dir / "press.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "seen").mkdir()
+    write(tmp_path / "seen" / "black_pins.png", BLACK)
+    (tmp_path / "nothing").touch()
+    kept = {_text(tmp_path, name, "keep me").name: "keep me" for name in ("there.mcap", "video.mp4")}
+    write(tmp_path / "black.png", BLACK)
+    write(tmp_path / "white.png", WHITE)
+    places = {"press": str(data_dir / "press_shear.mcap"), "other": str(data_dir / "rings331_ball.json")}
+    monkeypatch.chdir(tmp_path)
+    assert run(monkeypatch, *[word.format(**places) for word in arguments]) == 2
+    error = capfd.readouterr().err.strip().splitlines()
+    assert len(error) == 1, error
+    assert error[0].startswith("error: ")
+    assert expected in error[0]
+    assert {name: (tmp_path / name).read_text() for name in kept} == kept
+
+
+def test_a_dark_stretch_is_a_status_bit_and_a_count(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], data_dir: Path, tmp_path: Path
+) -> None:
+    source = open_source(str(data_dir / "nothing.mcap"))
+    images = [frame.image for frame in source]
+    source.close()
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for i, image in enumerate([*images[:10], *[np.zeros_like(images[0])] * 4, *images[10:]]):
+        cv2.imwrite(str(folder / f"{i:03d}.png"), image)
+    assert run(monkeypatch, "replay", folder, "--speed", "max", "--samples", "--json") == 0
+    *samples, summary = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert summary["unidentified_n"] == 4
+    assert summary["faults"]["IMAGE_DARK"] == 1
+    from hostlink.wire import Status
+
+    lost = [bool(Status(sample["status"]) & Status.TRACKER_LOST) for sample in samples]
+    assert lost == [False] * 3 + [True] * 4 + [False] * (len(samples) - 7)
+    assert samples[-1]["pins_tracked"] == 1.0
+
+
+# ---- files that are written, and readers that go away -------------------------------------------------
+
+
+def edge(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
+    """The program in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "edge", *map(str, arguments)],
+        capture_output=True, text=True, timeout=120, check=False, **options,
+    )  # fmt: skip
+
+
+def with_a_small_disk(n_bytes: int) -> Callable[[], None]:
+    """No file of the process may grow beyond this: as on a full disk, but for the number of the error."""
+
+    def limit() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, n_bytes))
+
+    return limit
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv", ".avi", ".webm"])
+def test_a_video_that_does_not_fit_on_the_disk_is_one_line_and_no_file(
+    data_dir: Path, tmp_path: Path, suffix: str
+) -> None:
+    arguments = ("render", data_dir / "press_shear.mcap", "-o", tmp_path / f"a{suffix}", "--height", "240")
+    done = edge(*arguments, preexec_fn=with_a_small_disk(60_000))
+    assert done.returncode == 1
+    *noise, said = done.stderr.strip().splitlines()
+    assert said == f"error: {tmp_path}/a{suffix}: cannot be written: No space left on device"
+    assert all("codec id" in line for line in noise)  # OpenCV's word about a tag, printed past its log
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_video_that_replaces_another_is_whole_before_it_does(data_dir: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    path.write_text("the old one")
+    arguments = ("render", data_dir / "nothing.mcap", "-o", path, "--height", "240", "--overwrite", "-q")
+    assert edge(*arguments, preexec_fn=with_a_small_disk(20_000)).returncode == 1
+    assert path.read_text() == "the old one"
+    done = edge(*arguments)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert path.read_bytes()[4:8] == b"ftyp"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_ctrl_c_leaves_no_part_of_a_video(data_dir: Path, tmp_path: Path) -> None:
+    press = tmp_path / "frames"
+    press.mkdir()
+    for n, frame in enumerate([*open_source(str(data_dir / "press_shear.mcap"))] * 10):
+        cv2.imwrite(str(press / f"{n:05d}.png"), frame.image)
+    out = tmp_path / "out"
+    out.mkdir()
+    command = [sys.executable, "-m", "edge", "render", str(press), "-o", str(out / "a.mp4")]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        while not any(path.stat().st_size for path in out.iterdir()):
+            assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        assert process.stderr is not None
+        said = process.stderr.read()
+        assert process.wait() == 130
+    assert said.strip() == ""
+    assert list(out.iterdir()) == []
+
+
+@pytest.mark.parametrize("more", [[], ["--loop"]], ids=["once", "loop"])
+def test_a_reader_that_has_seen_enough_ends_the_replay(data_dir: Path, more: list[str]) -> None:
+    command = [sys.executable, "-m", "edge", "replay", str(data_dir / "press_shear.mcap"), "--samples"]
+    speed = [] if more else ["--speed", "max"]
+    with subprocess.Popen(
+        [*command, *speed, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert "contact_n" in json.loads(process.stdout.readline())
+        process.stdout.close()
+        said = process.stderr.read()
+        assert process.wait(60) == 0
+    # where the recording begins again the pins jump, which is told
+    assert all(line.startswith("WARNING edge.runtime") for line in said.splitlines()), said
+
+
+@pytest.mark.parametrize("samples", [["--samples", "-q"], ["--json"], []], ids=["samples", "json", "table"])
+def test_a_full_disk_behind_stdout_is_one_line(data_dir: Path, samples: list[str]) -> None:
+    with open("/dev/full", "w") as full:
+        replay = ["replay", str(data_dir / "nothing.mcap"), "--speed", "max", *samples]
+        done = subprocess.run(
+            [sys.executable, "-m", "edge", *replay],
+            stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False,
+        )  # fmt: skip
+    assert done.returncode == 1
+    assert done.stderr == "error: stdout: cannot be written: No space left on device\n"
+
+
+def test_a_recording_that_replaces_another_is_asked_for(data_dir: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_text("the old one")
+    arguments = ("replay", data_dir / "nothing.mcap", "--speed", "max", "-q", "--record", path)
+    assert edge(*arguments).returncode == 2
+    assert path.read_text() == "the old one"
+    done = edge(*arguments, "--overwrite")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len(list(open_source(str(path)))) == len(list(open_source(str(data_dir / "nothing.mcap"))))
+
+
+def test_a_picture_with_pins_is_replaced_only_if_asked_for(tip_image: Path, tmp_path: Path) -> None:
+    arguments = ("inspect", tip_image, "--overlay", tmp_path / "seen")
+    assert edge(*arguments).returncode == 0
+    assert edge(*arguments).returncode == 2
+    assert edge(*arguments, "--overwrite").returncode == 0
+    assert [path.name for path in (tmp_path / "seen").iterdir()] == ["tip_pins.png"]
+
+
+@pytest.mark.parametrize("missing", ["numpy", "cv2"])
+def test_without_the_edge_extra_a_command_says_what_to_install(tmp_path: Path, missing: str) -> None:
+    code = (
+        f"import sys; sys.modules[{missing!r}] = None; sys.argv = ['edge', *sys.argv[1:]]\n"
+        "from edge.__main__ import main; main()"
+    )
+    for arguments in (["inspect", "a.png"], ["doctor"], ["replay", "a.mcap"], ["render", "a", "-o", "a.mp4"]):
+        done = subprocess.run(
+            [sys.executable, "-c", code, *arguments],
+            capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path,
+        )  # fmt: skip
+        assert done.returncode == 2, done.stderr
+        (said,) = done.stderr.splitlines()
+        assert said.endswith("install voronoi-touch[edge]")
+
+
+def test_the_version_is_told() -> None:
+    done = edge("--version")
+    assert done.returncode == 0
+    assert done.stdout == f"python -m edge {version('voronoi-touch')}\n"
+
+
+def test_a_token_need_not_stand_on_the_command_line(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, data_dir: Path
+) -> None:
+    """From the environment or a file; and then it is the page's."""
+    path = _text(tmp_path, "token", "from-a-file\nand more\n")
+    given = dict.fromkeys(field.name for field in fields(LoopOptions))
+    assert LoopOptions(**given | {"view_here": True, "view_token_file": path}).listen().token == "from-a-file"
+    monkeypatch.setenv("VORONOI_TOUCH_VIEW_TOKEN", "from-the-environment")
+    assert LoopOptions(**given | {"view_here": True}).listen().token == "from-the-environment"
+    assert LoopOptions(**given).listen() is None

@@ -1,0 +1,291 @@
+"""The doctor finds what is wrong and says what to do, in each case that a user meets."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from edge.__main__ import cli
+from edge.calibration import Calibration
+from edge.cli.doctor import WRITE_BYTES, Line, Machine, examine, worst
+from edge.config import Config, LinkTable, SourceTable, StateTable
+from edge.errors import SourceError
+from edge.sources import open_source
+from edge.types import Clock, Frame, Image
+
+UP: dict[str, Any] = {
+    "ifname": "can0", "flags": ["NOARP", "UP", "LOWER_UP"], "mtu": 72,
+    "linkinfo": {"info_kind": "can", "info_data": {
+        "state": "ERROR-ACTIVE", "berr_counter": {"tx": 0, "rx": 0},
+        "bittiming": {"bitrate": 1_000_000}, "data_bittiming": {"bitrate": 5_000_000},
+    }},
+}  # fmt: skip
+
+
+class Well(Machine):
+    """A machine on which all is well; a test changes one thing."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.can: dict[str, Any] | None = UP
+        self.governor, self.degc, self.synchronised = "performance", 50.0, True
+        self.free, self.write_mb_s = 1 << 34, 400.0
+
+    def interface(self, name: str) -> dict[str, Any] | None:
+        return self.can
+
+    def governors(self) -> set[str]:
+        return {self.governor}
+
+    def temperature_degc(self) -> float:
+        return self.degc
+
+    def clock_synchronised(self) -> bool | None:
+        return self.synchronised
+
+    def free_bytes(self, folder: Path) -> int:
+        return self.free
+
+    def write_s(self, folder: Path, n_bytes: int) -> float:
+        return n_bytes / 1e6 / self.write_mb_s
+
+
+class Camera:
+    """A camera that shows what it is given, at 100 frames/s."""
+
+    name, size_px, rate_hz, live, dropped_n = "camera v4l2:0", (320, 320), 100.0, True, 0
+    condition = frame_condition = ""
+    recorded = ended = False
+
+    def __init__(self, images: list[Image], period_ns: int = 10_000_000) -> None:
+        self._images, self._period_ns, self._n = images, period_ns, 0
+        self.closed = False
+
+    def __iter__(self) -> Iterator[Frame]:
+        raise AssertionError("a live source is read")
+
+    def read(self, timeout_s: float) -> Frame | None:
+        if not self._images:
+            return None
+        self._n += 1
+        image = self._images[self._n % len(self._images)]
+        return Frame(image, self._n * self._period_ns, self._n, Clock.HOST)
+
+    def peek(self) -> None:
+        """No image waits."""
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture(scope="module")
+def rest(data_dir: Path) -> list[Image]:
+    return [f.image for f in list(open_source(str(data_dir / "press.mcap")))[:8]]
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Config:
+    return Config(
+        source=SourceTable(width=320, height=320, rate_hz=100.0),
+        link=LinkTable(sinks=("can:can0",)),
+        state=StateTable(directory=str(tmp_path)),
+    )
+
+
+@pytest.fixture
+def look(config: Config, rest: list[Image], data_dir: Path) -> Callable[..., dict[str, Line]]:
+    """Examine, with one thing changed; the worst line of each topic."""
+
+    def examine_it(
+        images: list[Image] | None = None,
+        machine: Machine | None = None,
+        calibration: Path | None = data_dir / "rings331_ball.json",
+        camera: Camera | Exception | None = None,
+    ) -> dict[str, Line]:
+        chosen = camera or Camera(rest if images is None else images)
+
+        def opener() -> Any:
+            if isinstance(chosen, Exception):
+                raise chosen
+            return chosen
+
+        found: dict[str, Line] = {}
+        for line in examine(config, opener, calibration, machine or Well()):
+            if line.topic not in found or line.level != "ok":
+                found[line.topic] = line
+        if isinstance(chosen, Camera):
+            assert chosen.closed
+        return found
+
+    return examine_it
+
+
+Look = Callable[..., dict[str, Line]]
+
+
+def bad(found: dict[str, Line]) -> dict[str, str]:
+    """Topics that are not ok; each of them says what to do."""
+    assert all(line.advice for line in found.values() if line.level != "ok")
+    return {topic: line.level for topic, line in found.items() if line.level != "ok"}
+
+
+def test_all_is_well(look: Look) -> None:
+    found = look()
+    assert bad(found) == {}
+    assert set(found) == {
+        "camera", "rate", "light", "pins", "focus", "margin", "calibration", "age", "residual", "link",
+        "errors", "processor", "temperature", "clock", "disk",
+    }  # fmt: skip
+    assert found["link"].words == "can0 is up, 1 Mbit/s and 5"
+
+
+def test_no_camera(look: Look) -> None:
+    found = look(camera=SourceError("source v4l2:0: no such camera; cameras here: none"))
+    assert bad(found) == {"camera": "fail"}
+    assert "no such camera" in found["camera"].words
+    assert not {"light", "pins", "focus"} & set(found)  # what cannot be judged is not guessed
+
+
+def test_a_camera_without_images(look: Look, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("edge.cli.doctor.LOOK_S", 0.05)
+    camera = Camera([])
+    camera.condition = "stalled"
+    found = look(camera=camera)
+    assert bad(found) == {"camera": "fail"}
+    assert "stalled" in found["camera"].words
+
+
+def test_a_dark_camera(look: Look, rest: list[Image]) -> None:
+    random = np.random.default_rng(0)
+    found = look([random.integers(0, 2, image.shape, dtype=np.uint8) for image in rest])
+    assert bad(found) == {"light": "fail", "pins": "fail"}
+    assert "LED" in found["light"].advice
+
+
+def test_an_overexposed_camera(look: Look, rest: list[Image]) -> None:
+    found = look([np.full_like(image, 255) for image in rest])
+    assert found["light"].level == "fail"
+    assert "overexposed" in found["light"].advice
+
+
+def test_a_slow_camera(look: Look, rest: list[Image]) -> None:
+    found = look(camera=Camera(rest, period_ns=20_000_000))
+    assert bad(found) == {"rate": "fail"}
+    assert found["rate"].words == "50.0 frames/s, 100 asked"
+
+
+def test_another_tip_s_calibration(look: Look, data_dir: Path) -> None:
+    found = look(calibration=data_dir / "hex127_flat.json")
+    assert found["calibration"].level == "fail"
+    assert (
+        Calibration.load(data_dir / "hex127_flat.json").content.sensor.serial in found["calibration"].advice
+    )
+
+
+def test_a_calibration_that_cannot_be_read(look: Look, tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text("{}")
+    assert bad(look(calibration=tmp_path / "a.json")) == {"calibration": "fail"}
+    assert bad(look(calibration=None)) == {"calibration": "warn"}
+
+
+def test_half_of_the_pins_lost(look: Look, rest: list[Image]) -> None:
+    half = []
+    for image in rest:
+        covered = image.copy()
+        covered[:, 160:] = np.median(image)
+        half.append(covered)
+    found = look(half)
+    assert found["pins"].level == "fail"
+    assert "of the calibration's 331 pins" in found["pins"].words
+
+
+@pytest.mark.parametrize(
+    ("change", "expected", "words"),
+    [
+        (None, {"link": "fail"}, "no CAN interface can0"),
+        ({"flags": ["NOARP"]}, {"link": "fail"}, "can0 is down"),
+        ({"mtu": 16}, {"link": "fail"}, "classic frames only"),
+        ({"linkinfo": {"info_kind": "bridge"}}, {"link": "fail"}, "no CAN interface"),
+        ({"state": "BUS-OFF"}, {"errors": "fail"}, "BUS-OFF"),
+        ({"state": "ERROR-PASSIVE"}, {"errors": "warn"}, "ERROR-PASSIVE"),
+        ({"berr_counter": {"tx": 128, "rx": 0}}, {"errors": "warn"}, "tx 128"),
+    ],
+)
+def test_can(look: Look, change: dict[str, Any] | None, expected: dict[str, str], words: str) -> None:
+    machine = Well()
+    if change is None:
+        machine.can = None
+    elif set(change) & {"flags", "mtu", "linkinfo"}:
+        machine.can = UP | change
+    else:
+        data = UP["linkinfo"]["info_data"] | change
+        machine.can = UP | {"linkinfo": {"info_kind": "can", "info_data": data}}
+    found = look(machine=machine)
+    assert bad(found) == expected
+    assert words in found[next(iter(expected))].words
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value", "topic", "level"),
+    [
+        ("write_mb_s", 5.0, "disk", "warn"),
+        ("free", WRITE_BYTES, "disk", "fail"),
+        ("governor", "powersave", "processor", "warn"),
+        ("degc", 85.0, "temperature", "warn"),
+        ("synchronised", False, "clock", "warn"),
+    ],
+)
+def test_the_board(look: Look, attribute: str, value: object, topic: str, level: str) -> None:
+    machine = Well()
+    setattr(machine, attribute, value)
+    assert bad(look(machine=machine)) == {topic: level}
+
+
+def test_a_folder_that_cannot_be_written(look: Look) -> None:
+    machine = Well()
+
+    def refuse(folder: Path, n_bytes: int) -> float:
+        raise PermissionError(13, "Permission denied")
+
+    machine.write_s = refuse  # type: ignore[method-assign]
+    assert bad(look(machine=machine)) == {"disk": "fail"}
+
+
+def test_the_machine_itself(tmp_path: Path) -> None:
+    """What is faked above is asked in earnest here, as far as any machine has it."""
+    cpu = tmp_path / "sys/devices/system/cpu/cpu0/cpufreq"
+    cpu.mkdir(parents=True)
+    (cpu / "scaling_governor").write_text("ondemand\n")
+    machine = Machine(tmp_path)
+    assert machine.governors() == {"ondemand"}
+    assert machine.free_bytes(tmp_path) > 0
+    assert machine.write_s(tmp_path, 1 << 20) > 0
+    assert [p.name for p in tmp_path.iterdir()] == ["sys"]
+    assert machine.interface("no-such-interface") is None
+
+
+def test_worst() -> None:
+    line = Line("a", "ok", "")
+    assert worst([]) == "ok"
+    assert worst([line, replace(line, level="warn")]) == "warn"
+    assert worst([replace(line, level="fail"), line]) == "fail"
+
+
+def test_on_the_command_line(data_dir: Path) -> None:
+    arguments = ["doctor", "--source", str(data_dir / "press.mcap"), "--sink", "virtual:doctor", "--json"]
+    arguments += ["--calibration", str(data_dir / "rings331_ball.json")]
+    done = CliRunner().invoke(cli, arguments)
+    told = json.loads(done.stdout)
+    assert done.exit_code == (told["worst"] == "fail")
+    levels = {line["topic"]: line["level"] for line in told["lines"]}
+    assert levels["pins"] == levels["calibration"] == levels["link"] == "ok"
+    done = CliRunner().invoke(cli, ["doctor", "--source", "nothing.mcap"])
+    assert done.exit_code == 1
+    assert "no such file" in done.stdout

@@ -1,0 +1,97 @@
+"""`edge render`: the video holds the recording, frame by frame, as the pipeline saw it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from edge.calibration import Calibration
+from edge.cli.render import Style, render_recording
+from edge.errors import CalibrationError, SinkError, SourceError
+from edge.pins import take_rest
+from edge.recording import RecordingSource
+from edge.view.panels import View, draw_camera
+
+
+def frames_of(path: Path) -> list[np.ndarray]:
+    video = cv2.VideoCapture(str(path))
+    frames = []
+    while (read := video.read())[0]:
+        frames.append(read[1])
+    video.release()
+    return frames
+
+
+def red_n(image: np.ndarray) -> int:
+    b, g, r = (image[..., k].astype(int) for k in range(3))
+    return int(((r > 180) & (g < 110) & (b < 110)).sum())
+
+
+def test_every_frame_is_in_the_video(data_dir: Path, tmp_path: Path) -> None:
+    calibration = Calibration.load(data_dir / "rings331_ball.json")
+    made = render_recording(
+        str(data_dir / "press.mcap"), tmp_path / "a.mkv", calibration, Style(rate_hz=25, height=320)
+    )
+    recorded = list(RecordingSource(data_dir / "press.mcap"))
+    frames = frames_of(tmp_path / "a.mkv")
+    assert (made.frames_n, made.unidentified_n, made.pins_n, made.rate_hz) == (len(recorded), 0, 331, 25)
+    assert len(frames) == len(recorded)
+    felt = [frame[:320, :320] for frame in frames]  # the left panel
+    assert red_n(felt[0]) == 0
+    assert red_n(felt[-1]) > 200
+    # The right panel is the camera's own image: as it was recorded, but for the rings and the scale.
+    camera = cv2.cvtColor(frames[-1][:320, 324 : 324 + 320], cv2.COLOR_BGR2GRAY)
+    rest = take_rest([frame.image for frame in recorded[:8]])
+    view = View.of(rest.xy_img, rest.pattern.pitch_px, 320)
+    alike = [
+        np.corrcoef(camera.ravel(), draw_camera(view, frame.image)[..., 0].ravel())[0, 1]
+        for frame in (recorded[0], recorded[-1])
+    ]
+    assert alike[1] > max(0.8, alike[0])
+    assert cv2.VideoCapture(str(tmp_path / "a.mkv")).get(cv2.CAP_PROP_FPS) == pytest.approx(25)
+
+
+def test_the_safe_palette_has_no_red(data_dir: Path, tmp_path: Path) -> None:
+    render_recording(str(data_dir / "press.mcap"), tmp_path / "a.mkv", style=Style("safe", height=240))
+    last = frames_of(tmp_path / "a.mkv")[-1][:240, :240]
+    assert red_n(last) == 0
+    b, g, r = (last[..., k].astype(int) for k in range(3))
+    assert ((r > 200) & (g > 110) & (g < 190) & (b < 80)).sum() > 50
+
+
+def test_mistakes_are_told(data_dir: Path, tmp_path: Path) -> None:
+    press = str(data_dir / "press.mcap")
+    with pytest.raises(SourceError, match="no such file"):
+        render_recording(str(tmp_path / "none.mcap"), tmp_path / "a.mp4")
+    with pytest.raises(SinkError, match=r"give \.mp4"):
+        render_recording(press, tmp_path / "a.gif")
+    with pytest.raises(SinkError, match="cannot be written"):
+        render_recording(press, tmp_path / "nowhere" / "a.mp4")
+    with pytest.raises(CalibrationError):
+        render_recording(
+            str(data_dir / "nothing.mcap"),
+            tmp_path / "a.mp4",
+            Calibration.load(data_dir / "rings331_ball.json"),
+        )
+
+
+def test_the_command(data_dir: Path, tmp_path: Path) -> None:
+    run = [sys.executable, "-m", "edge", "render", str(data_dir / "nothing.mcap"), "--height", "120"]
+    done = subprocess.run(
+        [*run, "-o", str(tmp_path / "a.mp4"), "--json"], capture_output=True, text=True, check=True
+    )
+    assert json.loads(done.stdout)["frames_n"] == len(list(RecordingSource(data_dir / "nothing.mcap")))
+    assert done.stderr == ""
+    done = subprocess.run(
+        [*run, "-o", str(tmp_path / "b.mp4"), "-q"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == ""
+    done = subprocess.run([*run, "-o", str(tmp_path / "b.txt")], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1

@@ -1,0 +1,92 @@
+"""The contact detector against the same decisions in NumPy; what it learns and refuses is in test_extract
+too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from edge.features.contact_detector import ContactDetector
+from edge.features.params import PARAMS
+from edge.geometry.lattice import slope_stencil
+from edge.types import Array, Rest
+from tests.support.fields import areas, push, tip
+
+pytestmark = pytest.mark.kernels
+
+
+def growth_by_medians(rest: Rest, xy: Array) -> Array:
+    """(n,) area change at each pin when each moves as the median of its ring."""
+    ring, slope = slope_stencil(rest.xy_img, rest.pattern.pitch_px)
+    middle = np.median((xy - rest.xy_img)[ring], axis=1)
+    gradient = np.einsum("ndk,nkc->ncd", slope, middle[ring])
+    return np.asarray(np.linalg.det(np.eye(2) + gradient) - 1.0)
+
+
+def test_in_contact_where_ring_means_and_medians_are_beyond_the_limits() -> None:
+    rest = tip(127)
+    ring, _ = slope_stencil(rest.xy_img, rest.pattern.pitch_px)
+    rest_area = areas(rest.xy_img, rest)
+    rng = np.random.default_rng(0)
+    answers = []
+    for height in np.linspace(0.0, 0.01, 40):
+        xy = rest.xy_img + push(rest, (20.0, -15.0), 50.0, height) + rng.normal(0.0, 0.05, (127, 2))
+        change = areas(xy, rest) / rest_area - 1.0
+        limit = PARAMS.raise_sigma * PARAMS.ring_noise * 0.05 / rest.pattern.pitch_px
+        mean = change[ring].mean(axis=1)
+        grown = growth_by_medians(rest, xy)
+        coherent = grown[ring[mean.argmax()]].max() > PARAMS.coherent_peak_rel * limit or grown.max() > limit
+        expected = bool(mean.max() > limit and coherent)
+        assert ContactDetector(rest).by_area(change, xy, 0.05) == expected
+        answers.append(expected)
+    assert len(set(answers)) == 2
+
+
+def test_a_contact_begins_higher_than_it_ends() -> None:
+    rest = tip(127)
+    detector = ContactDetector(rest)
+    change = np.zeros(127)
+    xy = rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1)  # the medians agree throughout
+    between = 0.5 * (PARAMS.raise_sigma + PARAMS.clear_sigma)
+    unit = PARAMS.ring_noise * 0.05 / rest.pattern.pitch_px
+    answers = []
+    for sigmas in (between, PARAMS.raise_sigma + 0.1, between, PARAMS.clear_sigma - 0.1, between):
+        change[:] = sigmas * unit
+        answers.append(ContactDetector.by_area(detector, change, xy, 0.05))
+        detector = detector if answers[-1] else ContactDetector(rest)  # without what it learnt
+    assert answers == [False, True, True, False, False]
+
+
+def test_a_mean_over_few_cells_counts_less_and_over_three_not() -> None:
+    rest = tip(127)
+    ring, _ = slope_stencil(rest.xy_img, rest.pattern.pitch_px)
+    xy = rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1)
+    limit = PARAMS.raise_sigma * PARAMS.ring_noise * 0.05 / rest.pattern.pitch_px
+    for known, factor, expected in ((4, 1.01, True), (4, 0.99, False), (3, 100.0, False)):
+        change = np.full(127, np.nan)
+        change[ring[0, :known]] = factor * limit / np.sqrt(known / 7)
+        assert ContactDetector(rest).by_area(change, xy, 0.05) == expected
+    assert not ContactDetector(rest).by_area(np.full(127, np.nan), xy, 0.05)
+
+
+def test_without_areas_pins_that_move_against_each_other_decide() -> None:
+    rest = tip(127)
+    xy = rest.xy_img + np.array([9.0, -4.0])
+    assert not ContactDetector(rest).by_motion(xy, 0.05)
+    xy += push(rest, (0.0, 0.0), 60.0, 0.02)
+    assert ContactDetector(rest).by_motion(xy, 0.05)
+    xy[:124] = np.nan
+    assert not ContactDetector(rest).by_motion(xy, 0.05)  # three pins say nothing
+
+
+def test_sizes_that_do_not_fit_are_refused() -> None:
+    rest = tip(127)
+    detector, xy = ContactDetector(rest), rest.xy_img
+    for change, places in ((np.zeros(126), xy), (np.zeros(127), xy[1:]), (np.zeros(127), np.zeros((127, 3)))):
+        with pytest.raises(ValueError, match="wanted"):
+            detector.by_area(change, places, 0.05)
+    with pytest.raises(ValueError, match="wanted"):
+        detector.by_motion(xy[1:], 0.05)
+    with pytest.raises(ValueError, match="wanted"):
+        detector.by_motion(np.zeros((127, 1)), 0.05)

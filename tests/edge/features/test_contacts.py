@@ -1,0 +1,147 @@
+"""Contacts of fields with known truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calib.sim import Camera, Contact, Tip, Tool, deform
+from edge.features.contacts import ContactFinder
+from edge.features.surface import Surface
+from edge.types import Array, ContactRegion, Rest
+from tests.support.fields import CENTRE, bar, frame, make_rest, plane, push, tip
+
+pytestmark = pytest.mark.kernels
+
+
+def contacts(rest: Rest, motion: Array, noise: float = 0.05, seed: int = 0) -> tuple[ContactRegion, ...]:
+    surface = Surface(rest)
+    rng = np.random.default_rng(seed)
+    xy = rest.xy_img + motion + rng.normal(0.0, noise, rest.xy_img.shape)
+    tracks, cells = frame(rest, xy)
+    surface.interpolate(cells.area_px2 / cells.rest_area_px2 - 1.0, rest.xy_img, 0.0)
+    surface.field.find_divergence(xy)
+    return ContactFinder(surface).find(xy, tracks.seen, noise)
+
+
+@pytest.mark.parametrize("pins", [127, 331])
+@pytest.mark.parametrize("at", [(0.0, 0.0), (31.0, -14.0), (-60.0, 52.0)])
+def test_one_push_is_one_contact_in_its_place(pins: int, at: tuple[float, float]) -> None:
+    rest = tip(pins)
+    found = contacts(rest, push(rest, at, 1.5 * rest.pattern.pitch_px, 0.2))
+    assert len(found) == 1
+    assert np.hypot(*(found[0].xy_img - CENTRE - at)) < 0.1 * rest.pattern.pitch_px
+    # A cell's area averages over the bump: 0.37.
+    assert found[0].peak == pytest.approx(0.38, rel=0.08)
+    assert len(found[0].ridge_img) == 1
+    assert found[0].elongation < 1.3
+    assert np.isnan(found[0].orientation_rad)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("pins", [127, 331])
+def test_two_pushes_two_pitches_apart_are_two(pins: int) -> None:
+    rest = tip(pins)
+    pitch = rest.pattern.pitch_px
+    rng = np.random.default_rng(5)
+    for _ in range(6):
+        way = rng.uniform(0, np.pi)
+        half = 1.1 * pitch * np.array([np.cos(way), np.sin(way)])
+        shift = rng.uniform(-1.0, 1.0, 2) * pitch
+        motion = push(rest, tuple(shift + half), 0.7 * pitch, 0.3)
+        motion += push(rest, tuple(shift - half), 0.7 * pitch, 0.24)
+        found = contacts(rest, motion)
+        assert len(found) == 2
+        assert found[0].peak > found[1].peak
+        for contact, place in zip(found, (shift + half, shift - half), strict=True):
+            assert np.hypot(*(contact.xy_img - CENTRE - place)) < 0.6 * pitch
+
+
+def test_four_pushes_strongest_first() -> None:
+    rest = tip(331)
+    motion = sum(
+        push(rest, at, 25.0, height)
+        for at, height in [((-70, -60), 0.10), ((70, -60), 0.16), ((-70, 60), 0.13), ((70, 60), 0.2)]
+    )
+    found = contacts(rest, np.asarray(motion))
+    assert [tuple(np.sign(c.xy_img - CENTRE)) for c in found] == [(1, 1), (1, -1), (-1, 1), (-1, -1)]
+
+
+@pytest.mark.parametrize("pins", [127, 331])
+def test_a_flat_contact_is_one_with_an_area(pins: int) -> None:
+    rest = tip(pins)
+    pitch = rest.pattern.pitch_px
+    radius = 4.0 * pitch if pins == 331 else 2.5 * pitch
+    found = contacts(rest, plane(rest, radius, 0.12, 0.7 * pitch))
+    assert len(found) == 1
+    assert len(found[0].ridge_img) > 1  # its ring of maxima
+    assert np.hypot(*(found[0].xy_img - CENTRE)) < 0.2 * pitch
+    assert 0.5 < found[0].area_px2 / (np.pi * radius**2) < 1.5
+    assert np.isnan(found[0].orientation_rad)
+
+
+@pytest.mark.parametrize("degrees", [-80.0, -33.0, 0.0, 20.0, 57.0, 90.0])
+def test_a_long_contact_is_one_with_a_direction(degrees: float) -> None:
+    rest = tip(331)
+    found = contacts(rest, bar(rest, np.deg2rad(degrees), 8.0 * 19.0, 19.0, 0.3))
+    assert len(found) == 1
+    off = (np.rad2deg(found[0].orientation_rad) - degrees + 90.0) % 180.0 - 90.0
+    assert abs(off) < 3.0
+    assert found[0].elongation > 3.0
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("tool", "pose", "expected"),
+    [
+        (Tool("sphere", 3.0), {"x_mm": 3.0, "y_mm": -2.0, "depth_mm": 2.0}, 1),
+        (Tool("sphere", 3.0), {"depth_mm": 2.0, "shear_x_mm": 1.5, "shear_y_mm": -1.0}, 1),
+        (Tool("flat"), {"depth_mm": 1.0}, 1),
+        (Tool("flat"), {"depth_mm": 4.0, "tilt_x_deg": 12.0, "tilt_y_deg": -9.0}, 1),
+        (Tool("flat"), {"depth_mm": 3.0, "tilt_x_deg": 8.0, "shear_x_mm": 2.0}, 1),
+        (Tool("edge", 1.5, 30.0), {"depth_mm": 2.0}, 1),
+        (Tool("two", 1.0, 25.0, 2.0), {"depth_mm": 2.0}, 1),
+        (Tool("two", 1.0, 0.0, 4.0), {"depth_mm": 2.0}, 2),
+        (Tool("two", 1.0, 40.0, 4.0), {"depth_mm": 1.5, "x_mm": 2.0, "y_mm": -3.0}, 2),
+        (Tool("two", 1.5, 100.0, 4.0), {"depth_mm": 2.0, "x_mm": -4.0}, 2),
+        (Tool("two", 1.5, 25.0, 5.0), {"depth_mm": 1.5}, 2),
+        (Tool("two", 1.5, 70.0, 8.0), {"depth_mm": 1.5, "x_mm": 2.0}, 2),
+    ],
+)
+def test_simulated_tools_make_as_many_contacts_as_they_have_places(
+    tool: Tool, pose: dict[str, float], expected: int
+) -> None:
+    camera = Camera(tip=Tip())
+    motion = camera.project(deform(camera.tip, (Contact(tool, **pose),)).tips_mm)
+    rest_xy = camera.project(camera.tip.tips_mm)
+    rest = make_rest(rest_xy + (CENTRE - camera.centre_img), 18.9)
+    found = contacts(rest, motion - rest_xy)
+    assert len(found) == expected
+    if tool.kind == "edge":
+        assert np.rad2deg(found[0].orientation_rad) == pytest.approx(tool.angle_deg, abs=5.0)
+
+
+def test_a_jittering_pin_at_the_rim_is_no_contact() -> None:
+    rest = tip(331)
+    motion = push(rest, (0.0, 0.0), 40.0, 0.1)
+    rim = int(np.argmax(rest.xy_img[:, 0]))
+    motion[rim] -= [0.9, 0.0]
+    assert len(contacts(rest, motion)) == 1
+
+
+@pytest.mark.compiled
+def test_nothing_above_the_threshold_is_no_contact() -> None:
+    rest = tip(331)
+    for seed in range(20):
+        assert contacts(rest, np.zeros((331, 2)), seed=seed) == ()
+
+
+@pytest.mark.compiled
+def test_a_single_touch_stays_one_however_badly_its_pins_are_seen() -> None:
+    """A noise that no sigma tells of, with outliers, as pins behind glare have it."""
+    rest = tip(127)
+    rng = np.random.default_rng(9)
+    for seed in range(20):
+        motion = push(rest, (20.0, -30.0), 50.0, 0.25) + rng.normal(0.0, 0.4, (127, 2))
+        motion[rng.choice(127, 6, replace=False)] += rng.normal(0.0, 2.0, (6, 2))
+        assert len(contacts(rest, motion, seed=seed)) == 1

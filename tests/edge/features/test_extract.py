@@ -1,0 +1,277 @@
+"""The extractor: contact detector, demand, lost pins, and the whole of it against the paper's method."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from edge.cells import Tessellator
+from edge.features import FeatureExtractor
+from edge.features.extract import NEEDS
+from edge.pins import detect, take_rest
+from edge.tracking import Tracker
+from edge.types import Array, Cells, Feature, Features, Rest, Tracks
+from tests.bench.reference import Reference
+from tests.support.fields import CENTRE, areas, clamp, frame, push, tip
+
+pytestmark = [pytest.mark.kernels, pytest.mark.compiled]
+
+ALL = frozenset(Feature)
+OPTIONAL = ("shear_px", "modes_px", "volume_px2", "surface", "contacts", "torsion_rad", "slip_px")
+
+
+def extractor(rest: Rest) -> FeatureExtractor:
+    return FeatureExtractor(rest, areas(rest.xy_img, rest))
+
+
+def noisy(
+    rest: Rest, motion: Array, rng: np.random.Generator, lost: Array | None = None
+) -> tuple[Tracks, Cells]:
+    return frame(rest, rest.xy_img + motion + rng.normal(0.0, 0.05, rest.xy_img.shape), lost)
+
+
+def given_fields(features: Features) -> set[str]:
+    return {name for name in OPTIONAL if getattr(features, name) is not None}
+
+
+def test_every_feature_has_its_needs() -> None:
+    assert set(NEEDS) == set(Feature)
+
+
+@pytest.mark.parametrize(
+    ("demand", "fields"),
+    [
+        (set(), set()),
+        ({Feature.SHEAR}, {"shear_px", "modes_px"}),
+        ({Feature.CONTACTS}, {"contacts"}),
+        ({Feature.DISPLACEMENT}, {"modes_px", "volume_px2"}),
+        ({Feature.TORSION}, {"torsion_rad", "modes_px"}),
+        ({Feature.SLIP}, {"slip_px"}),
+        ({Feature.SURFACE}, {"surface"}),
+        (set(Feature), set(OPTIONAL)),
+    ],
+)
+def test_only_what_is_asked_for(demand: set[Feature], fields: set[str]) -> None:
+    rest = tip(127)
+    tracks, cells = frame(rest, rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1))
+    got = extractor(rest).extract(tracks, cells, frozenset(demand))
+    assert got.in_contact
+    assert given_fields(got) == fields
+
+
+def test_no_contact_makes_no_surface() -> None:
+    rest = tip(331)
+    made = extractor(rest)
+    tracks, cells = frame(rest, rest.xy_img)
+    got = made.extract(tracks, cells, ALL)
+    assert not got.in_contact
+    assert made._surface is None
+    assert got.surface is None
+    assert got.contacts == ()
+    assert got.volume_px2 == 0.0
+
+
+def test_without_cells_motion_alone_is_given() -> None:
+    rest = tip(127)
+    tracks, _ = frame(rest, rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1))
+    got = extractor(rest).extract(tracks, None, ALL)
+    assert got.in_contact
+    assert np.isnan(got.area_change).all()
+    assert given_fields(got) == {"shear_px", "modes_px", "torsion_rad", "slip_px"}
+    shaken = Tracks(rest.xy_img + np.array([3.0, -2.0]), tracks.sigma_px, tracks.seen, 1.0)
+    assert not extractor(rest).extract(shaken, None, ALL).in_contact
+
+
+def test_untouched_frames_with_blinking_pins_never_touch() -> None:
+    rest = tip(331)
+    made = extractor(rest)
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        tracks, cells = noisy(
+            rest, np.zeros((331, 2)), rng, rng.choice(331, rng.integers(0, 100), replace=False)
+        )
+        got = made.extract(tracks, cells, ALL)
+        assert not got.in_contact
+        assert got.contacts == ()
+
+
+@pytest.mark.parametrize("pins", [127, 331])
+@pytest.mark.parametrize("with_cells", [True, False])
+def test_a_reflection_that_shifts_pins_is_no_contact(pins: int, with_cells: bool) -> None:
+    """One pin, or two neighbours towards the light between them; a touch beside it is still felt."""
+    rest = tip(pins)
+    made, light = extractor(rest), extractor(rest)
+    rng = np.random.default_rng(6)
+    inner = np.flatnonzero(np.hypot(*(rest.xy_img - CENTRE).T) < 0.7 * rest.pattern.tip_radius_px)
+    for k, pin in enumerate(rng.choice(inner, 12, replace=False)):
+        other = int(np.argsort(np.hypot(*(rest.xy_img - rest.xy_img[pin]).T))[1])
+        towards = (rest.xy_img[other] - rest.xy_img[pin]) / rest.pattern.pitch_px
+        motion = np.zeros_like(rest.xy_img)
+        motion[pin] = 2.0 * towards
+        if k % 2:
+            motion[other] = -2.0 * towards
+        tracks, cells = noisy(rest, motion, rng)
+        assert not made.extract(tracks, cells if with_cells else None, ALL).in_contact
+        at = CENTRE + rng.uniform(-20.0, 20.0, 2)
+        tracks, cells = noisy(rest, motion + push(rest, tuple(at - CENTRE), 40.0, 0.05), rng)
+        assert light.extract(tracks, cells if with_cells else None, ALL).in_contact
+
+
+@pytest.mark.parametrize("actual", [0.03, 0.12])
+def test_detector_learns_the_noise(actual: float) -> None:
+    """Pins say 0.05 px; the truth is less or more. Afterwards no false touch, and no deafness."""
+    rest = tip(127)
+    made = extractor(rest)
+    rng = np.random.default_rng(2)
+    for k in range(200):
+        xy = rest.xy_img + rng.normal(0.0, min(actual, 0.06 + 0.001 * k), rest.xy_img.shape)
+        assert not made.extract(*frame(rest, xy), ALL).in_contact
+    learnt = made._detector.cell_noise(0.05)
+    assert learnt == pytest.approx(0.83 * actual / rest.pattern.pitch_px, rel=0.25)
+    xy = rest.xy_img + push(rest, (10.0, 10.0), 60.0, 0.04) + rng.normal(0.0, actual, rest.xy_img.shape)
+    assert made.extract(*frame(rest, xy), ALL).in_contact
+
+
+def test_slow_touch_is_not_learnt_as_noise() -> None:
+    rest = tip(331)
+    made = extractor(rest)
+    rng = np.random.default_rng(3)
+    heights = np.linspace(0.0, 0.05, 100)
+    touched = [
+        made.extract(*noisy(rest, push(rest, (0.0, 0.0), 60.0, h), rng), ALL).in_contact for h in heights
+    ]
+    assert not touched[0]
+    assert heights[int(np.argmax(touched))] < 0.005
+    assert all(touched[int(np.argmax(touched)) + 5 :])
+
+
+def test_a_third_of_the_pins_lost_changes_little() -> None:
+    rest = tip(331)
+    made = extractor(rest)
+    rng = np.random.default_rng(4)
+    # The skin is held at the rim, as the boundary of these cells is.
+    motion = (push(rest, (24.0, -17.0), 45.0, 0.15) + np.array([1.5, -0.5])) * clamp(rest)[:, None]
+    full = made.extract(*noisy(rest, motion, rng), ALL)
+    half = made.extract(*noisy(rest, motion, rng, rng.choice(331, 110, replace=False)), ALL)
+    assert full.contacts is not None
+    assert half.contacts is not None
+    assert full.shear_px is not None
+    assert half.shear_px is not None
+    assert full.volume_px2 is not None
+    assert half.volume_px2 is not None
+    assert len(full.contacts) == len(half.contacts) == 1
+    assert np.hypot(*(full.contacts[0].xy_img - half.contacts[0].xy_img)) < 4.0
+    assert half.volume_px2 == pytest.approx(full.volume_px2, rel=0.1)
+    np.testing.assert_allclose(half.shear_px, full.shear_px, atol=0.25)
+
+
+def test_a_probe_under_lost_pins_is_felt() -> None:
+    """The cells that grow are those of the lost pins; the seen ones round them have only moved."""
+    rest = tip(127)
+    xy = rest.xy_img + push(rest, (0.0, 0.0), 0.7 * rest.pattern.pitch_px, 0.2)
+    seen = np.ones(127, dtype=np.bool_)
+    seen[np.argsort(np.hypot(*(rest.xy_img - CENTRE).T))[:4]] = False
+    gone = np.where(seen, 0.0, np.nan)
+    tracks = Tracks(xy + gone[:, None], gone + 0.05, seen, 1.0)
+    tessellator = Tessellator(rest)
+    cells = tessellator.cells(tracks)
+    got = FeatureExtractor(rest, tessellator.rest_area_px2).extract(tracks, cells, ALL)
+    assert got.in_contact
+    assert got.contacts is not None
+    assert len(got.contacts) == 1
+    assert np.hypot(*(got.contacts[0].xy_img - CENTRE)) < 0.25 * rest.pattern.pitch_px
+
+
+def test_where_hardly_a_pin_is_seen_there_is_no_second_contact() -> None:
+    rest = tip(331)
+    pitch = rest.pattern.pitch_px
+    places = ((-4.0 * pitch, 0.0), (4.0 * pitch, 0.0))
+    xy = rest.xy_img + push(rest, places[0], 1.5 * pitch, 0.2) + push(rest, places[1], 1.5 * pitch, 0.15)
+    from_second = np.hypot(*(rest.xy_img - CENTRE - np.array(places[1])).T)
+    for lost, found in ((None, 2), (from_second < 2.6 * pitch, 1), (from_second < 1.1 * pitch, 2)):
+        tracks, cells = frame(rest, xy, lost)
+        contacts = extractor(rest).extract(tracks, cells, ALL).contacts
+        assert contacts is not None
+        assert len(contacts) == found
+    # If that is all there is, it is better than nothing.
+    xy = rest.xy_img + push(rest, places[1], 1.5 * pitch, 0.15)
+    tracks, cells = frame(rest, xy, from_second < 2.6 * pitch)
+    contacts = extractor(rest).extract(tracks, replace(cells, whole_px2=areas(xy, rest)), ALL).contacts
+    assert contacts is not None
+    assert len(contacts) == 1
+
+
+def test_all_pins_lost_is_survived() -> None:
+    rest = tip(127)
+    made = extractor(rest)
+    gone = np.full_like(rest.xy_img, np.nan)
+    tracks = Tracks(gone, gone[:, 0], np.zeros(127, dtype=np.bool_), 0.0)
+    _, cells = frame(rest, rest.xy_img)
+    dark = Cells(gone[:, 0], cells.rest_area_px2, rest.xy_img, cells.triangles, cells.boundary_img)
+    for given in (dark, None):
+        got = made.extract(tracks, given, ALL)
+        assert not got.in_contact
+        assert got.shear_px is not None
+        assert np.isnan(got.shear_px).all()
+
+
+@pytest.mark.parametrize("pins", [127, 331])
+def test_agrees_with_the_papers_method(pins: int) -> None:
+    """Volume within 5 %, place within a third of a pitch, shear exact: one push, no noise."""
+    rest = tip(pins)
+    pitch = rest.pattern.pitch_px
+    image = np.zeros((480, 640), dtype=np.uint8)
+    paper = Reference(image, rest.pattern.pin_radius_px, rest_img=rest.xy_img)
+    for at in ((0.0, 0.0), (35.0, 20.0), (-20.0, 50.0)):
+        xy = rest.xy_img + push(rest, at, 2.5 * pitch, 0.15)
+        oracle = paper.features(xy)
+        got = extractor(rest).extract(*frame(rest, xy), ALL)
+        assert got.volume_px2 is not None
+        assert got.contacts is not None
+        assert got.shear_px is not None
+        # The paper integrates over the skin as it is now: larger by the growth itself.
+        change = got.area_change
+        stretched = float((np.maximum(change, 0.0) * (1.0 + change)).sum() / np.maximum(change, 0.0).sum())
+        assert got.volume_px2 * stretched == pytest.approx(oracle.volume_px2, rel=0.06)
+        assert len(got.contacts) == 1
+        assert np.hypot(*(got.contacts[0].xy_img - oracle.contacts_img[0])) < pitch / 3.0
+        assert np.hypot(*(got.contacts[0].xy_img - CENTRE - at)) < 0.1 * pitch
+        np.testing.assert_allclose(got.shear_px, oracle.shear_px, atol=1e-9)
+
+
+def test_nothing_of_one_frame_is_overwritten_by_the_next() -> None:
+    rest = tip(127)
+    made = extractor(rest)
+    rng = np.random.default_rng(6)
+    first = made.extract(*noisy(rest, push(rest, (0.0, 0.0), 60.0, 0.1), rng), ALL)
+    kept = [np.array(a) for a in (first.area_change, first.displacement_px, first.surface, first.modes_px)]
+    made.extract(*noisy(rest, push(rest, (40.0, 0.0), 60.0, 0.2), rng), ALL)
+    now = (first.area_change, first.displacement_px, first.surface, first.modes_px)
+    for before, after in zip(kept, now, strict=True):
+        np.testing.assert_array_equal(before, after)
+
+
+@pytest.mark.real
+def test_real_flat_contacts_are_one_contact_each(real_dir: Path) -> None:
+    """Every 24th of 600 published frames: one flat surface, tilted and sheared, each a jump from rest."""
+    folder = real_dir / "tactip331_binary"
+    rest = take_rest([cv2.imread(str(folder / "rest.png"), cv2.IMREAD_GRAYSCALE)])
+    tracker, tessellator = Tracker(rest), Tessellator(rest)
+    still = Tracks(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_), 1.0)
+    made = FeatureExtractor(rest, tessellator.cells(still).rest_area_px2)
+    with (folder / "targets.csv").open() as file:
+        names = [row["sensor_image"] for row in csv.DictReader(file)][::24]
+    for name in names:
+        image = cv2.imread(str(next(folder.rglob(name))), cv2.IMREAD_GRAYSCALE)
+        tracks = tracker.identify(detect(image, rest.pattern))
+        got = made.extract(tracks, tessellator.cells(tracks), ALL)
+        assert got.contacts is not None
+        assert len(got.contacts) == 1, name
+        # It lies where the pins' cells have grown most.
+        pin = int(np.nanargmax(got.area_change))
+        assert np.hypot(*(got.contacts[0].xy_img - tracks.xy_img[pin])) < 5.0 * rest.pattern.pitch_px, name

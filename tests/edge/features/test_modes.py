@@ -1,0 +1,67 @@
+"""Modes against NumPy's least squares, and their behaviour under rotation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from edge.features.modes import MODE_NAMES, MODE_POWERS, RIDGE, Modes, mode_basis
+from tests.support.fields import CENTRE, make_rest, push, tip
+
+pytestmark = pytest.mark.kernels
+
+
+@pytest.mark.parametrize("pins", [127, 331])
+@pytest.mark.parametrize("lost", [0, 1, 60])
+def test_least_squares_over_the_seen_pins(pins: int, lost: int) -> None:
+    rest = tip(pins)
+    rng = np.random.default_rng(lost)
+    motion = push(rest, (20.0, -11.0), 45.0, 0.2) + rng.normal(0.0, 0.05, (pins, 2))
+    seen = np.ones(pins, np.bool_)
+    seen[rng.choice(pins, lost, replace=False)] = False
+    motion[~seen] = np.nan
+    basis = mode_basis(rest)
+    b, d = basis[seen], motion[seen] @ [1.0, 1j]
+    expected = np.linalg.solve(b.conj().T @ b + RIDGE * np.eye(b.shape[1]), b.conj().T @ d)
+    np.testing.assert_allclose(Modes(rest).fit(motion, seen), expected, rtol=0, atol=1e-11)
+
+
+def test_modes_turn_by_their_spin() -> None:
+    rest = tip(331)
+    angle = 0.3
+    turn = np.exp(1j * angle)
+    motion = push(rest, (30.0, 12.0), 50.0, 0.2)
+    z = (rest.xy_img - CENTRE) @ [1.0, 1j] * turn
+    turned_rest = make_rest(np.column_stack([z.real, z.imag]) + CENTRE, rest.pattern.pitch_px)
+    d = motion @ [1.0, 1j] * turn
+    seen = np.ones(331, np.bool_)
+    before = Modes(rest).fit(motion, seen)
+    after = Modes(turned_rest).fit(np.column_stack([d.real, d.imag]), seen)
+    spins = np.array([1 - a + b for a, b in MODE_POWERS])
+    np.testing.assert_allclose(after, before * np.exp(1j * spins * angle), atol=1e-9)
+
+
+def test_terms_that_the_layout_cannot_carry_are_zero() -> None:
+    rest = make_rest(CENTRE + 20.0 * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]]), 20.0)
+    fitted = Modes(rest).fit(np.ones((4, 2)), np.ones(4, np.bool_))
+    empty = ~np.any(mode_basis(rest), axis=0)
+    assert empty.any()
+    assert not empty[MODE_NAMES.index("c00")]
+    assert (fitted[empty] == 0.0).all()
+
+
+def test_nothing_seen_gives_zeros() -> None:
+    np.testing.assert_array_equal(
+        Modes(tip(127)).fit(np.full((127, 2), np.nan), np.zeros(127, np.bool_)), 0.0
+    )
+
+
+def test_sizes_that_do_not_fit_are_refused() -> None:
+    made, seen = Modes(tip(127)), np.ones(127, np.bool_)
+    for motion, mask in (
+        (np.zeros((126, 2)), seen),
+        (np.zeros((127, 3)), seen),
+        (np.zeros((127, 2)), seen[1:]),
+    ):
+        with pytest.raises(ValueError, match="wanted"):
+            made.fit(motion, mask)

@@ -1,0 +1,146 @@
+"""Regional maxima against scikit-image; valleys between peaks against connected components."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+from scipy.ndimage import label
+from skimage.morphology import local_maxima
+
+from edge.features.contacts import maxima
+from edge.features.peaks import PEAKS_MAX, PeakFinder
+from edge.types import Array, Mask
+
+pytestmark = pytest.mark.kernels
+
+EVERYWHERE = np.ones((3, 3))
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    arrays(
+        np.float32,
+        array_shapes(min_dims=2, max_dims=2, min_side=1, max_side=12),
+        elements=st.sampled_from([-np.inf, 0.0, 1.0, 2.0, 3.0]),
+    )
+)
+def test_maxima_equal_scikit_image(grid: np.ndarray) -> None:
+    np.testing.assert_array_equal(maxima(grid), local_maxima(grid))
+
+
+@pytest.mark.compiled
+def test_maxima_equal_scikit_image_on_large_plateaus_and_on_noise() -> None:
+    rng = np.random.default_rng(0)
+    for levels in (2, 3, 8, 100):
+        for _ in range(20):
+            grid = rng.integers(0, levels, (48, 64)).astype(np.float32)
+            np.testing.assert_array_equal(maxima(grid), local_maxima(grid))
+    grid = rng.normal(size=(64, 64)).astype(np.float32)
+    np.testing.assert_array_equal(maxima(grid), local_maxima(grid))
+
+
+def disc(size: int) -> Mask:
+    line = np.linspace(-1.0, 1.0, size)
+    return np.asarray(line[:, None] ** 2 + line**2 <= 1.0)
+
+
+def places(finder: PeakFinder) -> Array:
+    """(m, 2) row and column of each peak, without the padding."""
+    return np.column_stack(np.divmod(np.asarray(finder.at)[: finder.n_peaks], finder.width)) - 1
+
+
+def test_the_highest_peaks_above_the_noise_come_in_order() -> None:
+    rng = np.random.default_rng(2)
+    inside = disc(40)
+    field = rng.normal(size=np.count_nonzero(inside)).astype(np.float32)
+    noise = rng.uniform(0.1, 0.4, len(field)).astype(np.float32)
+    finder = PeakFinder(inside)
+    finder.set_field(field)
+    grid = np.full(inside.shape, -np.inf, np.float32)
+    grid[inside] = field
+    least = np.full(inside.shape, np.inf)
+    least[inside] = np.maximum(noise * np.float32(3.0), 0.5)
+    high = np.argwhere(local_maxima(grid) & (grid > least))
+    high = high[np.argsort(-grid[tuple(high.T)], kind="stable")]
+    assert len(high) > PEAKS_MAX
+    assert finder.find(noise, 3.0, 0.5) == PEAKS_MAX
+    np.testing.assert_array_equal(places(finder), high[:PEAKS_MAX])
+    np.testing.assert_array_equal(np.asarray(finder.height), grid[tuple(high[:PEAKS_MAX].T)])
+    np.testing.assert_array_equal(field[np.asarray(finder.point)], np.asarray(finder.height))
+    assert finder.keep((np.arange(PEAKS_MAX) % 5 == 0).astype(np.uint8)) == 5
+    np.testing.assert_array_equal(places(finder), high[:PEAKS_MAX:5])
+
+
+def test_peaks_are_connected_where_no_valley_goes_below_the_level() -> None:
+    rng = np.random.default_rng(3)
+    inside = disc(24)
+    finder = PeakFinder(inside)
+    for _ in range(10):
+        field = rng.normal(size=np.count_nonzero(inside)).astype(np.float32)
+        finder.set_field(field)
+        n = finder.find(np.zeros(len(field), np.float32), 0.0, -10.0)
+        grid = np.full(inside.shape, -np.inf, np.float32)
+        grid[inside] = field
+        at = tuple(places(finder).T)
+        for j in range(n):
+            level = float(grid[at][j]) - float(rng.uniform(0.0, 2.0))
+            component = label(grid >= level, EVERYWHERE)[0][at]
+            assert finder.first_connected(j, level) == int(np.argmax(component == component[j]))
+
+
+def test_no_level_lets_a_walk_leave_the_grid() -> None:
+    """The border is -inf: at a level of -inf it was walked on, beyond the memory of the grid."""
+    inside = np.ones((3, 4), bool)
+    finder = PeakFinder(inside)
+    finder.set_field(np.array([3, 0, 0, 2, 0, 0, 0, 0, 1, 0, 0, 1.5], np.float32))
+    n = finder.find(np.zeros(12, np.float32), 0.0, 0.5)
+    assert n == 4
+    assert [finder.first_connected(j, -np.inf) for j in range(n)] == [0, 0, 0, 0]
+    assert [finder.first_connected(j, np.nan) for j in range(n)] == [0, 1, 2, 3]
+    assert not np.asarray(finder.mark).reshape(5, 6)[0].any()
+
+
+def test_strict_maxima_within_a_region() -> None:
+    rng = np.random.default_rng(4)
+    inside = np.ones((12, 15), np.bool_)
+    field = rng.normal(size=180).astype(np.float32)
+    finder = PeakFinder(inside)
+    finder.set_field(field)
+    member = (rng.random(180) < 0.5).astype(np.uint8)
+    points = np.flatnonzero(rng.random(180) < 0.7).astype(np.int32)
+    chosen = local_maxima(field.reshape(12, 15)).ravel() & (member == 1) & np.isin(np.arange(180), points)
+    assert finder.find_within(member, points, len(points)) == np.count_nonzero(chosen)
+    assert set(np.asarray(finder.point)[: finder.n_peaks]) == set(np.flatnonzero(chosen))
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    finder = PeakFinder(np.ones((4, 5), np.bool_))
+    for n in (0, 19, 21):
+        with pytest.raises(ValueError, match="wanted"):
+            finder.set_field(np.zeros(n, np.float32))
+        with pytest.raises(ValueError, match="wanted"):
+            finder.find(np.zeros(n, np.float32), 1.0, 0.0)
+        with pytest.raises(ValueError, match="wanted"):
+            finder.find_within(np.zeros(n, np.uint8), np.zeros(3, np.int32), 3)
+    for n in (-1, 4):
+        with pytest.raises(ValueError, match="wanted"):
+            finder.find_within(np.ones(20, np.uint8), np.zeros(3, np.int32), n)
+    for point in (-1, 20):
+        with pytest.raises(ValueError, match="points"):
+            finder.find_within(np.ones(20, np.uint8), np.array([point], np.int32), 1)
+    for j in (-1, 0, 3):  # no peaks at all
+        with pytest.raises(ValueError, match="peak"):
+            finder.first_connected(j, 0.0)
+    finder.set_field(np.eye(4, 5, dtype=np.float32).ravel())
+    assert finder.find(np.zeros(20, np.float32), 0.0, 0.5) > 0
+    with pytest.raises(ValueError, match="kept"):
+        finder.keep(np.ones(0, np.uint8))
+
+
+def test_a_finder_without_points_finds_nothing() -> None:
+    finder = PeakFinder(np.zeros((3, 3), np.bool_))
+    finder.set_field(np.empty(0, np.float32))
+    assert finder.find(np.empty(0, np.float32), 1.0, 0.0) == 0

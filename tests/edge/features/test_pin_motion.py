@@ -1,0 +1,135 @@
+"""Mean motion, contact pins, torsion and planes of motion fields with known truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from edge.features.pin_motion import PinMotion
+from edge.types import Array
+from tests.support.fields import CENTRE, make_rest, tip
+
+
+def turned(xy: Array, angle: float, about: Array) -> Array:
+    """Motion of a rigid turn from x towards y."""
+    c, s = np.cos(angle), np.sin(angle)
+    return (xy - about) @ np.array([[c, s], [-s, c]]) + about - xy
+
+
+ALL = np.arange(331, dtype=np.int32)
+
+
+def test_mean_motion_is_that_of_the_seen_pins() -> None:
+    rest = make_rest(np.array([[5.0, 5.0], [6.0, 5.0], [7.0, 5.0]]), 1.0)
+    xy = rest.xy_img + np.array([[1.0, 2.0], [3.0, 4.0], [np.nan, np.nan]])
+    out, sigma = np.empty((3, 2)), np.array([0.1, 0.3, np.nan])
+    got = PinMotion(rest).since_rest(xy, sigma, np.array([True, True, False]), out)
+    assert got == pytest.approx((2.0, 3.0, 0.2, 2))
+    np.testing.assert_array_equal(out, xy - rest.xy_img)
+    x, y, noise, seen = PinMotion(rest).since_rest(xy, sigma, np.zeros(3, dtype=np.bool_), out)
+    assert np.isnan([x, y]).all()
+    assert (noise, seen) == (0.0, 0)
+
+
+@pytest.mark.parametrize("angle", [-1.2, -0.05, 0.0, 0.003, 0.4])
+def test_torsion_is_the_angle_of_a_rigid_turn_wherever_it_is(angle: float) -> None:
+    rest = tip(331)
+    xy = rest.xy_img
+    motion = turned(xy, angle, CENTRE + np.array([80.0, -20.0])) + np.array([7.0, -11.0])
+    pins = np.flatnonzero(np.hypot(*(xy - CENTRE - [30.0, 10.0]).T) < 60.0).astype(np.int32)
+    motion[pins[3]] = np.nan  # a lost pin says nothing
+    assert PinMotion(rest).torsion(motion, pins) == pytest.approx(angle, abs=1e-12)
+
+
+def test_torsion_is_blind_to_shear_and_growth() -> None:
+    rest = tip(331)
+    motion = 0.2 * (rest.xy_img - CENTRE) + [5.0, 2.0]
+    assert PinMotion(rest).torsion(motion, ALL) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_torsion_needs_two_pins() -> None:
+    assert np.isnan(PinMotion(tip(127)).torsion(np.zeros((127, 2)), ALL[:1]))
+
+
+def test_contact_pins_fill_the_ring_of_a_flat_contact() -> None:
+    rest = tip(331)
+    xy = rest.xy_img
+    at = CENTRE + np.array([25.0, -10.0])
+    far = np.hypot(*(xy - at).T)
+    ring = ((far > 55.0) & (far < 75.0)).astype(np.float64)
+    chosen = np.zeros(331, dtype=np.bool_)
+    chosen[PinMotion(rest).in_contact(ring, 0.0)] = True
+    assert chosen[far < 50.0].all()
+    assert not chosen[far > 120.0].any()
+
+
+def test_contact_pins_are_those_of_the_plain_ellipse() -> None:
+    rest = tip(331)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        c = np.maximum(rng.normal(0.0, 1.0, 331) * (rng.random(331) < 0.1), 0.0)
+        r = rest.xy_img - c @ rest.xy_img / c.sum()
+        inverse = np.linalg.inv((r * c[:, None]).T @ r / c.sum())
+        inside = np.einsum("ia,ab,ib->i", r, inverse, r) <= 4.0
+        np.testing.assert_array_equal(PinMotion(rest).in_contact(c, 0.0), np.flatnonzero(inside))
+    one = np.zeros(331)
+    one[7] = 0.3
+    np.testing.assert_array_equal(PinMotion(rest).in_contact(one, 0.0), [7])
+    np.testing.assert_array_equal(PinMotion(rest).in_contact(np.zeros(331), 0.0), np.arange(331))
+
+
+def test_a_plane_takes_off_what_a_load_explains() -> None:
+    rest = tip(331)
+    unit = (rest.xy_img - CENTRE) / rest.pattern.tip_radius_px
+    rng = np.random.default_rng(1)
+    before, now = rng.normal(0.0, 1.0, (2, 331, 2))
+    now[5], before[9] = np.nan, np.nan
+    pins = np.arange(0, 331, 3, dtype=np.int32)
+    used, square, left = PinMotion(rest).fit_step(now, before, pins)
+    step = (now - before)[pins]
+    known = np.isfinite(step[:, 0])
+    basis = np.column_stack([np.ones(len(pins)), unit[pins]])[known]
+    residual = step[known] - basis @ np.linalg.lstsq(basis, step[known], rcond=None)[0]
+    assert used == known.sum()
+    assert square == pytest.approx((step[known] ** 2).sum(), rel=1e-12)
+    assert left == pytest.approx((residual**2).sum(), rel=1e-9)
+    assert PinMotion(rest).fit_step(now, before, pins[:0]) == (0, 0.0, 0.0)
+
+
+def test_a_rest_frame_without_two_coordinates_a_pin_is_refused() -> None:
+    rest = tip(127)
+    pins = replace(rest.pins, xy_img=rest.xy_img[:, :1])
+    with pytest.raises(ValueError, match="wanted"):
+        PinMotion(replace(rest, pins=pins))
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    rest = tip(127)
+    made, xy = PinMotion(rest), rest.xy_img
+    sigma, seen = np.zeros(127), np.ones(127, np.bool_)
+    pins = np.arange(5, dtype=np.int32)
+    for bad in (xy[:-1], np.zeros((127, 3)), np.zeros((128, 2))):
+        with pytest.raises(ValueError, match="wanted"):
+            made.since_rest(bad, sigma, seen, np.empty((127, 2)))
+        with pytest.raises(ValueError, match="wanted"):
+            made.since_rest(xy, sigma, seen, bad)
+        with pytest.raises(ValueError, match="wanted"):
+            made.torsion(bad, pins)
+        with pytest.raises(ValueError, match="wanted"):
+            made.fit_step(bad, xy, pins)
+        with pytest.raises(ValueError, match="wanted"):
+            made.fit_step(xy, bad, pins)
+    with pytest.raises(ValueError, match="wanted"):
+        made.since_rest(xy, sigma[:-1], seen, np.empty((127, 2)))
+    with pytest.raises(ValueError, match="wanted"):
+        made.since_rest(xy, sigma, seen[:-1], np.empty((127, 2)))
+    with pytest.raises(ValueError, match="wanted"):
+        made.in_contact(sigma[:-1], 0.0)
+    for row in (-1, 127, 2**31 - 1):
+        pins[3] = row
+        with pytest.raises(ValueError, match="pins"):
+            made.torsion(xy, pins)
+        with pytest.raises(ValueError, match="pins"):
+            made.fit_step(xy, xy, pins)

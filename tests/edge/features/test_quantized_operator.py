@@ -1,0 +1,66 @@
+"""Products in 16-bit integers: how far they are off, and that no sum overflows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from edge.features.quantized_operator import QuantizedOperator
+
+pytestmark = pytest.mark.kernels
+
+
+@pytest.mark.parametrize(("k", "m"), [(1, 1), (3, 15), (4, 16), (9, 33), (50, 331)])
+def test_product_is_off_by_half_a_step_of_each(k: int, m: int) -> None:
+    rng = np.random.default_rng(k)
+    matrix, values = rng.normal(size=(k, m)), rng.normal(size=m).astype(np.float32)
+    operator = QuantizedOperator(matrix)
+    np.asarray(operator.values)[:] = values
+    operator.apply()
+    step = np.maximum(np.abs(matrix).max(axis=1) / 32767.0, np.abs(matrix).sum(axis=1) / 65000.0)
+    bound = 0.51 * (step * np.abs(values).sum() + np.abs(matrix).sum(axis=1) * np.abs(values).max() / 32767.0)
+    assert (np.abs(np.asarray(operator.result) - matrix @ values) <= bound + 1e-5).all()
+
+
+def test_chosen_rows_are_those_of_the_whole_product() -> None:
+    rng = np.random.default_rng(1)
+    operator = QuantizedOperator(rng.normal(size=(40, 50)))
+    np.asarray(operator.values)[:] = rng.normal(size=50)
+    operator.apply()
+    whole = np.array(operator.result)
+    which = np.array([39, 0, 7, 7, 3], np.int32)
+    operator.apply_rows(which, 4)
+    np.testing.assert_array_equal(np.asarray(operator.result)[:4], whole[which[:4]])
+
+
+def test_the_largest_sums_fit_32_bits() -> None:
+    operator = QuantizedOperator(np.ones((2, 1000)) * [[1.0], [-1.0]])
+    np.asarray(operator.values)[:] = 1.0
+    operator.apply()
+    np.testing.assert_allclose(operator.result, [1000.0, -1000.0], rtol=1e-2)
+
+
+def test_values_round_to_the_nearest_step_ties_to_even() -> None:
+    operator = QuantizedOperator(np.eye(5))
+    np.asarray(operator.values)[:] = [32767.0, 0.5, 1.5, -2.5, 2.4]
+    operator.apply()
+    np.testing.assert_allclose(operator.result, [32767.0, 0.0, 2.0, -2.0, 2.0], rtol=1e-6)
+
+
+def test_zeros_give_zeros() -> None:
+    operator = QuantizedOperator(np.zeros((2, 3)))
+    operator.apply()
+    np.testing.assert_array_equal(operator.result, 0.0)
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    for bad in (np.zeros(3), np.zeros((0, 3)), np.zeros((3, 0)), np.array([[np.nan]]), np.array([[np.inf]])):
+        with pytest.raises(ValueError, match="finite"):
+            QuantizedOperator(bad)
+    operator, which = QuantizedOperator(np.ones((2, 2))), np.array([0, 1, 0], np.int32)
+    for n in (-1, 3, 4):
+        with pytest.raises(ValueError, match="rows"):
+            operator.apply_rows(which, n)
+    for row in (-1, 2):
+        with pytest.raises(ValueError, match="which"):
+            operator.apply_rows(np.array([row], np.int32), 1)

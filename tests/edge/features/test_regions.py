@@ -1,0 +1,114 @@
+"""Contacts from peaks: grouping, shape, splitting, and what is refused; on fields drawn by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from edge.features.peaks import PeakFinder
+from edge.features.regions import CONTACTS_MAX, Regions
+from edge.types import Array
+
+pytestmark = pytest.mark.kernels
+
+SIZE, STEP, X0, Y0 = 41, 2.0, 100.0, 50.0
+NOISE = np.full(SIZE * SIZE, 0.01, np.float32)
+Y, X = np.mgrid[:SIZE, :SIZE].astype(np.float64)
+
+
+def hill(x: float, y: float, height: float, wide: float, narrow: float = 0.0, angle: float = 0.0) -> Array:
+    """A Gaussian hill at a column and row, with axes in steps."""
+    u = (X - x) * np.cos(angle) + (Y - y) * np.sin(angle)
+    v = -(X - x) * np.sin(angle) + (Y - y) * np.cos(angle)
+    return np.asarray(height * np.exp(-0.5 * ((u / wide) ** 2 + (v / (narrow or wide)) ** 2)))
+
+
+def regions_of(field: Array, noise_px: float = 0.0) -> tuple[PeakFinder, Regions]:
+    peaks = PeakFinder(np.ones((SIZE, SIZE), np.bool_))
+    peaks.set_field(field.astype(np.float32).ravel())
+    peaks.find(NOISE, 0.0, 0.05)
+    regions = Regions(peaks, X0, Y0, STEP)
+    regions.merge(NOISE, noise_px)
+    return peaks, regions
+
+
+def place(regions: Regions, x: float, y: float) -> int:
+    """Where a column and row lie in the padded grid."""
+    return int((y + 1) * (SIZE + 2) + x + 1)
+
+
+def test_middle_axes_and_area_of_an_ellipse() -> None:
+    _, regions = regions_of(hill(20.4, 17.0, 1.0, 6.0, 3.0, 0.5))
+    assert regions.n_contacts == 1
+    np.testing.assert_allclose(np.asarray(regions.middle)[0], [X0 + STEP * 20.4, Y0 + STEP * 17.0], atol=0.1)
+    assert regions.direction[0] == pytest.approx(0.5, abs=0.01)
+    assert regions.elongation[0] == pytest.approx(2.0, rel=0.05)
+    cut = np.sqrt(-2.0 * np.log(0.3))  # where the hill has fallen to the region's edge, in its sigmas
+    assert regions.area_px2(0) == pytest.approx(np.pi * 18.0 * cut**2 * STEP**2, rel=0.05)
+    assert regions.peak_height(0) == pytest.approx(1.0, abs=2e-3)
+
+
+def test_a_shallow_valley_joins_and_a_deep_one_separates() -> None:
+    two = hill(14.0, 20.0, 1.0, 3.0) + hill(26.0, 20.0, 0.8, 3.0)
+    _, regions = regions_of(two)
+    assert regions.n_contacts == 2
+    np.testing.assert_allclose(
+        np.asarray(regions.middle)[:2, 0], X0 + STEP * np.array([14.0, 26.0]), atol=0.5
+    )
+    assert [len(regions.ridge(i)) for i in range(2)] == [1, 1]
+    _, noisy = regions_of(two, noise_px=9.0)  # 10 sigma of 9 px times 0.01 is deeper than that valley
+    assert noisy.n_contacts == 1
+    np.testing.assert_allclose(noisy.ridge(0), [[X0 + 28.0, Y0 + 40.0], [X0 + 52.0, Y0 + 40.0]])
+    _, regions = regions_of(np.maximum(two, 0.7))
+    assert regions.n_contacts == 1
+
+
+def test_no_more_contacts_than_there_is_room_for() -> None:
+    field = sum(hill(5.0 + 10.0 * (k % 4), 5.0 + 10.0 * (k // 4), 1.0 - 0.02 * k, 1.5) for k in range(16))
+    _, regions = regions_of(np.asarray(field))
+    assert regions.n_contacts == CONTACTS_MAX
+    np.testing.assert_allclose(np.asarray(regions.middle)[7], [X0 + 70.0, Y0 + 30.0], atol=0.3)
+
+
+def test_the_ground_of_a_dropped_contact_goes_to_the_others() -> None:
+    _, regions = regions_of(hill(14.0, 20.0, 1.0, 3.0) + hill(26.0, 20.0, 0.8, 3.0))
+    before = regions.area_px2(1)
+    regions.keep(np.array([0, 1], np.uint8))
+    assert regions.n_contacts == 1
+    assert np.asarray(regions.middle)[0, 0] < X0 + STEP * 26.0
+    assert regions.area_px2(0) > before
+
+
+def test_a_split_contact_becomes_two_in_the_order_of_their_heights() -> None:
+    _, regions = regions_of(hill(10.0, 20.0, 0.9, 3.0) + hill(30.0, 20.0, 1.0, 5.0, 2.0))
+    regions.split(0, place(regions, 26.0, 20.0), place(regions, 33.0, 20.0))
+    regions.sort()
+    assert regions.n_contacts == 3
+    heights = [float(regions.peak_height(i)) for i in range(3)]
+    assert heights == sorted(heights, reverse=True)
+    columns = (np.asarray(regions.middle)[:3, 0] - X0) / STEP
+    np.testing.assert_allclose(columns, [10.0, 33.0, 26.0], atol=2.0)
+
+
+def test_nothing_above_the_noise_is_no_contact() -> None:
+    _, regions = regions_of(np.zeros((SIZE, SIZE)))
+    assert regions.n_contacts == 0
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    _, regions = regions_of(hill(20.0, 20.0, 1.0, 3.0))
+    with pytest.raises(ValueError, match="noise"):
+        regions.merge(NOISE[1:], 0.0)
+    with pytest.raises(ValueError, match="kept"):
+        regions.keep(np.ones(0, np.uint8))
+    for i in (-1, 1, 8):
+        for ask in (regions.area_px2, regions.peak_height, regions.ridge):
+            with pytest.raises(ValueError, match="contact"):
+                ask(i)
+        with pytest.raises(ValueError, match="contact"):
+            regions.split(i, 50, 60)
+    for at in (-1, (SIZE + 2) ** 2):
+        with pytest.raises(ValueError, match="places"):
+            regions.split(0, 50, at)
+        with pytest.raises(ValueError, match="places"):
+            regions.split(0, at, 50)

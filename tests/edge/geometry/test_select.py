@@ -1,0 +1,31 @@
+"""Selection against sorting."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from edge.geometry.select import kth_smallest
+
+pytestmark = pytest.mark.kernels
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 10, 331])
+@pytest.mark.parametrize("kind", ["random", "sorted", "reversed", "equal", "few"])
+def test_kth_smallest_is_that_of_the_sorted_values(n: int, kind: str) -> None:
+    rng = np.random.default_rng(n)
+    values = {
+        "random": rng.normal(size=n),
+        "sorted": np.arange(n, dtype=np.float64),
+        "reversed": np.arange(n, 0, -1, dtype=np.float64),
+        "equal": np.ones(n),
+        "few": rng.integers(0, 3, n).astype(np.float64),
+    }[kind]
+    for k in {0, n // 2, n - 1}:
+        assert kth_smallest(values.copy(), k) == np.sort(values)[k]
+
+
+@pytest.mark.parametrize(("n", "k"), [(0, 0), (3, 3), (3, -1)])
+def test_a_rank_that_is_not_there_is_refused(n: int, k: int) -> None:
+    with pytest.raises(ValueError, match="values"):
+        kth_smallest(np.zeros(n), k)

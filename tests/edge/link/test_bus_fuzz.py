@@ -1,0 +1,157 @@
+"""Whatever comes over the bus or the line: the node lives, answers, and holds nothing but valid values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import can
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from edge.link import sdo_server
+from edge.link.node import Node
+from edge.link.sinks import CanFdSink, SerialSink
+from edge.runtime.settings import SettingsFile
+from hostlink.wire import OBJECTS, CanIds, Kind, Message, encode_frame, pack_message
+from tests.edge.link.test_node import Finger
+
+NODE = 3
+REQUEST = CanIds().of(Kind.SDO_REQUEST, NODE)
+RESPONSE = CanIds().of(Kind.SDO_RESPONSE, NODE)
+IDENTITY = bytes((0x40, 0x18, 0x10, 0x01, 0, 0, 0, 0))  # upload of 0x1018:1
+FEW = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+class Wire:
+    """A medium that takes everything, and says nothing."""
+
+    instant, bus_off = False, False
+
+    def __init__(self) -> None:
+        self.items: list[Any] = []
+
+    def write(self, item: Any) -> None:
+        self.items.append(item)
+
+    def read(self, timeout_s: float) -> None:
+        return None
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+@contextmanager
+def a_node(kind: type[CanFdSink] | type[SerialSink]) -> Iterator[tuple[Node, Finger, Wire]]:
+    wire, finger = Wire(), Finger()
+    opener = lambda: wire  # noqa: E731
+    sink = CanFdSink("wire", opener, NODE) if kind is CanFdSink else SerialSink("wire", opener)
+    node = Node(sink, finger, SettingsFile(), NODE)
+    yield node, finger, wire
+    node.close()
+
+
+@pytest.fixture(scope="module")
+def on_can() -> Iterator[tuple[Node, Finger, Wire]]:
+    with a_node(CanFdSink) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def on_serial() -> Iterator[tuple[Node, Finger, Wire]]:
+    with a_node(SerialSink) as made:
+        yield made
+
+
+def check_values(node: Node, finger: Finger) -> None:
+    """Everything that can be set lies within its limits; nothing unusable was taken."""
+    for row in OBJECTS:
+        if row.stored and row.type != "domain" and row.low is not None and row.high is not None:
+            assert row.low <= getattr(node._settings.values, row.name) <= row.high, row.name
+    assert all(1 <= kind <= 240 or kind == 254 for kind in node.objects.transmission.values())
+    assert finger.calibration == b"" or finger.calibration.startswith(b"{")
+
+
+INDICES = [*sorted({row.index for row in OBJECTS}), 0, 0x1A00, 0xFFFF]
+COMMANDS = [0x21, 0x22, 0x23, 0x2B, 0x2F, 0x40, 0x60, 0x70, 0x80, 0xC0, 0xA0]
+KINDS = [Message.REQUEST, Message.NMT, Message.SYNC, Message.HEARTBEAT, Message.EMERGENCY]
+requests = st.builds(
+    lambda command, index, sub, data: bytes((command,)) + index.to_bytes(2, "little") + bytes((sub,)) + data,
+    st.one_of(st.sampled_from(COMMANDS), st.integers(0, 255)),
+    st.sampled_from(INDICES),
+    st.integers(0, 6),
+    st.binary(min_size=4, max_size=4),
+)  # fmt: skip
+segments = st.builds(lambda c, d: bytes((c,)) + d, st.integers(0, 0x1F), st.binary(min_size=7, max_size=7))
+frames = st.one_of(requests, segments, st.binary(max_size=8))
+identifiers = st.one_of(
+    st.sampled_from([REQUEST, 0x000, 0x080, 0x100, 0x700 + NODE, 0x080 + NODE]), st.integers(0, 0x7FF)
+)
+
+
+@FEW
+@given(messages=st.lists(st.tuples(identifiers, frames), max_size=40))
+def test_can(on_can: tuple[Node, Finger, Wire], messages: list[tuple[int, bytes]]) -> None:
+    node, finger, wire = on_can
+    for can_id, data in messages:
+        message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
+        node.sink.on_message(message)  # type: ignore[misc]
+    check_values(node, finger)
+    # A master starts it again, whatever it was told; then it answers as ever.
+    node.sink.on_message(can.Message(arbitration_id=0, data=bytes((1, NODE)), is_extended_id=False))  # type: ignore[misc]
+    assert node.drain(5.0)
+    wire.items.clear()
+    node.sink.on_message(can.Message(arbitration_id=REQUEST, data=IDENTITY, is_extended_id=False))  # type: ignore[misc]
+    assert node.drain(5.0)
+    answers = [bytes(m.data) for m in wire.items if m.arbitration_id == RESPONSE]
+    assert [a[:4] for a in answers] == [b"\x43" + IDENTITY[1:4]]
+
+
+@FEW
+@given(
+    chunks=st.lists(
+        st.one_of(
+            st.binary(max_size=80),
+            st.builds(
+                lambda kind, body, counter: encode_frame(kind, pack_message(kind, body, counter)),
+                st.sampled_from(KINDS),
+                st.one_of(st.binary(max_size=60), requests),
+                st.integers(0, 255),
+            ),
+        ),
+        max_size=30,
+    )
+)  # fmt: skip
+def test_serial(on_serial: tuple[Node, Finger, Wire], chunks: list[bytes]) -> None:
+    node, finger, _ = on_serial
+    assert isinstance(node.sink, SerialSink)
+    for chunk in chunks:
+        node.sink._split(chunk)
+    check_values(node, finger)
+    start = encode_frame(Message.NMT, pack_message(Message.NMT, bytes((1,)), 0))
+    node.sink._split(b"\0" + start)
+    assert node.state == "OPERATIONAL"
+    assert len(node.sink._buffer) <= SerialSink.BUFFER_MAX
+
+
+def test_an_endless_upload_is_refused(
+    on_can: tuple[Node, Finger, Wire], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Segments that never end must not fill the board's memory."""
+    monkeypatch.setattr(sdo_server, "DOWNLOAD_MAX", 700)
+    node, finger, wire = on_can
+    row = next(row for row in OBJECTS if row.name == "calibration")
+    start = bytes((0x20,)) + row.index.to_bytes(2, "little") + bytes((row.sub,)) + bytes(4)
+    wire.items.clear()
+    node.sink.on_message(can.Message(arbitration_id=REQUEST, data=start, is_extended_id=False))  # type: ignore[misc]
+    longest = 0
+    for k in range(1000):
+        data = bytes(((k % 2) << 4,)) + b"{segmen"
+        node.sink.on_message(can.Message(arbitration_id=REQUEST, data=data, is_extended_id=False))  # type: ignore[misc]
+        longest = max(longest, node._port.sdo.held_bytes)
+    assert longest <= 707
+    assert node.drain(5.0)
+    assert any(m.data[0] == 0x80 for m in wire.items)
+    assert finger.calibration == b""

@@ -1,0 +1,60 @@
+"""A bus full of junk costs no sample: it is read no faster than the loop can bear, and opens nothing anew."""
+
+from __future__ import annotations
+
+import can
+import pytest
+
+from edge.link.link_sink import READ_SHARE, READ_WINDOW_S, ReadBudget
+from edge.link.media import CanMedium, MediumError
+from hostlink.links import CanLink
+
+
+class Bus:
+    """Its next `recv` raises."""
+
+    def __init__(self, error: Exception, cause: Exception | None) -> None:
+        self._error, self._cause = error, cause
+
+    def recv(self, timeout: float) -> None:
+        raise self._error from self._cause
+
+
+def test_a_datagram_that_is_no_frame_is_counted_and_left() -> None:
+    junk = Bus(can.CanOperationError("could not unpack received message"), ValueError("extra data"))
+    medium = CanMedium(junk, instant=True)  # type: ignore[arg-type]
+    assert [medium.read(0.0) for _ in range(20)] == [None] * 20
+    assert medium.junk_n == 20
+
+
+def test_a_host_s_link_leaves_it_too() -> None:
+    link = CanLink.__new__(CanLink)  # as far as reading goes
+    junk = Bus(can.CanOperationError("could not unpack received message"), ValueError("extra data"))
+    assert link._read(junk) is None
+    with pytest.raises(can.CanOperationError):
+        link._read(Bus(can.CanOperationError("failed"), OSError("the interface went down")))
+
+
+@pytest.mark.parametrize("cause", [OSError("the interface went down"), None])
+def test_a_bus_that_failed_is_not_taken_for_junk(cause: Exception | None) -> None:
+    medium = CanMedium(Bus(can.CanOperationError("failed"), cause), instant=True)  # type: ignore[arg-type]
+    with pytest.raises(MediumError):
+        medium.read(0.0)
+
+
+@pytest.mark.parametrize("cost_s", [20e-6, 100e-6, 1e-3])
+def test_a_reader_that_never_waits_gets_its_share(cost_s: float) -> None:
+    """Simulated: messages without end, each of which costs the reader so much."""
+    now_s = cpu_s = 0.0
+    budget = ReadBudget(cpu_s, now_s)
+    while now_s < 50 * READ_WINDOW_S:
+        now_s, cpu_s = now_s + cost_s, cpu_s + cost_s
+        now_s += budget.pause_s(cpu_s, now_s)
+    assert cpu_s / now_s < 1.2 * READ_SHARE
+
+
+def test_a_reader_that_mostly_waits_is_never_held_up() -> None:
+    budget, now_s, cpu_s = ReadBudget(0.0, 0.0), 0.0, 0.0
+    for _ in range(5000):
+        now_s, cpu_s = now_s + 400e-6, cpu_s + 80e-6  # an upload: a segment, its answer, and waiting
+        assert budget.pause_s(cpu_s, now_s) == 0.0

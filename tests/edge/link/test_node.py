@@ -1,0 +1,550 @@
+"""The node as others see it: `canopen`'s RemoteNode on a virtual bus, serial requests, and what persists."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from importlib.resources import files
+from pathlib import Path
+
+import can
+import canopen
+import pytest
+
+from edge.errors import CalibrationError
+from edge.link.media import open_line
+from edge.link.node import Node, Refused
+from edge.link.object_server import Aborted
+from edge.link.ports import object_dictionary
+from edge.link.sinks import CanFdSink, SerialSink, open_sink
+from edge.runtime.settings import Settings, SettingsFile
+from hostlink.wire import (
+    OBJECTS,
+    Abort,
+    CanIds,
+    DetailAssembler,
+    FaultCode,
+    Message,
+    ObjectReply,
+    ObjectRequest,
+    Op,
+    RestFrameState,
+    State,
+    Status,
+    object_named,
+    pack_value,
+    unpack_emergency,
+    unpack_segment,
+    unpack_state,
+    unpack_value,
+)
+from hostlink.wire.address import parse_address
+
+SOON_S = 5.0
+NODE = 5
+
+
+def until(condition: Callable[[], object], what: str) -> None:
+    end = time.monotonic() + SOON_S
+    while not condition():
+        assert time.monotonic() < end, f"never: {what}"
+        threading.Event().wait(0.002)
+
+
+#: The library waits 0.3 s, which a busy machine may need for other work.
+ANSWER_S = 5.0
+
+
+class Finger:
+    """An application: what the node asked of it."""
+
+    def __init__(self) -> None:
+        self.touched = False
+        self.tares: list[bool] = []
+        self.calibration = b""
+        self.features: frozenset[str] = frozenset()
+        self.faults: dict[FaultCode, bool] = {}
+        self.reboots = 0
+
+    def describe(self) -> Mapping[str, int | float | str | bytes]:
+        return {
+            "serial_number": "VT-0042",
+            "hardware_version": "sim",
+            "software_version": "1.2.3",
+            "pin_n": 331,
+            "samples_n": (1 << 32) + 7,
+            "camera_rate_hz": 239.5,
+        }
+
+    def clock_us(self) -> int | None:
+        return time.monotonic_ns() // 1000
+
+    def tare(self, force: bool) -> None:
+        if self.touched and not force:
+            raise Refused("touched")
+        self.tares.append(force)
+
+    def rest_frame(self) -> Mapping[str, int | float | str | bytes]:
+        return {
+            "rest_frame_request_n": len(self.tares),
+            "rest_frame_state": RestFrameState.ACCEPTED if self.tares else RestFrameState.UNKNOWN,
+            "rest_frame_reason": 0,
+            "rest_frame_words": "",
+        }
+
+    def calibration_bytes(self) -> bytes:
+        return self.calibration
+
+    def upload_calibration(self, data: bytes) -> None:
+        if not data.startswith(b"{"):
+            raise CalibrationError("not JSON")
+        self.calibration = data
+
+    def set_features(self, names: frozenset[str]) -> None:
+        self.features = names
+
+    def reboot(self) -> None:
+        self.reboots += 1
+
+    def report(self, code: FaultCode, active: bool, message: str = "") -> None:
+        self.faults[code] = active
+
+
+def state(sample: int, capture_us: int | None = None) -> State:
+    return State(
+        sample=sample, capture_time_us=sample * 4000 if capture_us is None else capture_us, latency_us=100.0
+    )
+
+
+class Bench:
+    """A node on a virtual bus, with `canopen` and a plain receiver on the other side."""
+
+    def __init__(self, channel: str, tmp_path: Path) -> None:
+        self.channel = channel
+        self.settings = tmp_path / "settings.json"
+        self.listener = can.Bus(interface="virtual", channel=channel)
+        self.finger = Finger()
+        self.network = canopen.Network()
+        self.network.NOTIFIER_CYCLE = 0.02  # how long disconnecting waits for it
+        self.network.connect(interface="virtual", channel=channel)
+        self.remote = self.network.add_node(NODE, object_dictionary())
+        self.remote.sdo.RESPONSE_TIMEOUT = ANSWER_S
+        self.open()
+
+    def open(self) -> None:
+        sink = open_sink(f"virtual:{self.channel}?node={NODE}")
+        assert isinstance(sink, CanFdSink)
+        self.node = Node(sink, self.finger, SettingsFile(self.settings))
+
+    def close(self) -> None:
+        self.node.close()
+        self.network.disconnect()
+        self.listener.shutdown()
+
+    def read(self, name: str) -> object:
+        row = object_named(name)
+        return unpack_value(row, self.remote.sdo.upload(row.index, row.sub))
+
+    def write(self, name: str, value: float | bytes) -> None:
+        row = object_named(name)
+        data = value if isinstance(value, bytes) else pack_value(row, value)
+        self.remote.sdo.download(row.index, row.sub, data)
+
+    def messages(self, can_id: int, n: int) -> list[bytes]:
+        """The next n messages with this identifier."""
+        found: list[bytes] = []
+        while len(found) < n:
+            message = self.listener.recv(SOON_S)
+            assert message is not None, f"{len(found)} of {n} messages 0x{can_id:X}"
+            if message.arbitration_id == can_id:
+                found.append(bytes(message.data))
+        return found
+
+    def samples(self, n: int) -> list[int]:
+        return [unpack_state(data).sample for data in self.messages(0x180 + NODE, n)]
+
+    def nmt(self, command: int) -> None:
+        self.network.send_message(0, bytes((command, NODE)))
+
+
+@pytest.fixture
+def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
+    bench = Bench(f"node-{request.node.name}", tmp_path)
+    yield bench
+    bench.close()
+
+
+def refused(code: int) -> pytest.RaisesExc[canopen.SdoAbortedError]:
+    return pytest.raises(canopen.SdoAbortedError, check=lambda e: e.code == code)
+
+
+def test_boot_up_then_heartbeat(bench: Bench) -> None:
+    beats = bench.messages(0x700 + NODE, 1)
+    assert beats == [b"\0"]
+    bench.write("heartbeat_ms", 10)
+    assert bench.messages(0x700 + NODE, 2) == [b"\5", b"\5"]
+    assert bench.remote.nmt.wait_for_heartbeat(SOON_S) == "OPERATIONAL"
+
+
+def test_remote_node_reads_identity(bench: Bench) -> None:
+    assert bench.read("serial_number") == "VT-0042"
+    assert bench.read("software_version") == "1.2.3"
+    assert bench.read("schema_hash") == object_named("schema_hash").default
+    assert bench.read("camera_rate_hz") == pytest.approx(239.5)
+    assert bench.read("samples_n") == 7  # counts on modulo its width
+    assert bench.read("emergency_cob_id") == 0x80 + NODE
+    assert bench.remote.sdo[0x1018][2].raw == 1
+    before_us = time.monotonic_ns() // 1000
+    assert 0 <= (bench.remote.sdo[0x1013].raw - before_us) % 2**32 < SOON_S * 1e6
+
+
+def test_every_readable_object_answers(bench: Bench) -> None:
+    silent = set()
+    for row in OBJECTS:
+        if row.access == "wo":
+            continue
+        try:
+            bench.remote.sdo.upload(row.index, row.sub)
+        except canopen.SdoAbortedError as error:
+            silent.add((row.name, error.code))
+    empty = {"calibration", "calibration_id", "camera", "refusal", "rest_frame_words"}
+    empty |= {f"error_{i}" for i in range(1, 9)}
+    assert silent == {(name, Abort.NO_DATA) for name in empty}
+
+
+def test_remote_node_with_the_shipped_eds(bench: Bench) -> None:
+    """A third party knows us by the EDS alone."""
+    eds = files("hostlink") / "eds" / "voronoi_touch.eds"
+    remote = bench.network.add_node(NODE, str(eds))
+    assert remote.sdo[0x2000][3].raw == "VT-0042"
+    assert remote.sdo[0x1018][3].raw == object_named("revision").default
+    remote.sdo[0x2010].raw = 1
+    assert bench.finger.tares == [False]
+    remote.sdo[0x1017].raw = 10
+    assert remote.nmt.wait_for_heartbeat(SOON_S) == "OPERATIONAL"
+    bench.node.report(FaultCode.OVERLOAD, True)
+    until(lambda: [e.code for e in remote.emcy.active] == [0x9002], "the emergency")
+    bench.node.report(FaultCode.OVERLOAD, False)
+    until(lambda: not remote.emcy.active, "its clearing")
+
+
+def test_tare_is_refused_under_load_unless_forced(bench: Bench) -> None:
+    bench.write("tare", 1)
+    bench.finger.touched = True
+    with refused(Abort.NOT_NOW):
+        bench.write("tare", 1)
+    bench.write("tare", 2)
+    assert bench.finger.tares == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "code"),
+    [
+        ("divider", b"\0\0", Abort.VALUE_LOW),
+        ("divider", b"\xff\xff", Abort.VALUE_HIGH),
+        ("divider", b"\1", Abort.LENGTH),
+        ("rate_hz", b"\0\0\xc0\x7f", Abort.VALUE_LOW),  # NaN
+        ("schema_hash", b"\0\0\0\0", Abort.READ_ONLY),
+        ("reboot", b"\0\0\0\0", Abort.VALUE_LOW),
+        ("tpdo1_transmission", b"\xf5", Abort.VALUE_RANGE),
+        ("calibration", b"no JSON at all", Abort.VALUE_RANGE),
+    ],
+)
+def test_unusable_values_are_refused(bench: Bench, name: str, data: bytes, code: int) -> None:
+    with refused(code):
+        bench.write(name, data)
+    assert bench.finger.reboots == 0
+
+
+def test_the_node_says_in_words_why_it_refused(bench: Bench) -> None:
+    bench.finger.touched = True
+    for name, value, words in (
+        ("tare", 1, "touched"),
+        ("calibration", b"no JSON", "not JSON"),
+        ("tpdo1_transmission", 245, "transmission type 245: 1..240 or 254"),
+    ):
+        with pytest.raises(canopen.SdoAbortedError):
+            bench.write(name, value)
+        assert bench.read("refusal") == words
+    bench.write("tare", 2)
+    with refused(Abort.NO_DATA):  # nothing is left to say
+        bench.read("refusal")
+
+
+def test_unknown_objects_are_refused(bench: Bench) -> None:
+    with refused(Abort.NO_OBJECT):
+        bench.remote.sdo.upload(0x2999, 0)
+    with refused(Abort.NO_SUB):
+        bench.remote.sdo.upload(0x2020, 99)
+    with refused(Abort.WRITE_ONLY):
+        bench.read("tare")
+
+
+@pytest.mark.parametrize("command", [0x70, 0x10, 0xC4, 0xE0])
+def test_segment_without_a_transfer_is_aborted(bench: Bench, command: int) -> None:
+    bench.network.send_message(0x600 + NODE, bytes((command,)) + bytes(7))
+    (answer,) = bench.messages(0x580 + NODE, 1)
+    assert answer[0] == 0x80
+    bench.remote.sdo.responses.get(timeout=SOON_S)  # the client heard it too, and would take it for its own
+    assert bench.read("divider") == 1
+
+
+def test_calibration_goes_up_and_comes_back(bench: Bench) -> None:
+    with refused(Abort.NO_DATA):
+        bench.read("calibration")
+    file = json.dumps({"curve": list(range(2000))}).encode()
+    bench.write("calibration", file)
+    assert bench.finger.calibration == file
+    assert bench.read("calibration") == file
+
+
+def test_settings_survive_a_restart(bench: Bench) -> None:
+    bench.write("divider", 3)
+    bench.write("features", 0b100001)
+    assert bench.finger.features == {"displacement", "shear"}
+    bench.node.close()
+    bench.finger.features = frozenset()
+    bench.open()
+    assert bench.read("divider") == 3
+    assert bench.finger.features == {"displacement", "shear"}
+    bench.write("restore_defaults", 0x64616F6C)
+    assert bench.read("divider") == 1
+    assert SettingsFile(bench.settings).values == Settings()
+
+
+def test_setting_that_cannot_be_stored_is_refused(bench: Bench) -> None:
+    bench.settings.mkdir()
+    with refused(Abort.NOT_STORED):
+        bench.write("divider", 7)
+    assert bench.read("divider") == 1
+
+
+def test_divider_and_rate_thin_out(bench: Bench) -> None:
+    bench.write("divider", 4)
+    for k in range(20):
+        bench.node.send(state(k))
+    assert bench.samples(5) == [3, 7, 11, 15, 19]
+    bench.write("divider", 1)
+    bench.write("rate_hz", 100.0)
+    sent = [bench.node.send(state(k, 1_000_000 + k * 4167)) for k in range(240)]  # a second at 240 Hz
+    assert 99 <= sum(sent) <= 101
+    assert bench.node.counters.dropped == 0
+
+
+def test_rate_above_the_cameras_leaves_every_frame(bench: Bench) -> None:
+    bench.write("rate_hz", 250.0)
+    jittered = [state(k, k * 4167 + (300 if k % 2 else 0)) for k in range(100)]
+    assert all(bench.node.send(s) for s in jittered)
+
+
+def test_master_stops_and_starts(bench: Bench) -> None:
+    bench.nmt(2)
+    until(lambda: bench.node.state == "STOPPED", "stopped")
+    assert not bench.node.send(state(1))
+    bench.nmt(128)
+    until(lambda: bench.node.state == "PRE-OPERATIONAL", "pre-operational")
+    assert not bench.node.send(state(2))
+    assert bench.read("serial_number") == "VT-0042"
+    bench.nmt(1)
+    until(lambda: bench.node.state == "OPERATIONAL", "operational")
+    assert bench.node.send(state(3))
+    assert bench.samples(1) == [3]
+    bench.messages(0x700 + NODE, 0)
+    bench.nmt(129)
+    until(lambda: bench.node.state == "OPERATIONAL", "up again")
+    assert bench.messages(0x700 + NODE, 1) == [b"\0"]
+
+
+def test_stopped_node_serves_no_objects(bench: Bench) -> None:
+    bench.nmt(2)
+    until(lambda: bench.node.state == "STOPPED", "stopped")
+    bench.remote.sdo.RESPONSE_TIMEOUT = 0.05
+    bench.remote.sdo.MAX_RETRIES = 1
+    with pytest.raises(canopen.SdoCommunicationError):
+        bench.read("divider")
+
+
+def test_sync_sends_the_newest_sample_once(bench: Bench) -> None:
+    bench.write("tpdo1_transmission", 2)
+    for k in range(3):
+        assert not bench.node.send(state(k))
+    for _ in range(4):
+        bench.network.sync.transmit()
+    assert bench.samples(1) == [2]
+    bench.node.send(state(3))
+    bench.network.sync.transmit()
+    bench.network.sync.transmit()
+    assert bench.samples(1) == [3]
+    assert bench.node.counters.sent == 2
+
+
+def test_faults_and_their_clearing(bench: Bench) -> None:
+    bench.node.report(FaultCode.OVERLOAD, True)
+    bench.node.report(FaultCode.OVER_TEMPERATURE, True)
+    bench.node.report(FaultCode.OVERLOAD, True)  # said again: no news
+    bench.node.report(FaultCode.OVERLOAD, False)
+    bench.node.report(FaultCode.OVER_TEMPERATURE, False)
+    overload, hot, cooler, fine = (unpack_emergency(d) for d in bench.messages(0x80 + NODE, 4))
+    assert overload == (0x9002, 0x01, FaultCode.OVERLOAD, Status.OVERLOAD)
+    assert hot == (0x4201, 0x09, FaultCode.OVER_TEMPERATURE, Status.OVERLOAD | Status.OVER_TEMPERATURE)
+    assert cooler == (0, 0x09, FaultCode.OVERLOAD, Status.OVER_TEMPERATURE)
+    assert fine == (0, 0, 0, 0)
+    until(lambda: len(bench.remote.emcy.log) == 4, "seen by canopen")
+    assert bench.remote.emcy.active == []
+    assert bench.read("error_n") == 2
+    assert bench.read("error_1") == 0x4201 | FaultCode.OVER_TEMPERATURE << 16
+    bench.write("error_n", 0)
+    assert bench.read("error_n") == 0
+
+
+def test_lost_link_is_a_fault_and_a_bit(bench: Bench) -> None:
+    sink = bench.node.sink
+    failed = sink._medium
+    assert failed is not None
+    sink._lose(failed, OSError("unplugged"))
+    assert not bench.node.send(state(1))
+    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: True}, "told")
+    until(lambda: bench.node.send(state(2)), "back")
+    assert bench.node.send(state(3))
+    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: False}, "told")
+    first, second = (unpack_state(d) for d in bench.messages(0x180 + NODE, 2))
+    assert (first.sample, second.sample) == (2, 3)
+    assert first.status == Status.LINK_FAULT
+    assert second.status == Status(0)
+
+
+def test_detail_is_off_until_asked_for(bench: Bench) -> None:
+    rows = [(k / 10, -k / 10, 0.1) for k in range(30)]
+    assert not bench.node.send_detail(0, rows)
+    bench.write("detail_divider", 2)
+    assert bench.node.send_detail(1, rows)
+    assert not bench.node.send_detail(2, rows)
+    assembler, detail = DetailAssembler(), None
+    while detail is None:
+        detail = assembler.add(unpack_segment(bench.messages(0x480 + NODE, 1)[0]))
+    assert detail.sample == 1
+    assert [r[0] for r in detail.rows] == pytest.approx([r[0] for r in rows], abs=0.01)
+    until(lambda: bench.node.counters.detail_sent == 1, "counted")
+
+
+def test_moved_identifiers(request: pytest.FixtureRequest) -> None:
+    ids = CanIds(sdo_request=0x680, sdo_response=0x500, heartbeat=0x780 - 0x80)
+    sink = open_sink(f"virtual:{request.node.name}", node=NODE, ids=ids)
+    assert isinstance(sink, CanFdSink)
+    with can.Bus(interface="virtual", channel=request.node.name) as bus:
+        node = Node(sink, Finger())
+        bus.send(
+            can.Message(arbitration_id=0x680 + NODE, data=b"\x40\x00\x12\x02\0\0\0\0", is_extended_id=False)
+        )
+        answer = bus.recv(SOON_S)
+        while answer is not None and answer.arbitration_id != 0x500 + NODE:
+            answer = bus.recv(SOON_S)
+        node.close()
+    assert answer is not None
+    assert bytes(answer.data[4:]) == (0x500 + NODE).to_bytes(4, "little")
+
+
+class Line:
+    """A serial node on a looped line: what it sends comes back, and is sorted here."""
+
+    def __init__(self) -> None:
+        self.sink = SerialSink("loop", open_line(parse_address("serial:loop://")))
+        self.finger = Finger()
+        self.node = Node(self.sink, self.finger)
+        self.heard: list[tuple[Message, int, bytes]] = []
+        port = self.sink.on_frame
+        assert port is not None
+
+        def both(kind: Message, counter: int, body: bytes) -> None:
+            self.heard.append((kind, counter, body))
+            port(kind, counter, body)
+
+        self.sink.on_frame = both
+
+    def ask(self, request: ObjectRequest, counter: int) -> ObjectReply:
+        before = self.replies()
+        self.sink.post_frame(Message.REQUEST, request.pack(), counter)
+        until(lambda: len(self.replies()) > len(before), "a reply")
+        got, body = self.replies()[-1]
+        assert got == counter
+        return ObjectReply.unpack(body)
+
+    def replies(self) -> list[tuple[int, bytes]]:
+        return [(counter, body) for kind, counter, body in self.heard if kind is Message.REPLY]
+
+    def request(self, op: Op, name: str, offset: int = 0, total: int = 0, data: bytes = b"") -> ObjectRequest:
+        row = object_named(name)
+        return ObjectRequest(op, row.index, row.sub, offset, total, data)
+
+
+@pytest.fixture
+def line() -> Iterator[Line]:
+    line = Line()
+    yield line
+    line.node.close()
+
+
+def test_serial_objects_segment_by_segment(line: Line) -> None:
+    file = b"{" + bytes(range(1, 250)) * 2
+    assert line.ask(line.request(Op.WRITE, "calibration", 0, len(file), file[:190]), 1).abort == 0
+    assert line.ask(line.request(Op.WRITE, "calibration", 190, len(file), file[190:380]), 2).abort == 0
+    assert line.finger.calibration == b""
+    assert line.ask(line.request(Op.WRITE, "calibration", 380, len(file), file[380:]), 3).abort == 0
+    assert line.finger.calibration == file
+    back, counter = b"", 4
+    while len(back) < len(file):
+        reply = line.ask(line.request(Op.READ, "calibration", len(back)), counter)
+        assert reply.total == len(file)
+        back, counter = back + reply.data, counter + 1
+    assert back == file
+
+
+def test_serial_segment_out_of_step_is_refused(line: Line) -> None:
+    assert line.ask(line.request(Op.WRITE, "calibration", 50, 100, b"x"), 1).abort == Abort.TOGGLE
+    assert line.ask(line.request(Op.WRITE, "divider", 0, 9, bytes(20)), 2).abort == Abort.LENGTH
+
+
+def test_serial_request_repeated_is_done_once(line: Line) -> None:
+    request = line.request(Op.WRITE, "tare", 0, 1, b"\1")
+    first = line.ask(request, 9)
+    assert line.ask(request, 9) == first
+    assert line.finger.tares == [False]
+    line.ask(request, 10)
+    assert line.finger.tares == [False, False]
+
+
+def test_settings_without_a_folder_are_said_not_to_be_stored(bench: Bench, line: Line) -> None:
+    assert bench.read("settings_stored") is True
+    assert line.ask(line.request(Op.READ, "settings_stored"), 1).data == b"\0"
+
+
+def test_serial_refusal_carries_the_code(line: Line) -> None:
+    line.finger.touched = True
+    assert line.ask(line.request(Op.WRITE, "tare", 0, 1, b"\1"), 1).abort == Abort.NOT_NOW
+
+
+def test_serial_nmt_sync_emergency_heartbeat(line: Line) -> None:
+    line.sink.post_frame(Message.NMT, b"\2", 0)
+    until(lambda: line.node.state == "STOPPED", "stopped")
+    line.sink.post_frame(Message.NMT, b"\1", 1)
+    until(lambda: line.node.state == "OPERATIONAL", "operational")
+    line.node.objects.write(0x1800, 2, b"\1")
+    line.node.send(state(1))
+    line.sink.post_frame(Message.SYNC, b"", 0)
+    until(lambda: line.node.counters.sent == 1, "sent by SYNC")
+    line.node.report(FaultCode.OVERLOAD, True)
+    line.node.objects.write(0x1017, 0, b"\x0a\0")
+    kinds = lambda: {kind for kind, _, _ in line.heard}  # noqa: E731
+    until(lambda: {Message.EMERGENCY, Message.HEARTBEAT} <= kinds(), "emergency and heartbeat")
+    emergency = next(body for kind, _, body in line.heard if kind is Message.EMERGENCY)
+    assert unpack_emergency(emergency)[0] == 0x9002
+
+
+def test_access_outside_of_the_table_never_gets_through(line: Line) -> None:
+    with pytest.raises(Aborted):
+        line.node.objects.read(0, 0)
+    frame = line.sink.frame(Message.REQUEST, b"\1", 0)
+    line.sink.post(frame)  # too short for a request: ignored, and the next one is heard
+    assert line.ask(line.request(Op.READ, "divider"), 1).data == b"\1\0"

@@ -1,0 +1,87 @@
+"""Results as samples: nothing known is lost, nothing unknown is invented."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isnan
+
+import numpy as np
+import pytest
+
+from edge.link.pack import VALUES, to_state
+from edge.types import Reading, Tracks
+from hostlink.wire import FIELDS, Contact, Status, pack_state, unpack_state
+
+
+@dataclass(frozen=True)
+class Measured:
+    tracks: Tracks
+    reading: Reading
+
+
+def tracks(n: int = 10, seen: int = 8, confidence: float = 1.0) -> Tracks:
+    mask = np.arange(n) < seen
+    return Tracks(np.zeros((n, 2)), np.ones(n), mask, confidence)
+
+
+def reading(contacts: int = 2, **values: float) -> Reading:
+    rows = np.array([[k, -k, 0.5] for k in range(contacts)], dtype=float).reshape(-1, 3)
+    return Reading(values, {}, rows, frozenset(), calibrated=True)
+
+
+def test_every_value_has_its_place() -> None:
+    values = {name: float(k + 1) / 4 for k, name in enumerate(sorted(VALUES))}
+    state = to_state(
+        Measured(tracks(), reading(2, **values)),
+        sample=70_000,
+        status=Status.TOUCHED,
+        capture_time_us=1 << 33,
+    )
+    back = unpack_state(pack_state(state, 0))
+    for f in FIELDS:
+        if f.name in values:
+            limited = min(max(values[f.name], f.low), f.high)
+            assert getattr(back, f.name) == pytest.approx(limited, abs=0.501 * f.scale), f.name
+    assert back.sample == 70_000 & 0xFFFF
+    assert back.capture_time_us == 0
+    assert back.status == Status.TOUCHED
+    assert back.pins_tracked == pytest.approx(0.8)
+    assert back.contact_n == 2
+    assert back.contacts == (Contact(0.0, 0.0, 0.5), Contact(1.0, -1.0, 0.5))
+
+
+def test_more_contacts_than_fit_are_counted() -> None:
+    state = to_state(Measured(tracks(), reading(6)), sample=0, status=Status(0), capture_time_us=0)
+    assert state.contact_n == 6
+    assert [c.x_mm for c in state.contacts] == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_bits_that_the_result_itself_shows() -> None:
+    unsure = Reading({}, {}, np.empty((0, 3)), frozenset({"displacement_mm"}), calibrated=False)
+    state = to_state(
+        Measured(tracks(confidence=0.1), unsure), sample=0, status=Status.NOT_LIVE, capture_time_us=0
+    )
+    assert state.status == Status.NOT_LIVE | Status.UNCALIBRATED | Status.SATURATED | Status.TRACKER_LOST
+    assert isnan(state.displacement_mm)
+
+
+def test_without_a_result_only_the_frame_speaks() -> None:
+    state = to_state(
+        None, sample=3, status=Status.CAMERA_FAULT, capture_time_us=9, latency_us=50.0, temperature_degc=41.0
+    )
+    assert (state.sample, state.capture_time_us, state.latency_us, state.temperature_degc) == (
+        3,
+        9,
+        50.0,
+        41.0,
+    )
+    assert state.status == Status.CAMERA_FAULT
+    assert all(isnan(getattr(state, name)) for name in VALUES)
+    assert isnan(state.pins_tracked)
+
+
+def test_value_without_a_field_is_a_programming_error() -> None:
+    with pytest.raises(KeyError, match="displacement_cm"):
+        to_state(
+            Measured(tracks(), reading(0, displacement_cm=1.0)), sample=0, status=Status(0), capture_time_us=0
+        )

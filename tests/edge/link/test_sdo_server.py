@@ -1,0 +1,168 @@
+"""One SDO transfer at a time, whose state is its own: no frame of another one gets into a value."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from edge.link.object_server import Aborted
+from edge.link.sdo_server import IDLE_S, SdoServer
+from hostlink.wire import Abort
+
+LONG, OTHER, SHORT = (0x2030, 0), (0x2000, 3), (0x1018, 1)
+CONTENT = {LONG: bytes(range(100)), OTHER: b"a serial number", SHORT: b"\1\2"}
+
+
+class Objects:
+    """What was written, and three values to read."""
+
+    refusal = ""
+
+    def __init__(self) -> None:
+        self.written: list[tuple[tuple[int, int], bytes]] = []
+
+    def read(self, index: int, sub: int) -> bytes:
+        if (index, sub) not in CONTENT:
+            raise Aborted(Abort.NO_OBJECT)
+        return CONTENT[index, sub]
+
+    def write(self, index: int, sub: int, data: bytes) -> None:
+        self.written.append(((index, sub), data))
+
+
+class Bench:
+    def __init__(self) -> None:
+        self.objects, self.answers, self.now_s = Objects(), list[bytes](), 0.0
+        self.server = SdoServer(self.objects, self.answers.append, lambda: self.now_s)  # type: ignore[arg-type]
+
+    def ask(self, data: bytes) -> bytes:
+        n = len(self.answers)
+        self.server.request(data.ljust(8, b"\0"))
+        assert len(self.answers) <= n + 1
+        return self.answers[-1] if len(self.answers) > n else b""
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def head(command: int, what: tuple[int, int], tail: bytes = b"") -> bytes:
+    return bytes((command,)) + what[0].to_bytes(2, "little") + bytes((what[1],)) + tail
+
+
+def segment(toggle: int, part: bytes, last: bool = False) -> bytes:
+    return bytes((toggle << 4 | (7 - len(part)) << 1 | last,)) + part
+
+
+def code(answer: bytes) -> int:
+    """Of an abort; 0: it is none."""
+    return int.from_bytes(answer[4:], "little") if answer[0] == 0x80 else 0
+
+
+def test_a_read_and_a_stray_download_segment_are_no_upload(bench: Bench) -> None:
+    bench.ask(head(0x40, LONG))
+    assert code(bench.ask(segment(0, b"{}", last=True)))
+    assert bench.objects.written == []
+    assert code(bench.ask(bytes((0x60,)))) == Abort.TOGGLE  # it has ended the read
+
+
+def test_after_an_abort_the_last_segment_applies_nothing(bench: Bench) -> None:
+    bench.ask(head(0x21, LONG, (9).to_bytes(4, "little")))
+    bench.ask(segment(0, b"1234567"))
+    assert bench.ask(head(0x80, LONG, bytes(4))) == b""
+    assert code(bench.ask(segment(1, b"89", last=True))) == Abort.TOGGLE
+    assert bench.objects.written == []
+
+
+def test_another_clients_reads_do_not_redirect_a_write(bench: Bench) -> None:
+    bench.ask(head(0x21, LONG, (9).to_bytes(4, "little")))
+    assert bench.ask(head(0x40, SHORT))[4:6] == b"\1\2"  # needs no state, and is served
+    assert code(bench.ask(head(0x40, OTHER))) == Abort.NOT_NOW
+    bench.ask(segment(0, b"1234567"))
+    assert code(bench.ask(head(0x21, OTHER, (2).to_bytes(4, "little")))) == Abort.NOT_NOW
+    assert bench.ask(segment(1, b"89", last=True))[0] == 0x30
+    assert bench.objects.written == [(LONG, b"123456789")]
+
+
+def test_a_client_that_went_away_holds_the_server_for_a_second(bench: Bench) -> None:
+    bench.ask(head(0x21, LONG))
+    bench.ask(segment(0, b"1234567"))
+    bench.now_s = IDLE_S
+    assert not code(bench.ask(head(0x40, OTHER)))
+    assert code(bench.ask(segment(1, b"89", last=True)))
+    assert bench.objects.written == []
+
+
+def test_a_request_repeated_because_its_answer_was_lost_starts_anew(bench: Bench) -> None:
+    for _ in range(2):
+        assert bench.ask(head(0x40, OTHER))[0] == 0x41
+    assert bench.ask(bytes((0x60,)))[1:] == CONTENT[OTHER][:7]
+
+
+@pytest.mark.parametrize("size", [6, 10])
+def test_a_value_of_another_length_than_announced_is_refused(bench: Bench, size: int) -> None:
+    bench.ask(head(0x21, LONG, size.to_bytes(4, "little")))
+    answers = [bench.ask(segment(0, b"1234567")), bench.ask(segment(1, b"8", last=True))]
+    assert Abort.LENGTH in map(code, answers)
+    assert bench.objects.written == []
+
+
+def test_whole_values_pass(bench: Bench) -> None:
+    assert bench.ask(head(0x2B, SHORT, b"\7\0\0\0"))[0] == 0x60
+    bench.ask(head(0x20, LONG))
+    bench.ask(segment(0, b"1234567"))
+    bench.ask(segment(1, b"", last=True))
+    assert bench.objects.written == [(SHORT, b"\7\0"), (LONG, b"1234567")]
+    back, toggle = b"", 0
+    assert bench.ask(head(0x40, LONG))[4:] == (100).to_bytes(4, "little")
+    while True:
+        answer = bench.ask(bytes((0x60 | toggle << 4,)))
+        back += answer[1 : 8 - (answer[0] >> 1 & 7)]
+        toggle ^= 1
+        if answer[0] & 1:
+            break
+    assert back == CONTENT[LONG]
+
+
+COMMANDS = [0x21, 0x20, 0x40, 0x80, 0xA0, 0xC0, 0xE0, 0x22]
+steps = st.one_of(
+    st.tuples(st.sampled_from(COMMANDS), st.sampled_from([LONG, OTHER, SHORT])),
+    st.tuples(st.sampled_from([0, 1]), st.binary(max_size=7), st.booleans()),
+    st.tuples(st.sampled_from([0x60, 0x70])),
+)  # fmt: skip
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(steps, max_size=40))
+def test_any_frames_write_only_what_one_transfer_brought(sequence: list[tuple[object, ...]]) -> None:
+    """A long value is written only as the segments since the start of a download of that object."""
+    bench, segments, start = Bench(), b"", None
+    for step in sequence:
+        n = len(bench.objects.written)
+        if len(step) == 3:
+            toggle, part, last = step
+            assert isinstance(part, bytes)
+            answer = bench.ask(segment(int(toggle), part, bool(last)))  # type: ignore[call-overload]
+            segments += part
+            for what, data in bench.objects.written[n:]:
+                assert start == what
+                assert data == segments
+            if code(answer) or last:
+                start, segments = None, b""
+        elif len(step) == 2:
+            command, what = step
+            answer = bench.ask(head(command, what))  # type: ignore[arg-type]
+            if command in (0x20, 0x21) and not code(answer):
+                start, segments = what, b""
+            elif command == 0x80 and what == start:
+                start, segments = None, b""
+            for _, data in bench.objects.written[n:]:
+                assert command == 0x22
+                assert data == bytes(4)
+        else:
+            if code(bench.ask(bytes(step))):  # type: ignore[arg-type]
+                start, segments = None, b""
+            assert len(bench.objects.written) == n
+        assert bench.server.held_bytes <= 1 << 10

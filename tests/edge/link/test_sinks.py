@@ -1,0 +1,544 @@
+"""Sinks: what leaves, what is dropped and counted when the medium fails, and that the loop never waits."""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import can
+import pytest
+from can.interfaces.socketcan.socketcan import capture_message
+from can.interfaces.virtual import VirtualBus
+
+from edge.errors import SinkError
+from edge.link.link_sink import RETRY_S
+from edge.link.media import CanMedium, open_bus, open_line
+from edge.link.sinks import (
+    CanClassicSink,
+    CanFdSink,
+    LinkSink,
+    MediumError,
+    MemorySink,
+    SerialSink,
+    open_sink,
+)
+from hostlink.wire import (
+    Assembler,
+    CanIds,
+    FaultCode,
+    Kind,
+    Message,
+    State,
+    pack_message,
+    pack_state,
+    unpack_part,
+    unpack_state,
+)
+from hostlink.wire.address import parse_address
+from hostlink.wire.serial import decode_frame
+
+SOON_S = 5.0  # what comes at all comes in milliseconds; this ends a test that fails
+
+
+def until(condition: Callable[[], object], what: str) -> None:
+    """Wait for something that another thread does."""
+    end = time.monotonic() + SOON_S
+    while not condition():
+        assert time.monotonic() < end, f"never: {what}"
+        threading.Event().wait(0.002)
+
+
+def state(sample: int) -> State:
+    return State(sample=sample, capture_time_us=sample * 4000, displacement_mm=1.25, shear_x_mm=-0.5)
+
+
+@pytest.fixture
+def channel(request: pytest.FixtureRequest) -> str:
+    return f"bus-{request.node.name}"
+
+
+def test_fd_frames_are_the_samples(channel: str) -> None:
+    with can.Bus(interface="virtual", channel=channel) as host:
+        sink = open_sink(f"virtual:{channel}?node=7")
+        assert isinstance(sink, CanFdSink)
+        for k in range(50):
+            assert sink.send(state(k))
+        messages = [host.recv(SOON_S) for _ in range(50)]
+        sink.close()
+    assert all(m is not None and m.is_fd and m.arbitration_id == 0x187 for m in messages)
+    assert [unpack_state(bytes(m.data)) for m in messages if m] == [unpack_state_of(k) for k in range(50)]
+    assert sink.counters.sent == 50
+    assert sink.counters.dropped == 0
+
+
+def unpack_state_of(sample: int) -> State:
+    return unpack_state(pack_state(state(sample), sample))
+
+
+def test_classic_parts_make_the_sample(channel: str) -> None:
+    with can.Bus(interface="virtual", channel=channel) as host:
+        sink = open_sink(f"virtual:{channel}?fd=0", node=3)
+        assert isinstance(sink, CanClassicSink)
+        assert sink.send(state(5))
+        assembler, whole = Assembler(), None
+        while whole is None:
+            message = host.recv(SOON_S)
+            assert message is not None
+            assert not message.is_fd
+            kind = CanIds().kind_of(message.arbitration_id)
+            assert kind is not None
+            assert kind[1] == 3
+            assert kind[0] in (Kind.TPDO1, Kind.TPDO2, Kind.TPDO3, Kind.TPDO4)
+            whole = assembler.add(unpack_part(int(kind[0].value[-1]), bytes(message.data)))
+        sink.close()
+    assert whole.sample == 5
+    assert whole.displacement_mm == pytest.approx(1.25)
+
+
+def test_memory_keeps_the_samples() -> None:
+    sink = open_sink("memory:")
+    assert isinstance(sink, MemorySink)
+    assert sink.send(state(1))
+    assert list(sink.states) == [state(1)]
+
+
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        ("can:nosuch0", "nosuch0"),
+        ("serial:/dev/nosuch", "/dev/nosuch"),
+        ("slcan:/dev/nosuch", "/dev/nosuch"),
+        ("can:x?interface=nosuch", "nosuch"),
+        ("bus:can0", "starts with one of can:"),
+        ("can:", "can:can0"),
+        ("can:can0?speed=5", "no option 'speed'"),
+        ("serial:/dev/ttyS0?baud=fast", "9600..12000000"),
+        ("can:can0?node=200", "1..127"),
+        ("", "starts with"),
+    ],
+)
+def test_unusable_address_is_one_line(spec: str, words: str) -> None:
+    with pytest.raises(SinkError) as caught:
+        open_sink(spec)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+class FlakyBus(VirtualBus):
+    """A virtual bus with an interface that can be taken down, filled up or made to hang."""
+
+    def __init__(self, channel: str) -> None:
+        super().__init__(channel=channel)
+        self.trouble: int | None = None
+        self.hang = threading.Event()
+        self.hang.set()
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self.hang.wait()
+        if self.trouble is not None:
+            raise can.CanOperationError("Failed to transmit", self.trouble)
+        super().send(msg, timeout)
+
+
+class Flaky:
+    """Opens flaky buses; `down` makes opening fail and the open one fail, `full` fills it."""
+
+    def __init__(self, channel: str, instant: bool = True) -> None:
+        self.channel, self.instant = channel, instant
+        self.down = False
+        self.bus: FlakyBus | None = None
+
+    def __call__(self) -> CanMedium:
+        if self.down:
+            raise MediumError("no such device")
+        self.bus = FlakyBus(self.channel)
+        return CanMedium(self.bus, self.instant)
+
+    def fail(self, number: int | None) -> None:
+        assert self.bus is not None
+        self.bus.trouble = number
+
+
+@pytest.fixture
+def flaky(channel: str) -> Flaky:
+    return Flaky(channel)
+
+
+@pytest.fixture
+def fd_sink(flaky: Flaky) -> Iterator[CanFdSink]:
+    sink = CanFdSink("flaky", flaky)
+    yield sink
+    sink.close()
+
+
+def test_interface_down_and_back(channel: str, flaky: Flaky, fd_sink: CanFdSink) -> None:
+    with can.Bus(interface="virtual", channel=channel) as host:
+        assert fd_sink.send(state(0))
+        flaky.down = True
+        flaky.fail(errno.ENETDOWN)
+        for k in range(1, 20):
+            assert not fd_sink.send(state(k))
+        assert not fd_sink.up
+        assert fd_sink.faults == {FaultCode.LINK_DOWN}
+        assert fd_sink.counters.dropped == 19
+        flaky.down = False
+        until(lambda: fd_sink.send(state(20)), "the link is back")
+        assert fd_sink.up
+        received = [host.recv(SOON_S) for _ in range(2)]
+    assert [unpack_state(bytes(m.data)).sample for m in received if m] == [0, 20]
+    assert fd_sink.counters.reconnects == 1
+    assert fd_sink.faults == frozenset()
+
+
+def test_full_buffer_drops_and_keeps_the_bus(flaky: Flaky, fd_sink: CanFdSink) -> None:
+    bus = flaky.bus
+    flaky.fail(errno.ENOBUFS)
+    assert not fd_sink.send(state(0))
+    assert fd_sink.up  # one full buffer is no lost link
+    until(lambda: not (fd_sink.send(state(1)) or fd_sink.up), "drops for long are a lost link")
+    flaky.fail(None)
+    assert fd_sink.send(state(2))
+    assert fd_sink.up
+    assert flaky.bus is bus
+    assert fd_sink.counters.reconnects == 0
+
+
+def test_a_stall_is_told_though_nothing_more_is_to_be_sent(flaky: Flaky, fd_sink: CanFdSink) -> None:
+    told: list[frozenset[FaultCode]] = []
+    fd_sink.on_faults = lambda: told.append(fd_sink.faults)
+    flaky.fail(errno.ENOBUFS)
+    fd_sink.post_can(0x85, bytes(8))  # an emergency will do: the buffer is no less full for it
+    until(lambda: told[-1:] == [frozenset({FaultCode.LINK_DOWN})], "told of the stall")
+    flaky.fail(None)
+    fd_sink.post_can(0x85, bytes(8))
+    until(lambda: told[-1:] == [frozenset()], "told of its end")
+
+
+def test_a_write_that_hangs_is_told_while_it_hangs(channel: str) -> None:
+    flaky = Flaky(channel, instant=False)
+    sink = CanFdSink("slow", flaky)
+    told: list[frozenset[FaultCode]] = []
+    sink.on_faults = lambda: told.append(sink.faults)
+    assert flaky.bus is not None
+    flaky.bus.hang.clear()
+    assert sink.send(state(0))
+    until(lambda: told[-1:] == [frozenset({FaultCode.LINK_DOWN})], "told of the write that hangs")
+    flaky.bus.hang.set()
+    until(lambda: told[-1:] == [frozenset()], "told of its end")
+    sink.close()
+
+
+def test_bus_off_is_told_by_the_link(channel: str, fd_sink: CanFdSink) -> None:
+    told: list[frozenset[FaultCode]] = []
+    fd_sink.on_faults = lambda: told.append(fd_sink.faults)
+    with can.Bus(interface="virtual", channel=channel) as host:
+        host.send(can.Message(is_error_frame=True, arbitration_id=0x40))
+        until(lambda: told[-1:] == [frozenset({FaultCode.BUS_OFF})], "told of bus-off")
+        assert fd_sink.send(state(1))
+        until(lambda: told[-1:] == [frozenset()], "told of its end")
+
+
+def test_bus_off_is_seen_and_forgotten(channel: str, fd_sink: CanFdSink) -> None:
+    with can.Bus(interface="virtual", channel=channel) as host:
+        host.send(can.Message(is_error_frame=True, arbitration_id=0x40))
+        until(lambda: fd_sink.faults == {FaultCode.BUS_OFF}, "bus-off")
+        assert fd_sink.send(state(1))
+        assert fd_sink.faults == frozenset()
+
+
+def test_a_reader_woken_for_what_a_writer_was_told_does_not_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The kernel says once that an interface is down; whoever reads after that must not hold the link."""
+    ours, theirs = socket.socketpair()
+
+    class Woken:
+        def __init__(self, **arguments: object) -> None:
+            assert arguments["interface"] == "socketcan"
+
+        def fileno(self) -> int:
+            return ours.fileno()
+
+        def recv(self, timeout_s: float) -> can.Message | None:
+            return capture_message(ours)  # as after a select that said there was something
+
+    monkeypatch.setattr(can, "Bus", Woken)
+    late = threading.Timer(
+        SOON_S, theirs.close
+    )  # ends the wait of a reader that does wait, with another error
+    with ours, theirs:
+        medium = open_bus(parse_address("can:can0"))()
+        late.start()
+        with pytest.raises(MediumError):
+            medium.read(0.01)
+        late.cancel()
+
+
+def test_bus_off_of_an_interface_of_the_kernel_lasts_until_its_carrier_is_back(
+    channel: str, tmp_path: Path
+) -> None:
+    carrier = tmp_path / "carrier"
+    carrier.write_text("0\n")
+    sink = CanFdSink("kernel", lambda: CanMedium(FlakyBus(channel), True, carrier))
+    with can.Bus(interface="virtual", channel=channel) as host:
+        host.send(can.Message(is_error_frame=True, arbitration_id=0x40))
+        until(lambda: sink.faults == {FaultCode.BUS_OFF}, "bus-off")
+        assert not sink.send(state(0))  # the kernel would take it, and throw it away
+        assert sink.faults == {FaultCode.BUS_OFF}
+        carrier.write_text("1\n")
+        until(lambda: sink.send(state(1)), "carrier")
+        assert sink.faults == frozenset()
+        message = host.recv(SOON_S)
+    sink.close()
+    assert message is not None
+    assert unpack_state(bytes(message.data)).sample == 1
+
+
+def test_a_medium_that_opens_and_fails_at_once_is_not_tried_without_end(channel: str) -> None:
+    opened = 0
+
+    class Down(FlakyBus):
+        """As SocketCAN on an interface that is down."""
+
+        def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+            raise can.CanOperationError("Network is down", errno.ENETDOWN)
+
+    def opener() -> CanMedium:
+        nonlocal opened
+        opened += 1
+        return CanMedium(FlakyBus(channel) if opened == 1 else Down(channel), True)
+
+    sink = CanFdSink("down", opener)
+    assert sink.send(state(0))
+    medium = sink._medium
+    assert medium is not None
+    sink._lose(medium, OSError("gone"))
+    until(lambda: opened >= 4, "three attempts")
+    assert not sink.up
+    assert sink.faults == {FaultCode.LINK_DOWN}
+    begun, before = time.monotonic(), opened
+    until(lambda: opened >= before + 3, "three more")
+    assert time.monotonic() - begun > 1.9 * RETRY_S
+    sink.close()
+
+
+def test_hanging_medium_does_not_hold_the_loop(channel: str) -> None:
+    flaky = Flaky(channel, instant=False)
+    sink = CanFdSink("slow", flaky)
+    with can.Bus(interface="virtual", channel=channel) as host:
+        assert flaky.bus is not None
+        flaky.bus.hang.clear()
+        results = [sink.send(state(k)) for k in range(100)]  # would never end, were it to wait
+        until(lambda: not sink.up, "a write that does not end is a lost link")
+        flaky.bus.hang.set()
+        assert sink.drain(SOON_S)
+        samples = []
+        while (message := host.recv(0.05)) is not None:
+            samples.append(unpack_state(bytes(message.data)).sample)
+    sink.close()
+    assert samples[-4:] == [96, 97, 98, 99]  # newest wins
+    assert len(samples) <= 5
+    assert results.count(False) == sink.counters.dropped == 100 - len(samples)
+    assert sink.counters.sent == len(samples)
+
+
+def test_answers_overtake_samples_and_detail_waits(channel: str) -> None:
+    flaky = Flaky(channel, instant=False)
+    sink = CanFdSink("slow", flaky)
+    with can.Bus(interface="virtual", channel=channel) as host:
+        assert flaky.bus is not None
+        flaky.bus.hang.clear()
+        sink.send(state(0))
+        until(lambda: sink._write_began_s is not None, "the worker writes")
+        assert sink.send_detail([sink.encode_detail(bytes(64))], 0.0)
+        assert not sink.send_detail([sink.encode_detail(bytes(64))], 0.0)
+        sink.send(state(1))
+        sink.post_can(0x581, b"answer")
+        assert not sink.send_detail([sink.encode_detail(bytes(64))], 0.0)
+        flaky.bus.hang.set()
+        ids = [m.arbitration_id for m in (host.recv(SOON_S) for _ in range(4)) if m]
+        assert sink.drain(SOON_S)
+        until(lambda: sink.counters.detail_sent == 1, "detail counted")
+    sink.close()
+    assert ids == [0x181, 0x581, 0x181, 0x481]
+    assert sink.counters.detail_skipped == 2
+
+
+def test_heartbeat_series_goes_on_and_ends(channel: str, fd_sink: CanFdSink) -> None:
+    with can.Bus(interface="virtual", channel=channel) as host:
+        beat = can.Message(arbitration_id=0x701, data=b"\5", is_extended_id=False)
+        fd_sink.every(1, 0.01, lambda: beat)
+        assert all(host.recv(SOON_S) for _ in range(3))
+        fd_sink.every(1, 0.0, None)
+        fd_sink.drain(SOON_S)
+        while host.recv(0.03):
+            pass
+        assert host.recv(0.03) is None
+
+
+def test_message_that_breaks_its_handler_does_not_deafen(channel: str, fd_sink: CanFdSink) -> None:
+    heard: list[int] = []
+
+    def handler(message: can.Message) -> None:
+        if not message.data:
+            raise KeyError("broken")
+        heard.append(message.data[0])
+
+    fd_sink.on_message = handler
+    with can.Bus(interface="virtual", channel=channel) as host:
+        host.send(can.Message(arbitration_id=1))
+        host.send(can.Message(arbitration_id=1, data=b"\7"))
+        until(lambda: heard == [7], "the second message")
+
+
+class Pty:
+    """The other end of a serial line, at a path that outlives it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.open()
+
+    def open(self) -> None:
+        self.master, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(self.master, False)
+        self.path.unlink(missing_ok=True)
+        self.path.symlink_to(os.ttyname(slave))
+        os.close(slave)
+
+    def close(self) -> None:
+        os.close(self.master)
+
+    def frames(self, n: int) -> list[tuple[int, bytes]]:
+        """The next n frames that came in."""
+        data: bytes = b""
+        frames: list[tuple[int, bytes]] = []
+        end = time.monotonic() + SOON_S
+        while len(frames) < n:
+            assert time.monotonic() < end, f"{len(frames)} of {n} frames came"
+            try:
+                data += os.read(self.master, 4096)
+            except BlockingIOError:
+                threading.Event().wait(0.002)
+            *blocks, _ = data.split(b"\0")
+            frames = [decode_frame(b) for b in blocks if b]
+        return frames
+
+
+@pytest.fixture
+def pty(tmp_path: Path) -> Pty:
+    return Pty(tmp_path / "tty")
+
+
+def test_serial_frames_are_the_samples(pty: Pty) -> None:
+    sink = open_sink(f"serial:{pty.path}")
+    assert isinstance(sink, SerialSink)
+    for k in range(4):
+        assert sink.send(state(k))
+    frames = pty.frames(4)
+    sink.close()
+    assert [f[0] for f in frames] == [Message.STATE] * 4
+    assert [unpack_state(f[1]).sample for f in frames] == [0, 1, 2, 3]
+
+
+def test_pty_closed_and_reopened(pty: Pty) -> None:
+    sink = open_sink(f"serial:{pty.path}")
+    assert sink.send(state(0))
+    assert unpack_state(pty.frames(1)[0][1]).sample == 0
+    pty.close()
+    pty.path.unlink()
+    until(lambda: not sink.send(state(1)) and not sink.up, "the loss is noticed")
+    dropped = sink.counters.dropped
+    assert not sink.send(state(2))
+    assert sink.counters.dropped == dropped + 1
+    pty.open()
+    until(lambda: sink.send(state(3)), "the line is back")
+    assert unpack_state(pty.frames(1)[0][1]).sample == 3  # a gap, nothing old
+    until(lambda: sink.counters.reconnects == 1, "counted")
+    sink.close()
+
+
+def test_a_sample_that_meets_the_loss_is_not_kept_for_later(pty: Pty) -> None:
+    sink = open_sink(f"serial:{pty.path}")
+    assert isinstance(sink, SerialSink)
+    assert sink.send(state(0))
+    assert unpack_state(pty.frames(1)[0][1]).sample == 0
+    encode = sink.encode
+
+    def lose_meanwhile(sample: State, counter: int) -> Sequence[Any]:
+        pty.close()
+        pty.path.unlink()
+        until(lambda: sink._medium is None, "the loss is noticed")
+        return encode(sample, counter)
+
+    sink.encode = lose_meanwhile  # type: ignore[method-assign]
+    assert not sink.send(state(1))
+    sink.encode = encode  # type: ignore[method-assign]
+    pty.open()
+    until(lambda: sink.send(state(2)), "the line is back")
+    assert unpack_state(pty.frames(1)[0][1]).sample == 2
+    sink.close()
+
+
+def test_line_that_nobody_reads_is_full_not_fatal(pty: Pty) -> None:
+    sink = open_sink(f"serial:{pty.path}")
+    numbers = count()
+    until(lambda: sink.send(state(next(numbers))) and sink.counters.dropped, "the buffer is full")
+    oldest = next(numbers) - 2000  # a pty holds 4 kB, 60 frames; what lay in it was thrown away
+    seen: list[int] = []
+
+    def newest_arrives() -> bool:
+        sink.send(state(next(numbers)))
+        with suppress(BlockingIOError):
+            blocks = os.read(pty.master, 65536).split(b"\0")
+            frames = [decode_frame(b) for b in blocks if len(b) == 70]
+            seen.extend(unpack_state(f[1]).sample for f in frames)
+        return len(seen) > 200
+
+    until(newest_arrives, "samples flow again")
+    assert sink.up
+    assert seen == sorted(seen)
+    assert seen[0] > oldest
+    sink.close()
+
+
+def test_loop_url_hears_itself() -> None:
+    sink = SerialSink("loop", open_line(parse_address("serial:loop://")))
+    heard: list[tuple[Message, int, bytes]] = []
+    sink.on_frame = lambda *frame: heard.append(frame)
+    sink.post(b"\0noise\0")
+    sink.post_frame(Message.NMT, b"\1", 9)
+    until(lambda: heard == [(Message.NMT, 9, b"\1")], "the frame")
+    assert sink.corrupt_n == 1
+    assert pack_message(Message.NMT, b"\1", 9)
+    sink.close()
+
+
+def test_detail_is_spaced_by_what_a_frame_takes(pty: Pty, channel: str) -> None:
+    line = open_sink(f"serial:{pty.path}?baud=115200")
+    assert isinstance(line, SerialSink)
+    assert line.frame_s(64) == pytest.approx(72 * 10 / 115_200)
+    line.close()
+    bus = open_sink(f"virtual:{channel}?bitrate=500000&dbitrate=2000000")
+    assert isinstance(bus, CanFdSink)
+    assert bus.frame_s(64) == pytest.approx(405.5e-6)
+    assert bus.send_detail([bus.encode_detail(bytes(64))] * 3, 0.02)
+    begun_s = time.monotonic()
+    with can.Bus(interface="virtual", channel=channel) as host:
+        until(lambda: bus.counters.detail_sent, "three segments")
+        assert time.monotonic() - begun_s > 0.03  # a lower bound: spaced, however fast the machine
+        assert bus.send(state(1))
+        assert host.recv(SOON_S) is not None
+    bus.close()
+
+
+def test_sinks_share_their_rules() -> None:
+    assert issubclass(CanFdSink, LinkSink)
+    assert issubclass(SerialSink, LinkSink)

@@ -1,0 +1,262 @@
+"""Full-frame detection: what is found, what is refused, on rendered and on real images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from edge.errors import NoPins
+from edge.pins import CentroidRefiner, detect, inspect_image, learn_pattern, take_rest
+from edge.types import Array, Image, Pins
+from tests.support.pins_rendered import draw, expose, hexagon
+
+
+def missed_and_false(pins: Pins, truth: Array, within_px: float) -> tuple[int, int]:
+    missed = cKDTree(pins.xy_img).query(truth)[0] > within_px
+    false = cKDTree(truth).query(pins.xy_img)[0] > within_px
+    return int(missed.sum()), int(false.sum())
+
+
+# width, height, rings, pitch, radius, blur, light, ground, noise, bits
+TIPS = {
+    "331 pins, 640x480": (640, 480, 10, 20.0, 6.0, 0.9, 120, 40, 2.0, 8),
+    "331 pins, 320x240": (320, 240, 10, 10.5, 2.8, 0.6, 90, 60, 2.0, 8),
+    "127 pins, 1280x800": (1280, 800, 6, 55.0, 12.0, 1.6, 100, 30, 3.0, 8),
+    "127 small dim pins": (640, 480, 6, 15.0, 3.0, 1.2, 30, 110, 2.0, 8),
+    "331 pins, 12 bit": (640, 480, 10, 20.0, 6.0, 0.9, 1900, 600, 25.0, 12),
+}
+
+
+@pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS.keys())
+def test_finds_every_pin_and_nothing_else(tip: tuple[float, ...]) -> None:
+    width, height, rings, pitch, radius, blur, light, ground, noise, bits = tip
+    truth = hexagon(int(rings), pitch, (width / 2, height / 2))
+    clean = draw((int(width), int(height)), truth, radius, blur, light, ground)
+    image = expose(clean, noise, np.random.default_rng(1), int(bits))
+    pattern = learn_pattern(image)
+    assert pattern.pin_radius_px == pytest.approx(radius, rel=0.1)
+    assert pattern.pitch_px == pytest.approx(pitch, rel=0.06)
+    assert pattern.brightness == pytest.approx(light, rel=0.35)  # levels are of a smoothed image
+    for pins in (detect(image, pattern), detect(image)):
+        assert missed_and_false(pins, truth, 0.5) == (0, 0)
+
+
+def test_glare_rim_specks_vignetting_and_gain_are_no_pins() -> None:
+    """A tip as cameras show it: bright rim, LED spots on it, specks, dark corners; then half the light."""
+    rng = np.random.default_rng(2)
+    truth = hexagon(6, 26.0, (320.0, 240.0))
+    clean = draw((640, 480), truth, 6.0, 1.0, 110.0, 30.0)
+    y, x = np.mgrid[0:480, 0:640]
+    r = np.hypot(x - 320, y - 240)
+    clean *= 1.0 - 0.5 * (r / 320) ** 2
+    clean += 220.0 / (1.0 + np.exp(-(r - 205.0) / 2.0))
+    for angle in np.arange(6) * np.pi / 3 + 0.2:
+        clean += 250.0 * np.exp(
+            -0.5 * (np.hypot(x - 320 - 196 * np.cos(angle), y - 240 - 196 * np.sin(angle)) / 5) ** 2
+        )
+    specks = np.stack([320 + 186 * np.cos(np.arange(15.0)), 240 + 186 * np.sin(np.arange(15.0))], axis=1)
+    clean += draw((640, 480), specks, 1.6, 0.6, 200.0, 0.0)
+    image = expose(clean, 2.0, rng)
+    pattern = learn_pattern(image)
+    assert missed_and_false(detect(image, pattern), truth, 1.0) == (0, 0)
+    assert missed_and_false(detect(expose(0.5 * clean, 2.0, rng), pattern), truth, 1.0) == (0, 0)
+
+
+def test_thresholded_image_with_merged_pins_and_specks() -> None:
+    truth = hexagon(6, 24.0, (220.0, 220.0))
+    truth[60] += 0.52 * (truth[61] - truth[60])  # the two melt into one white blob
+    clean = draw((440, 440), truth, 6.0, 0.7, 200.0, 20.0)
+    rng = np.random.default_rng(3)
+    image = ((clean > 110) * 255).astype(np.uint8)
+    angle = rng.uniform(0, 2 * np.pi, 80)
+    image[np.rint(220 + 205 * np.sin(angle)).astype(int), np.rint(220 + 205 * np.cos(angle)).astype(int)] = (
+        255
+    )
+    missed, false = missed_and_false(detect(image), truth, 2.0)
+    assert (missed, false) == (0, 0)
+
+
+def test_colour_is_taken_as_grey() -> None:
+    truth = hexagon(6, 24.0, (220.0, 220.0))
+    grey = expose(draw((440, 440), truth, 6.0, 0.9, 120.0, 40.0), 2.0, np.random.default_rng(4))
+    assert len(inspect_image(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))) == len(truth)
+
+
+def textures() -> dict[str, Image]:
+    rng = np.random.default_rng(5)
+    found: dict[str, Image] = {
+        "black": np.zeros((480, 640), np.uint8),
+        "white": np.full((480, 640), 255, np.uint8),
+        "noise": np.clip(rng.normal(100, 20, (480, 640)), 0, 255).astype(np.uint8),
+        "salt": ((rng.random((480, 640)) > 0.99) * 255).astype(np.uint8),
+        "ramp": np.tile(np.linspace(0, 255, 640), (480, 1)).astype(np.uint8),
+        "stripes": ((np.indices((480, 640))[1] // 8 % 2) * 255).astype(np.uint8),
+        "one pixel": np.zeros((1, 1), np.uint8),
+    }
+    for sigma in (1, 2, 4):
+        smooth = cv2.GaussianBlur(rng.normal(0, 1, (480, 640)), (0, 0), sigma)
+        found[f"smooth noise {sigma}"] = np.clip(120 + 40 * smooth / smooth.std(), 0, 255).astype(np.uint8)
+    return found
+
+
+@pytest.mark.parametrize(("name", "image"), textures().items())
+def test_what_is_no_tip_raises_one_line(name: str, image: Image) -> None:
+    with pytest.raises(NoPins) as caught:
+        inspect_image(image)
+    assert "no pattern of pins" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_with_a_pattern_an_empty_image_gives_no_rows() -> None:
+    truth = hexagon(6, 24.0, (220.0, 220.0))
+    pattern = learn_pattern(
+        expose(draw((440, 440), truth, 6.0, 0.9, 120.0, 40.0), 2.0, np.random.default_rng(6))
+    )
+    for level in (0, 90, 255):
+        assert len(detect(np.full((440, 440), level, np.uint8), pattern)) == 0
+
+
+def test_rest_has_the_same_rows_whatever_the_noise() -> None:
+    truth = hexagon(6, 24.0, (220.0, 220.0))
+    clean = draw((440, 440), truth, 6.0, 0.9, 120.0, 40.0)
+    rests = [
+        take_rest([expose(clean, 3.0, np.random.default_rng(s + k)) for k in range(4)]) for s in (10, 20)
+    ]
+    assert len(rests[0]) == len(rests[1]) == len(truth)
+    assert np.abs(rests[0].xy_img - rests[1].xy_img).max() < 0.1
+    assert rests[0].pattern.noise == pytest.approx(3.0, rel=0.2)
+    with pytest.raises(NoPins):
+        take_rest([])
+    with pytest.raises(NoPins):
+        take_rest([np.zeros((4, 4), np.uint8), np.zeros((5, 4), np.uint8)])
+
+
+def test_rest_is_taken_from_the_images_in_which_nothing_moves() -> None:
+    """Dark first images, a tip that is still being let go, then five of it at rest."""
+    truth = hexagon(6, 26.0, (320.0, 240.0))
+    rng = np.random.default_rng(4)
+    images = [np.zeros((480, 640), np.uint8)] * 2
+    calm = draw((640, 480), truth, 6.0, 1.0, 110.0, 30.0)
+    for shift in (9, 5, 2, 0, 0, 0, 0, 0):
+        images.append(expose(np.roll(calm, shift, axis=1), 2.0, rng))
+    pins = take_rest(images).pins
+    assert missed_and_false(pins, truth, 0.2) == (0, 0)
+    moving = take_rest(images[:4])
+    assert missed_and_false(moving.pins, truth + np.array([9.0, 0.0]), 0.3) == (0, 0)
+
+
+def test_a_reflection_on_a_pin_makes_no_second_one() -> None:
+    """A small bright spot on the edge of a large pin answers at a scale of its own."""
+    truth = hexagon(6, 32.0, (320.0, 240.0))
+    image = draw((640, 480), truth, 9.0, 1.0, 90.0, 30.0)
+    spot = truth[40] + np.array([7.0, 0.0])
+    image += draw((640, 480), spot[None], 5.0, 1.0, 100.0, 0.0)
+    pins = detect(expose(image, 1.0, np.random.default_rng(5)))
+    gap = cKDTree(pins.xy_img).query(pins.xy_img, k=2)[0][:, 1]
+    assert gap.min() > 16.0
+    assert len(pins) == len(truth)
+
+
+@pytest.mark.parametrize("radius", [6.0, 9.0])
+def test_pins_that_a_round_frame_cuts_are_found_by_their_arc(radius: float) -> None:
+    """The tip moves behind the housing's rim: slivers of its outermost pins are left, and an arc of glare."""
+    pitch, side = 3.4 * radius, 54 * radius
+    rng = np.random.default_rng(6)
+    truth = hexagon(6, pitch, (side / 2, side / 2))
+    reach = np.hypot(*(truth - side / 2).T).max()
+    y, x = np.mgrid[: int(side), : int(side)]
+    frame = np.hypot(x - side / 2, y - side / 2) < reach + 1.5 * radius
+    glare = np.array([[side / 2, side / 2 - reach - 2 * radius]])
+    size = (int(side), int(side))
+    fixed = draw(size, glare, radius, 0.9, 120, 0) * frame + 40
+
+    def seen(pins: Array) -> Image:
+        return expose(draw(size, pins, radius, 0.9, 120, 0) * frame + fixed, 2.0, rng)
+
+    rest = take_rest([seen(truth)])
+    assert len(rest) == rest.pattern.count == 127
+    n_cut, normal = 0, []
+    for angle in np.linspace(0, 6, 7):
+        moved = truth + 1.0 * pitch * np.array([np.cos(angle), np.sin(angle)])
+        pins = detect(seen(moved), rest.pattern)
+        gap = cKDTree(moved).query(pins.xy_img)[0]
+        assert gap.max() < 0.5 * radius  # neither the glare nor a sliver's own middle
+        hidden = np.hypot(*(moved - side / 2).T) > reach + 1.4 * radius
+        cut = cKDTree(moved[hidden]).query(pins.xy_img)[0] < 0.3 * radius
+        n_cut += int(cut.sum())
+        normal.extend(gap[cut] / np.sqrt(2) / pins.sigma_px[cut])
+    assert n_cut >= 15
+    assert np.sqrt(np.mean(np.square(normal))) < 1.5
+
+
+@pytest.mark.real
+def test_real_grey_stills_show_331_pins_and_nothing_outside(real_dir: Path) -> None:
+    files = sorted((real_dir / "tactip331_gray" / "frames").glob("*.png"))
+    images = [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in files[::5]]
+    pattern = learn_pattern(images[0])
+    for image in images:
+        for pins in (detect(image, pattern), detect(image)):
+            assert len(pins) == 331
+            # the skin's border is 205 px from its middle, the outermost pins at most 185
+            assert np.hypot(*(pins.xy_img - pattern.centre_img).T).max() < 190
+
+
+@pytest.mark.real
+def test_real_thresholded_stills(real_dir: Path) -> None:
+    folder = real_dir / "tactip331_binary"
+    rest = take_rest([cv2.imread(str(folder / "rest.png"), cv2.IMREAD_GRAYSCALE)])
+    assert len(rest) == 331
+    counts = []
+    for file in sorted((folder / "frames").glob("*.png"))[::40]:
+        counts.append(len(detect(cv2.imread(str(file), cv2.IMREAD_GRAYSCALE), rest.pattern)))
+    assert max(counts) <= 331
+    assert np.median(counts) == 331
+    assert min(counts) >= 325  # some frames push pins out of the picture
+
+
+VIDEOS = {"Movement4": (110, 135), "north": (80, 135), "west": (80, 135), "flatSkin": (260, 420)}
+
+
+@pytest.mark.real
+@pytest.mark.parametrize(("name", "count"), VIDEOS.items())
+def test_real_videos_give_a_rest_that_can_be_followed(
+    real_dir: Path, name: str, count: tuple[int, int]
+) -> None:
+    video = cv2.VideoCapture(str(real_dir / "video" / f"{name}.avi"))
+    images = [cv2.cvtColor(video.read()[1], cv2.COLOR_BGR2GRAY) for _ in range(3)]
+    rest = take_rest(images)
+    assert count[0] <= len(rest) <= count[1]
+    pins = CentroidRefiner(rest).refine(images[0], rest.xy_img)
+    seen = ~np.isnan(pins.xy_img[:, 0])
+    assert seen.mean() > 0.95
+    assert np.median(np.hypot(*(pins.xy_img - rest.xy_img)[seen].T)) < 1.0
+
+
+def dark_pins(glints: bool) -> Image:
+    """Dark discs on a bright skin, each with a small reflection on it, as on a tip of another maker."""
+    truth = hexagon(4, 34.0, (200.0, 200.0))
+    picture = 200.0 - draw((400, 400), truth, 9.0, 1.0, 150, 0)
+    if glints:
+        picture += draw((400, 400), truth - 2.0, 2.2, 0.8, 90, 0)
+    return expose(picture, 2.0, np.random.default_rng(11))
+
+
+@pytest.mark.parametrize("glints", [False, True])
+def test_dark_pins_are_refused_and_named(glints: bool) -> None:
+    image = dark_pins(glints)
+    for take in (inspect_image, learn_pattern, lambda picture: take_rest([picture, picture])):
+        with pytest.raises(NoPins, match=r"darker than the skin.*invert the image"):
+            take(image)
+    inverted = np.array(255 - image, np.uint8)
+    assert len(inspect_image(inverted)) == len(hexagon(4, 34.0, (0.0, 0.0)))
+
+
+def test_pins_too_large_for_a_window_are_refused_with_the_limit() -> None:
+    truth = hexagon(2, 170.0, (480.0, 480.0))
+    image = expose(draw((960, 960), truth, 44.0, 2.0, 120, 30), 2.0, np.random.default_rng(12))
+    with pytest.raises(NoPins, match=r"radius.*smaller image"):
+        take_rest([image])

@@ -1,0 +1,180 @@
+"""Window centroids: against a plain NumPy fit, against truth, against the Cramer-Rao bound."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import erfc
+
+from edge.pins import CentroidRefiner
+from edge.types import Array, Image
+from tests.support.pins_rendered import cramer_rao_px, draw, expose, hexagon, known_rest
+
+pytestmark = pytest.mark.kernels
+
+SIZE = (300, 300)
+# radius, blur, light, ground, noise
+DISCS = [
+    (2.8, 0.6, 90, 60, 2),
+    (3.0, 1.2, 60, 110, 2),
+    (5.3, 0.8, 110, 27, 2),
+    (6.0, 1.2, 110, 27, 4),
+    (9.5, 1.0, 120, 60, 2),
+]
+
+
+def fitted(image: Image, start: Array, radius: float, edge: float, support: float) -> Array:
+    """The oracle: Gauss-Newton fit of one disc on a level plane, written out, float64, at the exact place."""
+    x, y = start
+    for _ in range(30):
+        cx, cy, half = round(x), round(y), int(np.ceil(support)) + 1
+        rows, columns = np.mgrid[cy - half : cy + half + 1, cx - half : cx + half + 1].astype(float)
+        r = np.hypot(columns - x, rows - y)
+        use = np.hypot(columns - cx, rows - cy) <= support
+        slope = np.exp(-0.5 * ((r - radius) / edge) ** 2) / (edge * np.sqrt(2 * np.pi)) / np.maximum(r, 1e-9)
+        disc = 0.5 * erfc((r - radius) / (np.sqrt(2) * edge))
+        basis = np.stack(
+            [np.ones(use.sum()), disc[use], (slope * (columns - x))[use], (slope * (rows - y))[use]], axis=1
+        )
+        level = image[cy - half : cy + half + 1, cx - half : cx + half + 1][use].astype(float)
+        answer, *_ = np.linalg.lstsq(basis, level, rcond=None)
+        step = answer[2:] / answer[1]
+        x, y = x + np.clip(step[0], -2, 2), y + np.clip(step[1], -2, 2)
+        if np.hypot(*step) < 1e-6:
+            break
+    return np.array([x, y])
+
+
+@pytest.mark.parametrize(("radius", "blur", "light", "ground", "noise"), DISCS)
+def test_agrees_with_the_plain_fit(
+    radius: float, blur: float, light: float, ground: float, noise: float
+) -> None:
+    pitch = 3.8 * radius
+    truth = hexagon(3, pitch, (150.0, 150.0))
+    rest = known_rest(truth, radius, blur, light, noise, pitch, SIZE)
+    image = expose(draw(SIZE, truth, radius, blur, light, ground), noise, np.random.default_rng(1))
+    pins = CentroidRefiner(rest).refine(image, truth)
+    edge = rest.pattern.edge_px
+    support = min(radius + 3 * edge + 0.5, 0.85 * pitch - radius - 1.5 * edge)
+    oracle = np.array([fitted(image, xy, radius, edge, support) for xy in truth])
+    apart = np.hypot(*(pins.xy_img - oracle).T) / pins.sigma_px
+    assert (
+        np.median(apart) < 0.35
+    )  # templates at 4 x 4 phases and 5 % steps of radius, slope where it is sure
+    assert apart.max() < 2.5
+
+
+@pytest.mark.parametrize(("radius", "blur", "light", "ground", "noise"), DISCS)
+def test_noise_is_near_the_bound_and_sigma_says_so(
+    radius: float, blur: float, light: float, ground: float, noise: float
+) -> None:
+    pitch = 3.8 * radius
+    truth = hexagon(3, pitch, (150.0, 150.0))
+    clean = draw(SIZE, truth, radius, blur, light, ground)
+    refiner = CentroidRefiner(known_rest(truth, radius, blur, light, noise, pitch, SIZE))
+    rng = np.random.default_rng(2)
+    errors, normal = [], []
+    for _ in range(40):
+        start = truth + rng.uniform(-0.4, 0.4, truth.shape) * radius
+        pins = refiner.refine(expose(clean, noise, rng), start)
+        errors.append(pins.xy_img - truth)
+        normal.append(errors[-1] / pins.sigma_px[:, None])
+    spread = np.std(errors)
+    assert not np.isnan(spread)  # nothing lost
+    # 1.2 where pins have room; small crowded ones have few pixels of ground to know its level from
+    assert spread < (1.25 if radius > 5 else 1.6) * cramer_rao_px(radius, blur, light, noise)
+    assert 0.6 < np.std(normal) < 1.25
+    assert np.abs(np.mean(errors, axis=(0, 1))).max() < 0.01
+
+
+def test_no_trace_of_where_the_window_started() -> None:
+    truth = hexagon(3, 22.0, (150.0, 150.0))
+    image = expose(draw(SIZE, truth, 6.0, 0.9, 120, 30), 0.0, np.random.default_rng(0))
+    refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 120, 1.0, 22.0, SIZE))
+    rng = np.random.default_rng(3)
+    answers = [refiner.refine(image, truth + rng.uniform(-3, 3, truth.shape)).xy_img for _ in range(10)]
+    assert np.ptp(answers, axis=0).max() < 0.02
+    assert np.abs(answers[0] - truth).max() < 0.02
+
+
+def test_slope_of_the_ground_does_not_pull() -> None:
+    """A reflection's flank, one level a pixel: a centroid over its ring's mean would be off by 0.2 px."""
+    truth = hexagon(3, 22.0, (150.0, 150.0))
+    clean = draw(SIZE, truth, 6.0, 0.9, 80, 20) + 0.8 * np.abs(np.arange(300) - 150.0)[None, :]
+    refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 80, 1.0, 22.0, SIZE))
+    pins = refiner.refine(expose(clean, 1.0, np.random.default_rng(4)), truth)
+    away = np.abs(truth[:, 0] - 150.0) > 10  # not on the crease
+    assert np.abs((pins.xy_img - truth)[away]).max() < 0.06
+
+
+@pytest.mark.parametrize("gain", [0.5, 2.0])
+def test_gain_of_two_is_followed(gain: float) -> None:
+    truth = hexagon(3, 22.0, (150.0, 150.0))
+    refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 60, 1.0, 22.0, SIZE))
+    pins = refiner.refine(
+        expose(gain * draw(SIZE, truth, 6.0, 0.9, 60, 30), 1.0, np.random.default_rng(5)), truth
+    )
+    assert np.abs(pins.xy_img - truth).max() < 0.1
+
+
+def test_missing_and_covered_pins_are_lost_and_half_hidden_ones_less_sure() -> None:
+    truth = hexagon(3, 22.0, (150.0, 150.0))
+    shown = np.delete(truth, 5, axis=0)
+    clean = draw(SIZE, shown, 6.0, 0.9, 120, 30)
+    x, y = truth[20]
+    clean[round(y) - 15 : round(y) + 16, round(x) - 15 : round(x) + 16] = 255  # glare fills the window
+    x, y = truth[30]
+    clean[round(y) - 9 : round(y) + 10, round(x) - 9 : round(x)] = 30  # left half hidden
+    pins = CentroidRefiner(known_rest(truth, 6.0, 0.9, 120, 2.0, 22.0, SIZE)).refine(
+        expose(clean, 2.0, np.random.default_rng(6)), truth
+    )
+    assert np.isnan(pins.xy_img[[5, 20]]).all()
+    assert np.isnan(pins.sigma_px[[5, 20]]).all()
+    error = np.hypot(*(pins.xy_img[30] - truth[30]))
+    assert np.isnan(error) or error < 3.5 * pins.sigma_px[30]
+    assert np.isnan(error) or pins.sigma_px[30] > 5 * np.nanmedian(pins.sigma_px)
+
+
+def test_two_pins_never_answer_from_one_blob() -> None:
+    truth = hexagon(3, 22.0, (150.0, 150.0))
+    image = expose(draw(SIZE, np.delete(truth, 10, axis=0), 6.0, 0.9, 120, 30), 2.0, np.random.default_rng(7))
+    predicted = truth.copy()
+    predicted[10] = truth[11] + np.array([4.0, 2.0])
+    pins = CentroidRefiner(known_rest(truth, 6.0, 0.9, 120, 2.0, 22.0, SIZE)).refine(image, predicted)
+    assert np.isnan(pins.xy_img[10]).all()
+    assert np.abs(pins.xy_img[11] - truth[11]).max() < 0.1
+
+
+def test_pins_that_the_border_cuts_keep_their_place() -> None:
+    truth = np.array(
+        [[3.2, 60.0], [60.0, 2.1], [60.0, 60.0], [116.3, 60.0], [60.0, 116.6], [25.0, 25.0], [90.0, 90.0]]
+    )
+    image = expose(draw((120, 120), truth, 6.0, 0.9, 120, 30), 2.0, np.random.default_rng(8))
+    rest = known_rest(truth, 6.0, 0.9, 120, 2.0, 30.0, (120, 120))
+    pins = CentroidRefiner(rest).refine(image, truth + np.array([0.5, -0.6]))
+    assert np.abs(pins.xy_img - truth).max() < 0.2
+    assert pins.sigma_px[:2].min() > pins.sigma_px[2]
+
+
+def test_sixteen_bit_rows_with_a_stride_and_nan_predictions() -> None:
+    truth = hexagon(3, 22.0, (150.0, 150.0))
+    image = expose(16 * draw(SIZE, truth, 6.0, 0.9, 120, 30), 30.0, np.random.default_rng(9), bits=12)
+    wide = np.zeros((300, 400), np.uint16)
+    wide[:, :300] = image
+    refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 16 * 120, 30.0, 22.0, SIZE))
+    predicted = truth.copy()
+    predicted[3] = np.nan
+    predicted[4] = (-50.0, 1e9)
+    pins = refiner.refine(wide[:, :300], predicted)
+    assert np.isnan(pins.xy_img[[3, 4]]).all()
+    assert np.abs(np.delete(pins.xy_img - truth, [3, 4], axis=0)).max() < 0.1
+    assert len(pins) == len(truth)
+
+
+def test_arrays_that_do_not_belong_together_are_refused() -> None:
+    truth = hexagon(1, 22.0, (50.0, 50.0))
+    refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 120, 2.0, 22.0, (100, 100)))
+    with pytest.raises(ValueError, match="belong together"):
+        refiner.refine(np.zeros((100, 100), np.uint8), truth[:3])
+    with pytest.raises(ValueError, match="uint8 or uint16"):
+        refiner.refine(np.zeros((100, 100), np.float32), truth)  # type: ignore[arg-type]

@@ -1,0 +1,255 @@
+"""Recordings made to do harm, and those that chance made: counted, bounded, never a traceback."""
+
+from __future__ import annotations
+
+import random
+import struct
+import tracemalloc
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zstandard
+from lz4.frame import LZ4FrameCompressor  # type: ignore[import-untyped]
+from mcap.data_stream import RecordBuilder
+from mcap.records import Chunk, Header
+from mcap.writer import CompressionType, Writer
+
+from edge.errors import SourceError
+from edge.recording import Recorder, RecordingSource, read_attachments, read_messages, read_metadata
+from edge.recording.mcap_file import UNPACKED_MAX
+from edge.recording.topics import proto
+from edge.types import Frame
+from tests.edge.sources.test_image_header import png_of
+
+MEMORY_MAX = 48 << 20  # beyond what was there before; the files are below 1 MiB
+
+
+@contextmanager
+def bounded_memory() -> Iterator[None]:
+    tracemalloc.start()
+    try:
+        yield
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < MEMORY_MAX, f"{peak >> 20} MiB for a small file"
+
+
+def good_image(value: int = 9) -> Any:
+    return proto("RawImage")(width=8, height=6, encoding="mono8", step=8, data=bytes([value]) * 48)
+
+
+def write(
+    path: Path, *messages: tuple[str, Any], compression: CompressionType = CompressionType.NONE
+) -> Path:
+    """A file of another tool: (topic, protobuf image or JSON text), 1 ms apart, a chunk each."""
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=1, compression=compression)
+        writer.start()
+        channels: dict[tuple[str, str], int] = {}
+        for n, (topic, message) in enumerate(messages):
+            text = isinstance(message, str)
+            name = "voronoi_touch.Frame" if text else message.DESCRIPTOR.full_name
+            if (topic, name) not in channels:
+                encoding = "json" if text else "protobuf"
+                schema = writer.register_schema(name, "jsonschema" if text else "protobuf", b"{}")
+                channels[topic, name] = writer.register_channel(topic, encoding, schema)
+            data = message.encode() if text else message.SerializeToString()
+            ns = n // 2 * 1_000_000 + 1  # what stands before an image is about it
+            writer.add_message(channels[topic, name], ns, data, ns, n)
+        writer.finish()
+    return path
+
+
+def read_everything(path: Path) -> int:
+    """All readers over a file; images that came out. SourceError is the only exception there may be."""
+    images_n = 0
+    for read in (read_attachments, read_metadata, lambda p: list(read_messages(p))):
+        with suppress(SourceError):
+            read(path)
+    try:
+        source = RecordingSource(path)
+        for frame in source:
+            assert frame.image.shape == source.size_px[::-1]
+            assert 1 <= frame.bits <= 8 * frame.image.dtype.itemsize
+            images_n += 1
+        assert source.frames_n >= 0
+    except SourceError:
+        pass
+    return images_n
+
+
+@pytest.mark.parametrize(
+    "about",
+    [
+        '"bits": 0',
+        '"bits": -1',
+        '"bits": 2000',
+        '"bits": 1e10',
+        '"bits": 10000000000',
+        '"bits": 12',  # of a pixel that has 8
+        '"bits": null, "sequence": 1e400',
+        '"sequence": -1',
+        '"capture_ns": 99999999999999999999999',
+        '"clock": "sundial"',
+        '"x": ' + "[" * 5000,
+    ],
+)
+def test_what_a_frame_cannot_be_is_counted_and_left_out(tmp_path: Path, about: str) -> None:
+    text = '{"sequence": 7, "capture_ns": 1000, "clock": "host", "bits": 8}'
+    key = about.partition(":")[0]
+    bad = (
+        "{" + ", ".join([about, *(part for part in text[1:-1].split(", ") if not part.startswith(key))]) + "}"
+    )
+    path = write(
+        tmp_path / "a.mcap",
+        ("/camera/frame", text),
+        ("/camera/image", good_image()),
+        ("/camera/frame", bad),
+        ("/camera/image", good_image()),
+    )
+    with bounded_memory():
+        source = RecordingSource(path)
+        frames = list(source)
+    assert frames[0].sequence == 7
+    assert source.faults["damaged message"] == 1
+    assert all(frame.bits == 8 for frame in frames)
+
+
+def test_an_enormous_picture_costs_nothing(tmp_path: Path) -> None:
+    large = proto("CompressedImage")(format="png", data=png_of(32_000, 32_000))
+    path = write(tmp_path / "a.mcap", ("/camera/image", good_image()), ("/camera/image", large))
+    with bounded_memory():
+        source = RecordingSource(path)
+        assert len(list(source)) == 1
+    assert source.faults["damaged message"] == 1
+    alone = write(tmp_path / "b.mcap", ("/camera/image", large))
+    with bounded_memory(), pytest.raises(SourceError, match="no complete image"):
+        RecordingSource(alone)
+
+
+def test_a_picture_of_another_size_is_not_decoded(tmp_path: Path) -> None:
+    large = proto("CompressedImage")(format="png", data=png_of(4000, 4000))  # a size that a camera may have
+    path = write(tmp_path / "a.mcap", ("/camera/image", good_image()), ("/camera/image", large))
+    with bounded_memory():
+        source = RecordingSource(path)
+        assert len(list(source)) == 1
+    assert source.faults["other image size"] == 1
+
+
+def chunk_at(data: bytes) -> int:
+    """Where the first chunk record begins."""
+    at = 8
+    while data[at] != 6:
+        at += 9 + struct.unpack_from("<Q", data, at + 1)[0]
+    return at
+
+
+@pytest.mark.parametrize("compression", ["lz4", "zstd"])
+@pytest.mark.parametrize("says", [1000, 100 << 20, 1 << 40])
+def test_a_chunk_that_unpacks_without_end_is_damaged(tmp_path: Path, compression: str, says: int) -> None:
+    packer: Any = LZ4FrameCompressor() if compression == "lz4" else zstandard.ZstdCompressor().compressobj()
+    parts = [packer.begin()] if compression == "lz4" else []
+    parts += [packer.compress(bytes(1 << 20)) for _ in range(256)]
+    builder = RecordBuilder()
+    Header("", "").write(builder)
+    Chunk(compression, b"".join([*parts, packer.flush()]), 0, 0, 0, says).write(builder)
+    path = tmp_path / "a.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n" + builder.end())
+    tracemalloc.start()
+    try:
+        with pytest.raises(SourceError, match=r"cut off before"):
+            RecordingSource(path)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < MEMORY_MAX + 2 * (says if says < UNPACKED_MAX else 0)  # lz4 doubles as it grows
+
+
+@pytest.mark.parametrize("offset", [0, 3, 1 << 20, 1 << 40, (1 << 63) + 5, (1 << 64) - 1])
+def test_a_chunk_index_that_points_anywhere_costs_that_chunk(tmp_path: Path, offset: int) -> None:
+    path = write(tmp_path / "a.mcap", *[("/camera/image", good_image(n)) for n in range(4)])
+    data = bytearray(path.read_bytes())
+    at = data.rindex(struct.pack("<Q", chunk_at(data)))  # in the chunk's index
+    data[at : at + 8] = struct.pack("<Q", offset)
+    path.write_bytes(data)
+    source = RecordingSource(path)
+    assert len(list(source)) == 3
+    assert source.faults["damaged chunk"] == 1
+
+
+def mutations(dice: random.Random, data: bytes) -> bytes:
+    """Bits turned, lengths exchanged for others, pieces cut out, doubled or exchanged."""
+    changed = bytearray(data)
+    lengths = [0, 1, 8, 0x7F, 0xFF, 1 << 16, (1 << 31) - 1, 1 << 31, 1 << 33, 1 << 62, (1 << 64) - 1]
+    for _ in range(dice.choice([1, 1, 2, 5, 20])):
+        at = dice.randrange(len(changed))
+        what = dice.randrange(6)
+        if what == 0:
+            changed[at] ^= 1 << dice.randrange(8)
+        elif what == 1:
+            changed[at : at + 8] = struct.pack("<Q", dice.choice(lengths))
+        elif what == 2:
+            changed[at : at + 4] = struct.pack("<I", dice.choice(lengths) & 0xFFFFFFFF)
+        elif what == 3:
+            del changed[at : at + dice.randrange(1, 64)]
+        elif what == 4:
+            changed[at:at] = changed[at : at + dice.randrange(1, 64)]
+        else:
+            other = dice.randrange(len(changed))
+            changed[at : at + 9] = changed[other : other + 9]
+        if not changed:
+            changed = bytearray(data)
+    return bytes(changed)
+
+
+def seeds(folder: Path) -> list[bytes]:
+    """Small recordings of every kind."""
+    rng = np.random.default_rng(1)
+    made = []
+    for n, options in enumerate(
+        [{}, {"image": "png"}, {"compression": "lz4"}, {"compression": "zstd", "image": "png"}]
+    ):
+        path = folder / f"seed{n}.mcap"
+        with Recorder(path, tip={"serial": "T-1"}, offset_ns=0, **options) as recorder:  # type: ignore[arg-type]
+            recorder.attach("calibration.json", b"{}")
+            for k in range(3):
+                image = rng.integers(0, 255, (12, 16), dtype=np.uint8)
+                recorder.frame(Frame(image, 1000 * k, k, truth={"depth_mm": 0.5}))
+            recorder.event("warning", "words")
+        made.append(path.read_bytes())
+    return made
+
+
+def crc_repaired(data: bytes) -> bytes:
+    """The chunks' checksums as their contents have them, so that changes get past the first check."""
+    changed = bytearray(data)
+    at = 8
+    while at + 9 <= len(changed):
+        length = struct.unpack_from("<Q", changed, at + 1)[0]
+        if changed[at] == 6 and at + 9 + length <= len(changed) and length >= 40:
+            name_n = struct.unpack_from("<I", changed, at + 37)[0]
+            begin = at + 41 + name_n + 8
+            if name_n == 0 and begin <= at + 9 + length:
+                changed[at + 33 : at + 37] = struct.pack("<I", zlib.crc32(changed[begin : at + 9 + length]))
+        at += 9 + length
+    return bytes(changed)
+
+
+@pytest.mark.parametrize("repair", [bytes, crc_repaired], ids=["as changed", "checksums put right"])
+def test_random_files_are_read_or_refused(tmp_path: Path, repair: Callable[[bytes], bytes]) -> None:
+    """Every file that chance makes of a good one: no exception but SourceError, no memory to speak of."""
+    dice = random.Random(15)
+    good = seeds(tmp_path)
+    path = tmp_path / "changed.mcap"
+    images_n = 0
+    with bounded_memory():
+        for _ in range(400):
+            path.write_bytes(repair(mutations(dice, dice.choice(good))))
+            images_n += read_everything(path)
+    assert images_n > 100, "most changes leave something to read"

@@ -1,0 +1,548 @@
+"""Recordings: what goes in comes out, and damage costs no more than the damaged chunk."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from edge.errors import SinkError, SourceError
+from edge.recording import (
+    TOPICS,
+    Recorder,
+    RecordingSource,
+    cloud_to_array,
+    read_attachments,
+    read_messages,
+    read_metadata,
+)
+from edge.recording.messages import annotations_of
+from edge.recording.topics import proto, stamp
+from edge.types import Cells, Clock, ContactRegion, Features, Frame, Reading, Tracks
+
+STEP_NS = 4_166_667
+
+
+def frames_of(
+    n: int, *, bits: int = 8, size: tuple[int, int] = (64, 48), clock: Clock = Clock.DEVICE
+) -> list[Frame]:
+    """Noise images with gaps in the sequence and uneven times."""
+    rng = np.random.default_rng(7)
+    dtype = np.uint8 if bits == 8 else np.uint16
+    return [
+        Frame(
+            image=rng.integers(0, 1 << bits, (size[1], size[0]), dtype=dtype),
+            capture_ns=123_456_789_012_345 + i * STEP_NS + i % 3,
+            sequence=(1 << 33) + i + (5 if i >= 4 else 0),  # more than MCAP's own counter holds, and a gap
+            clock=clock,
+            bits=bits,
+            truth={"depth_mm": 0.1 * i, "contacts": [[1.5, -2.25]]} if i % 2 else None,
+        )
+        for i in range(n)
+    ]
+
+
+def write(path: Path, frames: list[Frame], **options: Any) -> Recorder:
+    with Recorder(path, **options) as recorder:
+        for frame in frames:
+            assert recorder.frame(frame)
+    return recorder
+
+
+def assert_same(got: list[Frame], want: list[Frame]) -> None:
+    assert [f.sequence for f in got] == [f.sequence for f in want]
+    assert [f.capture_ns for f in got] == [f.capture_ns for f in want]
+    assert [f.truth for f in got] == [f.truth for f in want]
+    assert [f.bits for f in got] == [f.bits for f in want]
+    for a, b in zip(got, want, strict=True):
+        assert a.image.dtype == b.image.dtype
+        assert np.array_equal(a.image, b.image)
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 16])
+@pytest.mark.parametrize(
+    ("image", "compression"), [("raw", "none"), ("raw", "lz4"), ("raw", "zstd"), ("png", "none")]
+)
+def test_round_trip_is_exact(tmp_path: Path, image: Any, compression: Any, bits: int) -> None:
+    want = frames_of(9, bits=bits)
+    recorder = write(tmp_path / "a.mcap", want, image=image, compression=compression)
+    assert recorder.fault is None
+    assert recorder.dropped_n == recorder.refused_n == 0
+    source = RecordingSource(tmp_path / "a.mcap")
+    assert source.size_px == (64, 48)
+    assert not source.live
+    assert source.recorded_clock is Clock.DEVICE
+    assert source.rate_hz == pytest.approx(1e9 / STEP_NS, rel=1e-3)
+    got = list(source)
+    assert_same(got, want)
+    assert {f.clock for f in got} == {Clock.RECORDED}
+    assert not source.truncated
+    assert_same(list(source), want)  # again from the start
+
+
+def test_same_frames_make_the_same_file_where_the_offset_is_given(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        write(tmp_path / name, frames_of(5), offset_ns=0, image="png", compression="zstd")
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_log_times_keep_the_intervals(tmp_path: Path) -> None:
+    frames = frames_of(6)
+    write(tmp_path / "a.mcap", frames)
+    times = [ns for topic, ns, _ in read_messages(tmp_path / "a.mcap") if topic == TOPICS["image"].name]
+    assert np.array_equal(np.diff(times), np.diff([f.capture_ns for f in frames]))
+
+
+def test_numpy_in_truth_and_nan(tmp_path: Path) -> None:
+    truth = {"pins": np.array([[1.5, 2.5]]), "depth_mm": np.float64(0.25), "force_n": float("nan")}
+    frame = Frame(np.zeros((4, 4), np.uint8), 1, 0, truth=truth)
+    write(tmp_path / "a.mcap", [frame])
+    (got,) = RecordingSource(tmp_path / "a.mcap")
+    assert got.truth == {"pins": [[1.5, 2.5]], "depth_mm": 0.25, "force_n": None}
+
+
+# -- stages' results ---------------------------------------------------------------------------
+
+N = 7
+
+
+def results() -> tuple[Tracks, Cells, Features, Reading]:
+    rng = np.random.default_rng(3)
+    xy = rng.uniform(0, 60, (N, 2))
+    seen = np.ones(N, bool)
+    seen[2] = False
+    lost = xy.copy()
+    lost[2] = np.nan
+    sigma = np.where(seen, 0.05, np.nan)
+    tracks = Tracks(lost, sigma, seen, 0.99)
+    area = np.where(seen, rng.uniform(200, 300, N), np.nan)
+    cells = Cells(area, np.full(N, 250.0), xy, np.zeros((1, 3), np.int32), np.zeros((4, 2)))
+    contact = ContactRegion(np.array([30.0, 20.0]), 0.4, 120.0, float("nan"), 1.0, np.array([[30.0, 20.0]]))
+    features = Features(
+        area_change=area / 250 - 1,
+        displacement_px=rng.normal(0, 1, (N, 2)),
+        in_contact=True,
+        shear_px=np.array([1.25, -0.5]),
+        volume_px2=12.5,
+        contacts=(contact,),
+    )
+    reading = Reading(
+        {"displacement_mm": 1.5, "shear_x_mm": float("nan")},
+        {"displacement_mm": 0.01},
+        np.array([[0.5, -0.25, 1.5]]),
+        calibrated=True,
+    )
+    return tracks, cells, features, reading
+
+
+def test_results_read_back(tmp_path: Path) -> None:
+    tracks, cells, features, reading = results()
+    (frame,) = frames_of(1)
+    path = tmp_path / "a.mcap"
+    square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]])
+    with Recorder(path, tip={"serial": "T-1"}, rate_hz=240) as recorder:
+        recorder.frame(frame)
+        recorder.pins(frame, tracks, features)
+        recorder.cells(frame, cells, lambda: [square], lambda: [(1.0, 0.0, 0.0, 0.5)])
+        recorder.features(frame, features)
+        recorder.reading(frame, reading)
+        recorder.sample(frame, {"displacement_mm": 1.5}, b"\x01\xff")
+        recorder.event("warning", "pins lost: 1")
+        recorder.attach("calibration.json", b'{"version": 1}')
+        recorder.metadata("run", {"operator": "nobody"})
+    assert recorder.refused_n == 0
+    got = {topic: message for topic, _, message in read_messages(path)}
+    assert set(got) == {t.name for t in TOPICS.values()} - {TOPICS["truth"].name}
+
+    pins = cloud_to_array(got["/pins"])
+    assert np.array_equal(pins["x"], tracks.xy_img[:, 0], equal_nan=True)
+    assert np.array_equal(pins["y"], tracks.xy_img[:, 1], equal_nan=True)
+    assert np.array_equal(pins["seen"].astype(bool), tracks.seen)
+    assert np.array_equal(pins["dx_px"], features.displacement_px[:, 0])
+    assert np.array_equal(pins["area_change"], features.area_change, equal_nan=True)
+    area = cloud_to_array(got["/cells"])
+    assert np.array_equal(area["area_px2"], cells.area_px2, equal_nan=True)
+    assert np.array_equal(area["x"], cells.xy_img[:, 0])
+
+    dots = got["/pins/overlay"].points[0]
+    assert len(dots.points) == N - 1  # the lost pin is not drawn
+    assert dots.points[0].x == tracks.xy_img[0, 0] + 0.5  # Foxglove counts from the pixel's corner
+    loop = got["/cells/overlay"].points[0]
+    assert loop.type == loop.LINE_LOOP
+    assert loop.fill_color.r == 1.0
+
+    assert got["/features"]["shear_x_px"] == 1.25
+    assert got["/features"]["torsion_rad"] is None
+    assert got["/features"]["contacts"][0]["x_px"] == 30.0
+    assert got["/features"]["contacts"][0]["orientation_rad"] is None  # NaN: round
+    assert got["/reading"]["values"] == {"displacement_mm": 1.5, "shear_x_mm": None}
+    assert got["/reading"]["contacts"] == [{"x_mm": 0.5, "y_mm": -0.25, "depth_mm": 1.5}]
+    assert got["/bus/sample"]["payload"] == "01ff"
+    assert got["/events"].message == "pins lost: 1"
+    assert got["/events"].level == 3
+    assert read_attachments(path) == {"calibration.json": b'{"version": 1}'}
+    assert read_metadata(path)["run"] == {"operator": "nobody"}
+    assert read_metadata(path)["voronoi_touch"]["serial"] == "T-1"
+    assert RecordingSource(path).rate_hz == 240
+
+
+def test_a_reader_that_knows_nothing_of_us_validates_the_file(tmp_path: Path) -> None:
+    """The mcap library's own reader, CRCs checked, decodes every message by the schemas in the file."""
+    from mcap.reader import make_reader
+    from mcap_protobuf.decoder import DecoderFactory
+
+    test_results_read_back(tmp_path)
+    names = set()
+    with (tmp_path / "a.mcap").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        factory = DecoderFactory()
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            names.add(schema.name)
+            if channel.message_encoding == "protobuf":
+                decode = factory.decoder_for("protobuf", schema)
+                assert decode is not None
+                decode(message.data)
+        summary = reader.get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.attachment_count == 1
+    assert {"foxglove.RawImage", "foxglove.PointCloud", "foxglove.ImageAnnotations", "foxglove.Log"} <= names
+
+
+def test_a_message_that_cannot_be_made_is_counted_and_named(tmp_path: Path) -> None:
+    frame = Frame(np.zeros((4, 4), np.uint8), 1, 0, truth={"rig": object()})
+    recorder = write(tmp_path / "a.mcap", [frame])
+    assert recorder.refused_n == 1
+    (event,) = [m for topic, _, m in read_messages(tmp_path / "a.mcap") if topic == "/events"]
+    assert "/camera/truth" in event.message
+    assert len(list(RecordingSource(tmp_path / "a.mcap"))) == 1
+
+
+# -- damage ------------------------------------------------------------------------------------
+
+
+def chunk_ends(path: Path) -> list[int]:
+    """File offsets at which a chunk is complete."""
+    from mcap.reader import make_reader
+
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    return sorted(index.chunk_start_offset + index.chunk_length for index in summary.chunk_indexes)
+
+
+@pytest.fixture
+def long_recording(tmp_path: Path) -> tuple[Path, list[Frame]]:
+    """Several chunks."""
+    frames = frames_of(30, size=(640, 480))
+    write(tmp_path / "long.mcap", frames)
+    assert len(chunk_ends(tmp_path / "long.mcap")) >= 5
+    return tmp_path / "long.mcap", frames
+
+
+@pytest.mark.parametrize("cut", ["just after chunk 3", "in chunk 4", "in the index"])
+def test_truncated_file_yields_all_complete_chunks(
+    long_recording: tuple[Path, list[Frame]], cut: str
+) -> None:
+    path, frames = long_recording
+    ends = chunk_ends(path)
+    data = path.read_bytes()
+    where, complete = {
+        "just after chunk 3": (ends[2], 3),
+        "in chunk 4": (ends[3] - 1000, 3),
+        "in the index": (len(data) - 20, len(ends)),
+    }[cut]
+    path.write_bytes(data[:where])
+    source = RecordingSource(path)
+    got = list(source)
+    expected = sum(_frames_by_chunk(data, ends)[:complete])
+    assert len(got) == expected > 0
+    assert_same(got, frames[:expected])
+    assert source.truncated
+
+
+def _frames_by_chunk(data: bytes, ends: list[int]) -> list[int]:
+    """Images in each chunk, counted by the library's reader."""
+    import io
+
+    from mcap.records import Channel, Chunk, Message
+    from mcap.stream_reader import StreamReader, breakup_chunk
+
+    counts: list[int] = []
+    images: set[int] = set()
+    for record in StreamReader(io.BytesIO(data), emit_chunks=True).records:
+        if isinstance(record, Chunk):
+            parts = breakup_chunk(record)
+            images |= {p.id for p in parts if isinstance(p, Channel) and p.topic == "/camera/image"}
+            counts.append(sum(isinstance(p, Message) and p.channel_id in images for p in parts))
+    assert len(counts) == len(ends)
+    return counts
+
+
+def test_damage_to_one_chunk_costs_that_chunk(long_recording: tuple[Path, list[Frame]]) -> None:
+    path, frames = long_recording
+    ends = chunk_ends(path)
+    data = bytearray(path.read_bytes())
+    counts = _frames_by_chunk(bytes(data), ends)
+    data[ends[2] - 5000] ^= 0xFF
+    path.write_bytes(data)
+    source = RecordingSource(path)
+    got = list(source)
+    before = sum(counts[:2])
+    assert_same(got, frames[:before] + frames[before + counts[2] :])
+    assert source.faults["damaged chunk"] == 1
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_damage_never_raises(tmp_path: Path, seed: int) -> None:
+    """Whatever is flipped or cut: frames come out or one SourceError, nothing else."""
+    path = tmp_path / "a.mcap"
+    write(path, frames_of(20), compression=["none", "lz4", "zstd"][seed % 3])
+    rng = np.random.default_rng(seed)
+    data = bytearray(path.read_bytes())
+    for at in rng.integers(8, len(data), 12):
+        data[at] = rng.integers(256)
+    path.write_bytes(data[: rng.integers(len(data) // 2, len(data))] if seed % 2 else data)
+    try:
+        source = RecordingSource(path)
+    except SourceError:
+        return
+    frames = list(source)
+    assert len(frames) <= 20
+
+
+WRITER = """
+import sys, time
+import numpy as np
+from edge.recording import Recorder
+from edge.types import Frame
+recorder = Recorder(sys.argv[1])
+image = np.arange(640 * 480, dtype=np.uint32).astype(np.uint8).reshape(480, 640)
+n = 0
+while True:
+    if recorder.frame(Frame(image, n * 4_166_667, n)):
+        n += 1
+        print(recorder.written_n["/camera/image"], flush=True)
+"""
+
+
+def test_killed_writer_leaves_all_complete_chunks(tmp_path: Path) -> None:
+    path = tmp_path / "killed.mcap"
+    process = subprocess.Popen(
+        [sys.executable, "-c", textwrap.dedent(WRITER), str(path)], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    written = 0
+    while written < 40:
+        written = int(process.stdout.readline())
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    frames = list(RecordingSource(path))
+    # A chunk is three or four raw images of this size: at most that many were in the open one.
+    assert len(frames) >= written - 4
+    assert [f.sequence for f in frames] == list(range(len(frames)))
+
+
+def test_an_idle_recording_is_on_disk_without_being_closed(tmp_path: Path) -> None:
+    """A slow trickle of small messages reaches the file by age, not only by size."""
+    path = tmp_path / "idle.mcap"
+    recorder = Recorder(path)
+    closed = threading.Event()
+    end_chunk = recorder._writer.end_chunk
+
+    def spy() -> None:
+        end_chunk()
+        closed.set()
+
+    recorder._writer.end_chunk = spy  # type: ignore[method-assign]
+    recorder.frame(frames_of(1)[0])
+    assert closed.wait(30)
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes(path.read_bytes())
+    recorder.close()
+    assert len(list(RecordingSource(copy))) == 1
+
+
+# -- speed and limits ---------------------------------------------------------------------------
+
+
+def test_three_seconds_at_240_frames_a_second_lose_nothing(tmp_path: Path) -> None:
+    """720 raw 640x480 frames as fast as 240 a second come: counted, not timed."""
+    image = frames_of(1, size=(640, 480))[0].image
+    pause = threading.Event()
+    with Recorder(tmp_path / "fast.mcap") as recorder:
+        for n in range(720):
+            recorder.frame(Frame(image, n * STEP_NS, n))
+            pause.wait(1 / 240)
+    assert recorder.dropped_n == 0
+    assert recorder.written_n["/camera/image"] == 720
+    got = [f.sequence for f in RecordingSource(tmp_path / "fast.mcap")]
+    assert got == list(range(720))
+
+
+def test_a_slow_disk_drops_counts_and_says_so(tmp_path: Path) -> None:
+    """The queue is bounded; the call returns; the gap stands in the file as a warning."""
+    path = tmp_path / "slow.mcap"
+    recorder = Recorder(path, buffer_mb=1.0)
+    gate = threading.Event()
+    add = recorder._writer.add
+
+    def slow(*arguments: Any) -> None:
+        gate.wait()
+        add(*arguments)
+
+    recorder._writer.add = slow  # type: ignore[method-assign]
+    frames = frames_of(20, size=(640, 480))
+    taken = [recorder.frame(frame) for frame in frames]
+    assert recorder.dropped_n > 0
+    assert taken[0]
+    assert not taken[-1]
+    gate.set()
+    recorder.close()
+    got = list(RecordingSource(path))
+    assert [f.sequence for f in got] == [f.sequence for f, ok in zip(frames, taken, strict=True) if ok]
+    texts = [m.message for topic, _, m in read_messages(path) if topic == "/events"]
+    assert any("the disk is too slow" in text for text in texts)
+
+
+def test_a_disk_that_is_full_from_the_start_is_one_line() -> None:
+    full = Path("/dev/full")
+    if not full.exists():
+        pytest.skip("no /dev/full here")
+    with pytest.raises(SinkError, match="/dev/full: No space left"):
+        Recorder(full, overwrite=True)
+
+
+def test_a_disk_that_fills_up_in_flight(tmp_path: Path) -> None:
+    class Full:
+        """A file that has room for one chunk."""
+
+        def __init__(self, file: Any) -> None:
+            self.file, self.left = file, 400_000
+
+        def write(self, data: bytes) -> int:
+            self.left -= len(data)
+            if self.left < 0:
+                raise OSError(28, "No space left on device")
+            return int(self.file.write(data))
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self.file, name)
+
+    recorder = Recorder(tmp_path / "full.mcap", buffer_mb=100)
+    recorder._writer._writer._Writer__stream = Full(recorder._writer._file)
+    for frame in frames_of(30, size=(640, 480)):
+        recorder.frame(frame)
+    recorder.close()
+    assert recorder.fault is not None
+    assert "No space left" in recorder.fault
+    assert not recorder.frame(frames_of(1)[0])
+    assert recorder.dropped_n > 0
+
+
+# -- bad input ----------------------------------------------------------------------------------
+
+
+def test_a_recording_is_never_overwritten_unasked(tmp_path: Path) -> None:
+    write(tmp_path / "a.mcap", frames_of(1))
+    with pytest.raises(SinkError, match=r"a\.mcap exists"):
+        Recorder(tmp_path / "a.mcap")
+    write(tmp_path / "a.mcap", frames_of(2), overwrite=True)
+    assert len(list(RecordingSource(tmp_path / "a.mcap"))) == 2
+
+
+def test_where_nothing_can_be_written(tmp_path: Path) -> None:
+    with pytest.raises(SinkError, match="cannot write"):
+        Recorder(tmp_path / "no such folder" / "a.mcap")
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (None, "No such file"),
+        (b"", "not an MCAP file"),
+        (b"text, not a recording", "not an MCAP file"),
+        (b"\x89MCAP0\r\n", "cut off before its first whole image; copy or record it again"),
+    ],
+)
+def test_bad_files_are_one_line(tmp_path: Path, content: bytes | None, says: str) -> None:
+    path = tmp_path / "bad.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(SourceError, match=says) as caught:
+        RecordingSource(path)
+    assert "\n" not in str(caught.value)
+    assert "bad.mcap" in str(caught.value)
+
+
+def test_no_images_on_the_topic_asked_for(tmp_path: Path) -> None:
+    write(tmp_path / "a.mcap", frames_of(2))
+    with pytest.raises(SourceError, match="/other"):
+        RecordingSource(tmp_path / "a.mcap", topic="/other")
+
+
+def test_colour_images_of_another_tool_become_grey(tmp_path: Path) -> None:
+    """No /camera/frame messages: log time and a running number stand in."""
+    from mcap_protobuf.writer import Writer
+
+    rows = np.zeros((6, 40), np.uint8)  # 8 px of three bytes and 16 bytes of padding
+    rows[:, :24] = np.tile([255, 0, 0], 8)
+    with (tmp_path / "other.mcap").open("wb") as file, Writer(file) as writer:
+        for i in range(3):
+            image = proto("RawImage")(width=8, height=6, step=40, encoding="rgb8", data=rows.tobytes())
+            writer.write_message("/usb_cam/image", image, log_time=1000 + i, publish_time=1000 + i)
+    source = RecordingSource(tmp_path / "other.mcap")
+    frames = list(source)
+    assert source.size_px == (8, 6)
+    assert [f.capture_ns for f in frames] == [1000, 1001, 1002]
+    assert [f.sequence for f in frames] == [0, 1, 2]
+    assert np.all(frames[0].image == 76)  # 0.299 of 255
+
+
+def test_annotations_leave_out_what_is_not_a_polygon() -> None:
+    shapes = proto("ImageAnnotations").FromString(
+        annotations_of(0, polygons=[np.zeros((2, 2)), np.full((3, 2), np.nan)], colours=[(1, 0, 0, 1)] * 2)
+    )
+    assert len(shapes.points) == 0
+
+
+def test_annotations_are_what_the_schema_s_own_writer_makes() -> None:
+    random = np.random.default_rng(3)
+    polygons = [random.normal(size=(k, 2)) * 300 for k in (3, 6, 40)]
+    colours = [tuple(random.random(4).tolist()) for _ in polygons]
+    dots = np.array([[0.0, -0.5], [np.nan, 1.0], [7.25, 3.0]])
+    made = proto("ImageAnnotations").FromString(
+        annotations_of(1_500_000_000, points=dots, polygons=polygons, colours=colours)
+    )
+    annotation, point, colour = proto("PointsAnnotation"), proto("Point2"), proto("Color")
+    when = stamp(1_500_000_000)
+    expected = [
+        annotation(
+            timestamp=when,
+            type=annotation.LINE_LOOP,
+            points=[point(x=x + 0.5, y=y + 0.5) for x, y in polygon.tolist()],
+            outline_color=colour(r=0.35, g=0.35, b=0.35, a=0.8),
+            fill_color=colour(r=r, g=g, b=b, a=a),
+            thickness=1.0,
+        )
+        for polygon, (r, g, b, a) in zip(polygons, colours, strict=True)
+    ]
+    expected.append(
+        annotation(
+            timestamp=when,
+            type=annotation.POINTS,
+            points=[point(x=0.5, y=0.0), point(x=7.75, y=3.5)],
+            outline_color=colour(r=1.0, g=0.8, b=0.0, a=1.0),
+            thickness=3.0,
+        )
+    )
+    assert list(made.points) == expected

@@ -1,0 +1,41 @@
+"""What a finger keeps in its state folder, and what it clears away there."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from edge.runtime.calibration_store import CalibrationStore
+
+#: Killed as by a loss of power, when the new content is on the disk and the name does not point to it yet.
+CUT_OFF = """
+import os, signal, sys
+from pathlib import Path
+from edge.calibration.file import save
+os.fsync = lambda number: os.kill(os.getpid(), signal.SIGKILL)
+save(Path(sys.argv[1]), b"new")
+"""
+
+
+def test_what_an_upload_left_that_was_cut_off_is_cleared_away_and_nothing_else(tmp_path: Path) -> None:
+    calibration = tmp_path / "calibration.json"
+    calibration.write_bytes(b"old")
+    others = [
+        ".calibration.part.json",
+        ".calibration.json.bak",
+        "x.calibration.abcdefgh.part.json",
+        "settings.json",
+    ]
+    for name in others:
+        (tmp_path / name).write_text("theirs")
+    (tmp_path / ".calibration.afolder_.part.json").mkdir()
+    (tmp_path / ".calibration.linked__.part.json").symlink_to(calibration)
+    kept = sorted(tmp_path.iterdir())
+    done = subprocess.run([sys.executable, "-c", CUT_OFF, str(calibration)], check=False, timeout=60)
+    assert done.returncode == -signal.SIGKILL
+    assert len(list(tmp_path.iterdir())) == len(kept) + 1
+    CalibrationStore(tmp_path).clear_leftovers()
+    assert sorted(tmp_path.iterdir()) == kept
+    assert calibration.read_bytes() == b"old"

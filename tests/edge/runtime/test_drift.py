@@ -1,0 +1,120 @@
+"""Slow drift: learnt only while surely untouched, bounded, reported, reversible."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.random import default_rng
+
+from edge.runtime.drift import GAP_S, SURE_S, Drift
+from edge.types import Array, PinPattern, Pins, Rest, Tracks
+
+STEP_NS = 100_000_000
+
+
+@pytest.fixture
+def rest() -> Rest:
+    x, y = np.meshgrid(np.arange(6), np.arange(6))
+    xy = 100.0 + 20.0 * np.column_stack([x.ravel(), y.ravel()])
+    n = len(xy)
+    pins = Pins(xy, np.full(n, 0.05), np.full(n, 4.0), np.full(n, 100.0))
+    return Rest(pins, PinPattern(4.0, 20.0, xy.mean(axis=0), 80.0, 20.0, 100.0, 1.0, (320, 320)))
+
+
+def tracks(xy: Array, lost: int = 0) -> Tracks:
+    seen = np.ones(len(xy), dtype=bool)
+    seen[:lost] = False
+    xy = np.where(seen[:, None], xy, np.nan)
+    return Tracks(xy, np.where(seen, 0.05, np.nan), seen, 1.0)
+
+
+def rest_for(
+    drift: Drift, xy: Array, seconds: float, start_ns: int = 0, quiet: bool = True, lost: int = 0
+) -> int:
+    """Hold the pins there; the time at the end."""
+    now = start_ns
+    for _ in range(round(seconds * 1e9 / STEP_NS)):
+        now += STEP_NS
+        drift.learn(tracks(xy, lost), now, quiet)
+    return now
+
+
+def test_what_drifts_is_taken_off_with_the_time_constant(rest: Rest) -> None:
+    drift = Drift(rest, limit_px=0.5, time_s=10.0)
+    moved = rest.xy_img + np.array([0.2, -0.1])
+    rest_for(drift, moved, SURE_S + 10.0)
+    left = drift.correct(tracks(moved)).xy_img - rest.xy_img
+    np.testing.assert_allclose(left, np.tile([0.2, -0.1], (len(rest), 1)) * np.exp(-1.0), rtol=0.03)
+    assert drift.offset_px == pytest.approx(0.2 * (1 - np.exp(-1.0)), rel=0.03)
+    assert not drift.at_limit
+
+
+def test_the_same_tracks_as_long_as_nothing_is_learnt(rest: Rest) -> None:
+    drift = Drift(rest)
+    seen = tracks(rest.xy_img)
+    assert drift.correct(seen) is seen
+
+
+@pytest.mark.parametrize(
+    ("quiet", "lost", "away", "seconds"),
+    [
+        (False, 0, 0.2, 60.0),  # touched, or a fault
+        (True, 8, 0.2, 60.0),  # pins missing
+        (True, 0, 2.0, 60.0),  # a light touch, or a camera that moved
+        (True, 0, 0.2, SURE_S - 0.5),  # not for long enough
+    ],
+)
+def test_nothing_is_learnt_unless_surely_untouched(
+    rest: Rest, quiet: bool, lost: int, away: float, seconds: float
+) -> None:
+    drift = Drift(rest, limit_px=0.3, time_s=1.0)
+    rest_for(drift, rest.xy_img + np.array([away, 0.0]), seconds, quiet=quiet, lost=lost)
+    assert drift.offset_px == 0.0
+
+
+def test_a_touch_starts_the_waiting_anew(rest: Rest) -> None:
+    drift = Drift(rest, time_s=1.0)
+    now = 0
+    for _ in range(5):
+        now = rest_for(drift, rest.xy_img + 0.1, SURE_S - 0.5, now)
+        drift.learn(tracks(rest.xy_img + 0.1), now + STEP_NS, False)
+    assert drift.offset_px == 0.0
+
+
+def test_a_pause_is_no_time_at_rest(rest: Rest) -> None:
+    drift = Drift(rest, time_s=1.0)
+    for k in range(20):
+        drift.learn(tracks(rest.xy_img + 0.1), round(k * (GAP_S + 1.0) * 1e9), True)
+    assert drift.offset_px == 0.0
+
+
+def test_no_offset_exceeds_the_limit_whatever_happens(rest: Rest) -> None:
+    drift = Drift(rest, limit_px=0.3, time_s=0.1)
+    random = default_rng(1)
+    now = 0
+    for _ in range(40):
+        now = rest_for(drift, rest.xy_img + random.uniform(-1.2, 1.2, 2), 6.0, now)
+        assert drift.offset_px <= 0.3
+    rest_for(drift, rest.xy_img + np.array([0.9, 0.0]), 10.0, now)
+    assert drift.at_limit
+
+
+def test_it_can_be_switched_off_and_taken_back(rest: Rest) -> None:
+    off = Drift(rest, limit_px=0.0, time_s=0.1)
+    rest_for(off, rest.xy_img + 0.1, 30.0)
+    assert off.offset_px == 0.0
+    drift = Drift(rest, time_s=0.1)
+    rest_for(drift, rest.xy_img + 0.1, 30.0)
+    assert drift.offset_px == pytest.approx(0.1)
+    drift.forget()
+    seen = tracks(rest.xy_img)
+    assert drift.correct(seen) is seen
+
+
+def test_a_lost_pin_keeps_what_it_had(rest: Rest) -> None:
+    drift = Drift(rest, time_s=0.1)
+    now = rest_for(drift, rest.xy_img + 0.1, 30.0)
+    rest_for(drift, rest.xy_img - 0.1, 30.0, now, lost=1)
+    shifted = drift.correct(tracks(rest.xy_img)).xy_img - rest.xy_img
+    np.testing.assert_allclose(shifted[0], -0.1, atol=1e-6)
+    np.testing.assert_allclose(shifted[1:], 0.1, atol=1e-6)

@@ -1,0 +1,224 @@
+"""Faults on purpose are the faults that they say they are."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from edge.link.media import MediumError, MediumFull
+from edge.sources import ThreadedSource
+from edge.types import Clock, Frame
+from hostlink.wire import FaultCode
+from tests.support.fault_injection import (
+    BOARD,
+    CAMERA,
+    EXPECTED,
+    LENGTH_S,
+    LINK,
+    PAUSE_S,
+    Episode,
+    FaultyBoard,
+    FaultySource,
+    faulty_medium,
+    schedule,
+)
+
+
+@given(st.integers(0, 1000), st.floats(10.0, 500.0), st.sampled_from([CAMERA, LINK, BOARD]))
+def test_a_schedule_is_seeded_ordered_and_fair(seed: int, seconds: float, kinds: tuple[str, ...]) -> None:
+    episodes = schedule(seed, seconds, kinds)
+    assert episodes == schedule(seed, seconds, kinds)
+    for a, b in pairwise(episodes):
+        assert b.start_s - a.end_s >= PAUSE_S[0]
+    assert all(LENGTH_S[0] <= e.length_s <= LENGTH_S[1] and e.end_s <= seconds for e in episodes)
+    counts = [sum(e.kind == kind for e in episodes) for kind in kinds]
+    assert max(counts) - min(counts) <= 1
+
+
+def test_every_camera_link_and_board_fault_of_the_table_can_be_made() -> None:
+    made = frozenset().union(*EXPECTED.values())
+    not_made_here = {
+        FaultCode.CALIBRATION_MISSING,  # a matter of files
+        FaultCode.CALIBRATION_FOREIGN,
+        FaultCode.TARE_IMPLAUSIBLE,
+        FaultCode.OVERLOAD,  # a matter of the skin
+    }
+    assert made == set(FaultCode) - not_made_here
+    assert set(EXPECTED) == {*CAMERA, *LINK, *BOARD}
+
+
+class Manual(ThreadedSource):
+    """Frames one by one, when the test says so."""
+
+    def __init__(self) -> None:
+        super().__init__("manual")
+        self.size_px, self.rate_hz = (64, 48), 100.0
+        self.frames: queue.Queue[Frame | None] = queue.Queue()
+        self.n = 0
+
+    def _work(self) -> None:
+        while (frame := self.frames.get()) is not None:
+            self._offer(frame)
+
+    def show(self) -> Frame:
+        image = np.random.default_rng(self.n).integers(20, 200, (48, 64), dtype=np.uint8)
+        frame = Frame(image, self.n * 10_000_000, self.n, Clock.HOST)
+        self.n += 1
+        self.frames.put(frame)
+        return frame
+
+    def close(self) -> None:
+        self.frames.put(None)
+        super().close()
+
+
+class Bench:
+    """A faulty source on a clock that stands where the test puts it."""
+
+    def __init__(self, kind: str) -> None:
+        self.now_s = 0.0
+        self.manual = Manual()
+        self.source = FaultySource(self.manual, [Episode(kind, 1.0, 1.0)], lambda: self.now_s, seed=1)
+
+    def next(self, now_s: float, patience_s: float = 5.0) -> tuple[Frame, Frame | None]:
+        """(what the world shows, what comes through)."""
+        self.now_s = now_s
+        shown = self.manual.show()
+        return shown, self.source.read(patience_s)
+
+
+@pytest.fixture
+def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    made = Bench(request.param)
+    yield made
+    made.source.close()
+
+
+@pytest.mark.parametrize(
+    "bench", ["freeze", "black", "bright", "dim", "blur", "corrupt", "shift"], indirect=True
+)
+def test_pictures_change_within_the_episode_only(bench: Bench) -> None:
+    for now_s, same in ((0.5, True), (1.2, None), (1.5, False), (2.5, True)):
+        shown, seen = bench.next(now_s)
+        assert seen is not None
+        assert (seen.capture_ns, seen.sequence) == (shown.capture_ns, shown.sequence)
+        if same is not None:
+            assert np.array_equal(shown.image, seen.image) is same
+
+
+@pytest.mark.parametrize("bench", ["lost", "stall"], indirect=True)
+def test_nothing_comes_through_and_lost_says_so(bench: Bench) -> None:
+    kind = bench.source._row._episodes[0].kind
+    assert bench.next(0.5)[1] is not None
+    assert bench.next(1.5, 0.2)[1] is None
+    assert bench.source.condition == {"lost": "lost", "stall": "stalled"}[kind]
+    assert bench.next(2.5)[1] is not None
+    assert bench.source.condition == ""
+
+
+@pytest.mark.parametrize("bench", ["freeze"], indirect=True)
+def test_a_frozen_image_is_known_with_the_frame_that_shows_it(bench: Bench) -> None:
+    seen = []
+    for _ in range(12):
+        bench.next(1.5)
+        seen.append(bench.source.frame_condition)
+    assert seen[:2] == ["", ""]
+    assert seen[-1] == "frozen"
+    bench.next(2.5)
+    assert bench.source.frame_condition == ""
+
+
+@pytest.mark.parametrize("bench", ["black"], indirect=True)
+def test_a_black_image_is_known_at_once(bench: Bench) -> None:
+    bench.next(1.5)
+    assert bench.source.frame_condition == "black"
+
+
+@pytest.mark.parametrize("bench", ["clock"], indirect=True)
+def test_a_clock_steps_once_and_stays(bench: Bench) -> None:
+    steps = []
+    for now_s in (0.5, 1.2, 1.5, 2.5):
+        shown, seen = bench.next(now_s)
+        assert seen is not None
+        steps.append((seen.capture_ns - shown.capture_ns) / 1e9)
+    assert steps == [0.0, 5.0, 5.0, 5.0]
+
+
+class Wire:
+    """A medium that takes everything."""
+
+    instant, bus_off = True, False
+
+    def __init__(self) -> None:
+        self.items: list[Any] = []
+
+    def write(self, item: Any) -> None:
+        self.items.append(item)
+
+    def read(self, timeout_s: float) -> Any:
+        return None
+
+    def close(self) -> None:
+        self.items.append("closed")
+
+
+@pytest.mark.parametrize(
+    ("kind", "error"), [("down", MediumError), ("full", MediumFull), ("bus off", MediumFull)]
+)
+def test_links_refuse_within_the_episode_only(kind: str, error: type[Exception]) -> None:
+    now, wire, refused = [0.5], Wire(), list[float]()
+    opener = faulty_medium(lambda: wire, [Episode(kind, 1.0, 1.0)], lambda: now[0], refused=refused.append)
+    medium = opener()
+    medium.write(b"a")
+    now[0] = 1.5
+    with pytest.raises(error):
+        medium.write(b"b")
+    assert medium.bus_off is (kind == "bus off")
+    assert refused == [1.5]
+    if kind == "down":
+        with pytest.raises(MediumError):
+            opener()
+        with pytest.raises(MediumError):
+            medium.read(0.0)
+    now[0] = 2.0
+    medium.write(b"c")
+    assert wire.items == [b"a", b"c"]
+    assert not medium.bus_off
+
+
+def test_noise_turns_one_bit_of_half_of_the_items() -> None:
+    wire = Wire()
+    medium = faulty_medium(lambda: wire, [Episode("noise", 0.0, 1.0)], lambda: 0.5, seed=3)()
+    for _ in range(200):
+        medium.write(bytes(8))
+    turned = [sum(byte.bit_count() for byte in item) for item in wire.items]
+    assert set(turned) == {0, 1}
+    assert 60 < sum(turned) < 140
+
+
+def test_boards_are_hot_and_full_within_the_episode_only() -> None:
+    now = [0.0]
+    board = FaultyBoard([Episode("hot", 1.0, 1.0), Episode("disk", 3.0, 1.0)], lambda: now[0])
+    seen = []
+    for now[0] in (0.5, 1.5, 2.5, 3.5, 4.5):
+        seen.append((board.temperature() > 80.0, bool(board.storage())))
+    assert seen == [(False, False), (True, False), (False, False), (False, True), (False, False)]
+
+
+def test_random_is_not_shared() -> None:
+    """Two links of the same seed fail alike: a run can be repeated."""
+    made = []
+    for _ in range(2):
+        wire = Wire()
+        medium = faulty_medium(lambda w=wire: w, [Episode("noise", 0.0, 1.0)], lambda: 0.5, seed=9)()
+        for _ in range(20):
+            medium.write(bytes(8))
+        made.append(wire.items)
+    assert made[0] == made[1]

@@ -1,0 +1,233 @@
+"""What is wrong now, the board's vital signs, and the service manager."""
+
+from __future__ import annotations
+
+import math
+import socket
+import threading
+from pathlib import Path
+
+import pytest
+
+from edge.runtime.board_monitor import BoardMonitor, Thermometer, free_space_problem
+from edge.runtime.fault_registry import FaultLog, FaultRegistry
+from edge.runtime.systemd import Notifier
+from hostlink.wire import FAULTS, FaultCode, Status
+
+
+def test_each_fault_is_told_once_when_it_comes_and_once_when_it_goes() -> None:
+    registry = FaultRegistry()
+    told: list[tuple[FaultCode, bool, str]] = []
+    registry.listeners.append(lambda *what: told.append(what))
+    for active in (True, True, False, False, True):
+        registry.report(FaultCode.CAMERA_LOST, active, "gone")
+    lost = FaultCode.CAMERA_LOST
+    assert told == [(lost, True, "gone"), (lost, False, "gone"), (lost, True, "gone")]
+    assert registry.appeared[lost] == 2
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda f: f.code.name)
+def test_each_fault_sets_its_bit_until_the_last_of_the_bit_is_gone(fault: object) -> None:
+    registry = FaultRegistry()
+    others = [f for f in FAULTS if f.status == fault.status]  # type: ignore[attr-defined]
+    for other in others:
+        registry.report(other.code, True)
+    for i, other in enumerate(others):
+        assert registry.status == other.status
+        assert len(registry.active) == len(others) - i
+        registry.report(other.code, False)
+    assert registry.status == Status(0)
+
+
+def test_a_listener_may_ask_back() -> None:
+    registry = FaultRegistry()
+    seen: list[dict[FaultCode, str]] = []
+    registry.listeners.append(lambda *_: seen.append(registry.active))
+    registry.report(FaultCode.BUS_OFF, True, "x")
+    assert seen == [{FaultCode.BUS_OFF: "x"}]
+
+
+def test_each_fault_is_a_line_in_the_log_and_one_when_it_goes(caplog: pytest.LogCaptureFixture) -> None:
+    registry, status = FaultRegistry(), list[str]()
+    registry.listeners.append(FaultLog(registry, status.append))
+    registry.report(FaultCode.BUS_OFF, True, "can0")
+    registry.report(FaultCode.DISK_FULL, True, "no room")
+    registry.report(FaultCode.BUS_OFF, False)
+    assert caplog.messages == ["BUS_OFF: can0", "DISK_FULL: no room", "BUS_OFF cleared"]
+    assert status == ["BUS_OFF: can0", "BUS_OFF: can0; DISK_FULL: no room", "DISK_FULL: no room"]
+
+
+def test_a_fault_that_flickers_does_not_flood_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    now_s = 0.0
+    registry = FaultRegistry()
+    registry.listeners.append(FaultLog(registry, lambda words: None, lambda: now_s))
+    for _ in range(240):
+        registry.report(FaultCode.PINS_LOST, True, "few")
+        registry.report(FaultCode.PINS_LOST, False)
+        now_s += 1 / 240
+    now_s += FaultLog.EVERY_S
+    registry.report(FaultCode.PINS_LOST, True, "few")
+    assert caplog.messages == [
+        "PINS_LOST: few",
+        "PINS_LOST cleared",
+        "PINS_LOST: few (and 239 times since the last such line)",
+    ]
+
+
+def test_many_threads_leave_a_consistent_set() -> None:
+    registry = FaultRegistry()
+    balance = dict.fromkeys(FaultCode, 0)
+
+    def listen(code: FaultCode, active: bool, words: str) -> None:
+        balance[code] += 1 if active else -1
+        assert balance[code] in (0, 1)
+
+    registry.listeners.append(listen)
+
+    def work(seed: int) -> None:
+        for i in range(2000):
+            registry.report(FaultCode(1 + (i * 7 + seed) % 17), (i + seed) % 3 == 0)
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert {code for code, n in balance.items() if n} == set(registry.active)
+
+
+# ---- the board ----------------------------------------------------------------------------------------
+
+
+def zone(root: Path, number: int, text: str) -> None:
+    folder = root / f"thermal_zone{number}"
+    folder.mkdir(parents=True)
+    (folder / "temp").write_text(text)
+
+
+def test_the_hottest_zone_counts_and_silent_ones_do_not(tmp_path: Path) -> None:
+    assert math.isnan(Thermometer(tmp_path)())
+    zone(tmp_path, 0, "41200\n")
+    zone(tmp_path, 1, "56100\n")
+    zone(tmp_path, 2, "\n")
+    assert Thermometer(tmp_path)() == 56.1
+
+
+def test_heat_is_told_and_cleared_with_hysteresis() -> None:
+    registry, degc = FaultRegistry(), [0.0]
+    monitor = BoardMonitor(registry, lambda: degc[0])
+    told = []
+    for value in (79.0, 80.0, 78.0, 75.0, 74.9, 79.9, math.nan):
+        degc[0] = value
+        monitor.check()
+        told.append(FaultCode.OVER_TEMPERATURE in registry.active)
+    assert told == [False, True, True, True, False, False, False]
+
+
+def test_storage_trouble_is_told_with_its_words() -> None:
+    registry, words = FaultRegistry(), ["", "disk A", ""]
+    monitor = BoardMonitor(registry, lambda: math.nan, [lambda: "", lambda: words.pop(0)])
+    monitor.check()
+    assert not registry.active
+    monitor.check()
+    assert registry.active == {FaultCode.DISK_FULL: "disk A"}
+    monitor.check()
+    assert not registry.active
+
+
+def test_room(tmp_path: Path) -> None:
+    assert free_space_problem(tmp_path) == ""
+    assert "needed" in free_space_problem(tmp_path, 1 << 60)
+    assert "No such file" in free_space_problem(tmp_path / "no")
+
+
+def test_vitals_look_again_and_again_until_closed() -> None:
+    again, n = threading.Event(), [0]
+
+    def read() -> float:
+        n[0] += 1
+        if n[0] == 3:
+            again.set()
+        return 20.0
+
+    monitor = BoardMonitor(FaultRegistry(), read, period_s=0.001)
+    monitor.start()
+    assert again.wait(5.0)
+    monitor.close()
+    assert monitor.temperature_degc == 20.0
+    seen = n[0]
+    assert not monitor._thread.is_alive()
+    assert n[0] == seen
+
+
+# ---- the service manager --------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def manager(tmp_path: Path) -> socket.socket:
+    """What systemd listens on."""
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    listener.bind(str(tmp_path / "notify"))
+    listener.setblocking(False)
+    return listener
+
+
+def heard(manager: socket.socket) -> list[str]:
+    messages = []
+    while True:
+        try:
+            messages.append(manager.recv(4096).decode())
+        except BlockingIOError:
+            return messages
+
+
+def test_ready_once_then_the_watchdog_while_images_flow(manager: socket.socket) -> None:
+    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "4"})  # fed every us
+    assert heard(manager) == []  # not ready before the first image
+    for _ in range(3):
+        notifier.frame()
+    assert heard(manager) == ["READY=1", "WATCHDOG=1", "WATCHDOG=1", "WATCHDOG=1"]
+    notifier.stopping()
+    notifier.close()
+    notifier.frame()
+    assert heard(manager) == ["STOPPING=1"]
+
+
+def test_the_watchdog_is_fed_no_more_often_than_asked(manager: socket.socket) -> None:
+    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "60000000"})
+    for _ in range(100):
+        notifier.frame()
+    assert heard(manager) == ["READY=1", "WATCHDOG=1"]
+
+
+def test_another_process_s_watchdog_is_not_ours(manager: socket.socket) -> None:
+    environment = {"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "4", "WATCHDOG_PID": "1"}
+    Notifier(environment).frame()
+    assert heard(manager) == ["READY=1"]
+
+
+def test_abstract_names() -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind("\0voronoi-touch-test")
+        Notifier({"NOTIFY_SOCKET": "@voronoi-touch-test"}).status("two\nlines")
+        assert listener.recv(100) == b"STATUS=two lines"
+
+
+def test_without_a_manager_nothing_happens(tmp_path: Path) -> None:
+    Notifier({}).frame()
+    Notifier({"NOTIFY_SOCKET": str(tmp_path / "gone")}).frame()
+
+
+def test_words_are_made_for_a_fault_that_appears_and_for_no_other() -> None:
+    registry, made = FaultRegistry(), []
+
+    def words() -> str:
+        made.append(1)
+        return "gone"
+
+    registry.report(FaultCode.CAMERA_LOST, False, words)
+    assert not made
+    registry.report(FaultCode.CAMERA_LOST, True, words)
+    registry.report(FaultCode.CAMERA_LOST, True, words)
+    assert len(made) == 1
+    assert registry.active == {FaultCode.CAMERA_LOST: "gone"}

@@ -1,0 +1,84 @@
+"""What is measured of images and motions is what NumPy gives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from edge.runtime.image_quality import common_step_px, level_of, moved_px
+from edge.runtime.measures import FocusWindows, count_apart, count_longer, sample_levels
+from edge.types import Image
+
+pytestmark = pytest.mark.kernels
+
+
+@pytest.mark.parametrize(
+    ("image", "bits"),
+    [
+        (np.random.default_rng(1).integers(0, 256, (480, 640)).astype(np.uint8), 8),
+        (np.random.default_rng(2).integers(0, 4096, (123, 77)).astype(np.uint16), 12),
+        (np.full((33, 17), 255, np.uint8), 8),
+        (np.random.default_rng(3).integers(0, 256, (64, 90)).astype(np.uint8)[::-1, 5:70], 8),
+        (np.zeros((0, 5), np.uint8), 8),
+    ],
+)
+def test_level_is_the_mean_of_the_samples(image: Image, bits: int) -> None:
+    top = (1 << bits) - 1
+    samples = image[::16, ::16]
+    wanted = (samples.mean() / top, np.mean(samples >= top)) if samples.size else (0.0, 0.0)
+    assert level_of(image, bits) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_levels_takes_images_only() -> None:
+    for wrong in (np.zeros(5, np.uint8), np.zeros((5, 5)), np.zeros((5, 5, 3), np.uint8)):
+        with pytest.raises(ValueError, match="image"):
+            sample_levels(wrong, 16, 255)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 330, 331])
+@pytest.mark.parametrize("lost", [0, 1, 5])
+def test_lengths_are_numpy_s(n: int, lost: int) -> None:
+    rng = np.random.default_rng(n + lost)
+    before = rng.uniform(0.0, 600.0, (n, 2))
+    now = before + rng.normal(0.0, 3.0, (n, 2))
+    now[:lost] = np.nan
+    length = np.hypot(*(now - before).T)
+    assert count_apart(now, before, 3.0) == count_longer(now - before, 3.0) == np.count_nonzero(length > 3.0)
+    wanted = np.nanmedian(length) if lost < n else 0.0
+    assert moved_px(now - before) == pytest.approx(wanted, rel=1e-12)
+
+
+@pytest.mark.parametrize(("kind", "top"), [(np.uint8, 256), (np.uint16, 4096)])
+@pytest.mark.parametrize("side", [7, 20, 21])
+def test_windows_are_numpy_s(kind: type, top: int, side: int) -> None:
+    rng = np.random.default_rng(side)
+    image = rng.integers(0, top, (120, 160)).astype(kind)
+    image[40:80, 40:90] = 7  # flat
+    corners = rng.integers(0, 120 - side, (32, 2)).astype(np.int32)
+    corners[0] = (160 - side, 120 - side)
+    corners[1] = (45, 45)
+    out = np.empty((32, 2))
+    level = FocusWindows(corners, side).measure(image, out)
+    cut = np.array([image[y : y + side, x : x + side] for x, y in corners]).astype(np.float64)
+    energy = (np.diff(cut, axis=1) ** 2).mean(axis=(1, 2)) + (np.diff(cut, axis=2) ** 2).mean(axis=(1, 2))
+    ordered = np.sort(cut.reshape(32, -1), axis=1)
+    k = side * side // 20
+    np.testing.assert_allclose(out[:, 0], energy, rtol=1e-12)
+    np.testing.assert_array_equal(out[:, 1], ordered[:, -1 - k] - ordered[:, k])
+    assert level == pytest.approx(cut.mean(), rel=1e-12)
+    corners[3, 0] = 160 - side + 1
+    with pytest.raises(ValueError, match="within"):
+        FocusWindows(corners, side).measure(image, out)
+
+
+def test_a_step_that_all_pins_make_is_common() -> None:
+    random = np.random.default_rng(3)
+    step_px = random.normal((2.0, -1.0), 0.1, (100, 2))
+    step_px[::10] = np.nan
+    common_px = common_step_px(step_px, 1.0)
+    assert common_px is not None
+    assert common_px == pytest.approx([2.0, -1.0], abs=0.05)
+    assert common_step_px(step_px, 3.0) is None  # too small to count
+    step_px[1::5] = 0.0  # a fifth of the skin stays where it is
+    assert common_step_px(step_px, 1.0) is None
+    assert common_step_px(np.full((100, 2), np.nan), 1.0) is None

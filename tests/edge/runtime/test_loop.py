@@ -1,0 +1,473 @@
+"""The loop and its faults: each row of the table seen, announced, cleared; values only where they hold."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from edge.calibration import Calibration
+from edge.link.sinks import MemorySink
+from edge.runtime.board_monitor import BoardMonitor
+from edge.runtime.fault_registry import FaultRegistry
+from edge.runtime.loop import KEEPALIVE_S, Loop
+from edge.sources import open_source
+from edge.types import Clock, Frame, Image
+from hostlink.wire import FAULTS, FaultCode, RestFrameState, State, Status
+from tests.support.fault_injection import _PICTURES
+from tests.support.finger import PERIOD_NS, Camera, Finger
+
+STATUS = {fault.code: fault.status for fault in FAULTS}
+
+
+@pytest.fixture(scope="module")
+def frames(data_dir: Path) -> list[Frame]:
+    """8 untouched, then a ball pressed in."""
+    return list(open_source(str(data_dir / "press.mcap")))
+
+
+@pytest.fixture(scope="module")
+def calibration(data_dir: Path) -> Calibration:
+    return Calibration.load(data_dir / "rings331_ball.json")
+
+
+@pytest.fixture
+def finger(frames: list[Frame], calibration: Calibration) -> Finger:
+    return Finger(frames, calibration)
+
+
+def measured(state: State) -> bool:
+    """Whether there is any value that somebody could control on."""
+    return not math.isnan(state.displacement_mm) or state.contact_n > 0
+
+
+@pytest.mark.parametrize(
+    "seed", [23, 34, 42, 49, 57, 69, 77, 81, 94, 147, 148]
+)  # once wrong by 0.4 mm and more
+def test_a_piece_of_noise_over_a_contact_gives_no_wrong_value(finger: Finger, seed: int) -> None:
+    for frame in finger.frames[8:]:
+        sure = finger.see(frame.image)
+    noisy: Image = _PICTURES["corrupt"](finger.frames[-1].image, np.random.default_rng(seed))
+    state = finger.see(noisy)
+    if not state.status & (Status.PINS_LOST | Status.TRACKER_LOST):
+        assert state.displacement_mm == pytest.approx(sure.displacement_mm, abs=0.4)
+        assert state.shear_x_mm == pytest.approx(sure.shear_x_mm, abs=0.4)
+
+
+def test_pins_are_not_followed_over_a_gap_but_looked_for(finger: Finger) -> None:
+    pressed = finger.frames[25].image
+    true = finger.see(pressed).displacement_mm
+    finger.see(pressed)
+    full_searches_n = finger.loop.statistics().full_searches_n
+    finger.see(pressed, skip=2)  # images that were dropped are no gap
+    assert finger.loop.statistics().full_searches_n == full_searches_n
+    state = finger.see(pressed, skip=11)  # 0.12 s
+    assert finger.loop.statistics().full_searches_n == full_searches_n + 1
+    assert state.displacement_mm == pytest.approx(true, abs=0.05)
+
+
+def test_pins_are_not_followed_from_an_image_that_was_frozen(finger: Finger) -> None:
+    finger.see(finger.frames[7].image)
+    full_searches_n = finger.loop.statistics().full_searches_n
+    finger.camera.frame_condition = "frozen"
+    for _ in range(3):
+        finger.see(finger.frames[7].image)
+    assert finger.loop.statistics().full_searches_n == full_searches_n
+    finger.camera.frame_condition = ""
+    state = finger.see(finger.frames[8].image)
+    state = finger.see(finger.frames[9].image)
+    assert finger.loop.statistics().full_searches_n == full_searches_n + 1
+    assert measured(state)
+
+
+@pytest.mark.parametrize("k", [12, 18, 25])
+def test_a_camera_that_is_knocked_under_a_touch_is_told_from_shear(finger: Finger, k: int) -> None:
+    for frame in finger.frames[8 : k + 1]:
+        state = finger.see(frame.image)
+    assert state.status == Status.TOUCHED
+    shifted = _PICTURES["shift"](finger.frames[k].image, None)
+    for _ in range(2):
+        assert finger.see(shifted).status & ~Status.SATURATED == Status.TOUCHED | Status.CAMERA_MOVED
+    state = finger.see(finger.frames[k].image)  # and put back
+    assert state.status == Status.TOUCHED
+
+
+def test_a_camera_that_was_knocked_untouched_may_come_back_under_a_touch(finger: Finger) -> None:
+    shifted = _PICTURES["shift"](finger.frames[7].image, None)
+    for _ in range(3):
+        assert finger.see(shifted).status == Status.CAMERA_MOVED
+    for frame in finger.frames[8:20]:
+        moved = finger.see(_PICTURES["shift"](frame.image, None))
+    assert moved.status & ~Status.SATURATED == Status.TOUCHED | Status.CAMERA_MOVED
+    assert finger.see(finger.frames[20].image).status == Status.TOUCHED
+
+
+def test_all_is_well(finger: Finger) -> None:
+    state = finger.see(finger.frames[25].image)
+    assert state.status == Status.TOUCHED
+    assert state.displacement_mm == pytest.approx(3.0, abs=0.3)
+    assert not finger.faults
+
+
+PICTURES: list[tuple[str, FaultCode]] = [
+    ("black", FaultCode.IMAGE_DARK),
+    ("dim", FaultCode.IMAGE_DARK),
+    ("bright", FaultCode.IMAGE_BRIGHT),
+    ("blur", FaultCode.IMAGE_BLURRED),
+    ("shift", FaultCode.CAMERA_MOVED),
+    ("cover", FaultCode.PINS_LOST),
+]
+
+
+@pytest.mark.parametrize(("kind", "code"), PICTURES)
+def test_what_an_image_shows_is_announced_with_it_and_cleared(
+    finger: Finger, kind: str, code: FaultCode
+) -> None:
+    random = np.random.default_rng(0)
+    rest = finger.frames[7].image
+    finger.see(rest)
+    states = [finger.see(_PICTURES[kind](rest, random)) for _ in range(5)]  # 50 ms
+    assert code in finger.faults
+    assert STATUS[code] in states[-1].status
+    for _ in range(10):
+        last = finger.see(rest)
+    assert not finger.faults
+    assert last.status == Status(0)
+
+
+@pytest.mark.parametrize("kind", ["black", "bright", "cover", "blur"])
+def test_a_touch_that_is_hidden_is_never_reported_as_none(finger: Finger, kind: str) -> None:
+    """The first image of a fault already: no value without a bit that says not to use it."""
+    random = np.random.default_rng(0)
+    pressed = finger.frames[25].image
+    finger.see(pressed)
+    unsure = Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST
+    for _ in range(3):
+        state = finger.see(_PICTURES[kind](pressed, random))
+        if not state.status & unsure:
+            assert state.displacement_mm == pytest.approx(3.0, abs=0.4)
+
+
+def test_a_block_of_noise_gives_the_right_value_or_none(finger: Finger) -> None:
+    random = np.random.default_rng(5)
+    pressed = finger.frames[25].image
+    truth = finger.see(pressed)
+    flagged = 0
+    for _ in range(20):
+        state = finger.see(_PICTURES["corrupt"](pressed, random))
+        if state.status & (Status.PINS_LOST | Status.TRACKER_LOST):
+            flagged += 1
+            assert not measured(state)
+        else:
+            assert state.displacement_mm == pytest.approx(truth.displacement_mm, abs=0.4)
+            assert state.shear_x_mm == pytest.approx(truth.shear_x_mm, abs=0.4)
+    assert flagged
+
+
+@pytest.mark.parametrize(
+    ("condition", "code"),
+    [
+        ("lost", FaultCode.CAMERA_LOST),
+        ("stalled", FaultCode.CAMERA_STALLED),
+        ("frozen", FaultCode.CAMERA_STALLED),
+    ],
+)
+def test_what_the_source_says_of_its_camera(finger: Finger, condition: str, code: FaultCode) -> None:
+    finger.camera.condition = condition
+    state = finger.see(finger.frames[20].image)
+    assert finger.faults == {code}
+    assert Status.CAMERA_FAULT in state.status
+    assert not measured(state)
+    finger.camera.condition = ""
+    state = finger.see(finger.frames[21].image)
+    assert not finger.faults
+    assert measured(state)
+
+
+def test_a_frozen_frame_is_not_used_even_when_the_camera_is_well_again(finger: Finger) -> None:
+    finger.camera.frame_condition = "frozen"
+    state = finger.see(finger.frames[20].image)
+    assert Status.CAMERA_FAULT in state.status
+    assert not measured(state)
+
+
+def test_a_clock_step_is_told_for_one_sample(finger: Finger) -> None:
+    rest = finger.frames[7].image
+    seen = [
+        Status.CLOCK_STEP in finger.see(rest, jump_ns=jump).status
+        for jump in (0, 5_000_000_000, 0, -3_000_000_000, 0)
+    ]
+    assert seen == [False, True, False, True, False]
+
+
+def test_skipped_frames_are_told_with_the_next_sample(finger: Finger) -> None:
+    rest = finger.frames[7].image
+    seen = [Status.FRAMES_DROPPED in finger.see(rest, skip=skip).status for skip in (0, 3, 0)]
+    assert seen == [False, True, False]
+    finger.camera.dropped_n = 2  # taken from the queue by newer ones
+    assert Status.FRAMES_DROPPED in finger.see(rest).status
+    assert finger.loop.statistics().lost_by_camera_n == 3
+    finger.camera.dropped_n = 4  # these leave a gap in the numbers, and count once
+    assert Status.FRAMES_DROPPED in finger.see(rest, skip=4).status
+    assert finger.loop.statistics().lost_by_camera_n == 3
+
+
+def test_overload(frames: list[Frame], calibration: Calibration) -> None:
+    finger = Finger(frames, calibration, load_pitches=0.05)
+    assert Status.OVERLOAD in finger.see(frames[25].image).status
+    assert finger.faults == {FaultCode.OVERLOAD}
+    finger.see(frames[7].image)
+    assert not finger.faults
+
+
+def test_no_calibration_is_a_fault_until_there_is_one(frames: list[Frame], calibration: Calibration) -> None:
+    finger = Finger(frames, None)
+    state = finger.see(frames[7].image)
+    assert finger.faults == {FaultCode.CALIBRATION_MISSING}
+    assert Status.UNCALIBRATED in state.status
+    request = finger.loop.request_tare(calibration=calibration)
+    for k in range(9):
+        state = finger.see(frames[k % 8].image)
+    assert request.done.result(0).state is RestFrameState.ACCEPTED
+    assert not finger.faults
+    assert state.status == Status(0)
+
+
+def test_a_foreign_calibration_is_refused_in_words(frames: list[Frame], calibration: Calibration) -> None:
+    turned = [replace(f, image=np.ascontiguousarray(cv2.resize(f.image, (400, 400)))) for f in frames[:8]]
+    finger = Finger(turned, calibration)
+    assert FaultCode.CALIBRATION_FOREIGN in finger.faults
+    assert "320x320" in finger.registry.active[FaultCode.CALIBRATION_FOREIGN]
+    assert Status.UNCALIBRATED in finger.see(turned[0].image).status
+
+
+def test_heat_and_disk_reach_the_samples(frames: list[Frame], calibration: Calibration) -> None:
+    registry = FaultRegistry()
+    now: dict[str, Any] = {"degc": 91.0, "disk": "no space left"}
+    monitor = BoardMonitor(registry, lambda: now["degc"], [lambda: now["disk"]])
+    camera, sink, k = Camera(), MemorySink(), 0
+    app = Loop(camera, [sink], calibration, faults=registry, board=monitor, clock_ns=lambda: k * PERIOD_NS)
+    monitor.check()
+    for k in range(9):
+        state = app.step(Frame(frames[k % 8].image, k * PERIOD_NS, k, Clock.DEVICE))
+    assert state.status == Status.OVER_TEMPERATURE | Status.STORAGE_FAULT
+    assert state.temperature_degc == 91.0
+    now.update(degc=40.0, disk="")
+    monitor.check()
+    k = 9
+    assert app.step(Frame(frames[7].image, k * PERIOD_NS, k, Clock.DEVICE)).status == Status(0)
+
+
+def test_the_light_of_a_waiting_image_is_told_while_pins_are_searched_for(finger: Finger) -> None:
+    finger.see(finger.frames[9].image)
+    dark = Frame(np.zeros_like(finger.frames[9].image), finger.now_ns, finger.n + 1, Clock.DEVICE)
+    finger.camera.peek = lambda: dark  # type: ignore[attr-defined]
+    begun_ns = finger.now_ns
+    finger.loop._detector.slow(begun_ns)  # it does not take long yet
+    assert finger.faults == set()
+    finger.now_ns += 40_000_000
+    finger.loop._detector.slow(begun_ns)
+    assert finger.faults == {FaultCode.TRACKER_LOST, FaultCode.IMAGE_DARK}
+    finger.see(finger.frames[10].image)
+    assert finger.faults == set()
+
+
+# ---- the loop lives ------------------------------------------------------------------------------------
+
+
+def in_thread(app: Loop) -> threading.Thread:
+    thread = threading.Thread(target=app.run)
+    thread.start()
+    return thread
+
+
+def until(condition: Callable[[], object]) -> None:
+    done = threading.Event()
+    for _ in range(2000):
+        if condition():
+            return
+        done.wait(0.005)
+    raise AssertionError("never")
+
+
+@pytest.fixture
+def awake(frames: list[Frame], calibration: Calibration) -> Finger:
+    """A finger on the real clock."""
+    return Finger(frames, calibration, clock_ns=time.monotonic_ns)
+
+
+def test_without_images_samples_go_on_and_say_why(awake: Finger) -> None:
+    finger = awake
+    finger.camera.condition = "lost"
+    before = len(finger.sink.states)
+    thread = in_thread(finger.loop)
+    until(lambda: len(finger.sink.states) >= before + 3)
+    finger.loop.stop()
+    thread.join(5.0)
+    assert not thread.is_alive()
+    beats = list(finger.sink.states)[before:]
+    assert all(Status.CAMERA_FAULT in s.status and not measured(s) for s in beats)
+    assert [s.sample for s in beats] == list(range(beats[0].sample, beats[0].sample + len(beats)))
+    steps_us = np.diff([s.capture_time_us for s in beats])
+    assert steps_us.min() >= 0.9e6 * KEEPALIVE_S  # the slow rate, on the camera's clock
+    assert beats[0].capture_time_us >= finger.n * PERIOD_NS // 1000
+
+
+def test_a_slow_camera_is_no_fault(awake: Finger) -> None:
+    finger = awake
+    before = len(finger.sink.states)
+    thread = in_thread(finger.loop)
+    for _ in range(20):
+        assert finger.camera.waiting.acquire(timeout=5.0)
+    finger.loop.stop()
+    thread.join(5.0)
+    assert len(finger.sink.states) == before
+
+
+def test_commands_run_without_images(finger: Finger) -> None:
+    thread = in_thread(finger.loop)
+    assert finger.loop.post(lambda: 42).result(5.0) == 42
+    finger.loop.stop()
+    thread.join(5.0)
+
+
+def test_a_stop_from_a_signal_handler_closes_nothing(finger: Finger) -> None:
+    finger.loop.stop()
+    finger.loop.run()
+    assert not finger.camera.ended
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((1, 1), np.uint8),
+        np.zeros((0, 320), np.uint8),
+        np.full((320, 320), 255, np.uint8),
+        np.random.default_rng(0).integers(0, 255, (320, 320), dtype=np.uint8),
+        np.zeros((200, 100), np.uint8),
+        np.full((320, 320), 60_000, np.uint16),
+    ],
+    ids=["one pixel", "empty", "white", "noise", "small", "16 bits"],
+)
+def test_no_image_ends_the_loop(finger: Finger, image: Image) -> None:
+    with np.errstate(all="ignore"):
+        state = finger.see(image)
+    assert not measured(state)
+    assert state.status & (Status.TRACKER_LOST | Status.PINS_LOST | Status.IMAGE_FAULT)
+    for _ in range(10):
+        last = finger.see(finger.frames[7].image)
+    assert last.status == Status(0)
+
+
+def test_a_smaller_image_in_mid_stream_is_told_and_costs_one_frame(finger: Finger) -> None:
+    smaller = np.ascontiguousarray(finger.frames[7].image[:160, :160])
+    for _ in range(5):
+        assert not measured(finger.see(smaller))
+    assert "160x160 px, the rest frame 320x320" in finger.registry.active[FaultCode.TRACKER_LOST]
+    for _ in range(10):
+        last = finger.see(finger.frames[20].image)
+    assert measured(last)
+    assert not finger.faults
+
+
+def test_a_viewer_that_fails_is_sent_away(finger: Finger) -> None:
+    told: list[int] = []
+
+    def bad(result: object, state: State) -> None:
+        raise RuntimeError("of its own making")
+
+    finger.loop.result_callbacks += [bad, lambda result, state: told.append(state.sample)]
+    finger.see(finger.frames[7].image)
+    finger.see(finger.frames[7].image)
+    assert len(told) == 2
+    assert bad not in finger.loop.result_callbacks
+
+
+class Recorder:
+    fault: str | None = None
+    dropped_n = 0
+
+    def __getattr__(self, name: str) -> Callable[..., bool]:
+        return lambda *_, **__: True
+
+
+def test_a_recorder_s_trouble_is_told(finger: Finger) -> None:
+    recorder: Any = Recorder()
+    finger.loop.session.recorder = recorder
+    assert finger.loop.session.trouble() == ""
+    recorder.dropped_n = 5
+    assert "too slow" in finger.loop.session.trouble()
+    recorder.fault = "no space left"
+    assert "no space left" in finger.loop.session.trouble()
+    finger.loop.session.recorder = None
+    assert finger.loop.session.trouble() == ""
+
+
+def test_a_recorder_that_breaks_costs_the_recording_alone(finger: Finger) -> None:
+    class Broken(Recorder):
+        def take(self, *_: object) -> None:
+            raise OSError("gone")
+
+    broken: Any = Broken()
+    finger.loop.session.recorder = broken
+    assert measured(finger.see(finger.frames[20].image))
+    assert finger.loop.session.recorder is None
+    assert finger.faults == {FaultCode.DISK_FULL}
+
+
+def test_drift_is_learnt_at_rest_and_can_be_forgotten(frames: list[Frame], calibration: Calibration) -> None:
+    finger = Finger(frames, calibration, drift_px=0.3)
+    rest = frames[7].image
+    moved = cv2.warpAffine(
+        rest, np.array([[1.0, 0, 0.25], [0, 1.0, 0]]), (320, 320), borderMode=cv2.BORDER_REPLICATE
+    )
+    for _ in range(1000):  # 10 s at 100 frames/s
+        finger.see(moved)
+    assert 0.005 < finger.loop.statistics().drift_px <= 0.3
+    finger.loop.forget_drift()
+    assert finger.loop.statistics().drift_px == 0.0
+
+
+def test_what_is_not_there_now_says_so(frames: list[Frame], calibration: Calibration) -> None:
+    finger = Finger(frames, calibration)
+    finger.camera.recorded = True  # type: ignore[attr-defined]
+    assert Status.NOT_LIVE in finger.see(frames[7].image).status
+
+
+# ---- as a process ---------------------------------------------------------------------------------------
+
+
+def test_the_service_manager_hears_ready_watchdog_and_stopping(data_dir: Path, tmp_path: Path) -> None:
+    """And SIGTERM is a clean end: status 0, the closing statistics printed."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(60.0)
+        messages = iter(lambda: manager.recv(1000), b"")
+        heard = (message for message in messages if not message.startswith(b"STATUS="))  # faults, in words
+        environment = {**os.environ, "NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "400000"}
+        command = [sys.executable, "-m", "edge", "replay", str(data_dir / "press.mcap"), "--loop", "--json"]
+        with subprocess.Popen(
+            [*command, "--sink", "memory:"], env=environment, stdout=subprocess.PIPE, text=True
+        ) as process:
+            assert next(heard) == b"READY=1"
+            assert next(heard) == b"WATCHDOG=1"
+            assert next(heard) == b"WATCHDOG=1"  # a tenth of a second later: images flow
+            process.send_signal(signal.SIGTERM)
+            assert next(message for message in heard if message != b"WATCHDOG=1") == b"STOPPING=1"
+            out, _ = process.communicate(timeout=30.0)
+    assert process.returncode == 0
+    assert json.loads(out.splitlines()[-1])["frames_n"] > 0

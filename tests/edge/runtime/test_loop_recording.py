@@ -1,0 +1,114 @@
+"""A recording of a running app: what the bus carried, valid for other readers, whole up to a cut."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import can
+import pytest
+from mcap.reader import make_reader
+
+from edge.calibration import Calibration
+from edge.link.sinks import open_sink
+from edge.recording import Recorder, RecordingSource, read_messages
+from edge.recording.frame_recorder import FrameRecorder
+from edge.recording.topics import proto
+from edge.runtime.loop import Loop
+from edge.sources import open_source
+from hostlink.decoder import CanDecoder, Sample
+from hostlink.wire import unpack_state
+
+
+@pytest.fixture(scope="module")
+def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Sample]]:
+    """A recording, and what a host on the bus decoded meanwhile."""
+    path = tmp_path_factory.mktemp("recorded") / "a.mcap"
+    heard: list[Sample] = []
+    decoder = CanDecoder()
+    with can.Bus("recorded", interface="virtual", receive_own_messages=False) as bus:
+        sink = open_sink("virtual:recorded")
+        app = Loop(
+            open_source(str(data_dir / "press.mcap")),
+            [sink],
+            Calibration.load(data_dir / "rings331_ball.json"),
+        )
+        with Recorder(path, rate_hz=60) as recorder:
+            app.session.recorder = FrameRecorder(recorder)
+            app.run()
+        sink.close()
+        while (message := bus.recv(0.5)) is not None:
+            events = decoder.receive(message.arbitration_id, bytes(message.data), message.timestamp)
+            heard += [event for event in events if isinstance(event, Sample)]
+    assert recorder.fault is None
+    assert recorder.dropped_n == recorder.refused_n == 0
+    return path, heard
+
+
+def test_it_holds_what_the_bus_carried(recorded: tuple[Path, list[Sample]]) -> None:
+    path, heard = recorded
+    samples = [message for _, _, message in read_messages(path, ["/bus/sample"])]
+    assert len(samples) == len(heard) == 26
+    for written, sent in zip(samples, heard, strict=True):
+        assert unpack_state(bytes.fromhex(written["payload"])).sample == sent.state.sample
+        values = json.loads(json.dumps(written["values"]))
+        for name in ("sample", "status", "capture_time_us", "displacement_mm", "shear_x_mm", "contact_n"):
+            value = getattr(sent.state, name)
+            assert values[name] == (None if value != value else value), name
+        assert len(values["contacts"]) == len(sent.state.contacts)
+        for one, other in zip(values["contacts"], sent.state.contacts, strict=True):
+            assert (one["x_mm"], one["y_mm"]) == (other.x_mm, other.y_mm)
+
+
+def test_the_mcap_library_reads_and_checks_it(recorded: tuple[Path, list[Sample]]) -> None:
+    path, _ = recorded
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        counts: dict[str, int] = {}
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            counts[channel.topic] = counts.get(channel.topic, 0) + 1
+            if channel.message_encoding == "json":
+                assert schema.encoding == "jsonschema"
+                json.loads(message.data)
+            else:
+                assert (schema.encoding, channel.message_encoding) == ("protobuf", "protobuf")
+                proto(schema.name.removeprefix("foxglove.")).FromString(message.data)
+    assert summary.statistics.message_count == sum(counts.values())
+    assert counts["/camera/image"] == counts["/bus/sample"] == 26
+    assert counts["/pins"] == counts["/cells"] == counts["/features"] == counts["/reading"] == 19
+
+
+def test_cells_are_shaded_for_the_eye(recorded: tuple[Path, list[Sample]]) -> None:
+    path, _ = recorded
+    overlays = [message for _, _, message in read_messages(path, ["/cells/overlay"])]
+    assert len(overlays) >= 4
+    last = overlays[-1]
+    assert len(last.points) > 320  # one outline a cell
+    strongest = max(last.points, key=lambda cell: cell.fill_color.a)
+    assert strongest.fill_color.r > 0.7  # the paper's red
+    assert strongest.fill_color.b < 0.3
+    xs = [point.x for point in strongest.points]
+    assert abs(sum(xs) / len(xs) - 183) < 25  # where the simulator pressed
+
+
+def test_a_truncated_file_yields_all_complete_chunks(
+    recorded: tuple[Path, list[Sample]], tmp_path: Path
+) -> None:
+    path, _ = recorded
+    whole = list(RecordingSource(path))
+    short = tmp_path / "short.mcap"
+    shutil.copy(path, short)
+    with short.open("r+b") as file:
+        file.truncate(path.stat().st_size * 2 // 3)
+    source = RecordingSource(short)
+    left = list(source)
+    assert source.truncated
+    assert source.frames_n == 0  # no index
+    assert 0 < len(left) < len(whole)
+    assert [f.sequence for f in left] == [f.sequence for f in whole[: len(left)]]
+    assert RecordingSource(path).frames_n == 26

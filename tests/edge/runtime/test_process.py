@@ -1,0 +1,49 @@
+"""A process ends with its status and all that it had to say, though a thread of it never returns."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+PROGRAM = """
+import atexit, sys, threading, time
+from edge.runtime.process import run_and_exit
+threading.Thread(target=lambda: time.sleep(60)).start()  # not a daemon: the interpreter would wait for it
+atexit.register(lambda: print("taken apart"))
+def main():
+    sys.stdout.write("last words")
+    {end}
+run_and_exit(main)
+"""
+
+
+@pytest.mark.parametrize(
+    ("end", "status", "said"),
+    [
+        ("return", 0, ""),
+        ("sys.exit()", 0, ""),
+        ("sys.exit(2)", 2, ""),
+        ("sys.exit(True)", 1, ""),
+        ("sys.exit('why')", 1, "why\n"),
+    ],
+)
+def test_status_and_last_words(end: str, status: int, said: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM.format(end=end)],
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (status, "last words", said)
+
+
+def test_an_exception_is_not_hidden() -> None:
+    program = PROGRAM.format(end="raise ValueError('broken')").replace("time.sleep(60)", "None")
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("Traceback")

@@ -1,0 +1,104 @@
+"""Settings survive a restart, or say that they do not; no file takes the finger out."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import settings as limits
+from hypothesis import strategies as st
+
+from edge.runtime.settings import Settings, SettingsFile
+from hostlink.output_file import OutputError
+from hostlink.wire import OBJECTS
+
+JSON_LIKE = '{}[]":,0123456789eE-.truefalsnidvr_hz'
+STORED = [o for o in OBJECTS if o.stored and o.type != "domain"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{",
+        "[]",
+        '{"divider": 0}',
+        '{"speed": 1}',
+        '{"rate_hz": "fast"}',
+        '{"rate_hz": 1e-45}',
+        '{"rate_hz": NaN}',
+        '{"rate_hz": 1e400}',
+        '{"divider": 2.5}',
+        '{"divider": true}',
+        "[" * 2000,
+        '{"a":' * 500,
+        "[" * 100_000,
+        '{"divider": 2' + " " * 5000 + "}",
+        "\xff",
+    ],
+)
+def test_a_file_that_cannot_be_used_costs_only_the_settings(
+    tmp_path: Path, text: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "settings.json"
+    path.write_text(text, encoding="latin-1")
+    assert SettingsFile(path).values == Settings()
+    assert "starting with defaults" in caplog.text
+
+
+@limits(max_examples=200, deadline=None)
+@given(
+    raw=st.one_of(
+        st.binary(max_size=200),
+        st.text('{}[]":,0123456789eE-.truefalsnidvr_hz', max_size=120).map(str.encode),
+    )
+)
+def test_any_bytes_give_values_within_limits(tmp_path_factory: pytest.TempPathFactory, raw: bytes) -> None:
+    path = tmp_path_factory.getbasetemp() / "fuzzed.json"
+    path.write_bytes(raw)
+    values = SettingsFile(path).values
+    for row in STORED:
+        assert row.low is not None
+        assert row.high is not None
+        assert row.low <= getattr(values, row.name) <= row.high
+
+
+@pytest.mark.parametrize("step", ["write", "fsync", "replace"])
+def test_a_full_disk_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    file = SettingsFile(tmp_path / "settings.json")
+    file.change(divider=3)
+    kept = (tmp_path / "settings.json").read_bytes()
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    target = {"write": (Path, "write_bytes"), "fsync": (os, "fsync"), "replace": (Path, "replace")}[step]
+    with monkeypatch.context() as patched:
+        patched.setattr(*target, full)
+        with pytest.raises(OutputError, match="No space left"):
+            file.change(divider=7)
+        with pytest.raises(OutputError, match="No space left"):
+            file.restore_defaults()
+    assert file.values.divider == 3
+    assert "No space left" in file.trouble()
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"settings.json": kept}
+    file.change(divider=8)
+    assert file.trouble() == ""
+
+
+def test_a_value_out_of_its_limits_changes_nothing(tmp_path: Path) -> None:
+    file = SettingsFile(tmp_path / "settings.json")
+    for name, value in (("rate_hz", 1e-45), ("rate_hz", float("nan")), ("rate_hz", 1e9), ("divider", 0)):
+        with pytest.raises(ValueError, match=name):
+            file.change(**{name: value})
+    assert file.values == Settings()
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_a_folder_settings_say_that_they_are_not_stored(tmp_path: Path) -> None:
+    assert not SettingsFile().is_stored
+    assert SettingsFile(tmp_path / "settings.json").is_stored

@@ -1,0 +1,385 @@
+"""A rest frame is taken only of an untouched tip, and whoever asked is told what became of it."""
+
+from __future__ import annotations
+
+import json
+import threading
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from edge.calibration import Calibration
+from edge.errors import CalibrationError
+from edge.link.device import LoopDevice
+from edge.link.node import Refused
+from edge.pins import take_rest
+from edge.runtime import measurement
+from edge.runtime.calibration_store import CalibrationStore
+from edge.runtime.tare import RestFrame, TareRefused, take_rest_frame
+from edge.runtime.tare_state import TareBusy
+from edge.sources import Paced, open_source
+from edge.types import Frame, Image
+from hostlink.wire import FaultCode, RestFrameReason, RestFrameState, Status
+from tests.support.finger import Finger
+
+ACCEPTED, REFUSED, FORCED = RestFrameState.ACCEPTED, RestFrameState.REFUSED, RestFrameState.FORCED
+
+
+@pytest.fixture(scope="module")
+def frames(data_dir: Path) -> list[Frame]:
+    """8 untouched, then a ball pressed in."""
+    return list(open_source(str(data_dir / "press.mcap")))
+
+
+@pytest.fixture(scope="module")
+def calibration(data_dir: Path) -> Calibration:
+    return Calibration.load(data_dir / "rings331_ball.json")
+
+
+@pytest.fixture
+def finger(frames: list[Frame], calibration: Calibration) -> Finger:
+    return Finger(frames, calibration)
+
+
+def changed(calibration: Calibration, **sensor: object) -> Calibration:
+    """The same with other values in its table [sensor]."""
+    table = json.loads(calibration.encoded)
+    table["sensor"].update(sensor)
+    return Calibration.parse(json.dumps(table).encode(), "test")
+
+
+def images(frames: list[Frame], k: int) -> list[Image]:
+    """Eight images that all show frame k, with a sensor's noise."""
+    random = np.random.default_rng(k)
+    noisy = [frames[k].image + random.normal(0.0, 2.0, frames[k].image.shape) for _ in range(8)]
+    return [np.clip(np.rint(image), 0, 255).astype(np.uint8) for image in noisy]
+
+
+# ---- judging ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("k", [10, 25])
+def test_a_steady_touch_is_no_rest_frame(frames: list[Frame], calibration: Calibration, k: int) -> None:
+    reference = take_rest(images(frames, 0))
+    for known in ({"calibration": calibration}, {"reference": reference}):
+        with pytest.raises(TareRefused, match="something touches the tip") as refused:
+            take_rest_frame(images(frames, k), **known)  # type: ignore[arg-type]
+        assert refused.value.reason is RestFrameReason.TOUCHED
+        forced = take_rest_frame(images(frames, k), force=True, **known)  # type: ignore[arg-type]
+        assert forced.reason is RestFrameReason.TOUCHED
+        assert "touches" in forced.message
+
+
+def test_an_untouched_tip_is_a_rest_frame(frames: list[Frame], calibration: Calibration) -> None:
+    reference = take_rest(images(frames, 0))
+    for k in (3, 7):
+        assert take_rest_frame(images(frames, k), calibration=calibration).reason is RestFrameReason.NONE
+        assert take_rest_frame(images(frames, k), reference=reference).reason is RestFrameReason.NONE
+
+
+@pytest.mark.parametrize(
+    ("turn_deg", "zoom", "tilt"), [(1.0, 1.0, 0.0), (0.0, 1.02, 0.0), (0.5, 0.99, 4e-5), (0.0, 1.0, 8e-5)]
+)
+def test_a_camera_put_back_a_little_differently_is_no_touch(
+    frames: list[Frame], calibration: Calibration, turn_deg: float, zoom: float, tilt: float
+) -> None:
+    turn = np.vstack([cv2.getRotationMatrix2D((160, 160), turn_deg, zoom), [0.0, 0.0, 1.0]])
+    there, back = np.eye(3), np.eye(3)
+    there[:2, 2], back[:2, 2] = -160, 160
+    leaning = np.eye(3)
+    leaning[2, 0] = tilt
+    way = back @ leaning @ there @ turn
+    moved = [cv2.warpPerspective(image, way, (320, 320)) for image in images(frames, 0)]
+    assert take_rest_frame(moved, calibration=calibration).reason is RestFrameReason.NONE
+    touched = [cv2.warpPerspective(image, way, (320, 320)) for image in images(frames, 12)]
+    with pytest.raises(TareRefused, match="something touches"):
+        take_rest_frame(touched, calibration=calibration)
+
+
+@pytest.mark.parametrize("k", [10, 14])
+def test_a_touch_that_begins_meanwhile_is_unsteady(frames: list[Frame], k: int) -> None:
+    """Known without a frame of reference, though few pins move so far."""
+    with pytest.raises(TareRefused) as refused:
+        take_rest_frame([frame.image for frame in frames[k - 6 : k + 2]])
+    assert refused.value.reason is RestFrameReason.UNSTEADY
+
+
+def test_a_picture_without_pins_is_no_rest_frame(calibration: Calibration) -> None:
+    with pytest.raises(TareRefused) as refused:
+        take_rest_frame([np.zeros((320, 320), np.uint8)] * 8, calibration=calibration, force=True)
+    assert refused.value.reason is RestFrameReason.NO_PIN_PATTERN
+
+
+def test_a_calibration_that_holds_a_few_of_the_pins_is_another_tips(
+    frames: list[Frame], calibration: Calibration
+) -> None:
+    few = changed(calibration, rest_xy_px=calibration.content.sensor.rest_xy_px[:280])
+    with pytest.raises(TareRefused, match=r"has 280 pins, the camera sees 331|another tip") as refused:
+        take_rest_frame(images(frames, 0), calibration=few)
+    assert refused.value.reason is RestFrameReason.OTHER_TIP
+    finger = Finger(frames, few)
+    assert FaultCode.CALIBRATION_FOREIGN in finger.faults
+    assert Status.UNCALIBRATED in finger.see(frames[25].image).status
+
+
+def test_half_of_the_pins_covered_are_too_few(frames: list[Frame]) -> None:
+    reference = take_rest(images(frames, 0))
+    covered = images(frames, 0)
+    for image in covered:
+        image[:, :150] = 0
+    with pytest.raises(TareRefused) as refused:
+        take_rest_frame(covered, reference=reference)
+    assert refused.value.reason is RestFrameReason.TOO_FEW_PINS
+
+
+# ---- asking -----------------------------------------------------------------------------------------------
+
+
+def test_an_accepted_one_is_in_use(finger: Finger) -> None:
+    before = finger.loop.pipeline
+    request = finger.loop.request_tare()
+    assert finger.loop.tare_outcome.state is RestFrameState.BUSY
+    for k in range(8):
+        finger.see(finger.frames[k].image)
+    outcome = request.done.result(0)
+    assert (outcome.number, outcome.state, outcome.message) == (1, ACCEPTED, "")
+    assert finger.loop.tare_outcome is outcome
+    assert finger.loop.pipeline is not before
+    assert not finger.faults
+
+
+def test_a_refused_one_leaves_values_as_they_were_and_says_so(finger: Finger) -> None:
+    true = finger.see(finger.frames[25].image).displacement_mm
+    before = finger.loop.pipeline
+    request = finger.loop.request_tare()
+    for _ in range(8):
+        state = finger.see(finger.frames[25].image)
+        assert state.displacement_mm == pytest.approx(true, abs=0.05)  # also while it is being taken
+    outcome = request.done.result(0)
+    assert (outcome.state, outcome.reason) == (REFUSED, RestFrameReason.TOUCHED)
+    assert "something touches the tip" in outcome.message
+    assert finger.loop.pipeline is before
+    assert finger.faults == {FaultCode.TARE_IMPLAUSIBLE}
+    assert Status.TARE_FAULT in finger.see(finger.frames[25].image).status
+    finger.loop.request_tare()
+    for _ in range(9):
+        last = finger.see(finger.frames[7].image)
+    assert not finger.faults
+    assert last.status == Status(0)
+
+
+def test_a_forced_one_says_what_it_took_and_is_flagged(finger: Finger) -> None:
+    request = finger.loop.request_tare(force=True)
+    for _ in range(8):
+        state = finger.see(finger.frames[20].image)
+    outcome = request.done.result(0)
+    assert (outcome.state, outcome.reason) == (FORCED, RestFrameReason.TOUCHED)
+    assert Status.TARE_FAULT in state.status
+    # The frame that was forced is no measure of what is untouched.
+    again = finger.loop.request_tare()
+    for _ in range(8):
+        finger.see(finger.frames[7].image)
+    assert again.done.result(0).state is ACCEPTED
+    assert not finger.faults
+
+
+def test_a_forced_one_is_no_reference_without_a_calibration_either(frames: list[Frame]) -> None:
+    finger = Finger(frames, None)
+    finger.loop.request_tare(force=True)
+    for _ in range(8):
+        finger.see(frames[25].image)
+    assert FaultCode.TARE_IMPLAUSIBLE in finger.faults
+    request = finger.loop.request_tare()
+    for _ in range(8):
+        finger.see(frames[7].image)
+    assert request.done.result(0).state is ACCEPTED
+
+
+def test_a_frozen_image_is_no_evidence(finger: Finger) -> None:
+    request = finger.loop.request_tare()
+    finger.camera.frame_condition = "frozen"
+    for _ in range(20):
+        finger.see(finger.frames[0].image)
+    assert not request.done.done()
+    finger.camera.frame_condition = ""
+    for _ in range(8):
+        finger.see(finger.frames[0].image)
+    assert request.done.result(0).state is ACCEPTED
+
+
+def test_without_images_it_is_refused(finger: Finger) -> None:
+    request = finger.loop.request_tare()
+    finger.camera.condition = "lost"
+    finger.now_ns += 500_000_000
+    finger.loop._keep_alive()
+    assert not request.done.done()  # a hiccup
+    finger.now_ns += 600_000_000
+    finger.loop._keep_alive()
+    outcome = request.done.result(0)
+    assert (outcome.state, outcome.reason) == (REFUSED, RestFrameReason.NO_IMAGES)
+
+
+def test_one_at_a_time(finger: Finger) -> None:
+    first = finger.loop.request_tare()
+    with pytest.raises(TareBusy):
+        finger.loop.request_tare()
+    for k in range(8):
+        finger.see(finger.frames[k].image)
+    assert first.done.done()
+    assert finger.loop.request_tare().number == first.number + 1
+
+
+def test_the_end_of_the_loop_answers_who_waits(finger: Finger) -> None:
+    request = finger.loop.request_tare()
+    finger.loop.stop()
+    finger.loop.run()
+    assert request.done.result(0).state is REFUSED
+
+
+def test_a_finger_that_starts_touched_waits_until_it_is_let_go(
+    frames: list[Frame], calibration: Calibration
+) -> None:
+    finger = Finger([frames[20]] * 8, calibration)
+    assert finger.faults == {FaultCode.TARE_IMPLAUSIBLE}
+    assert finger.loop.pipeline is None
+    for k in range(8):
+        finger.see(frames[k].image)
+    assert not finger.faults
+    assert finger.loop.pipeline is not None
+
+
+# ---- a calibration from a host ----------------------------------------------------------------------------
+
+
+def test_an_upload_while_something_touches_changes_nothing(
+    finger: Finger, calibration: Calibration, tmp_path: Path
+) -> None:
+    store = CalibrationStore(tmp_path)
+    device = LoopDevice(finger.loop, "T-1", store)
+    other = changed(calibration, serial="another")
+    true = finger.see(finger.frames[25].image).displacement_mm
+    device.upload_calibration(other.encoded)
+    for _ in range(8):
+        state = finger.see(finger.frames[25].image)
+    assert device.rest_frame()["rest_frame_state"] == REFUSED
+    assert device.rest_frame()["rest_frame_reason"] == RestFrameReason.TOUCHED
+    assert device.describe()["calibration_id"] == f"{calibration.content_id:08x}"
+    assert state.displacement_mm == pytest.approx(true, abs=0.05)
+    assert not list(tmp_path.iterdir())
+    device.upload_calibration(other.encoded)
+    with pytest.raises(Refused, match="already"):
+        device.upload_calibration(other.encoded)
+    for k in range(8):
+        finger.see(finger.frames[k].image)
+    assert device.rest_frame()["rest_frame_state"] == ACCEPTED
+    assert device.describe()["calibration_id"] == f"{other.content_id:08x}"
+    assert store.path.read_bytes() == other.encoded
+
+
+def test_another_tips_calibration_leaves_the_one_in_use(
+    finger: Finger, data_dir: Path, calibration: Calibration, tmp_path: Path
+) -> None:
+    foreign = Calibration.load(data_dir / "hex127_flat.json")
+    device = LoopDevice(finger.loop, "T-1", CalibrationStore(tmp_path))
+    with pytest.raises(CalibrationError, match="made at 280x210, the camera gives 320x320"):
+        device.upload_calibration(foreign.encoded)
+    device.upload_calibration(changed(foreign, size_px=[320, 320]).encoded)  # another tip of this camera
+    for k in range(8):
+        finger.see(finger.frames[k].image)
+    assert device.rest_frame()["rest_frame_reason"] == RestFrameReason.OTHER_TIP
+    assert not list(tmp_path.iterdir())
+    assert device.describe()["calibration_id"] == f"{calibration.content_id:08x}"
+    state = finger.see(finger.frames[25].image)
+    assert state.displacement_mm == pytest.approx(3.0, abs=0.3)
+    assert Status.UNCALIBRATED not in state.status
+
+
+def test_an_upload_that_cannot_be_stored_changes_nothing(
+    finger: Finger, calibration: Calibration, tmp_path: Path
+) -> None:
+    store = CalibrationStore(tmp_path / "gone")
+    device = LoopDevice(finger.loop, "T-1", store)
+    device.upload_calibration(changed(calibration, serial="another").encoded)
+    for k in range(8):
+        finger.see(finger.frames[k].image)
+    assert device.rest_frame()["rest_frame_reason"] == RestFrameReason.NOT_STORED
+    assert device.describe()["calibration_id"] == f"{calibration.content_id:08x}"
+
+
+def test_a_start_falls_back_to_the_last_good_file(calibration: Calibration, tmp_path: Path) -> None:
+    store = CalibrationStore(tmp_path)
+    assert store.load() is None
+    second = changed(calibration, serial="second")
+    store.replace(calibration)
+    store.replace(second)
+    assert CalibrationStore(tmp_path).load().content_id == second.content_id  # type: ignore[union-attr]
+    store.path.write_bytes(second.encoded[: len(second.encoded) // 2])
+    assert store.load().content_id == calibration.content_id  # type: ignore[union-attr]
+    third = changed(calibration, serial="third")
+    store.replace(third)  # what could not be read does not take the good one's place
+    store.path.write_bytes(b"{")
+    assert store.load().content_id == calibration.content_id  # type: ignore[union-attr]
+    store.previous.write_bytes(b"{")
+    assert store.load() is None
+
+
+# ---- a loop that goes on meanwhile ------------------------------------------------------------------------
+
+
+def test_on_a_loop_that_is_mostly_touched_no_tare_goes_wrong_unseen(
+    frames: list[Frame], calibration: Calibration
+) -> None:
+    """Asked at any time: what is accepted gives the same depth as before, all else is refused."""
+    finger = Finger(frames, calibration)
+
+    def depth_mm() -> float:
+        assert finger.loop.pipeline is not None
+        finger.loop.pipeline.forget()
+        return finger.see(frames[25].image).displacement_mm
+
+    true = depth_mm()
+    outcomes = set()
+    for start in range(0, len(frames), 4):
+        request = finger.loop.request_tare()
+        k = start
+        while not request.done.done():
+            finger.see(frames[k % len(frames)].image)
+            k += 1
+        outcomes.add(request.done.result(0).state)
+        assert depth_mm() == pytest.approx(true, abs=0.03)
+    assert outcomes == {ACCEPTED, REFUSED}
+
+
+def test_samples_go_on_while_a_rest_frame_is_judged(
+    data_dir: Path, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = Paced(open_source(str(data_dir / "press.mcap")), 30.0, loop=True)
+    finger = Finger([], calibration, source=source)
+    measured = threading.Semaphore(0)
+    finger.loop.result_callbacks.append(lambda *_: measured.release())
+    thread = threading.Thread(target=finger.loop.run)
+    thread.start()
+    assert measured.acquire(timeout=60.0)
+    begun, go_on = threading.Event(), threading.Event()
+
+    def judged(*arguments: Any, **options: Any) -> RestFrame:
+        begun.set()
+        assert go_on.wait(60.0)
+        return take_rest_frame(*arguments, **options)
+
+    monkeypatch.setattr(measurement, "take_rest_frame", judged)
+    request = finger.loop.request_tare(force=True)
+    assert begun.wait(60.0)
+    while measured.acquire(blocking=False):
+        pass
+    for _ in range(3):  # results, though the new rest frame is not there yet
+        assert measured.acquire(timeout=60.0)
+    assert finger.loop.tare_outcome.state is RestFrameState.BUSY
+    go_on.set()
+    assert request.done.result(60.0).state in (ACCEPTED, FORCED)
+    finger.loop.stop()
+    thread.join(60.0)
+    source.close()

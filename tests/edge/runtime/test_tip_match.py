@@ -1,0 +1,69 @@
+"""Whose pins are these? A calibration is for one tip, all of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.fit import tip_of
+from calib.sim import Camera, Simulator, Tip
+from edge.errors import CalibrationError
+from edge.pins import take_rest
+from edge.runtime.tip_match import in_order_of
+from edge.types import Pins, Rest
+
+
+def rest_of(tip: Tip, seed: int = 0, size: tuple[int, int] = (240, 240)) -> Rest:
+    return take_rest([Simulator(Camera(tip=tip, size_px=size), seed=seed).frame().image])
+
+
+def only(rest: Rest, kept: np.ndarray) -> Rest:
+    p = rest.pins
+    return Rest(Pins(p.xy_img[kept], p.sigma_px[kept], p.radius_px[kept], p.brightness[kept]), rest.pattern)
+
+
+@pytest.fixture(scope="module")
+def hexagonal() -> Rest:
+    return rest_of(Tip(127, "hex"))
+
+
+def test_the_same_tip_is_put_in_order(hexagonal: Rest) -> None:
+    made_with = tip_of(hexagonal)
+    own = in_order_of(made_with, rest_of(Tip(127, "hex"), seed=5))
+    assert np.abs(own.xy_img - made_with.rest.xy_img).max() < 1.0
+
+
+@pytest.mark.parametrize("other", [Tip(91, "hex"), Tip(127, "rings"), Tip(121, "square")])
+def test_another_tip_of_the_same_image_size_is_refused(hexagonal: Rest, other: Tip) -> None:
+    with pytest.raises(CalibrationError, match=r"another tip|belongs to another one"):
+        in_order_of(tip_of(hexagonal), rest_of(other))
+
+
+def test_another_image_size_is_refused(hexagonal: Rest) -> None:
+    with pytest.raises(CalibrationError, match="made at 240x240, the images are 320x240"):
+        in_order_of(tip_of(hexagonal), rest_of(Tip(127, "hex"), size=(320, 240)))
+
+
+@pytest.mark.parametrize("known_n", [20, 60, 110])
+def test_a_file_with_some_of_the_tips_pins_is_refused(hexagonal: Rest, known_n: int) -> None:
+    """Every pin that it has is found, at its place, but it knows nothing of the others."""
+    from_centre = np.hypot(*(hexagonal.xy_img - hexagonal.pattern.centre_img).T)
+    some = tip_of(only(hexagonal, np.argsort(from_centre)[:known_n]))
+    with pytest.raises(CalibrationError, match=r"calibration has \d+ pins, the camera sees 127|another tip"):
+        in_order_of(some, hexagonal)
+
+
+def test_a_rest_frame_that_misses_a_few_pins_is_accepted(hexagonal: Rest) -> None:
+    fewer = only(hexagonal, np.arange(len(hexagonal)) % 20 > 0)
+    own = in_order_of(tip_of(hexagonal), fewer)
+    assert len(own) == 127
+    np.testing.assert_allclose(own.xy_img, hexagonal.xy_img, atol=0.01)
+
+
+def test_pins_that_moved_together_are_refused(hexagonal: Rest) -> None:
+    shift = 0.45 * hexagonal.pattern.pitch_px
+    moved = replace(hexagonal, pins=replace(hexagonal.pins, xy_img=hexagonal.xy_img + np.array([shift, 0.0])))
+    with pytest.raises(CalibrationError, match=r"pins are \d+\.\d px from where|another tip"):
+        in_order_of(tip_of(hexagonal), moved)

@@ -1,0 +1,90 @@
+"""Sizes from headers: the same as what is decoded, and never a large image for a few bytes."""
+
+from __future__ import annotations
+
+import random
+import struct
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from edge.errors import SourceError
+from edge.sources import open_source, read_image
+from edge.sources.image_header import check_image_header, check_size, image_size
+
+FORMATS = (".png", ".jpg", ".bmp", ".tif", ".pgm", ".webp")
+SHAPES = [(48, 64), (1, 300), (301, 7)]
+
+
+def png_of(width: int, height: int) -> bytes:
+    """A PNG that says so, with the pixels of nothing."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", width, height, 16, 6, 0, 0, 0)
+    pixels = chunk(b"IDAT", zlib.compress(bytes(1 << 20)))
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + pixels + chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=str)
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_the_size_is_that_of_the_decoded_image(suffix: str, shape: tuple[int, int]) -> None:
+    for image in (np.full(shape, 7, np.uint8), np.full((*shape, 3), 7, np.uint8)):
+        if suffix == ".pgm" and image.ndim == 3:
+            continue
+        ok, data = cv2.imencode(suffix, image)
+        assert ok
+        assert image_size(data.tobytes()) == shape[::-1]
+
+
+def test_lossless_webp_and_16_bits() -> None:
+    image = np.zeros((20, 30, 3), np.uint8)
+    _, data = cv2.imencode(".webp", image, (cv2.IMWRITE_WEBP_QUALITY, 101))
+    assert image_size(data.tobytes()) == (30, 20)
+    for suffix in (".png", ".tif", ".pgm"):
+        _, data = cv2.imencode(suffix, np.zeros((20, 30), np.uint16))
+        assert image_size(data.tobytes()) == (30, 20)
+
+
+def test_a_netpbm_comment_is_skipped() -> None:
+    assert image_size(b"P5\n# made by hand\n 30 \n20\n255\n" + bytes(600)) == (30, 20)
+
+
+@pytest.mark.parametrize(
+    ("width", "height"), [(32_000, 32_000), (8193, 1), (8192, 2049), (0, 5), (1 << 31, 1 << 31)]
+)
+def test_too_many_pixels_are_refused_before_they_are_decoded(tmp_path: Path, width: int, height: int) -> None:
+    with pytest.raises(ValueError, match="pixels"):
+        check_size(width, height)
+    path = tmp_path / "large.png"
+    path.write_bytes(png_of(width, height))
+    with pytest.raises(SourceError, match=r"large\.png: .* pixels"):
+        read_image(path)
+    with pytest.raises(SourceError, match="pixels"):
+        open_source(str(path))
+
+
+def test_an_unknown_format_is_no_image(tmp_path: Path) -> None:
+    for data in (b"", b"GIF89a" + bytes(20), b"v/1\x01" + bytes(20)):
+        (tmp_path / "a.png").write_bytes(data)
+        with pytest.raises(SourceError, match=r"not an image; give \.png"):
+            read_image(tmp_path / "a.png")
+
+
+def test_changed_headers_give_a_size_or_a_value_error() -> None:
+    dice = random.Random(10)
+    image = np.zeros((40, 50, 3), np.uint8)
+    files = [cv2.imencode(suffix, image)[1].tobytes() for suffix in (*FORMATS[:4], ".ppm", ".webp")]
+    for _ in range(5000):
+        data = bytearray(dice.choice(files)[: dice.choice([8, 20, 40, 1000])])
+        for _ in range(dice.randrange(1, 5)):
+            data[dice.randrange(len(data))] = dice.randrange(256)
+        try:
+            width, height = check_image_header(bytes(data))
+        except ValueError:
+            continue
+        assert 1 <= width * height <= 1 << 24

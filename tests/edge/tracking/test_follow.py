@@ -1,0 +1,136 @@
+"""The kernel of `follow`: the same compiled and uncompiled, and wrong sizes are refused."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from edge.tracking.follow import Follower
+from edge.tracking.outliers import PhotometricFilter
+from edge.tracking.tip import Tip
+from edge.types import Array, Pins, Rest
+from tests.support.fields import CENTRE, hexagon, make_rest
+from tests.support.kernels import VARIABLE
+
+ROOT = Path(__file__).resolve().parents[3]
+
+pytestmark = pytest.mark.kernels
+
+
+def small_tip(rings: int = 2) -> Rest:
+    return make_rest(hexagon(rings, 19.0) + CENTRE, 19.0)
+
+
+def follower(rest: Rest) -> Follower:
+    tip = Tip.of(rest)
+    return Follower(tip.lattice, tip.photometric, tip.params)
+
+
+def followed() -> Array:
+    """(frames, 3 n + 2): what is seen of frames in which pins are missing, displaced, dim, or on one blob."""
+    rest = small_tip(3)
+    rng = np.random.default_rng(4)
+    kernel, n, rows = follower(rest), len(rest), []
+    kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
+    for frame in range(6):
+        found = rest.xy_img + 0.8 * frame + rng.normal(0.0, 0.05, (n, 2))
+        brightness = rest.pins.brightness * rng.normal(1.0, 0.01, n)
+        sigma = rng.uniform(0.04, 0.06, n)
+        found[rng.random(n) < 0.1] = np.nan
+        dim = rng.choice(n, 5, replace=False)
+        brightness[dim] *= 0.6
+        found[dim[:4]] += rng.normal(0.0, 1.0, (4, 2))
+        blurred, far, near = rng.choice(n, 3, replace=False)
+        sigma[blurred] *= 5.0
+        found[blurred] += 1.0
+        found[far] += 8.0
+        found[near] = found[(near + 1) % n]
+        xy, _, seen, seen_n, innovation = kernel.follow(found, sigma, brightness)
+        assert np.count_nonzero(seen) == seen_n
+        rows.append([*np.nan_to_num(xy).ravel(), *seen, seen_n, innovation])
+        kernel.accept(0.7)
+    return np.array(rows, np.float64)
+
+
+def test_no_pin_is_seen_where_nothing_was_found_or_two_are_on_one_blob() -> None:
+    rest = small_tip()
+    n = len(rest)
+    kernel = follower(rest)
+    kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
+    found = rest.xy_img.copy()
+    found[3], found[8] = np.nan, found[9]
+    _, _, seen, seen_n, innovation = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+    np.testing.assert_array_equal(np.flatnonzero(~seen), [3, 8])
+    assert seen_n == n - 2
+    assert innovation == 0.0
+
+
+@pytest.mark.compiled
+def test_compiled_and_uncompiled_give_the_same() -> None:
+    """The uncompiled kernels are the reference: a process of its own runs them."""
+    code = (
+        "import sys; from tests.support import kernels; kernels.install();"
+        "from tests.edge.tracking.test_follow import followed; import edge.tracking.follow as f;"
+        "assert f.__file__.endswith('.py'), f.__file__;"
+        "sys.stdout.buffer.write(followed().tobytes())"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=os.environ | {VARIABLE: "python"}, capture_output=True
+    )
+    assert run.returncode == 0, run.stderr.decode()
+    ours = followed()
+    rejected = (ours[:, 2 * 37 : 3 * 37] == 0).sum(axis=1)
+    assert rejected.min() > 5  # missing, displaced, on one blob, and unlike themselves
+    np.testing.assert_array_equal(ours, np.frombuffer(run.stdout).reshape(ours.shape))
+
+
+@pytest.mark.parametrize(
+    "shapes", [((18, 2), 19, 19), ((19, 3), 19, 19), ((19, 2), 20, 19), ((19, 2), 19, 0), ((0, 2), 0, 0)]
+)
+def test_a_frame_of_another_number_of_pins_is_refused(shapes: tuple[tuple[int, int], int, int]) -> None:
+    kernel = follower(small_tip())
+    found, sigma, brightness = shapes
+    with pytest.raises(ValueError, match=r"found \(19, 2\)"):
+        kernel.follow(np.zeros(found), np.ones(sigma), np.ones(brightness))
+
+
+def test_a_state_of_another_number_of_pins_is_refused() -> None:
+    kernel = follower(small_tip())
+    for xy, residual, seen in ((18, 19, 19), (19, 18, 19), (19, 19, 18)):
+        with pytest.raises(ValueError, match=r"xy \(19, 2\)"):
+            kernel.settle(np.zeros((xy, 2)), np.zeros((residual, 2)), np.ones(seen, bool))
+    with pytest.raises(ValueError, match=r"xy \(19, 2\)"):
+        kernel.median_innovation(np.zeros((18, 2)))
+
+
+def test_a_lattice_of_another_tip_is_refused() -> None:
+    small, large = Tip.of(small_tip(1)), Tip.of(small_tip(2))
+    with pytest.raises(ValueError, match="wanted for 19 pins"):
+        Follower(small.lattice, large.photometric, large.params)
+
+
+@pytest.mark.parametrize("name", ["closest", "pairs"])
+@pytest.mark.parametrize("pin", [-1, 19, 2**31 - 1])
+def test_a_lattice_that_names_no_pin_is_refused(name: str, pin: int) -> None:
+    tip = Tip.of(small_tip())
+    getattr(tip.lattice, name)[3, 1] = pin
+    with pytest.raises(ValueError, match=f"{name}: pins of 0 to 18"):
+        Follower(tip.lattice, tip.photometric, tip.params)
+
+
+def test_the_filter_refuses_other_sizes() -> None:
+    tip = Tip.of(small_tip())
+    for wrong in range(5):
+        sizes = [18 if k == wrong else 19 for k in range(5)]
+        pins = Pins(np.zeros((19, 2)), np.ones(sizes[0]), np.ones(19), np.ones(sizes[1]))
+        motion, residual, seen = np.zeros((sizes[2], 2)), np.zeros((sizes[3], 2)), np.ones(sizes[4], bool)
+        with pytest.raises(ValueError, match="19 pins"):
+            tip.photometric.accepted(pins, motion, residual, seen, False)
+    for at_rest, local in ((small_tip(1).pins, np.ones(19)), (small_tip().pins, np.ones(18))):
+        with pytest.raises(ValueError, match="19 pins"):
+            PhotometricFilter(tip.affine, at_rest, local, tip.params)

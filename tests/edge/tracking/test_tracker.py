@@ -1,0 +1,421 @@
+"""Identity of pins: after a jump, from frame to frame, and when it cannot be known."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from calib.sim import deform
+from edge.errors import DegenerateLayout
+from edge.geometry.lattice import Lattice
+from edge.pins import CentroidRefiner, detect, take_rest
+from edge.tracking import Tracker
+from edge.tracking.match import Adjacency
+from edge.tracking.params import TrackingParams
+from edge.tracking.score import Match
+from edge.tracking.search import Identifier
+from edge.types import Array, Image, PinPattern, Pins, Rest, Tracks
+from tests.bench import identity
+
+PITCH_PX = 18.0
+
+
+def pins_at(xy: Array) -> Pins:
+    n = len(xy)
+    return Pins(xy, np.full(n, 0.05), np.full(n, 5.0), np.full(n, 150.0))
+
+
+def rest_at(xy: Array) -> Rest:
+    radius = float(np.hypot(*(xy - xy.mean(0)).T).max()) + 5
+    pattern = PinPattern(5.0, PITCH_PX, xy.mean(0), radius, 10.0, 150.0, 1.0, (420, 420))
+    return Rest(pins_at(xy), pattern)
+
+
+def rings(count: int) -> Array:
+    """Concentric rings of 6k pins, as dome tips have them: 6 make 127 pins, 10 make 331.
+
+    Turned by one pin in each ring, all but the innermost fits itself: the slip that looks tidiest.
+    """
+    xy = [np.zeros((1, 2))]
+    for k in range(1, count + 1):
+        angle = 2 * np.pi * np.arange(6 * k) / (6 * k)
+        xy.append(k * PITCH_PX * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    return np.concatenate(xy) + 210.0
+
+
+def hexagonal(count: int) -> Array:
+    k = range(-count, count + 1)
+    steps = [(a + b / 2, b * np.sqrt(0.75)) for a in k for b in k if abs(a + b) <= count]
+    return np.array(steps) * PITCH_PX + 210.0
+
+
+def square(side: int) -> Array:
+    k = np.arange(side) * PITCH_PX
+    return np.stack(np.meshgrid(k, k), axis=-1).reshape(-1, 2) + 100.0
+
+
+LAYOUTS = {"rings331": rings(10), "rings127": rings(6), "hexagonal127": hexagonal(6), "square144": square(12)}
+
+
+def pressed(xy: Array, rng: np.random.Generator) -> Array:
+    """A press anywhere, then shear and twist: the middle moves by up to 25 px, the rim by up to 15."""
+    radius = np.hypot(*(xy - xy.mean(0)).T).max()
+    unit = (xy - xy.mean(0)) / radius
+    away = unit - rng.uniform(-0.5, 0.5, 2)
+    spread = away * np.exp(-((away**2).sum(1) / 0.25))[:, None] * rng.uniform(5, 20)
+    angle = rng.uniform(0, 2 * np.pi)
+    shear = rng.uniform(0, 18) * np.array([np.cos(angle), np.sin(angle)])
+    hold = 1 - 0.4 * (unit**2).sum(1)[:, None]
+    twist = np.deg2rad(rng.uniform(-5, 5)) * radius * np.stack([-unit[:, 1], unit[:, 0]], axis=1)
+    return np.asarray(xy + spread + hold * shear + twist)
+
+
+def spoiled(xy: Array, dropped: float, false: int, rng: np.random.Generator) -> Array:
+    """Pins in any order, some of them missing, and blobs that are none."""
+    reach = np.hypot(*(xy - xy.mean(0)).T).max() + 10
+    angle, far = rng.uniform(0, 2 * np.pi, false), reach * np.sqrt(rng.random(false))
+    extra = xy.mean(0) + far[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return rng.permutation(np.concatenate([xy[rng.random(len(xy)) >= dropped], extra]))
+
+
+def swapped(tracks: Tracks, truth: Array) -> int:
+    """Pins that got the blob of another one, or a blob that is none and far from their place."""
+    off = np.hypot(*(tracks.xy_img - truth).T)
+    return int(np.sum(off[tracks.seen] > PITCH_PX / 2))
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_after_a_jump_from_rest_every_pin_has_its_own_blob(layout: str) -> None:
+    rng = np.random.default_rng(1)
+    xy = LAYOUTS[layout]
+    for _ in range(12):
+        tracker = Tracker(rest_at(xy))
+        now = pressed(xy, rng)
+        tracks = tracker.identify(pins_at(rng.permutation(now)))
+        assert tracks.confidence > 0.9
+        np.testing.assert_array_equal(tracks.xy_img, now)
+        np.testing.assert_array_equal(tracker.predict(), now)
+
+
+@pytest.mark.parametrize("layout", ["rings331", "rings127", "hexagonal127"])
+def test_a_third_of_the_pins_missing_and_false_blobs_swap_nothing(layout: str) -> None:
+    rng = np.random.default_rng(2)
+    xy = LAYOUTS[layout]
+    trusted = 0
+    for _ in range(12):
+        now = pressed(xy, rng)
+        blobs = spoiled(now, 0.3, 50, rng)
+        tracks = Tracker(rest_at(xy)).identify(pins_at(blobs))
+        if tracks.confidence >= Tracks.LOW_CONFIDENCE:
+            trusted += 1
+            assert swapped(tracks, now) == 0
+            there = {tuple(xy) for xy in blobs} & {tuple(xy) for xy in now}
+            assert tracks.n_seen > 0.8 * len(there)
+    assert trusted >= 8
+
+
+def test_beside_an_inconsistent_place_a_pin_is_lost_but_not_swapped() -> None:
+    """Sharp tools that press and drag by millimetres from one frame to the next."""
+    camera, rest = identity.simulated_rest(127)
+    rng = np.random.default_rng(9)
+    kinds = [h for h in identity.HAZARDS if not h.merged]  # of merged ones nobody knows whose the blob is
+    trusted = 0
+    for _ in range(6):
+        now = camera.project(deform(camera.tip, (identity.random_contact(rng),)).tips_mm)
+        for hazard in kinds:
+            blobs, owner = identity.spoil(now, hazard, camera.radius_px + 10, rng)
+            tracks = Tracker(rest).identify(pins_at(blobs))
+            if tracks.confidence >= Tracks.LOW_CONFIDENCE:
+                trusted += 1
+                assert identity.judge(tracks, blobs, owner)[0] == 0, hazard.name
+    assert trusted >= 15
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_a_wrong_match_has_low_confidence(layout: str) -> None:
+    """Half of the pins and more missing, up to half of the tip hidden: often nobody can know."""
+    rng = np.random.default_rng(3)
+    xy = LAYOUTS[layout]
+    for k in range(12):
+        now = pressed(xy, rng)
+        lit = now @ [np.cos(k), np.sin(k)]
+        part = now if k % 2 else now[lit < np.quantile(lit, rng.uniform(0.5, 0.9))]
+        tracks = Tracker(rest_at(xy)).identify(pins_at(spoiled(part, 0.5 if k % 2 else 0.0, 10, rng)))
+        if swapped(tracks, now) > 0.1 * tracks.n_seen:
+            assert tracks.confidence < Tracks.LOW_CONFIDENCE
+
+
+def test_a_search_ends_after_a_bounded_number_of_matches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With half of the pins missing no match is certain, and all that is left is to try once more."""
+    grown: list[Match] = []
+    grow = Identifier._grow
+
+    def counted(*args: Any) -> Match:
+        grown.append(grow(*args))
+        return grown[-1]
+
+    monkeypatch.setattr(Identifier, "_grow", counted)
+    rng = np.random.default_rng(11)
+    xy = LAYOUTS["rings331"]
+    for _ in range(4):
+        grown.clear()
+        Tracker(rest_at(xy)).identify(pins_at(spoiled(pressed(xy, rng), 0.5, 50, rng)))
+        assert 4 < len(grown) <= TrackingParams().grown_max + 1
+
+
+def test_a_lattice_that_may_have_slipped_by_a_step_has_low_confidence() -> None:
+    """A row is hidden, and the others fit where they are and one step on: nobody can know."""
+    xy = LAYOUTS["square144"]
+    part = xy[xy[:, 0] > xy[:, 0].min() + 1]
+    for shift in (0.0, -PITCH_PX / 2, -PITCH_PX):
+        tracks = Tracker(rest_at(xy)).identify(pins_at(part + np.array([shift, 0.0])))
+        assert tracks.confidence < Tracks.LOW_CONFIDENCE
+
+
+@pytest.mark.parametrize("blobs", [0, 3, 30, 331])
+def test_blobs_that_are_not_this_tip_are_not_identified(blobs: int) -> None:
+    tracker = Tracker(rest_at(LAYOUTS["rings331"]))
+    tracks = tracker.identify(pins_at(np.random.default_rng(4).uniform(20, 400, (blobs, 2))))
+    assert tracks.confidence < Tracks.LOW_CONFIDENCE
+    assert tracker.predict() is None
+    assert len(tracks.xy_img) == len(tracks.seen) == 331
+
+
+@pytest.mark.parametrize("shift_px", [0.0, 9.0, 14.0])
+@pytest.mark.parametrize(
+    ("count", "turn_deg"),
+    [(10, turn) for turn in (5, 10, 15, -20, 25, -30, 35, -40)] + [(6, turn) for turn in (5, -10, 20, -30)],
+)
+def test_rings_rotated_far_are_right_or_of_low_confidence(
+    count: int, turn_deg: float, shift_px: float
+) -> None:
+    """Rings turned by one pin each fit themselves: skin held at its rim, its middle twisted and dragged.
+
+    The limit stands with it: of 6 rings turned by 35 degrees and more nearly all pins fit one pin on.
+    """
+    rest = rings(count)
+    out = rest - rest.mean(0)
+    held = 1 - (out**2).sum(1) / (out**2).sum(1).max() * 0.95
+    turn = np.deg2rad(turn_deg) * held
+    now = rest + shift_px * held[:, None]
+    now[:, 0] += out[:, 0] * (np.cos(turn) - 1) - out[:, 1] * np.sin(turn)
+    now[:, 1] += out[:, 1] * (np.cos(turn) - 1) + out[:, 0] * np.sin(turn)
+    order = np.random.default_rng(1).permutation(len(now))
+    tracks = Tracker(rest_at(rest)).identify(pins_at(now[order]))
+    assert tracks.confidence < Tracks.LOW_CONFIDENCE or swapped(tracks, now) == 0
+
+
+def test_too_few_pins_at_rest_are_refused() -> None:
+    with pytest.raises(DegenerateLayout, match="at least 4"):
+        Tracker(rest_at(rings(10)[:3]))
+    with pytest.raises(DegenerateLayout, match="one line"):
+        Tracker(rest_at(np.stack([np.arange(9.0) * PITCH_PX, np.zeros(9)], axis=1)))
+
+
+def held(xy: Array) -> Tracker:
+    tracker = Tracker(rest_at(xy))
+    assert tracker.identify(pins_at(xy)).confidence > 0.9
+    return tracker
+
+
+def test_a_steady_drag_is_predicted() -> None:
+    xy = LAYOUTS["rings331"]
+    tracker = held(xy)
+    drag = np.array([3.0, -2.0])
+    for k in range(1, 12):
+        tracks = tracker.follow(pins_at(xy + k * drag))
+        assert tracks.n_seen == 331
+    predicted = tracker.predict()
+    assert predicted is not None
+    assert np.abs(predicted - xy - 12 * drag).max() < 2.0
+
+
+def test_a_pin_that_took_its_neighbours_blob_is_lost_and_comes_back() -> None:
+    xy = LAYOUTS["rings331"]
+    tracker = held(xy)
+    stolen = xy.copy()
+    stolen[40] = xy[41]
+    tracks = tracker.follow(pins_at(stolen))
+    assert tracks.seen.sum() == 330
+    assert not tracks.seen[40]
+    assert np.isnan(tracks.xy_img[40]).all()
+    assert np.isnan(tracks.sigma_px[40])
+    predicted = tracker.predict()
+    assert predicted is not None
+    assert np.hypot(*(predicted[40] - xy[40])) < 1.0
+    assert tracker.follow(pins_at(xy)).n_seen == 331
+
+
+def test_pins_out_of_sight_move_with_their_neighbours() -> None:
+    rng = np.random.default_rng(5)
+    xy = LAYOUTS["rings331"]
+    goal = pressed(xy, rng)
+    tracker = held(xy)
+    hidden = rng.random(len(xy)) < 0.2
+    for k in range(1, 31):
+        now = xy + (goal - xy) * k / 30
+        tracks = tracker.follow(pins_at(np.where(hidden[:, None], np.nan, now)))
+        assert not tracks.seen[hidden].any()
+    predicted = tracker.predict()
+    assert predicted is not None
+    assert np.median(np.hypot(*(predicted - goal)[hidden].T)) < 1.0
+    assert tracker.follow(pins_at(goal)).seen[hidden].mean() > 0.95
+
+
+def test_a_leap_of_half_a_pitch_asks_for_a_full_search() -> None:
+    xy = LAYOUTS["rings331"]
+    tracker = held(xy)
+    tracks = tracker.follow(pins_at(xy + np.array([0.45 * PITCH_PX, 0.0])))
+    assert tracks.confidence < Tracks.LOW_CONFIDENCE
+    assert tracker.predict() is None
+
+
+def test_a_leap_that_loses_pins_is_searched_even_if_most_are_found() -> None:
+    """Followed over a third of a step, a tenth of the pins fails and some have their neighbours' blobs."""
+    xy = LAYOUTS["rings331"]
+    tracker = held(xy)
+    unit = (xy - xy.mean(0)) / np.hypot(*(xy - xy.mean(0)).T).max()
+    now = xy + 0.25 * PITCH_PX * np.exp(-3 * (unit**2).sum(1))[:, None] + np.array([0.15 * PITCH_PX, 0.0])
+    found = np.where((np.arange(331) % 8 == 0)[:, None], np.nan, now)
+    assert tracker.follow(pins_at(found)).confidence < Tracks.LOW_CONFIDENCE
+    tracks = tracker.identify(pins_at(now))
+    assert tracks.n_seen == 331
+    np.testing.assert_array_equal(tracks.xy_img, now)
+
+
+def test_after_frames_without_light_the_same_identities_come_back() -> None:
+    rng = np.random.default_rng(6)
+    xy = LAYOUTS["rings331"]
+    tracker = held(xy)
+    dark = np.full_like(xy, np.nan)
+    assert tracker.follow(pins_at(dark)).confidence < Tracks.LOW_CONFIDENCE
+    for _ in range(5):
+        assert tracker.predict() is None
+        assert tracker.identify(pins_at(np.empty((0, 2)))).confidence < Tracks.LOW_CONFIDENCE
+    now = pressed(xy, rng)
+    tracks = tracker.identify(pins_at(rng.permutation(now)))
+    np.testing.assert_array_equal(tracks.xy_img, now)
+    assert tracker.follow(pins_at(now)).n_seen == 331
+
+
+def test_when_two_fifths_vanish_and_the_search_fails_what_was_followed_stands() -> None:
+    xy = LAYOUTS["rings331"]
+    tracker = held(xy)
+    gone = np.where((np.arange(331) % 5 < 2)[:, None], np.nan, xy)
+    assert tracker.follow(pins_at(gone)).confidence < Tracks.LOW_CONFIDENCE
+    tracks = tracker.identify(pins_at(np.random.default_rng(7).uniform(20, 400, (40, 2))))
+    assert tracks.confidence >= Tracks.LOW_CONFIDENCE
+    np.testing.assert_array_equal(tracks.xy_img, np.where(tracks.seen[:, None], xy, np.nan))
+    assert tracks.n_seen > 0.5 * 331
+    assert tracker.predict() is not None
+
+
+def test_a_search_that_finds_less_changes_nothing_of_what_was_followed() -> None:
+    xy = LAYOUTS["rings331"]
+    tracker = held(xy)
+    gone = np.where((np.arange(331) % 5 < 2)[:, None], np.nan, xy)
+    assert tracker.follow(pins_at(gone)).confidence < Tracks.LOW_CONFIDENCE
+    assert tracker.identify(pins_at(xy[:100])).n_seen > 100  # as followed: the search saw 100 at most
+    assert tracker.follow(pins_at(xy)).n_seen > 0.9 * 331  # lost pins return beside those that were followed
+
+
+def test_a_pin_that_blinks_at_a_contacts_edge_comes_back_to_its_place() -> None:
+    """It stands well off its neighbours' map, further than a pin without a past may."""
+    xy = LAYOUTS["hexagonal127"]
+    tracker = held(xy)
+    pin = 30
+    off = np.zeros_like(xy)
+    for k in range(1, 6):
+        off[pin] = [0.09 * k * PITCH_PX, 0.0]
+        assert tracker.follow(pins_at(xy + off)).n_seen == 127
+    dark = xy + off
+    dark[pin] = np.nan
+    for _ in range(3):
+        assert not tracker.follow(pins_at(dark)).seen[pin]
+    predicted = tracker.predict()
+    assert predicted is not None
+    assert np.hypot(*(predicted - xy - off)[pin]) < 0.15 * PITCH_PX
+    assert tracker.follow(pins_at(xy + off)).n_seen == 127
+
+
+def test_a_false_blob_beside_a_missing_pin_is_not_taken_for_it() -> None:
+    xy = LAYOUTS["rings331"]
+    now = xy + np.array([6.0, 3.0])
+    blobs = now.copy()
+    blobs[100] += [0.15 * PITCH_PX, 0.0]  # agrees within a fifth of a step, but not as closely as the others
+    tracks = Tracker(rest_at(xy)).identify(pins_at(blobs))
+    assert tracks.confidence > 0.9
+    assert not tracks.seen[100]
+    assert tracks.n_seen == 330
+
+
+def test_tracks_keep_apart_whatever_is_found() -> None:
+    rng = np.random.default_rng(8)
+    xy = LAYOUTS["hexagonal127"]
+    tracker = held(xy)
+    for _ in range(40):
+        found = xy + rng.normal(0, 3.0, xy.shape)
+        wrong = rng.random(len(xy)) < 0.1
+        found[wrong] = xy[rng.permutation(len(xy))[: wrong.sum()]]
+        tracks = tracker.follow(pins_at(found))
+        seen = tracks.xy_img[tracks.seen]
+        gap = np.hypot(*(seen[:, None] - seen).transpose(2, 0, 1))
+        np.fill_diagonal(gap, np.inf)
+        assert gap.min() >= PITCH_PX / 2
+
+
+def grey(path: Path) -> Image:
+    return np.asarray(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), np.uint8)
+
+
+@pytest.mark.real
+def test_published_stills_from_rest_alone(real_dir: Path) -> None:
+    """Each frame is one jump; no pin that is in the picture is given to another place."""
+    folder = real_dir / "tactip331_binary"
+    rest = take_rest([grey(folder / "rest.png")])
+    adjacency = Adjacency(Lattice(rest.xy_img, rest.pattern.pitch_px).adjacent)
+    with (folder / "targets.csv").open() as f:
+        names = [row["sensor_image"] for row in csv.DictReader(f)]
+    for name in names[::25]:
+        blobs = detect(grey(folder / "frames" / name), rest.pattern)
+        tracks = Tracker(rest).identify(blobs)
+        off = adjacency.disagreement((tracks.xy_img - rest.xy_img)[None], tracks.seen[None])[0]
+        assert tracks.confidence > 0.9
+        assert np.sum(off < 4.0) >= len(blobs) - 4
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("step", [1, 8])
+def test_movement4_there_and_back_ends_where_it_began(real_dir: Path, step: int) -> None:
+    video = cv2.VideoCapture(str(real_dir / "video" / "Movement4.avi"))
+    frames: list[Image] = []
+    while (read := video.read())[0]:
+        frames.append(np.asarray(cv2.cvtColor(read[1], cv2.COLOR_BGR2GRAY), np.uint8))
+    rest = take_rest(frames[:1])
+    close = Lattice(rest.xy_img, rest.pattern.pitch_px)
+    refiner, tracker = CentroidRefiner(rest), Tracker(rest)
+    there = frames[::step]
+    seen_n, unsure = [], 0
+    tracks = tracker.identify(detect(frames[0], rest.pattern))
+    for image in there + there[::-1]:
+        predicted = tracker.predict()
+        if predicted is not None:
+            tracks = tracker.follow(refiner.refine(image, predicted))
+        if predicted is None or tracks.confidence < Tracks.LOW_CONFIDENCE:
+            tracks = tracker.identify(detect(image, rest.pattern))
+        if tracks.confidence < Tracks.LOW_CONFIDENCE:
+            unsure += 1
+            continue
+        seen_n.append(tracks.n_seen)
+        gap = np.hypot(*(tracks.xy_img[close.pairs[:, 0]] - tracks.xy_img[close.pairs[:, 1]]).T)
+        assert not np.any(gap < close.distance_min_px)
+    off = np.hypot(*(tracks.xy_img - rest.xy_img)[tracks.seen].T)
+    assert off.max() < 0.3 * rest.pattern.pitch_px
+    assert tracks.n_seen > 0.9 * len(rest)
+    assert np.median(seen_n) > 0.7 * len(rest)
+    assert unsure <= 2

@@ -1,0 +1,436 @@
+"""The live page's protocol: who may see and do what, what a packet holds, what viewers cost."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import subprocess
+import sys
+from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import numpy as np
+import pytest
+
+from edge.cells import cell_polygons
+from edge.recording import RecordingSource, read_attachments, read_messages
+from edge.types import Feature
+from hostlink.web import PageServer, WebError, parse_listen
+from hostlink.web.limits import WebLimits
+from hostlink.wire import FaultCode
+from tests.support.viewing import SOON_S, TOKEN, Live
+
+PRESSED = -1
+VIEWERS_N = WebLimits().viewers_n
+
+
+@pytest.fixture(scope="module")
+def live(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
+    with Live(
+        data_dir / "press.mcap",
+        data_dir / "rings331_ball.json",
+        recordings=tmp_path_factory.mktemp("recordings") / "new",
+    ) as running:
+        yield running
+
+
+class Viewer:
+    """A viewer without a screen."""
+
+    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+        self.socket = socket
+        self.got_n = 0
+        self.hello: dict[str, Any] = {}
+
+    async def packet(self) -> dict[str, Any]:
+        """The next packet, as the page unpacks it; answers on the way wait."""
+        while True:
+            message = await self.socket.receive(SOON_S)
+            if message.type is aiohttp.WSMsgType.TEXT:
+                self.answer = json.loads(message.data)
+                continue
+            assert message.type is aiohttp.WSMsgType.BINARY, message
+            self.got_n += 1
+            await self.socket.send_json({"got": self.got_n})
+            return unpack(message.data)
+
+    async def until(self, condition: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
+        async with asyncio.timeout(SOON_S):
+            while not condition(packet := await self.packet()):
+                pass
+            return packet
+
+    async def do(self, name: str, **more: Any) -> dict[str, Any]:
+        self.answer: dict[str, Any] = {}
+        await self.socket.send_json({"do": name, **more})
+        await self.until(lambda _: self.answer)
+        return self.answer
+
+
+def unpack(data: bytes) -> dict[str, Any]:
+    length = int.from_bytes(data[:4], "little")
+    packet: dict[str, Any] = json.loads(data[4 : 4 + length])
+    for name, (kind, size, at) in packet["arrays"].items():
+        raw = data[4 + length + at : 4 + length + at + size]
+        assert len(raw) == size
+        assert (4 + length + at) % 4 == 0
+        packet["arrays"][name] = raw if kind == "jpeg" else np.frombuffer(raw, f"<{kind}")
+    return packet
+
+
+def watch(
+    live: Live, then: Callable[[Viewer], Awaitable[Any]], token: str = "", want: tuple[str, ...] = ()
+) -> Any:
+    """Open a viewer, and run what is to be done with it."""
+
+    async def run() -> Any:
+        async with aiohttp.ClientSession() as session, session.ws_connect(live_url(live)) as socket:
+            viewer = Viewer(socket)
+            await socket.send_json({"token": token, "want": list(want)})
+            viewer.hello = await socket.receive_json()
+            return await then(viewer)
+
+    return asyncio.run(run())
+
+
+def live_url(live: Live) -> str:
+    return f"http://127.0.0.1:{live.worker.port}/live"
+
+
+# ---- addresses ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "host", "port"),
+    [
+        ("", "127.0.0.1", 8765),
+        ("9000", "127.0.0.1", 9000),
+        (":9000", "127.0.0.1", 9000),
+        ("localhost", "localhost", 8765),
+        ("127.0.0.1:9000", "127.0.0.1", 9000),
+        ("[::1]:9000", "::1", 9000),
+        ("::1", "::1", 8765),
+    ],
+)
+def test_addresses(text: str, host: str, port: int) -> None:
+    listen = parse_listen(text)
+    assert (listen.host, listen.port, listen.token) == (host, port, "")
+
+
+@pytest.mark.parametrize("text", ["0.0.0.0", "192.168.1.5:9000", "[::]:9000", "finger.local"])
+def test_others_can_reach_it_only_with_a_token(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("socket.getaddrinfo", lambda host, port: [])  # finger.local is known, too
+    with pytest.raises(WebError, match="give a token"):
+        parse_listen(text)
+    assert len(parse_listen(text, "auto").token) >= 20
+    assert parse_listen(text, "auto").token != parse_listen(text, "auto").token
+
+
+@pytest.mark.parametrize(
+    ("text", "token"), [("127.0.0.1:http", None), ("127.0.0.1:99999", None), ("", "short")]
+)
+def test_bad_addresses_are_one_line(text: str, token: str | None) -> None:
+    with pytest.raises(WebError) as caught:
+        parse_listen(text, token)
+    assert "\n" not in str(caught.value)
+
+
+def test_command_line_says_what_is_wrong(data_dir: Path) -> None:
+    run = [sys.executable, "-m", "edge", "replay", str(data_dir / "nothing.mcap"), "--sink", "memory:"]
+    for options, words in (
+        (["--view-at", "0.0.0.0:8765"], "give a token"),
+        (["--view-token", "auto"], "give --view too"),
+        (["--view-at", "127.0.0.1:x"], "no port"),
+    ):
+        done = subprocess.run([*run, *options], capture_output=True, text=True, timeout=60)
+        assert done.returncode == 2
+        assert words in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_an_address_that_is_taken_is_one_line(live: Live) -> None:
+    listen = parse_listen(f"127.0.0.1:{live.worker.port}")
+    other = PageServer(listen, "edge.view", lambda wants: None, {})
+    with pytest.raises(WebError, match="give another HOST:PORT"):
+        other.start()
+
+
+# ---- files and permissions ----------------------------------------------------------------------------
+
+
+def get(live: Live, path: str, headers: dict[str, str] | None = None) -> tuple[int, str, Any]:
+    async def run() -> tuple[int, str, Any]:
+        async with (
+            aiohttp.ClientSession() as session,
+            session.get(f"http://127.0.0.1:{live.worker.port}{path}", headers=headers) as answer,
+        ):
+            return answer.status, await answer.text(), answer.headers
+
+    return asyncio.run(run())
+
+
+def test_files_are_ours_and_name_no_one_else(live: Live) -> None:
+    for name in ("", "index.html", "kit.js", "kit.css", "touch.js", "touch.css", "icon.svg"):
+        status, text, headers = get(live, f"/{name}")
+        assert status == 200
+        assert "default-src 'none'" in headers["Content-Security-Policy"]
+        assert "https://" not in text
+        assert text.count("http://") == text.count("http://www.w3.org/2000/svg")
+    for name in ("live.py", "../live.py", "%2e%2e/live.py", "etc/passwd", "server.py"):
+        assert get(live, f"/{name}")[0] in (403, 404)
+
+
+def test_other_names_and_other_pages_are_refused(live: Live) -> None:
+    assert get(live, "/", {"Host": "evil.example"})[0] == 403
+    assert get(live, "/live", {"Origin": "http://evil.example"})[0] == 403
+    assert get(live, "/", {"Host": f"localhost:{live.worker.port}"})[0] == 200
+
+
+def test_without_the_token_one_may_look_and_nothing_else(live: Live) -> None:
+    async def look(viewer: Viewer) -> None:
+        assert viewer.hello["may"] == []
+        assert (await viewer.packet())["pins_n"] == 331
+        answer = await viewer.do("tare")
+        assert not answer["ok"]
+        assert "token" in answer["words"]
+        assert not (await viewer.do("record"))["ok"]
+        assert not (await viewer.do("rm -rf"))["ok"]
+
+    tares_n = live.app.tares_n
+    watch(live, look)
+    assert live.app.tares_n == tares_n
+    assert live.app.session.recorder is None
+
+
+@pytest.mark.parametrize("first", ['{"token": "wrong-token"}', "[]", "null", "no JSON", '{"want": 3}'])
+def test_a_wrong_beginning_ends_it(live: Live, first: str) -> None:
+    async def run() -> int | None:
+        async with aiohttp.ClientSession() as session, session.ws_connect(live_url(live)) as socket:
+            await socket.send_str(first)
+            message = await socket.receive(SOON_S)
+            assert message.type is aiohttp.WSMsgType.CLOSE
+            return socket.close_code
+
+    assert asyncio.run(run()) == 4401
+
+
+# ---- packets ------------------------------------------------------------------------------------------
+
+
+def test_a_packet_holds_what_the_loop_measured(live: Live) -> None:
+    live.show(PRESSED)
+    results: dict[int, Any] = {}
+
+    def keep(result: Any, state: Any) -> None:
+        results[result.frame.sequence] = result
+
+    async def look(viewer: Viewer) -> dict[str, Any]:
+        return await viewer.until(
+            lambda p: p.get("touched") and "change" in p["arrays"] and p["sequence"] in results
+        )
+
+    live.app.result_callbacks.append(keep)
+    packet = watch(live, look, want=("image",))
+    live.app.result_callbacks.remove(keep)
+    result = results[packet["sequence"]]
+    assert result.features is not None
+    assert result.cells is not None
+    arrays = packet["arrays"]
+    for name, values in (
+        ("pins", result.tracks.xy_img),
+        ("change", result.features.area_change),
+        ("motion", result.features.displacement_px),
+    ):
+        np.testing.assert_allclose(arrays[name], values.ravel(), rtol=1e-6, atol=1e-6, err_msg=name)
+    assert arrays["image"][:2] == b"\xff\xd8"
+    assert packet["size_px"] == [320, 320]
+    assert (packet["held_n"], packet["pins_n"]) == (result.tracks.n_seen, 331)
+    assert packet["values"]["displacement_mm"] == pytest.approx(3.0, abs=0.3)
+    assert len(packet["contacts"]) == 1
+    # The cells that the page makes of it are those of the tessellation.
+    points = arrays["points"].reshape(-1, 2).astype(float)
+    polygons = cell_polygons(result.cells)
+    for pin in (0, 40, 200):
+        corners = []
+        for triangle in arrays["triangles"].reshape(-1, 3):
+            if pin in triangle:
+                corners.append(circumcentre(points[triangle.astype(int)]))
+        assert len(corners) == len(polygons[pin])
+        for corner in corners:
+            assert np.hypot(*(polygons[pin] - corner).T).min() < 0.02
+
+
+def circumcentre(corners: np.ndarray) -> np.ndarray:
+    a, u, v = corners[0], corners[1] - corners[0], corners[2] - corners[0]
+    cross = 2 * (u[0] * v[1] - u[1] * v[0])
+    u2, v2 = u @ u, v @ v
+    return a + np.array([v[1] * u2 - u[1] * v2, u[0] * v2 - v[0] * u2]) / cross
+
+
+def test_charts_get_every_sample_once(live: Live) -> None:
+    async def look(viewer: Viewer) -> list[float]:
+        width = len(viewer.hello["hello"]["chart"])
+        times: list[float] = []
+        seen_n: int | None = None
+        for _ in range(20):
+            packet = await viewer.packet()
+            rows = packet["arrays"]["rows"].reshape(-1, width)
+            first = packet["rows_n"] - len(rows)
+            start = 0 if seen_n is None else seen_n - first
+            assert start >= 0, "rows were skipped"
+            times += [packet["now_s"] + row[0] for row in rows[start:]]
+            seen_n = packet["rows_n"]
+        return times
+
+    times = np.array(watch(live, look))
+    assert len(times) > 20  # 60 a second in 20 packets of 30 a second
+    assert (np.diff(times) > 0).all()
+
+
+def test_what_is_not_wanted_is_neither_computed_nor_sent(live: Live) -> None:
+    pipeline = live.app.pipeline
+    assert pipeline is not None
+
+    async def plain(viewer: Viewer) -> None:
+        packet = await viewer.until(lambda p: "change" in p["arrays"])
+        assert "image" not in packet["arrays"]
+        assert "surface" not in packet["arrays"]
+        assert Feature.SURFACE not in pipeline.demand
+        await viewer.socket.send_json({"want": ["surface", "nonsense"]})
+        packet = await viewer.until(lambda p: "surface" in p["arrays"])
+        size = packet["grid"][3]
+        assert len(packet["arrays"]["surface"]) == size * size
+        assert Feature.SURFACE in pipeline.demand
+
+    live.show(PRESSED)
+    watch(live, plain)
+    live.until(lambda: Feature.SURFACE not in pipeline.demand, "the surface is not computed any more")
+    sent_n = live.worker.page.sent_n
+    live.show(0)
+    live.show(PRESSED)
+    assert live.worker.page.sent_n == sent_n
+    assert live.worker.view.pending_n == 0
+
+
+def test_faults_are_told_in_words(live: Live) -> None:
+    async def look(viewer: Viewer) -> None:
+        live.app.faults.report(FaultCode.OVER_TEMPERATURE, True, "71 degC, the limit is 70")
+        packet = await viewer.until(lambda p: p["faults"])
+        assert ["board or camera too warm", "71 degC, the limit is 70"] in packet["faults"]
+        live.app.faults.report(FaultCode.OVER_TEMPERATURE, False)
+        await viewer.until(lambda p: not p["faults"])
+
+    watch(live, look)
+
+
+def test_a_camera_that_stalls_is_told(live: Live) -> None:
+    async def look(viewer: Viewer) -> None:
+        live.hold()
+        packet = await viewer.until(lambda p: p["age_s"] > 0.8)
+        assert "pins" in packet["arrays"], "the last picture stays"
+        assert packet["faults"]
+        live.go_on()
+        await viewer.until(lambda p: p["age_s"] < 0.3 and not p["faults"])
+
+    watch(live, look)
+
+
+# ---- commands -----------------------------------------------------------------------------------------
+
+
+def test_tare(live: Live) -> None:
+    async def press(viewer: Viewer) -> None:
+        assert viewer.hello["may"] == ["record", "tare"]
+        answer = await viewer.do("tare")
+        assert not answer["ok"]
+        assert "touches" in answer["words"]
+        tares_n = (await viewer.packet())["tares_n"]
+        live.show(0)
+        assert (await viewer.do("tare"))["ok"]
+        await viewer.until(lambda p: p["tares_n"] == tares_n + 1)
+
+    live.show(PRESSED)
+    watch(live, press, TOKEN)
+
+
+def test_record_loses_nothing(live: Live) -> None:
+    async def press(viewer: Viewer) -> str:
+        answer = await viewer.do("record")
+        assert answer["ok"], answer
+        packet = await viewer.until(lambda p: p.get("recording") and p["recording"]["frames_n"] > 20)
+        assert packet["recording"]["dropped_n"] == 0
+        answer = await viewer.do("record")
+        assert answer["ok"], answer
+        await viewer.until(lambda p: "recording" not in p)
+        return str(answer["words"])
+
+    live.show(PRESSED)
+    words = watch(live, press, TOKEN)
+    path = live.recordings / words.split(":")[0]
+    frames = list(RecordingSource(path))
+    assert f"{len(frames)} frames" in words
+    sequences = [frame.sequence for frame in frames]
+    dropped_n = live.source.dropped_n
+    assert len(frames) > 20
+    assert sequences == list(range(sequences[0], sequences[0] + len(frames))) or dropped_n
+    samples = [m["sequence"] for _, _, m in read_messages(path, ["/bus/sample"])]
+    assert samples == sequences
+    assert live.app.calibration is not None
+    assert read_attachments(path)["calibration.json"] == live.app.calibration.encoded
+
+
+def test_a_folder_that_cannot_be_written_is_told(live: Live) -> None:
+    async def press(viewer: Viewer) -> Any:
+        return await viewer.do("record")
+
+    folder, away = live.recordings, live.recordings.with_name("away")
+    if folder.exists():
+        folder.rename(away)
+    folder.write_text("a file where the folder should be")
+    answer = watch(live, press, TOKEN)
+    folder.unlink()
+    if away.exists():
+        away.rename(folder)
+    assert not answer["ok"]
+    assert "give another folder" in answer["words"]
+    assert live.app.session.recorder is None
+
+
+# ---- what viewers cost --------------------------------------------------------------------------------
+
+
+async def visit(session: aiohttp.ClientSession, url: str, packets_n: int) -> int:
+    """Come, look at some packets, go; how many were seen, -1 where there was no room."""
+    async with session.ws_connect(url) as socket:
+        await socket.send_json({"want": ["image"]})
+        got_n = 0
+        async for message in socket:
+            if message.type is aiohttp.WSMsgType.BINARY:
+                got_n += 1
+                await socket.send_json({"got": got_n})
+                if got_n == packets_n:
+                    break
+        return got_n if socket.close_code != 1013 else -1
+
+
+def test_more_than_there_is_room_for_are_told(live: Live) -> None:
+    async def crowd() -> list[int]:
+        async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as session:
+            return await asyncio.gather(*(visit(session, live_url(live), 10) for _ in range(VIEWERS_N + 4)))
+
+    seen = asyncio.run(crowd())
+    assert seen.count(10) == VIEWERS_N
+    assert seen.count(-1) == 4
+
+
+def test_the_page_needs_its_extra() -> None:
+    code = (
+        "import sys; sys.modules['aiohttp'] = None\n"
+        "from hostlink.web import PageServer, parse_listen, WebError\n"
+        "try: PageServer(parse_listen(''), 'edge.view', lambda w: None, {}).start()\n"
+        "except WebError as error: print(error)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "install voronoi-touch[view]" in done.stdout

@@ -1,0 +1,239 @@
+"""The second process: nothing is lost on the way to it, it may die or hang, and it outlives nobody."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import urllib.request
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+
+from edge.recording import RecordingSource, read_messages
+from edge.worker.shared_memory import Inbox, Outbox
+from hostlink.wire import FaultCode
+from tests.support.viewing import SOON_S, Live
+
+# ---- the channel ----------------------------------------------------------------------------------------
+
+
+class Both:
+    """Both ends in one process."""
+
+    def __init__(self, size_bytes: int) -> None:
+        self.outbox = Outbox(size_bytes)
+        self.inbox = Inbox(self.outbox.far_end.dup(), os.dup(self.outbox.fd))
+        self.outbox.far_end.close()
+
+    def __enter__(self) -> Both:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.outbox.close()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_what_is_put_is_got_in_order_and_whole(data: st.DataObject) -> None:
+    """Whatever the sizes, and however far the reader is behind."""
+    sizes = st.lists(st.integers(0, 1500), max_size=3)
+    with Both(4096) as both:
+        under_way: list[tuple[int, list[np.ndarray]]] = []
+        for n in range(data.draw(st.integers(1, 60))):
+            arrays = [np.full(size, (n + k) % 251, np.uint8) for k, size in enumerate(data.draw(sizes))]
+            if both.outbox.put((n, arrays)):
+                under_way.append((n, arrays))
+            else:
+                assert under_way or sum(a.nbytes for a in arrays) > 3000, "there was room"
+            for _ in range(data.draw(st.integers(0, 2))):
+                if under_way:
+                    compare(both.inbox.get(), under_way.pop(0))
+        while under_way:
+            compare(both.inbox.get(), under_way.pop(0))
+
+
+def compare(got: Any, put: tuple[int, list[np.ndarray]]) -> None:
+    assert got[0] == put[0]
+    for one, other in zip(got[1], put[1], strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_full_channel_says_no_and_goes_on_when_there_is_room() -> None:
+    with Both(4096) as both:
+        put_n = 0
+        while both.outbox.put(np.zeros(1000, np.uint8)):
+            put_n += 1
+        assert put_n == 3
+        both.inbox.get()
+        assert both.outbox.put(np.zeros(1000, np.uint8))
+        assert not both.outbox.put(np.zeros(1000, np.uint8))
+        assert not both.outbox.put(np.zeros(5000, np.uint8)), "larger than the memory"
+
+
+def test_what_was_put_before_the_end_is_got() -> None:
+    both = Both(4096)
+    both.outbox.put(np.arange(100))
+    both.outbox.put("last")
+    both.outbox.close()
+    np.testing.assert_array_equal(both.inbox.get(), np.arange(100))
+    assert both.inbox.get() == "last"
+    assert both.inbox.get() is None
+
+
+def test_what_was_put_is_got_though_answers_were_not_read() -> None:
+    """A side that closes with answers unread is reported as reset; what it sent must not be lost for that."""
+    both = Both(4096)
+    for n in range(3):
+        assert both.outbox.put((n, np.arange(10)))
+    assert both.inbox.get()[0] == 0
+    both.outbox.close()
+    assert [both.inbox.get()[0] for _ in range(2)] == [1, 2]
+    assert both.inbox.get() is None
+
+
+def test_a_reader_that_is_gone_is_no_error() -> None:
+    with Both(4096) as both:
+        both.inbox._socket.close()
+        assert not both.outbox.put(np.zeros(10))
+        assert not both.outbox.put("words")
+
+
+# ---- a process that dies or hangs -----------------------------------------------------------------------
+
+
+@pytest.fixture
+def live(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Live]:
+    monkeypatch.setattr("edge.worker.client.LIVED_S", 0.0)
+    with Live(data_dir / "press.mcap", recordings=tmp_path, record=tmp_path / "all.mcap") as running:
+        yield running
+
+
+def get(url: str) -> bytes:
+    with urllib.request.urlopen(url.partition("#")[0], timeout=SOON_S) as answer:
+        return bytes(answer.read())
+
+
+def test_its_death_costs_the_recording_and_the_page_comes_back(live: Live) -> None:
+    path = live.recordings / "all.mcap"
+    live.until(lambda: path.stat().st_size > 3_000_000, "some chunks")
+    page, process = get(live.url), live.worker.process
+    assert process is not None
+    process.kill()
+    live.until(lambda: live.worker.recording.fault, "it is noticed")
+    assert "process ended" in live.app.session.trouble()
+    frames_n = live.app.statistics().frames_n
+    live.until(lambda: live.app.statistics().frames_n > frames_n + 20, "the loop goes on")
+    live.until(lambda: live.worker.process is not process, "there is another one")
+    live.until(lambda: live.worker.connected, "it is ready")
+    assert get(live.url) == page
+    frames = list(RecordingSource(path))
+    assert len(frames) > 20, "what was written reads back"
+
+
+def test_one_that_hangs_is_told_as_a_slow_disk_and_the_gap_is_written_down(live: Live) -> None:
+    process = live.worker.process
+    assert process is not None
+    process.send_signal(signal.SIGSTOP)
+    try:
+        live.until(lambda: live.worker.recording.dropped_n, "the memory is full")
+        assert "too slow" in live.app.session.trouble()
+    finally:
+        process.send_signal(signal.SIGCONT)
+    live.until(lambda: live.worker.recording.unreported_n == 0, "it goes on")
+    lost_n = live.worker.recording.lost_n
+    live.app.post(lambda: setattr(live.app.session, "recorder", None)).result(SOON_S)
+    live.worker.close()
+    assert live.worker.recording.dropped_n == lost_n
+    path = live.recordings / "all.mcap"
+    warnings = [m.message for _, _, m in read_messages(path, ["/events"]) if "dropped" in m.message]
+    assert sum(int(text.split()[0]) for text in warnings) == lost_n
+    sequences = [frame.sequence for frame in RecordingSource(path)]
+    gaps = [b - a - 1 for a, b in pairwise(sequences) if b > a + 1]
+    assert sum(gaps) >= lost_n
+
+
+# ---- the loop's process ends ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_it_outlives_nobody_and_the_file_is_whole(
+    data_dir: Path, tmp_path: Path, number: signal.Signals
+) -> None:
+    """Killed or ended: the second process writes the file to its end, and ends."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    path = tmp_path / "a.mcap"
+    command = [sys.executable, "-m", "edge", "replay", str(data_dir / "press.mcap"), "--loop", "--speed", "1"]
+    options = ["--sink", "memory:", "--record", str(path), "--view-at", f"127.0.0.1:{port}", "--samples"]
+    reading, writing = os.pipe()  # closed by the kernel when the last process that has it ends
+    with subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=writing, text=True) as running:
+        os.close(writing)
+        assert running.stdout is not None
+        for _ in range(60):
+            assert running.stdout.readline()
+        running.send_signal(number)
+        running.stdout.close()
+        running.wait(SOON_S)
+    ended = threading.Event()
+
+    def read_to_the_end() -> None:
+        while os.read(reading, 65536):
+            pass
+        ended.set()
+
+    thread = threading.Thread(target=read_to_the_end, daemon=True)
+    thread.start()
+    assert ended.wait(SOON_S), "the second process outlives the first"
+    thread.join()
+    os.close(reading)
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None, "the file has its index: it was closed"
+    assert len(list(RecordingSource(path))) >= 50
+    with pytest.raises(OSError, match="refused"):
+        get(f"http://127.0.0.1:{port}/")
+
+
+def test_faults_are_lines_of_the_recording(live: Live) -> None:
+    live.app.faults.report(FaultCode.OVER_TEMPERATURE, True, "too warm for a test")
+    live.worker.close()
+    texts = [m.message for _, _, m in read_messages(live.recordings / "all.mcap", ["/events"])]
+    assert any("OVER_TEMPERATURE on: too warm for a test" in text for text in texts)
+
+
+def test_it_steps_back_behind_the_loop(live: Live) -> None:
+    process = live.worker.process
+    assert process is not None
+    assert os.getpriority(os.PRIO_PROCESS, process.pid) >= max(5, os.getpriority(os.PRIO_PROCESS, 0))
+
+
+def test_it_leaves_real_time_and_the_loop_s_core_to_the_loop() -> None:
+    """As under deploy/realtime.conf; where this may not be tried, it is skipped."""
+    code = (
+        "import os, sys\n"
+        "mine = min(os.sched_getaffinity(0))\n"
+        "try: os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))\n"
+        "except PermissionError: sys.exit(77)\n"
+        "if len(os.sched_getaffinity(0)) < os.cpu_count() or os.cpu_count() < 2: sys.exit(77)\n"
+        "os.sched_setaffinity(0, {mine})\n"
+        "from edge.worker.__main__ import step_back\n"
+        "step_back()\n"
+        "assert os.sched_getscheduler(0) == os.SCHED_OTHER\n"
+        "assert mine not in os.sched_getaffinity(0)\n"
+        "assert os.getpriority(os.PRIO_PROCESS, 0) >= 5\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    if done.returncode == 77:
+        pytest.skip("needs the right to real-time scheduling, and two processors")
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,363 @@
+"""Wrong arguments for every kernel: `python -m tests.fuzz.fuzz_kernels [--seconds S] [--seed N]`.
+
+A short scene is played through the pipeline with every class and function of every kernel (the table in
+setup.py) recorded: real constructors' arguments, real calls. Each is then made again with something wrong in
+it: an array's shape, type or layout, NaN, infinities, huge and negative numbers, nothing at all, an index out
+of range.
+
+Invariant: a kernel answers, or raises one of `REFUSALS`. It never crashes, hangs, or raises anything else.
+A kernel that the scene does not reach is an error, too: add to `play`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import dataclasses
+import faulthandler
+import importlib
+import random
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from types import ModuleType
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.support import kernels
+
+kernels.install()
+
+# The last: no array at all, and one that must be writable.
+REFUSALS = (ValueError, TypeError, OverflowError, AttributeError, BufferError)
+OUT_OF_BOUNDS = (
+    "Out of bounds on buffer access"  # of the checked build: in the others memory would be reached
+)
+SAMPLES = 4  # recorded calls of each function
+RETRIES = 3  # calls of each object with one wrong argument each
+NUMBERS = (0, -1, 1, 2, 7, 255, 2**31 - 1, 2**31, -(2**31), 2**40, 10**30)
+REALS = (0.0, -0.0, -1.0, 0.5, 1e-300, 1e300, -1e300, float("nan"), float("inf"), float("-inf"))
+DTYPES = (np.float64, np.float32, np.int32, np.int64, np.uint8, np.bool_, np.complex128)
+
+Call = tuple[tuple[Any, ...], dict[str, Any]]
+
+
+@dataclasses.dataclass
+class Recorded:
+    """What the scene did with one class or function.
+
+    made   arguments that it was made (or, a function, called) with
+    calls  method -> arguments, with the number of the object's constructor in `made`
+    """
+
+    made: list[Call] = dataclasses.field(default_factory=list)
+    calls: dict[str, list[tuple[int, Call]]] = dataclasses.field(default_factory=dict)
+
+
+def frozen(value: Any) -> Any:
+    """A copy that what happens later does not change; kernels' own objects stay themselves."""
+    if isinstance(value, np.ndarray):
+        return value.copy()
+    if isinstance(value, tuple | list) and not hasattr(value, "_fields"):
+        return type(value)(map(frozen, value))
+    return value
+
+
+def exported(module: ModuleType) -> Iterator[tuple[str, Any]]:
+    """Public classes with kernels' methods, and functions, that a module defines."""
+    for name, item in vars(module).items():
+        own = getattr(item, "__module__", None) == module.__name__
+        if own and not name.startswith("_") and callable(item):
+            yield name, item
+
+
+def methods(cls: type) -> Iterator[tuple[str, Callable[..., Any]]]:
+    for name, item in vars(cls).items():
+        if not name.startswith("_") and callable(item):
+            yield name, item
+
+
+class Recorder:
+    """Wraps every kernel while the scene is played."""
+
+    def __init__(self) -> None:
+        self.records: dict[Any, Recorded] = {}
+        self._number: dict[int, tuple[Any, int]] = {}  # id of an object -> itself, its constructor's number
+        self._undo: list[Callable[[], None]] = []
+
+    def record(self, modules: list[ModuleType]) -> None:
+        for module in modules:
+            for name, item in exported(module):
+                self.records[item] = Recorded()
+                if isinstance(item, type):
+                    self._wrap_class(item)
+                else:
+                    self._wrap_function(name, item)
+
+    def stop(self) -> None:
+        while self._undo:
+            self._undo.pop()()
+
+    def _set(self, owner: Any, name: str, value: Any) -> None:
+        before = getattr(owner, name)
+        self._undo.append(lambda: setattr(owner, name, before))
+        setattr(owner, name, value)
+
+    def _wrap_function(self, name: str, function: Callable[..., Any]) -> None:
+        record = self.records[function]
+
+        def wrapped(*args: Any, **kwargs: Any) -> Any:
+            if len(record.made) < SAMPLES:
+                record.made.append((frozen(args), dict(kwargs)))
+            return function(*args, **kwargs)
+
+        for module in list(sys.modules.values()):
+            if vars(module).get(name) is function:
+                self._set(module, name, wrapped)
+
+    def _wrap_class(self, cls: type) -> None:
+        record, number = self.records[cls], self._number
+        plain = dataclasses.is_dataclass(cls) or hasattr(cls, "_fields")
+        initialise = cls.__init__
+
+        def init(this: Any, *args: Any, **kwargs: Any) -> None:
+            number[id(this)] = this, len(record.made)
+            record.made.append((frozen(args), dict(kwargs)))
+            initialise(this, *args, **kwargs)
+
+        if plain:
+            return
+        self._set(cls, "__init__", init)
+        for name, method in methods(cls):
+            record.calls[name] = []
+            self._set(cls, name, self._wrapped_method(record.calls[name], method))
+
+    def _wrapped_method(
+        self, calls: list[tuple[int, Call]], method: Callable[..., Any]
+    ) -> Callable[..., Any]:
+        def wrapped(this: Any, *args: Any, **kwargs: Any) -> Any:
+            if len(calls) < SAMPLES and id(this) in self._number:
+                calls.append((self._number[id(this)][1], (frozen(args), dict(kwargs))))
+            return method(this, *args, **kwargs)
+
+        return wrapped
+
+
+def play() -> None:
+    """A scene that reaches every kernel."""
+    from edge.calibration import Calibration
+    from edge.calibration.process import ProcessKernel
+    from edge.geometry import select
+    from edge.pipeline import Pipeline
+    from edge.runtime import measures
+    from edge.runtime.tare import tare
+    from tests.bench.frames import REST_FRAMES, calibration_of, scene
+    from tests.edge.calibration.test_process import INPUTS, MODELS
+
+    frames = scene("two", 61, (320, 240))[: REST_FRAMES + 40]
+    calibration: Calibration = calibration_of(frames)
+    rest = tare([frame.image for frame in frames[:REST_FRAMES]], np.inf, calibration)
+    pipeline = Pipeline(rest, calibration)
+    for frame in [*frames, frames[0], dataclasses.replace(frames[-1], image=frames[0].image * 0), frames[-1]]:
+        result = pipeline.process(frame)
+    image, motion = frames[-1].image, result.tracks.xy_img - rest.xy_img
+    measures.sample_levels(image, 8, 255)
+    measures.count_longer(motion, 1.0)
+    measures.count_apart(result.tracks.xy_img, rest.xy_img, 1.0)
+    measures.median_length(motion)
+    corners = np.rint(rest.xy_img[20:24]).astype(np.int32)
+    measures.FocusWindows(corners, 7).measure(image, np.empty((4, 2)))
+    select.kth_smallest(motion[:, 0].copy(), 3)
+    processes = ProcessKernel(INPUTS, MODELS)
+    z = np.linspace(-1.0, 1.0, 2 * len(INPUTS))
+    n_outputs = sum(len(model.outputs) for model in MODELS)
+    processes.run(z, np.ones(len(MODELS), np.uint8), np.empty((n_outputs, 3)))
+
+
+def wrong_array(rng: random.Random, array: NDArray[Any]) -> Any:
+    """One array with something wrong in it, or another thing altogether."""
+    flat = array.copy().reshape(-1)
+    kind = rng.randrange(8)
+    if kind == 0 and flat.size:  # a value
+        values: tuple[Any, ...] = REALS if array.dtype.kind in "fc" else NUMBERS
+        for _ in range(rng.choice((1, 1, flat.size))):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                flat[rng.randrange(flat.size)] = np.array(float(rng.choice(values))).astype(array.dtype)
+        return flat.reshape(array.shape)
+    if kind == 1 and flat.size and array.dtype.kind in "iu":  # an index just out of range
+        below = -1 if array.dtype.kind == "i" else np.iinfo(array.dtype).max
+        above = min(int(flat.max()) + rng.choice((1, 2)), int(np.iinfo(array.dtype).max))
+        flat[rng.randrange(flat.size)] = rng.choice((below, above))
+        return flat.reshape(array.shape)
+    if kind == 2 and array.ndim:  # fewer or more rows
+        axis = rng.randrange(array.ndim)
+        size = max(0, array.shape[axis] + rng.choice((-1, 1, -array.shape[axis])))
+        return np.ascontiguousarray(np.resize(array, (*array.shape[:axis], size, *array.shape[axis + 1 :])))
+    if kind == 3:  # other dimensions
+        return flat if array.ndim != 1 else flat[:, None].copy()
+    if kind == 4 and array.dtype.names is None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return array.astype(rng.choice(DTYPES))
+    if kind == 5 and array.ndim:  # strided
+        return np.repeat(array, 2, axis=array.ndim - 1)[..., ::2]
+    if kind == 6:
+        locked = array.copy()
+        locked.flags.writeable = False
+        return locked
+    return rng.choice((None, 3, "pins", [], np.empty((0,) * array.ndim, array.dtype)))
+
+
+def wrong(rng: random.Random, value: Any) -> Any:
+    """A value of the same kind with something wrong in it."""
+    if isinstance(value, np.ndarray):
+        return wrong_array(rng, value)
+    if isinstance(value, bool):
+        return rng.choice((not value, None, 2))
+    if isinstance(value, int):
+        return rng.choice(NUMBERS)
+    if isinstance(value, float):
+        return rng.choice(REALS)
+    if isinstance(value, dict) and value:
+        key = rng.choice(sorted(value))
+        return {**value, key: wrong(rng, value[key])}
+    if isinstance(value, msgspec.Struct):
+        name = rng.choice(value.__struct_fields__)
+        return msgspec.structs.replace(value, **{name: wrong(rng, getattr(value, name))})
+    fields = getattr(value, "_fields", None) or [f.name for f in _fields_of(value)]
+    if fields:
+        name = rng.choice(list(fields))
+        changed = wrong(rng, getattr(value, name))
+        if hasattr(value, "_replace"):
+            return value._replace(**{name: changed})
+        other = copy.copy(value)
+        object.__setattr__(other, name, changed)
+        return other
+    if isinstance(value, tuple | list) and value:
+        k = rng.randrange(len(value))
+        if rng.random() < 0.3:  # one too few, or too many
+            return type(value)(rng.choice(([*value[:k], *value[k + 1 :]], [*value, value[k]])))
+        return type(value)([*value[:k], wrong(rng, value[k]), *value[k + 1 :]])
+    return value
+
+
+def _fields_of(value: Any) -> tuple[dataclasses.Field[Any], ...]:
+    return dataclasses.fields(value) if dataclasses.is_dataclass(value) else ()
+
+
+def wrong_call(rng: random.Random, call: Call) -> Call:
+    """The same call with one wrong argument."""
+    args, kwargs = list(frozen(call[0])), dict(call[1])
+    k = rng.randrange(len(args) + len(kwargs)) if args or kwargs else -1
+    if 0 <= k < len(args):
+        args[k] = wrong(rng, args[k])
+    elif k >= 0:
+        name = sorted(kwargs)[k - len(args)]
+        kwargs[name] = wrong(rng, kwargs[name])
+    return tuple(args), kwargs
+
+
+class Fuzzer:
+    """Makes recorded calls again, with something wrong in them."""
+
+    def __init__(self, records: dict[Any, Recorded], seed: int) -> None:
+        self.records = {item: record for item, record in records.items() if record.made}
+        self.rng = random.Random(seed)
+        self.failures: dict[str, str] = {}
+        self.answers = self.refusals = 0
+
+    def run(self, seconds: float, rounds: int | None) -> None:
+        end = time.monotonic() + seconds
+        done = 0
+        while done < rounds if rounds is not None else time.monotonic() < end:
+            for item, record in self.records.items():
+                self._one(item, record)
+            done += 1
+
+    def _one(self, item: Any, record: Recorded) -> None:
+        name = f"{item.__module__}.{item.__qualname__}"
+        made = self._try(name, item, wrong_call(self.rng, self.rng.choice(record.made)))
+        for method, calls in record.calls.items():
+            if not calls:
+                continue
+            number, call = self.rng.choice(calls)
+            if made is not None:  # with something wrong, and yet taken
+                self._try(f"{name}.{method}", getattr(made, method), call)
+            args, kwargs = record.made[number]
+            one = item(*frozen(args), **kwargs)
+            for _ in range(RETRIES):
+                self._try(f"{name}.{method}", getattr(one, method), wrong_call(self.rng, call))
+            self._try(f"{name}.{method}", getattr(one, method), call)
+
+    def _try(self, name: str, work: Callable[..., Any], call: Call) -> Any:
+        args, kwargs = frozen(call[0]), call[1]
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                answer = work(*args, **kwargs)
+            self.answers += 1
+            return answer
+        except REFUSALS:
+            self.refusals += 1
+        except Exception as error:  # noqa: BLE001  (that is what is looked for)
+            if isinstance(error, LookupError) and OUT_OF_BOUNDS not in str(error):
+                self.refusals += 1  # NumPy's own, or a name that is not there
+            else:
+                self.failures.setdefault(f"{name}: {type(error).__name__}: {error}", _short(call))
+        return None
+
+
+def _short(call: Call) -> str:
+    return ", ".join(
+        f"{value.dtype}{value.shape}" if isinstance(value, np.ndarray) else repr(value)[:60]
+        for value in (*call[0], *call[1].values())
+    )
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--rounds", type=int, help="this many instead of a time")
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args(arguments)
+    faulthandler.enable()
+    unraisable: list[str] = []
+    sys.unraisablehook = lambda event: unraisable.append(f"{event.object}: {event.exc_value!r}")
+    modules = [importlib.import_module(name) for name in kernels.table().KERNELS]
+    recorder = Recorder()
+    recorder.record(modules)
+    try:
+        play()
+    finally:
+        recorder.stop()
+    unreached = [
+        f"{item.__module__}.{item.__qualname__}" for item, r in recorder.records.items() if not r.made
+    ]
+    unreached = [name for name in unreached if not _plain(name)]
+    fuzzer = Fuzzer(recorder.records, given.seed)
+    fuzzer.run(given.seconds, given.rounds)
+    for name in unreached:
+        print(f"not reached: {name}")
+    for failure, example in sorted(fuzzer.failures.items()):
+        print(f"{failure}\n    called with {example}")
+    for message in sorted(set(unraisable)):
+        print(f"within a kernel: {message}")
+    answered = f"{fuzzer.answers} answers, {fuzzer.refusals} refusals"
+    print(f"{len(fuzzer.records)} kernels, seed {given.seed}: {answered}")
+    return 1 if unreached or fuzzer.failures or unraisable else 0
+
+
+def _plain(name: str) -> bool:
+    """Whether a name is a record of values, which has nothing to refuse."""
+    module, _, item = name.rpartition(".")
+    cls = getattr(importlib.import_module(module), item, None)
+    return dataclasses.is_dataclass(cls) or hasattr(cls, "_fields")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

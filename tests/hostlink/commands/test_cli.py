@@ -1,0 +1,372 @@
+"""The commands: what they print, and that every mistake is one line and exit code 2."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from importlib.metadata import version
+from math import isnan
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+
+from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, Sample, decode_recording
+from hostlink.commands.cli import COMMANDS, cli, main
+from hostlink.recording import read_log
+from tests.hostlink.test_client import Application, Node, Pty, make_node, need_multicast, state
+
+PORT = 20_000 + os.getpid() % 20_000
+HOST = f"udp:239.0.0.8?port={PORT}"
+
+
+class Feed:
+    """A finger that sends, until the test is over."""
+
+    def __init__(self, address: str) -> None:
+        self.node: Node
+        self.node, self.application = make_node(address)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        k = 0
+        while not self._stop.wait(0.005):
+            self.node.send(state(k))
+            k += 1
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self.node.close()
+
+
+@pytest.fixture
+def finger() -> Iterator[Application]:
+    need_multicast()
+    feed = Feed(f"{HOST}&node=6")
+    yield feed.application
+    feed.close()
+
+
+def run(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert isinstance(caught.value.code, int)
+    return caught.value.code
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("nosuch", "No such command 'nosuch'"),
+        ("monitor", "Missing argument 'ADDRESS'"),
+        ("monitor can:nosuch0", "nosuch0"),
+        ("monitor bus0", "starts with one of can:"),
+        ("monitor memory:", "no other end"),
+        ("monitor can:can0 --seconds -1", "--seconds"),
+        ("monitor can:can0 --colour", "--colour"),
+        ("record can:can0 x.asc", "absolute time is lost"),
+        ("record can:can0 x.serial", "a bus is recorded as .log or .blf"),
+        ("record serial:/dev/nosuch x.log", "a serial line as .serial"),
+        ("decode /nosuch.log", "no such file"),
+        ("decode x", "no suffix"),
+        ("info serial:/dev/nosuch", "/dev/nosuch"),
+        ("tare can:can0 --finger 200", "200"),
+        ("set can:can0 colour 5", "no object 'colour'; what can be set: "),
+        ("set can:can0 rate_hz -5", "rate_hz = -5 Hz: give 0 to 1000 Hz"),
+        ("set can:can0 rate_hz nan", "rate_hz = nan Hz: give 0 to 1000 Hz"),
+        ("set can:can0 reboot 1", "reboot = 1: give 0x746F6F62"),
+        ("set can:can0 error_n 3", "error_n = 3: give 0"),
+        ("set can:can0 rate_hz fast", "takes a number"),
+        ("set can:can0 schema_hash 5", "can only be read"),
+        ("view can:can0 --hand 1,1", "--hand 1,1: node 1 is given twice"),
+        ("view can:can0 --hand 0,1", "give node numbers from 1 to 127"),
+        ("view can:can0 --hand thumb", "give node numbers from 1 to 127"),
+        ("view can:can0 --listen no-host!", "no host 'no-host!' is known; give HOST:PORT"),
+        ("monitor udp:300.1.1.1", "300.1.1.1 is no multicast group; give one, e.g. udp:239.0.0.1"),
+        ("busload --fingers 0", "--fingers"),
+        ("busload --bitrate 1000000 --dbitrate 500000", "data phase"),
+    ],
+)
+def test_mistakes_are_one_line(arguments: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(*arguments.split()) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert words in err
+    assert err.count("\n") == 1
+    assert err.startswith("error: ")
+
+
+def test_help_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--help") == 0
+    out = capsys.readouterr().out
+    assert all(f"  {name} " in out for name in COMMANDS)
+    for name in COMMANDS:
+        assert isinstance(cli.get_command(click.Context(cli), name), click.Command)
+        assert run(name, "--help") == 0
+        assert "Usage: python -m hostlink" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "share"),
+    [("--fingers 5", "21.2%"), ("--classic --rate 100", "16.2%"), ("--baud 921600", "19.5%")],
+)
+def test_busload_that_fits(arguments: str, share: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("busload", *arguments.split()) == 0
+    assert share in capsys.readouterr().out
+
+
+def test_busload_that_cannot_fit_says_what_would(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("busload", "--classic", "--fingers", "5") == 2
+    err = capsys.readouterr().err
+    assert "202" in err
+    assert "111 Hz" in err
+    assert "CAN FD at 0.5/2 Mbit/s" in err
+    assert run("busload", "--classic", "--fingers", "5", "--rate", "111") == 0  # the advice holds
+    assert run("busload", "--classic", "--fingers", "5", "--rate", "112") == 2
+
+
+def test_monitor_prints_lines_without_a_terminal(
+    finger: Application, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("monitor", HOST, "--seconds", "0.3") == 0
+    out = capsys.readouterr().out
+    assert "finger=6 displacement=" in out
+    assert "lost=0" in out
+
+
+def test_info_tare_set(finger: Application, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("info", HOST, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["serial_number"] == finger.serial
+    assert run("info", HOST) == 0
+    assert finger.serial in capsys.readouterr().out
+    assert run("tare", HOST) == 0
+    finger.touched = True
+    assert run("tare", HOST, "--finger", "6") == 1
+    assert "error: tare: something touches the tip; let go" in capsys.readouterr().err
+    assert run("tare", HOST, "--force") == 0
+    assert finger.tares == [False, True]
+    assert run("set", HOST, "rate_hz", "50") == 0
+    assert "rate_hz = 50 Hz" in capsys.readouterr().out
+    assert run("set", HOST, "divider", "0") == 2
+    assert capsys.readouterr().err == "error: divider = 0: give 1 to 1000\n"
+    assert run("set", HOST, "tpdo1_transmission", "245") == 2
+    assert "tpdo1_transmission = 245: refused by finger 6: transmission type 245" in capsys.readouterr().err
+
+
+def test_calibration_is_set_from_a_file(
+    finger: Application, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "tip.json"
+    file.write_text('{"a": 1}')
+    assert run("set", HOST, "calibration", str(file)) == 0
+    assert finger.calibration == b'{"a": 1}'
+    capsys.readouterr()
+    assert run("set", HOST, "calibration", "/nosuch") == 2
+    assert capsys.readouterr().err == "error: /nosuch: cannot be read: No such file or directory\n"
+    file.write_text("a letter")
+    assert run("set", HOST, "calibration", str(file)) == 2
+    assert "tip.json: not a calibration file; give one that" in capsys.readouterr().err
+    finger.no_calibration = "upload: models[0]: unknown output 'taste'"
+    file.write_text('{"a": 2}')
+    assert run("set", HOST, "calibration", str(file)) == 2
+    assert capsys.readouterr().err == f"error: {file}: refused by finger 6: {finger.no_calibration}\n"
+    assert finger.calibration == b'{"a": 1}'
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf"])
+def test_record_then_decode(
+    finger: Application, tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / f"press{suffix}"
+    assert run("record", HOST, str(file), "--seconds", "0.3") == 0
+    assert "samples" in capsys.readouterr().err
+    assert run("decode", str(file), "--summary") == 0
+    out, err = capsys.readouterr()
+    rows = [json.loads(text) for text in out.splitlines()]
+    assert len(rows) > 10
+    numbers = [r["sample"] for r in rows]
+    assert numbers == list(range(numbers[0], numbers[0] + len(rows)))
+    assert all(r["displacement_mm"] == pytest.approx(r["sample"] / 100, abs=0.0011) for r in rows)
+    assert all(r["force_n"] is None and r["status"] == [] for r in rows)
+    assert f"received={len(rows)}" in err
+    assert run("decode", str(file), "--text", "--finger", "6") == 0
+    assert capsys.readouterr().out.count("finger=6 ") == len(rows)
+    assert run("decode", str(file), "--finger", "7") == 2
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", f"error: {file}: no sample of finger 7; it holds those of 6\n")
+
+
+def test_record_counts_what_the_file_holds(
+    finger: Application, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for n in range(3):
+        file = tmp_path / f"{n}.log"
+        assert run("record", HOST, str(file), "--seconds", "0.1") == 0
+        said = capsys.readouterr().err
+        assert run("decode", str(file)) == 0
+        assert f" {len(capsys.readouterr().out.splitlines())} samples" in said
+
+
+def test_record_keeps_an_earlier_recording(
+    finger: Application, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "press.log"
+    file.write_text("irreplaceable")
+    assert run("record", HOST, str(file), "--seconds", "0.1") == 2
+    assert capsys.readouterr().err == (
+        f"error: {file}: exists already; give another name, or --overwrite to replace it\n"
+    )
+    assert file.read_text() == "irreplaceable"
+    assert run("record", HOST, str(file), "--seconds", "0.1", "--overwrite") == 0
+    assert "can" in file.read_text() or "181" in file.read_text()
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_record_of_silence_is_no_success(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    need_multicast()
+    file = tmp_path / "press.log"
+    assert run("record", f"udp:239.0.0.9?port={PORT + 1}", str(file), "--seconds", "0.05") == 1
+    assert capsys.readouterr().err.endswith("nothing came in\n")
+
+
+def program(*arguments: str, **options: Any) -> subprocess.Popen[str]:
+    """A command as a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "hostlink", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf"])
+def test_record_on_a_full_disk_is_one_line_and_keeps_what_it_has(
+    finger: Application, tmp_path: Path, suffix: str
+) -> None:
+    file = tmp_path / f"press{suffix}"
+    limit = 40_000 if suffix == ".log" else 6000
+    child = program(
+        "record",
+        HOST,
+        str(file),
+        "--seconds",
+        "30",
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    )
+    _, err = child.communicate(timeout=60)
+    assert err == f"error: {file}: cannot be written: File too large; the recording ends there\n"
+    assert child.returncode == 1
+    assert list(tmp_path.iterdir()) == [file]
+    assert file.stat().st_size > limit / 2
+    if suffix == ".log":
+        assert next(read_log(file))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_record_ended_by_a_signal_is_whole(finger: Application, tmp_path: Path, number: int) -> None:
+    file = tmp_path / "press.log"
+    child = program("record", HOST, str(file))
+    end = time.monotonic() + 30
+    while not any(path.stat().st_size for path in tmp_path.iterdir()):
+        assert time.monotonic() < end
+        threading.Event().wait(0.01)
+    child.send_signal(number)
+    _, err = child.communicate(timeout=30)
+    assert child.returncode == 0, err
+    assert list(tmp_path.iterdir()) == [file]
+    assert any(isinstance(event, Sample) for event in decode_recording(file))
+
+
+@pytest.mark.parametrize("name", ["noise.log", "noise.serial"])
+def test_recording_without_a_sample_is_said_and_no_success(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / name
+    if name.endswith(".log"):
+        file.write_text("(1.0) can0 181##1" + "AB" * 64 + "\n(1.1) can0 7FF#00\n")
+    else:
+        file.write_bytes(
+            b"voronoi-touch serial 1\n" + struct.pack("<QI", 0, 20) + b"\0noise\0noise\0noise\0\0"
+        )
+    assert run("decode", str(file)) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert f"{name}: no sample of a fingertip; " in err
+    assert "0 damaged" not in err
+
+
+def test_record_a_serial_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pty = Pty(tmp_path)
+    feed = Feed(f"serial:{pty.paths[0]}")
+    file = tmp_path / "press.serial"
+    assert run("record", f"serial:{pty.paths[1]}", str(file), "--seconds", "0.3") == 0
+    feed.close()
+    said = capsys.readouterr().err
+    assert run("decode", str(file), "--finger", "1") == 0, "as monitor and info call it"
+    rows = [json.loads(text) for text in capsys.readouterr().out.splitlines()]
+    assert len(rows) > 10
+    assert f" {len(rows)} samples" in said
+    assert {r["finger"] for r in rows} == {1}
+    assert not any(isnan(r["displacement_mm"]) for r in rows)
+    named = tmp_path / "named.serial"
+    feed = Feed(f"serial:{pty.paths[0]}")
+    assert run("record", f"serial:{pty.paths[1]}?node=3", str(named), "--seconds", "0.1") == 0
+    feed.close()
+    capsys.readouterr()
+    assert run("decode", str(named), "--finger", "3") == 0
+
+
+@pytest.mark.parametrize("command", ["monitor", "record", "view"])
+@pytest.mark.parametrize("number", ["nan", "inf", "-inf", "1e999", "0", "-1"])
+def test_seconds_are_a_finite_number(
+    command: str, number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = [str(tmp_path / "x.log")] if command == "record" else []
+    assert run(command, "can:nosuch0", *file, "--seconds", number) == 2
+    err = capsys.readouterr().err
+    assert "--seconds" in err
+    assert len(err.splitlines()) == 1
+
+
+def test_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--version") == 0
+    assert capsys.readouterr().out.startswith(
+        f"voronoi-touch {version('voronoi-touch')}, wire version 1, schema 0x"
+    )
+
+
+def test_what_cannot_be_stored_is_said(finger: Application, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("set", HOST, "rate_hz", "50") == 0
+    assert capsys.readouterr().out == (
+        "finger 6: rate_hz = 50 Hz (until the finger restarts: it has no folder to store settings in)\n"
+    )
+
+
+def test_tare_and_calibration_end_with_their_outcome(
+    finger: Application, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("tare", HOST) == 0
+    assert capsys.readouterr().out == "finger 6: new rest frame in use\n"
+    finger.outcome = RestFrameOutcome(RestFrameState.REFUSED, RestFrameReason.TOUCHED, "12 pins are pressed")
+    assert run("tare", HOST) == 1
+    assert capsys.readouterr().err == "error: tare refused: 12 pins are pressed\n"
+    file = tmp_path / "tip.json"
+    file.write_text("{}")
+    assert run("set", HOST, "calibration", str(file)) == 1
+    assert capsys.readouterr().err == "error: calibration refused: 12 pins are pressed\n"
+    finger.outcome = RestFrameOutcome(RestFrameState.FORCED, RestFrameReason.TOUCHED)
+    assert run("tare", HOST, "--force") == 0
+    assert capsys.readouterr().out == "finger 6: rest frame forced: something touches the tip\n"

@@ -1,0 +1,199 @@
+"""Plots of recordings: what is read is what was sent, and the picture shows it with units."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict
+from math import isnan, nan
+from pathlib import Path
+
+import can
+import cv2
+import numpy as np
+import pytest
+
+from edge.recording import Recorder
+from edge.types import Clock, Frame
+from hostlink.commands.cli import main
+from hostlink.commands.plot import Series, draw, read_series
+from hostlink.recording import LogWriter
+from hostlink.wire import CanIds, Kind, State, pack_state, unpack_state
+
+RATE_HZ = 100
+START_US = (1 << 32) - 250_000  # the wire's microseconds wrap in the middle
+
+
+def states(n: int = 100) -> list[State]:
+    return [
+        State(
+            sample=k,
+            capture_time_us=START_US + k * 1_000_000 // RATE_HZ,
+            latency_us=900.0,
+            displacement_mm=k / 50 if not 20 <= k < 30 else nan,
+            displacement_sigma_mm=0.05,
+            shear_x_mm=-k / 100,
+            shear_y_mm=k / 200,
+            contact_n=k // 50,
+        )
+        for k in range(n)
+    ]
+
+
+def write_bus(path: Path, nodes: tuple[int, ...] = (1,), sent: list[State] | None = None) -> None:
+    with LogWriter(path) as log:
+        for k, state in enumerate(sent if sent is not None else states()):
+            for node in nodes:
+                can_id = CanIds().of(Kind.TPDO1, node)
+                log.write(
+                    can.Message(
+                        timestamp=1.7e9 + k / RATE_HZ,
+                        arbitration_id=can_id,
+                        is_extended_id=False,
+                        is_fd=True,
+                        data=pack_state(state, k),
+                    )
+                )
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf"])
+def test_series_are_what_was_sent(tmp_path: Path, suffix: str) -> None:
+    write_bus(tmp_path / f"a{suffix}", (1, 4))
+    series = read_series(tmp_path / f"a{suffix}")
+    assert sorted(series) == [1, 4]
+    one = series[4]
+    assert one.samples_n == 100
+    assert one.time_s == pytest.approx([k / RATE_HZ for k in range(100)], abs=1e-5)
+    for k, value in enumerate(one.values["displacement_mm"]):
+        assert isnan(value) if 20 <= k < 30 else value == pytest.approx(k / 50, abs=0.002)
+    assert not one.known("force_n")
+
+
+def test_silence_is_a_gap(tmp_path: Path) -> None:
+    sent = states()
+    write_bus(tmp_path / "a.log", sent=sent[:20] + sent[60:])
+    one = read_series(tmp_path / "a.log")[1]
+    assert one.samples_n == 60
+    assert len(one.time_s) == 61
+    assert isnan(one.values["shear_x_mm"][20])
+    assert one.time_s[19] < one.time_s[20] < one.time_s[21]
+
+
+def write_edge(path: Path, n: int = 100) -> None:
+    with Recorder(path) as recorder:
+        for k, state in enumerate(states(n)):
+            frame = Frame(np.zeros((4, 4), np.uint8), k * 10_000_000, k, Clock.HOST)
+            recorder.sample(frame, asdict(unpack_state(pack_state(state, k))))
+
+
+def test_of_a_recording_that_was_cut_off_the_rest_is_drawn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "a.mcap"
+    write_edge(path, 20_000)  # some chunks
+    os.truncate(path, path.stat().st_size * 2 // 3)
+    assert run("plot", str(path), "--json") == 0
+    assert 1000 < json.loads(capsys.readouterr().out)["samples"]["1"] < 20_000
+    assert caplog.messages == [f"{path}: cut off or damaged; only the samples before that are drawn"]
+
+
+def test_a_value_between_two_gaps_is_a_dot(tmp_path: Path) -> None:
+    def ink(values: list[float]) -> int:
+        """Pixels in the line's colour."""
+        columns = dict.fromkeys(Series().values, [nan] * len(values)) | {"force_n": values}
+        draw({1: Series(len(values), [k / 100 for k in range(len(values))], columns)}, tmp_path / "a.png")
+        red, green, blue = (int("0060a8"[i : i + 2], 16) for i in (0, 2, 4))
+        image = cv2.imread(str(tmp_path / "a.png"))
+        assert image is not None
+        return int((image == (blue, green, red)).all(axis=2).sum())
+
+    assert ink([nan, 1.0, nan, nan]) > 10
+    assert ink([1.0, nan, nan, 2.0]) > 20  # at both ends
+
+
+def test_an_edge_recording_gives_the_same(tmp_path: Path) -> None:
+    write_bus(tmp_path / "a.log")
+    write_edge(tmp_path / "a.mcap")
+    bus, edge = read_series(tmp_path / "a.log")[1], read_series(tmp_path / "a.mcap")[1]
+    assert edge.time_s == pytest.approx(bus.time_s, abs=1e-6)
+    for name in bus.values:
+        assert edge.values[name] == pytest.approx(bus.values[name], nan_ok=True), name
+
+
+def test_the_picture_has_units_and_only_what_is_known(tmp_path: Path) -> None:
+    write_bus(tmp_path / "a.log", (1, 4))
+    series = read_series(tmp_path / "a.log")
+    assert draw(series, tmp_path / "a.svg", "a.log") == ("displacement", "shear", "contacts", "latency")
+    assert draw(series, tmp_path / "a.png") == ("displacement", "shear", "contacts", "latency")
+    assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
+    assert (tmp_path / "a.png").stat().st_size > 20_000
+
+
+def run(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert isinstance(caught.value.code, int)
+    return caught.value.code
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_bus(tmp_path / "a.log", (1, 4))
+    assert run("plot", str(tmp_path / "a.log"), "--json", "--finger", "4") == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["samples"] == {"4": 100}
+    assert Path(said["out"]) == tmp_path / "a.png"
+    assert (tmp_path / "a.png").is_file()
+    assert run("plot", str(tmp_path / "a.log"), "-o", str(tmp_path / "b.pdf"), "-q") == 0
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["none.log"], "no such file"),
+        (["a.log", "-o", "a.gif"], "the name must end in .png or .pdf or .svg"),
+        (["a.log", "--finger", "9"], "no finger 9; it holds 1"),
+        (["a.csv"], "FD flags are lost"),
+        (["junk.mcap"], "junk.mcap: not an MCAP file"),
+        (["cut.mcap"], "cut.mcap: cut off or damaged before its first sample; copy or record it again"),
+        (["empty.log"], "holds no samples"),
+    ],
+)
+def test_mistakes_are_one_line(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    words: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_bus(tmp_path / "a.log")
+    (tmp_path / "a.csv").write_text("")
+    (tmp_path / "empty.log").write_text("")
+    (tmp_path / "junk.mcap").write_bytes(b"junk" * 100)
+    write_edge(tmp_path / "cut.mcap")
+    os.truncate(tmp_path / "cut.mcap", 500)
+    assert run("plot", *arguments) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert len(said.strip().splitlines()) == 1
+
+
+def test_nothing_known_is_told(tmp_path: Path) -> None:
+    write_bus(tmp_path / "a.log", sent=[State(sample=k, capture_time_us=k * 10_000) for k in range(20)])
+    series = read_series(tmp_path / "a.log")
+    assert draw(series, tmp_path / "a.png") == ("contacts",)
+    assert run("plot", str(tmp_path / "a.log"), "-o", str(tmp_path / "nowhere" / "a.png")) == 2
+
+
+def test_picture_and_recording_that_exist_are_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_bus(tmp_path / "a.log")
+    (tmp_path / "a.png").write_text("irreplaceable")
+    assert run("plot", str(tmp_path / "a.log")) == 2
+    assert "a.png: exists already; give another name, or --overwrite" in capsys.readouterr().err
+    assert (tmp_path / "a.png").read_text() == "irreplaceable"
+    assert run("plot", str(tmp_path / "a.log"), "--overwrite") == 0
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.log", "a.png"]

@@ -1,0 +1,47 @@
+"""Programs end with an exit code and at most one line, whatever becomes of stdout."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+PROGRAM = """
+import sys, click
+from hostlink.cli_exit import run_command
+
+@click.command()
+@click.option("--lines", type=int, default=1)
+def count(lines):
+    for i in range(lines):
+        click.echo(str(i))
+
+sys.exit(run_command(count, "count", ()))
+"""
+
+
+def shell(line: str) -> subprocess.CompletedProcess[str]:
+    """Run a line in which $COUNT is a program that prints."""
+    return subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {line}"],
+        env={"COUNT": PROGRAM, "PYTHON": sys.executable, "PATH": "/usr/bin:/bin"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_a_reader_that_has_seen_enough_is_no_error() -> None:
+    run = shell('"$PYTHON" -c "$COUNT" --lines 100000 | head -1')
+    assert (run.returncode, run.stdout, run.stderr) == (0, "0\n", "")
+
+
+def test_a_reader_that_is_gone_before_the_first_flush_is_no_error() -> None:
+    run = shell('"$PYTHON" -c "$COUNT" | true')
+    assert (run.returncode, run.stderr) == (0, "")
+
+
+def test_a_full_stdout_is_one_line() -> None:
+    for lines in (1, 100_000):
+        run = shell(f'"$PYTHON" -c "$COUNT" --lines {lines} > /dev/full')
+        assert run.returncode == 1
+        assert run.stderr == "error: stdout: cannot be written: No space left on device\n"

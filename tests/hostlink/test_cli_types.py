@@ -1,0 +1,33 @@
+"""NaN and infinity are never a number on a command line, and what is right is said in plain words."""
+
+from __future__ import annotations
+
+import click
+import pytest
+
+from hostlink.cli_types import FiniteFloat, WholeNumber
+
+
+@pytest.mark.parametrize("text", ["nan", "NaN", "inf", "-inf", "1e999", "abc", "", "0x10"])
+def test_what_is_no_finite_number_is_refused(text: str) -> None:
+    with pytest.raises(click.BadParameter, match="is not a number; give a number above 0"):
+        FiniteFloat(min=0, min_open=True).convert(text, None, None)
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "1.5", "abc", "1e3"])
+def test_what_is_no_whole_number_is_refused(text: str) -> None:
+    with pytest.raises(click.BadParameter, match="is not a whole number; give a whole number from 1 to 127"):
+        WholeNumber(1, 127).convert(text, None, None)
+
+
+def test_limits_hold() -> None:
+    assert FiniteFloat(0, 2).convert("1.5", None, None) == 1.5
+    assert FiniteFloat().convert("-1e300", None, None) == -1e300
+    assert WholeNumber(1, 127).convert("127", None, None) == 127
+    for kind, text in (
+        (FiniteFloat(0, 2), "2.1"),
+        (FiniteFloat(0, min_open=True), "0"),
+        (WholeNumber(1, 3), "4"),
+    ):
+        with pytest.raises(click.BadParameter):
+            kind.convert(text, None, None)

@@ -1,0 +1,155 @@
+"""README's code is what people paste: it is compiled and run as it stands, and obeys WIRE.md's rules."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import threading
+import time
+from math import isnan, nan
+from pathlib import Path
+
+import can
+import pytest
+
+import hostlink
+from hostlink.recording import LogWriter
+from hostlink.sequence import RESTART_RUN
+from hostlink.wire import NO_CONTROL, State, Status, pack_state
+from tests.hostlink.test_client import make_node
+
+NONE = Status(0)
+ROOT = Path(hostlink.__file__).parents[1]
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-O1"]
+
+
+def code(heading: str, language: str) -> str:
+    """The first block of code in this language under a heading of README's."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8").split(f"### {heading}\n", 1)[1]
+    found = re.search(rf"```{language}\n(.*?)```", text, re.DOTALL)
+    assert found is not None
+    return found[1]
+
+
+def sample(number: int, mm: float, status: Status = NONE) -> State:
+    now_us = time.monotonic_ns() // 1000
+    return State(sample=number, capture_time_us=now_us, latency_us=10.0, displacement_mm=mm, status=status)
+
+
+def test_python_control_loop_moves_on_valid_live_samples_alone(
+    request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bus = f"virtual:{request.node.name}"
+    node, application = make_node(f"{bus}?node=1")
+    moving = sample(0, 0.5)
+    sequence = [
+        (0.25, Status(0), "+0.600"),
+        (nan, Status(0), "+0.000"),
+        *((0.25, bit, "+0.000") for bit in Status if bit & NO_CONTROL),
+        (0.25, Status.TOUCHED | Status.IMAGE_FAULT, "+0.600"),
+        (1.5, Status(0), "-0.400"),
+    ]
+
+    def send() -> None:
+        k = 0
+        while not application.tares:  # heard, so that it can be asked
+            node.send(sample(k, moving.displacement_mm))
+            k += 1
+            time.sleep(0.005)
+        for mm, status, _ in sequence:
+            for _ in range(4):
+                node.send(sample(k, mm, status))
+                k += 1
+                time.sleep(0.005)
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    with pytest.raises(hostlink.LinkTimeout):  # silence ends it
+        exec(code("Python: a control loop", "python").replace("can:can0", bus), {})
+    sender.join()
+    node.close()
+    said = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    changes = [speed for i, speed in enumerate(said) if i == 0 or said[i - 1] != speed]
+    assert [c for c in changes if c != "+0.400"] == ["+0.600", "+0.000", "+0.600", "-0.400", "+0.000"]
+
+
+def test_python_loop_over_a_recording_finds_its_samples(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with LogWriter("press.log") as log:
+        for k in range(5):
+            data = pack_state(State(sample=k, displacement_mm=k / 10), k)
+            log.write(
+                can.Message(timestamp=k, arbitration_id=0x183, data=data, is_fd=True, is_extended_id=False)
+            )
+    exec(code("Record and decode", "python"), {})
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert [(row[1], float(row[2])) for row in rows] == [("3", pytest.approx(k / 10)) for k in range(5)]
+
+
+def test_wire_document_names_the_run_that_is_believed() -> None:
+    """The document is generated without the decoder, whose number this is."""
+    text = (ROOT / "hostlink" / "WIRE.md").read_text(encoding="utf-8")
+    assert f"after {RESTART_RUN} frames of another sequence" in " ".join(text.split())
+
+
+MAIN = r"""
+#include <stdio.h>
+
+int main(void)
+{
+    unsigned long id, now_ms, size, byte;
+
+    while (scanf("%lx %lu %lu", &id, &now_ms, &size) == 3) {
+        uint8_t data[64];
+        for (unsigned long i = 0; i < size; i++) {
+            if (scanf("%2lx", &byte) != 1) {
+                return 1;
+            }
+            data[i] = (uint8_t)byte;
+        }
+        if (size > 0u) {
+            on_can_frame((uint32_t)id, data, size, (uint32_t)now_ms);
+        }
+        printf("%.3f %lu\n", (double)pressed((uint32_t)now_ms), (unsigned long)samples_lost);
+    }
+    return 0;
+}
+"""
+
+
+def test_c_receive_interrupt_forgets_what_is_old_invalid_or_not_live(tmp_path: Path) -> None:
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    assert compiler is not None
+    (tmp_path / "main.c").write_text(code("C: a controller's receive interrupt", "c") + MAIN)
+    folder = ROOT / "hostlink" / "c"
+    sources = [str(tmp_path / "main.c"), str(folder / "vt_e2e.c"), str(folder / "vt_fd.c")]
+    program = tmp_path / "receive"
+    subprocess.run([compiler, *STRICT, f"-I{folder}", *sources, "-lm", "-o", str(program)], check=True)
+    good = State(displacement_mm=0.5)
+    damaged = bytearray(pack_state(good, 9))
+    damaged[20] ^= 1
+    steps: list[tuple[int, int, bytes, float]] = [
+        (0x181, 4_294_967_290, pack_state(good, 1), 0.5),
+        (0x181, 4_294_967_294, pack_state(State(displacement_mm=nan), 2), nan),
+        (0x181, 2, pack_state(good, 3), 0.5),  # the millisecond counter wrapped
+        *((0x181, 2, pack_state(State(displacement_mm=0.5, status=bit), 4 + i), nan)
+          for i, bit in enumerate(b for b in Status if b & NO_CONTROL)),
+        (0x181, 6, pack_state(good, 9), 0.5),
+        (0x181, 8, bytes(damaged), 0.5),
+        (0x182, 8, pack_state(State(displacement_mm=2.0), 10), 0.5),
+        (0x181, 8, pack_state(State(displacement_mm=2.0), 9), 0.5),  # came again
+        (0, 26, b"", 0.5),
+        (0, 27, b"", nan),  # silence
+        (0x181, 28, pack_state(good, 12), 0.5),
+    ]  # fmt: skip
+    text = "\n".join(f"{can_id:x} {ms} {len(data)} {data.hex()}" for can_id, ms, data, _ in steps)
+    run = subprocess.run([str(program)], input=text, capture_output=True, text=True, check=True)
+    rows = [line.split() for line in run.stdout.splitlines()]
+    assert [float(row[0]) for row in rows] == [
+        pytest.approx(expected, nan_ok=True) for _, _, _, expected in steps
+    ]
+    assert isnan(float(rows[1][0]))
+    assert int(rows[-1][1]) == 2, "frames 10 and 11 never came"

@@ -1,0 +1,223 @@
+"""The generated files are fresh, and others' tools read from them what our decoder reads."""
+
+from __future__ import annotations
+
+import shutil
+import struct
+import subprocess
+from pathlib import Path
+from random import Random
+
+import canopen
+import cantools
+import pytest
+
+import hostlink
+from hostlink.wire import OBJECTS, CanIds, State, pack_detail, pack_parts, pack_state, unpack_state
+from hostlink.wire.detail import PINS_PER_SEGMENT
+from hostlink.wire.fields import LAYOUT, PARTS, field_named
+from hostlink.wire.generate import generate
+from hostlink.wire.generate.dbc import Signal, classic_signals, state_signals
+from hostlink.wire.objects import TYPES
+from tests.support.states import random_state
+
+FOLDER = Path(hostlink.__file__).parent
+SAMPLES = 10_000
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror", "-O1"]
+
+
+def test_no_file_is_stale() -> None:
+    stale = [name for name, text in generate().items() if (FOLDER / name).read_text(encoding="utf-8") != text]
+    assert not stale, f"stale: {stale}; run `make generate`"
+
+
+def database(name: str) -> cantools.database.can.Database:
+    loaded = cantools.database.load_file(FOLDER / "dbc" / name)
+    assert isinstance(loaded, cantools.database.can.Database)
+    return loaded
+
+
+def flat(state: State) -> dict[str, object]:
+    """The state by the names of the wire's layout; invalid as the DBC names it."""
+    values: dict[str, object] = {}
+    for f in LAYOUT:
+        if f.contact:
+            i, name = int(f.name[7]), f.name[9:]
+            value = getattr(state.contacts[i], name) if i < len(state.contacts) else float("nan")
+        else:
+            value = getattr(state, f.name)
+        values[f.name] = "invalid" if value != value else int(value) if f.plain else value
+    return values
+
+
+def test_cantools_decodes_state_frames_bit_identically() -> None:
+    message, rng = database("voronoi_touch_fd.dbc").get_message_by_name("State"), Random(1)
+    assert message.frame_id == CanIds().state(1)
+    assert message.is_fd
+    for i in range(SAMPLES):
+        frame = pack_state(random_state(rng, i), i)
+        decoded = message.decode(frame)
+        for name, value in flat(unpack_state(frame)).items():
+            assert decoded[name] == value, name
+        assert (decoded["counter"], decoded["version"]) == (i & 0xFF, frame[3])
+
+
+def test_cantools_decodes_classic_parts_bit_identically() -> None:
+    loaded, rng = database("voronoi_touch_classic.dbc"), Random(2)
+    for i in range(SAMPLES // 5):  # of 9 to 12 parts each
+        state = random_state(rng, i)
+        values = flat(unpack_state(pack_state(state, i)))
+        frames = pack_parts(state, i)
+        low = 0
+        for tpdo, frame in frames:
+            decoded = loaded.decode_message(CanIds().tpdo(tpdo, 1), frame)
+            low = decoded.pop("sample_low")
+            for name in decoded.keys() & values.keys():
+                assert decoded[name] == values[name], name
+            if tpdo == 2:
+                assert decoded["part_n"] == len(frames)
+                assert decoded["sample_high"] << 5 | low == values["sample"]
+
+
+def test_cantools_decodes_detail_segments() -> None:
+    message = database("voronoi_touch_fd.dbc").get_message_by_name("Detail")
+    rng = Random(3)
+    rows = [(rng.uniform(-100, 100), rng.uniform(-100, 100), rng.uniform(-1, 1)) for _ in range(331)]
+    for k, segment in enumerate(pack_detail(9, rows, 0)):
+        decoded = message.decode(segment)
+        assert (decoded["segment"], decoded["pin_n"], decoded["sample"]) == (k, 331, 9)
+        for i, row in enumerate(rows[k * PINS_PER_SEGMENT : (k + 1) * PINS_PER_SEGMENT]):
+            got = [decoded[f"pin{i}_{name}"] for name in ("dx_px", "dy_px", "da")]
+            assert got == pytest.approx(row, abs=0.01001)
+
+
+def _c_program(raws: dict[str, list[Signal]]) -> str:
+    """Reads records (byte: message number, byte: length, data) and prints every signal: raw, float bits."""
+    cases = []
+    for number, (message, signals) in enumerate(raws.items()):
+        prefix = "vt_fd" if message == "state" else "vt_classic"
+        check = (
+            "vt_check_state(data, size)"
+            if message == "state"
+            else "vt_check_p11(data, size, "
+            f"(uint16_t)((int)VT_DATA_ID_PART | vt_part_index({number}u, data)))"
+        )
+        prints = "".join(
+            f"        f = (float){prefix}_{message}_{s.name}_decode(m.{s.name}); memcpy(&u, &f, 4);\n"
+            f'        printf("{s.name} %ld %08lx ", (long)m.{s.name}, (unsigned long)u);\n'
+            for s in signals
+        )
+        cases.append(
+            f"    case {number}: {{\n        struct {prefix}_{message}_t m;\n"
+            f"        memset(&m, 0, sizeof m);\n"
+            f"        if ({prefix}_{message}_unpack(&m, data, size) != 0 || !({check})) return 2;\n{prints}"
+            "        break; }\n"
+        )
+    return (
+        '#include <stdio.h>\n#include <string.h>\n#include "vt_fd.h"\n#include "vt_classic.h"\n'
+        '#include "vt_e2e.h"\n\nint main(void)\n{\n    uint8_t head[2], data[64];\n    uint32_t u;\n'
+        "    float f;\n    while (fread(head, 1, 2, stdin) == 2) {\n        const size_t size = head[1];\n"
+        "        if (fread(data, 1, size, stdin) != size) return 1;\n        switch (head[0]) {\n"
+        + "".join(cases)
+        + '    default: return 3;\n    }\n    printf("\\n");\n    }\n    return 0;\n}\n'
+    )
+
+
+@pytest.fixture(scope="module")
+def c_decoder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped C, compiled with every warning an error."""
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no gcc")
+    folder = tmp_path_factory.mktemp("c")
+    signals = {"state": state_signals(), **{f"part{i}": classic_signals(i) for i in range(1, 5)}}
+    (folder / "main.c").write_text(_c_program(signals))
+    sources = sorted((FOLDER / "c").glob("*.c"))
+    program = folder / "decode"
+    subprocess.run([compiler, *STRICT, "-c", *map(str, sources)], check=True, cwd=folder)
+    objects = [str(folder / f"{source.stem}.o") for source in sources]
+    subprocess.run(
+        [compiler, *STRICT, f"-I{FOLDER / 'c'}", str(folder / "main.c"), *objects, "-o", str(program), "-lm"],
+        check=True,
+    )
+    return program
+
+
+def run_c(program: Path, records: list[tuple[int, bytes]]) -> list[dict[str, tuple[int, str]]]:
+    stream = b"".join(bytes((number, len(data))) + data for number, data in records)
+    result = subprocess.run([str(program)], input=stream, capture_output=True, check=True)
+    rows = []
+    for line in result.stdout.decode().splitlines():
+        words = line.split()
+        rows.append({words[i]: (int(words[i + 1]), words[i + 2]) for i in range(0, len(words), 3)})
+    return rows
+
+
+def single(value: float) -> float:
+    """Rounded to a C float."""
+    return float(struct.unpack("<f", struct.pack("<f", value))[0])
+
+
+def c_float(raw: int, scale: float) -> str:
+    """Bits of the C codec's `(float)raw * scale_f`: one rounding, of an exact product in double."""
+    return struct.pack(">f", single(raw) * single(scale)).hex()
+
+
+def agrees(name: str, raw: int, bits: str, value: float, width: int) -> None:
+    """C's raw value is the one that the Python value has, and its float is that value as a float."""
+    f = field_named(name)
+    if value != value:
+        assert raw == f.raw_nan(width), name
+        return
+    assert (raw * f.scale if f.scale else raw) == value, name
+    assert bits == c_float(raw, f.scale or 1), name
+    assert struct.unpack(">f", bytes.fromhex(bits))[0] == pytest.approx(value, rel=2.5e-7), name
+
+
+def number_of(value: object) -> float:
+    return float("nan") if value == "invalid" else value  # type: ignore[return-value]
+
+
+def test_c_decodes_state_frames_bit_identically(c_decoder: Path) -> None:
+    rng = Random(4)
+    frames = [pack_state(random_state(rng, i), i) for i in range(SAMPLES)]
+    for frame, row in zip(frames, run_c(c_decoder, [(0, f) for f in frames]), strict=True):
+        for name, value in flat(unpack_state(frame)).items():
+            agrees(name, *row[name], number_of(value), 8 * field_named(name).size)
+
+
+def test_c_decodes_classic_parts_bit_identically(c_decoder: Path) -> None:
+    rng = Random(5)
+    states = [random_state(rng, i) for i in range(SAMPLES // 5)]
+    sent = [(s, tpdo, part) for i, s in enumerate(states) for tpdo, part in pack_parts(s, i)]
+    assert len(sent) > SAMPLES
+    rows = run_c(c_decoder, [(tpdo, part) for _, tpdo, part in sent])
+    pages = {(p.tpdo, p.page): p for p in PARTS}
+    for (state, tpdo, _), row in zip(sent, rows, strict=True):
+        values = flat(unpack_state(pack_state(state, 0)))
+        part = pages[tpdo, row["page"][0] if "page" in row else None]
+        for name in part.fields:
+            if name in values:
+                agrees(name, *row[name], number_of(values[name]), field_named(name).bits)
+
+
+def test_c_refuses_what_is_damaged(c_decoder: Path) -> None:
+    frame = bytearray(pack_state(State(), 0))
+    frame[20] ^= 1
+    with pytest.raises(subprocess.CalledProcessError):
+        run_c(c_decoder, [(0, bytes(frame))])
+
+
+def test_canopen_reads_the_eds() -> None:
+    dictionary = canopen.import_od(str(FOLDER / "eds" / "voronoi_touch.eds"), node_id=5)
+    for o in OBJECTS:
+        entry = dictionary[o.index]
+        variable = entry if isinstance(entry, canopen.objectdictionary.ODVariable) else entry[o.sub]
+        assert (variable.index, variable.subindex) == (o.index, o.sub)
+        assert variable.data_type == TYPES[o.type][0], o.name
+        assert variable.access_type == o.access, o.name
+        if isinstance(o.default, int):
+            assert variable.default == o.default + (5 if o.node_id else 0), o.name
+        if o.low is not None and o.type != "real32":
+            assert (variable.min, variable.max) == (o.low, o.high), o.name
+    assert len(dictionary) == len({o.index for o in OBJECTS})

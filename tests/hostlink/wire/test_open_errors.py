@@ -1,0 +1,91 @@
+"""What an end of the wire says when it does not open."""
+
+from __future__ import annotations
+
+import errno
+from pathlib import Path
+
+import can
+import pytest
+import serial
+
+import hostlink
+from edge.errors import SinkError
+from edge.link.sinks import open_sink
+from hostlink.wire.address import AddressError, parse_address
+from hostlink.wire.open_errors import ADVICE, cannot_open
+
+
+def wrapped(number: int) -> can.CanError:
+    """As python-can has it for a serial adapter."""
+    error = can.exceptions.CanInitializationError("could not open port")
+    error.__cause__ = serial.SerialException(number, "could not open port")
+    return error
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> dict[str, Path]:
+    """Two CAN interfaces among others, and two ports."""
+    for name, kind in (("can1", "280"), ("eth0", "1"), ("vcan0", "280")):
+        (tmp_path / "net" / name).mkdir(parents=True)
+        (tmp_path / "net" / name / "type").write_text(kind + "\n")
+    (tmp_path / "dev").mkdir()
+    for name in ("ttyACM3", "ttyS99", "ttyUSB0", "video0"):
+        (tmp_path / "dev" / name).touch()
+    return {"net": tmp_path / "net", "dev": tmp_path / "dev"}
+
+
+@pytest.mark.parametrize(
+    ("address", "error", "expected"),
+    [
+        (
+            "can:can0",
+            OSError(errno.ENODEV, "No such device"),
+            "cannot open CAN interface 'can0' (socketcan): No such device; "
+            "CAN interfaces here: can1, vcan0; deploy/can-up.sh can0 brings one up",
+        ),
+        ("can:can0", OSError(errno.EAFNOSUPPORT, ""), "this kernel has no CAN: modprobe can_raw"),
+        (
+            "serial:/dev/ttyACM0",
+            serial.SerialException(errno.ENOENT, "could not open port"),
+            "port '/dev/ttyACM0': No such file or directory; serial ports here: {dev}/ttyACM3, {dev}/ttyUSB0",
+        ),
+        ("slcan:/dev/ttyACM0", wrapped(errno.EACCES), "(slcan): Permission denied; join the group dialout"),
+        (
+            "serial:/dev/null",
+            serial.SerialException("Could not configure"),
+            "Could not configure; is it a serial",
+        ),
+        ("can:x?interface=kvaser", NameError("name 'canGet' is not defined"), "driver installed?"),
+        ("can:x?interface=pcan", ValueError("No suitable bit timings found."), "found; its options do not"),
+        ("udp:239.0.0.1", wrapped(errno.ENETUNREACH), "ip route add 239.0.0.0/8 dev lo"),
+    ],
+)
+def test_why_it_does_not_open_and_what_to_do(
+    machine: dict[str, Path], address: str, error: Exception, expected: str
+) -> None:
+    words = cannot_open(parse_address(address), error, **machine)
+    assert expected.format(**machine) in words
+    assert "\n" not in words
+    assert "{" not in words
+
+
+def test_every_advice_is_whole() -> None:
+    for text in ADVICE.values():
+        assert text.format(channel="c", cans="", ports="")
+
+
+@pytest.mark.parametrize("group", ["8.8.8.8", "300.1.1.1", "localhost", "::1"])
+def test_an_address_that_is_no_group_is_refused(group: str) -> None:
+    with pytest.raises(AddressError, match=f"{group} is no multicast group; give one, e.g. udp:239.0.0.1"):
+        parse_address(f"udp:{group}")
+    assert parse_address("udp:ff15::5").channel == "ff15::5"
+
+
+@pytest.mark.parametrize("address", ["can:nosuch0", "serial:/dev/nosuch", "can:0?interface=kvaser"])
+def test_both_ends_say_the_same(address: str) -> None:
+    with pytest.raises(hostlink.ConnectError) as at_host:
+        hostlink.connect(address)
+    with pytest.raises(SinkError) as at_edge:
+        open_sink(address)
+    assert str(at_host.value) == str(at_edge.value)

@@ -1,0 +1,73 @@
+"""A finger's loop with a camera under the test's thumb: frame by frame, on a clock of the test's."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+from edge.calibration import Calibration
+from edge.link.sinks import MemorySink
+from edge.runtime.fault_registry import FaultRegistry
+from edge.runtime.loop import Loop, LoopConfig
+from edge.types import Clock, Frame, FrameSource, Image
+from hostlink.wire import FaultCode, State
+
+PERIOD_NS = 10_000_000
+
+
+class Camera:
+    """A live camera whose state the test sets."""
+
+    name, size_px, rate_hz, live, dropped_n = "test camera", (320, 320), 100.0, True, 0
+    condition = frame_condition = ""
+    recorded = False
+
+    def __init__(self) -> None:
+        self.ended = False
+        self.waiting = threading.Semaphore(0)
+
+    def __iter__(self) -> Any:
+        raise AssertionError("a live source is read, not iterated")
+
+    def read(self, timeout_s: float) -> None:
+        """No image; does not wait, so that a test takes no longer than it must."""
+        self.waiting.release()
+
+    def peek(self) -> None:
+        """No image waits."""
+
+    def close(self) -> None:
+        self.ended = True
+
+
+class Finger:
+    """A loop with a camera, fed frame by frame on a clock of the test's."""
+
+    def __init__(
+        self,
+        frames: list[Frame],
+        calibration: Calibration | None,
+        source: FrameSource | None = None,
+        **options: Any,
+    ) -> None:
+        self.camera, self.sink = Camera(), MemorySink()
+        self.registry = FaultRegistry()
+        self.now_ns = self.jumped_ns = self.n = 0
+        clock_ns = options.pop("clock_ns", lambda: self.now_ns)
+        config = LoopConfig(**options)
+        self.loop = Loop(
+            source or self.camera, [self.sink], calibration, config, faults=self.registry, clock_ns=clock_ns
+        )
+        self.frames = frames
+        for frame in frames[:8]:
+            self.see(frame.image)
+
+    def see(self, image: Image, skip: int = 0, jump_ns: int = 0) -> State:
+        self.n += 1 + skip
+        self.jumped_ns += jump_ns
+        self.now_ns = self.n * PERIOD_NS
+        return self.loop.step(Frame(image, self.now_ns + self.jumped_ns, self.n, Clock.DEVICE))
+
+    @property
+    def faults(self) -> set[FaultCode]:
+        return set(self.registry.active)

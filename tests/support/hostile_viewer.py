@@ -1,0 +1,119 @@
+"""Visitors of a live page that mean harm, again and again; and one that only wants to look.
+
+with HostileViewers(port, seed) as attack:
+    ...
+attack.counts
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+from collections import Counter
+from random import Random
+from types import TracebackType
+from typing import Self
+
+import aiohttp
+
+__all__ = ["HostileViewers", "look", "message_frame", "upgrade_request"]
+
+HALF_OPEN_N = 100  # more than there are places for
+PATIENCE_S = 2.0  # an attack goes on for so long at most
+PAUSE_S = 0.1
+NONSENSE = ("[" * 2000, '{"got": 1e400}', '{"want": [[]]}', '{"do": 5}', "null", '{"a":' * 600)
+
+
+def upgrade_request(port: int) -> bytes:
+    """What opens a WebSocket."""
+    return (
+        f"GET /live HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    ).encode()
+
+
+def message_frame(text: str, opcode: int = 1) -> bytes:
+    """A WebSocket message of a client, masked with zeros; below 64 KiB."""
+    data = text.encode()
+    length = bytes([0x80 | len(data)]) if len(data) < 126 else b"\xfe" + len(data).to_bytes(2)
+    return bytes([0x80 | opcode]) + length + bytes(4) + data
+
+
+async def look(url: str, packets_n: int = 2) -> int:
+    """An honest viewer: come, look at some packets, go; how many were seen."""
+    async with aiohttp.ClientSession() as session, session.ws_connect(url) as connection:
+        await connection.send_json({"want": ["image"]})
+        got_n = 0
+        async for message in connection:
+            if message.type is aiohttp.WSMsgType.BINARY:
+                got_n += 1
+                await connection.send_json({"got": got_n})
+                if got_n == packets_n:
+                    break
+        return got_n
+
+
+class HostileViewers:
+    """Attacks a page from a thread of its own, from its start to its end.
+
+    counts  attacks by name
+    """
+
+    def __init__(self, port: int, seed: int) -> None:
+        self.counts: Counter[str] = Counter()
+        self._port, self._random = port, Random(seed)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="hostile viewers", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        attacks = (self._never_reads, self._asks_without_end, self._half_open, self._talks_nonsense)
+        while not self._over.wait(PAUSE_S):
+            attack = self._random.choice(attacks)
+            self.counts[attack.__name__.lstrip("_")] += 1
+            with contextlib.suppress(OSError):  # cut off, as it should be
+                attack()
+
+    def _connect(self) -> socket.socket:
+        raw = socket.socket()
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        raw.settimeout(PATIENCE_S)
+        raw.connect(("127.0.0.1", self._port))
+        return raw
+
+    def _viewer(self) -> socket.socket:
+        raw = self._connect()
+        raw.sendall(upgrade_request(self._port) + message_frame('{"want": ["image", "surface"]}'))
+        return raw
+
+    def _never_reads(self) -> None:
+        with self._viewer():
+            self._over.wait(PATIENCE_S)
+
+    def _asks_without_end(self) -> None:
+        with self._viewer() as raw:
+            for _ in range(1000):
+                raw.sendall(message_frame('{"do": "tare"}') * 100)
+
+    def _half_open(self) -> None:
+        with contextlib.ExitStack() as stack:
+            for _ in range(HALF_OPEN_N):
+                raw = stack.enter_context(self._connect())
+                raw.sendall(self._random.choice([b"G", upgrade_request(self._port)]))
+            self._over.wait(PATIENCE_S / 4)
+
+    def _talks_nonsense(self) -> None:
+        with self._viewer() as raw:
+            raw.sendall(message_frame(self._random.choice(NONSENSE), self._random.choice([1, 1, 2, 9])))
+            while raw.recv(1 << 16):
+                pass

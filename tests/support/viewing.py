@@ -1,0 +1,130 @@
+"""A running app with its live page, under a test's thumb: which frame is seen is the test's to say.
+
+with Live(data_dir / "press.mcap") as live:
+    live.show(0); live.show(-1)      # untouched, pressed; shown again and again, 60 times a second
+    live.hold(); live.go_on()        # the camera stalls, and comes back
+    live.url, live.app, live.worker
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from edge.calibration import Calibration
+from edge.recording import RecordingSource
+from edge.runtime.loop import Loop
+from edge.sources import ThreadedSource
+from edge.types import Clock, Frame
+from edge.worker import WorkerClient, WorkerConfig
+from hostlink.web import parse_listen
+
+TOKEN = "a-token-for-tests"
+RATE_HZ = 60.0
+SOON_S = 20.0
+
+
+class Stepper(ThreadedSource):
+    """One frame of a recording, again and again, until another one is chosen; the way there is not jumped."""
+
+    def __init__(self, path: Path, rate_hz: float = RATE_HZ) -> None:
+        super().__init__(path.name)
+        recording = RecordingSource(path)
+        self.frames = list(recording)
+        self.size_px, self.rate_hz = recording.size_px, rate_hz
+        self.at = self.aim = 0
+        self.going = threading.Event()
+        self.going.set()
+
+    def _work(self) -> None:
+        n = 0
+        while not self._closing.wait(1 / self.rate_hz):
+            if self.going.is_set():
+                if self._slot is None:  # the last one was taken
+                    self.at += (self.aim > self.at) - (self.aim < self.at)
+                self._offer(self._frame(n))
+                n += 1
+
+    def _frame(self, n: int) -> Frame:
+        frame = self.frames[self.at]
+        image = frame.image.copy()
+        image[0, 0] ^= n & 1  # a sensor never gives the same image twice
+        return replace(frame, image=image, sequence=n, capture_ns=time.monotonic_ns(), clock=Clock.HOST)
+
+
+class Live:
+    """The app in a thread of its own, and its page.
+
+    token     of the page; None: read-only
+    options   of the app
+    """
+
+    def __init__(
+        self,
+        recording: Path,
+        calibration: Path | None = None,
+        token: str | None = TOKEN,
+        recordings: Path = Path("."),
+        rate_hz: float = RATE_HZ,
+        port: int = 0,
+        record: Path | None = None,
+        **options: Any,
+    ) -> None:
+        self.recordings = recordings
+        self.source = Stepper(recording, rate_hz)
+        self.app = Loop(
+            self.source, [], Calibration.load(calibration) if calibration is not None else None, **options
+        )
+        listen = parse_listen(f"127.0.0.1:{port}", token)
+        self.worker = WorkerClient(
+            self.app, WorkerConfig(listen, record, recordings=recordings, tip={"serial": "T-1"})
+        )
+        self._changed = threading.Condition()
+        self.app.tick_callbacks.append(self._told)
+        self._thread = threading.Thread(target=self.app.run)
+
+    @property
+    def url(self) -> str:
+        return self.worker.url
+
+    def _told(self) -> None:
+        with self._changed:
+            self._changed.notify_all()
+
+    def until(self, condition: Any, what: str) -> None:
+        """Wait until something holds, looked at with every turn of the loop."""
+        with self._changed:
+            assert self._changed.wait_for(condition, SOON_S), f"never: {what}"
+
+    def show(self, frame: int) -> None:
+        """From now on this frame of the recording; returns when it was measured."""
+        self.source.aim = frame % len(self.source.frames)
+        wanted, last = self.source.frames[frame].truth, self.app.last
+        self.until(
+            lambda: self.app.last is not last and self.app.last and self.app.last.frame.truth is wanted,
+            f"frame {frame} measured",
+        )
+
+    def hold(self) -> None:
+        self.source.going.clear()
+
+    def go_on(self) -> None:
+        self.source.going.set()
+
+    def __enter__(self) -> Self:
+        self.worker.start()
+        self._thread.start()
+        self.until(lambda: self.app.last is not None, "a first result")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.worker.close()
+        self.app.stop()
+        self.source.close()
+        self._thread.join()

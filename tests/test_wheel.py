@@ -1,0 +1,68 @@
+"""The wheel is one for all releases of CPython, and runs where there is neither compiler nor Cython."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tests.support.kernels import ROOT, table
+
+#: Imports the pipeline from the wheel without Cython, and calls a kernel.
+PROGRAM = """
+import sys
+sys.modules["cython"] = sys.modules["Cython"] = None  # an import of it fails
+import numpy as np
+import edge.pipeline
+from edge.cells.mesh import Mesh
+areas = np.empty(1)
+Mesh(1, 4).update(np.array([[0, 0], [1, 1], [-1, 1], [-1, -1], [1, -1.0]]), areas)
+print(edge.pipeline.__file__, float(areas[0]))
+"""
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    for old in (ROOT / "build").glob("lib*"):  # setuptools would take what has left the source
+        shutil.rmtree(old)
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps"]
+    subprocess.run([*command, "-w", str(folder), "."], cwd=ROOT, check=True, timeout=900)
+    (made,) = folder.glob("*.whl")
+    return made
+
+
+def test_every_kernel_is_in_it_for_every_release(wheel: Path) -> None:
+    platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+    assert wheel.name.endswith(f"-cp311-abi3-{platform}.whl")
+    names = zipfile.ZipFile(wheel).namelist()
+    kernels = {f"{name.replace('.', '/')}.abi3.so" for name in (*table().KERNELS, table().SHARED)}
+    assert {name for name in names if name.endswith(".so")} == kernels
+    assert not [name for name in names if name.startswith("edge/") and name.endswith((".c", ".h"))]
+
+
+def test_it_runs_without_a_compiler(wheel: Path, tmp_path: Path) -> None:
+    venv.create(tmp_path / "env", symlinks=True)
+    python = tmp_path / "env" / "bin" / "python"
+    pure = ("-c", "import sysconfig; print(sysconfig.get_path('purelib'))")
+    packages = Path(subprocess.check_output([python, *pure], text=True).strip())
+    installer = [sys.executable, "-m", "pip", "--quiet", "--python", str(python), "install", "--no-deps"]
+    environment = {"PATH": str(python.parent), "CC": "false", "HOME": str(tmp_path)}
+    subprocess.run([*installer, str(wheel)], check=True, env=os.environ | environment, timeout=300)
+    # What it depends on comes from here; this project itself, which is not in these folders, does not.
+    own = [p for p in sys.path if p.endswith(("site-packages", "dist-packages"))]
+    (packages / "dependencies.pth").write_text("\n".join(own) + "\n")
+    said = subprocess.check_output([python, "-c", PROGRAM], cwd=tmp_path, env=environment, text=True)
+    file, area = said.split()
+    assert Path(file).is_relative_to(packages)
+    assert float(area) == 2.0
+    program = [str(python.parent / "voronoi-touch-edge"), "--version"]
+    version = subprocess.check_output(program, cwd=tmp_path, env=environment, text=True)
+    assert version.split()[-1] == "0.1.0"
