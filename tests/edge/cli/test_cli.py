@@ -350,13 +350,17 @@ def test_a_video_that_replaces_another_is_whole_before_it_does(data_dir: Path, t
 def test_ctrl_c_leaves_no_part_of_a_video(data_dir: Path, tmp_path: Path) -> None:
     press = tmp_path / "frames"
     press.mkdir()
-    for n, frame in enumerate([*open_source(str(data_dir / "press_shear.mcap"))] * 10):
-        cv2.imwrite(str(press / f"{n:05d}.png"), frame.image)
+    frames_n = 0
+    for frames_n, frame in enumerate(open_source(str(data_dir / "press_shear.mcap")), 1):
+        cv2.imwrite(str(press / f"{frames_n:05d}.png"), frame.image)
+    # Minutes of video, so that Ctrl-C always comes first.
+    for n in range(frames_n + 1, 20_000):
+        (press / f"{n:05d}.png").symlink_to(press / f"{n % frames_n + 1:05d}.png")
     out = tmp_path / "out"
     out.mkdir()
     command = [sys.executable, "-m", "edge", "render", str(press), "-o", str(out / "a.mp4")]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        while not any(path.stat().st_size for path in out.iterdir()):
+        while not any(out.iterdir()):
             assert process.poll() is None
         process.send_signal(signal.SIGINT)
         assert process.stderr is not None
