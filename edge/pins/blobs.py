@@ -3,10 +3,10 @@
 Idea
 - A spot is a local maximum of a difference of Gaussians at the pin's scale. That finds every pin, and also
   much that is none: rims, glare, texture.
-- What it is decides the profile along rays that leave it: a pin falls to half on nearly every ray and at
-  nearly the same distance. A rim or a streak of glare does not fall along two opposite bundles of rays, a
-  step does not fall on half of them, texture falls at any distance. All levels are relative to the spot's
-  own surroundings, so vignetting, gain and a rim brighter than the pins do not matter.
+- A ray profile decides what a spot is. A pin falls to half its height on nearly every ray, at nearly the same
+  distance; a rim or a streak of glare stays bright along two opposite bundles of rays, a step along half of
+  them, and texture falls at any distance. All levels are relative to the spot's own surroundings, so
+  vignetting, gain and a rim brighter than the pins do not matter.
 
 Rules
 - Works on a reduced image in which a pin's radius is 2.5 to 5 px: the cost does not grow with the pins' size.
@@ -26,8 +26,8 @@ from edge.pins.params import PARAMS
 from edge.types import Array, Image, Mask
 
 RAYS = 16
-# Distances along a ray, in radii: beyond 2.25 radii lies the next pin where the pitch is the tightest seen
-# (2.9 radii on the binary set).
+# Distances along a ray, in radii. At the tightest pitch seen (2.9 radii, the binary set) the next pin begins
+# beyond 2.25 radii.
 STEPS = np.arange(0.0, 2.26, 0.25)
 
 _ANGLES = 2.0 * np.pi * np.arange(RAYS) / RAYS
@@ -41,7 +41,7 @@ Levels = NDArray[Any]  # grey levels, float32 or float64
 
 @dataclass(frozen=True, slots=True)
 class Spots:
-    """Local maxima at one scale, and how they look along the rays.
+    """Local maxima at one scale, and their profiles along rays.
 
     xy_img     (n, 2) float64 px
     depth      (n,) grey levels from the spot's middle down to its surroundings (median over rays)
@@ -88,16 +88,17 @@ def find_spots(image: Image, radius_px: float, depth_min: float) -> Spots:
         h, w = image.shape[0] // k, image.shape[1] // k
         grey = cv2.resize(grey[: h * k, : w * k], (w, h), interpolation=cv2.INTER_AREA)
     r = radius_px / k
-    # Outside of the image it is dark: a pin that the border cuts still falls on all sides.
+    # Pad with dark: a pin that the border cuts still falls on all sides.
     margin = int(np.ceil(1.5 * r))
     dark = float(np.percentile(grey[::4, ::4], 1.0))
     grey = cv2.copyMakeBorder(grey, margin, margin, margin, margin, cv2.BORDER_CONSTANT, value=dark)
-    s = r / np.sqrt(2.0)  # the Laplacian of Gaussian answers a disc of radius r best at this sigma
+    s = r / np.sqrt(2.0)  # at this sigma the Laplacian of Gaussian responds best to a disc of radius r
     fine = cv2.GaussianBlur(grey, (0, 0), 0.7 * s)
     band = fine - cv2.GaussianBlur(grey, (0, 0), 1.25 * s)
     size = 2 * max(1, int(0.7 * r)) + 1
     top = cv2.dilate(band, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)))
-    # A disc of contrast c answers with 0.16..0.38 c at this pair of sigmas, for radii 0.5..1.7 of the scale.
+    # A disc of contrast c gives a response of 0.16..0.38 c at this pair of sigmas, for radii 0.5..1.7 of the
+    # scale.
     inside = np.s_[margin:-margin, margin:-margin]
     ys, xs = np.nonzero((band[inside] >= top[inside]) & (band[inside] > 0.1 * depth_min))
     ys, xs = ys + margin, xs + margin

@@ -1,22 +1,22 @@
 """Where each pin is now: one call over all pins, reading only their windows. Compiled; runs uncompiled too.
 
-Idea. A pin is a blurred disc of known radius d(r) on a local plane. Around a guess c the image is
+Idea: a pin is a blurred disc of known radius d(r) on a local plane. Around a guess c the image is
 
     I = b + g.(u,v) + A d + A (dx tx + dy ty) + noise,      tx = -d(d)/du: minus the disc's slope
 
-which is linear in b, g, A, A dx, A dy. tx and ty live on the disc's edge, where all knowledge about its place
-is: their least-squares answer is the maximum-likelihood step and reaches the Cramer-Rao bound, which a plain
-centroid misses by half. It is repeated until the step is below half a phase, so where the window started
-leaves no trace.
+which is linear in b, g, A, A dx, A dy. tx and ty are nonzero on the disc's edge alone, where all information
+about its place is. Their least-squares solution is the maximum-likelihood step and reaches the Cramer-Rao
+bound; the standard deviation of a plain centroid is twice that. Steps are repeated until one is below half a
+phase, so the result does not depend on where the window started.
 
 Rules
 - Templates (`templates.py`) are in 16-bit integers for PHASES x PHASES subpixel offsets, zero outside of the
   support circle. d is orthogonal to 1; tx and ty to 1 and d.
-- One pass over a window's pixels: nine pins in ten are answered by the first. Divisions are of the pin alone;
-  what is the template's stands in `norms`.
+- One pass over a window's pixels; nine pins in ten need only one step. Divisions here are those of the pin;
+  what depends on the template alone is precomputed in `norms`.
 - Levels are taken relative to the window's middle, so that all sums are exact integers.
-- Two pins never answer from one blob: of a pair closer than their clash distance the one that went further
-  from its prediction is lost.
+- No blob is assigned to two pins: of a pair closer than their clash distance the one that moved further from
+  its prediction is lost.
 """
 
 # mypy: disable-error-code="untyped-decorator,valid-type,index,attr-defined,assignment"
@@ -46,8 +46,8 @@ LEVEL_MAX = cython.declare(cython.int, STEP_MAX)
 STEPS_MAX = cython.declare(cython.int, 8)
 NEAR = cython.declare(cython.double, 0.75 / PHASES)  # px: a step this short is the last
 FAR = cython.declare(cython.double, 0.35)  # px: the slopes alone are enough for a step this long
-AHEAD = cython.declare(cython.Py_ssize_t, 3)  # from the pin in hand to the one whose window is on its way
-# Of a disc that a border cuts: less of its variation than this share, or fewer pixels, is no answer.
+AHEAD = cython.declare(cython.Py_ssize_t, 3)  # how many pins ahead windows are prefetched
+# A disc that a border cuts is lost if less than this share of its variation, or fewer pixels, are in view.
 CUT_SHARE_MIN = cython.declare(cython.double, 0.3)
 CUT_PIXELS_MIN = cython.declare(cython.double, 12)
 
@@ -78,13 +78,13 @@ class CentroidKernel:
     _reach2: cython.double
     _clash: cython.double
     _noise2: cython.double
-    _shift: cython.int  # bits that 16-bit images have too many
+    _shift: cython.int  # right shift that brings 16-bit images to 12 bits
     _wide: cython.bint
     _rows: cython.Py_ssize_t
     _columns: cython.Py_ssize_t
     _image8: cython.const[cython.uchar][:, :]
     _image16: cython.const[cython.ushort][:, :]
-    _kind: cython.Py_ssize_t  # whose windows the buffers are padded for
+    _kind: cython.Py_ssize_t  # kind whose window size the buffers are padded for
     _kind_of: cython.int[::1]
     _half: cython.int[::1]
     _stride: cython.int[::1]
@@ -166,9 +166,7 @@ class CentroidKernel:
             raise ValueError("an image without pixels")
         self._predicted = predicted
         if self._predicted.shape[0] != self.n or self._predicted.shape[1] != 2:
-            raise ValueError(
-                f"predictions of {self._predicted.shape[0]} pins do not belong together with {self.n}"
-            )
+            raise ValueError(f"predictions of {self.n} pins are wanted, not of {self._predicted.shape[0]}")
         self._read()
         self._reject()
         return self._answers
@@ -215,7 +213,7 @@ class CentroidKernel:
     def _take_bytes(
         self, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, kind: cython.Py_ssize_t
     ) -> cython.bint:
-        """The window round (cx, cy) as it lies in an 8-bit image; False where it does not lie within it."""
+        """Copy the window round (cx, cy) of an 8-bit image; False if it reaches beyond the image."""
         half: cython.int = self._half[kind]
         stride: cython.int = self._stride[kind]
         size: cython.int = 2 * half + 1
@@ -267,7 +265,7 @@ class CentroidKernel:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _clear(self, kind: cython.Py_ssize_t) -> cython.void:
-        """Zero what lies behind the rows of such a window; the rows are written each time."""
+        """Zero the padding behind the rows of such a window; the rows themselves are written each time."""
         k: cython.Py_ssize_t
         for k in range((2 * self._half[kind] + 1) * self._stride[kind], self._plane[kind]):
             self._pixels[k] = 0
@@ -277,7 +275,7 @@ class CentroidKernel:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _follow(self, i: cython.Py_ssize_t) -> cython.void:
-        """Steps from the prediction of pin i to its centroid; where they lead nowhere, it is lost."""
+        """Steps from the prediction of pin i to its centroid; lost if they do not converge."""
         kind: cython.Py_ssize_t = self._kind_of[i]
         x: cython.double = self._predicted[i, 0]
         y: cython.double = self._predicted[i, 1]
@@ -368,7 +366,7 @@ class CentroidKernel:
         if not (amplitude > 0):
             return -1
         inverse: cython.double = 1 / amplitude
-        if turn < STEPS_MAX - 3:  # far off: go nearer first, by the slopes alone
+        if turn < STEPS_MAX - 3:  # far off: a coarse step by the slopes alone first
             ex = s_tx * n.inv_tx2 * inverse
             ey = s_ty * n.inv_ty2 * inverse
             far2: cython.double = square(ex, ey)
@@ -380,8 +378,8 @@ class CentroidKernel:
         su: cython.double = self._sums[4] - n.u_mean * s_1 - n.u_d * s_d
         sv: cython.double = self._sums[5] - n.v_mean * s_1 - n.v_d * s_d
         energy: cython.double = self._sums[6] - s_1 * s_1 * n.inv_pixels
-        # The slope of the surroundings and the step, together; then the slope shrunk by how sure it is: where
-        # it is within its own noise, leaving it out costs nothing and saves a fifth of the noise.
+        # The slope of the surroundings and the step, together. The slope is then shrunk by its uncertainty:
+        # where it is within its own noise, leaving it out costs nothing and saves a fifth of the noise.
         gx: cython.double = (n.tx2 * su - n.tx_u * s_tx) * n.inv_det_x
         gy: cython.double = (n.ty2 * sv - n.ty_v * s_ty) * n.inv_det_y
         ex = (n.u2 * s_tx - n.tx_u * su) * n.inv_det_x
@@ -522,7 +520,7 @@ class CentroidKernel:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _invert(self) -> cython.bint:
-        """Gauss-Jordan on the small symmetric matrix; sigma wants its inverse. False: singular."""
+        """Gauss-Jordan on the small symmetric matrix; the inverse gives sigma. False: singular."""
         r: cython.int
         c: cython.int
         o: cython.int
@@ -550,10 +548,10 @@ class CentroidKernel:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _reject(self) -> cython.void:
-        """Lose what does not look like its pin, and of two pins in one blob the one that went further."""
+        """Lose pins of poor fit or wrong amplitude, and of two on one blob the one that moved further."""
         i: cython.Py_ssize_t
         m: cython.Py_ssize_t = 0
-        # The light may have changed for all pins at once: amplitudes are compared after the common gain.
+        # Illumination may have changed for all pins at once: amplitudes are compared after the common gain.
         for i in range(self.n):
             if self._out[i].fit > self._fit_min:
                 self._ratio[m] = self._out[i].amplitude / self._rest_amplitude[i]
@@ -627,7 +625,7 @@ class CentroidKernel:
     @cython.inline
     @cython.exceptval(check=False)
     def _went2(self, i: cython.Py_ssize_t) -> cython.double:
-        """Square of the way from the prediction."""
+        """Squared distance from the prediction, px2."""
         return square(self._out[i].x - self._predicted[i, 0], self._out[i].y - self._predicted[i, 1])
 
 
@@ -635,7 +633,7 @@ class CentroidKernel:
 @cython.inline
 @cython.exceptval(check=False)
 def square(x: cython.double, y: cython.double) -> cython.double:
-    """Of the length."""
+    """Squared length."""
     return x * x + y * y
 
 
@@ -643,7 +641,7 @@ def square(x: cython.double, y: cython.double) -> cython.double:
 @cython.inline
 @cython.exceptval(check=False)
 def phase_of(fraction: cython.double) -> cython.int:
-    """Which subpixel offset a fraction of (-0.5, 0.5] is nearest to."""
+    """Index of the subpixel offset nearest to a fraction of (-0.5, 0.5]."""
     p: cython.int = cython.cast(cython.int, floor((fraction + 0.5) * N_PHASES))
     return 0 if p < 0 else (N_PHASES - 1 if p >= N_PHASES else p)
 
@@ -655,9 +653,9 @@ def sigma_of(
     noise_variance: cython.double, rest: cython.double, freedom: cython.double,
     energy: cython.double, noise2: cython.double, radius: cython.double,
 ) -> cython.double:  # fmt: skip
-    """Sigma of a coordinate, px: the noise as the fit leaves it, and what a blob that is no disc may hide.
+    """Sigma of a coordinate, px: the noise left by the fit, plus the bias that a blob unlike a disc may hide.
 
-    The share m of the variation that the disc leaves unexplained counts as radius x m^2 (docs/tuning.md).
+    The share m of the variation that the disc does not explain counts as radius x m^2 (docs/tuning.md).
     """
     missing: cython.double = rest - freedom * (noise2 + 1.0 / 12.0)
     m: cython.double = missing / energy if missing > 0 and energy > 0 else 0.0
@@ -666,9 +664,9 @@ def sigma_of(
 
 
 def _check(templates: TemplateSet, kind_of: Index, rest_amplitude: Array) -> None:
-    """Refuse constants that would lead the loops out of their arrays."""
+    """Raises ValueError: constants with which the loops would index out of range."""
     if kind_of.ndim != 1 or rest_amplitude.shape != kind_of.shape:
-        raise ValueError("kinds and amplitudes of pins do not belong together")
+        raise ValueError("kinds and amplitudes of pins are of different numbers of pins")
     n_kinds = len(templates.half)
     if kind_of.size and (kind_of.min() < 0 or kind_of.max() >= n_kinds):
         raise ValueError(f"a pin's kind is out of range: 0 to {n_kinds - 1}")
@@ -684,4 +682,4 @@ def _check(templates: TemplateSet, kind_of: Index, rest_amplitude: Array) -> Non
         if first < 0 or first + 3 * plane * (PHASES * PHASES + 1) > templates.values.size:
             raise ValueError("a template that does not fit its table")
     if templates.norms.shape != (n_kinds, PHASES * PHASES) or templates.norms.dtype != NORM:
-        raise ValueError("norms do not belong together with the templates")
+        raise ValueError("norms do not fit the templates")

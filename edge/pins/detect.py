@@ -1,10 +1,10 @@
-"""All pins of a whole image, with no prior but (at most) how they look.
+"""All pins of a whole image, with no prior knowledge but (at most) their pattern.
 
 Idea
-- Spots of all sizes are gathered (`blobs`); the size that most of the light in spots has is the pins'. What
-  does not fit its neighbours is thrown out, what fills a gap is taken in (`pattern`).
-- With a pattern at hand only its own size is looked for. Its absolute brightness is not used: light changes.
-  Where pins are missing, those that the view's border cuts are found too (`partial`); a rest frame has none.
+- Spots of all sizes are gathered (`blobs`); the size that holds most of the light is the pins'. Spots that do
+  not fit their neighbours are removed, spots that fill a gap are added (`pattern`).
+- With a pattern only its own size is searched for. Its absolute brightness is not used: illumination changes.
+  Where pins are missing, those that the view's border cuts are found too (`partial`); not in a rest frame.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def learn_pattern(image: Image) -> PinPattern:
     """Size, pitch, circle, brightness and blur of the pins in one image of the untouched tip.
 
     image   (h, w) uint8 or uint16, or (h, w, 3) BGR
-    Raises  NoPins: nothing in it looks like a tip's pins
+    Raises  NoPins: no pins of a tip in it
     """
     return _learn_or_explain(to_grey(image))[0]
 
@@ -39,8 +39,8 @@ def learn_pattern(image: Image) -> PinPattern:
 def detect(image: Image, pattern: PinPattern | None = None) -> Pins:
     """All pins of the image, in no order.
 
-    With a pattern an image without pins gives no rows. Without one the pattern is learnt from this very
-    image, and NoPins is raised where there is none.
+    With a pattern, an image without pins gives no rows. Without one the pattern is learnt from this image,
+    and NoPins is raised if that fails.
     """
     grey = to_grey(image)
     if pattern is None:
@@ -58,7 +58,7 @@ def detect(image: Image, pattern: PinPattern | None = None) -> Pins:
 
 
 def inspect_image(image: Image) -> Pins:
-    """The pins of a single image of which nothing is known; raises NoPins where there are none."""
+    """The pins of a single image, without prior knowledge; raises NoPins where there are none."""
     return detect(image)
 
 
@@ -84,7 +84,7 @@ def _learn_or_explain(grey: Image) -> tuple[PinPattern, Pins]:
 
 
 def explained(error: NoPins, grey: Image) -> NoPins:
-    """The error with what would help: where the inverted image shows pins, they are dark ones."""
+    """The error with advice: if the inverted image shows pins, they are dark ones."""
     if "darker than" in str(error):
         return error
     try:
@@ -95,7 +95,7 @@ def explained(error: NoPins, grey: Image) -> NoPins:
 
 
 def learn(grey: Image) -> tuple[PinPattern, Pins]:
-    """Pattern and pins of a grey image of which nothing is known; raises NoPins where there are none."""
+    """Pattern and pins of a grey image, without prior knowledge; raises NoPins where there are none."""
     noise = noise_of(grey)
     low, high = np.percentile(grey[::4, ::4], (1.0, 99.0))
     depth_min = max(PARAMS.depth_min_noise * noise, PARAMS.depth_min_range * float(high - low), 2.0)
@@ -152,8 +152,8 @@ def learn(grey: Image) -> tuple[PinPattern, Pins]:
 def _refuse_glints(grey: Image, pins: Pins, pattern: PinPattern) -> None:
     """Raise NoPins where the bright spots are reflections on dark pins.
 
-    The skin between bright pins is as dark as round each of them. Round a reflection on a dark pin is that
-    pin, and halfway to the next one the brighter skin.
+    The skin between bright pins is as dark as that next to each pin. Next to a reflection lies the dark pin
+    that causes it, and halfway to the next one the brighter skin.
     """
     neighbour = cKDTree(pins.xy_img).query(pins.xy_img, k=2)[1][:, 1]
     x, y = np.rint((pins.xy_img + pins.xy_img[neighbour]) / 2).astype(np.intp).T
@@ -203,7 +203,7 @@ def _well_shaped(spots: Spots) -> Mask:
 
 
 def _settle(grey: Image, found: Spots, radius_px: float, depth_min: float) -> Spots:
-    """Of all spots found the pins: about the given size, fitting each other; then what fills their gaps."""
+    """The pins among all spots: of about the given size, fitting each other; then those that fill gaps."""
     scale = found.radius_px / radius_px
     found = found[(found.depth > depth_min) & (scale > 0.45) & (scale < 2.0)]
     if len(found) == 0:
@@ -217,7 +217,7 @@ def _settle(grey: Image, found: Spots, radius_px: float, depth_min: float) -> Sp
 
 
 def _common_radius(spots: Spots) -> float:
-    """The radius that most light in spots has: mode over log radius, weighted with depth and radius."""
+    """The radius of the spots that hold most light: mode over log radius, weighted with depth and radius."""
     log_r = np.log(spots.radius_px)
     weight = spots.depth * spots.radius_px
     kernel = np.exp(-0.5 * ((log_r[:, None] - log_r[None, :]) / 0.12) ** 2)
@@ -225,9 +225,9 @@ def _common_radius(spots: Spots) -> float:
 
 
 def _centroids(grey: Image, spots: Spots, pattern: PinPattern) -> tuple[Pins, float]:
-    """The same estimator as in flight, started on the spots, and how well a disc fits them (median).
+    """Centroids of the spots by the estimator of `centroids`, and how well a disc fits them (median).
 
-    What it finds no disc in is no pin.
+    Spots without a disc are dropped.
     """
     n = len(spots)
     start = Pins(spots.xy_img, np.full(n, np.nan), spots.radius_px, spots.depth)
@@ -243,7 +243,7 @@ def _centroids(grey: Image, spots: Spots, pattern: PinPattern) -> tuple[Pins, fl
 
 
 def _twins(pins: Pins, fit: Array) -> Mask:
-    """(n,) of pins that stand in one another all but the one that a disc fits best."""
+    """(n,) true for all but the best fitting of pins that overlap each other."""
     twin = np.zeros(len(pins), bool)
     there = np.flatnonzero(np.isfinite(pins.xy_img[:, 0]))
     xy, radius = pins.xy_img[there], pins.radius_px[there]

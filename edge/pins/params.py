@@ -1,4 +1,4 @@
-"""Every number of this stage that was chosen; its evidence stands in docs/tuning.md, "Pins"."""
+"""Every chosen number of this stage; the evidence for each is in docs/tuning.md, "Pins"."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class PinParams:
     search_radius_max_side: float = 1 / 22  # largest disc, of the image's shorter side
     scale_range: tuple[float, float] = (0.7, 1.4)  # radii that one scale sees well, ratios to it
     reduced_radius_px: float = 2.5  # a pin's radius in the reduced image that is searched
-    candidates_max: int = 4000  # local maxima of one scale that are looked at
+    candidates_max: int = 4000  # local maxima of one scale that are examined
     pins_min: int = 12  # fewer are no tip
-    unlike_pins_max: float = 1.15  # unevenness of the neighbours plus what discs leave unexplained
+    unlike_pins_max: float = 1.15  # unevenness of the neighbours plus the variation that discs do not explain
     depth_min_noise: float = 2.0  # a spot's depth, sigmas of a pixel's noise
     depth_min_range: float = 0.03  # ... of the image's own range
     depth_min_pins: float = 0.3  # ... of the pins' median depth
@@ -63,9 +63,9 @@ class PinParams:
     # --- centroids in the windows of known pins
     radius_kind_step: float = 1.05  # ratio of one template's radius to the next
     fit_min: float = 0.25  # share of the window's variation that the disc has to explain
-    amplitude_share_min: float = 0.25  # of the usual brightness, after the gain common to all pins
+    amplitude_share_min: float = 0.25  # of its brightness at rest, after the gain common to all pins
     reach_pitches: float = 0.6  # from the prediction
-    clash_radii: float = 1.1  # two centroids nearer than this answer from one blob
+    clash_radii: float = 1.1  # two centroids nearer than this lie on one blob
     gain_max: float = 2.5  # how much brighter than at rest the pins may become before they saturate
 
 

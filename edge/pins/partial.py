@@ -1,16 +1,16 @@
 """Pins that the border of the view cuts: the frame of the lens, the housing's rim, the image's own border.
 
 Idea
-- Of such a pin a sliver is left. Its side towards the tip's middle is still the pin's own edge, an arc of a
-  known radius; its other side is the border's. Through the arc alone goes one circle, and its middle is the
-  pin's, however much the border hides and whatever shape the border has.
+- Only a sliver of such a pin is visible. Its inner edge is still the pin's own, an arc of known radius; its
+  outer edge is the border's. One circle of that radius fits the inner arc, and its middle is the pin's,
+  however much the border hides and whatever shape the border has.
 
 Rules
 - Looked for outside of the pins that were found whole, next to them, and only where pins are missing.
-- The housing may hold arcs of its own: those seen at rest, when no pin is cut, are none.
+- The housing may show arcs of its own: those seen at rest, when no pin is cut, are not pins.
 - An arc that no circle of the pins' radius fits is glare. So is one much dimmer than the pins next to it.
-- Sigma is what the arc's scatter says of a circle so fitted, and no less than a quarter of a pixel: the
-  border bends the arc's ends.
+- Sigma follows from the arc's scatter about the circle, and is at least a quarter of a pixel: the border
+  distorts the arc's ends.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ STEPS = 12  # of the circle fit, at most
 
 
 def find_cut(grey: Image, pins: Pins, pattern: PinPattern, most: int) -> Pins:
-    """Pins beyond the rim of those found, of which an arc is left.
+    """Pins of which an arc is visible, outside the hull of those found.
 
     grey  (h, w) uint8 or uint16
     pins  those found whole
-    most  how many may be missing: the surest are given
+    most  how many may be missing: those with the smallest sigma are returned
     """
     rows: list[tuple[float, float, float, float, float]] = []
     if len(pins) > PARAMS.neighbours:
@@ -69,7 +69,7 @@ def find_cut(grey: Image, pins: Pins, pattern: PinPattern, most: int) -> Pins:
             ):
                 rows.append((x, y, sigma, radius, brightness))
     found = np.array(rows).reshape(-1, 5)
-    # A glint may part a sliver in two: the surer half stands.
+    # A glint may split a sliver in two: the half with the smaller sigma is kept.
     kept: list[int] = []
     for i in np.argsort(found[:, 2], kind="stable"):
         if all(
@@ -82,7 +82,7 @@ def find_cut(grey: Image, pins: Pins, pattern: PinPattern, most: int) -> Pins:
 
 
 def _slivers(grey: Image, pins: Pins, hull: NDArray[np.float32], radius_px: float) -> Array:
-    """(k, 2) px, middles of bright patches smaller than a pin, on the pins' hull and beyond it."""
+    """(k, 2) px, middles of bright patches smaller than a pin, on or outside the pins' hull."""
     inner = hull - hull.mean(0)
     inner *= 1 - 2 * radius_px / max(float(np.ptp(hull, axis=0).max()) / 2, 4 * radius_px)
     inner += hull.mean(0)
@@ -131,7 +131,7 @@ def _fit_arc(
     if len(arc) < 2 * FINER:
         return None
     arc = (arc + 0.5) / FINER - 0.5 + corner
-    reach = radius_px - 0.5 / FINER  # the outline is the last bright sample: half a sample within the edge
+    reach = radius_px - 0.5 / FINER  # the outline is the last bright sample, half a sample inside the edge
     x, y = arc.T
     cx, cy = (float(v) for v in arc.mean(0) + 0.8 * reach * outwards)
     for _ in range(STEPS):  # Gauss-Newton: the circle of this radius nearest to the arc
@@ -154,7 +154,7 @@ def _fit_arc(
         or np.ptp(angle) < PARAMS.cut_span_min_rad
     ):
         return None
-    # FINER samples of the outline are one pixel's worth of evidence; the coordinate known worse counts.
+    # FINER samples of the outline count as one pixel of evidence; sigma is that of the worse coordinate.
     least = (xx + yy - np.hypot(xx - yy, 2 * xy)) / 2
     sigma = scatter * float(np.sqrt(FINER / least))
     return (cx, cy), max(sigma, PARAMS.cut_sigma_min_px, PARAMS.cut_sigma_min_radii * radius_px)

@@ -1,12 +1,12 @@
-"""What makes a set of spots a pattern of pins: neighbours of the same size and brightness at an even pitch.
+"""What makes spots a pattern of pins: neighbours of the same size and brightness at an even pitch.
 
 Rules
-- A spot is judged against its neighbours, not against the whole: a fisheye or a tilted tip shows pins of very
+- A spot is compared with its neighbours, not with the whole: a fisheye or a tilted tip shows pins of very
   different size, vignetting of very different brightness, but never a small one among large ones.
 - How much neighbours may differ is learnt from the image: little on an even tip, more on an uneven one.
-- Pins hang together: what the chain of neighbours does not reach is outside of the skin.
-- A gap inside the pattern may be filled with a spot of poor shape: a pin that leans on a reflection, or on
-  another pin, is still a pin.
+- Pins are connected: a spot that no chain of neighbours reaches is outside of the skin.
+- A gap inside the pattern may be filled with a spot of poor shape: a pin that merges with a reflection, or
+  with another pin, is still a pin.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from edge.types import Array, Index, Mask
 
 
 def one_of_each(spots: Spots, misfit: Array) -> Spots:
-    """Of spots on the same place the one with the least misfit."""
+    """Of spots at the same place the one with the least misfit."""
     if len(spots) < 2:
         return spots
     near = cKDTree(spots.xy_img).query_ball_point(spots.xy_img, 0.9 * spots.radius_px)
@@ -38,9 +38,9 @@ def one_of_each(spots: Spots, misfit: Array) -> Spots:
 
 
 def belongs(spots: Spots) -> Mask:
-    """Which spots fit their neighbours and hang together."""
+    """Which spots fit their neighbours and are connected."""
     keep = np.ones(len(spots), bool)
-    for _ in range(4):  # each false spot that goes clears its neighbours' medians; it settles in two rounds
+    for _ in range(4):  # removing a false spot corrects its neighbours' medians; it settles in two rounds
         index = np.flatnonzero(keep)
         if len(index) <= PARAMS.neighbours:
             return np.zeros(len(spots), bool)
@@ -62,7 +62,7 @@ def belongs(spots: Spots) -> Mask:
 
 
 def fills_gap(spots: Spots, pins: Spots) -> Mask:
-    """Which spots stand where a pin of the pattern is missing, about as large and bright as it would be."""
+    """Which spots fill a gap of the pattern, about as large and bright as it would be."""
     if len(spots) == 0 or len(pins) <= PARAMS.neighbours:
         return np.zeros(len(spots), bool)
     tree = cKDTree(pins.xy_img)
@@ -84,9 +84,9 @@ def fills_gap(spots: Spots, pins: Spots) -> Mask:
 
 
 def unevenness(spots: Spots) -> float:
-    """How unlike neighbours are: log scatter of size, of depth and of the nearest distance.
+    """How much neighbours differ: log scatter of size, of depth and of the nearest distance.
 
-    Weighted so that it parts the tips at hand from textures best.
+    The weights separate the tips at hand best from textures.
     """
     distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=PARAMS.neighbours + 1)
     values = (spots.radius_px, spots.depth, distance[:, 1])
@@ -111,7 +111,7 @@ def _outlierness(spots: Spots) -> Array:
     outlierness[
         (size < PARAMS.size_range[0]) | (size > PARAMS.size_range[1]) | (depth < PARAMS.depth_ratio_min)
     ] = np.inf
-    # Two that touch where the others keep their distance: one is a reflection on or beside the other.
+    # Two that touch where their neighbours do not: one is a reflection on or beside the other.
     closest = near[:, 0]
     touching = distance[:, 0] < PARAMS.touch_radii * (spots.radius_px + spots.radius_px[closest])
     touching &= distance[:, 0] < PARAMS.touch_pitches * np.median(distance[near, 0], axis=1)
@@ -129,7 +129,7 @@ def _log_ratio(value: Array, near: Index) -> Array:
 
 
 def _connected(xy_img: Array) -> Mask:
-    """Which belong to a large group; two are linked when no further apart than each is used to."""
+    """Which belong to a large group; two are linked if neither is far by its own nearest distance."""
     n = len(xy_img)
     if n < 2:
         return np.zeros(n, bool)

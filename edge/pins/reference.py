@@ -18,16 +18,16 @@ from edge.types import Image, Pins, Rest
 def take_rest(images: Sequence[Image]) -> Rest:
     """The rest frame from one or more images of the untouched tip; row i defines pin i.
 
-    Pins are found on the mean of the largest set of images among which nothing moves: the mean of a moving
-    tip has smeared pins as no image shows them. A dark first image, as cameras give, counts for nothing.
+    Pins are found on the mean of the largest set of images among which nothing moves: in the mean of a moving
+    tip pins are smeared. Dark first images, as cameras give, are not used.
 
     Raises  NoPins: no image, images of different size, or no pins in them
     """
     greys = [to_grey(image) for image in images]
     if not greys:
-        raise NoPins("no image to take the rest from; give one or more of the untouched tip")
+        raise NoPins("no image to take the rest frame from; give one or more of the untouched tip")
     if len({grey.shape for grey in greys}) > 1:
-        raise NoPins("images of different size cannot make one rest; give images of one camera setting")
+        raise NoPins("images of different size cannot make one rest frame; give images of one camera setting")
     if len(greys) > 1:
         greys = [greys[i] for i in _steady(greys)]
     mean = np.zeros(greys[0].shape, np.float64)
@@ -38,7 +38,7 @@ def take_rest(images: Sequence[Image]) -> Rest:
         pattern, pins = learn(average)
     except NoPins as error:
         raise explained(error, average) from None
-    # The noise is that of one image, as they will come, not that of the mean.
+    # The noise is that of a single image, as later frames have it, not that of the mean.
     pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])))
     order = np.lexsort((pins.xy_img[:, 0], np.rint(pins.xy_img[:, 1] / pattern.pitch_px)))
     pins = Pins(pins.xy_img[order], pins.sigma_px[order], pins.radius_px[order], pins.brightness[order])
@@ -68,14 +68,14 @@ def _steady(greys: Sequence[Image]) -> list[int]:
         away[k, enough] = [np.quantile(m[b], 0.8) for m, b in zip(moved[enough], both[enough], strict=True)]
     near = away <= limit
     size = near.sum(axis=1)
-    # Of sets of the same size the one that is steadiest; all else equal the first.
+    # Of sets of the same size the steadiest is taken; of equally steady ones the first.
     total = np.where(near, away, 0.0).sum(axis=1)
     middle = min(range(len(greys)), key=lambda k: (-size[k], total[k]))
     return np.flatnonzero(near[middle]).tolist()
 
 
 def _first_with_pins(greys: Sequence[Image]) -> tuple[int, Rest]:
-    """The first image that shows pins, and these; raises NoPins with what is wrong with the last one."""
+    """The first image that shows pins, and these; raises NoPins with the reason for the last one."""
     complaint = NoPins("")
     for k, grey in enumerate(greys):
         try:

@@ -1,9 +1,9 @@
-"""What a pin looks like: disc, slopes and their norms at every subpixel offset, as `centroids` wants them.
+"""Templates of a pin: disc, slopes and their norms at every subpixel offset, for `centroids`.
 
 Rules
 - Radii come in kinds 5 % apart: a template that is 2.5 % off in radius is still symmetric, so it costs a
   little noise (1 %) and no bias.
-- Integers of 16 bits, scaled so that no sum with any window leaves 32 bits.
+- 16-bit integers, scaled so that no sum over a window overflows 32 bits.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from edge.types import Array
 
 PHASES = 4  # subpixel offsets along each axis
 LANES = 8  # a row's stride is a multiple of it
-BLOCK = 32  # a plane's length is a multiple of it: no remainder to do one by one
+BLOCK = 32  # a plane's length is a multiple of it: loops have no remainder
 HALF_MAX = 39  # px, half width of a window
-RADIUS_MAX_PX = 34  # of a pin whose edge and surroundings such a window still holds
+RADIUS_MAX_PX = 34  # largest pin that fits such a window with its edge and surroundings
 STEP_MAX = 4095  # a pixel against the window's middle, levels: 12 bits; brighter images lose their last bits
 
 #: Of one phase: sums over the support of 1, d^2, tx^2, ty^2, tx u, ty v, u^2, v^2; means of u and v, and
-#: their shares of d, which is what frees them of both; the radius; what one step of the integers in d and in
-#: tx, ty is worth; one over the first four, over the determinants of (tx, u) and (ty, v), over the degrees of
-#: freedom.
+#: their projections on d (both are subtracted to make them orthogonal to 1 and d); the radius; the value of
+#: one unit of the integers in d and in tx, ty; reciprocals of the first four, of the determinants of (tx, u)
+#: and (ty, v), and of the degrees of freedom.
 NORM = np.dtype(
     [
         (name, np.float64)
@@ -80,7 +80,7 @@ class TemplateSet:
     norms: Norms
 
 
-@lru_cache(maxsize=8)  # recovery detects frame after frame with the same pattern
+@lru_cache(maxsize=8)  # while pins are searched for, every frame has the same pattern
 def templates_of(radii: tuple[float, ...], edge_px: float, pitch_px: float) -> TemplateSet:
     """Templates of discs of these radii whose edge is blurred by `edge_px` (sigma), `pitch_px` apart."""
     parts = [_templates(radius, edge_px, pitch_px) for radius in radii]
@@ -99,8 +99,8 @@ def templates_of(radii: tuple[float, ...], edge_px: float, pitch_px: float) -> T
 def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int, Shorts, Norms]:
     """Half width, row stride, planes (17, 3, rows * stride, padded) and norms (16,) of one radius.
 
-    The first three planes are the support and the columns and rows in it; then for each phase the disc freed
-    of a constant, and its slopes in x and y freed of both.
+    The first three planes are the support and the columns and rows in it; then for each phase the disc, made
+    orthogonal to a constant, and its slopes in x and y, made orthogonal to both.
     """
     support = min(
         radius + 3.0 * edge_px + 0.5, max(radius + 1.5 * edge_px, 0.85 * pitch_px - radius - 1.5 * edge_px)
@@ -142,7 +142,7 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int
 
 
 def _scale(plane: Array) -> float:
-    """The largest factor that keeps the integers and their sum with any window within their range."""
+    """The largest factor with which neither the integers nor their sum over any window overflow."""
     return float(
         min(
             32767.0 / np.abs(plane).max(),

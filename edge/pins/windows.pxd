@@ -1,5 +1,6 @@
-# The three inner loops of `centroids` that baseline x86 runs too slowly as compiled Python; `windows.py` says what
-# they do. The sums: 37 us a frame of 331 pins with SSE2, 10 us with the AVX2 clone, chosen when the program loads.
+# The three inner loops of `centroids` that baseline x86 runs too slowly as compiled Python, described in
+# `windows.py`. The sums: 37 us a frame of 331 pins with SSE2, 10 us with the AVX2 clone, chosen when the
+# program loads.
 
 cdef extern from *:
     """
@@ -10,7 +11,7 @@ cdef extern from *:
     #define VT_WIDE
     #endif
 
-    /* a row is two or three moves where its length is a constant */
+    /* with a constant length a row compiles to two or three moves */
     #define VT_ROWS(STRIDE) \
         for (int j = 0; j < rows; j++, from += row_bytes, to += (STRIDE)) memcpy(to, from, (size_t)(STRIDE))
     static inline void vt_copy_rows(const unsigned char *from, Py_ssize_t row_bytes, int rows, int stride,
@@ -54,7 +55,7 @@ cdef extern from *:
     VT_WIDE static void vt_sums_of_bytes(const unsigned char *restrict pixels, short low, const short *t,
                                          const short *common, int n_, double *sums)
     {
-        const int n = n_ & -32; /* it is a multiple: no remainder to do one by one */
+        const int n = n_ & -32; /* n_ is a multiple of 32: tells the compiler that there is no remainder */
         VT_SUMS(int);
     }
 
@@ -63,7 +64,7 @@ cdef extern from *:
     {
         const int n = n_ & -32;
         const short low = 0;
-        if (wide) VT_SUMS(long long); /* squares of 12 bits do not fit a sum of 32 */
+        if (wide) VT_SUMS(long long); /* squares of 12 bits overflow a sum of 32 bits */
         else VT_SUMS(int);
     }
     """

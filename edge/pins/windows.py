@@ -1,6 +1,6 @@
-"""The inner loops of `centroids`, as they run uncompiled; `windows.pxd` has them in C.
+"""The inner loops of `centroids` for uncompiled runs; `windows.pxd` has them in C.
 
-Sums are of integers, so both give the same to the last bit.
+Sums are of integers, so both give exactly the same.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def copy_rows(image: Image, x: int, y: int, rows: int, stride: int, to: Bytes) -
 
 
 def prefetch(image: Image, x: int, y: int, rows: int, length: int) -> None:
-    """Have the memory bring a window: the processor does not guess which rows come next."""
+    """Prefetch a window: the processor cannot guess which rows come next."""
 
 
 def sums_of_bytes(
@@ -37,7 +37,7 @@ def sums_of_bytes(
 def sums_of_shorts(
     pixels: Shorts, wide: bool, templates: Shorts, at: int, common: int, n: int, sums: Array
 ) -> None:
-    """The same of levels that are relative already; `wide`: their squares may be of 24 bits."""
+    """The same for levels that are relative already; `wide`: their squares may have 24 bits."""
     _sums(pixels[:n].astype(np.int64), templates, at, common, n, sums)
 
 

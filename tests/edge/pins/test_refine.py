@@ -171,10 +171,10 @@ def test_sixteen_bit_rows_with_a_stride_and_nan_predictions() -> None:
     assert len(pins) == len(truth)
 
 
-def test_arrays_that_do_not_belong_together_are_refused() -> None:
+def test_arrays_of_another_size_or_type_are_refused() -> None:
     truth = hexagon(1, 22.0, (50.0, 50.0))
     refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 120, 2.0, 22.0, (100, 100)))
-    with pytest.raises(ValueError, match="belong together"):
+    with pytest.raises(ValueError, match="are wanted"):
         refiner.refine(np.zeros((100, 100), np.uint8), truth[:3])
     with pytest.raises(ValueError, match="uint8 or uint16"):
         refiner.refine(np.zeros((100, 100), np.float32), truth)  # type: ignore[arg-type]
