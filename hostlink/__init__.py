@@ -13,10 +13,11 @@
     NO_CONTROL                  status bits of samples that must never move a hand
     CanDecoder, SerialDecoder   the same without any I/O: bytes in, events out (`hostlink.decoder`)
     decode_recording(path)      events of a .log, .blf or .serial file (`hostlink.recording`)
+    to_arrays, to_pandas        samples as NumPy columns or a DataFrame (extra `data`; `hostlink.table`)
     LinkError and its children  `hostlink.errors`; a user's mistake is a UsageError, one line
 
 Values, units and ranges: WIRE.md. `python -m hostlink --help` for the tools.
-python-can, pyserial and canopen are loaded when a link is opened, numpy never.
+python-can, pyserial and canopen are loaded when a link is opened, numpy by `to_arrays` alone.
 """
 
 from hostlink.client import Connection, Finger, Info, connect
@@ -35,6 +36,7 @@ from hostlink.events import Sample
 from hostlink.finger import RestFrameOutcome
 from hostlink.recording import decode_recording
 from hostlink.sequence import LinkStatistics
+from hostlink.table import to_arrays, to_pandas
 from hostlink.wire import (
     NO_CONTROL,
     CanIds,
@@ -73,4 +75,6 @@ __all__ = [
     "VersionMismatch",
     "connect",
     "decode_recording",
+    "to_arrays",
+    "to_pandas",
 ]

@@ -8,9 +8,10 @@ import queue
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import asdict
+from itertools import chain
 from math import isnan
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from hostlink.cli_types import FiniteFloat, WholeNumber
 from hostlink.client import Connection, connect
 from hostlink.commands.monitor import Board, line, screen
 from hostlink.decoder import SERIAL_NODE, CanDecoder, Event, Sample, SerialDecoder
-from hostlink.errors import ConnectError, LinkTimeout, LogError, VersionMismatch
+from hostlink.errors import ConnectError, LinkTimeout, LogError, UsageError, VersionMismatch
 from hostlink.output_file import WriteError, check_output, writing
 from hostlink.recording import (
     CAN_SUFFIXES,
@@ -32,6 +33,7 @@ from hostlink.recording import (
     decode_recording,
     decoder_for,
 )
+from hostlink.table import write_csv, write_parquet
 from hostlink.wire import State, Status
 from hostlink.wire.address import parse_address
 from hostlink.wire.open_errors import words_of
@@ -165,15 +167,43 @@ def _until_ended(
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--json/--text", "as_json", default=True, help="JSON objects (default), or plain text.")
+@click.option(
+    "--csv", "csv_file", type=click.Path(path_type=Path), help="Write a table to this file instead."
+)
+@click.option(
+    "--parquet", "parquet_file", type=click.Path(path_type=Path), help="The same, as Parquet (extra `data`)."
+)
+@click.option("--overwrite", is_flag=True, help="Replace that file if it exists.")
 @click.option("--finger", type=WholeNumber(1, 127), help="Only this finger.")
 @click.option("--summary", is_flag=True, help="Counts of each finger on stderr at the end.")
-def decode(file: Path, as_json: bool, finger: int | None, summary: bool) -> None:
-    """Print the samples in a recording FILE (.log, .blf, .serial), one line each."""
+def decode(
+    file: Path,
+    as_json: bool,
+    csv_file: Path | None,
+    parquet_file: Path | None,
+    overwrite: bool,
+    finger: int | None,
+    summary: bool,
+) -> None:
+    """Print the samples in FILE (.log, .blf, .serial), one line each, or write them as a table."""
+    if csv_file is not None and parquet_file is not None:
+        raise UsageError("--csv and --parquet: give one of them")
     decoder = decoder_for(file)
+    samples = (
+        event
+        for event in decode_recording(file, decoder)
+        if isinstance(event, Sample) and finger in (None, event.finger)
+    )
     shown_n = 0
-    for event in decode_recording(file, decoder):
-        if isinstance(event, Sample) and finger in (None, event.finger):
-            click.echo(_json(event) if as_json else _text(event))
+    if csv_file is not None:
+        path = check_output(csv_file, (".csv",), (file,), overwrite)
+        shown_n = _write_table(samples, write_csv, path, overwrite)
+    elif parquet_file is not None:
+        path = check_output(parquet_file, (".parquet",), (file,), overwrite)
+        shown_n = _write_table(samples, write_parquet, path, overwrite)
+    else:
+        for sample in samples:
+            click.echo(_json(sample) if as_json else _text(sample))
             shown_n += 1
     if summary:
         for node, statistics in sorted(decoder.statistics.items()):
@@ -181,6 +211,29 @@ def decode(file: Path, as_json: bool, finger: int | None, summary: bool) -> None
             click.echo(f"finger={node} {counts}", err=True)
     if not shown_n:
         raise LogError(f"{file}: {_nothing_found(decoder, finger)}")
+
+
+def _write_table(
+    samples: Iterator[Sample], write: Callable[[Iterable[Sample], Path], int], path: Path, overwrite: bool
+) -> int:
+    """Write the samples; how many. Raises LogError: the recording is damaged; what came before is written."""
+    damage: list[LogError] = []
+
+    def until_damage() -> Iterator[Sample]:
+        try:
+            yield from samples
+        except LogError as error:
+            damage.append(error)
+
+    readable = until_damage()
+    written_n = 0
+    if (first := next(readable, None)) is not None:  # no file without a sample
+        with writing(path, overwrite) as unfinished:
+            written_n = write(chain((first,), readable), unfinished)
+        click.echo(f"{path}: {written_n} samples", err=True)
+    if damage:
+        raise damage[0]
+    return written_n
 
 
 def _nothing_found(decoder: CanDecoder | SerialDecoder, finger: int | None) -> str:

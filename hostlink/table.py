@@ -1,0 +1,153 @@
+"""Samples as a table: one row a sample, one column a value, for NumPy, pandas, CSV and Parquet.
+
+    hostlink.to_arrays("press.log")["displacement_mm"]         # NumPy, shape (samples,)
+    hostlink.to_pandas("press.log").groupby("finger").mean()
+    hostlink.to_pandas(itertools.islice(hand.samples(), 1000))
+
+Rules
+- Columns: `COLUMNS`, the same everywhere. Names carry units; frame of reference and sign: WIRE.md.
+- A value that is not valid is NaN; an empty cell in CSV, as pandas and spreadsheets read it.
+- `status` is a number: `frame[frame.status & int(hostlink.NO_CONTROL) == 0]` is what may move a hand.
+- Files are written piece by piece: a recording of hours needs no more memory than one of seconds.
+- A damaged recording is an error here; `decode --csv` or `--parquet` keeps what comes before the damage.
+"""
+
+from __future__ import annotations
+
+import csv
+from array import array
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from math import nan
+from operator import attrgetter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from hostlink.events import Event, Sample
+from hostlink.extras import require
+from hostlink.recording import decode_recording
+from hostlink.wire.fields import CONTACTS_MAX, FIELDS, LAYOUT
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+
+__all__ = ["COLUMNS", "Column", "row_of", "to_arrays", "to_pandas", "write_csv", "write_parquet"]
+
+Source = str | Path | Iterable[Event]
+Row = tuple[float, ...]
+
+ROWS_PER_PIECE: Final = 1 << 14  # 4 MB of columns: large enough that a Parquet row group compresses well
+_DIGITS: Final = 6  # finer than the smallest step of any field, and the resolution of recorded times
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One value of a sample.
+
+    whole  a whole number (int64), else float64 with NaN where the value is not valid
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    whole: bool = False
+
+
+_CONTACT_ROWS: Final = tuple(f for f in LAYOUT if f.contact)
+COLUMNS: Final = (
+    Column("finger", "", "node number", whole=True),
+    Column("arrival_s", "s", "when the sample came in"),
+    Column("host_time_s", "s", "when the image was taken, on the clock of arrival_s"),
+    Column("host_error_s", "s", "bound of host_time_s's error"),
+    Column("lost_n", "", "samples lost between the one before and this", whole=True),
+    *(Column(f.name, f.unit, f.meaning, whole=f.plain) for f in (*FIELDS, *_CONTACT_ROWS)),
+)
+
+_OF_SAMPLE: Final = attrgetter("finger", "arrival_s", "host_time_s", "host_error_s", "lost_n")
+_OF_STATE: Final = attrgetter(*(f.name for f in FIELDS))
+_NO_CONTACT: Final = (nan,) * (len(_CONTACT_ROWS) // CONTACTS_MAX)
+
+
+def row_of(sample: Sample) -> Row:
+    """The sample's values in the order of COLUMNS."""
+    contacts: list[float] = []
+    for contact in sample.state.contacts:
+        contacts += (contact.x_mm, contact.y_mm, contact.depth_mm)
+    contacts += _NO_CONTACT * (CONTACTS_MAX - len(sample.state.contacts))
+    return (*_OF_SAMPLE(sample), *_OF_STATE(sample.state), *contacts)
+
+
+def _rows(source: Source) -> Iterator[Row]:
+    events = decode_recording(source) if isinstance(source, str | Path) else source
+    return (row_of(event) for event in events if isinstance(event, Sample))
+
+
+def to_arrays(source: Source) -> dict[str, np.ndarray]:
+    """Columns by name, each (samples,), int64 or float64.
+
+    source  a recording's path, or events of which the samples are taken
+    Raises  UsageError: NumPy is not installed; LogError: the recording is unreadable or damaged
+    """
+    numpy = require("numpy", "data")
+    columns: list[array[Any]] = [array("q" if c.whole else "d") for c in COLUMNS]
+    for row in _rows(source):
+        for column, value in zip(columns, row, strict=True):
+            column.append(value)
+    return {
+        c.name: numpy.frombuffer(column, dtype=numpy.int64 if c.whole else numpy.float64)
+        for c, column in zip(COLUMNS, columns, strict=True)
+    }
+
+
+def to_pandas(source: Source) -> pd.DataFrame:
+    """One row a sample; `frame.attrs["units"]` has the unit of each column. Arguments: `to_arrays`.
+
+    Raises  UsageError: pandas is not installed; LogError: the recording is unreadable or damaged
+    """
+    frame: pd.DataFrame = require("pandas", "data").DataFrame(to_arrays(source))
+    frame.attrs["units"] = {c.name: c.unit for c in COLUMNS}
+    return frame
+
+
+def write_csv(samples: Iterable[Sample], path: Path) -> int:
+    """Write a table with a line of names; the number of samples. Raises OSError."""
+    written_n = 0
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(c.name for c in COLUMNS)
+        for row in map(row_of, samples):
+            writer.writerow(
+                int(v) if c.whole else "" if v != v else round(v, _DIGITS)
+                for c, v in zip(COLUMNS, row, strict=True)
+            )
+            written_n += 1
+    return written_n
+
+
+def write_parquet(samples: Iterable[Sample], path: Path) -> int:
+    """Write a Parquet file, units and meanings as metadata of its columns; the number of samples.
+
+    Raises  UsageError: pyarrow is not installed; OSError
+    """
+    arrow, parquet = require("pyarrow", "data"), require("pyarrow.parquet", "data")
+    schema = arrow.schema(
+        arrow.field(
+            c.name,
+            arrow.int64() if c.whole else arrow.float64(),
+            metadata={"unit": c.unit, "meaning": c.meaning},
+        )
+        for c in COLUMNS
+    )
+    written_n = 0
+    with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
+        rows = map(row_of, samples)
+        while piece := list(islice(rows, ROWS_PER_PIECE)):
+            columns = [
+                arrow.array(map(int, column) if c.whole else column, field.type)
+                for c, field, column in zip(COLUMNS, schema, zip(*piece, strict=True), strict=True)
+            ]
+            writer.write_table(arrow.Table.from_arrays(columns, schema=schema))
+            written_n += len(piece)
+    return written_n

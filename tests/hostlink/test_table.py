@@ -1,0 +1,161 @@
+"""Samples as a table: every way out holds the same values, and each value is where its name says."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+from math import isnan
+from pathlib import Path
+from random import Random
+
+import can
+import numpy as np
+import pandas as pd
+import pyarrow.parquet
+import pytest
+
+import hostlink
+from hostlink import Sample, decode_recording
+from hostlink.recording import LogWriter
+from hostlink.table import COLUMNS, ROWS_PER_PIECE, write_parquet
+from hostlink.wire import State, pack_state
+from tests.hostlink.commands.test_cli import run
+from tests.support.states import random_state
+
+SAMPLES = 200
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    path, rng = tmp_path / "hand.log", Random(7)
+    with LogWriter(path) as writer:
+        for i in range(SAMPLES):
+            data = pack_state(random_state(rng, i // 2), i // 2)
+            writer.write(
+                can.Message(
+                    timestamp=1e9 + i * 0.004, arbitration_id=0x181 + i % 2, data=data,
+                    is_fd=True, is_extended_id=False,
+                )
+            )  # fmt: skip
+    return path
+
+
+def samples_of(path: Path) -> list[Sample]:
+    return [event for event in decode_recording(path) if isinstance(event, Sample)]
+
+
+def value_of(sample: Sample, name: str) -> float:
+    """By another way than the table's: the attribute that the column's name says."""
+    if name.startswith("contact") and name[7].isdigit():
+        i = int(name[7])
+        there = i < len(sample.state.contacts)
+        return getattr(sample.state.contacts[i], name[9:]) if there else float("nan")
+    return float(getattr(sample if hasattr(sample, name) else sample.state, name))
+
+
+def test_arrays_hold_each_sample_under_its_names(log: Path) -> None:
+    arrays = hostlink.to_arrays(log)
+    assert list(arrays) == [c.name for c in COLUMNS]
+    for i, sample in enumerate(samples_of(log)):
+        for name, column in arrays.items():
+            assert len(column) == SAMPLES
+            np.testing.assert_equal(float(column[i]), value_of(sample, name), err_msg=name)
+    assert arrays["status"].dtype == np.int64
+
+
+def test_a_table_can_be_made_of_samples_too(log: Path) -> None:
+    np.testing.assert_equal(hostlink.to_arrays(samples_of(log)), hostlink.to_arrays(log))
+
+
+def test_pandas_has_units_and_whole_numbers(log: Path) -> None:
+    frame = hostlink.to_pandas(log)
+    assert frame.attrs["units"]["force_n"] == "N"
+    assert sorted(frame.finger.unique()) == [1, 2]
+    usable = frame[frame.status & int(hostlink.NO_CONTROL) == 0]
+    assert len(usable) == sum(not s.state.status & hostlink.NO_CONTROL for s in samples_of(log))
+
+
+def test_csv_and_parquet_hold_what_pandas_does(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    expected = hostlink.to_pandas(log)
+    table, parquet = log.with_suffix(".csv"), log.with_suffix(".parquet")
+    assert run("decode", str(log), "--csv", str(table)) == 0
+    assert run("decode", str(log), "--parquet", str(parquet)) == 0
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert f"{table}: {SAMPLES} samples" in err
+    pd.testing.assert_frame_equal(pd.read_parquet(parquet), expected)
+    pd.testing.assert_frame_equal(pd.read_csv(table), expected, rtol=0, atol=0.6e-6)
+    field = pyarrow.parquet.read_schema(parquet).field("force_n")
+    assert field.metadata[b"unit"] == b"N"
+
+
+def test_csv_leaves_cells_of_invalid_values_empty(log: Path) -> None:
+    path = log.with_suffix(".csv")
+    assert run("decode", str(log), "--finger", "2", "--csv", str(path)) == 0
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    samples = [s for s in samples_of(log) if s.finger == 2]
+    assert [row["force_n"] == "" for row in rows] == [isnan(s.state.force_n) for s in samples]
+
+
+def test_parquet_goes_on_beyond_one_piece(tmp_path: Path) -> None:
+    n = ROWS_PER_PIECE + 3
+    samples = (Sample(1, State(sample=k & 0xFFFF), k * 1.0, 0.0, k * 1.0) for k in range(n))
+    assert write_parquet(samples, tmp_path / "a.parquet") == n
+    file = pyarrow.parquet.ParquetFile(tmp_path / "a.parquet")
+    assert file.num_row_groups == 2
+    assert file.read(["arrival_s"])["arrival_s"].to_pylist() == [float(k) for k in range(n)]
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_a_damaged_recording_gives_what_comes_before(
+    log: Path, kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with log.open("a") as file:
+        file.write("nonsense\n")
+    out = log.with_suffix(f".{kind}")
+    assert run("decode", str(log), f"--{kind}", str(out)) == 2
+    assert f"damaged after {SAMPLES} messages" in capsys.readouterr().err
+    assert len(pd.read_csv(out) if kind == "csv" else pd.read_parquet(out)) == SAMPLES
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("--csv out.parquet", "out.parquet: the name must end in .csv"),
+        ("--csv out.csv --parquet out.parquet", "give one of them"),
+        ("--parquet there.parquet", "exists already"),
+        ("--csv out.csv --finger 9", "no sample of finger 9; it holds those of 1, 2"),
+        ("--csv nowhere/out.csv", "there is no folder nowhere"),
+    ],
+)
+def test_mistakes_write_nothing(
+    log: Path, arguments: str, words: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(log.parent)
+    Path("there.parquet").write_text("mine")
+    assert run("decode", log.name, *arguments.split()) == 2
+    err = capsys.readouterr().err
+    assert words in err
+    assert err.count("\n") == 1
+    assert sorted(p.name for p in Path().iterdir()) == ["hand.log", "there.parquet"]
+    assert Path("there.parquet").read_text() == "mine"
+
+
+def test_without_the_extra_it_is_one_line(log: Path) -> None:
+    """As where the package is installed alone: the libraries cannot be imported."""
+    program = (
+        "import sys; sys.modules.update(dict.fromkeys(['numpy', 'pandas', 'pyarrow', 'pyarrow.parquet']));"
+        "from hostlink.commands.cli import main; main(sys.argv[1:])"
+    )
+    command = [sys.executable, "-c", program, "decode", str(log)]
+    out = log.with_suffix(".parquet")
+    refused = subprocess.run([*command, "--parquet", str(out)], capture_output=True, text=True, check=False)
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    assert 'pip install "voronoi-touch[data]"' in refused.stderr
+    assert not out.exists()
+    written = log.with_suffix(".csv")
+    subprocess.run([*command, "--csv", str(written)], check=True, capture_output=True)  # which needs none
+    assert written.exists()
