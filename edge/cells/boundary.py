@@ -1,21 +1,21 @@
 r"""The artificial points round the pins, and how they move with the rim.
 
 Rules
-- On the rest frame a ball of `ball_pitches` rolls round the pins, outside. The boundary is what it leaves
-  uncovered, one pitch off the pins that it touches: no hull, no fitted circle, so any layout will do
-  (hexagonal, rings, spokes, square, non-convex, in parts), and gaps that the ball does not enter belong
-  to the tip. So do holes: pins that the rest frame missed.
+- On the rest frame a ball of `ball_pitches` rolls round the pins, outside. The boundary is the outline that
+  it cannot reach, one pitch outside of the pins that it touches. No hull and no fitted circle are assumed, so
+  any layout works (hexagonal, rings, spokes, square, non-convex, in parts); gaps that the ball cannot enter
+  belong to the tip. So do holes: pins that the rest frame missed.
 
           (   ball  )
        o   `.     .'   o       o  pins that the ball touches: the rim
       /  \___`---'___/  \      ___  boundary: arcs of one pitch about them, and between two of them
                                     an arc about the ball's centre
 
-- It is sampled arc by arc, so that it turns, shifts and scales with the pins.
-- A fence stands round it, for the triangulation's sake only (`edge.cells.mesh` says why); it moves by
-  the affine fit alone and so stays convex.
-- The boundary moves linearly with the rim pins: by an affine fit to all of them, plus what the nearest rim
-  pins do beside that fit. It follows translation, rotation, scaling and shearing of the tip exactly, local
+- It is sampled arc by arc, so that the samples rotate, shift and scale with the pins.
+- A fence stands round it, needed by the triangulation only (`edge.cells.mesh` says why); it moves by the
+  affine fit alone and so stays convex.
+- The boundary moves linearly with the rim pins: by an affine fit to all of them, plus the residual motion of
+  the nearest rim pins. It follows translation, rotation, scaling and shearing of the tip exactly, local
   motion of the rim smoothly.
 """
 
@@ -31,22 +31,23 @@ from edge.types import Array, Index
 
 __all__ = ["RimMotion", "make_boundary", "make_fence", "rim_motion"]
 
-# Arcs of the ball's way shorter than this (rad) come from rounding: the ball touches three pins at once.
+# Arcs of the ball's path shorter than this (rad) come from rounding: the ball touches three pins at once.
 ARC_MIN = 1e-6
-# Weights below this share of the largest are lost in rounding.
+# Weights below this share of the largest vanish in rounding.
 NEGLIGIBLE = 1e-17
 
 
 def make_boundary(xy: Array, pitch_px: float, params: CellsParams = PARAMS) -> tuple[Array, Index]:
-    """Artificial points, in order round the tip (or round each of its parts), and who carries them.
+    """Artificial points, in order round the tip (or round each of its parts), and the rim pins that move
+    them.
 
     Returns  (b, 2) px; (r,) indices of the rim pins
     """
     ball, offset = params.ball_pitches * pitch_px, params.boundary_pitches * pitch_px
     step = params.step_pitches * pitch_px
     pin, start, length = _ways_of_the_ball(xy, ball)
-    comes = xy[pin] + ball * _direction(start)  # ball's centre where it comes to this pin
-    leaves = xy[pin] + ball * _direction(start + length)  # and where it touches the next one, too
+    comes = xy[pin] + ball * _direction(start)  # ball's centre where it first touches this pin
+    leaves = xy[pin] + ball * _direction(start + length)  # and where it touches the next one as well
     points: list[Array] = []
     rim: list[int] = []
     waiting = np.ones(len(pin), dtype=bool)
@@ -67,7 +68,7 @@ def make_boundary(xy: Array, pitch_px: float, params: CellsParams = PARAMS) -> t
             points.append(_arc(xy[pin[k]], offset, float(start[k]), float(length[k]), step))
             to_this, to_then = xy[pin[k]] - leaves[k], xy[pin[then]] - leaves[k]
             turn = np.arctan2(to_this[0] * to_then[1] - to_this[1] * to_then[0], float(to_this @ to_then))
-            if turn < -ARC_MIN:  # the other way round than about a pin
+            if turn < -ARC_MIN:  # opposite to the sense about a pin
                 begin = float(np.arctan2(to_this[1], to_this[0]))
                 points.append(_arc(leaves[k], ball - offset, begin, float(turn), step))
             rim.append(int(pin[k]))
@@ -75,7 +76,7 @@ def make_boundary(xy: Array, pitch_px: float, params: CellsParams = PARAMS) -> t
 
 
 def _ways_of_the_ball(xy: Array, ball: float) -> tuple[Index, Array, Array]:
-    """Arcs that the ball's centre runs while it touches one pin: (a,) pin, start rad, length rad."""
+    """Arcs of the ball's centre while it touches one pin: (a,) pin, start rad, length rad."""
     pin: list[int] = []
     arcs: list[tuple[float, float]] = []
     _, first = np.unique(xy, axis=0, return_index=True)
@@ -110,7 +111,7 @@ def _exposed(middle: Array, half: Array) -> list[tuple[float, float]]:
     start = np.mod(middle - half, 2 * np.pi)
     order = np.argsort(start)
     start, end = start[order], start[order] + 2 * half[order]
-    wrapped = end.max() - 2 * np.pi  # what the intervals before this turn cover of it
+    wrapped = end.max() - 2 * np.pi  # the part covered by intervals that begin before 0
     reach = np.maximum.accumulate(np.concatenate([[wrapped], end[:-1]]))
     return [(float(r), float(s - r)) for r, s in zip(reach, start, strict=True) if s - r > ARC_MIN]
 
@@ -127,7 +128,8 @@ def make_fence(boundary: Array, pitch_px: float, params: CellsParams = PARAMS) -
 
 
 class RimMotion(NamedTuple):
-    """How points round the tip follow r rim pins: an affine fit to all, and what the near ones do beside it.
+    """How points round the tip follow r rim pins: an affine fit to all, and the residual motion of the near
+    ones.
 
     rim        (r,) int32, the rim pins
     rim_terms  (r, 3) float64, affine terms of the rim pins

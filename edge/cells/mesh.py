@@ -1,12 +1,12 @@
 r"""Kept Delaunay triangulation of moving points, and the areas of their Voronoi cells.
 
 Idea
-  The triangulation of one frame is nearly always that of the next. So it is kept: every frame each
+  The triangulation of one frame is nearly always that of the next, so it is kept: every frame each
   triangle is measured once, each edge checked once, and only edges that are no longer Delaunay are
-  flipped (Lawson). A triangulation from nothing (incremental insertion) is made at the start and
-  when points moved so far that triangles turned over and single flips cannot repair them.
+  flipped (Lawson). It is built from scratch (incremental insertion) at the start and when points
+  moved so far that triangles turned over and single flips cannot repair them.
 
-  All follows from one number an edge. With alpha, beta the angles that face the edge in its two
+  Everything follows from one number an edge. With alpha, beta the angles that face the edge in its two
   triangles,
 
            r                weight = cot(alpha) + cot(beta)
@@ -22,8 +22,8 @@ Idea
   passes through 0, so areas are continuous and near-cocircular points do not matter.
 
 Rules
-  - Decisions are exact (`predicates`). Thus every flip lowers the lifted surface and the loop ends; equality
-    (cocircular) never flips.
+  - Decisions are exact (`predicates`). So every flip lowers the lifted surface and the loop terminates;
+    equality (cocircular) never flips.
   - Areas carry a running error bound; a cell whose bound exceeds AREA_TOLERANCE of its area is
     summed again from exact weights, where each term is good to a few ulp whatever the input.
   - Only differences of coordinates enter: no origin, no scale.
@@ -33,7 +33,7 @@ Rules
   - Why a fence: without it, boundary points that lie nearly on a line have flat triangles on their
     outer side, which turn over at the least motion. With a fence nearby these are never Delaunay.
   - Points at the same place share one vertex and one cell: each gets an equal part of its area.
-  - All memory is taken when the object is made; the GIL is released while it works.
+  - All memory is allocated in the constructor; the GIL is released during an update.
 
 Names: h, g are half-edges (3 t, 3 t + 1, 3 t + 2 belong to triangle t), tail[h] the point where h starts,
 twin[h] the same edge in the neighbouring triangle or -1 on the hull. Triangles run counter-clockwise
@@ -75,12 +75,12 @@ MAX_POINTS = 1_000_000
 EXTENT_MIN = cython.declare(cython.double, 2.0**-66)
 EXTENT_MAX = cython.declare(cython.double, 2.0**66)
 SNAP = cython.declare(cython.double, 2.0**-140)
-# More flips a triangle than any motion needs that does not call for a new triangulation.
+# Flips a triangle beyond which a new triangulation is cheaper.
 FLIPS_PER_TRIANGLE = cython.declare(cython.Py_ssize_t, 32)
 # Passes over the triangles that turned over, before the triangulation is made anew.
 REPAIR_PASSES = cython.declare(cython.Py_ssize_t, 8)
 
-# What came of an update.
+# Outcomes of an update.
 DONE = cython.declare(cython.int, 0)
 NOT_FINITE = cython.declare(cython.int, 1)
 NO_EXTENT = cython.declare(cython.int, 2)
@@ -108,8 +108,8 @@ class Mesh:
     n_points: cython.Py_ssize_t  # guards are points n_points .. n_points + 3
     n_triangles: cython.Py_ssize_t  # 0: not built
     n_stack: cython.Py_ssize_t
-    n_shared: cython.Py_ssize_t  # points that share their place with another, and its vertex
-    flips: cython.Py_ssize_t  # since the beginning, of the kept mesh, not those within a build
+    n_shared: cython.Py_ssize_t  # points that share place and vertex with another
+    flips: cython.Py_ssize_t  # of the kept mesh since the beginning, without those of builds
     builds: cython.Py_ssize_t
     changes: cython.Py_ssize_t  # how often the triangles changed
     busy: cython.bint
@@ -125,7 +125,7 @@ class Mesh:
     cot: cython.double[::1]  # cotangent of the angle that faces it
     length2: cython.double[::1]
     stacked: cython.uchar[::1]  # whether it is on the stack
-    stack: cython.int[::1]  # half-edges to look at
+    stack: cython.int[::1]  # half-edges to check
     error: cython.double[::1]  # per triangle: bound of the error of its cotangents; inf: unknown
 
     def __init__(self, n_pins: int, n_boundary: int, n_fence: int = 0) -> None:
@@ -255,7 +255,7 @@ class Mesh:
         for i in range(n):
             x = points[i, 0]
             y = points[i, 1]
-            finite += (x - x) + (y - y)  # NaN and inf leave NaN
+            finite += (x - x) + (y - y)  # NaN if any is NaN or infinite
             x_min = x if x < x_min else x_min
             x_max = x if x > x_max else x_max
             y_min = y if y < y_min else y_min
@@ -284,7 +284,7 @@ class Mesh:
     @cython.nogil
     @cython.exceptval(check=False)
     def _parted(self) -> cython.bint:
-        """Whether points that shared a vertex have left one another."""
+        """Whether points that shared a vertex have separated."""
         i: cython.Py_ssize_t
         if self.n_shared > 0:
             for i in range(self.n_points):
@@ -297,21 +297,21 @@ class Mesh:
     @cython.exceptval(check=False)
     def _follow(self) -> cython.bint:
         """Measure the kept triangles where they are now; false where flips cannot repair them."""
-        sound: cython.bint = True
+        valid: cython.bint = True
         flips: cython.Py_ssize_t = self.flips
         t: cython.Py_ssize_t
         for t in range(self.n_triangles):
-            sound &= self._measure(t)
-        if not sound:
-            sound = self._repair()
+            valid &= self._measure(t)
+        if not valid:
+            valid = self._repair()
         self.changes += self.flips != flips
-        return sound
+        return valid
 
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
     def _repair(self) -> cython.bint:
-        """Flip the edge that a point crossed, where that makes both triangles sound; true if all are then."""
+        """Flip the edge that a point crossed, where that makes both triangles valid; true if all are then."""
         h: cython.Py_ssize_t
         g: cython.Py_ssize_t
         t: cython.Py_ssize_t
@@ -388,7 +388,7 @@ class Mesh:
     @cython.nogil
     @cython.exceptval(check=False)
     def _sweep(self) -> cython.void:
-        """Check every edge and sum the areas; edges that are not Delaunay go onto the stack."""
+        """Check every edge and sum the areas; edges that are not Delaunay are put onto the stack."""
         n: cython.Py_ssize_t = self.n_bounded
         h: cython.Py_ssize_t
         g: cython.Py_ssize_t
@@ -578,13 +578,13 @@ class Mesh:
             self._push_round(h, g)
         return True
 
-    # ---- from nothing
+    # ---- from scratch
 
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
     def _build(self) -> cython.bint:
-        """Triangulate the points anew; false where the coordinates' range leaves no triangulation."""
+        """Triangulate from scratch; false if the coordinates' range allows no triangulation."""
         n: cython.Py_ssize_t = self.n_points
         flips: cython.Py_ssize_t = self.flips  # those made here do not count
         near: cython.Py_ssize_t = 0
@@ -667,14 +667,14 @@ class Mesh:
             return t
         if not self._split(i, t, on_edge if zeros == 1 else -1):
             return -1
-        # Each flip gives the new point an edge that it keeps: there cannot be more than points.
+        # Each flip adds a lasting edge to the new point: there cannot be more flips than points.
         return t if self._legalize(False, self.n_triangles + 8) else -1
 
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
     def _split(self, i: cython.Py_ssize_t, t: cython.Py_ssize_t, on_edge: cython.Py_ssize_t) -> cython.bint:
-        """Make three triangles of t, with point i; where it lies on an edge, four of the two beside that."""
+        """Make three triangles of t, with point i; if it lies on an edge, four of the two at that edge."""
         a: cython.Py_ssize_t = 3 * t
         from_a: cython.Py_ssize_t = self.tail[a]
         from_b: cython.Py_ssize_t = self.tail[a + 1]
@@ -697,7 +697,7 @@ class Mesh:
             self._push(c)
         if on_edge < 0:
             return True
-        # One of the three is flat: it and its neighbour change places.
+        # One of the three is flat: swap its edge with its neighbour.
         flat: cython.Py_ssize_t = a if on_edge == a else b if on_edge == a + 1 else c
         g: cython.Py_ssize_t = self.twin[flat]
         if g < 0:

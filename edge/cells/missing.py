@@ -1,11 +1,11 @@
-"""Where a lost pin is, as far as the seen ones know.
+"""Where a lost pin is, predicted from the pins that are seen.
 
-Idea: the motion is read as a random field (`edge.geometry.motion_field`), and a lost pin is where the seen
-pins make it most likely to be (kriging).
+Idea: the motion is modelled as a random field (`edge.geometry.motion_field`); a lost pin is put at the most
+likely place given the seen ones (kriging).
 
 Rules
 - An affine motion is continued exactly.
-- The equations are kept for the last set of lost pins: a pin that stays dark costs a frame next to nothing.
+- The equations are kept for the last set of lost pins: a pin that stays dark costs next to nothing a frame.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ class LostPins:
     def __init__(self, rest_img: Array, pitch_px: float) -> None:
         self._rest_img = rest_img
         self._precision = precision(rest_img, pitch_px, PREDICTING)
-        self._seen = np.ones(len(rest_img), dtype=np.bool_).tobytes()  # the set that the gap is for
+        self._seen = np.ones(len(rest_img), dtype=np.bool_).tobytes()  # the pins that `gap` was made for
         self.gap: Gap = (np.empty(0, np.int32), np.empty((0, 2 * len(rest_img))), np.empty((0, 0)))
 
     def update(self, seen: Mask) -> bool:
-        """Makes `gap` that of the pins that are not seen; returns whether it is another one now.
+        """Set `gap` to that of the pins that are not seen; returns whether it changed.
 
         Raises   DegenerateLayout: fewer than 3 pins seen, or all on a line
         """

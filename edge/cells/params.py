@@ -1,4 +1,4 @@
-"""Every number of this stage that was chosen; its evidence stands in docs/tuning.md, "Cells"."""
+"""Every chosen number of this stage; the evidence for each is in docs/tuning.md, "Cells"."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class CellsParams:
     boundary_pitches: float = 1.0  # of the boundary points from the rim pins: rim cells end half a pitch out
     ball_pitches: float = 3.0  # radius of the ball that rolls round the pins
     step_pitches: float = 0.7  # largest distance of boundary points along an arc
-    fence_pitches: float = 2.5  # of the fence from the farthest boundary point, and of its points
+    fence_pitches: float = 2.5  # of the fence from the farthest boundary point, and between its points
     rim_reach_pitches: float = (
         1.0  # Gaussian sigma: how far along the boundary a rim pin's own motion reaches
     )

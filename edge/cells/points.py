@@ -1,4 +1,4 @@
-"""The points of a frame that are tessellated: the pins, missing ones filled in, and the points round them.
+"""The points of a frame to tessellate: the pins, missing ones predicted, and the points round them.
 
 A kernel (`CONTRIBUTING.md`, "Kernels"): compiled by Cython, and the same when it is not.
 
@@ -39,7 +39,7 @@ class FramePoints:
     near: cython.int[:, ::1]
     weight: cython.double[:, ::1]
     around_rest: cython.double[:, ::1]
-    residual: cython.double[:, ::1]  # (r, 2) motion of the rim pins beside the affine fit
+    residual: cython.double[:, ::1]  # (r, 2) motion of the rim pins less the affine fit
     missing: cython.int[::1]
     rows: cython.double[:, ::1]
     inverse: cython.double[:, ::1]
@@ -79,7 +79,7 @@ class FramePoints:
 
         missing   (m,) int32, ascending; fewer than there are pins
         rows      (2 m, 2 n) float64, their rows of the precision of the pins' motion
-        inverse   (2 m, 2 m) float64, the inverse of the block of it that is theirs
+        inverse   (2 m, 2 m) float64, the inverse of their own block of it
         Raises    ValueError: sizes that do not fit, no such pin
         """
         n, m = self.n_pins, len(missing)
@@ -152,7 +152,7 @@ class FramePoints:
         shift_y: cython.double = points[i, 1] - self.rest[i, 1]
         x: cython.double
         y: cython.double
-        # Coefficients of the affine terms, and what they leave.
+        # Coefficients of the affine terms, and the residual.
         x0: cython.double = 0.0
         x1: cython.double = 0.0
         x2: cython.double = 0.0
@@ -196,7 +196,7 @@ class FramePoints:
 def _dot(
     rows: cython.double[:, ::1], k: cython.Py_ssize_t, b: cython.double[::1], n: cython.Py_ssize_t
 ) -> cython.double:
-    """Row k times b, in four sums that do not wait for each other."""
+    """Row k times b, in four independent sums, which the processor runs in parallel."""
     s0: cython.double = 0.0
     s1: cython.double = 0.0
     s2: cython.double = 0.0

@@ -1,4 +1,4 @@
-"""On which side of a line, and whether within a circle: answers whose sign is exact.
+"""On which side of a line, and whether within a circle: with exact signs.
 
 A floating-point value with an error bound decides where it can. Where it cannot, the determinant is summed
 without rounding, as an expansion: a number as a sum of doubles that do not overlap, smallest first.
@@ -31,10 +31,10 @@ else:
 ORIENT_BOUND = cython.declare(cython.double, 4.0 * 2.0**-53)
 # Error over the permanent of the 3 x 3 determinant: 10, and the rounding of the permanent.
 INCIRCLE_BOUND = cython.declare(cython.double, 12.0 * 2.0**-53)
-# Terms do not overlap and lie 2 bits apart; doubles span 2098 bits.
+# Terms do not overlap and are at least 2 bits apart; doubles span 2098 bits.
 MAX_TERMS = cython.declare(cython.Py_ssize_t, 1056)
 
-# Expansions in the work space: three coordinates each, and what is made of them.
+# Expansions in the work space: three coordinates each, and intermediate results.
 X = cython.declare(cython.Py_ssize_t, 0)
 Y = cython.declare(cython.Py_ssize_t, 3)
 LIFT = cython.declare(cython.Py_ssize_t, 6)
@@ -181,7 +181,7 @@ class Predicates:
                 self._add(out, sign * product)
 
     def _value(self, e: cython.Py_ssize_t) -> cython.double:
-        """The nearest double, nearly: right in sign, and in value to an ulp or two."""
+        """The expansion as a double: exact in sign, in value to an ulp or two."""
         total: cython.double = 0.0
         i: cython.Py_ssize_t
         for i in range(self.n_terms[e]):

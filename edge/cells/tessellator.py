@@ -1,4 +1,4 @@
-"""From where the pins are to the areas of their cells: triangulation kept, areas from `edge.cells.mesh`."""
+"""Pin positions to cell areas: the triangulation is kept, `edge.cells.mesh` gives the areas."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Tessellator:
         n = len(self._rest_img)
         if self._lost.update(tracks.seen):
             self._frame_points.set_missing(*self._lost.gap)
-            # x and y of a pin: half of the sum over both is its variance along one.
+            # x and y of a pin: half of the sum over both is its variance along one axis.
             self._gap = float(np.trace(self._lost.gap[2])) / (2 * n)
         self._points = points = np.empty_like(self._points)
         self._frame_points.place(np.ascontiguousarray(tracks.xy_img), points)

@@ -1,8 +1,8 @@
 """The lattice of pins at rest: neighbours, pitch, and stencils over the neighbours.
 
-Idea: pins sit on one skin, so their motion is a smooth function of the rest position, and near pins
-predict each other. What they say of a motion is linear in it: its weights depend on the rest frame alone
-and are made once.
+Idea: pins sit on one skin, so their motion is a smooth function of the rest position, and near pins predict
+each other. The predictions are linear in the motion: their weights depend on the rest frame alone and are
+computed once.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ __all__ = [
     "slope_stencil",
 ]
 
-# Edges of the rest Delaunay longer than this many pitches bridge the hull's bays and tie pins that are
-# no neighbours: a hexagonal lattice has edges of 1, a square one of 1 and 1.41.
+# Rest Delaunay edges longer than this many pitches bridge bays of the hull and connect pins that are not
+# neighbours: a hexagonal lattice has edges of 1, a square one of 1 and 1.41.
 LONGEST_EDGE = 1.7
 # The first ring of a hexagonal lattice.
 N_RING = 6
-# The first two rings: enough that an affine map survives a third of them lost.
+# The first two rings: an affine map can still be fitted with a third of them lost.
 N_NEAR = 18
 # Reach of the second ring, and the width of the Gaussian weight, in pitches.
 NEAR_REACH = 2.6
@@ -87,7 +87,7 @@ def slope_stencil(xy: Array, pitch: float) -> tuple[Index, Array]:
 def residual_stencil(xy: Array, pitch: float) -> tuple[Index, Array]:
     """How far a pin's motion is off the quadratic through its two rings, as a constant weighting.
 
-    Weighted least squares (Gaussian of NEAR_WIDTH pitches), so that an affine motion leaves no residual.
+    Weighted least squares (Gaussian of NEAR_WIDTH pitches), so an affine motion has no residual.
 
     xy, pitch  (n, 2) and the pitch, same unit
     Returns    (n, 19) int32, the pin itself and the eighteen nearest; (n, 19) float64: their weights. The
@@ -136,7 +136,8 @@ class Lattice:
     offset           (n, N_NEAR, 2) to these, pitches
     weight           (n, N_NEAR) of these by distance, zero beyond NEAR_REACH
     closest          (n, N_CLOSEST) int32, the first columns of near
-    local_pitch_px   (n,) distance to the next pin, a median over the neighbourhood: the unit of every gate
+    local_pitch_px   (n,) distance to the next pin, a median over the neighbourhood: the unit of all
+                     thresholds
     pairs            (p, 2) int32, each pin and its closest ones, each pair once
     distance_min_px  (p,) that the tracks of such a pair keep
     """
@@ -159,10 +160,11 @@ class Lattice:
         self.offset = (rest_xy[self.near] - rest_xy[:, None]) / pitch_px
         distance = np.hypot(self.offset[..., 0], self.offset[..., 1])
         self.weight = np.where(distance < NEAR_REACH, _gaussian(distance**2), 0.0)
-        # Rows may be much denser one way than the other; what can be mistaken is the nearest neighbour.
+        # Rows may be much denser one way than the other; it is the nearest neighbour that a pin can be
+        # mistaken for.
         nearest_px = distance[:, 0] * pitch_px
         self.local_pitch_px: Array = np.median(nearest_px[near[:, :N_CLOSEST]], axis=1)
-        # Pins that are close at rest may stay so.
+        # Pins that are close at rest may stay close.
         self.closest = np.ascontiguousarray(self.near[:, :N_CLOSEST])
         columns = self.closest.shape[1]
         pin = np.repeat(np.arange(n, dtype=np.int32), columns)
@@ -185,7 +187,7 @@ def _edges_and_triangles(xy: Array, longest: float) -> tuple[Index, Index]:
 
 
 def _adjacent(edges: Index, n: int) -> Index:
-    """(n, k) the pins that edges tie each pin to, filled up with n."""
+    """(n, k) the pins connected to each pin by an edge, filled up with n."""
     both = np.vstack([edges, edges[:, ::-1]])
     both = both[np.argsort(both[:, 0], kind="stable")]
     degree = np.bincount(both[:, 0], minlength=n)

@@ -11,7 +11,8 @@ __all__ = ["affine_terms", "must_span", "spans"]
 
 # Directions in which pins spread less than this share of their longest extent count as a line.
 LINE = 1e-9
-# Determinant over squared trace of the scatter matrix beyond which it is certain: 1e-3 to 1 in extent.
+# Determinant over squared trace of the scatter matrix beyond which the pins certainly span a plane: 1e-3 to 1
+# in extent.
 CLEARLY_FLAT = 1e-6
 
 
@@ -30,7 +31,7 @@ def spans(xy: Array) -> bool:
     about_mean = xy - xy.mean(axis=0)
     scatter = about_mean.T @ about_mean
     if scatter[0, 0] * scatter[1, 1] - scatter[0, 1] ** 2 > CLEARLY_FLAT * np.trace(scatter) ** 2:
-        return True  # the usual case, without a decomposition
+        return True  # the common case: no decomposition needed
     spread = np.linalg.svd(about_mean, compute_uv=False)
     return bool(spread[1] > LINE * spread[0])
 

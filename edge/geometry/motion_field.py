@@ -1,15 +1,14 @@
 """The skin's motion as a random field: the sum of a curl-free part, a small divergence-free one and an affine
 motion.
 
-Idea: what presses pushes the skin apart along the gradient of some potential; shear and turn are what a curl
-adds. Each pin then says two things about one potential, and the best linear guess of anything between the
-pins is a constant matrix times the pins' motion (Gaussian process with matrix-valued kernels, kriging). That
-resolves more, and closes gaps better, than two surfaces through the two components, which know nothing of
-each other.
+Idea: a press moves the skin along the gradient of a potential; shear and rotation add a curl. Each pin then
+gives two measurements of one potential, and the best linear estimate anywhere between the pins is a constant
+matrix times the pins' motion (Gaussian process with matrix-valued kernels, kriging). Compared with a separate
+surface for each component, which ignores the other, this resolves more and fills gaps better.
 
 Rules
-- Kernels are Gaussian potentials of several widths: a press has a share at each.
-- An affine motion costs nothing (it has its own six unknowns) and is continued exactly.
+- Kernels are Gaussian potentials of several widths: a press contributes to each.
+- An affine motion is unpenalised (it has its own six unknowns) and is continued exactly.
 - Lengths in pitches, so that one table of widths serves every tip.
 
 Source  Narcowich and Ward, Generalized Hermite interpolation via matrix-valued conditionally positive
@@ -31,7 +30,7 @@ __all__ = ["PREDICTING", "SHARP", "MotionPrior", "divergence_operator", "precisi
 
 @dataclass(frozen=True, slots=True)
 class MotionPrior:
-    """What is assumed of the motion; docs/tuning.md, "Motion field", has the measurements.
+    """Assumptions about the motion; measured in docs/tuning.md, "Motion field".
 
     potentials  width of each potential in pitches, and the variance of its motion
     curl        variance of the divergence-free part against the curl-free one; at 1 the components are
@@ -44,7 +43,7 @@ class MotionPrior:
     noise: float
 
 
-#: For the divergence within a contact: sharp, and noisy where pins are badly seen.
+#: For the divergence within a contact: sharp, but noisy where pins are badly seen.
 SHARP = MotionPrior(((1.0, 0.1), (2.0, 0.3), (4.0, 1.0)), curl=0.02, noise=0.01)
 #: For the places of missing pins.
 PREDICTING = MotionPrior(((0.7, 0.05), (1.4, 0.2), (2.8, 0.5), (5.6, 1.0)), curl=0.2, noise=0.05)
@@ -78,7 +77,7 @@ def precision(knots: Array, pitch: float, prior: MotionPrior) -> Array:
     """(2 n, 2 n) float64, inverse covariance of the knots' motion with the affine part free; x and y side by
     side.
 
-    Positive on every set of knots that leaves three others that span a plane.
+    Positive definite on every set of knots whose complement has three that span a plane.
 
     knots, pitch  (n, 2), and their pitch, same unit
     """
@@ -95,14 +94,15 @@ def _affine_basis(x: Array) -> Array:
 
 
 def _covariance(x: Array, prior: MotionPrior) -> Array:
-    """(2 n, 2 n) covariance of the measured motion at x (n, 2), but for its affine part."""
+    """(2 n, 2 n) covariance of the measured motion at x (n, 2), without its affine part."""
     n = len(x)
     d = x[:, None, :] - x[None, :, :]
     outer, unit = d[..., :, None] * d[..., None, :], np.eye(2)
     r2 = (d**2).sum(axis=2)[..., None, None]
     total: Array = np.zeros((n, n, 2, 2))
     for width, variance in prior.potentials:
-        # Of a potential of covariance exp(-r^2 / 2 w^2): its gradient's, and with a quarter turn its curl's.
+        # For a potential of covariance exp(-r^2 / 2 w^2): that of its gradient and, rotated by 90 degrees, of
+        # its curl.
         along, s = outer / width**2, r2 / width**2
         part = (unit - along) + prior.curl * ((1.0 - s) * unit + along)
         total += np.asarray(variance * np.exp(-0.5 * s) * part, np.float64)

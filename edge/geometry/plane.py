@@ -1,4 +1,4 @@
-"""The plane of least squares through two components at once. A kernel; others take it through `plane.pxd`."""
+"""Least-squares planes through two components at once. A kernel with `plane.pxd`."""
 
 # mypy: disable-error-code="valid-type"
 

@@ -1,4 +1,6 @@
-"""Order statistics without sorting: Hoare's selection. A kernel; others take it through `select.pxd`."""
+"""Order statistics without sorting: Hoare's selection. A kernel; other kernels import it through
+`select.pxd`.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ def kth_smallest(values: Array, k: int) -> float:
     Raises  ValueError: no such k
     """
     if not 0 <= k < len(values):
-        raise ValueError(f"the {k}-th of {len(values)} values: 0 to {len(values) - 1} are there")
+        raise ValueError(f"the {k}-th of {len(values)} values: k must be 0 to {len(values) - 1}")
     smallest: float = select_kth(values, len(values), k)
     return smallest
 

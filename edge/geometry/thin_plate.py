@@ -1,4 +1,4 @@
-"""The thin-plate spline: the surface of least bending through values at knots, as constant matrices."""
+"""The thin-plate spline: the smoothest surface through values at knots, as constant matrices."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def thin_plate_operators(knots: Array, points: Array) -> tuple[Array, Array, Arr
     centre = knots.mean(axis=0)
     spread = np.linalg.svd(knots - centre, compute_uv=False) if n >= 3 else np.zeros(2)
     if not spread[-1] > 1e-9 * spread[0]:
-        raise DegenerateLayout(f"a surface needs three pins that are not on one line; here are {n}")
+        raise DegenerateLayout(f"a surface needs three pins that are not on one line; {n} given")
     scale = float(np.sqrt(((knots - centre) ** 2).sum(axis=1).mean()))
     x, p = (knots - centre) / scale, (points - centre) / scale
     value, _, _ = _kernel(x, x)

@@ -1,7 +1,7 @@
 """Which pin is which: identity against the rest frame, kept from frame to frame, found again after a jump.
 
     Pins, one row a pin --follow--> Tracks        steady state: nearest neighbour with prediction
-    Pins, unordered  --identify--> Tracks         start-up, jump, after frames without light: no prior needed
+    Pins, unordered  --identify--> Tracks         start-up, jump, after dark frames: no prior needed
 
 tracker    the state between frames, and whether the identities are held
 follow     which followed pins are seen (a kernel), without the photometric outliers (`outliers`, a kernel)

@@ -2,9 +2,9 @@
 
 A kernel: compiled by Cython, and the same when it is not.
 
-Idea: over two rings of neighbours the motion of the skin is nearly affine. The map through the known
-neighbours of a pin, weighted by a Gaussian of their distance, is read at the pin itself, which has no say
-in it.
+Idea: over two rings of neighbours the motion of the skin is nearly affine. The map is fitted to the known
+neighbours of a pin, weighted by a Gaussian of their distance, and evaluated at the pin; the pin's own motion
+does not enter.
 """
 
 # mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
@@ -29,7 +29,7 @@ Sums = cython.struct(
     mx=cython.double, my=cython.double,
     xmx=cython.double, xmy=cython.double, ymx=cython.double, ymy=cython.double,
 )  # fmt: skip
-#: Weight that keeps the equations soluble where no neighbour is known.
+#: Weight that keeps the equations solvable where no neighbour is known.
 NO_NEIGHBOUR = cython.declare(cython.double, 1e-9)
 
 
@@ -61,7 +61,7 @@ class LocalAffine:
     def predict(self, motion: Array, known: Mask) -> tuple[Array, Array, Array]:
         """Motion of each pin as its known neighbours have it.
 
-        motion   (n, 2) float64, px; whatever where not known
+        motion   (n, 2) float64, px; ignored where not known
         known    (n,) bool
         Returns  (n, 2) motion, px; (n,) sum of the neighbours' weights; (n, 2, 2) gradient, px per pitch:
                  along x, along y

@@ -1,9 +1,8 @@
 """Coarse motion of a whole tip: polynomials fitted to the nearest blobs, from several starts at once.
 
-Idea: a field of low degree cannot follow single pins, so most of its pins must be right for it to fit at
-all. From several shifts of the rest frame it gains freedom while its gate closes: affine, then up to
-degree 4; in each round blobs are matched one to one and the field is fitted again. Arrays carry a leading
-axis h of hypotheses.
+Idea: a field of low degree cannot follow single pins; it fits only if most of its pins are right. From
+several shifts of the rest frame the degree rises from affine to 4 while the gate narrows; in each round blobs
+are matched one to one and the field is fitted again. Arrays carry a leading axis h of hypotheses.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ class PolynomialField:
         terms = [(d - j, j) for d in range(degree + 1) for j in range(d + 1)]
         basis = np.stack([x[:, i] * y[:, j] for i, j in terms], axis=1)
         self._basis: Array = np.asarray(basis, np.float64)
-        # A light ridge that grows with the degree: pins at the rim without a match must not let it swing.
+        # A small ridge that grows with the degree: without it the field diverges at rim pins without a match.
         self._ridge = np.array([0.01 * (1 + i + j) ** 1.5 if i + j > 1 else 1e-6 for i, j in terms])
         self._outer: dict[int, NDArray[np.float64]] = {}
         for d in range(1, degree + 1):
@@ -47,7 +46,7 @@ class PolynomialField:
 
 
 class CoarseFit:
-    """Fits of one tip, from a grid of shifts and from a tip that swelled or shrank."""
+    """Fits of one tip, from a grid of shifts and from the tip scaled up or down."""
 
     def __init__(self, tip: Tip) -> None:
         self._tip = tip

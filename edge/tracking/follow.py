@@ -1,13 +1,13 @@
 """Which of the pins found at the predicted places are seen. A kernel: compiled by Cython, and the same
 when it is not.
 
-Idea: each found pin's motion since rest is compared with what its neighbours predict of it (a constant
-sparse matrix), twice: the second time without the pins that the first rejected. What is left of it, the
+Idea: each found pin's motion since rest is compared with the motion that its neighbours predict for it (a
+constant sparse matrix), twice: the second time without the pins that the first rejected. The difference, the
 residual, changes little from one frame to the next.
 
     found -> residual and its innovation -> two on one blob -> photometric outliers -> positions of all pins
 
-A rejected pin is lost, not somewhere else: it moves with its neighbours, and keeps a fading residual.
+A rejected pin counts as lost, not as moved: it moves with its neighbours, and its residual decays.
 """
 
 # mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
@@ -128,7 +128,7 @@ class Follower:
         sigma: cython.const[cython.double][::1],
         brightness: cython.const[cython.double][::1],
     ) -> tuple[Array, Array, Mask, int, float]:
-        """Judge one frame; `accept` makes it the last one.
+        """Evaluate one frame; `accept` makes it the last one.
 
         found, sigma  (n, 2) and (n,) float64, px; row i is pin i, NaN where nothing was found
         brightness    (n,) float64, levels
@@ -147,7 +147,7 @@ class Follower:
         seen_n: cython.Py_ssize_t = 0
         innovation: cython.double
         with cython.nogil:
-            self._judge(found)
+            self._find_residuals(found)
             self._keep_apart(found)
             for i in range(n):
                 self.motion[i, 0] = found[i, 0] - self.rest[i, 0]
@@ -200,9 +200,9 @@ class Follower:
     @cython.cfunc
     @cython.exceptval(check=False)
     @cython.nogil
-    def _judge(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
-        """Residuals of all found pins, and which of them are seen: off their neighbours' map as in the
-        last frame.
+    def _find_residuals(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
+        """Residuals of all found pins, and which pins are seen: those whose residual is like that of the last
+        frame.
         """
         i: cython.Py_ssize_t
         limit: cython.double
@@ -219,7 +219,7 @@ class Follower:
             missing = False
             for i in range(self.n):
                 missing |= not self.seen[i]
-            # A lost pin moves with its neighbours, and these may be lost pins that move with theirs.
+            # A lost pin moves with its neighbours; some of these may be lost themselves and move with theirs.
             for step in range(2 if missing else 1):
                 self._predict_from_neighbours(found, turn > 0 or step > 0)
             if not self._reject_by_residual(found):
@@ -247,8 +247,8 @@ class Follower:
     def _predict_from_neighbours(
         self, found: cython.const[cython.double][:, ::1], add_residual: cython.bint
     ) -> cython.void:
-        """Motion of each pin as its neighbours have it; of a pin that is not seen, its prediction stands
-        for it.
+        """Motion of each pin as predicted by its neighbours; a neighbour that is not seen takes part with its
+        own prediction.
         """
         i: cython.Py_ssize_t
         k: cython.Py_ssize_t
@@ -278,7 +278,7 @@ class Follower:
     @cython.exceptval(check=False)
     @cython.nogil
     def _reject_by_residual(self, found: cython.const[cython.double][:, ::1]) -> cython.bint:
-        """Whether another pin is seen, or no longer seen, by its residual and how that has changed."""
+        """Update which pins are seen, by the residual and its change; true if that altered any."""
         i: cython.Py_ssize_t
         d: cython.int
         residual: cython.double
@@ -313,7 +313,7 @@ class Follower:
         dx: cython.double
         dy: cython.double
         for a in range(self.n):
-            self.before[a] = self.seen[a]  # all pairs are judged on what was seen before any was rejected
+            self.before[a] = self.seen[a]  # all pairs are tested on what was seen before any was rejected
         for p in range(self.pairs.shape[0]):
             a = self.pairs[p, 0]
             b = self.pairs[p, 1]
@@ -338,9 +338,8 @@ class Follower:
     @cython.exceptval(check=False)
     @cython.nogil
     def _place(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
-        """Where every pin is: the seen ones where they were found, the others where their neighbours take
-        them.
-        """
+        """Place every pin: the seen ones where they were found, the others where their neighbours predict
+        them."""
         i: cython.Py_ssize_t
         d: cython.int
         for i in range(self.n):

@@ -1,11 +1,11 @@
 """Which blob each pin takes: the arithmetic of the search. A kernel: compiled by Cython, and the same when
 it is not.
 
-NearestBlob  (h, n, 2) places -> the nearest blob of each, none given twice
-Growth       a seed of matched pins -> all pins that its motion, extrapolated from pin to pin, brings to a
+NearestBlob  (h, n, 2) places -> the nearest blob of each; each blob is given to one pin at most
+RegionGrower a seed of matched pins -> all pins for which the motion, extrapolated from pin to pin, leads to a
              blob
 Links        which matched pins form one piece: pairs of neighbours whose motion differs little
-Adjacency    how far a pin's motion is off the mean of its neighbours'
+Adjacency    difference of a pin's motion from the mean of its neighbours'
 """
 
 # mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
@@ -33,7 +33,7 @@ SEED = cython.declare(cython.int, -2)
 @cython.final
 @cython.cclass
 class NearestBlob:
-    """Nearest blob to a point by a raster: exact to its cell, in constant time.
+    """Nearest blob to a point by a raster: exact to one cell, in constant time.
 
     xy           (m, 2) float64, px, finite; m >= 1
     table        (rows, columns) int32, the blob nearest to each cell's centre
@@ -97,7 +97,7 @@ class NearestBlob:
         square: cython.double[::1],
         matched: cython.uchar[::1],
     ) -> cython.void:
-        """Each pin takes the blob nearest to it within its gate; of two that want one the nearer has it."""
+        """Each pin takes the blob nearest to it within its gate; of two with the same blob the nearer."""
         i: cython.Py_ssize_t
         j: cython.Py_ssize_t
         other: cython.Py_ssize_t
@@ -139,7 +139,7 @@ class NearestBlob:
 
 @cython.final
 @cython.cclass
-class Growth:
+class RegionGrower:
     """Grows a match from pin to pin, over one tip.
 
     rest_xy      (n, 2) float64, px
@@ -207,9 +207,7 @@ class Growth:
         known: cython.uchar[::1],
         blob: cython.int[::1],
     ) -> cython.void:
-        """Every sweep judges all pins anew: those whose neighbours changed are predicted again, all are
-        matched.
-        """
+        """Every sweep matches all pins anew; pins whose neighbours changed are predicted again before."""
         i: cython.Py_ssize_t
         now: cython.int
         sweep: cython.int
@@ -252,7 +250,7 @@ class Growth:
 @cython.final
 @cython.cclass
 class Links:
-    """Pairs of the n pins that hang together where their motion differs little.
+    """Pairs of the n pins that are linked where their motion differs little.
 
     pairs              (p, 2) pins
     max_difference_px  (p,) float64
@@ -342,7 +340,7 @@ class Adjacency:
         self.adjacent = np.array(adjacent, np.int32, order="C")
 
     def disagreement(self, motion: Array, known: Mask) -> Array:
-        """How far each motion is off the mean of its known neighbours', for many hypotheses at once.
+        """Difference of each motion from the mean of its known neighbours', for many hypotheses at once.
 
         motion   (h, n, 2) float64, px; known (h, n) bool
         Returns  (h, n) float64, px; infinite where the pin, or all of its neighbours, are unknown

@@ -1,11 +1,11 @@
-"""Photometric outliers: pins whose brightness or centroid sigma is not their own.
+"""Photometric outliers: pins whose brightness or centroid sigma is unlike their own at rest.
 
 A kernel: compiled by Cython, and the same when it is not.
 
 Idea: stray light beside a pin biases its centroid, and a speck may lie where a dark pin was. A pin with an
-anomalous brightness or sigma is therefore accepted only with a small residual. What is anomalous is told
-from the frame itself: by the gain that all pins share and by how much the others scatter, scaled by the
-pin's own ratio at rest (permanent glare is no anomaly).
+anomalous brightness or sigma is therefore accepted only with a small residual. The limits come from the frame
+itself: from the gain that all pins share and the scatter of the others, scaled by the pin's own ratio at rest
+(permanent glare is no anomaly).
 """
 
 # mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
@@ -78,10 +78,10 @@ class PhotometricFilter:
     def accepted(self, pins: Pins, motion: Array, residual: Array, seen: Mask, searched: bool) -> Mask:
         """(n,) the seen pins that are no outliers.
 
-        pins              of n; whatever where not seen
+        pins              of n; ignored where not seen
         motion, residual  (n, 2) px since rest, and off what the neighbours predict; likewise
         seen              (n,) bool
-        searched          nothing is known but this frame: a large sigma is no reason, a larger residual is
+        searched          the pins come from a search: a large sigma does not count, a larger residual is
                           allowed
         Raises            ValueError: sizes that do not fit
         """
@@ -109,7 +109,7 @@ class PhotometricFilter:
         seen: cython.uchar[::1],
         searched: cython.bint,
     ) -> cython.void:
-        """`accepted`, of arrays that fit; seen is written."""
+        """`accepted` for arrays of the right size; updates seen."""
         i: cython.Py_ssize_t
         limit: cython.double
         residual_max: cython.double = self.residual_max_search if searched else self.residual_max
@@ -136,7 +136,7 @@ class PhotometricFilter:
         seen: cython.const[cython.uchar][::1],
         sigma_ratio_max: cython.double,
     ) -> cython.void:
-        """The seen pins, one at least, of usual brightness and sigma."""
+        """The seen pins, one at least, of normal brightness and sigma."""
         i: cython.Py_ssize_t
         gain: cython.double
         change_max: cython.double
@@ -166,9 +166,8 @@ class PhotometricFilter:
     def _fits(
         self, motion: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t, residual_max: cython.double
     ) -> cython.bint:
-        """Whether a pin fits the trusted ones, nearly as closely as two thirds of its trusted neighbours
-        do.
-        """
+        """Whether a pin fits the trusted ones nearly as closely as two thirds of its trusted neighbours
+        do."""
         own: cython.double = self._off_trusted(motion, i)
         limit: cython.double = residual_max * self.local_pitch[i]
         c: cython.Py_ssize_t

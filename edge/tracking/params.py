@@ -1,4 +1,4 @@
-"""Every number of this stage that was chosen; its evidence stands in docs/tuning.md, "Tracking"."""
+"""Every chosen number of this stage; the evidence for each is in docs/tuning.md, "Tracking"."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from dataclasses import dataclass
 @dataclass(frozen=True, slots=True)
 class TrackingParams:
     """Parameters by name. Lengths are in local pitches (a pin's distance to the next one) unless the name
-    says px
-    or the comment says pitches (the median of the tip); counts are pins, shares are of all pins.
+    says px or the comment says pitches (the median of the tip); counts are pins, shares are of all pins.
     """
 
     # --- prediction from the neighbours
@@ -22,13 +21,13 @@ class TrackingParams:
     near_seen_min: float = 0.5  # share of a lost pin's nearest that must be seen for it to return
     residual_decay: float = 0.95  # of a lost pin's residual, a frame
     # --- photometric outliers: brightness or centroid sigma unlike the pin's own
-    brightness_sigmas: float = 4.0  # robust sigmas of the frame, off the gain that all pins share
+    brightness_sigmas: float = 4.0  # robust sigmas of the frame, from the gain that all pins share
     brightness_change_min: float = 0.03  # ... and at least this share
     sigma_ratio_max: float = 2.0  # to the frame's median, times the pin's own ratio at rest
     outlier_residual_max: float = 0.005  # of such a pin while it is followed
     outlier_residual_max_search: float = 0.04  # ... and after a search
     outlier_residual_ratio: float = 4.0  # ... or this many times what two thirds of its neighbours show
-    outlier_support_min: float = 1.2  # sum of the neighbours' weights to judge it by: two near ones
+    outlier_support_min: float = 1.2  # sum of the neighbours' weights that this needs: two near ones
     # --- whether the identities are held
     median_innovation_max: float = (
         0.35  # motion that was not predicted: as near to the next pin as to the own
@@ -53,12 +52,12 @@ class TrackingParams:
     start_rings: int = 2  # ... of so many rings
     # --- search
     coarse_tried_n: int = 5  # coarse fits that are tried
-    grown_max: int = 16  # matches that are grown in all, alternatives included: half a millisecond each
+    regions_max: int = 16  # matches grown in all, alternatives included: half a millisecond each
     sweeps_max: int = 24
-    growth_gate: float = 0.38  # from a pin's prediction to its blob
-    growth_support_min: float = 1.2  # sum of the neighbours' weights that carries a prediction: two near ones
-    seam: float = 0.35  # difference in motion of two neighbours that parts them
-    bridge_seam: float = 0.5  # the same at most of pins further apart
+    region_gate: float = 0.38  # from a pin's prediction to its blob
+    region_support_min: float = 1.2  # sum of the neighbours' weights that carries a prediction: two near ones
+    seam: float = 0.35  # difference in motion beyond which two neighbours are not linked
+    bridge_seam: float = 0.5  # the same for pins further apart, at most
     bridged_n: int = 2  # coarse fits whose largest piece may reach over gaps ...
     bridge_gain_min: float = 1.2  # ... where that makes it so many times as large
     agree: float = 0.22  # difference in motion of a pin and the mean of its neighbours
@@ -90,7 +89,7 @@ class TrackingParams:
     inlier_residual: float = 0.06
     inlier_residual_ratio: float = 3.0  # ... or so many times what two thirds of the neighbours show,
     inlier_residual_beside: float = 0.16  # but no more beside unmatched pins
-    inlier_residual_torn: float = 0.12  # nor beside unmatched pins where blobs are unassigned
+    inlier_residual_inconsistent: float = 0.12  # ... nor than this, where blobs are unassigned too
     whole_share: float = 0.8  # of its neighbours that a pin must have not to count as beside unmatched ones
     island_min: int = 8  # pins that must form a piece
     # --- neighbour consistency, where blobs stay unassigned among unmatched pins
@@ -103,7 +102,7 @@ class TrackingParams:
     crowded: float = 0.3  # pitches; an unassigned blob this near may be the pin as well
     # --- repair of inconsistent places
     repair_beside: float = 1.2  # pitches round an unassigned blob, where pins are assigned anew
-    repair_margins: tuple[int, ...] = (1, 3, 5)  # rings of neighbours besides: a slip may reach far
+    repair_margins: tuple[int, ...] = (1, 3, 5)  # rings around it, tried in turn: a slip may reach far
     repair_blobs_min: int = 2  # unassigned blobs in one place: false blobs lie anywhere
     repair_certain_blobs: int = 5  # so many, and such a share of all unassigned ones, are no chance
     repair_certain_share: float = 0.5

@@ -1,16 +1,16 @@
 """Inconsistent places of a match, where a sharp contact bends the skin more than neighbours can predict.
 
-Idea: growing from neighbour to neighbour (`search`) breaks off where the motion changes by half a pitch
-from one pin to the next; beyond, a row may have slipped by one and look tidy. Such a place has unmatched
-pins and unassigned blobs side by side. Its pins and those next to them are assigned anew: if there are as
-many blobs as pins, each pin gets one, by least total squared distance from where a smooth surface through
-the pins around predicts it. Such an assignment never crosses over.
+Idea: region growing (`search`) stops where the motion changes by half a pitch from one pin to the next;
+beyond that, a row may have slipped by one and still look regular. Such a place has unmatched pins and
+unassigned blobs side by side. Its pins and those next to them are assigned anew: if there are as many blobs
+as pins, each pin gets one, by least total squared distance from where a smooth surface through the
+surrounding pins predicts it. Such an assignment cannot cross over.
 
 Rules
-- Counts that differ prove nothing: then unmatched pins stay unmatched. So do they where the skin would
-fold, tear, or
-  bend beyond what it does in one piece. Pins beside such a place stay where they fit those further out.
-- An unmatched pin without an unassigned blob near is a dark pin, and no inconsistent place.
+- If the counts differ, nothing can be concluded: unmatched pins stay unmatched. So do they where the skin
+  would fold, tear, or bend more than it can in one piece. Pins beside such a place stay if they fit those
+  further out.
+- An unmatched pin without an unassigned blob near is a dark pin, not an inconsistent place.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def repair(tip: Tip, blob_xy: Array, blob: Index, matched: Mask) -> tuple[Index,
 def _repair_widening(
     tip: Tip, blobs: _Blobs, blob: Index, matched: Mask, unassigned: Mask, beside: Mask, place: Index
 ) -> tuple[Index, Mask] | None:
-    """The repaired match and the pins (n,) that were assigned anew, with as few rings around as will do."""
+    """The repaired match and the pins (n,) that were assigned anew, with as few rings around as possible."""
     margins = tip.params.repair_margins
     for margin in margins if blobs.complete else margins[:1]:
         uncertain = _widened(tip, beside, margin, place)
@@ -114,7 +114,9 @@ def _repair_place(
 
 
 def _assign(tip: Tip, now: Array, around: Mask, pins: Index, blob_xy: Array, predicted: Array) -> Index:
-    """(k,) which of the blobs (k, 2) each pin has; predicted again from the assignment until it stays."""
+    """(k,) which of the blobs (k, 2) each pin has; predicted again from the assignment until it no longer
+    changes.
+    """
     both = around.copy()
     both[pins] = True
     chosen = np.empty(0, np.int64)

@@ -1,9 +1,9 @@
 """How good a match is, how far it is ahead of another, and which of its pins are certain.
 
-Idea: pins agree where they move as their neighbours do. Against a match speak clashes (unmatched pins in a
-clump with unassigned blobs near, which should have been theirs) and the deformation that it takes. The
-lattice fits itself one step on, so only the margin to the best alternative tells whether the match is the
-right one.
+Idea: pins agree where they move as their neighbours do. Two things count against a match: clashes (groups of
+unmatched pins with unassigned blobs near, which should have been theirs) and the deformation that it takes. A
+match that is one lattice step off looks just as regular, so only the margin to the best alternative shows
+whether it is the right one.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ class Match:
         return self.agree_n - self.clashes_n - self.deformation_cost
 
     def contains(self, motion: Array, known: Mask, share: float) -> bool:
-        """Whether this share of a coarse match is in it: growing that would most likely end here again."""
+        """Whether it contains this share of a coarse match: growing that would most likely end here again."""
         same = known & self.known & (motion == self.motion).all(-1)
         return bool(np.sum(same) > share * np.sum(known))
 
 
 def largest_piece(links: Links, motion: Array, known: Mask) -> Mask:
-    """(n,) the known pins of the largest piece that the links hold together."""
+    """(n,) the known pins of the largest piece formed by the links."""
     label = links.pieces(motion, known)
     return np.asarray(label == np.bincount(label[known], minlength=1).argmax()) if known.any() else known
 
@@ -75,7 +75,7 @@ class MatchScorer:
         self._adjacent_n = (tip.lattice.adjacent < len(tip)).sum(1)
 
     def score(self, blob_xy: Array, blob: Index, motion: Array, known: Mask) -> Match:
-        """Count what speaks for a match and what against it; blob_xy (m, 2) px, all blobs."""
+        """Count the evidence for and against a match; blob_xy (m, 2) px, all blobs."""
         p, n = self._tip.params, len(known)
         off = self._tip.adjacency.disagreement(motion[None], known[None])[0]
         agree = off < p.agree * self._tip.local_pitch_px
@@ -98,8 +98,8 @@ class MatchScorer:
     def margin(self, best: Match, alternative: Match) -> float:
         """0..1, from how many pins the match is ahead of an alternative.
 
-        That it needs less deformation makes up for a few pins at most, and for none where it is rotated
-        further than the skin can be.
+        A lower deformation cost makes up for a few pins at most, and for none if the match is rotated further
+        than the skin can be.
         """
         p = self._tip.params
         most = 0.0 if abs(best.mean_rotation) > p.rotation_max else p.full_margin
@@ -111,7 +111,7 @@ class MatchScorer:
         """0..1, from the clashes and the share of the pins that agree, without regard to alternatives."""
         p, n = self._tip.params, len(match.known)
         agreeing = match.agree_n / n
-        # A sharp contact bends the skin more than an affine map follows: a few pins in one place disagree
+        # A sharp contact bends the skin more than an affine map can follow: a few pins in one place disagree
         # though they are right. That is forgiven where nearly all the others agree.
         forgiven = p.forgiven_share * n * _ramp(agreeing, *p.forgiven_range)
         by_chance = p.chance_clashes * (n - match.agree_n)
@@ -123,19 +123,20 @@ class MatchScorer:
         return float(np.clip(min(1 - sigmas / p.clash_sigmas_max, share, consistent), 0, 1))
 
     def inliers(self, match: Match) -> Mask:
-        """(n,) the agreeing pins but those that fit their neighbours worse than these fit theirs.
+        """(n,) the agreeing pins without those that fit their neighbours much worse than the neighbours fit
+        theirs.
 
-        A false blob in the place of a missing pin agrees, but not as closely as a pin does; beside an
-        inconsistent place two pins may have changed places and still agree. What is left out here,
-        `follow` finds again.
+        A false blob in the place of a missing pin agrees, but less closely than a pin does; beside an
+        inconsistent place two pins may have changed places and still agree. Pins that are left out here are
+        found again by `follow`.
         """
         good, residual = self._of_small_residual(match)
-        # What is left of an inconsistent place are islands; a large one may have slipped by a step as a
-        # whole.
+        # Small pieces are remains of an inconsistent place; a large separate one may have slipped by a step
+        # as a whole.
         label = self._links.pieces(match.motion, good)
         good = good & (np.bincount(label[good], minlength=len(good))[label] >= self._tip.params.island_min)
         good = largest_piece(self._bridges, match.motion, good)
-        # Two that came too near to each other: one is a reflection, or both are one.
+        # Two matched too near to each other: one is a reflection, or both are the same pin.
         first, second = self._tip.lattice.pairs.T
         now = self._tip.rest_xy + match.motion
         gap = now[first] - now[second]
@@ -148,8 +149,8 @@ class MatchScorer:
         """(n,) of an inconsistent match, the pins that have more matched neighbours than unassigned blobs
         near.
 
-        At the rim of what was lost a blob may be that of the next pin, further in; and where an unassigned
-        blob hardly has room beside a pin's own, either may be the pin.
+        At the rim of a lost region a blob may be that of the next pin, further in; and an unassigned blob
+        very close to a pin's own may be the pin as well.
         """
         p = self._tip.params
         own, adjacent = blob_xy[blob], self._tip.lattice.adjacent
@@ -180,7 +181,7 @@ class MatchScorer:
         """
         p, adjacent = self._tip.params, self._tip.lattice.adjacent
         around = np.maximum(self._adjacent_n, 1)
-        beside = p.inlier_residual_torn if match.clashes_n else p.inlier_residual_beside
+        beside = p.inlier_residual_inconsistent if match.clashes_n else p.inlier_residual_beside
         good, residual = match.agree, np.empty(0)
         for _ in range(p.inlier_rounds):
             residual = self._residual(match.motion, good)
@@ -194,14 +195,15 @@ class MatchScorer:
         return good, residual
 
     def _residual(self, motion: Array, known: Mask) -> Array:
-        """(n,) how far each pin is off what its known neighbours predict, local pitches."""
+        """(n,) distance of each pin from where its known neighbours predict it, local pitches."""
         predicted, _, _ = self._tip.affine.predict(motion, known)
         return np.asarray(np.hypot(*(motion - predicted).T) / self._tip.local_pitch_px)
 
     def _deformation(self, motion: Array, agree: Mask) -> tuple[float, float]:
         """Mean rotation in pitches, and the deformation cost in pins, of the pins that agree.
 
-        The mean is taken off both motion and direction: of a tip that is seen in part a shift is no rotation.
+        The mean is subtracted from both motion and direction: otherwise a shift of a partly seen tip counts
+        as rotation.
         """
         if not agree.any():
             return 0.0, 0.0

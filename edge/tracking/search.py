@@ -1,13 +1,13 @@
 """Pin identity after a jump: which blob is which pin of the rest frame, and how certain that is.
 
-The hard case is not noise but the lattice itself: pins move by more than a pitch, and a field that is one
-row off looks as tidy as the right one. Nearest neighbour from rest fails on most loaded frames.
+The difficulty is not noise but the lattice itself: pins move by more than a pitch, and a field that is one
+row off looks as regular as the right one. Nearest neighbour from rest fails on most loaded frames.
 
 1. Coarse fits from several starts (`coarse`).
-2. A coarse field is right over most of the tip and one row off elsewhere, with a seam between. Part the
-   neighbours along the seam and keep the largest piece: the seed.
-3. Grow the seed outwards (`match.Growth`): each pin is predicted by the local affine map of its matched
-   neighbours and takes the nearest blob; every sweep judges every pin anew.
+2. A coarse field is right over most of the tip and one row off elsewhere, with a seam between. Cut the links
+   between neighbours along the seam and keep the largest piece: the seed.
+3. Grow the seed outwards (`match.RegionGrower`): each pin is predicted by the local affine map of its matched
+   neighbours and takes the nearest blob; every sweep matches every pin anew.
 4. The hypothesis with the best score wins (`score`). Its alternatives are itself shifted by one lattice
    step: along six directions, around the tip, and in or out. Pins in rings fit themselves when each ring
    is rotated by one pin, but for the innermost six, so a wrong match can have 98 % of the pins agree.
@@ -23,7 +23,7 @@ import cv2
 import numpy as np
 
 from edge.tracking.coarse import CoarseFit
-from edge.tracking.match import Growth, Links, NearestBlob
+from edge.tracking.match import Links, NearestBlob, RegionGrower
 from edge.tracking.repair import repair
 from edge.tracking.score import Match, MatchScorer, largest_piece
 from edge.tracking.tip import Tip
@@ -31,7 +31,7 @@ from edge.types import Array, Index, Mask
 
 __all__ = ["Identifier", "Identity"]
 
-#: Fewer blobs are not searched: an affine motion takes three, and one to check it.
+#: Fewer blobs are not searched: an affine motion needs three, and one more checks it.
 BLOBS_MIN = 4
 
 
@@ -53,7 +53,7 @@ class _Blobs:
 
 
 class Identifier:
-    """Finds identities from one unordered set of blobs, with nothing known but the rest frame."""
+    """Finds identities from one unordered set of blobs, without prior knowledge but the rest frame."""
 
     def __init__(self, tip: Tip) -> None:
         p, lattice = tip.params, tip.lattice
@@ -61,8 +61,10 @@ class Identifier:
         first = lattice.edges[:, 0]
         self._links = Links(len(tip), lattice.edges, p.seam * tip.local_pitch_px[first])
         self._bridges = _bridges(tip)
-        self._gate_px = p.growth_gate * tip.local_pitch_px
-        self._region = Growth(tip.affine, tip.rest_xy, self._gate_px, p.growth_support_min, p.sweeps_max)
+        self._gate_px = p.region_gate * tip.local_pitch_px
+        self._region = RegionGrower(
+            tip.affine, tip.rest_xy, self._gate_px, p.region_support_min, p.sweeps_max
+        )
         self._coarse = CoarseFit(tip)
         self._scorer = MatchScorer(tip, self._links, self._bridges)
         self._lattice_steps = _lattice_steps(tip)
@@ -80,7 +82,7 @@ class Identifier:
         scorer = self._scorer
         blobs = _Blobs(blob_xy, _nearest_blob(blob_xy, self._low, self._high, self._tip.params.raster_px))
         best, alternatives = self._search(blobs, guesses or [])
-        # A repair makes a match better in itself, but puts it no further ahead of its alternatives.
+        # A repair makes a match better in itself, but does not raise its margin over the alternatives.
         margin = min(scorer.margin(best, other) for other in alternatives)
         inliers, inconsistent = scorer.inliers(best), best.clashes_n > 0
         blob, matched = repair(self._tip, blob_xy, best.blob, inliers)
@@ -91,40 +93,39 @@ class Identifier:
 
     def _search(self, blobs: _Blobs, guesses: list[Array]) -> tuple[Match, list[Match]]:
         """The best match and its alternatives; ends with a match that can be trusted, or after
-        `grown_max`.
-        """
+        `regions_max`."""
         p = self._tip.params
         best: Match | None = None
         alternative: Match | None = None
         tried: list[Match] = []
-        grown_n = 0
+        regions_n = 0
         for k, (motion, seed) in enumerate(self._starts(blobs, guesses)):
             if any(match.contains(motion, seed, p.same_share) for match in tried):
                 continue
-            found, other, more = self._climb(blobs, motion, seed, p.grown_max - grown_n)
-            grown_n += more
+            found, other, more = self._climb(blobs, motion, seed, p.regions_max - regions_n)
+            regions_n += more
             tried.append(found)
             if best is None or alternative is None or found.score > best.score:
                 best, alternative = found, other
             is_guess = k == 0 and bool(guesses)
-            if self._trusted(best, alternative, len(blobs.xy), is_guess) or grown_n >= p.grown_max:
+            if self._trusted(best, alternative, len(blobs.xy), is_guess) or regions_n >= p.regions_max:
                 break
         assert best is not None
         assert alternative is not None
         others = [m for m in tried if m is not best and not m.contains(best.motion, best.agree, p.same_share)]
         return best, [alternative, *others]
 
-    def _climb(self, blobs: _Blobs, motion: Array, seed: Mask, grown_max: int) -> tuple[Match, Match, int]:
-        """The match that grows from a seed, or the better one among its neighbours; the best alternative
-        to it; and
-        how many were grown."""
+    def _climb(self, blobs: _Blobs, motion: Array, seed: Mask, regions_max: int) -> tuple[Match, Match, int]:
+        """The match that grows from a seed, or the better one among its neighbours; its best alternative; and
+        how many were grown.
+        """
         found = self._grow(blobs, motion, seed)
         other = self._best_alternative(blobs, found)
-        grown_n = 2
-        while other.score > found.score and grown_n < grown_max:
+        regions_n = 2
+        while other.score > found.score and regions_n < regions_max:
             found, other = other, self._best_alternative(blobs, other)
-            grown_n += 1
-        return found, other, grown_n
+            regions_n += 1
+        return found, other, regions_n
 
     def _trusted(self, best: Match, alternative: Match, blobs_n: int, is_guess: bool) -> bool:
         """Whether the search may end here."""
@@ -137,7 +138,7 @@ class Identifier:
         return trusted
 
     def _starts(self, blobs: _Blobs, guesses: list[Array]) -> Iterator[tuple[Array, Mask]]:
-        """Motion (n, 2) and the pins (n,) to grow from: guesses as they are, then coarse fits, best first."""
+        """Motion (n, 2) and the pins (n,) to grow from: guesses unchanged, then coarse fits, best first."""
         p = self._tip.params
         for guess in guesses:
             blob, _, known = blobs.nearest.match(guess[None], self._gate_px)
@@ -156,7 +157,7 @@ class Identifier:
             tried.append((int(h), seed))
             if len(tried) == p.coarse_tried_n:
                 break
-        # Pins that glare hides in a row part a tip as a seam does: once more, across the gaps.
+        # A row of pins hidden by glare splits a tip as a seam does: try again with links across gaps.
         for h, seed in tried[: p.bridged_n]:
             wide = largest_piece(self._bridges, motions[h], matched[h])
             if np.count_nonzero(wide) > p.bridge_gain_min * np.count_nonzero(seed):
@@ -176,7 +177,7 @@ class Identifier:
         if agree_n[h] >= self._tip.params.alternative_share_min * match.agree_n:
             larger = self._grow(blobs, motion[h], largest_piece(self._links, motion[h], known[h]))
             same = larger.known & match.known & (larger.blob == match.blob)
-            if 2 * same.sum() <= match.known.sum():  # else it grew back into the match itself
+            if 2 * same.sum() <= match.known.sum():  # otherwise it grew back into the match itself
                 return larger
         return self._scorer.score(blobs.xy, blob[h], motion[h], known[h])
 
@@ -191,8 +192,8 @@ class Identifier:
 
 
 def _bridges(tip: Tip) -> Links:
-    """Links of all near pins, so that a piece may reach over a gap; the further apart, the more they may
-    differ.
+    """Links of all near pins, so that a piece may reach over a gap; the further apart two are, the more they
+    may differ.
     """
     p = tip.params
     row, column = np.nonzero(tip.lattice.weight)
@@ -204,9 +205,8 @@ def _bridges(tip: Tip) -> Links:
 
 
 def _lattice_steps(tip: Tip) -> Array:
-    """(10, n, 2) px, the steps that take a lattice into itself: six directions, around the centre, in and
-    out.
-    """
+    """(10, n, 2) px, the steps that map a lattice onto itself: six directions, around the centre, in and
+    out."""
     angle = np.arange(6) * np.pi / 3 + tip.lattice.direction_rad
     direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     straight = direction[:, None, :] * np.full((len(tip), 1), tip.pitch_px)

@@ -23,8 +23,8 @@ class Tip:
     rest         row i is pin i
     lattice      its neighbours
     affine       the motion that near pins predict for each pin
-    photometric  rejects pins that look unlike themselves
-    adjacency    how far motions are off the mean of the Delaunay neighbours'
+    photometric  rejects pins whose brightness or sigma is unlike their own at rest
+    adjacency    difference of motions from the mean of the Delaunay neighbours'
     radial       (n, 2) unit vectors away from the tip's centre
     tangential   (n, 2) unit vectors around it
     """

@@ -1,11 +1,11 @@
 """Identity from frame to frame, and the decision when it is lost.
 
-Held: each pin is looked for where the last frames predict it (`predict`), and `follow` judges what was
-found there: a pin's motion since rest must be near that of its neighbours, and its residual must have
-changed little since the last frame. A pin with an anomalous brightness or centroid sigma is accepted only
-with a small residual: stray light biases the centroid, and a speck may lie where a dark pin was. A pin
-that is rejected is lost, not somewhere else: it moves with its neighbours until it is found again. Not
-held: `predict` is None until `identify` finds the identities again with high confidence.
+Held: each pin is searched for where the last frames predict it (`predict`), and `follow` checks what was
+found there: a pin's motion since rest must be near that of its neighbours, and its residual must have changed
+little since the last frame. A pin with an anomalous brightness or centroid sigma is accepted only with a
+small residual: stray light biases the centroid, and a speck may lie where a dark pin was. A rejected pin
+counts as lost, not as moved: it moves with its neighbours until it is found again. Not held: `predict` is
+None until `identify` finds the identities again with high confidence.
 """
 
 from __future__ import annotations
@@ -35,24 +35,24 @@ class Tracker:
         self.forget()
 
     def forget(self) -> None:
-        """Take the next frame for itself, as after a jump from rest."""
+        """Treat the next frame on its own, as after a jump from rest."""
         self._follower.reset()
         self._held = False
         self._unheld_frames = self._params.fresh_frames  # since the identities were held
         self._baseline_share = 0.0  # of the pins, seen lately
         self._found_share = 0.0  # the largest that a search found
         self._frames_since_search = 0
-        self._fallback: Tracks | None = None  # what `follow` found and refused in this very frame
+        self._fallback: Tracks | None = None  # what `follow` found and refused in this frame
 
     def predict(self) -> Array | None:
         """(n, 2) px, where each pin is expected in the next frame; None: identities are not held."""
         return self._follower.predict() if self._held else None
 
     def follow(self, pins: Pins) -> Tracks:
-        """Judge what was found at the predicted places.
+        """Check what was found at the predicted places.
 
         pins  row i is pin i; NaN where nothing was found
-        Low confidence: too few pins, or all of them too far off; identify the whole frame then.
+        Low confidence: too few pins, or all of them too far off; the whole frame is to be searched then.
         """
         p = self._params
         xy, sigma, seen, seen_n, innovation = self._follower.follow(
@@ -77,8 +77,8 @@ class Tracker:
     def identify(self, pins: Pins) -> Tracks:
         """Find the identities of unordered pins, from rest or from where they were last seen.
 
-        When the search is uncertain or finds less, and `follow` refused this very frame only for the
-        number of pins that it missed, what `follow` had found stands.
+        If the search is uncertain or finds less, and `follow` refused this frame only because too few pins
+        were found, the result of `follow` is kept.
         """
         identity = self._identifier.identify(pins.xy_img, [self._follower.last_xy()])
         fallback, self._fallback = self._fallback, None
@@ -113,7 +113,7 @@ class Tracker:
     def _found(self, pins: Pins, identity: Identity, searched: bool) -> tuple[Array, Array]:
         """(n, 2) and (n,) px, place and sigma of each pin's blob; NaN where it has none, or an outlier.
 
-        searched  nothing is known of the frame but what the search found
+        searched  the result of the search is all that is known of the frame
         """
         n = len(self._tip)
         seen = identity.blob >= 0
@@ -132,9 +132,9 @@ class Tracker:
     def _too_few(self, share: float, innovation: float) -> bool:
         """Whether so few pins are seen, against the baseline, that the identities are given up.
 
-        When a third vanish at once, what is left may be a lattice that slipped. A region that was lost as
-        a whole does not come back by itself: from time to time it is searched for. And a leap may take
-        some pins to their neighbours' blobs while it loses others.
+        If a third vanish at once, the rest may be a lattice that slipped. A region that was lost as a whole
+        does not come back by itself: it is searched for from time to time. And in a leap some pins may take
+        their neighbours' blobs while others are lost.
         """
         p = self._params
         vanished = share < p.baseline_share_min * self._baseline_share

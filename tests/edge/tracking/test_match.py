@@ -7,7 +7,7 @@ import pytest
 
 from edge.geometry.lattice import Lattice
 from edge.tracking.affine import LocalAffine
-from edge.tracking.match import Adjacency, Growth, Links, NearestBlob
+from edge.tracking.match import Adjacency, Links, NearestBlob, RegionGrower
 from edge.types import Array, Index
 from tests.support.fields import hexagon
 
@@ -32,9 +32,9 @@ def raster(blobs: Array) -> NearestBlob:
     return NearestBlob(blobs, table_of(blobs), (0.0, 0.0), 1.0)
 
 
-def growth(xy: Array, sweeps: int = 24) -> Growth:
+def grower(xy: Array, sweeps: int = 24) -> RegionGrower:
     affine = LocalAffine(Lattice(xy, PITCH), 0.05)
-    return Growth(affine, xy, np.full(len(xy), 0.4 * PITCH), 1.2, sweeps)
+    return RegionGrower(affine, xy, np.full(len(xy), 0.4 * PITCH), 1.2, sweeps)
 
 
 def test_each_pin_takes_the_nearest_blob_and_none_is_taken_twice() -> None:
@@ -65,7 +65,7 @@ def test_a_seed_grows_over_the_whole_tip() -> None:
     motion = 0.05 * (xy - SIDE / 2) + [4.0, -2.0]
     seed = np.hypot(*(xy - SIDE / 2).T) < 1.1 * PITCH
     order = np.random.default_rng(2).permutation(len(xy))
-    blob, moved, matched = growth(xy).grow(raster((xy + motion)[order]), motion, seed)
+    blob, moved, matched = grower(xy).grow(raster((xy + motion)[order]), motion, seed)
     assert matched.all()
     np.testing.assert_array_equal(order[blob], np.arange(len(xy)))
     np.testing.assert_allclose(moved, motion)
@@ -77,7 +77,7 @@ def test_what_grew_has_no_blob_twice_and_motion_to_its_blob() -> None:
     motion, seed = rng.normal(0, 3, xy.shape), rng.random(len(xy)) < 0.9
     blobs = xy[rng.random(len(xy)) < 0.8] + rng.normal(0, 3, 2)
     before = motion.copy()
-    blob, moved, matched = growth(xy, 1).grow(raster(blobs), motion, seed)
+    blob, moved, matched = grower(xy, 1).grow(raster(blobs), motion, seed)
     assert 6 < matched.sum() <= len(blobs)
     assert len(np.unique(blob[matched])) == matched.sum()
     np.testing.assert_array_equal(moved[matched], blobs[blob[matched]] - xy[matched])
@@ -129,11 +129,11 @@ def test_a_seed_of_another_tip_is_refused() -> None:
     xy = pins()
     for motion, seed in (((36, 2), 37), ((37, 2), 36), ((38, 2), 38), ((37, 3), 37)):
         with pytest.raises(ValueError, match=r"motion \(37, 2\)"):
-            growth(xy).grow(raster(xy), np.zeros(motion), np.ones(seed, bool))
+            grower(xy).grow(raster(xy), np.zeros(motion), np.ones(seed, bool))
     affine = LocalAffine(Lattice(xy, PITCH), 0.05)
     for rest, gate in ((xy[1:], 37), (xy, 36), (np.zeros((37, 3)), 37)):
         with pytest.raises(ValueError, match=r"rest_xy \(37, 2\)"):
-            Growth(affine, rest, np.ones(gate), 1.2, 24)
+            RegionGrower(affine, rest, np.ones(gate), 1.2, 24)
 
 
 @pytest.mark.parametrize("pin", [-1, 3])

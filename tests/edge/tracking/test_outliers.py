@@ -46,7 +46,7 @@ def test_a_photometric_outlier_off_its_neighbours_map_is_lost(dimming: float, bl
     assert np.flatnonzero(~followed(OFFSET_PX, dimming, blur).seen).tolist() == [PIN]
 
 
-def test_a_pin_of_usual_brightness_may_be_off_its_neighbours_map() -> None:
+def test_a_pin_of_normal_brightness_may_be_off_its_neighbours_map() -> None:
     assert followed(OFFSET_PX).seen.all()
 
 
