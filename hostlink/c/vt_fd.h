@@ -637,7 +637,7 @@ struct vt_fd_state_t {
      * temperature of the board
      *
      * Range: -40..125 (-40..125 degC)
-     * Scale: 1
+     * Scale: 1.0
      * Offset: 0
      */
     int8_t temperature_degc;

@@ -2,18 +2,18 @@
 
     python -m hostlink.wire.generate [--check] [--node N] [--out FOLDER]
 
-    dbc   DBC of the FD and of the classic frames      eds   CANopen electronic data sheet
-    c     C99 codec (cantools, from the DBC) and E2E   doc   WIRE.md
+    dbc   DBC of the FD and of the classic frames, written by cantools
+    eds   CANopen electronic data sheet, written by canopen
+    c     C99 codec, written by cantools, and E2E
+    doc   WIRE.md
 
-Needs cantools for the C codec (extra `dev`); the rest is standard library. Nothing else imports this.
+Needs cantools (extra `dev`): nothing else imports this.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Final
-
-from hostlink.wire.generate import c, dbc, doc, eds
 
 __all__ = ["ROOT", "generate"]
 
@@ -26,10 +26,12 @@ def generate(node: int = 1) -> dict[str, str]:
     node  node id that DBC identifiers are for
     Raises ImportError: cantools is not installed
     """
+    from hostlink.wire.generate import c, dbc, doc, eds
+
     fd, classic = dbc.fd(node), dbc.classic(node)
     return {
-        "dbc/voronoi_touch_fd.dbc": fd,
-        "dbc/voronoi_touch_classic.dbc": classic,
+        "dbc/voronoi_touch_fd.dbc": dbc.text(fd),
+        "dbc/voronoi_touch_classic.dbc": dbc.text(classic),
         "eds/voronoi_touch.eds": eds.eds(),
         **{f"c/{name}": text for name, text in c.codec("vt_fd", fd).items()},
         **{f"c/{name}": text for name, text in c.codec("vt_classic", classic).items()},

@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from typing import Final
 
+from cantools.database.can import Database
+from cantools.database.can.c_source import generate
+
 from hostlink.wire.canid import CanIds
 from hostlink.wire.e2e import CRC8_POLYNOMIAL, CRC16_POLYNOMIAL
 from hostlink.wire.fields import DATA_ID, DATA_ID_CLASSIC, LAYOUT, PARTS, SCHEMA_HASH, STATE_SIZE, VERSION
@@ -19,14 +22,8 @@ __all__ = ["codec", "e2e_header", "e2e_source"]
 _LICENSE: Final = "SPDX-License-Identifier: Apache-2.0"
 
 
-def codec(name: str, dbc: str) -> dict[str, str]:
-    """cantools' header and source for a DBC: file name -> text."""
-    import cantools
-    from cantools.database.can import Database
-    from cantools.database.can.c_source import generate
-
-    database = cantools.database.load_string(dbc, "dbc")
-    assert isinstance(database, Database)
+def codec(name: str, database: Database) -> dict[str, str]:
+    """cantools' header and source for a database: file name -> text."""
     header, source, _, _ = generate(
         database, name, f"{name}.h", f"{name}.c", "", use_float=True, use_round=True
     )

@@ -1,13 +1,19 @@
-"""DBC files: signals named as the fields are, "invalid" as a value of its own, classic pages multiplexed.
+"""DBC databases: signals named as the fields are, "invalid" as a value of its own, classic pages multiplexed.
 
 Identifiers are those of one node with CiA 301's bases; for another node add the difference, or generate
-with `--node`.
+with `--node`. `fd` and `classic` give cantools' databases; `text` is the file, by cantools' own writer.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import OrderedDict
 from typing import Final
+
+from cantools.database.can import Database, Message, Node, Signal
+from cantools.database.can.formats.dbc import DbcSpecifics
+from cantools.database.can.formats.dbc.dbc_attribute import DbcAttribute
+from cantools.database.can.formats.dbc.dbc_attribute_definition import DbcAttributeDefinition
+from cantools.database.conversion import BaseConversion
 
 from hostlink.wire import detail
 from hostlink.wire.canid import CanIds, Kind
@@ -24,51 +30,74 @@ from hostlink.wire.fields import (
 from hostlink.wire.parts import PART_SIZE
 from hostlink.wire.status import FAULTS
 
-__all__ = ["Signal", "classic", "classic_signals", "fd", "state_signals"]
+__all__ = ["classic", "classic_signals", "fd", "state_signals", "text"]
 
+_PAGE: Final = "page"  # the multiplexer's name
 _CLASSIC_MEANING: Final = {
     "sample_high": "upper 11 bits of the sample number; the lower 5 are sample_low",
     "check": "low byte of the state frame's check: CRC-32 over version and fields as they lie there",
     "part_n": "number of messages of this sample; complete when so many came",
 }
+_FAULTS: Final = ((0, "none"), *((f.code.value, f.code.name.lower()) for f in FAULTS))
+_NMT: Final = ((0, "boot_up"), (4, "stopped"), (5, "operational"), (127, "pre_operational"))
+
+Choices = tuple[tuple[int, str], ...]  # raw value, name
 
 
-@dataclass(frozen=True, slots=True)
-class Signal:
-    """One signal of a message.
-
-    start, bits   position, little-endian bit numbers
-    nan           raw value that means "invalid", or None
-    mux           "" plain, "M" multiplexer, "m3" present on page 3
-    """
-
-    name: str
-    start: int
-    bits: int
-    signed: bool = False
-    scale: float = 1
-    low: float = 0
-    high: float = 0
-    unit: str = ""
-    nan: int | None = None
-    mux: str = ""
-    meaning: str = ""
-    choices: tuple[tuple[int, str], ...] = ()
+def _conversion(scale: float = 1, choices: Choices = ()) -> BaseConversion:
+    return BaseConversion.factory(scale, 0, OrderedDict(choices) or None)
 
 
-def _field(name: str, start: int, bits: int, mux: str = "", label: str | None = None) -> Signal:
+def _whole(
+    name: str,
+    start: int,
+    bits: int,
+    meaning: str,
+    high: int = 0,
+    low: int = 0,
+    page: int | None = None,
+    choices: Choices = (),
+) -> Signal:
+    """An unsigned number without a scale; `high` 0: all that the bits hold."""
+    return Signal(
+        name,
+        start,
+        bits,
+        conversion=_conversion(choices=choices),
+        minimum=low,
+        maximum=high or (1 << bits) - 1,
+        comment=meaning,
+        receivers=["Host"],
+        is_multiplexer=name == _PAGE,
+        multiplexer_ids=None if page is None else [page],
+        multiplexer_signal=None if page is None else _PAGE,
+    )
+
+
+def _field(name: str, start: int, bits: int, page: int | None = None) -> Signal:
+    """A field of the table; its NaN is named "invalid"."""
     f = field_named(name)
     return Signal(
-        label or name, start, bits, f.signed, f.scale or 1, f.low, f.high, f.unit,
-        None if f.plain else f.raw_nan(bits), mux, f.meaning,
-    )  # fmt: skip
+        name,
+        start,
+        bits,
+        is_signed=f.signed,
+        conversion=_conversion(f.scale or 1, () if f.plain else ((f.raw_nan(bits), "invalid"),)),
+        minimum=f.low,
+        maximum=f.high,
+        unit=f.unit or None,
+        comment=f.meaning,
+        receivers=["Host"],
+        multiplexer_ids=None if page is None else [page],
+        multiplexer_signal=None if page is None else _PAGE,
+    )
 
 
 def _header_p5() -> list[Signal]:
     return [
-        Signal("crc", 0, 16, high=0xFFFF, meaning="E2E profile 5 CRC-16 over the rest and the data id"),
-        Signal("counter", 16, 8, high=0xFF, meaning="E2E counter"),
-        Signal("version", 24, 8, high=0xFF, meaning=f"layout version, {VERSION} here; check before use"),
+        _whole("crc", 0, 16, "E2E profile 5 CRC-16 over the rest and the data id"),
+        _whole("counter", 16, 8, "E2E counter"),
+        _whole("version", 24, 8, f"layout version, {VERSION} here; check before use"),
     ]
 
 
@@ -78,17 +107,16 @@ def state_signals() -> list[Signal]:
     for f in LAYOUT:
         signals.append(_field(f.name, at, 8 * f.size))
         at += 8 * f.size
-    signals.append(Signal("check", at, 16, high=0xFFFF, meaning="low half of the CRC-32 over bytes 3..61"))
-    return signals
+    return [*signals, _whole("check", at, 16, "low half of the CRC-32 over bytes 3..61")]
 
 
 def _detail_signals() -> list[Signal]:
     signals = [
         *_header_p5(),
-        Signal("sample", 32, 16, high=0xFFFF, meaning="sample number of the state it belongs to"),
-        Signal("segment", 48, 8, high=254, meaning="number of this segment; holds pins from 12 * segment on"),
-        Signal("segment_n", 56, 8, low=1, high=255, meaning="segments of this sample"),
-        Signal("pin_n", 64, 16, high=detail.PINS_MAX, meaning="pins of this sample"),
+        _whole("sample", 32, 16, "sample number of the state it belongs to"),
+        _whole("segment", 48, 8, "number of this segment; holds pins from 12 * segment on", high=254),
+        _whole("segment_n", 56, 8, "segments of this sample", low=1),
+        _whole("pin_n", 64, 16, "pins of this sample", high=detail.PINS_MAX),
     ]
     at = 80
     columns = (
@@ -99,120 +127,95 @@ def _detail_signals() -> list[Signal]:
     for pin in range(detail.PINS_PER_SEGMENT):
         for name, bits, step, unit, meaning in columns:
             top = (1 << bits - 1) - 1
-            nan = -top - 1
             signals.append(
-                Signal(f"pin{pin}_{name}", at, bits, True, step, round(-top * step, 6), round(top * step, 6),
-                       unit, nan, meaning=meaning)
-            )  # fmt: skip
+                Signal(
+                    f"pin{pin}_{name}",
+                    at,
+                    bits,
+                    is_signed=True,
+                    conversion=_conversion(step, ((-top - 1, "invalid"),)),
+                    minimum=round(-top * step, 6),
+                    maximum=round(top * step, 6),
+                    unit=unit or None,
+                    comment=meaning,
+                    receivers=["Host"],
+                )
+            )
             at += bits
     return signals
 
 
 def classic_signals(tpdo: int) -> list[Signal]:
     """Of the message on this TPDO, all pages."""
+    behind = 16 + SAMPLE_LOW_BITS
     signals = [
-        Signal("crc", 0, 8, high=0xFF, meaning="E2E profile 11C CRC-8 over the rest and the data id"),
-        Signal("counter", 8, 4, high=14, meaning="E2E counter: counts samples, the same in all their parts"),
-        Signal("version", 12, 4, high=15, meaning="layout version modulo 16: nibble of the data id"),
-        Signal("sample_low", 16, SAMPLE_LOW_BITS, high=31, meaning="lower 5 bits of the sample number"),
+        _whole("crc", 0, 8, "E2E profile 11C CRC-8 over the rest and the data id"),
+        _whole("counter", 8, 4, "E2E counter: counts samples, the same in all their parts", high=14),
+        _whole("version", 12, 4, "layout version modulo 16: nibble of the data id"),
+        _whole("sample_low", 16, SAMPLE_LOW_BITS, "lower 5 bits of the sample number"),
     ]
-    for part in (p for p in PARTS if p.tpdo == tpdo):
-        at = 16 + SAMPLE_LOW_BITS
-        mux = ""
-        if part.page is not None:
-            if part.page == 0:
-                signals.append(
-                    Signal("page", at, PAGE_BITS, high=7, mux="M", meaning="which page of this message")
-                )
-            at += PAGE_BITS
-            mux = f"m{part.page}"
+    parts = [p for p in PARTS if p.tpdo == tpdo]
+    if parts[0].page is not None:
+        signals.append(_whole(_PAGE, behind, PAGE_BITS, "which page of this message"))
+    for part in parts:
+        at = behind + (0 if part.page is None else PAGE_BITS)
         for name in part.fields:
             if name in CLASSIC_BITS:
                 bits = CLASSIC_BITS[name]
-                signals.append(
-                    Signal(name, at, bits, high=(1 << bits) - 1, mux=mux, meaning=_CLASSIC_MEANING[name])
-                )
+                signals.append(_whole(name, at, bits, _CLASSIC_MEANING[name], page=part.page))
             else:
                 bits = field_named(name).bits
-                signals.append(_field(name, at, bits, mux))
+                signals.append(_field(name, at, bits, part.page))
             at += bits
     return signals
 
 
-def _emergency_signals() -> list[Signal]:
-    faults = ((0, "none"), *((f.code.value, f.code.name.lower()) for f in FAULTS))
-    return [
-        Signal("emcy", 0, 16, high=0xFFFF, meaning="CiA 301 emergency error code; 0: no fault any more"),
-        Signal("error_register", 16, 8, high=0xFF, meaning="CiA 301 object 0x1001"),
-        Signal("fault", 24, 8, high=0xFF, meaning="our fault code", choices=faults),
-        Signal("fault_status", 32, 16, high=0xFFFF, meaning="status bits at this time"),
+def _message(name: str, can_id: int, size: int, signals: list[Signal], is_fd: bool = False) -> Message:
+    return Message(can_id, name, size, signals, senders=["Fingertip"], is_fd=is_fd)
+
+
+def _database(messages: list[Message], ids: CanIds, node: int, bus_type: str) -> Database:
+    emergency = [
+        _whole("emcy", 0, 16, "CiA 301 emergency error code; 0: no fault any more"),
+        _whole("error_register", 16, 8, "CiA 301 object 0x1001"),
+        _whole("fault", 24, 8, "our fault code", choices=_FAULTS),
+        _whole("fault_status", 32, 16, "status bits at this time"),
     ]
-
-
-_NMT: Final = ((0, "boot_up"), (4, "stopped"), (5, "operational"), (127, "pre_operational"))
-
-Message = tuple[str, int, int, bool, list[Signal]]  # name, identifier, bytes, FD, signals
-
-
-def _common(ids: CanIds, node: int) -> list[Message]:
-    heartbeat = Signal("nmt_state", 0, 7, high=127, meaning="CiA 301 NMT state", choices=_NMT)
-    return [
-        ("Emergency", ids.of(Kind.EMERGENCY, node), 8, False, _emergency_signals()),
-        ("Heartbeat", ids.of(Kind.HEARTBEAT, node), 1, False, [heartbeat]),
-    ]
-
-
-def _number(value: float) -> str:
-    return f"{value:.10g}"
-
-
-def _write(messages: list[Message]) -> str:
-    lines = ['VERSION ""', "", "NS_ :", "", "BS_:", "", "BU_: Fingertip Host", ""]
-    comments, values = [], []
-    for name, can_id, size, _, signals in messages:
-        lines.append(f"BO_ {can_id} {name}: {size} Fingertip")
-        for s in signals:
-            sign = "-" if s.signed else "+"
-            mux = f" {s.mux}" if s.mux else ""
-            lines.append(
-                f" SG_ {s.name}{mux} : {s.start}|{s.bits}@1{sign} ({_number(s.scale)},0) "
-                f'[{_number(s.low)}|{_number(s.high)}] "{s.unit}" Host'
-            )
-            comments.append(f'CM_ SG_ {can_id} {s.name} "{s.meaning}";')
-            choices = s.choices if s.nan is None else ((s.nan, "invalid"),)
-            if choices:
-                text = " ".join(f'{raw} "{label}"' for raw, label in choices)
-                values.append(f"VAL_ {can_id} {s.name} {text} ;")
-        lines.append("")
-    formats = [f'BA_ "VFrameFormat" BO_ {i} {14 if fd else 0};' for _, i, _, fd, _ in messages]
-    fd = any(message[3] for message in messages)
-    kinds = ",".join(f'"{k}"' for k in ["StandardCAN", "ExtendedCAN", *["reserved"] * 12, "StandardCAN_FD"])
-    attributes = [
-        'BA_DEF_ "BusType" STRING ;',
-        f'BA_DEF_ BO_ "VFrameFormat" ENUM {kinds};',
-        'BA_DEF_DEF_ "BusType" "CAN";',
-        'BA_DEF_DEF_ "VFrameFormat" "StandardCAN";',
-        f'BA_ "BusType" "{"CAN FD" if fd else "CAN"}";',
-    ]
-    return "\n".join([*lines, *comments, *attributes, *formats, *values]) + "\n"
-
-
-def fd(node: int) -> str:
-    """DBC of a node on a CAN FD bus."""
-    ids = CanIds()
-    return _write(
+    heartbeat = _whole("nmt_state", 0, 7, "CiA 301 NMT state", choices=_NMT)
+    definition = DbcAttributeDefinition("BusType", default_value="CAN", type_name="STRING")
+    specifics = DbcSpecifics(
+        attributes=OrderedDict(BusType=DbcAttribute(bus_type, definition)),
+        attribute_definitions=OrderedDict(BusType=definition),
+    )
+    return Database(
         [
-            ("State", ids.state(node), STATE_SIZE, True, state_signals()),
-            ("Detail", ids.detail(node), STATE_SIZE, True, _detail_signals()),
-            *_common(ids, node),
-        ]
+            *messages,
+            _message("Emergency", ids.of(Kind.EMERGENCY, node), 8, emergency),
+            _message("Heartbeat", ids.of(Kind.HEARTBEAT, node), 1, [heartbeat]),
+        ],
+        nodes=[Node("Fingertip"), Node("Host")],
+        dbc_specifics=specifics,
     )
 
 
-def classic(node: int) -> str:
-    """DBC of a node on a classic CAN bus."""
+def fd(node: int) -> Database:
+    """A node on a CAN FD bus."""
     ids = CanIds()
-    parts: list[Message] = [
-        (f"Part{tpdo}", ids.tpdo(tpdo, node), PART_SIZE, False, classic_signals(tpdo)) for tpdo in range(1, 5)
+    state = _message("State", ids.state(node), STATE_SIZE, state_signals(), is_fd=True)
+    pins = _message("Detail", ids.detail(node), STATE_SIZE, _detail_signals(), is_fd=True)
+    return _database([state, pins], ids, node, "CAN FD")
+
+
+def classic(node: int) -> Database:
+    """A node on a classic CAN bus."""
+    ids = CanIds()
+    parts = [
+        _message(f"Part{tpdo}", ids.tpdo(tpdo, node), PART_SIZE, classic_signals(tpdo))
+        for tpdo in range(1, 5)
     ]
-    return _write([*parts, *_common(ids, node)])
+    return _database(parts, ids, node, "CAN")
+
+
+def text(database: Database) -> str:
+    """The DBC file."""
+    return database.as_dbc_string(sort_signals=None, sort_attribute_signals=None).replace("\r\n", "\n")

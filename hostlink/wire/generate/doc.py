@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Final
 
+from cantools.database.can import Signal
+
 from hostlink.wire.canid import CanIds
 from hostlink.wire.fields import (
     CHECK_SIZE,
@@ -19,7 +21,7 @@ from hostlink.wire.fields import (
     VERSION,
     field_named,
 )
-from hostlink.wire.generate.dbc import Signal, classic_signals, state_signals
+from hostlink.wire.generate.dbc import classic_signals, state_signals
 from hostlink.wire.generate.residual import undetected_p5, undetected_p11
 from hostlink.wire.objects import ABORTS, OBJECTS, REST_FRAME_REASONS, REST_FRAME_STATES
 from hostlink.wire.serial import BODY_MAX, CHUNK_MAX, Message
@@ -70,7 +72,7 @@ def _byte_map(signals: list[Signal], size: int, width: int = 8) -> list[str]:
     """ASCII picture, `width` bytes a line; a name is cut where its cell is too narrow."""
     owner = ["?"] * size
     for s in signals:
-        for byte in range(s.start // 8, (s.start + s.bits + 7) // 8):
+        for byte in range(s.start // 8, (s.start + s.length + 7) // 8):
             owner[byte] = s.name
     cell = 11
     rule = "      +" + "+".join("-" * cell for _ in range(width)) + "+"
@@ -90,11 +92,21 @@ def _byte_map(signals: list[Signal], size: int, width: int = 8) -> list[str]:
 
 
 def _bit_rows(signals: list[Signal]) -> list[Sequence[object]]:
-    return [
-        (s.mux[1:] if s.mux.startswith("m") else "", s.start, s.bits, f"`{s.name}`",
-         _number(s.scale) if s.nan is not None else "", s.unit, "" if s.nan is None else s.nan, s.meaning)
-        for s in signals
-    ]  # fmt: skip
+    return [_bit_row(s) for s in signals]
+
+
+def _bit_row(s: Signal) -> Sequence[object]:
+    invalid = next(iter(s.choices or ()), None)  # the only choice that a field has
+    return (
+        *(s.multiplexer_ids or ("",)),
+        s.start,
+        s.length,
+        f"`{s.name}`",
+        "" if invalid is None else _number(float(s.scale)),
+        s.unit or "",
+        "" if invalid is None else invalid,
+        s.comment,
+    )
 
 
 def _state() -> list[str]:

@@ -1,106 +1,81 @@
-"""The electronic data sheet (CiA 306) of the object table; `canopen` and CANopen tools read it."""
+"""The electronic data sheet (CiA 306) of the object table, written by `canopen`; CANopen tools read it."""
 
 from __future__ import annotations
 
-from typing import Final
+from io import StringIO
+from typing import Any, Final
+
+from canopen import ObjectDictionary
+from canopen.objectdictionary import ODArray, ODRecord, ODVariable
+from canopen.objectdictionary.eds import export_eds
 
 from hostlink.wire.fields import VERSION
 from hostlink.wire.objects import GROUPS, OBJECTS, TYPES, Object, object_named
 
 __all__ = ["eds"]
 
-_MANDATORY: Final = (0x1000, 0x1001, 0x1018)  # CiA 301
-_VAR, _DOMAIN = 0x7, 0x2
-_RATES_KBIT: Final = (10, 20, 50, 125, 250, 500, 800, 1000)
-_RATES_SUPPORTED: Final = (125, 250, 500, 800, 1000)
+_ARRAY: Final = 8  # CiA 301's object code
+_BITRATES: Final = (125_000, 250_000, 500_000, 800_000, 1_000_000)
+# A date of writing would make another file of the same tables.
+_FILE_INFO: Final = {
+    "FileName": "voronoi_touch.eds",
+    "FileVersion": VERSION,
+    "FileRevision": 0,
+    "EdsVersion": "4.0",
+    "Description": "voronoi-touch fingertip",
+    "CreationTime": "12:00AM",
+    "CreationDate": "01-01-2026",
+    "ModificationTime": "12:00AM",
+    "ModificationDate": "01-01-2026",
+    "CreatedBy": "hostlink.wire.generate",
+}
 
 
-def _default(obj: Object) -> str:
-    if obj.default is None:
-        return ""
-    if isinstance(obj.default, int):
-        return f"$NODEID+0x{obj.default:X}" if obj.node_id else f"0x{obj.default:X}"
-    if isinstance(obj.default, bytes):
-        return obj.default.hex()
-    return str(obj.default)
+def _variable(obj: Object) -> Any:
+    variable: Any = ODVariable(obj.name, obj.index, obj.sub)  # whose annotations allow integers alone
+    variable.data_type = TYPES[obj.type][0]
+    variable.access_type = obj.access
+    variable.pdo_mappable = False
+    variable.default = "" if obj.default is None and obj.type == "visible_string" else obj.default
+    if obj.node_id and isinstance(obj.default, int):
+        variable.default_raw = f"$NODEID+0x{obj.default:X}"
+    if obj.type != "real32":  # limits of real numbers have no form in an EDS
+        variable.min, variable.max = obj.low, obj.high
+    variable.unit = obj.unit
+    variable.description = obj.meaning.replace(";", ",")  # a semicolon begins a comment
+    return variable
 
 
-def _variable(section: str, obj: Object) -> list[str]:
-    lines = [
-        f"[{section}]",
-        f"ParameterName={obj.name}",
-        f"ObjectType=0x{_DOMAIN if obj.type == 'domain' else _VAR:X}",
-        f"DataType=0x{TYPES[obj.type][0]:04X}",
-        f"AccessType={obj.access}",
-        f"DefaultValue={_default(obj)}",
-        "PDOMapping=0",
-    ]
-    if obj.low is not None and obj.high is not None and obj.type != "real32":
-        lines += [f"LowLimit=0x{int(obj.low):X}", f"HighLimit=0x{int(obj.high):X}"]
-    if obj.unit:
-        lines.append(f"Unit={obj.unit}")
-    lines += [f"Description={obj.meaning.replace(';', ',')}", ""]  # a semicolon begins a comment
-    return lines
-
-
-def _index(index: int) -> list[str]:
-    rows = [o for o in OBJECTS if o.index == index]
-    if index not in GROUPS:
-        return _variable(f"{index:04X}", rows[0])
-    name, kind = GROUPS[index]
-    head = [f"[{index:04X}]", f"ParameterName={name}", f"ObjectType=0x{kind:X}", f"SubNumber={len(rows)}", ""]
-    return head + [line for o in rows for line in _variable(f"{index:04X}sub{o.sub:X}", o)]
-
-
-def _list(section: str, indexes: list[int]) -> list[str]:
-    entries = [f"{i}=0x{index:04X}" for i, index in enumerate(indexes, 1)]
-    return [f"[{section}]", f"SupportedObjects={len(indexes)}", *entries, ""]
+def _dictionary() -> ObjectDictionary:
+    dictionary = ObjectDictionary()
+    for index in sorted({o.index for o in OBJECTS}):
+        rows = [o for o in OBJECTS if o.index == index]
+        if index not in GROUPS:
+            dictionary.add_object(_variable(rows[0]))
+            continue
+        name, kind = GROUPS[index]
+        group = (ODArray if kind == _ARRAY else ODRecord)(name, index)
+        for row in rows:
+            group.add_member(_variable(row))
+        dictionary.add_object(group)
+    return dictionary
 
 
 def eds() -> str:
-    """The file's text. Dates are fixed: the same tables give the same file."""
-    indexes = sorted({o.index for o in OBJECTS})
-    optional = [i for i in indexes if i < 0x2000 and i not in _MANDATORY]
-    rates = [f"BaudRate_{rate}={int(rate in _RATES_SUPPORTED)}" for rate in _RATES_KBIT]
-    lines = [
-        "[FileInfo]",
-        "FileName=voronoi_touch.eds",
-        f"FileVersion={VERSION}",
-        "FileRevision=0",
-        "EDSVersion=4.0",
-        "Description=voronoi-touch fingertip",
-        "CreationTime=12:00AM",
-        "CreationDate=01-01-2026",
-        "CreatedBy=hostlink.wire.generate",
-        "",
-        "[DeviceInfo]",
-        "VendorName=voronoi-touch",
-        f"VendorNumber={_default(object_named('vendor_id'))}",
-        f"ProductName={_default(object_named('device_name'))}",
-        f"ProductNumber={_default(object_named('product_code'))}",
-        f"RevisionNumber={_default(object_named('revision'))}",
-        "OrderCode=",
-        *rates,
-        "SimpleBootUpMaster=0",
-        "SimpleBootUpSlave=1",
-        "Granularity=0",
-        "DynamicChannelsSupported=0",
-        "GroupMessaging=0",
-        "NrOfRXPDO=0",
-        "NrOfTXPDO=4",
-        "LSS_Supported=0",
-        "",
-        "[DummyUsage]",
-        *(f"Dummy{i:04d}=0" for i in range(1, 8)),
-        "",
-        "[Comments]",
-        "Lines=1",
-        "Line1=Layout of the TPDOs: DBC files, WIRE.md",
-        "",
-        *_list("MandatoryObjects", list(_MANDATORY)),
-        *_list("OptionalObjects", optional),
-        *_list("ManufacturerObjects", [i for i in indexes if i >= 0x2000]),
-    ]
-    for index in indexes:
-        lines += _index(index)
-    return "\n".join(lines)
+    """The file's text."""
+    dictionary = _dictionary()
+    dictionary.comments = "Layout of the TPDOs: DBC files, WIRE.md"
+    device: Any = dictionary.device_information
+    device.allowed_baudrates = set(_BITRATES)
+    device.vendor_name = "voronoi-touch"
+    device.vendor_number = object_named("vendor_id").default
+    device.product_name = object_named("device_name").default
+    device.product_number = object_named("product_code").default
+    device.revision_number = object_named("revision").default
+    device.simple_boot_up_master, device.simple_boot_up_slave = False, True
+    device.order_code, device.granularity = "", False
+    device.dynamic_channels_supported = device.group_messaging = device.LSS_supported = False
+    device.nr_of_RXPDO, device.nr_of_TXPDO = 0, 4
+    file = StringIO()
+    export_eds(dictionary, file, dict(_FILE_INFO))
+    return file.getvalue().rstrip("\n") + "\n"

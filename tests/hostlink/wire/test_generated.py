@@ -11,13 +11,14 @@ from random import Random
 import canopen
 import cantools
 import pytest
+from cantools.database.can import Signal
 
 import hostlink
 from hostlink.wire import OBJECTS, CanIds, State, pack_detail, pack_parts, pack_state, unpack_state
 from hostlink.wire.detail import PINS_PER_SEGMENT
 from hostlink.wire.fields import LAYOUT, PARTS, field_named
 from hostlink.wire.generate import generate
-from hostlink.wire.generate.dbc import Signal, classic_signals, state_signals
+from hostlink.wire.generate.dbc import classic_signals, state_signals
 from hostlink.wire.objects import TYPES
 from tests.support.states import random_state
 
