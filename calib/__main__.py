@@ -13,7 +13,7 @@ from typing import NoReturn
 
 import click
 
-from edge.errors import EdgeError, UsageError
+from edge.errors import EdgeError, InputError
 from hostlink.cli_exit import program_name, run_command
 
 # Name: module and function, what it does.
@@ -26,7 +26,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
 }
 
 
-class _Commands(click.Group):
+class _CalibCommands(click.Group):
     """Commands by name, each imported when it is needed."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -48,10 +48,10 @@ class _Commands(click.Group):
         try:
             return super().invoke(ctx)
         except ImportError as error:
-            raise UsageError(f"{error}; install voronoi-touch[calib]") from error
+            raise InputError(f"{error}; install voronoi-touch[calib]") from error
 
 
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_CalibCommands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="voronoi-touch", message="%(prog)s %(version)s")
 def cli() -> None:
     """Calibrate a fingertip: capture on a rig, fit, evaluate, report."""

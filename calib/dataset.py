@@ -26,14 +26,14 @@ from edge.runtime.tip_match import in_order_of
 from edge.sources import read_image
 from edge.types import Image, Rest
 
-__all__ = ["Dataset", "Part", "open_dataset"]
+__all__ = ["Dataset", "RestGroup", "open_dataset"]
 
 RECORDING = ".mcap"
 RESTS_MAX = 10  # images of the untouched tip that are averaged
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class RestGroup:
     """Frames that share a rest frame.
 
     rows  of the table, as it stands there (captures; else empty)
@@ -49,7 +49,7 @@ class Part:
 class Dataset:
     """Everything to fit to, or to evaluate on."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[RestGroup, ...]
 
     @property
     def rest(self) -> Rest:
@@ -72,7 +72,9 @@ class Dataset:
         Raises  CalibrationError: the frames show another tip
         """
         return Dataset(
-            tuple(Part(in_order_of(calibration, p.rest), p.targets, p.frames, p.rows) for p in self.parts)
+            tuple(
+                RestGroup(in_order_of(calibration, p.rest), p.targets, p.frames, p.rows) for p in self.parts
+            )
         )
 
     def extract(self, pool: Executor, on_done: Callable[[int], None] = lambda n: None) -> Extract:
@@ -102,10 +104,10 @@ def open_dataset(tables: Sequence[Path], folder: Path | None, rest_image: Path |
         raise TableError(f"{tables[0]}: {missing} is missing; a table needs --frames DIR and --rest IMAGE")
     targets = read_targets(tables[0], folder)
     rest = _rest([read_image(rest_image)], rest_image)
-    return Dataset((Part(rest, targets, lambda: targets.frames),))
+    return Dataset((RestGroup(rest, targets, lambda: targets.frames),))
 
 
-def _capture(path: Path) -> Part:
+def _capture(path: Path) -> RestGroup:
     rows = read_rows(path)
     samples = tuple(row for row in rows if row["role"] != "rest")
     if not samples:
@@ -123,7 +125,7 @@ def _capture(path: Path) -> Part:
             if row["role"] != "rest":
                 yield frame.image
 
-    return Part(_rest(rests, path), targets_of_capture(str(path), samples), frames, samples)
+    return RestGroup(_rest(rests, path), targets_of_capture(str(path), samples), frames, samples)
 
 
 def _rest(images: Sequence[Image], where: Path) -> Rest:

@@ -1,6 +1,6 @@
 """What can go wrong while calibrating, and whose fault it is.
 
-edge.errors.UsageError       the user's mistake: one line, exit code 2
+edge.errors.InputError       the user's mistake: one line, exit code 2
 ├── RigError                     no such rig, out of its travel, or it reports a fault
 ├── ProtocolError                protocol file: unknown key, wrong type, empty
 ├── CaptureError                 recording: belongs to another protocol, cannot be resumed or written
@@ -10,24 +10,24 @@ edge.errors.UsageError       the user's mistake: one line, exit code 2
 
 from __future__ import annotations
 
-from edge.errors import UsageError
+from edge.errors import InputError
 
 
-class RigError(UsageError):
+class RigError(InputError):
     """The rig cannot do this."""
 
 
-class ProtocolError(UsageError):
+class ProtocolError(InputError):
     """The protocol cannot be used."""
 
 
-class CaptureError(UsageError):
+class CaptureError(InputError):
     """The capture cannot be used or continued."""
 
 
-class TableError(UsageError):
+class TableError(InputError):
     """The table of targets cannot be used."""
 
 
-class FitError(UsageError):
+class FitError(InputError):
     """The data cannot support a calibration."""

@@ -11,7 +11,7 @@ import numpy as np
 from calib.extract import DEMAND, gather, measure
 from calib.fit import Choice, fit
 from calib.sim import Simulator
-from calib.sim.mechanics import Contact, Tool
+from calib.sim.mechanics import Tool, ToolPose
 from calib.targets import Targets
 from edge.calibration import Calibration
 from edge.pipeline import Pipeline
@@ -37,7 +37,7 @@ class Range:
         self.twist_deg, self.place_mm = twist_deg, place_mm
 
 
-def random_contact(tool: Tool, reach: Range, rng: np.random.Generator) -> Contact:
+def random_contact(tool: Tool, reach: Range, rng: np.random.Generator) -> ToolPose:
     """A pose, uniform over the range. A flat tool has a tilt instead of a place."""
     depth = float(rng.uniform(*reach.depth_mm))
     # Skin that is hardly touched slips when it is sheared; a rig that knows its trade does not try.
@@ -46,7 +46,7 @@ def random_contact(tool: Tool, reach: Range, rng: np.random.Generator) -> Contac
     )
     place = reach.place_mm * np.sqrt(rng.uniform()) * np.exp(2j * np.pi * rng.uniform())
     tilt = rng.uniform(-reach.tilt_deg, reach.tilt_deg, 2)
-    pose = Contact(
+    pose = ToolPose(
         tool,
         depth_mm=depth,
         shear_x_mm=float(shear.real),

@@ -12,7 +12,7 @@ from typing import NoReturn
 
 import click
 
-from edge.errors import UsageError
+from edge.errors import InputError
 from edge.runtime.process import limit_threads, run_and_exit
 from hostlink.cli_exit import program_name, run_command
 
@@ -25,7 +25,7 @@ COMMANDS = {
 }
 
 
-class _Commands(click.Group):
+class _EdgeCommands(click.Group):
     """Commands by name, each imported when it is needed."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -43,11 +43,11 @@ class _Commands(click.Group):
         try:
             return super().invoke(ctx)
         except ImportError as error:  # only the host's part is installed
-            raise UsageError(f"{error}; install voronoi-touch[edge]") from error
+            raise InputError(f"{error}; install voronoi-touch[edge]") from error
 
 
 @click.command(
-    cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
+    cls=_EdgeCommands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
 )
 @click.option("-v", "--verbose", is_flag=True, help="Log what goes on in more detail.")
 @click.version_option(package_name="voronoi-touch", message="%(prog)s %(version)s")
@@ -70,7 +70,7 @@ def main() -> NoReturn:
     """Run a command and exit, as `hostlink.cli_exit` has it."""
     limit_threads()
     name = program_name("voronoi-touch-edge", "edge")
-    sys.exit(run_command(cli, name, (UsageError,)))
+    sys.exit(run_command(cli, name, (InputError,)))
 
 
 def program() -> NoReturn:

@@ -1,7 +1,7 @@
 """What can go wrong on the edge, and whose fault it is.
 
     EdgeError
-    ├── UsageError           the user's mistake: one line, exit code 2
+    ├── InputError           the user's mistake: one line, exit code 2
     │   ├── ConfigError          edge.toml: unknown key, wrong type, out of range
     │   ├── CalibrationError     calibration file: unreadable, wrong version, another sensor's
     │   ├── SourceError          no such camera, recording or image
@@ -19,23 +19,23 @@ class EdgeError(Exception):
     """Root of what this package raises on purpose."""
 
 
-class UsageError(EdgeError):
+class InputError(EdgeError):
     """Input that the user can put right."""
 
 
-class ConfigError(UsageError):
+class ConfigError(InputError):
     """The configuration file cannot be used."""
 
 
-class CalibrationError(UsageError):
+class CalibrationError(InputError):
     """The calibration file cannot be used."""
 
 
-class SourceError(UsageError):
+class SourceError(InputError):
     """The camera, recording or image cannot be used."""
 
 
-class SinkError(UsageError):
+class SinkError(InputError):
     """The bus or serial port cannot be used."""
 
 

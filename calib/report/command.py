@@ -8,39 +8,31 @@ import csv
 import math
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from calib.capture import capture, read_capture
-from calib.curve import paper_curve
-from calib.dataset import Dataset, open_dataset
-from calib.evaluate import evaluate, predict
-from calib.extract import DEMAND, LOOKS, Extract, executor, join_extracts
-from calib.fit import Choice, fit
+from calib.dataset import open_dataset
+from calib.evaluate import predict
+from calib.extract import DEMAND, LOOKS, executor
 from calib.protocols import PROTOCOLS, Plan, Step
-from calib.report import plots, slip, study
-from calib.report.page import Page, model_table, write_page
-from calib.report.pairs import RESOLVED, pairs, resolvable_mm, shares
+from calib.report import plots, sections, slip, study
+from calib.report.page import ReportPage, write_page
+from calib.report.pairs import pairs
+from calib.report.sections import Check, Seen
 from calib.rig.base import CLEAR, Pose
 from calib.rig.simulated import SimulatedRig, Simulation, load_simulation
 from calib.sim import Tool
-from edge.calibration import Calibration
 from edge.pipeline import Pipeline, Result
 from edge.types import Array, Frame
 
-Rows = NDArray[np.intp]
-HELD_OUT = 0.2  # share of random poses that the fit does not see
 STUDY_FRAMES = 12  # of each alternative: medians settle
-NETWORK = (
-    "depth 0.148 mm, tilt 1.27 and 1.45 deg, shear 1.22 and 1.19 mm, torsion 1.60 deg, direction 25.9 deg"
-)
 
 
 def edges() -> Plan:
@@ -56,45 +48,6 @@ def edges() -> Plan:
 
 
 PLANS: dict[str, Callable[[], Plan]] = {**PROTOCOLS, "edges": edges, "pairs": pairs}
-
-
-@dataclass(frozen=True, slots=True)
-class Check:
-    """What must hold, and whether it does."""
-
-    what: str
-    limit: float
-    measured: float
-    unit: str
-    at_least: bool = False
-
-    @property
-    def holds(self) -> bool:
-        return self.measured >= self.limit if self.at_least else self.measured <= self.limit
-
-
-@dataclass(frozen=True, slots=True)
-class Seen:
-    """A data set and what the edge saw in it."""
-
-    data: Dataset
-    extract: Extract
-
-    def fit(self, rows: Any = None) -> tuple[Calibration, list[Choice]]:
-        targets, extract = self.data.targets, self.extract
-        if rows is not None:
-            targets, extract = targets.rows(rows), extract.rows(rows)
-        return fit(self.data.rest, targets, extract, mm_per_px=None)
-
-    def evaluate(self, calibration: Calibration, rows: Any = None) -> dict[str, Any]:
-        targets, extract = self.data.targets, self.extract
-        if rows is not None:
-            targets, extract = targets.rows(rows), extract.rows(rows)
-        return evaluate(calibration, targets, extract)
-
-    def shear(self) -> Any:
-        values = self.data.targets.values
-        return values["shear_x_mm"] + 1j * values["shear_y_mm"]
 
 
 def report(
@@ -165,14 +118,14 @@ def make_report(
     published: Seen | None,
 ) -> tuple[list[Check], list[study.Row]]:
     """Write the page, its pictures and tables."""
-    page, checks = Page("Calibration report"), []
+    page, checks = ReportPage("Calibration report"), []
     summary = page.section("What must hold, and what was measured")
-    checks += _paper(page, out, seen)
-    checks += _tilted(page, seen["surface"])
-    checks += _contacts(page, out, seen)
-    checks += _slip(page, slipped)
+    checks += sections.paper(page, out, seen)
+    checks += sections.tilted(page, seen["surface"])
+    checks += sections.contacts(page, out, seen)
+    checks += sections.slips(page, slipped)
     if published is not None:
-        _real(page, out, published)
+        sections.real(page, out, published)
     rows = _study(page, out, captures, seen, published)
     summary.text(
         "Simulated rig: 331 pins, 640x480 images with a small webcam's noise. Errors are mean absolute "
@@ -201,228 +154,8 @@ def make_report(
     return checks, rows
 
 
-def _every(n: int, first: int) -> Rows:
-    return np.arange(first, n, 2)
-
-
-def _paper(page: Page, out: Path, seen: dict[str, Seen]) -> list[Check]:
-    """Displacement, shear and direction as the paper does them: every second frame fits, the others judge."""
-    section = page.section("The paper's protocols")
-    press, shear, round_ = seen["displacement"], seen["shear"], seen["direction"]
-    both = Seen(
-        Dataset((*press.data.parts, *shear.data.parts)),
-        join_extracts([press.extract, shear.extract]),
-    )
-    calibration, choices = both.fit(_every(len(both.data), 0))
-    on_press = press.evaluate(calibration, _every(len(press.data), 1))
-    on_shear = shear.evaluate(calibration, _every(len(shear.data), 1))
-    on_round = round_.evaluate(calibration)
-    depth = press.data.targets.values["displacement_mm"]
-    volume = press.extract.inputs[:, 0].real
-    curve = paper_curve(volume, depth)
-    moved = np.abs(shear.extract.inputs[:, 1]) * shear.data.rest.pattern.tip_radius_px
-    line = plots.curves(
-        out / "curves.png", volume, depth, np.array(curve.knots), moved, np.abs(shear.shear())
-    )
-    section.text(
-        "Calibration curves (paper, Fig. 10): volume of deformation over displacement, mean motion of the "
-        f"pins over shear. The line misses zero by {line['offset_px']:+.2f} px, unsheared frames read "
-        f"{line['at_rest_px']:.2f} px. An offset of unsheared frames is preload, as in the paper; the models "
-        "carry it as their constant term, and follow the bend that the line does not."
-    )
-    section.picture(out / "curves.png", "displacement and shear curves")
-    values, _ = predict(calibration, round_.extract)
-    read = values["shear_x_mm"] + 1j * values["shear_y_mm"]
-    mean = plots.directions(out / "directions.png", round_.shear(), read)
-    section.text(
-        "Direction (paper, Fig. 11): 36 directions, 10 frames each, read by a calibration that saw shear "
-        "along x "
-        "alone. A round tip does not care which way it is sheared, so its models cannot either."
-    )
-    section.picture(out / "directions.png", "true and read directions")
-    model_table(section, choices)
-    return [
-        Check("direction of shear, mean (36 directions)", 1.0, mean, "deg"),
-        Check("displacement, 0..5 mm", 0.03, on_press["displacement_mae_mm"], "mm"),
-        Check("shear magnitude, 0..2 mm along x", 0.03, on_shear["shear_magnitude_mae_mm"], "mm"),
-        Check("shear magnitude, 2 mm all round", 0.03, on_round["shear_magnitude_mae_mm"], "mm"),
-    ]
-
-
-def _split(n: int) -> tuple[Rows, Rows]:
-    order = np.random.default_rng(0).permutation(n)
-    held = round(HELD_OUT * n)
-    return order[held:], order[:held]
-
-
-def _tilted(page: Page, surface: Seen) -> list[Check]:
-    section = page.section("Tilted and off-centre contact")
-    train, test = _split(len(surface.data))
-    calibration, choices = surface.fit(train)
-    result = surface.evaluate(calibration, test)
-    section.text(
-        f"{len(train)} random poses on a flat surface fit, {len(test)} others judge: depth 1..5 mm, tilt up "
-        f"to "
-        "15 deg about both axes (the contact wanders up to 7 mm off the tip's axis), shear up to 2 mm per "
-        "axis, twist up "
-        "to 5 deg."
-    )
-    names = (
-        "displacement_mae_mm",
-        "shear_magnitude_mae_mm",
-        "shear_direction_mean_deg",
-        "shear_direction_median_deg",
-        "torsion_mae_deg",
-        "force_mae_n",
-        "contact_area_mae_mm2",
-        "sigma_coverage_68",
-    )
-    rows = [(name, "-" if result[name] is None else f"{result[name]:.3g}") for name in names]
-    section.table(("held-out frames", "error"), rows)
-    model_table(section, choices)
-    flat_one = float((surface.extract.counts == 1).mean()) * 100.0
-    return [
-        Check(
-            "direction of shear, tilt to 15 deg, off centre", 3.0, result["shear_direction_mean_deg"], "deg"
-        ),
-        Check("flat contacts found as one", 99.0, flat_one, "%", at_least=True),
-    ]
-
-
-def _contacts(page: Page, out: Path, seen: dict[str, Seen]) -> list[Check]:
-    section = page.section("Contact places")
-    probes = seen["contacts"]
-    rows = probes.data.rows
-    tool = np.array([row["tool"] for row in rows])
-    gap = np.array([float(row["tool_distance_mm"]) for row in rows])
-    calibration, choices = probes.fit()
-    place = next(c for c in choices if c.outputs[0] == "contact_x_mm")
-    values = probes.data.targets.values
-    true = values["contact_x_mm"] + 1j * values["contact_y_mm"]
-    used = np.isfinite(true) & np.isfinite(probes.extract.contact[:, 0])
-    scale = (calibration.mm_per_px or math.nan) * probes.data.rest.pattern.tip_radius_px
-    raw = probes.extract.contact[used, 0] * scale
-    plots.place_map(out / "places.png", true[used], raw, place.held_out)
-    off = float(np.abs(place.held_out - true[used]).mean())
-    section.text(
-        "A probe of 1.5 mm radius pressed 2 mm deep, on a 3 mm grid; each place is read by a calibration "
-        "that has not "
-        "seen it."
-    )
-    section.picture(out / "places.png", "error of the contact's place over the tip")
-    single = float((probes.extract.counts[tool == "sphere"] == 1).mean()) * 100.0
-    apart = seen["pairs"]
-    apart_mm = np.array([float(row["tool_distance_mm"]) for row in apart.data.rows])
-    found = shares(apart_mm, apart.extract.counts)
-    plots.apart(out / "pairs.png", found)
-    section.text(
-        "Two probes of 1 mm radius, 2 mm deep, anywhere within 5 mm of the axis and any way round: resolved "
-        f"(found as two in {RESOLVED:g} % of the frames and more) from {resolvable_mm(found):g} mm on. The "
-        f"pins are {_pitch_mm(calibration, apart):.1f} mm apart."
-    )
-    section.picture(out / "pairs.png", "share of pairs found as one, two, more, over their distance")
-    section.table(
-        ("distance, mm", "one, %", "two, %", "more, %"),
-        [tuple(f"{value:g}" if i == 0 else f"{value:.0f}" for i, value in enumerate(row)) for row in found],
-    )
-    by_gap = {d: probes.extract.counts[(tool == "two") & (gap == d)] for d in (4.0, 5.0)}
-    bars = seen["edges"]
-    angle = np.array([float(row["tool_angle_deg"]) for row in bars.data.rows])
-    turned = np.abs((np.degrees(bars.extract.angle_rad) - angle + 90.0) % 180.0 - 90.0)
-    one_bar = float((bars.extract.counts == 1).mean()) * 100.0
-    section.text(
-        f"A bar in 18 directions, through the middle and beside it: direction off by "
-        f"{np.nanmean(turned):.2f} deg in the "
-        f"mean, {np.nanmax(turned):.2f} at the most; {one_bar:.0f} % found as one contact."
-    )
-    model_table(section, choices)
-    return [
-        Check("place of a single contact, mean over the tip", 0.2, off, "mm"),
-        Check("single probes found as one", 99.0, single, "%", at_least=True),
-        Check(
-            "probes 4 mm apart found as two", 99.0, float((by_gap[4.0] == 2).mean()) * 100, "%", at_least=True
-        ),
-        Check(
-            "probes 5 mm apart found as two", 99.0, float((by_gap[5.0] == 2).mean()) * 100, "%", at_least=True
-        ),
-        Check(
-            "random pairs 4 mm apart and more found as two",
-            RESOLVED,
-            float((apart.extract.counts[apart_mm >= 4.0] == 2).mean()) * 100,
-            "%",
-            at_least=True,
-        ),
-        Check(
-            "random pairs 2 mm apart found as one",
-            RESOLVED,
-            float((apart.extract.counts[apart_mm == 2.0] == 1).mean()) * 100,
-            "%",
-            at_least=True,
-        ),
-        Check(
-            "a third contact beside two probes",
-            0.0,
-            float((np.concatenate([probes.extract.counts, apart.extract.counts]) > 2).mean()) * 100,
-            "%",
-        ),
-        Check("direction of a long contact, mean", 3.0, float(np.nanmean(turned)), "deg"),
-    ]
-
-
-def _pitch_mm(calibration: Calibration, seen: Seen) -> float:
-    return (calibration.mm_per_px or math.nan) * seen.data.rest.pattern.pitch_px
-
-
-def _slip(page: Page, slipped: list[slip.Slipped]) -> list[Check]:
-    section = page.section("Slip")
-    every = slip.outcome(slip.join(slipped))
-    section.text(
-        f"A tool pressed {slip.DEPTH_MM:g} mm deep is dragged {slip.WAY_MM:g} mm in a second at "
-        "several frictions, until it creeps (slides in part, from the contact's rim inwards) and then "
-        "glides. Slip counts as felt at a probability over one half. Gliding moves no pin: no camera behind "
-        "the skin sees it. What is felt is the creep before it: "
-        f"{every.felt_percent:.0f} % of its frames; the speed read there is the skin's own motion against "
-        f"itself, {every.read_mm_s:.2f} mm/s where the tool runs at {every.true_mm_s:.2f} mm/s over the "
-        "contact in the mean."
-    )
-    rows = []
-    for one, seen in zip(slip.DRAGS, slipped, strict=True):
-        o = slip.outcome(seen)
-        numbers = (o.false_percent, o.felt_percent, o.glide_percent, 100.0 * o.felt_from)
-        speeds = (o.true_mm_s, o.read_mm_s)
-        cells = [f"{v:.0f}" for v in numbers] + [f"{v:.2f}" for v in speeds]
-        cells = ["-" if cell == "nan" else cell for cell in cells]
-        rows.append((one.tool.kind, f"{one.friction:g}", *cells))
-    section.table(
-        ("tool", "friction", "felt while it sticks, %", "while it creeps, %", "while it glides, %",
-         "first felt when so much slides, %", "tool over skin, mm/s", "read, mm/s"),
-        rows,
-    )  # fmt: skip
-    return [Check("slip felt while the contact sticks", 1.0, every.false_percent, "%")]
-
-
-def _real(page: Page, out: Path, published: Seen) -> None:
-    section = page.section("Published recordings")
-    train, test = _split(len(published.data))
-    calibration, choices = published.fit(train)
-    result = published.evaluate(calibration, test)
-    values, sigmas = predict(calibration, published.extract.rows(test))
-    true = {name: column[test] for name, column in published.data.targets.values.items()}
-    plots.real_scatter(out / "real.png", true, values, sigmas)
-    section.text(
-        f"One random split: {len(train)} frames fit, {len(test)} judge (five splits: python -m tests.bench "
-        f"real). The "
-        f"network published with the set: {NETWORK}. Direction here: "
-        f"{result['shear_direction_mean_deg']:.1f} deg mean, "
-        f"{result['shear_direction_median_deg']:.1f} median. One-sigma intervals hold "
-        f"{100 * result['sigma_coverage_68']:.0f} % of the values. {result['n_refused']} frames refused."
-    )
-    section.picture(out / "real.png", "read against true values on held-out frames")
-    model_table(section, choices)
-
-
 def _study(
-    page: Page, out: Path, captures: Path, seen: dict[str, Seen], published: Seen | None
+    page: ReportPage, out: Path, captures: Path, seen: dict[str, Seen], published: Seen | None
 ) -> list[study.Row]:
     section = page.section("Speed against error")
     press, probes = seen["displacement"], seen["contacts"]

@@ -10,7 +10,7 @@ from pathlib import Path
 from calib.fit import Choice
 from edge.calibration.file import Curve
 
-__all__ = ["Page", "Section", "model_table", "write_page"]
+__all__ = ["ReportPage", "Section", "model_table", "write_page"]
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #20242c; max-width: 64rem;
@@ -56,7 +56,7 @@ class Section:
 
 
 @dataclass
-class Page:
+class ReportPage:
     title: str
     sections: list[Section] = field(default_factory=list)
 
@@ -109,7 +109,7 @@ def model_table(section: Section, choices: Sequence[Choice]) -> None:
         )
 
 
-def write_page(page: Page, path: Path) -> None:
+def write_page(page: ReportPage, path: Path) -> None:
     """Write the page."""
     body = "".join(f"<h2>{escape(s.title)}</h2>{''.join(s.parts)}" for s in page.sections)
     path.write_text(

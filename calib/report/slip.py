@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from calib.rig.simulated import Simulation
-from calib.sim import Contact, Tool
+from calib.sim import Tool, ToolPose
 from calib.simulated_calibration import TARE_FRAMES, mm_per_px
 from edge.pipeline import Pipeline
 from edge.runtime.tare import tare
@@ -66,16 +66,16 @@ class Slipped:
     probability: Array
 
 
-def poses(drag: Drag) -> Iterator[Contact]:
+def poses(drag: Drag) -> Iterator[ToolPose]:
     """Down, still, then along a line at an even speed."""
     a = np.deg2rad(drag.angle_deg)
     for k in range(1, DOWN_N + 1):
-        yield Contact(drag.tool, depth_mm=DEPTH_MM * k / DOWN_N)
+        yield ToolPose(drag.tool, depth_mm=DEPTH_MM * k / DOWN_N)
     for _ in range(STILL_N):
-        yield Contact(drag.tool, depth_mm=DEPTH_MM)
+        yield ToolPose(drag.tool, depth_mm=DEPTH_MM)
     for k in range(1, DRAG_N + 1):
         way = WAY_MM * k / DRAG_N
-        yield Contact(
+        yield ToolPose(
             drag.tool, depth_mm=DEPTH_MM, shear_x_mm=float(way * np.cos(a)), shear_y_mm=float(way * np.sin(a))
         )
 

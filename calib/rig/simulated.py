@@ -15,7 +15,7 @@ import msgspec
 
 from calib.errors import RigError
 from calib.rig.base import Pose
-from calib.sim import Camera, Contact, Look, Simulator, Tip, Tool
+from calib.sim import Camera, Look, Simulator, Tip, Tool, ToolPose
 from edge.types import Frame
 
 
@@ -80,14 +80,14 @@ class SimulatedRig:
         self.simulator = (simulation or Simulation()).simulator()
         self.simulator.sequence = first_sequence
         self._tool = Tool()
-        self._contacts: tuple[Contact, ...] = ()
+        self._contacts: tuple[ToolPose, ...] = ()
 
     def mount(self, tool: Tool) -> None:
         self._tool = tool
         self._contacts = ()
 
     def move(self, pose: Pose) -> None:
-        self._contacts = (Contact(tool=self._tool, **asdict(pose)),) if pose.depth_mm > 0 else ()
+        self._contacts = (ToolPose(tool=self._tool, **asdict(pose)),) if pose.depth_mm > 0 else ()
 
     def frame(self) -> Frame:
         try:

@@ -8,7 +8,7 @@ simulator  all of it together: contacts in, `edge.types.Frame` with truth out
 """
 
 from calib.sim.camera import Camera
-from calib.sim.mechanics import Contact, Deformation, Tool, deform
+from calib.sim.mechanics import Deformation, Tool, ToolPose, deform
 from calib.sim.render import Blob, Look, render, ugly
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip, layout
@@ -16,12 +16,12 @@ from calib.sim.tip import Tip, layout
 __all__ = [
     "Blob",
     "Camera",
-    "Contact",
     "Deformation",
     "Look",
     "Simulator",
     "Tip",
     "Tool",
+    "ToolPose",
     "deform",
     "layout",
     "render",

@@ -60,7 +60,7 @@ class Tool:
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
+class ToolPose:
     """One tool at one pose, in the tip's frame.
 
     x_mm, y_mm          where the tool touches (without meaning in directions in which it is flat)
@@ -115,7 +115,7 @@ class _Patch:
     place: Array  # (2,)
 
 
-def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
+def deform(tip: Tip, contacts: tuple[ToolPose, ...]) -> Deformation:
     """Where the pins are when these tools press all at once.
 
     Raises  ValueError: a tool that touches below the rim, or past the dome
@@ -157,23 +157,13 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
         )
         force[live] += q_n
 
-    # Skin's displacement at the pins' roots and a little way along two tangents, for its new normal.
-    first, second = _tangents(tip)
-    step = 1e-3  # mm; the kernel is smooth over skin_mm, so this is a derivative
-    probes = np.concatenate([tip.roots_mm, tip.roots_mm + step * first, tip.roots_mm + step * second])
-    moved = displace(tip, probes, xyz[live], force[live], smooth[live])
-    moved -= gel.swell(probes) * (swell * force).sum() / np.sqrt(gel.volume_per_pressure)
-    root, one, two = moved.reshape(3, -1, 3)
-    axis = np.cross(first + (one - root) / step, second + (two - root) / step)
-    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    tips = tip.roots_mm + root - tip.pin_length_mm * axis
-
+    tips, axes = _caps(tip, xyz[live], force[live], smooth[live], (swell * force).sum())
     k = len(patches)
     area = _sum_by(owner, np.where(live, cell, 0), k)
     slid = _sum_by(owner, np.where(live & sliding, cell, 0), k)
     return Deformation(
         tips_mm=tips,
-        axes=axis,
+        axes=axes,
         places_mm=np.stack([p.place for p in patches]),
         forces_n=_sum_by(owner, p_n, k) * tip.shear_modulus_kpa * 1e-3,
         areas_mm2=area,
@@ -183,7 +173,26 @@ def deform(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
     )
 
 
-def _patches(tip: Tip, contact: Contact) -> list[_Patch]:
+def _caps(tip: Tip, xyz: Array, force: Array, smooth: Array, swelling: float) -> tuple[Array, Array]:
+    """Where the pins' caps are, and the axes from there to their roots, under forces on the skin.
+
+    xyz, force, smooth  (m, 3), (m, 3), (m,) of the cells that are pressed
+    swelling            work of these forces on the sealed gel's swelling
+    """
+    # The skin's displacement at the roots, and a little way along two tangents for its new normal.
+    gel = gel_of(tip)
+    first, second = _tangents(tip)
+    step = 1e-3  # mm; the kernel is smooth over skin_mm, so this is a derivative
+    probes = np.concatenate([tip.roots_mm, tip.roots_mm + step * first, tip.roots_mm + step * second])
+    moved = displace(tip, probes, xyz, force, smooth)
+    moved -= gel.swell(probes) * swelling / np.sqrt(gel.volume_per_pressure)
+    root, one, two = moved.reshape(3, -1, 3)
+    axes = np.cross(first + (one - root) / step, second + (two - root) / step)
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    return tip.roots_mm + root - tip.pin_length_mm * axes, axes
+
+
+def _patches(tip: Tip, contact: ToolPose) -> list[_Patch]:
     tool = contact.tool
     if tool.kind != "two":
         return [_patch(tip, contact, np.zeros(2))]
@@ -200,7 +209,7 @@ def _patches(tip: Tip, contact: Contact) -> list[_Patch]:
     ]
 
 
-def _patch(tip: Tip, contact: Contact, from_pivot_mm: Array) -> _Patch:
+def _patch(tip: Tip, contact: ToolPose, from_pivot_mm: Array) -> _Patch:
     """Cells over the ellipse in which the undeformed surfaces intersect, with a margin."""
     r, tool, depth = tip.dome_radius_mm, contact.tool, contact.depth_mm
     tx, ty = np.deg2rad([contact.tilt_x_deg, contact.tilt_y_deg])

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 
-from calib.sim.mechanics import Contact, Tool
+from calib.sim.mechanics import Tool, ToolPose
 
 REST_FRAMES = 8  # what edge's configuration takes as a tare
 
@@ -24,23 +24,23 @@ class Move:
     """So many frames, at the last of which these contacts hold."""
 
     frames: int
-    contacts: tuple[Contact, ...] = ()
+    contacts: tuple[ToolPose, ...] = ()
 
 
-_FLAT = Contact(Tool("flat"))
-_BALL = Contact(Tool("sphere", radius_mm=3.0), x_mm=4.0, y_mm=-3.0)
-_LEFT = Contact(Tool("sphere", radius_mm=1.5), x_mm=-5.0, y_mm=1.0)
-_RIGHT = Contact(Tool("sphere", radius_mm=1.5), x_mm=4.5, y_mm=-2.0)
-_BAR = Contact(Tool("edge", radius_mm=1.5, angle_deg=30.0))
+_FLAT = ToolPose(Tool("flat"))
+_BALL = ToolPose(Tool("sphere", radius_mm=3.0), x_mm=4.0, y_mm=-3.0)
+_LEFT = ToolPose(Tool("sphere", radius_mm=1.5), x_mm=-5.0, y_mm=1.0)
+_RIGHT = ToolPose(Tool("sphere", radius_mm=1.5), x_mm=4.5, y_mm=-2.0)
+_BAR = ToolPose(Tool("edge", radius_mm=1.5, angle_deg=30.0))
 
 
-def _press(contact: Contact, depth_mm: float, frames: int, hold: int = 4) -> tuple[Move, ...]:
+def _press(contact: ToolPose, depth_mm: float, frames: int, hold: int = 4) -> tuple[Move, ...]:
     """Touch, go down, stay."""
     down = replace(contact, depth_mm=depth_mm)
     return (Move(0, (contact,)), Move(frames, (down,)), Move(hold, (down,)))
 
 
-def _shear(contact: Contact, depth_mm: float) -> tuple[Move, ...]:
+def _shear(contact: ToolPose, depth_mm: float) -> tuple[Move, ...]:
     pressed = replace(contact, depth_mm=depth_mm)
     moved = replace(pressed, shear_x_mm=1.2, shear_y_mm=-0.9)
     return (*_press(contact, depth_mm, 14, 2), Move(12, (moved,)), Move(4, (moved,)))
@@ -79,9 +79,9 @@ SCENES: dict[str, tuple[Move, ...]] = {
 }
 
 
-def play(moves: tuple[Move, ...]) -> Iterator[tuple[Contact, ...]]:
+def play(moves: tuple[Move, ...]) -> Iterator[tuple[ToolPose, ...]]:
     """The contacts of each frame."""
-    before: tuple[Contact, ...] = ()
+    before: tuple[ToolPose, ...] = ()
     for move in moves:
         same = [c.tool for c in before] == [c.tool for c in move.contacts]
         for k in range(1, move.frames + 1):
@@ -89,8 +89,8 @@ def play(moves: tuple[Move, ...]) -> Iterator[tuple[Contact, ...]]:
         before = move.contacts
 
 
-def _between(a: tuple[Contact, ...], b: tuple[Contact, ...], share: float) -> tuple[Contact, ...]:
-    names = [f.name for f in fields(Contact) if f.name != "tool"]
+def _between(a: tuple[ToolPose, ...], b: tuple[ToolPose, ...], share: float) -> tuple[ToolPose, ...]:
+    names = [f.name for f in fields(ToolPose) if f.name != "tool"]
     out = []
     for one, two in zip(a, b, strict=True):
         # Rounded so that what stands still is the same pose in every frame, and cached as such.

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from calib.sim.camera import Camera
-from calib.sim.mechanics import Contact, Deformation, deform
+from calib.sim.mechanics import Deformation, ToolPose, deform
 from calib.sim.render import Look, Renderer
 from edge.types import Array, Clock, Frame
 
@@ -49,7 +49,7 @@ class Simulator:
         self._before: Deformation | None = None
         self._deform = lru_cache(maxsize=POSES_KEPT)(lambda c: deform(self.camera.tip, c))
 
-    def frame(self, contacts: tuple[Contact, ...] = ()) -> Frame:
+    def frame(self, contacts: tuple[ToolPose, ...] = ()) -> Frame:
         """The next frame, with these contacts."""
         now = self._deform(contacts)
         rng = np.random.default_rng([self.seed, self.sequence])
@@ -66,10 +66,10 @@ class Simulator:
         self.sequence += 1
         return frame
 
-    def truth(self, contacts: tuple[Contact, ...], now: Deformation, xy: Array) -> dict[str, Any]:
+    def truth(self, contacts: tuple[ToolPose, ...], now: Deformation, xy: Array) -> dict[str, Any]:
         """What is known of a frame.
 
-        contacts       one dict a tool: its kind and pose (mm, deg), fields of `Contact` and `Tool`
+        contacts       one dict a tool: its kind and pose (mm, deg), fields of `ToolPose` and `Tool`
         places_mm      [[x, y], ...] of each place of contact on the tip (two for tool "two")
         places_img     [[x, y], ...] px of a pin that is rooted there, untouched
         forces_n, areas_mm2   of each place
@@ -81,7 +81,7 @@ class Simulator:
         w, h = self.camera.size_px
         visible = np.asarray(((xy > -0.5) & (xy < [w - 0.5, h - 0.5])).all(axis=1))
         visible[sorted(self.look.dead)] = False
-        first = contacts[0] if contacts and contacts[0].depth_mm > 0 else Contact()
+        first = contacts[0] if contacts and contacts[0].depth_mm > 0 else ToolPose()
         return {
             "contacts": [asdict(c) for c in contacts if c.depth_mm > 0],
             "places_mm": np.round(now.places_mm + 0.0, 6).tolist(),

@@ -114,12 +114,12 @@ def _state_directory(config: Config) -> Path | None:
 
 
 def _settings(config: Config, state_dir: Path | None) -> SettingsFile:
-    from edge.runtime.settings import Settings, SettingsFile
+    from edge.runtime.settings import NodeSettings, SettingsFile
     from hostlink.wire import FEATURE_BITS
 
     return SettingsFile(
         state_dir / "settings.json" if state_dir else None,
-        Settings(
+        NodeSettings(
             heartbeat_ms=config.link.heartbeat_ms,
             divider=config.link.divider,
             features=sum(FEATURE_BITS.get(feature, 0) for feature in config.features.demand),

@@ -29,7 +29,7 @@ from edge.cli.machine import Machine
 from edge.cli.options import calibration_option, config_option, sink_option, source_option
 from edge.cli.progress import waiting
 from edge.config import Config, load_config
-from edge.errors import UsageError
+from edge.errors import InputError
 from edge.types import Frame, FrameSource, LiveSource
 
 __all__ = ["LEVELS", "WRITE_BYTES", "Line", "Machine", "doctor", "examine", "worst"]
@@ -96,7 +96,7 @@ def examine(
     rest = None
     try:
         source = open_camera()
-    except UsageError as error:
+    except InputError as error:
         lines.append(
             Line(
                 "camera", "fail", str(error), "check cable, power and [source] spec; is the service running?"

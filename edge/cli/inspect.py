@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from edge.cli.options import overwrite_option
-from edge.errors import EdgeError, UsageError
+from edge.errors import EdgeError, InputError
 from hostlink.cli_exit import complain
 from hostlink.output_file import check_output, writing
 
@@ -65,16 +65,16 @@ def inspect(images: Sequence[Path], as_json: bool, overlay: Path | None, overwri
 
 
 def _pictures(images: Sequence[Path], folder: Path, overwrite: bool) -> dict[Path, Path]:
-    """Which picture each image gets. Raises OutputError; UsageError: two would get the same one."""
+    """Which picture each image gets. Raises OutputError; InputError: two would get the same one."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UsageError(f"--overlay {folder}: {error.strerror}; give a folder that can be made") from None
+        raise InputError(f"--overlay {folder}: {error.strerror}; give a folder that can be made") from None
     chosen: dict[Path, Path] = {}
     for path in dict.fromkeys(images):
         picture = folder / f"{path.stem}_pins.png"
         if picture in chosen.values():
-            raise UsageError(f"--overlay {folder}: two images are named {path.stem}; give them one by one")
+            raise InputError(f"--overlay {folder}: two images are named {path.stem}; give them one by one")
         chosen[path] = check_output(picture, (".png",), images, overwrite)
     return chosen
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from edge.errors import UsageError
+from edge.errors import InputError
 from hostlink.cli_types import FiniteFloat
 from hostlink.output_file import check_output
 from hostlink.web.listen import TOKEN_VARIABLE
@@ -121,18 +121,18 @@ class LoopOptions:
             check_output(self.record_path, (".mcap",), (*inputs, *known), self.overwrite)
 
     def listen(self) -> Listen | None:
-        """Where the live page is served; None: there is none. Raises UsageError."""
+        """Where the live page is served; None: there is none. Raises InputError."""
         from hostlink.web import WebError, find_token, parse_listen
 
         if self.view_at is None and not self.view_here:
             if self.view_token is not None or self.view_token_file is not None:
-                raise UsageError("--view-token: there is no page; give --view too")
+                raise InputError("--view-token: there is no page; give --view too")
             return None
         try:
             token = find_token(self.view_token, self.view_token_file, "--view-token-file")
             return parse_listen(self.view_at or "", token)
         except WebError as error:
-            raise UsageError(str(error)) from None
+            raise InputError(str(error)) from None
 
     def recordings_folder(self, config: Config) -> Path:
         """For what the page's record button makes."""

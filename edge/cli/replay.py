@@ -13,7 +13,7 @@ from edge.cli.assembly import make_loop, start_worker
 from edge.cli.options import LoopOptions, SpeedFactor, loop_options
 from edge.cli.progress import counting, waiting
 from edge.cli.summary import Summary, damage_of, json_line, print_summary
-from edge.errors import UsageError
+from edge.errors import InputError
 
 if TYPE_CHECKING:
     from edge.pipeline import Result
@@ -50,7 +50,7 @@ def replay(
     pins that were seen, the shear in px and, with a calibration, the depth in mm.
     """
     if again and isinstance(speed, str):
-        raise UsageError("--loop: has no end at --speed max; give a factor")
+        raise InputError("--loop: has no end at --speed max; give a factor")
     config = options.load_config()
     options.check_record(recording)
     listen = options.listen()

@@ -13,7 +13,7 @@ from importlib.metadata import version
 
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
-from edge.link.node import Refused
+from edge.link.node import RequestRefused
 from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.loop import Loop
 from edge.runtime.tare_state import TareBusy
@@ -64,13 +64,13 @@ class LoopDevice:
         return time.monotonic_ns() // 1000
 
     def tare(self, force: bool) -> None:
-        """Have a new rest frame taken. Raises Refused: something touches the tip, or one is being taken."""
+        """Have a new rest frame taken. Raises RequestRefused: there is a touch, or one is under way."""
         if self._loop.in_contact and not force:
-            raise Refused("something touches the tip; let go, or force the tare")
+            raise RequestRefused("something touches the tip; let go, or force the tare")
         try:
             self._loop.request_tare(force)
         except TareBusy as error:
-            raise Refused(str(error)) from None
+            raise RequestRefused(str(error)) from None
 
     def rest_frame(self) -> Mapping[str, int | float | str | bytes]:
         """What became of the last request for a rest frame."""
@@ -90,7 +90,7 @@ class LoopDevice:
     def upload_calibration(self, data: bytes) -> None:
         """Check another calibration, and have a rest frame taken with it; then it is stored and used.
 
-        Raises  CalibrationError: not usable; Refused: a rest frame is being taken. Nothing has changed
+        Raises  CalibrationError: not usable; RequestRefused: a rest frame is being taken. Nothing has changed
         """
         calibration = Calibration.parse(data, "upload")
         frame, made_at = self._loop.frame, calibration.rest.pattern.size_px
@@ -106,7 +106,7 @@ class LoopDevice:
                 store=None if store is None else lambda: store.replace(calibration),
             )
         except TareBusy as error:
-            raise Refused(str(error)) from None
+            raise RequestRefused(str(error)) from None
 
     def set_features(self, names: frozenset[str]) -> None:
         """Compute these features from the next frame on."""

@@ -23,13 +23,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from edge.link.object_server import ObjectServer, Refused
+from edge.link.object_server import ObjectServer, RequestRefused
 from edge.link.ports import CanPort, SerialPort
 from edge.link.sinks import CanFdSink, CanSink, LinkSink, SerialSink, SinkCounters
 from edge.runtime.settings import SettingsFile
 from hostlink.wire import FAULTS, FEATURE_BITS, CanIds, FaultCode, State, Status, pack_detail, pack_emergency
 
-__all__ = ["Device", "Node", "Refused"]
+__all__ = ["Device", "Node", "RequestRefused"]
 
 Value = int | float | str | bytes
 
@@ -58,7 +58,7 @@ class Device(Protocol):
     def tare(self, force: bool) -> None:
         """Have a new rest frame taken from the next images; `rest_frame` says what became of it.
 
-        Raises Refused: something touches the tip, and `force` is not set; or one is being taken
+        Raises RequestRefused: something touches the tip, and `force` is not set; or one is being taken
         """
         ...
 
@@ -73,7 +73,7 @@ class Device(Protocol):
     def upload_calibration(self, data: bytes) -> None:
         """Check another calibration file and have a rest frame taken with it; then it is stored and used.
 
-        Raises ValueError, edge.errors.CalibrationError: not usable, nothing changed; Refused: not now
+        Raises ValueError, edge.errors.CalibrationError: not usable, nothing changed; RequestRefused: not now
         """
         ...
 

@@ -149,7 +149,7 @@ class ObjectServer:
         self._described_s = -math.inf  # what is written may show there
         try:
             self._apply(obj, value)
-        except Refused as error:
+        except RequestRefused as error:
             self.refusal = str(error)
             raise Aborted(Abort.NOT_NOW) from None
         except (ValueError, CalibrationError) as error:
@@ -236,7 +236,7 @@ class ObjectServer:
             raise Aborted(Abort.UNSUPPORTED)
 
 
-class Refused(Exception):
+class RequestRefused(Exception):
     """The device will not do that now: a tare while something touches the tip."""
 
 

@@ -283,7 +283,6 @@ class CentroidKernel:
         if not isfinite(x) or not isfinite(y):
             return
         half: cython.int = self._half[kind]
-        plane: cython.Py_ssize_t = self._plane[kind]
         step_max: cython.double = 0.5 * (half - 2 if half > 4 else 2)
         turn: cython.int
         had_x: cython.Py_ssize_t = -1
@@ -312,16 +311,7 @@ class CentroidKernel:
                 had_x = cx
                 had_y = cy
             if whole:
-                if inside:
-                    sums_of_bytes(
-                        self._pixels, level, self._templates, self._phase_at(kind, py * N_PHASES + px),
-                        self._first[kind], cython.cast(cython.int, plane), self._sums,
-                    )  # fmt: skip
-                else:
-                    sums_of_shorts(
-                        self._window, self._wide, self._templates, self._phase_at(kind, py * N_PHASES + px),
-                        self._first[kind], cython.cast(cython.int, plane), self._sums,
-                    )  # fmt: skip
+                self._sum(kind, self._phase_at(kind, py * N_PHASES + px), level, inside)
                 done = self._step(i, kind, x, y, cx, cy, px, py, step_max, turn)
             else:
                 done = self._step_cut(i, kind, cx, cy, px, py, step_max, turn)
@@ -336,6 +326,21 @@ class CentroidKernel:
             if done:
                 return
         self._lost(i)
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _sum(
+        self, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t, level: cython.int, inside: cython.bint
+    ) -> cython.void:
+        """The sums of the window in hand with the templates of this phase."""
+        plane: cython.int = cython.cast(cython.int, self._plane[kind])
+        if inside:
+            sums_of_bytes(self._pixels, level, self._templates, phase, self._first[kind], plane, self._sums)
+        else:
+            sums_of_shorts(
+                self._window, self._wide, self._templates, phase, self._first[kind], plane, self._sums
+            )
 
     @cython.cfunc
     @cython.inline

@@ -18,7 +18,7 @@ import msgspec
 from hostlink.output_file import OutputError, writing
 from hostlink.wire import OBJECTS
 
-__all__ = ["Settings", "SettingsFile"]
+__all__ = ["NodeSettings", "SettingsFile"]
 
 log = logging.getLogger(__name__)
 
@@ -36,7 +36,7 @@ def _default(name: str) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class NodeSettings:
     """One set of settings; names, units and limits are the object table's."""
 
     heartbeat_ms: int = int(_default("heartbeat_ms"))
@@ -49,9 +49,9 @@ class Settings:
 class SettingsFile:
     """Where settings live. `path` None: in memory only."""
 
-    def __init__(self, path: Path | None = None, defaults: Settings | None = None) -> None:
+    def __init__(self, path: Path | None = None, defaults: NodeSettings | None = None) -> None:
         self._path = path
-        self._defaults = defaults or Settings()
+        self._defaults = defaults or NodeSettings()
         self._failed: tuple[str, float] | None = None
         self.values = self.load()
 
@@ -60,7 +60,7 @@ class SettingsFile:
         """Whether values survive a restart: there is a file for them."""
         return self._path is not None
 
-    def load(self) -> Settings:
+    def load(self) -> NodeSettings:
         """What the file says; defaults where it says nothing usable."""
         if self._path is None or not self._path.exists():
             return self._defaults
@@ -76,7 +76,7 @@ class SettingsFile:
             log.warning("%s: settings cannot be used (%s); starting with defaults", self._path, error)
             return self._defaults
 
-    def change(self, **changes: float) -> Settings:
+    def change(self, **changes: float) -> NodeSettings:
         """Change and store. Raises ValueError: out of limits; OutputError: not stored; nothing is changed."""
         changed: dict[str, Any] = {name: checked(name, value) for name, value in changes.items()}
         values = replace(self.values, **changed)
@@ -84,7 +84,7 @@ class SettingsFile:
         self.values = values
         return values
 
-    def restore_defaults(self) -> Settings:
+    def restore_defaults(self) -> NodeSettings:
         """Back to defaults, in the file too. Raises OutputError."""
         self._store(self._defaults)
         self.values = self._defaults
@@ -95,7 +95,7 @@ class SettingsFile:
         message, at_s = self._failed or ("", 0.0)
         return message if message and time.monotonic() - at_s < SHOWN_S else ""
 
-    def _store(self, values: Settings) -> None:
+    def _store(self, values: NodeSettings) -> None:
         if self._path is None:
             return
         try:

@@ -33,7 +33,7 @@ from edge.sources.live import SLOW, ThreadedSource, Watch
 from edge.sources.options import Options
 from edge.types import Clock, Frame, Image
 
-__all__ = ["Device", "V4l2Source", "find_device", "list_cameras", "open_v4l2"]
+__all__ = ["V4l2Source", "VideoDevice", "find_device", "list_cameras", "open_v4l2"]
 
 RETRY_S = 0.2  # between attempts to get a lost camera back
 PATIENCE_S = 3.0  # the first frame of a UVC camera takes up to 1.5 s
@@ -49,7 +49,7 @@ os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
 
 
 @dataclass(frozen=True, slots=True)
-class Device:
+class VideoDevice:
     """path    e.g. /dev/video0
     serial  as the USB device tells it; "" where it has none
     label   what the driver calls it
@@ -67,7 +67,7 @@ def _text(path: Path) -> str:
         return ""
 
 
-def list_cameras(sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -> list[Device]:
+def list_cameras(sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -> list[VideoDevice]:
     """Video nodes that give images; a UVC camera's second node gives metadata and is left out."""
     found = []
     nodes = (sys_root / "class/video4linux").glob("video*")
@@ -76,7 +76,7 @@ def list_cameras(sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -
             continue
         # .../video0/device is the USB interface; the device above it has the serial number.
         serial = _text((node / "device").resolve().parent / "serial")
-        found.append(Device(str(dev_root / node.name), serial, _text(node / "name")))
+        found.append(VideoDevice(str(dev_root / node.name), serial, _text(node / "name")))
     return found
 
 

@@ -12,7 +12,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from edge.tracking.match import NearestBlob
-from edge.tracking.tip import Tip
+from edge.tracking.tip import TrackedTip
 from edge.types import Array, Mask
 
 __all__ = ["CoarseFit", "PolynomialField"]
@@ -48,7 +48,7 @@ class PolynomialField:
 class CoarseFit:
     """Fits of one tip, from a grid of shifts and from the tip scaled up or down."""
 
-    def __init__(self, tip: Tip) -> None:
+    def __init__(self, tip: TrackedTip) -> None:
         self._tip = tip
         p = tip.params
         self._field = PolynomialField(tip.rest_xy, max(degree for degree, _ in p.schedule))

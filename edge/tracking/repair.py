@@ -24,7 +24,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from edge.tracking.tip import Tip
+from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
 
 __all__ = ["repair"]
@@ -38,7 +38,7 @@ class _Blobs:
     complete: bool
 
 
-def repair(tip: Tip, blob_xy: Array, blob: Index, matched: Mask) -> tuple[Index, Mask]:
+def repair(tip: TrackedTip, blob_xy: Array, blob: Index, matched: Mask) -> tuple[Index, Mask]:
     """The match (n,) with its inconsistent places assigned, or unmatched.
 
     blob_xy  (m, 2) px, all blobs
@@ -80,7 +80,7 @@ def repair(tip: Tip, blob_xy: Array, blob: Index, matched: Mask) -> tuple[Index,
 
 
 def _repair_widening(
-    tip: Tip, blobs: _Blobs, blob: Index, matched: Mask, unassigned: Mask, beside: Mask, place: Index
+    tip: TrackedTip, blobs: _Blobs, blob: Index, matched: Mask, unassigned: Mask, beside: Mask, place: Index
 ) -> tuple[Index, Mask] | None:
     """The repaired match and the pins (n,) that were assigned anew, with as few rings around as possible."""
     margins = tip.params.repair_margins
@@ -93,7 +93,7 @@ def _repair_widening(
 
 
 def _repair_place(
-    tip: Tip, blobs: _Blobs, blob: Index, matched: Mask, unassigned: Mask, uncertain: Mask
+    tip: TrackedTip, blobs: _Blobs, blob: Index, matched: Mask, unassigned: Mask, uncertain: Mask
 ) -> Index | None:
     """The match with all uncertain pins assigned; None where that cannot be done, or is implausible."""
     pins = _rows(uncertain)
@@ -113,7 +113,9 @@ def _repair_place(
     return repaired if _plausible(tip, motion, matched | uncertain, uncertain, blobs.complete) else None
 
 
-def _assign(tip: Tip, now: Array, around: Mask, pins: Index, blob_xy: Array, predicted: Array) -> Index:
+def _assign(
+    tip: TrackedTip, now: Array, around: Mask, pins: Index, blob_xy: Array, predicted: Array
+) -> Index:
     """(k,) which of the blobs (k, 2) each pin has; predicted again from the assignment until it no longer
     changes.
     """
@@ -129,7 +131,7 @@ def _assign(tip: Tip, now: Array, around: Mask, pins: Index, blob_xy: Array, pre
     return np.asarray(chosen, np.int32)
 
 
-def _with_predicted(tip: Tip, now: Array, matched: Mask, place: Index) -> Array | None:
+def _with_predicted(tip: TrackedTip, now: Array, matched: Mask, place: Index) -> Array | None:
     """(n, 2) px, positions with a place's pins where those around predict them; None: these are too few."""
     around = _around(tip, matched, place)
     if around is None:
@@ -138,7 +140,7 @@ def _with_predicted(tip: Tip, now: Array, matched: Mask, place: Index) -> Array 
     return now
 
 
-def _fitting(tip: Tip, now: Array, matched: Mask, uncertain: Mask) -> Mask:
+def _fitting(tip: TrackedTip, now: Array, matched: Mask, uncertain: Mask) -> Mask:
     """(n,) the uncertain pins whose blob is where the matched ones around predict it; now (n, 2) px."""
     fits = np.zeros(len(matched), np.bool_)
     pins = _rows(uncertain)
@@ -149,7 +151,7 @@ def _fitting(tip: Tip, now: Array, matched: Mask, uncertain: Mask) -> Mask:
     return fits
 
 
-def _around(tip: Tip, matched: Mask, pins: Index) -> Mask | None:
+def _around(tip: TrackedTip, matched: Mask, pins: Index) -> Mask | None:
     """(n,) the matched pins round a place; None where they are too few to predict it."""
     p = tip.params
     if len(pins) > p.repair_largest * len(matched):
@@ -167,7 +169,7 @@ def _rows(mask: Mask) -> Index:
     return np.flatnonzero(mask).astype(np.int32)
 
 
-def _widened(tip: Tip, pins: Mask, rings: int, place: Index) -> Mask:
+def _widened(tip: TrackedTip, pins: Mask, rings: int, place: Index) -> Mask:
     """(n,) the pins with so many rings of neighbours around, and the place itself."""
     a, b = tip.lattice.edges.T
     wide = pins.copy()
@@ -177,7 +179,7 @@ def _widened(tip: Tip, pins: Mask, rings: int, place: Index) -> Mask:
     return wide
 
 
-def _places(tip: Tip, unmatched: Mask) -> list[Index]:
+def _places(tip: TrackedTip, unmatched: Mask) -> list[Index]:
     """Unmatched pins that are neighbours of each other, one array a place."""
     a, b = tip.lattice.edges.T
     tie = unmatched[a] & unmatched[b]
@@ -187,7 +189,7 @@ def _places(tip: Tip, unmatched: Mask) -> list[Index]:
     return [_rows(label == k) for k in np.unique(label[unmatched])]
 
 
-def _predicted(tip: Tip, now: Array, known: Mask, pins: Index) -> Array:
+def _predicted(tip: TrackedTip, now: Array, known: Mask, pins: Index) -> Array:
     """(k, 2) px, the thin plate through the known pins' motion, read at `pins`."""
     knots, at = tip.rest_xy[known] / tip.pitch_px, tip.rest_xy[pins] / tip.pitch_px
     middle = knots.mean(0)
@@ -208,7 +210,7 @@ def _plate(a: Array, b: Array) -> Array:
     return np.asarray(0.5 * square * np.log(np.maximum(square, 1e-12)), np.float64)
 
 
-def _plausible(tip: Tip, motion: Array, known: Mask, uncertain: Mask, complete: bool) -> bool:
+def _plausible(tip: TrackedTip, motion: Array, known: Mask, uncertain: Mask, complete: bool) -> bool:
     """Whether the skin is in one piece, unfolded and smooth, where it was uncertain."""
     p, lattice = tip.params, tip.lattice
     corner = lattice.triangles

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from edge.tracking.match import Links
-from edge.tracking.tip import Tip
+from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
 
 __all__ = ["Match", "MatchScorer", "largest_piece"]
@@ -69,7 +69,7 @@ class MatchScorer:
     links, bridges  neighbours that hang together, and pins further apart, across gaps
     """
 
-    def __init__(self, tip: Tip, links: Links, bridges: Links) -> None:
+    def __init__(self, tip: TrackedTip, links: Links, bridges: Links) -> None:
         self._tip = tip
         self._links, self._bridges = links, bridges
         self._adjacent_n = (tip.lattice.adjacent < len(tip)).sum(1)

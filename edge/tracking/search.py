@@ -26,7 +26,7 @@ from edge.tracking.coarse import CoarseFit
 from edge.tracking.match import Links, NearestBlob, RegionGrower
 from edge.tracking.repair import repair
 from edge.tracking.score import Match, MatchScorer, largest_piece
-from edge.tracking.tip import Tip
+from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
 
 __all__ = ["Identifier", "Identity"]
@@ -45,7 +45,7 @@ class Identity:
 
 
 @dataclass(frozen=True, slots=True)
-class _Blobs:
+class _BlobIndex:
     """xy (m, 2) px of all blobs, and which is nearest to a place."""
 
     xy: Array
@@ -55,7 +55,7 @@ class _Blobs:
 class Identifier:
     """Finds identities from one unordered set of blobs, without prior knowledge but the rest frame."""
 
-    def __init__(self, tip: Tip) -> None:
+    def __init__(self, tip: TrackedTip) -> None:
         p, lattice = tip.params, tip.lattice
         self._tip = tip
         first = lattice.edges[:, 0]
@@ -80,7 +80,7 @@ class Identifier:
         if len(blob_xy) < BLOBS_MIN:
             return Identity(np.full(len(self._tip), -1, np.int32), 0, 0.0)
         scorer = self._scorer
-        blobs = _Blobs(blob_xy, _nearest_blob(blob_xy, self._low, self._high, self._tip.params.raster_px))
+        blobs = _BlobIndex(blob_xy, _nearest_blob(blob_xy, self._low, self._high, self._tip.params.raster_px))
         best, alternatives = self._search(blobs, guesses or [])
         # A repair makes a match better in itself, but does not raise its margin over the alternatives.
         margin = min(scorer.margin(best, other) for other in alternatives)
@@ -91,7 +91,7 @@ class Identifier:
         matched = scorer.neighbour_consistent(blob_xy, blob, matched, inconsistent)
         return Identity(np.where(matched, blob, -1), best.agree_n, min(margin, scorer.quality(best)))
 
-    def _search(self, blobs: _Blobs, guesses: list[Array]) -> tuple[Match, list[Match]]:
+    def _search(self, blobs: _BlobIndex, guesses: list[Array]) -> tuple[Match, list[Match]]:
         """The best match and its alternatives; ends with a match that can be trusted, or after
         `regions_max`."""
         p = self._tip.params
@@ -115,7 +115,9 @@ class Identifier:
         others = [m for m in tried if m is not best and not m.contains(best.motion, best.agree, p.same_share)]
         return best, [alternative, *others]
 
-    def _climb(self, blobs: _Blobs, motion: Array, seed: Mask, regions_max: int) -> tuple[Match, Match, int]:
+    def _climb(
+        self, blobs: _BlobIndex, motion: Array, seed: Mask, regions_max: int
+    ) -> tuple[Match, Match, int]:
         """The match that grows from a seed, or the better one among its neighbours; its best alternative; and
         how many were grown.
         """
@@ -137,7 +139,7 @@ class Identifier:
             trusted &= best.deformation_cost < p.guess_cost_max
         return trusted
 
-    def _starts(self, blobs: _Blobs, guesses: list[Array]) -> Iterator[tuple[Array, Mask]]:
+    def _starts(self, blobs: _BlobIndex, guesses: list[Array]) -> Iterator[tuple[Array, Mask]]:
         """Motion (n, 2) and the pins (n,) to grow from: guesses unchanged, then coarse fits, best first."""
         p = self._tip.params
         for guess in guesses:
@@ -163,7 +165,7 @@ class Identifier:
             if np.count_nonzero(wide) > p.bridge_gain_min * np.count_nonzero(seed):
                 yield motions[h], wide
 
-    def _best_alternative(self, blobs: _Blobs, match: Match) -> Match:
+    def _best_alternative(self, blobs: _BlobIndex, match: Match) -> Match:
         """The best other match among those one lattice step away from this one."""
         predicted, _, gradient = self._tip.affine.predict(match.motion, match.known)
         steps, pitch = self._lattice_steps, self._tip.pitch_px
@@ -186,12 +188,12 @@ class Identifier:
         off = self._tip.adjacency.disagreement(motion, known)
         return np.asarray(np.sum(off < self._tip.params.agree * self._tip.local_pitch_px, axis=1), np.int32)
 
-    def _grow(self, blobs: _Blobs, motion: Array, seed: Mask) -> Match:
+    def _grow(self, blobs: _BlobIndex, motion: Array, seed: Mask) -> Match:
         blob, motion, known = self._region.grow(blobs.nearest, motion, seed)
         return self._scorer.score(blobs.xy, blob, motion, known)
 
 
-def _bridges(tip: Tip) -> Links:
+def _bridges(tip: TrackedTip) -> Links:
     """Links of all near pins, so that a piece may reach over a gap; the further apart two are, the more they
     may differ.
     """
@@ -204,7 +206,7 @@ def _bridges(tip: Tip) -> Links:
     return Links(len(tip), np.stack([row, beside], axis=1).astype(np.int32), limit)
 
 
-def _lattice_steps(tip: Tip) -> Array:
+def _lattice_steps(tip: TrackedTip) -> Array:
     """(10, n, 2) px, the steps that map a lattice onto itself: six directions, around the centre, in and
     out."""
     angle = np.arange(6) * np.pi / 3 + tip.lattice.direction_rad

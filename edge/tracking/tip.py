@@ -13,11 +13,11 @@ from edge.tracking.outliers import PhotometricFilter
 from edge.tracking.params import TrackingParams
 from edge.types import Array, Rest
 
-__all__ = ["Tip"]
+__all__ = ["TrackedTip"]
 
 
 @dataclass(frozen=True, slots=True)
-class Tip:
+class TrackedTip:
     """One tip at rest.
 
     rest         row i is pin i
@@ -39,7 +39,7 @@ class Tip:
     tangential: Array
 
     @classmethod
-    def of(cls, rest: Rest, params: TrackingParams | None = None) -> Tip:
+    def of(cls, rest: Rest, params: TrackingParams | None = None) -> TrackedTip:
         """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
         params = params or TrackingParams()
         lattice = Lattice(rest.xy_img, rest.pattern.pitch_px)

@@ -17,7 +17,7 @@ import numpy as np
 from edge.tracking.follow import Follower
 from edge.tracking.params import TrackingParams
 from edge.tracking.search import Identifier, Identity
-from edge.tracking.tip import Tip
+from edge.tracking.tip import TrackedTip
 from edge.types import Array, Pins, Rest, Tracks
 
 __all__ = ["Tracker"]
@@ -28,7 +28,7 @@ class Tracker:
 
     def __init__(self, rest: Rest, params: TrackingParams | None = None) -> None:
         """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
-        self._tip = Tip.of(rest, params)
+        self._tip = TrackedTip.of(rest, params)
         self._params = self._tip.params
         self._follower = Follower(self._tip.lattice, self._tip.photometric, self._params)
         self._identifier = Identifier(self._tip)

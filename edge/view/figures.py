@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from edge.errors import UsageError
+from edge.errors import InputError
 from edge.types import Array, Features, Frame, Tracks
 from edge.view.palette import FULL_CHANGE, PAPER, Bgr, Palette, cell_colours
 
@@ -30,7 +30,7 @@ def _figure(width_in: float, height_in: float) -> Any:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise UsageError(f"figures: {error}; install voronoi-touch[calib]") from error
+        raise InputError(f"figures: {error}; install voronoi-touch[calib]") from error
     made = Figure(figsize=(width_in, height_in), layout="constrained")
     FigureCanvasAgg(made)
     return made
@@ -168,10 +168,10 @@ def surface_figure(
     """The smooth surface of area change over the tip, in 3D; contacts as stars on its maxima.
 
     features.surface  must have been asked for
-    Raises            UsageError: it was not
+    Raises            InputError: it was not
     """
     if features.surface is None or features.grid_img is None:
-        raise UsageError("figures: no surface in these features; demand Feature.SURFACE and touch the tip")
+        raise InputError("figures: no surface in these features; demand Feature.SURFACE and touch the tip")
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from edge.errors import UsageError
+from edge.errors import InputError
 from edge.pipeline import Result
 from edge.types import Frame, Rest
 from edge.view.scene import CHART, Arrays, camera, hello, touch
@@ -29,7 +29,7 @@ from edge.worker.messages import Show
 from hostlink.web import Listen, PageServer, WebError, pack_packet
 from hostlink.wire import State
 
-__all__ = ["Page"]
+__all__ = ["LivePage"]
 
 RECENT = 256  # samples between two packets: 8 at 240 frames/s; a viewer that was slow loses the older ones
 BEAT_HZ = 4.0
@@ -53,7 +53,7 @@ VALUES = (
 )
 
 
-class Page:
+class LivePage:
     """The live page.
 
     source, serial  names of camera and tip
@@ -95,11 +95,11 @@ class Page:
         )
 
     def start(self) -> None:
-        """Serve the page. Raises UsageError."""
+        """Serve the page. Raises InputError."""
         try:
             self.server.start()
         except WebError as error:
-            raise UsageError(str(error)) from None
+            raise InputError(str(error)) from None
 
     def close(self) -> None:
         """End the page."""

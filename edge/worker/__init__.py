@@ -4,7 +4,7 @@
     worker.start(); loop.run(); worker.close()
 
     loop's process                                      second process (`python -m edge.worker`)
-    loop --after the sample has left--> Outbox ==memory==> Inbox --> Page --> browsers
+    loop --after the sample has left--> Outbox ==memory==> Inbox --> LivePage --> browsers
                                                                \\--> Recorder --> file
     commands, what viewers want      <----- control socket -----
 

@@ -51,7 +51,7 @@ from edge.worker.messages import (  # noqa: E402
     Wants,
 )
 from edge.worker.shared_memory import Inbox, receive  # noqa: E402
-from hostlink.web import Refused  # noqa: E402
+from hostlink.web import CommandRefused  # noqa: E402
 
 log = logging.getLogger("edge.worker")
 
@@ -81,9 +81,9 @@ class Worker:
             self._recording = FrameRecorder(self._recorder(Path(begin.record), begin.overwrite))
         self._page: Any = None
         if begin.listen is not None:
-            from edge.view.page import Page
+            from edge.view.page import LivePage
 
-            self._page = Page(
+            self._page = LivePage(
                 begin.listen,
                 begin.source,
                 begin.tip.get("serial", ""),
@@ -170,7 +170,7 @@ class Worker:
                 future.set_result(answer.refused)
 
     def _ask(self, what: str, force: bool = False) -> None:
-        """Have the loop do something. Raises Refused."""
+        """Have the loop do something. Raises CommandRefused."""
         number, future = next(self._numbers), Future[str]()
         self._pending[number] = future
         self._send(Ask(number, what, force))
@@ -179,7 +179,7 @@ class Worker:
         except TimeoutError:
             refused = "the loop does not answer"
         if refused:
-            raise Refused(refused)
+            raise CommandRefused(refused)
 
     # ---- commands of viewers, in worker threads -----------------------------------------------------
 
@@ -203,13 +203,13 @@ class Worker:
             folder.mkdir(parents=True, exist_ok=True)
             recorder = self._recorder(folder / name)
         except EdgeError as error:
-            raise Refused(str(error)) from None
+            raise CommandRefused(str(error)) from None
         except OSError as error:
-            raise Refused(f"{folder}: {error.strerror}; give another folder") from None
+            raise CommandRefused(f"{folder}: {error.strerror}; give another folder") from None
         self._recording = FrameRecorder(recorder)
         try:
             self._ask("start_recording")
-        except Refused:
+        except CommandRefused:
             self._recording = None
             recorder.close()
             raise
@@ -224,7 +224,7 @@ class Worker:
         recorder.close()
         frames_n = _frames_n(recorder)
         if recorder.fault:
-            raise Refused(f"{recorder.path.name}: {frames_n} frames, then {recorder.fault}")
+            raise CommandRefused(f"{recorder.path.name}: {frames_n} frames, then {recorder.fault}")
         lost = f", {recorder.dropped_n} messages lost" if recorder.dropped_n else ""
         return f"{recorder.path.name}: {frames_n} frames{lost}"
 

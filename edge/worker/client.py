@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from edge import errors
-from edge.errors import UsageError
+from edge.errors import InputError
 from edge.runtime.loop import Loop
 from edge.runtime.tare_state import TareBusy
 from edge.types import Feature
@@ -117,7 +117,7 @@ class WorkerClient:
         return self._outbox is not None
 
     def start(self) -> None:
-        """Start the process, and send to it from now on. Raises UsageError."""
+        """Start the process, and send to it from now on. Raises InputError."""
         self._start_process(str(self._config.record or ""))
         self._loop.result_callbacks.append(self.view.on_result)
         self._loop.tick_callbacks.append(self.view.on_tick)
@@ -175,7 +175,7 @@ class WorkerClient:
     # ---- the process ----------------------------------------------------------------------------------
 
     def _start_process(self, record: str) -> None:
-        """Raises UsageError: it cannot serve or record so."""
+        """Raises InputError: it cannot serve or record so."""
         outbox = Outbox(MEMORY_BYTES)
         control, far_control = pair()
         fds = (outbox.far_end.fileno(), far_control.fileno(), outbox.fd)
@@ -203,7 +203,7 @@ class WorkerClient:
             _end(self.process, END_S)
             if isinstance(ready, Ready):
                 raise getattr(errors, ready.kind)(ready.refused)
-            raise UsageError("view, record: the process for it ended at its start; see above for why")
+            raise InputError("view, record: the process for it ended at its start; see above for why")
         control.settimeout(None)
         if self._listen is not None:
             self._listen = Listen(self._listen.host, ready.port, self._listen.token)
@@ -304,7 +304,7 @@ class WorkerClient:
             return
         try:
             self._start_process("")
-        except UsageError as error:
+        except InputError as error:
             log.error("the live page has ended: %s", error)
 
 

@@ -21,7 +21,7 @@ from typing import Any
 from hostlink.client import Connection, Sample
 from hostlink.commands.monitor import Board, FingerRow
 from hostlink.errors import LinkError, VersionMismatch
-from hostlink.web import Listen, PageServer, Refused, pack_packet
+from hostlink.web import CommandRefused, Listen, PageServer, pack_packet
 
 __all__ = ["HandView"]
 
@@ -138,9 +138,9 @@ class HandView:
     def _tare(self, said: Mapping[str, Any]) -> str:
         node = said.get("finger")
         if type(node) is not int or node not in self._connection.fingers:
-            raise Refused("no such finger was heard")
+            raise CommandRefused("no such finger was heard")
         try:
             self._connection.fingers[node].tare(bool(said.get("force")))
         except LinkError as error:
-            raise Refused(f"finger {node}: {error}") from None
+            raise CommandRefused(f"finger {node}: {error}") from None
         return f"finger {node}: the new rest frame is in use"

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from hostlink.web.listen import TOKEN_VARIABLE, Listen, WebError, find_token, parse_listen
 from hostlink.web.packet import pack_packet, plain
-from hostlink.web.server import PageServer, Refused, shared_files
+from hostlink.web.server import CommandRefused, PageServer, shared_files
 
 __all__ = [
     "TOKEN_VARIABLE",
+    "CommandRefused",
     "Listen",
     "PageServer",
-    "Refused",
     "WebError",
     "find_token",
     "pack_packet",

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from hostlink.web.connections import Gate
 
-__all__ = ["PageServer", "Refused", "shared_files"]
+__all__ = ["CommandRefused", "PageServer", "shared_files"]
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +61,7 @@ _GOING_AWAY, _POLICY, _TRY_LATER, _DENIED = 1001, 1008, 1013, 4401
 Command = Callable[[Mapping[str, Any]], str]
 
 
-class Refused(Exception):
+class CommandRefused(Exception):
     """A command that cannot be done now; the words go to the viewer."""
 
 
@@ -335,7 +335,7 @@ class PageServer:
         else:
             try:
                 words, ok = await asyncio.to_thread(command, said), True
-            except Refused as error:
+            except CommandRefused as error:
                 words = str(error)
             except Exception as error:  # noqa: BLE001  (logged, and the page goes on)
                 self._failures.write(f"view: command {name} failed", error, logging.ERROR)

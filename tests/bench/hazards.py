@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from calib.sim import Blob, Camera, Contact, Look, Simulator, Tip, Tool, deform
+from calib.sim import Blob, Camera, Look, Simulator, Tip, Tool, ToolPose, deform
 from calib.sim.mechanics import Deformation
 from calib.sim.render import Renderer
 from calib.simulated_calibration import calibrate_simulated
@@ -39,7 +39,7 @@ RATE_HZ = 60.0
 TARE_N, DOWN_N, HOLD_N, SHEAR_N = 8, 20, 6, 12
 SPOILED_FROM = TARE_N + 4  # the tip is known and followed when things go wrong
 DARK = (20, 32)  # frames without light, or behind a hand: a fifth of a second here
-BALL = Contact(Tool("sphere", radius_mm=3.0), x_mm=3.0, y_mm=-2.0)
+BALL = ToolPose(Tool("sphere", radius_mm=3.0), x_mm=3.0, y_mm=-2.0)
 LOOK = Look(rim=120.0, leds=4)
 TIMES_CLEAN = 1.5
 # Where the clean error is next to nothing this is enough: a tenth of the project's aims (0.1 mm).
@@ -141,7 +141,7 @@ def _pin_radius(camera: Camera) -> float:
     return float(camera.tip.pin_radius_mm * np.median(camera.scale_px(deform(camera.tip, ()).tips_mm)))
 
 
-def poses(depth_mm: float, touched: bool) -> Iterator[tuple[Contact, ...]]:
+def poses(depth_mm: float, touched: bool) -> Iterator[tuple[ToolPose, ...]]:
     """Untouched, down, held, sheared; or as long untouched."""
     for _ in range(SPOILED_FROM):
         yield ()
@@ -169,7 +169,7 @@ class Outcome:
 
 
 @lru_cache(maxsize=512)
-def _deformed(tip: Tip, contacts: tuple[Contact, ...]) -> Deformation:
+def _deformed(tip: Tip, contacts: tuple[ToolPose, ...]) -> Deformation:
     return deform(tip, contacts)
 
 

@@ -24,7 +24,7 @@ from rich.progress import track
 from rich.table import Table
 from scipy.spatial import Delaunay
 
-from calib.sim import Camera, Contact, Tip, Tool, deform
+from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.pins import detect, take_rest
 from edge.tracking import Tracker
 from edge.types import Array, Image, Mask, PinPattern, Pins, Rest, Tracks
@@ -172,11 +172,11 @@ def simulated_rest(n_pins: int) -> tuple[Camera, Rest]:
     return camera, Rest(_pins(xy), pattern)
 
 
-def random_contact(rng: np.random.Generator) -> Contact:
+def random_contact(rng: np.random.Generator) -> ToolPose:
     """A press as hard and as oblique as in the published set, with any tool."""
     kind = str(rng.choice(["flat", "flat", "sphere", "edge", "two"]))
     angle, far = rng.uniform(0, 2 * np.pi), rng.uniform(0, 6)
-    return Contact(
+    return ToolPose(
         tool=Tool(kind, radius_mm=float(rng.uniform(2, 6)), angle_deg=float(rng.uniform(0, 180))),
         x_mm=float(far * np.cos(angle)),
         y_mm=float(far * np.sin(angle)),

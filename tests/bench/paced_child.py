@@ -148,6 +148,34 @@ def weight() -> dict[str, float]:
     return out
 
 
+class Weights:
+    """Resident memory over time, MB, and a line of progress on stderr.
+
+    every_s  None: every 5 s, and no lines
+    """
+
+    def __init__(self, meter: Meter, every_s: float | None, rate_hz: float) -> None:
+        self.mb: list[float] = []
+        self._meter, self._every_s, self._rate_hz = meter, every_s, rate_hz
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        every_s, meter = self._every_s or 5.0, self._meter
+        while not self._done.wait(every_s):
+            self.mb.append(weight()["VmRSS"])
+            if self._every_s:
+                recent = meter.age_us[max(0, meter.n - round(every_s * self._rate_hz)) : meter.n]
+                p50, p99 = np.percentile(recent, (50, 99)) if len(recent) else (0.0, 0.0)
+                line = f"{meter.n} frames, {self.mb[-1]:.1f} MB, p50 {p50:.0f} us, p99 {p99:.0f} us"
+                print(line, file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        self._done.set()
+        self._thread.join()
+
+
 def main(options: dict[str, Any]) -> dict[str, Any]:
     """Run, and say what was measured."""
     if options.get("realtime"):  # as deploy/realtime.conf has it
@@ -162,25 +190,10 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
     node = Node(sink, LoopDevice(app, "bench"))
     meter = Meter(n, app)
     app.sinks += [node, meter]
-    weights: list[float] = []
-    done = threading.Event()
-
-    def watch() -> None:
-        every_s = float(options.get("every_s", 5.0))
-        while not done.wait(every_s):
-            weights.append(weight()["VmRSS"])
-            if "every_s" in options:
-                recent = meter.age_us[max(0, meter.n - round(every_s * rate_hz)) : meter.n]
-                p50, p99 = np.percentile(recent, (50, 99)) if len(recent) else (0.0, 0.0)
-                line = f"{meter.n} frames, {weights[-1]:.1f} MB, p50 {p50:.0f} us, p99 {p99:.0f} us"
-                print(line, file=sys.stderr, flush=True)
-
-    watcher = threading.Thread(target=watch, daemon=True)
-    watcher.start()
+    weights = Weights(meter, options.get("every_s"), rate_hz)
     statistics = app.run()
     ended_s, cpu_s = time.monotonic(), time.process_time()
-    done.set()
-    watcher.join()
+    weights.close()
     heavy = weight()
     node.close()
     listener.close()
@@ -210,7 +223,7 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
         "startup_s": meter.first_s - options["started_s"],
         "rss_mb": heavy["VmRSS"],
         "rss": heavy,
-        "rss_over_time_mb": weights,
+        "rss_over_time_mb": weights.mb,
         "frames_mb": images.nbytes / 2**20,
         "modules_n": len(sys.modules),
         "statistics": asdict(statistics),

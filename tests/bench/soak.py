@@ -79,7 +79,7 @@ from edge.types import Feature
 from edge.worker import WorkerClient, WorkerConfig
 from hostlink import connect
 from hostlink.client import Sample
-from hostlink.errors import LinkError, UsageError
+from hostlink.errors import InputError, LinkError
 from hostlink.output_file import find_unfinished
 from hostlink.web import parse_listen
 from hostlink.wire import CanIds, FaultCode, Kind, State, Status
@@ -732,7 +732,7 @@ def attack(outcome: Outcome, random: Random, folder: Path) -> None:
         for data in _hostile_calibrations():
             try:
                 finger.upload_calibration(data)
-            except (LinkError, UsageError):
+            except (LinkError, InputError):
                 outcome.counts["hostile uploads refused"] += 1
             else:
                 outcome.fail(f"a hostile upload of {len(data)} bytes was accepted")

@@ -23,7 +23,7 @@ from rich.table import Table
 
 from edge.pins import CentroidRefiner, detect, take_rest
 from edge.tracking import Tracker
-from edge.tracking.tip import Tip
+from edge.tracking.tip import TrackedTip
 from edge.types import Array, Image, Rest, Tracks
 from tests.bench.identity import REAL, RESULTS, picture
 
@@ -85,7 +85,7 @@ def run(images: Sequence[Image], rest: Rest) -> tuple[list[Tracks], int]:
 
 
 def judge(video: str, way: str, rest: Rest, tracks: list[Tracks], searched: int, back: bool) -> Play:
-    tip = Tip.of(rest)
+    tip = TrackedTip.of(rest)
     pitch = rest.pattern.pitch_px
     sure = [t for t in tracks if t.confidence >= Tracks.LOW_CONFIDENCE]
     nearest, leaps, before = np.inf, 0, None

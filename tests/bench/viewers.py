@@ -27,6 +27,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -38,13 +39,16 @@ from rich.table import Table
 from edge.runtime.loop import Loop
 from edge.runtime.process import limit_threads
 from edge.sources import Paced
+from edge.types import Frame
 from edge.worker import WorkerClient, WorkerConfig
 from hostlink.web import parse_listen
 from hostlink.web.limits import WebLimits
+from hostlink.wire import State
 from tests.bench.frames import scene
 
 PHASES = {"nobody": 0, "one": 1, "two": 2, "crowd": WebLimits().viewers_n, "coming": -100, "recording": 0}
-SETTLE_S = 1.0
+TOKEN = "bench-token"
+IDLE_S = 60.0  # a viewer that has left is noticed long before
 
 
 class _Frames:
@@ -138,6 +142,82 @@ def _be_watched(url: str, viewers_n: int, seconds: float, begin: Callable[[], No
         return int(child.stdout.readline())
 
 
+class _Meter:
+    """Times of the loop's turns, and of when nothing but the loop runs."""
+
+    def __init__(self, loop: Loop, worker: WorkerClient) -> None:
+        self.loop, self.worker = loop, worker
+        self._idle = threading.Event()
+        self._begun_ns = 0
+        self.sent_us: list[float] = []
+        self.turn_us: list[float] = []
+        self._step, self._send, self._end_turn = loop.step, loop._send, loop._end_turn
+        for name, timed in (("step", self._stepped), ("_send", self._sent), ("_end_turn", self._ended)):
+            setattr(loop, name, timed)
+
+    def _stepped(self, frame: Frame) -> State:
+        self._begun_ns = time.perf_counter_ns()
+        return self._step(frame)
+
+    def _sent(self, *arguments: Any) -> State:
+        state = self._send(*arguments)
+        self.sent_us.append((time.perf_counter_ns() - self._begun_ns) / 1e3)
+        return state
+
+    def _ended(self) -> None:
+        self._end_turn()
+        self.turn_us.append((time.perf_counter_ns() - self._begun_ns) / 1e3)
+        if self.loop.last is not None and not self.worker.view.watched and not self.loop.session.recorder:
+            self._idle.set()
+
+    def begin(self) -> None:
+        """What was timed before does not count."""
+        self.sent_us.clear()
+        self.turn_us.clear()
+
+    def wait_until_idle(self) -> None:
+        """Until a turn ends that has a rest frame, and that nobody watches or records."""
+        self._idle.clear()
+        if not self._idle.wait(IDLE_S):
+            raise RuntimeError(f"the loop is watched or recorded for {IDLE_S:g} s after the last viewer left")
+
+
+@dataclass(slots=True)
+class _Phase:
+    """What was measured in a phase, over all rounds.
+
+    skipped_n      frames that the loop did not take; lost_n: messages that were not recorded
+    cpu_s, rss_mb  of the loop's process and of the worker
+    """
+
+    sent_us: list[float] = field(default_factory=list)
+    turn_us: list[float] = field(default_factory=list)
+    packets_n: int = 0
+    skipped_n: int = 0
+    lost_n: int = 0
+    elapsed_s: float = 0.0
+    cpu_s: tuple[float, float] = (0.0, 0.0)
+    rss_mb: tuple[float, float] = (0.0, 0.0)
+
+    def row(self, viewers_n: int, watched_s: float) -> dict[str, float]:
+        """Its figures; viewers were there for so long."""
+        p50, p99, p999 = np.percentile(self.sent_us, (50, 99, 99.9))
+        packets_hz = self.packets_n / viewers_n / watched_s if viewers_n > 0 else 0.0
+        return {
+            "frames": len(self.sent_us),
+            "p50_us": float(p50),
+            "p99_us": float(p99),
+            "p99.9_us": float(p999),
+            "turn_p50_us": float(np.percentile(self.turn_us, 50)),
+            "turn_p99_us": float(np.percentile(self.turn_us, 99)),
+            "packets_hz": packets_hz,
+            "loop_load_%": 100 * self.cpu_s[0] / self.elapsed_s,
+            "worker_load_%": 100 * self.cpu_s[1] / self.elapsed_s,
+            "rss_mb": self.rss_mb[0],
+            "worker_rss_mb": self.rss_mb[1],
+        }
+
+
 def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> dict[str, Any]:
     """Run all phases, with the processor shared as the app shares it.
 
@@ -145,113 +225,66 @@ def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> 
     """
     limit_threads()
     source = Paced(_Frames(rate_hz), rate_hz, loop=True)
-    app = Loop(source, [])
+    loop = Loop(source, [])
+    phases = {name: _Phase() for name in PHASES}
+
+    def run() -> None:
+        if fifo:  # of this thread and of the camera's, which it starts
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+        loop.run()
+
     with tempfile.TemporaryDirectory(prefix="viewers-") as folder:
-        token = "bench-token"
-        worker = WorkerClient(app, WorkerConfig(parse_listen("127.0.0.1:0", token), recordings=Path(folder)))
+        listen = parse_listen("127.0.0.1:0", TOKEN)
+        worker = WorkerClient(loop, WorkerConfig(listen, recordings=Path(folder)))
         worker.start()
-        assert worker.process is not None
-        sent_us: list[float] = []
-        turn_us: list[float] = []
-        step, end_turn, send = app.step, app._end_turn, app._send
-        begun_ns = 0
-
-        def stepped(frame: Any) -> Any:
-            nonlocal begun_ns
-            begun_ns = time.perf_counter_ns()
-            return step(frame)
-
-        def sent(*arguments: Any) -> Any:
-            state = send(*arguments)
-            sent_us.append((time.perf_counter_ns() - begun_ns) / 1e3)
-            return state
-
-        def ended() -> None:
-            end_turn()
-            turn_us.append((time.perf_counter_ns() - begun_ns) / 1e3)
-
-        for name, timed in (("step", stepped), ("_send", sent), ("_end_turn", ended)):
-            setattr(app, name, timed)
-
-        def run() -> None:
-            if fifo:  # of this thread and of the camera's, which it starts
-                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
-            app.run()
-
-        loop = threading.Thread(target=run)
-        loop.start()
-        time.sleep(3 * SETTLE_S)
-        url = f"http://127.0.0.1:{worker.port}/live"
-        taken: dict[str, list[list[float]]] = {name: [[], []] for name in PHASES}
-        packets: dict[str, int] = dict.fromkeys(PHASES, 0)
-        cpu_s: dict[str, list[float]] = {name: [0.0, 0.0] for name in PHASES}
-        elapsed_s: dict[str, float] = dict.fromkeys(PHASES, 0.0)
-        rss_mb: dict[str, tuple[float, float]] = {}
-        dropped_n, lost_n = 0, 0
-        pids = (os.getpid(), worker.process.pid)
-
-        def begin() -> None:
-            sent_us.clear()
-            turn_us.clear()
-
+        meter = _Meter(loop, worker)
+        thread = threading.Thread(target=run)
+        thread.start()
         for _ in range(rounds):
-            for name, viewers_n in PHASES.items():
-                time.sleep(SETTLE_S)
-                before_s, since_s = [_cpu_s(pid) for pid in pids], time.monotonic()
-                before_n = source.dropped_n
-                if viewers_n:
-                    packets[name] += _be_watched(url, viewers_n, seconds, begin)
-                elif name == "recording":
-                    asyncio.run(_press(url, token, "record"))
-                    begin()
-                    time.sleep(seconds)
-                else:
-                    begin()
-                    time.sleep(seconds)
-                taken[name][0] += sent_us
-                taken[name][1] += turn_us
-                elapsed_s[name] += time.monotonic() - since_s
-                for k, pid in enumerate(pids):
-                    cpu_s[name][k] += _cpu_s(pid) - before_s[k]
-                if name == "recording":
-                    lost_n += worker.recording.dropped_n
-                    asyncio.run(_press(url, token, "record"))
-                    dropped_n += source.dropped_n - before_n
-                    for path in Path(folder).glob("*.mcap"):
-                        path.unlink()
-                gc.collect()
-                rss_mb[name] = (_rss_mb(pids[0]), _rss_mb(pids[1]))
+            for name, phase in phases.items():
+                meter.wait_until_idle()
+                _run_phase(name, phase, meter, seconds)
+                for path in Path(folder).glob("*.mcap"):
+                    path.unlink()
         cut_off_n = worker.page.cut_off_n
-        app.stop()
+        loop.stop()
         source.close()
-        loop.join()
+        thread.join()
         worker.close()
-    rows = {}
-    for name, (to_send, to_end) in taken.items():
-        p50, p99, p999 = np.percentile(to_send, (50, 99, 99.9))
-        each = packets[name] / rounds / max(1, PHASES[name]) / seconds if PHASES[name] > 0 else 0.0
-        rows[name] = {
-            "frames": len(to_send),
-            "p50_us": float(p50),
-            "p99_us": float(p99),
-            "p99.9_us": float(p999),
-            "turn_p50_us": float(np.percentile(to_end, 50)),
-            "turn_p99_us": float(np.percentile(to_end, 99)),
-            "packets_hz": each,
-            "loop_load_%": 100 * cpu_s[name][0] / elapsed_s[name],
-            "aside_load_%": 100 * cpu_s[name][1] / elapsed_s[name],
-            "rss_mb": rss_mb[name][0],
-            "aside_rss_mb": rss_mb[name][1],
-        }
     return {
         "rate_hz": rate_hz,
         "rounds": rounds,
         "seconds": seconds,
-        "phases": rows,
+        "phases": {name: phase.row(PHASES[name], seconds * rounds) for name, phase in phases.items()},
         "cut_off_n": cut_off_n,
-        "recording_lost_n": lost_n,
-        "recording_skipped_n": dropped_n,
+        "recording_lost_n": phases["recording"].lost_n,
+        "recording_skipped_n": phases["recording"].skipped_n,
     }
+
+
+def _run_phase(name: str, phase: _Phase, meter: _Meter, seconds: float) -> None:
+    worker, source = meter.worker, meter.loop.source
+    assert worker.process is not None
+    url, pids = f"http://127.0.0.1:{worker.port}/live", (os.getpid(), worker.process.pid)
+    before_s, since_s, before_n = [_cpu_s(pid) for pid in pids], time.monotonic(), source.dropped_n
+    if PHASES[name]:
+        phase.packets_n += _be_watched(url, PHASES[name], seconds, meter.begin)
+    else:
+        if name == "recording":
+            asyncio.run(_press(url, TOKEN, "record"))
+        meter.begin()
+        time.sleep(seconds)
+    phase.sent_us += meter.sent_us
+    phase.turn_us += meter.turn_us
+    phase.elapsed_s += time.monotonic() - since_s
+    used_s = [_cpu_s(pid) - before for pid, before in zip(pids, before_s, strict=True)]
+    phase.cpu_s = (phase.cpu_s[0] + used_s[0], phase.cpu_s[1] + used_s[1])
+    phase.skipped_n += source.dropped_n - before_n
+    if name == "recording":
+        phase.lost_n += worker.recording.dropped_n
+        asyncio.run(_press(url, TOKEN, "record"))
+    gc.collect()
+    phase.rss_mb = (_rss_mb(pids[0]), _rss_mb(pids[1]))
 
 
 @click.command()

@@ -11,7 +11,7 @@ from calib.errors import ProtocolError
 from calib.protocols import PROTOCOLS, load_protocol
 from calib.rig import Pose
 from calib.sim import Tip, deform
-from calib.sim.mechanics import Contact
+from calib.sim.mechanics import ToolPose
 
 
 def sampled(name: str) -> list[Pose]:
@@ -55,7 +55,7 @@ def test_every_protocol_starts_untouched_and_can_be_done(name: str) -> None:
     tip = Tip(127)
     for step in plan.steps[:: max(1, len(plan.steps) // 12)]:
         fields = {n: getattr(step.pose, n) for n in Pose.__dataclass_fields__}
-        deform(tip, (Contact(tool=step.tool, **fields),))
+        deform(tip, (ToolPose(tool=step.tool, **fields),))
 
 
 def test_contacts_hold_single_places_and_pairs_from_4_mm_on() -> None:

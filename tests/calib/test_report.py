@@ -12,11 +12,12 @@ from calib.__main__ import cli
 from calib.errors import TableError
 from calib.fit import fit
 from calib.report import plots, slip, study
-from calib.report.command import Check, edges
-from calib.report.page import Page, model_table, write_page
+from calib.report.command import edges
+from calib.report.page import ReportPage, model_table, write_page
 from calib.report.pairs import pairs, resolvable_mm, shares
+from calib.report.sections import Check
 from calib.rig.simulated import Simulation
-from calib.sim import Camera, Contact, Simulator, Tip, Tool
+from calib.sim import Camera, Simulator, Tip, Tool, ToolPose
 from edge.pipeline import Pipeline, Result
 from edge.runtime.tare import tare
 from edge.types import Frame, Rest
@@ -31,7 +32,7 @@ def pressed() -> tuple[Rest, list[Frame], list[Result]]:
     simulator = Simulator(Camera(tip=Tip(127, "hex"), size_px=(240, 240)))
     rest = tare([simulator.frame().image for _ in range(3)], np.inf)
     pipeline = Pipeline(rest)
-    frames = [simulator.frame((Contact(Tool("flat"), depth_mm=float(d)),)) for d in DEPTHS]
+    frames = [simulator.frame((ToolPose(Tool("flat"), depth_mm=float(d)),)) for d in DEPTHS]
     return rest, frames, [pipeline.process(frame, even_unsure=True) for frame in frames]
 
 
@@ -71,7 +72,7 @@ def test_richer_shear_models_are_closer_where_the_law_has_products() -> None:
 def test_a_page_shows_terms_weights_and_no_markup_of_its_texts(tmp_path: Path) -> None:
     extract, values = make(100, noise=0.02)
     _, choices = fit(REST, targets(values), extract, mm_per_px=None)
-    page = Page("A & B")
+    page = ReportPage("A & B")
     section = page.section("<models>")
     section.text("1 < 2")
     model_table(section, choices)

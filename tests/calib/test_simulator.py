@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Voronoi
 
-from calib.sim import Camera, Contact, Look, Simulator, Tip, Tool, deform, layout, ugly
+from calib.sim import Camera, Look, Simulator, Tip, Tool, ToolPose, deform, layout, ugly
 from calib.sim.render import Blob, Renderer
 from calib.sim.script import REST_FRAMES, SCENES, play
 from calib.sim.source import open_sim
@@ -33,12 +33,12 @@ CENTRE = CAMERA.centre_img
 QUIET = Look(read_noise=0.0, shot_noise=0.0, unevenness=0.0, vignetting=0.0)
 
 
-def motion_of(*contacts: Contact, camera: Camera = CAMERA) -> Array:
+def motion_of(*contacts: ToolPose, camera: Camera = CAMERA) -> Array:
     """(n, 2) px since rest."""
     return camera.project(deform(camera.tip, contacts).tips_mm) - camera.project(camera.tip.tips_mm)
 
 
-def area_change(*contacts: Contact) -> Array:
+def area_change(*contacts: ToolPose) -> Array:
     """(n,) relative change of each pin's Voronoi cell; NaN where a cell reaches out of the pins."""
 
     def areas(xy: Array) -> Array:
@@ -87,14 +87,14 @@ def test_a_layout_that_cannot_be_says_what_could(kind: str, n: int, right: str) 
 
 def test_nothing_touching_leaves_the_pins_where_they_are() -> None:
     assert not motion_of().any()
-    assert not motion_of(Contact(depth_mm=0.0), Contact(depth_mm=-1.0)).any()
+    assert not motion_of(ToolPose(depth_mm=0.0), ToolPose(depth_mm=-1.0)).any()
 
 
 @settings(max_examples=15, deadline=None)
 @given(x=st.floats(-9, 9), y=st.floats(-9, 9), depth=st.floats(0.5, 2.5))
 def test_pins_move_outward_from_the_contact_not_from_the_axis(x: float, y: float, depth: float) -> None:
     """The paper: "under normal forces the centroids move radially from the point of contact"."""
-    contact = Contact(Tool("sphere", 3.0), x_mm=x, y_mm=y, depth_mm=depth)
+    contact = ToolPose(Tool("sphere", 3.0), x_mm=x, y_mm=y, depth_mm=depth)
     place = np.array(Simulator(CAMERA, QUIET).frame((contact,)).truth["places_img"][0])  # type: ignore[index]
     moved = motion_of(contact)
     away = REST - place
@@ -106,11 +106,11 @@ def test_pins_move_outward_from_the_contact_not_from_the_axis(x: float, y: float
 
 
 @pytest.mark.parametrize("contact", [
-    Contact(depth_mm=3.0),
-    Contact(Tool("sphere", 3.0), x_mm=6.0, y_mm=-4.0, depth_mm=2.0),
-    Contact(depth_mm=3.0, tilt_y_deg=15.0),
+    ToolPose(depth_mm=3.0),
+    ToolPose(Tool("sphere", 3.0), x_mm=6.0, y_mm=-4.0, depth_mm=2.0),
+    ToolPose(depth_mm=3.0, tilt_y_deg=15.0),
 ])  # fmt: skip
-def test_cells_grow_at_the_contact_and_shrink_around_it(contact: Contact) -> None:
+def test_cells_grow_at_the_contact_and_shrink_around_it(contact: ToolPose) -> None:
     place = np.array(Simulator(CAMERA, QUIET).frame((contact,)).truth["places_img"][0])  # type: ignore[index]
     change = area_change(contact)
     far = np.hypot(*(REST - place).T)
@@ -123,34 +123,38 @@ def test_cells_grow_at_the_contact_and_shrink_around_it(contact: Contact) -> Non
 @pytest.mark.parametrize("angle_deg", range(0, 360, 40))
 def test_mean_motion_points_where_the_shear_does(angle_deg: int) -> None:
     a = np.deg2rad(angle_deg)
-    x, y = motion_of(Contact(depth_mm=3.0, shear_x_mm=2 * np.cos(a), shear_y_mm=2 * np.sin(a))).mean(axis=0)
+    x, y = motion_of(ToolPose(depth_mm=3.0, shear_x_mm=2 * np.cos(a), shear_y_mm=2 * np.sin(a))).mean(axis=0)
     error = (np.rad2deg(np.arctan2(y, x)) - angle_deg + 180) % 360 - 180
     assert abs(error) < 0.5
 
 
 def test_shear_carries_the_contact_along_and_slips_from_its_edge() -> None:
-    slips = [deform(CAMERA.tip, (Contact(depth_mm=3.0, shear_x_mm=s),)).slip[0] for s in (0.1, 0.5, 2.0, 8.0)]
+    slips = [
+        deform(CAMERA.tip, (ToolPose(depth_mm=3.0, shear_x_mm=s),)).slip[0] for s in (0.1, 0.5, 2.0, 8.0)
+    ]
     assert slips == sorted(slips)
     assert slips[0] < 0.3
     assert slips[-1] == 1.0
     inner = np.hypot(*(REST - CENTRE).T) < 15
-    carried = (motion_of(Contact(depth_mm=3.0, shear_x_mm=1.0)) - motion_of(Contact(depth_mm=3.0)))[inner, 0]
+    carried = (motion_of(ToolPose(depth_mm=3.0, shear_x_mm=1.0)) - motion_of(ToolPose(depth_mm=3.0)))[
+        inner, 0
+    ]
     per_mm = CAMERA.scale_px(np.array([[0.0, 0.0, 15.0]]))[0]
     np.testing.assert_allclose(carried, per_mm, rtol=0.2)
 
 
 def test_tool_slides_over_the_skin_by_what_friction_does_not_carry() -> None:
-    slid = [deform(CAMERA.tip, (Contact(depth_mm=2.0, shear_x_mm=s),)).slid_mm[0] for s in (0.2, 4.0, 6.0)]
+    slid = [deform(CAMERA.tip, (ToolPose(depth_mm=2.0, shear_x_mm=s),)).slid_mm[0] for s in (0.2, 4.0, 6.0)]
     assert np.hypot(*slid[0]) < 0.05
     # All of it slides by then: every further mm of the tool is a mm over the skin.
     np.testing.assert_allclose(slid[2] - slid[1], [2.0, 0.0], atol=0.05)
-    held = deform(CAMERA.tip, (Contact(depth_mm=2.0),))
+    held = deform(CAMERA.tip, (ToolPose(depth_mm=2.0),))
     assert not held.slid_mm.any()
 
 
 def test_crescent_of_shrunken_cells_lies_in_the_direction_of_shear() -> None:
     """The paper: "a clear increase in sensor expansion in a crescent ... in the direction of shear"."""
-    change = area_change(Contact(depth_mm=3.0, shear_x_mm=1.5))
+    change = area_change(ToolPose(depth_mm=3.0, shear_x_mm=1.5))
     x = (REST - CENTRE)[:, 0]
     ring = (np.abs(np.hypot(*(REST - CENTRE).T) - 90) < 30) & (np.abs(x) > 60)
     assert np.nanmean(change[ring & (x > 0)]) < np.nanmean(change[ring & (x < 0)]) - 0.05
@@ -158,7 +162,7 @@ def test_crescent_of_shrunken_cells_lies_in_the_direction_of_shear() -> None:
 
 @pytest.mark.parametrize("distance", [6.0, 8.0, 10.0])
 def test_two_contacts_are_two_maxima(distance: float) -> None:
-    contact = Contact(Tool("two", 1.5, angle_deg=0.0, distance_mm=distance), depth_mm=2.0)
+    contact = ToolPose(Tool("two", 1.5, angle_deg=0.0, distance_mm=distance), depth_mm=2.0)
     change = area_change(contact)
     places = np.array(Simulator(CAMERA, QUIET).frame((contact,)).truth["places_img"])  # type: ignore[index]
     assert len(places) == 2
@@ -171,7 +175,7 @@ def test_two_contacts_are_two_maxima(distance: float) -> None:
 
 
 def test_bar_stretches_the_cells_along_itself() -> None:
-    contact = Contact(Tool("edge", 1.5, angle_deg=30.0), depth_mm=2.0)
+    contact = ToolPose(Tool("edge", 1.5, angle_deg=30.0), depth_mm=2.0)
     change = np.nan_to_num(area_change(contact)).clip(0)
     change[change < 0.3 * change.max()] = 0
     d = REST - CENTRE
@@ -183,7 +187,7 @@ def test_bar_stretches_the_cells_along_itself() -> None:
 
 
 def test_twist_turns_the_pins_about_the_contact() -> None:
-    moved = motion_of(Contact(depth_mm=3.0, twist_deg=5.0)) - motion_of(Contact(depth_mm=3.0))
+    moved = motion_of(ToolPose(depth_mm=3.0, twist_deg=5.0)) - motion_of(ToolPose(depth_mm=3.0))
     d = REST - CENTRE
     r = np.hypot(*d.T)
     inner = (r > 5) & (r < 40)
@@ -193,7 +197,7 @@ def test_twist_turns_the_pins_about_the_contact() -> None:
 
 def test_displacement_is_smooth_and_monotone_in_depth_and_force_is_stiffening() -> None:
     depths = np.arange(0.2, 5.01, 0.2)
-    states = [deform(CAMERA.tip, (Contact(depth_mm=float(z)),)) for z in depths]
+    states = [deform(CAMERA.tip, (ToolPose(depth_mm=float(z)),)) for z in depths]
     force = np.array([s.forces_n[0] for s in states])
     assert (np.diff(force, 2) > -0.01).all()
     outward = np.array([np.hypot(*(CAMERA.project(s.tips_mm) - REST).T).mean() for s in states])
@@ -202,7 +206,7 @@ def test_displacement_is_smooth_and_monotone_in_depth_and_force_is_stiffening() 
 
 
 def test_tilt_moves_the_place_of_a_flat_contact() -> None:
-    place = deform(CAMERA.tip, (Contact(depth_mm=2.0, tilt_y_deg=10.0),)).places_mm[0]
+    place = deform(CAMERA.tip, (ToolPose(depth_mm=2.0, tilt_y_deg=10.0),)).places_mm[0]
     np.testing.assert_allclose(place, [20 * np.sin(np.deg2rad(10)), 0], atol=1e-9)
 
 
@@ -211,15 +215,16 @@ def test_mirrored_contacts_move_mirrored_pins() -> None:
     rest = camera.project(camera.tip.tips_mm) - camera.centre_img
     mirror = np.argmin(np.hypot(*(rest * [-1, 1] - rest[:, None]).transpose(2, 0, 1)), axis=0)
     tool = Tool("sphere", 2.0)
-    right = motion_of(Contact(tool, x_mm=5.0, y_mm=2.0, depth_mm=2.0, shear_x_mm=0.5), camera=camera)
-    left = motion_of(Contact(tool, x_mm=-5.0, y_mm=2.0, depth_mm=2.0, shear_x_mm=-0.5), camera=camera)
+    right = motion_of(ToolPose(tool, x_mm=5.0, y_mm=2.0, depth_mm=2.0, shear_x_mm=0.5), camera=camera)
+    left = motion_of(ToolPose(tool, x_mm=-5.0, y_mm=2.0, depth_mm=2.0, shear_x_mm=-0.5), camera=camera)
     np.testing.assert_allclose(left[mirror] * [-1, 1], right, atol=0.02)
 
 
 @pytest.mark.parametrize(
-    "contact", [Contact(Tool("sphere"), x_mm=19.5, depth_mm=1.0), Contact(depth_mm=1.0, tilt_x_deg=80.0)]
+    "contact",
+    [ToolPose(Tool("sphere"), x_mm=19.5, depth_mm=1.0), ToolPose(depth_mm=1.0, tilt_x_deg=80.0)],
 )
-def test_contact_past_the_rim_is_refused(contact: Contact) -> None:
+def test_contact_past_the_rim_is_refused(contact: ToolPose) -> None:
     with pytest.raises(ValueError, match="rim"):
         deform(CAMERA.tip, (contact,))
 
@@ -233,7 +238,7 @@ def test_contact_past_the_rim_is_refused(contact: Contact) -> None:
 )
 def test_intensity_centroid_of_every_disc_is_its_true_centre(camera: Camera, blur_px: float) -> None:
     look = Look(0.0, 150.0, blur_px, 0.0, unevenness=0.0, read_noise=0.0, shot_noise=0.0, bits=12)
-    state = deform(camera.tip, (Contact(depth_mm=1.0),))
+    state = deform(camera.tip, (ToolPose(depth_mm=1.0),))
     w, h = camera.size_px
     for i in range(0, 127, 21):  # alone in the image, so that the sums hold one disc whole and nothing else
         alone = replace(look, dead=frozenset(range(127)) - {i})
@@ -245,7 +250,7 @@ def test_intensity_centroid_of_every_disc_is_its_true_centre(camera: Camera, blu
 
 
 def test_same_seed_same_bytes_other_seed_other_noise() -> None:
-    contact = (Contact(depth_mm=2.0, shear_x_mm=0.5),)
+    contact = (ToolPose(depth_mm=2.0, shear_x_mm=0.5),)
     frames = [Simulator(SMALL, seed=s).frame(contact) for s in (5, 5, 6)]
     assert frames[0].image.tobytes() == frames[1].image.tobytes()
     assert frames[0].image.tobytes() != frames[2].image.tobytes()
@@ -288,9 +293,9 @@ def test_dead_pins_are_dark_and_said_to_be_invisible() -> None:
 def test_motion_blur_smears_along_the_way_and_truth_is_at_mid_exposure() -> None:
     look = Look(0.0, 150.0, 0.8, 0.0, unevenness=0.0, read_noise=0.0, shot_noise=0.0, bits=12)
     simulator = Simulator(SMALL, look, exposure=0.8)
-    before = simulator.frame((Contact(depth_mm=3.0),))
-    after = simulator.frame((Contact(depth_mm=3.0, shear_x_mm=1.0),))
-    still = Simulator(SMALL, look).frame((Contact(depth_mm=3.0, shear_x_mm=1.0),))
+    before = simulator.frame((ToolPose(depth_mm=3.0),))
+    after = simulator.frame((ToolPose(depth_mm=3.0, shear_x_mm=1.0),))
+    still = Simulator(SMALL, look).frame((ToolPose(depth_mm=3.0, shear_x_mm=1.0),))
     a, b, mid = (np.array((f.truth or {})["pins_img"]) for f in (before, still, after))
     np.testing.assert_allclose(mid, b - 0.4 * (b - a), atol=1e-4)
     x, y = mid[0]
@@ -323,7 +328,7 @@ def test_ugly_light_hides_no_truth_and_differs_by_seed() -> None:
 
 
 def test_truth_is_json_and_complete() -> None:
-    frame = Simulator(SMALL).frame((Contact(Tool("two"), depth_mm=1.5, shear_y_mm=0.3, twist_deg=2.0),))
+    frame = Simulator(SMALL).frame((ToolPose(Tool("two"), depth_mm=1.5, shear_y_mm=0.3, twist_deg=2.0),))
     truth = json.loads(json.dumps(frame.truth))
     assert len(truth["places_mm"]) == len(truth["places_img"]) == len(truth["forces_n"]) == 2
     assert truth["depth_mm"] == 1.5
@@ -432,7 +437,7 @@ def test_flat_press_moves_the_pins_as_on_a_published_frame(real_dir: Path) -> No
         return np.array([np.nanmean(outward[rings == k]) for k in range(1, 6)])
 
     real = profile(rest.xy_img, tracks.xy_img - rest.xy_img)
-    ours = profile(REST, motion_of(Contact(depth_mm=2.79)))
+    ours = profile(REST, motion_of(ToolPose(depth_mm=2.79)))
     assert np.argmax(ours) in (np.argmax(real) - 1, np.argmax(real))
     assert ours.sum() == pytest.approx(real.sum(), rel=0.4)
     assert np.corrcoef(ours, real)[0, 1] > 0.5

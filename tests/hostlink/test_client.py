@@ -18,7 +18,7 @@ import pytest
 
 import hostlink
 from edge.errors import CalibrationError, SinkError
-from edge.link.node import Node, Refused
+from edge.link.node import Node, RequestRefused
 from edge.link.sinks import CanClassicSink, CanSink, SerialSink, open_sink
 from edge.runtime.settings import SettingsFile
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState
@@ -77,7 +77,7 @@ class Application:
 
     def tare(self, force: bool) -> None:
         if self.touched and not force:
-            raise Refused("something touches the tip; let go, or force the tare")
+            raise RequestRefused("something touches the tip; let go, or force the tare")
         self.tares.append(force)
         self.requests_n += 1
 

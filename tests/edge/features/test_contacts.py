@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib.sim import Camera, Contact, Tip, Tool, deform
+from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.features.contacts import ContactFinder
 from edge.features.surface import Surface
 from edge.types import Array, ContactRegion, Rest
@@ -112,7 +112,7 @@ def test_simulated_tools_make_as_many_contacts_as_they_have_places(
     tool: Tool, pose: dict[str, float], expected: int
 ) -> None:
     camera = Camera(tip=Tip())
-    motion = camera.project(deform(camera.tip, (Contact(tool, **pose),)).tips_mm)
+    motion = camera.project(deform(camera.tip, (ToolPose(tool, **pose),)).tips_mm)
     rest_xy = camera.project(camera.tip.tips_mm)
     rest = make_rest(rest_xy + (CENTRE - camera.centre_img), 18.9)
     found = contacts(rest, motion - rest_xy)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.sim import Camera, Contact, Tip, Tool, deform
+from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.features.pin_motion import PinMotion
 from edge.features.slip import Slip
 from edge.pipeline import Pipeline
@@ -87,7 +87,7 @@ class TestSlip:
         """A tilted flat, dragged: at low friction more than half of it slides, at high none."""
         camera = Camera(tip=Tip(friction=friction))
         moved = [
-            deform(camera.tip, (Contact(Tool("flat"), depth_mm=2.0, tilt_y_deg=5.0, shear_x_mm=0.1 * k),))
+            deform(camera.tip, (ToolPose(Tool("flat"), depth_mm=2.0, tilt_y_deg=5.0, shear_x_mm=0.1 * k),))
             for k in range(9, 18)
         ]
         rest_xy = camera.project(camera.tip.tips_mm)

@@ -15,11 +15,11 @@ import pytest
 
 from edge.errors import CalibrationError
 from edge.link.media import open_line
-from edge.link.node import Node, Refused
+from edge.link.node import Node, RequestRefused
 from edge.link.object_server import Aborted
 from edge.link.ports import object_dictionary
 from edge.link.sinks import CanFdSink, SerialSink, open_sink
-from edge.runtime.settings import Settings, SettingsFile
+from edge.runtime.settings import NodeSettings, SettingsFile
 from hostlink.wire import (
     OBJECTS,
     Abort,
@@ -83,7 +83,7 @@ class Finger:
 
     def tare(self, force: bool) -> None:
         if self.touched and not force:
-            raise Refused("touched")
+            raise RequestRefused("touched")
         self.tares.append(force)
 
     def rest_frame(self) -> Mapping[str, int | float | str | bytes]:
@@ -311,7 +311,7 @@ def test_settings_survive_a_restart(bench: Bench) -> None:
     assert bench.finger.features == {"displacement", "shear"}
     bench.write("restore_defaults", 0x64616F6C)
     assert bench.read("divider") == 1
-    assert SettingsFile(bench.settings).values == Settings()
+    assert SettingsFile(bench.settings).values == NodeSettings()
 
 
 def test_setting_that_cannot_be_stored_is_refused(bench: Bench) -> None:

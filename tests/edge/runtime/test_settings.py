@@ -1,4 +1,4 @@
-"""Settings survive a restart, or say that they do not; no file takes the finger out."""
+"""NodeSettings survive a restart, or say that they do not; no file takes the finger out."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import settings as limits
 from hypothesis import strategies as st
 
-from edge.runtime.settings import Settings, SettingsFile
+from edge.runtime.settings import NodeSettings, SettingsFile
 from hostlink.output_file import OutputError
 from hostlink.wire import OBJECTS
 
@@ -44,7 +44,7 @@ def test_a_file_that_cannot_be_used_costs_only_the_settings(
 ) -> None:
     path = tmp_path / "settings.json"
     path.write_text(text, encoding="latin-1")
-    assert SettingsFile(path).values == Settings()
+    assert SettingsFile(path).values == NodeSettings()
     assert "starting with defaults" in caplog.text
 
 
@@ -95,7 +95,7 @@ def test_a_value_out_of_its_limits_changes_nothing(tmp_path: Path) -> None:
     for name, value in (("rate_hz", 1e-45), ("rate_hz", float("nan")), ("rate_hz", 1e9), ("divider", 0)):
         with pytest.raises(ValueError, match=name):
             file.change(**{name: value})
-    assert file.values == Settings()
+    assert file.values == NodeSettings()
     assert not list(tmp_path.iterdir())
 
 

@@ -14,7 +14,7 @@ import pytest
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
 from edge.link.device import LoopDevice
-from edge.link.node import Refused
+from edge.link.node import RequestRefused
 from edge.pins import take_rest
 from edge.runtime import measurement
 from edge.runtime.calibration_store import CalibrationStore
@@ -270,7 +270,7 @@ def test_an_upload_while_something_touches_changes_nothing(
     assert state.displacement_mm == pytest.approx(true, abs=0.05)
     assert not list(tmp_path.iterdir())
     device.upload_calibration(other.encoded)
-    with pytest.raises(Refused, match="already"):
+    with pytest.raises(RequestRefused, match="already"):
         device.upload_calibration(other.encoded)
     for k in range(8):
         finger.see(finger.frames[k].image)

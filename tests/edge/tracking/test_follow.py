@@ -12,7 +12,7 @@ import pytest
 
 from edge.tracking.follow import Follower
 from edge.tracking.outliers import PhotometricFilter
-from edge.tracking.tip import Tip
+from edge.tracking.tip import TrackedTip
 from edge.types import Array, Pins, Rest
 from tests.support.fields import CENTRE, hexagon, make_rest
 from tests.support.kernels import VARIABLE
@@ -27,7 +27,7 @@ def small_tip(rings: int = 2) -> Rest:
 
 
 def follower(rest: Rest) -> Follower:
-    tip = Tip.of(rest)
+    tip = TrackedTip.of(rest)
     return Follower(tip.lattice, tip.photometric, tip.params)
 
 
@@ -109,7 +109,7 @@ def test_a_state_of_another_number_of_pins_is_refused() -> None:
 
 
 def test_a_lattice_of_another_tip_is_refused() -> None:
-    small, large = Tip.of(small_tip(1)), Tip.of(small_tip(2))
+    small, large = TrackedTip.of(small_tip(1)), TrackedTip.of(small_tip(2))
     with pytest.raises(ValueError, match="wanted for 19 pins"):
         Follower(small.lattice, large.photometric, large.params)
 
@@ -117,14 +117,14 @@ def test_a_lattice_of_another_tip_is_refused() -> None:
 @pytest.mark.parametrize("name", ["closest", "pairs"])
 @pytest.mark.parametrize("pin", [-1, 19, 2**31 - 1])
 def test_a_lattice_that_names_no_pin_is_refused(name: str, pin: int) -> None:
-    tip = Tip.of(small_tip())
+    tip = TrackedTip.of(small_tip())
     getattr(tip.lattice, name)[3, 1] = pin
     with pytest.raises(ValueError, match=f"{name}: pins of 0 to 18"):
         Follower(tip.lattice, tip.photometric, tip.params)
 
 
 def test_the_filter_refuses_other_sizes() -> None:
-    tip = Tip.of(small_tip())
+    tip = TrackedTip.of(small_tip())
     for wrong in range(5):
         sizes = [18 if k == wrong else 19 for k in range(5)]
         pins = Pins(np.zeros((19, 2)), np.ones(sizes[0]), np.ones(19), np.ones(sizes[1]))

@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from edge.tracking.repair import repair
-from edge.tracking.tip import Tip
+from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
 from tests.edge.tracking.test_tracker import hexagonal, rest_at
 
 N = 169
 
 
-def inconsistent(rows: int) -> tuple[Tip, Array, Index, Mask]:
-    """Tip, blobs (n, 2) with blob i that of pin i, and a match: as many rows slipped by one pin.
+def inconsistent(rows: int) -> tuple[TrackedTip, Array, Index, Mask]:
+    """TrackedTip, blobs (n, 2) with blob i that of pin i, and a match: as many rows slipped by one pin.
 
     In each of them a pin has the blob of the next one, which is lost, as is the one after that.
     """
     xy = hexagonal(7)
-    tip = Tip.of(rest_at(xy))
+    tip = TrackedTip.of(rest_at(xy))
     rng = np.random.default_rng(3)
     now = xy + np.array([2.0, -1.0]) + rng.normal(0, 0.05, xy.shape)
     blob, good = np.arange(N, dtype=np.int32), np.ones(N, bool)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from edge.errors import SinkError, UsageError
+from edge.errors import InputError, SinkError
 from edge.types import Array, ContactRegion, Features, Frame, Pins, Tracks
 from edge.view.figures import figure, surface_figure
 from edge.view.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
@@ -270,7 +270,7 @@ def test_figures_for_print(tmp_path: Path, scene: tuple[View, Array, Tracks], mm
 
 def test_a_surface_that_was_not_asked_for(tmp_path: Path, scene: tuple[View, Array, Tracks]) -> None:
     _, xy, _ = scene
-    with pytest.raises(UsageError, match=r"demand Feature\.SURFACE"):
+    with pytest.raises(InputError, match=r"demand Feature\.SURFACE"):
         surface_figure(tmp_path / "s.png", features_of(xy, np.zeros(len(xy)), np.zeros_like(xy)))
 
 
