@@ -1,7 +1,7 @@
-"""What a calibration file must hold beyond its structure: models that fit together, a tip that can exist.
+"""Checks of a calibration file beyond its structure: models that fit together, a tip that can exist.
 
-Structure, lengths and ranges are the types of `edge.calibration.file`. Here is what types cannot say. Nothing
-is built from the file before it has passed, and every message names the place in the file.
+Structure, lengths and ranges are checked by the types of `edge.calibration.file`. Nothing is built from the
+file before it has passed, and every message names the place in the file.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ __all__ = ["check", "is_of_contact", "outputs_of"]
 
 @dataclass(frozen=True, slots=True)
 class TipLimits:
-    """Between what limits a description of a tip is believed. Evidence: docs/tuning.md, "calibration"."""
+    """Limits of a plausible description of a tip. Evidence: docs/tuning.md, "calibration"."""
 
     gap_min: float = 0.3  # pitches: smallest distance of two pins
     pitch_ratio_max: float = 1.5  # stated over measured pitch, or the inverse
@@ -95,7 +95,7 @@ def _check_curve(model: Curve, where: str) -> None:
         k = int(np.argmin(steps[:, 0])) + 1
         raise BadContent(f"{where}.knots[{k}]: the input must increase from knot to knot")
     if np.any(steps[:, 1] < 0) and np.any(steps[:, 1] > 0):
-        raise BadContent(f"{where}.knots: the output must only rise or only fall (monotone)")
+        raise BadContent(f"{where}.knots: the output must be monotone: only increase or only decrease")
 
 
 def _check_polynomial(model: Polynomial, where: str) -> None:

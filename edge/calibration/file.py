@@ -10,8 +10,8 @@ as data, never code:
     Process     a Gaussian process with a symmetric kernel of third degree: a polynomial of which the
                 covariance of the weights and the noise of each frame are known too
 
-Every list has a longest length and every number a range, so that what a file costs is known before anything
-is built from it: a frame takes at most `TERMS_MAX` products of `FACTORS_MAX` inputs for each model.
+Every list has a maximum length and every number a range, so that the cost of a file is bounded before
+anything is built from it: a frame takes at most `TERMS_MAX` products of `FACTORS_MAX` inputs for each model.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ NOISE_TERMS_MAX = 16
 KNOTS_MAX = 256
 REST_SIGMA_PX = 0.05  # noise of a rest pin: the file does not keep each pin's own
 SOURCE_MAX = 10_000  # characters: names of the tables or captures that it was made from
-FRAMES_MAX = 1_000_000_000  # for the record alone
+FRAMES_MAX = 1_000_000_000  # for the record only
 
 #: In the output's unit: mm, mm2, N, deg.
 Output = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
@@ -64,7 +64,7 @@ UNTOUCHED: dict[str, float] = {
     "shear_x_mm": 0.0,
     "shear_y_mm": 0.0,
     "torsion_deg": 0.0,
-    "tilt_x_deg": math.nan,  # nothing under the tip has no tilt
+    "tilt_x_deg": math.nan,  # without contact there is no tilt
     "tilt_y_deg": math.nan,
 }
 #: Outputs of models that are evaluated once a contact, from the contact's own inputs.
@@ -101,11 +101,11 @@ class Polynomial(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="m
 
 
 class Lost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What pins that are not seen add to a value's variance: exp(scale) gap^gap_power volume^volume_power.
+    """Variance that lost pins add to a value: exp(scale) gap^gap_power volume^volume_power.
 
     In units of the model's sigma^2; `gap` and `volume` are inputs of the frame.
 
-    gap_max  largest gap that the fit has tried: beyond it there is no value
+    gap_max  largest gap that the fit tried: beyond it the value is NaN
     """
 
     scale: Exponent
@@ -115,17 +115,17 @@ class Lost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Process(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="process"):
-    """A Gaussian process with a symmetric kernel: `edge.calibration.process` says what is computed.
+    """A Gaussian process with a symmetric kernel: `edge.calibration.process` has the formulas.
 
     terms          each a list of input names, multiplied; [] is the constant
     weights        mean of the weights, one (real, imaginary) pair a term
     factor         rows (real, imaginary) of L over the terms, L^H L the covariance of the weights in units
                    of sigma^2
-    far            largest |L psi|^2 that is not told as out of range
+    far            largest |L psi|^2 that is not reported as out of range
     noise_terms    as terms; the logarithm of the noise's variance, in units of sigma^2, is the real part of
     noise_weights  their sum with these weights
     noise_range    [low, high] of that logarithm in the data
-    lost           None: not known what lost pins do
+    lost           None: the effect of lost pins is not known
     valid, sigma   as of a polynomial
     """
 
@@ -163,7 +163,7 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What it was made from, for the record."""
+    """The data it was made from, for the record."""
 
     source: Annotated[str, msgspec.Meta(max_length=SOURCE_MAX)]
     sha256: Name
@@ -183,7 +183,7 @@ class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class _Header(msgspec.Struct, frozen=True):
-    """What tells whether the rest can be read at all."""
+    """The fields that decide whether the rest can be read."""
 
     format: str = ""
     version: int = 0
@@ -231,7 +231,8 @@ def encode(content: CalibrationFile) -> bytes:
 
 
 def save(path: Path, encoded: bytes) -> None:
-    """Replace the file so that a reader, or a loss of power, finds the old or the new one, whole.
+    """Replace the file so that a reader, or a loss of power, finds either the old file or the new one,
+    complete.
 
     Raises  hostlink.output_file.OutputError: cannot be written
     """

@@ -20,7 +20,7 @@ MODES = tuple(f"c{a}{d - a}" for d in range(6) for a in range(d, -1, -1))  # as 
 
 #: Inputs made of a frame's features; the order is that of `frame_inputs`. `volume` is real, `shear` the
 #: plain mean of the pins' motion, `c_ab` the modes of motion; `p`, `peak`, `size` are of the strongest
-#: contact, as below, all 0 where a touch is too light for one; `gap` is real, what is not known of lost pins.
+#: contact, as below, all 0 if a touch is too weak for one; `gap` is real, the uncertainty due to lost pins.
 FRAME_INPUTS: tuple[str, ...] = ("volume", "shear", *MODES, "p", "peak", "size", "gap")
 #: Inputs made of one contact: place on the tip's unit disc, height of the maximum, the frame's mean motion
 #: (a shear moves the maximum within the contact), and the root of the contact's area.
@@ -66,7 +66,7 @@ def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPatte
 def term_columns(terms: Sequence[Sequence[str]], inputs: Sequence[str]) -> list[list[int]]:
     """The factors of each term as columns of the row (inputs, conjugates of inputs).
 
-    Raises  KeyError: a term names an input that there is not
+    Raises  KeyError: a term names an unknown input
     """
     column = {name: i for i, name in enumerate((*inputs, *(f"{name}*" for name in inputs)))}
     return [[column[name] for name in term] for term in terms]

@@ -2,17 +2,17 @@
 
 Rules
 - A value outside of the range that the data supported is set to the range's end and named in `saturated`.
-- What the file has no model for is NaN: no raw number goes out in disguise.
+- What the file has no model for is NaN: a raw number is never sent in its place.
 - An untouched tip reads zero: that is what the tare defines.
 - Some values need no model, as they follow from others and the scale: pressure is force over contact area;
-  area, where no model gives it, is that of the contacts in the image times the scale squared; slip speed is
-  the motion that no load explains, times the scale, over the time between two frames.
+  area, if no model gives it, is that of the contacts in the image times the scale squared; slip speed is
+  the motion that a load does not explain, times the scale, over the time between two frames.
 - A single contact's depth is the frame's displacement: all pins contribute to it, and on a ball its error
   is several times smaller than with the contact's own height and size (0.05 against 0.2..0.3 mm rms).
 - The number of contacts has no unit: it is sent without a calibration too.
 - Every value has a standard deviation: the residual of the fit on held-out frames, widened where a frame
   lies far from the data (leverage), as in Bayesian linear regression; that of a process is each frame's own.
-- Processes are evaluated for what is in demand alone. They may need more of a frame than the demand itself
+- Only the processes in demand are evaluated. They may need more of a frame than the demand itself
   does (`Calibration.needed`).
 """
 
@@ -47,20 +47,20 @@ from edge.errors import CalibrationError
 from edge.limits import BadContent
 from edge.types import Array, Complex, Feature, Features, PinPattern, Reading
 
-#: Outputs of models behind what can be asked for.
+#: Outputs of models that each feature depends on.
 OUTPUTS_OF: dict[Feature, frozenset[str]] = {
     Feature.DISPLACEMENT: frozenset({"displacement_mm"}),
     Feature.FORCE: frozenset({"force_n"}),
     Feature.PRESSURE: frozenset({"force_n", "contact_area_mm2"}),
     Feature.CONTACT_AREA: frozenset({"contact_area_mm2"}),
-    Feature.CONTACTS: frozenset({"displacement_mm"}),  # it is a single contact's depth
+    Feature.CONTACTS: frozenset({"displacement_mm"}),  # the depth of a single contact
     Feature.SHEAR: frozenset({"shear_x_mm", "shear_y_mm"}),
     Feature.TORSION: frozenset({"torsion_deg"}),
     Feature.TILT: frozenset({"tilt_x_deg", "tilt_y_deg"}),
 }
-#: What a process takes its inputs from: modes and volume, the strongest contact.
+#: The features that a process takes its inputs from: modes and volume, the strongest contact.
 OF_PROCESS = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS})
-#: What contacts are part of: for no other demand are they handed on.
+#: Features that include contacts: only for these are they passed on.
 OF_CONTACTS = frozenset({Feature.CONTACTS, Feature.PRESSURE, Feature.CONTACT_AREA, Feature.ORIENTATION})
 
 
@@ -86,7 +86,7 @@ class _Models:
         self._wanted = wanted_models(self.processes, None)
 
     def want(self, outputs: frozenset[str] | None) -> None:
-        """Whose processes are evaluated from now on: those of these outputs; None: all."""
+        """Select the processes to evaluate from now on: those of these outputs; None: all."""
         self._wanted = wanted_models(self.processes, outputs)
 
     def run(self, z: Complex) -> Array:
@@ -151,14 +151,15 @@ class Calibration:
         return cls(content)
 
     def save(self, path: str | Path) -> None:
-        """Write the file so that a reader, or a loss of power, finds the old or the new one, whole.
+        """Write the file so that a reader, or a loss of power, finds either the old file or the new one,
+        complete.
 
         Raises  hostlink.output_file.OutputError: cannot be written
         """
         save(Path(path), self.encoded)
 
     def needed(self, demand: frozenset[Feature]) -> frozenset[Feature]:
-        """The demand, and what else of a frame the models behind it take their inputs from."""
+        """The demand, and the other features that its models take their inputs from."""
         outputs = _outputs_in(demand)
         if any(not outputs.isdisjoint(model.outputs) for model in self._frame.processes):
             return demand | OF_PROCESS
@@ -175,7 +176,7 @@ class Calibration:
 
         pattern     of the running tip; gives the place and size of the tip's circle
         interval_s  time since the frame before this one; None: not known, no speed can be given
-        demand      what is wanted; None: all that there is
+        demand      what is wanted; None: everything
         """
         if demand is not self._demand:
             self._demand = demand
@@ -212,7 +213,7 @@ class Calibration:
         sigmas: dict[str, float],
         interval_s: float | None,
     ) -> None:
-        """Add what follows from other values and the scale; see the file's head."""
+        """Add the values that follow from others and the scale; see the head of the file."""
         found, scale = features.contacts, self.mm_per_px
         if found is not None:
             if "contact_area_mm2" not in values and scale is not None:
@@ -261,7 +262,7 @@ def _outputs_in(demand: frozenset[Feature]) -> frozenset[str]:
 
 
 def uncalibrated(features: Features | None = None) -> Reading:
-    """The reading of a tip without a calibration: nothing in mechanical units, but how many contacts.
+    """The reading of a tip without a calibration: nothing in mechanical units but the number of contacts.
 
     features  None: nothing is known of this frame
     """

@@ -1,8 +1,8 @@
 """The curves and polynomials of a calibration, evaluated together. Compiled; runs uncompiled too.
 
-Idea. A file has half a dozen models of some sixty terms each, and their values are wanted once a frame. The
-arithmetic takes microseconds; each visit from Python would take as long. So all models that share their
-inputs are laid out one after the other in a few arrays, and answer in one call.
+Idea: a file has half a dozen models of some sixty terms each, evaluated once a frame. The arithmetic takes
+microseconds; a call from Python for each would take as long. So all models that share their inputs are laid
+out one after the other in a few arrays, and evaluated in one call.
 
 Rules
 - The terms of a polynomial are products of inputs, given as columns of the row (inputs, their conjugates).
@@ -30,7 +30,7 @@ else:
 
 #: Of each output: value, sigma, whether the model is out of its range (0 or 1).
 FIELDS = cython.declare(cython.Py_ssize_t, 3)
-#: Rows of a factor L that are summed together: sums that do not wait for each other.
+#: Rows of a factor L that are summed together: independent sums run in parallel.
 ROWS = cython.declare(cython.Py_ssize_t, 4)
 
 
@@ -40,13 +40,13 @@ class ModelKernel:
 
     inputs   their names
     models   in the order of their outputs
-    Raises   ValueError: arrays of a model that do not belong together, an input that there is not
+    Raises   ValueError: arrays of a model of sizes that do not fit, an unknown input
     """
 
     n_inputs: cython.Py_ssize_t
     n_outputs: cython.Py_ssize_t
     _n_models: cython.Py_ssize_t
-    # Of each model: where its part of the arrays below begins. Row n_models is their end.
+    # Of each model: where its part of the arrays below begins. Row n_models marks the end.
     _first_output: cython.Py_ssize_t[::1]
     _first_knot: cython.Py_ssize_t[::1]  # a model without knots is a polynomial
     _first_term: cython.Py_ssize_t[::1]
@@ -254,7 +254,9 @@ def _columns_of(model: Polynomial, inputs: Sequence[str]) -> list[list[int]]:
     """The columns of each term's factors. Raises ValueError."""
     n, outputs = len(model.terms), len(model.outputs)
     if n < 1 or len(model.weights) != n or any(len(row) != n for row in model.spread):
-        raise ValueError(f"polynomial: {n} terms, but weights or rows of spread of another number")
+        raise ValueError(
+            f"polynomial: {n} terms, but another number of weights or of numbers in a row of spread"
+        )
     if outputs not in (1, 2) or len(model.valid) != outputs or len(model.sigma) != outputs:
         raise ValueError("polynomial: 1 or 2 outputs are wanted, and a range and a sigma for each")
     try:

@@ -1,22 +1,22 @@
 """The Gaussian processes of a calibration, evaluated together. Compiled; runs uncompiled too.
 
-Idea. The kernel of such a process (`calib.process_likelihood`) is a polynomial of third degree, so that the
-process is one too: its features are the products of inputs that turn as its outputs do, and what was learnt
-is the mean and the covariance of their weights. With those, no point of the data is needed any more: a frame
-costs a product for each term and a few rows of the covariance's root, instead of a kernel for each point.
+Idea: the kernel of such a process (`calib.process_likelihood`) is a polynomial of third degree, so that the
+process is one too: its features are products of inputs with the spin of its outputs, and the fit gives the
+mean and the covariance of their weights. With those the data are no longer needed: a frame costs a product
+for each term and a few rows of the covariance's root, instead of a kernel for each point.
 
     value     = sum_k weight_k psi_k                             psi_k = product of inputs
     variance  = sigma^2 (noise + learnt + lost)
-    noise     = exp(sum_k noise_weight_k Re psi'_k)              within the range that the data showed
-    learnt    = |L psi|^2                                        what the data left open of the weights
-    lost      = exp(scale) gap^gap_power volume^volume_power     what pins that are not seen leave open
+    noise     = exp(sum_k noise_weight_k Re psi'_k)              within the range seen in the data
+    learnt    = |L psi|^2                                        the uncertainty of the weights
+    lost      = exp(scale) gap^gap_power volume^volume_power     the uncertainty due to lost pins
 
 Rules
-- Terms of all models form one tree: a product is its parent's times one input, whoever needs it.
-- Only the models that are asked for are evaluated, and only the products that they need.
-- Of a model with one output, real parts count, of the value and of each row of L; with two, x + i y.
-- A value outside of `valid` is set to its end. That, and `learnt` above `far`, is told as out of range.
-- A NaN among a model's inputs gives NaN. So does a gap larger than any that the fit has tried.
+- Terms of all models share one tree: a product is its parent times one input.
+- Only the models in demand are evaluated, and only the products that they need.
+- With one output, the real parts of the value and of each row of L are taken; with two, they are x + i y.
+- A value outside of `valid` is set to its end. That, and `learnt` above `far`, is reported as out of range.
+- A NaN among a model's inputs gives NaN. So does a gap larger than any that the fit tried.
 - The GIL is held: the scratch belongs to the object, and the work is short.
 """
 
@@ -40,7 +40,7 @@ else:
 
 #: Of each output: value, sigma, whether it is out of range (0 or 1).
 FIELDS = cython.declare(cython.Py_ssize_t, 3)
-#: Rows of L are kept in whole blocks of so many, for the sake of vector instructions.
+#: Rows of L are padded to whole blocks of so many, for vector instructions.
 BLOCK = 4
 VOLUME_MIN = cython.declare(cython.double, 1e-6)  # of the tip's circle times its radius: no load at all
 
@@ -51,7 +51,7 @@ class ProcessKernel:
 
     inputs  names of the frame's inputs, `gap` and `volume` among them
     models  in the order of their outputs
-    Raises  KeyError: a term names an input that there is not
+    Raises  KeyError: a term names an unknown input
     """
 
     n_inputs: cython.Py_ssize_t
@@ -76,7 +76,7 @@ class ProcessKernel:
     # (models, 7) far, range of the noise's logarithm, scale, gap_power, volume_power, gap_max of `lost`
     _limits: cython.double[:, ::1]
     _valid: cython.double[:, ::1]  # (outputs, 3) low, high, sigma
-    _re: cython.double[::1]  # products of the frame in hand
+    _re: cython.double[::1]  # products of the current frame
     _im: cython.double[::1]
     _sums: cython.double[:, ::1]  # (2, width)
 
@@ -232,7 +232,7 @@ class ProcessKernel:
         for j in range(width):
             learnt += self._sums[0, j] * self._sums[0, j] + self._sums[1, j] * self._sums[1, j]
         variance: cython.double = learnt + self._noise(m) + self._lost(m, gap, volume)
-        # Asked so that a NaN is told as out of range too.
+        # Written so that a NaN is reported as out of range too.
         known: cython.bint = learnt <= self._limits[m, 0]
         self._write(first, value_re, variance, known, out)
         if two:
@@ -255,7 +255,7 @@ class ProcessKernel:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _lost(self, m: cython.Py_ssize_t, gap: cython.double, volume: cython.double) -> cython.double:
-        """Variance from pins that are not seen, in units of sigma^2; NaN: more than anyone has tried."""
+        """Variance from pins that are not seen, in units of sigma^2; NaN: more than the fit tried."""
         if gap <= 0.0:
             return 0.0
         if not gap <= self._limits[m, 6]:
@@ -311,7 +311,7 @@ class _Tree:
         self.letters = [0]
 
     def node(self, term: Sequence[str]) -> int:
-        """Number of a product; made, with all that it is made of, where it is new."""
+        """Number of a product; it and its parents are added if new."""
         letters = tuple(sorted(self._letter[name] for name in term))
         for n in range(1, len(letters) + 1):
             if letters[:n] not in self._node:

@@ -1,7 +1,7 @@
 """Touch features from pin positions, cell areas and the rest frame.
 
     extract               the order of the steps: only what the demand asks for
-    contact_detector      is anything touching at all? nothing further is computed otherwise
+    contact_detector      is the tip in contact? if not, nothing further is computed
     pin_motion, slip      motion since rest, pins in the contact, torsion; slip
     modes                 the motion as polynomial coefficients that turn with the tip
     surface               the grid over the tip, and the constant matrices onto it (`quantized_operator`)
@@ -11,8 +11,8 @@
       regions             peaks that make one contact; its area and axes
       split               two close contacts, or one long one?
       contact_place       where a contact is, by the pins round it
-      pin_noise           noise of a pin as its neighbours show it
-    params                every number that was chosen
+      pin_noise           noise of a pin, estimated from its neighbours
+    params                every chosen number
 
 The modules of this package are one stage and may import each other.
 """

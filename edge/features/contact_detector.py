@@ -1,19 +1,20 @@
-"""Is anything touching? Decided on the cells' area changes and their noise, which is learnt while nothing
-does.
+"""Is the tip in contact? Decided by the cells' area changes and their noise, which is learnt while it is
+untouched.
 
-Idea: a contact makes neighbouring cells grow together. Noise does not: the area that one cell gains by its
-pin's jitter its neighbours lose. So the mean area change over a ring (a pin and its six neighbours) is
-compared with its noise. A contact also moves neighbouring pins alike, which a reflection that shifts one or
-two pins does not: the skin must still have grown when each pin moves as the median of its ring.
+Idea: in a contact the areas of neighbouring cells increase together. Under noise they do not: the area that
+one cell gains by its pin's jitter is lost by its neighbours. So the mean area change over a ring (a pin and
+its six neighbours) is compared with its noise. A contact also moves neighbouring pins alike; a reflection
+shifts only one or two. So the areas must still have increased when each pin's motion is replaced by the
+median of its ring.
 
 Rules
-- Where there are areas they decide: a camera that shakes in its mount moves all pins, but changes no area.
-  Without cells (nobody asked for an area) the motion about its own median decides.
-- The medians are only looked at when the means say yes, and first where the area change is highest: in a
+- If there are areas, they decide: a camera that shakes in its mount moves all pins, but changes no area.
+  Without cells (no area was asked for) the motion about its own median decides.
+- The medians are computed only if the means exceed the limit, first where the area change is highest: in a
   contact that costs a hundredth of the whole scan. A frame that fails here counts as untouched.
-- The noise follows from the pins' own sigma until untouched frames have taught a better value. What is learnt
-  stays within `noise_ratio_max` of the prediction, so that a slow touch cannot raise the limit beyond itself.
-- A mean over fewer cells averages less noise away and is scaled down accordingly.
+- The noise is predicted from the pins' own sigma until untouched frames have given a better value. The learnt
+  value stays within `noise_ratio_max` of the prediction, so that a slow touch cannot raise its own limit.
+- A mean over fewer cells averages out less noise and is scaled down accordingly.
 - Hysteresis: a contact begins above `raise_sigma` and ends below `clear_sigma`.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
@@ -124,7 +125,7 @@ class ContactDetector:
             raise ValueError(f"area_change ({n},) and xy ({n}, 2) are wanted")
         highest: cython.double = self._highest_mean(area_change)
         if isnan(highest):
-            return self._in_contact  # a dark frame says nothing
+            return self._in_contact  # a dark frame is no evidence
         predicted: cython.double = sigma_px / self._pitch_px
         limit: cython.double = self._limit_sigma() * self._ring_noise * predicted * self._noise_ratio
         self._in_contact = highest > limit and self._is_coherent(xy, limit)
@@ -168,7 +169,7 @@ class ContactDetector:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _highest_mean(self, area_change: cython.const[cython.double][::1]) -> cython.double:
-        """Highest mean over a ring, scaled down where not all of it is known; NaN where nothing is."""
+        """Highest mean over a ring, scaled down where not all of it is known; NaN if no cell is known."""
         i: cython.Py_ssize_t
         j: cython.Py_ssize_t
         k: cython.Py_ssize_t
@@ -204,24 +205,26 @@ class ContactDetector:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _is_coherent(self, xy: cython.const[cython.double][:, ::1], limit: cython.double) -> cython.bint:
-        """Whether the skin still grows by enough when each pin moves as the median of its ring does.
+        """Whether the area still increases by enough when each pin moves as the median of its ring does.
 
-        Looked for in the ring of the highest mean first, then everywhere.
+        The ring of the highest mean is tried first, then all.
         """
         i: cython.Py_ssize_t
         for i in range(self._n):
             self._middle[i, 0] = NAN
         for i in range(self._width):
-            if self._median_growth(xy, self._ring[self._peak_row, i]) > self._coherent_peak_rel * limit:
+            if self._median_area_change(xy, self._ring[self._peak_row, i]) > self._coherent_peak_rel * limit:
                 return True
         for i in range(self._n):  # noqa: SIM110
-            if self._median_growth(xy, i) > self._coherent_any_rel * limit:
+            if self._median_area_change(xy, i) > self._coherent_any_rel * limit:
                 return True
         return False
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _median_growth(self, xy: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t) -> cython.double:
+    def _median_area_change(
+        self, xy: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t
+    ) -> cython.double:
         """Area change at pin i by the slope of the ring medians round it."""
         j: cython.Py_ssize_t
         k: cython.Py_ssize_t
@@ -305,7 +308,7 @@ class ContactDetector:
             if isfinite(area_change[i]):
                 self._values[known] = fabs(area_change[i])
                 known += 1
-        # About zero rather than about the median: a drift is noise too.
+        # About zero rather than about the median: drift is noise too.
         ratio: cython.double = 1.0
         if predicted > 0.0:
             ratio = _MAD_TO_SIGMA * median(self._values, known) / (self._cell_noise * predicted)

@@ -6,14 +6,15 @@ their blend.
     motion ------> divergence ---'
 
 Rules
-- A lost pin's cell has grown as the skin between its neighbours has: the determinant of the motion's slope.
+- A lost pin's cell changes as the skin between its neighbours does: by the determinant of the motion's
+  gradient.
 - With a fixed boundary the areas sum to a constant and so does the plain integral. The volume is therefore
   that of the compressed (positive) part. Rectified noise has a positive mean: heights below the noise's
-  threshold count nothing, those above twice the threshold count whole (firm shrinkage; Gao and Bruce,
+  threshold count as zero, those above twice the threshold in full (firm shrinkage; Gao and Bruce,
   WaveShrink with firm shrinkage, Statistica Sinica 7, 1997), so that an untouched tip has volume zero and a
   pressed one no bias.
-- The contact field is a blend. The divergence is sharp, a cell's area averages over two pitches; but areas
-  are the steadier of the two where pins are badly seen.
+- The contact field is a blend. The divergence is sharp, while a cell's area averages over two pitches; but
+  areas are less noisy where pins are poorly seen.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -43,7 +44,7 @@ else:
 class ContactField:
     """Fields of one frame of one tip; n pins, k points of the grid. All arrays are good until the next frame.
 
-    area_change    (n,) float32, of the last `interpolate`, gaps closed
+    area_change    (n,) float32, of the last `interpolate`, gaps filled
     heights        (k,) float32, the surface through them
     detrended      (2 n,) float32 px, the motion of the last `find_divergence` less its plane
     plane_divergence  float, the plane's share of `divergence`
@@ -122,7 +123,7 @@ class ContactField:
         for i in range(self._n):
             self.area_change[i] = area_change[i]
             if isnan(area_change[i]):
-                self.area_change[i] = self._growth_between(xy, i)
+                self.area_change[i] = self._area_change_between(xy, i)
         self._interpolator.apply()
         return self._compressed(threshold)
 
@@ -148,8 +149,10 @@ class ContactField:
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _growth_between(self, xy: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t) -> cython.float:
-        """Area change at pin i as the motion of its ring has it: the determinant of the slope, less 1."""
+    def _area_change_between(
+        self, xy: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t
+    ) -> cython.float:
+        """Area change at pin i by the motion of its ring: the determinant of the gradient, less 1."""
         j: cython.Py_ssize_t
         k: cython.Py_ssize_t
         x: cython.double
@@ -201,8 +204,8 @@ class ContactField:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _detrend(self, xy: cython.const[cython.double][:, ::1]) -> cython.void:
-        """Motion less its plane: the plane's divergence is the same everywhere, and without it steps are
-        finer.
+        """Motion less its plane: the plane's divergence is constant and added later, and the smaller values
+        quantize more finely.
         """
         g: cython.double[:, ::1] = self._g
         i: cython.Py_ssize_t

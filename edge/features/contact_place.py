@@ -1,11 +1,11 @@
-"""The pins round a contact: where it is now, whether its cells have grown, and whether it is seen at all.
+"""The pins round a contact: its present place, whether its cells' areas increased, how many pins are seen.
 
 Rules
-- A contact's place is where its pins are now, weighted by how much their cells have grown: the pull of a
-  shear on the pattern of area changes and its pull on the pins nearly cancel in it.
-- Round a peak the cells must have grown. At the rim, where the surface has pins on one side only, a single
-  pin's noise is a slope, and a slope a maximum; but no cell has grown there.
-- Cells of lost pins say what others say: where most pins are lost a contact is only a guess.
+- A contact's place is the mean of its pins' present positions, weighted by area change. A shear shifts both
+  the pattern of area changes and the pins; in this mean the two errors nearly cancel.
+- Near a peak the areas must have increased. At the rim, where the surface has pins on one side only, the
+  noise of a single pin tilts the surface and makes a maximum; but no area has increased there.
+- Cells of lost pins are interpolated from others: where most pins are lost, a contact is only a guess.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -29,7 +29,7 @@ else:
     from math import exp
 
 _INFINITY = cython.declare(cython.double, float("inf"))
-#: Squared distance in pitches beyond which a pin's weight (1e-4) is left out.
+#: Squared distance in pitches beyond which a pin's weight (1e-4) is neglected.
 _FAR = cython.declare(cython.double, 9.0)
 
 
@@ -80,8 +80,8 @@ class ContactPlace:
         self._place_radius_px = params.place_radius_pitch * pitch_px
         self._place_radius_axis = params.place_radius_axis
 
-    def drop_peaks_without_growth(self) -> None:
-        """Drop the peaks near which the cells have grown by less than a share of the most, from `peaks`."""
+    def drop_peaks_without_area_change(self) -> None:
+        """Drop from `peaks` those near which the area change is below a share of the largest."""
         j: cython.Py_ssize_t
         n_peaks: cython.Py_ssize_t = self._peaks.n_peaks
         width: cython.int = self._peaks.width
@@ -94,12 +94,12 @@ class ContactPlace:
                 x0 + step_px * (self._peak_at[j] % width), y0 + step_px * (self._peak_at[j] // width)
             )
             most = max(most, self._near[j])
-        for j in range(n_peaks):  # under shear even the most grown one may have shrunk
+        for j in range(n_peaks):  # under shear even the largest may be negative
             self._kept[j] = self._near[j] >= min(self._min_peak_rel * most, most)
         self._peaks.keep(self._kept)
 
     def drop_guesses(self, seen: cython.const[cython.uchar][::1]) -> None:
-        """Drop the contacts round which hardly a pin is seen, unless that is all there is, from `regions`.
+        """Drop from `regions` the contacts with few seen pins around, unless no other is left.
 
         seen     (n,) bool. Raises ValueError: another number of pins
         """

@@ -2,7 +2,7 @@
 
     contact field --peaks--> above the noise --area changes--> real ones --prominence--> contacts, each a
     region
-    --visible pins--> no guesses --a second look--> close pairs apart --pins round it--> place
+    --seen pins--> no guesses --sharper field--> close pairs separated --pins round it--> place
 
 A probe makes one peak, a long edge a chain of them, a flat surface a ring or a rough plateau. Peaks with no
 real valley between them are one contact.
@@ -52,7 +52,7 @@ class ContactFinder:
         )
         self._pin_noise = PinNoise(surface.rest_img, surface.pitch_px)
         self._split_test: SplitTest | None = None
-        self._noise_px: float | None = None  # of a pin in this frame; None: not looked at yet
+        self._noise_px: float | None = None  # of a pin in this frame; None: not measured yet
         # The kernels' arrays.
         self._blend = np.asarray(surface.field.blend)
         self._semi_axis, self._elongation = (
@@ -63,12 +63,12 @@ class ContactFinder:
         self._placed = np.asarray(self._place.place)
 
     def prepare(self) -> None:
-        """Make what else would be made (100 ms) when a small long contact is first seen."""
+        """Make now what otherwise the first small long contact would wait for (100 ms)."""
         self.split_test  # noqa: B018
 
     @property
     def split_test(self) -> SplitTest:
-        """What takes the second look."""
+        """The test of long contacts in the sharper field."""
         if self._split_test is None:
             surface = self._surface
             grid, divergences = surface.sharper_grid(self._params.split_steps_per_pitch)
@@ -78,8 +78,7 @@ class ContactFinder:
         return self._split_test
 
     def find(self, xy_img: Array, seen: Mask, sigma_px: float) -> tuple[ContactRegion, ...]:
-        """Contacts of one frame, strongest first; of the frame that the surface's fields were last computed
-        for.
+        """Contacts of the frame that the surface's fields were last computed for, strongest first.
 
         xy_img    (n, 2) px, where each pin is now; finite
         seen      (n,) bool
@@ -94,7 +93,7 @@ class ContactFinder:
         if not peaks.find(field_noise, params.contact_sigma * sigma_px, params.min_area_change):
             return ()
         if peaks.n_peaks > 1 and peaks.drop_low(params.min_peak_rel) > 1:
-            self._place.drop_peaks_without_growth()
+            self._place.drop_peaks_without_area_change()
         regions.merge(field_noise, self._pin_noise_px(xy_img, seen) if peaks.n_peaks > 1 else 0.0)
         if regions.n_contacts > 1:
             self._place.drop_guesses(seen)
@@ -103,13 +102,13 @@ class ContactFinder:
         return tuple(self._describe(i) for i in range(regions.n_contacts))
 
     def _pin_noise_px(self, xy_img: Array, seen: Mask) -> float:
-        """Noise of a pin in this frame, looked at only where something depends on it."""
+        """Noise of a pin in this frame; computed on demand."""
         if self._noise_px is None:
             self._noise_px = self._pin_noise.sigma_px(xy_img, seen)
         return self._noise_px
 
     def _split_close_pairs(self, xy_img: Array, seen: Mask) -> None:
-        """Make two of each long, small contact that a second look finds to be two."""
+        """Split each long, small contact that the sharper field shows to be two."""
         params, regions = self._params, self._regions
         max_axis_px = params.split_max_axis_pitch * self._surface.pitch_px
         split = False

@@ -5,16 +5,16 @@
                                                                demand
 
 Rules
-- The demand is data: `NEEDS` maps each feature to the quantities behind it, and a quantity that no one
-  needs is None in the result. Only motion, area change and the detector's bit are always there.
+- The demand is data: `NEEDS` maps each feature to the quantities it depends on; a quantity that is not needed
+  is None in the result. Only motion, area change and the detector's bit are always computed.
 - No contact: no surface, no peaks. Volume, torsion and slip are zero, contacts none; shear and modes are
-  given all the same (a calibration decides what an untouched tip reads).
-- Without cells nothing that comes from areas can be given: it stays None, area change all NaN.
+  computed all the same (a calibration decides what an untouched tip reads).
+- Without cells everything that depends on areas stays None, area change all NaN.
 - State: the detector's bit and learnt noise, and the last frames' motion for slip. Nothing else depends on
   the frame before.
-- A lost pin counts as where the seen ones say it is (`Cells.xy_img`), and its cell as it is there. In the
-  modes and in the mean motion too: a polynomial through the seen pins alone is another one, and a model of
-  many terms makes 0.25 mm of depth of the difference (331 simulated pins, 30 % dark; 0.06 mm so).
+- A lost pin is put where the seen ones predict it (`Cells.xy_img`), and its cell likewise, for the modes and
+  the mean motion too: a polynomial fitted to the seen pins alone is different, and in a model of many terms
+  the difference is 0.25 mm of depth (331 simulated pins, 30 % dark; 0.06 mm with predicted pins).
 - Lengths in px of the image, areas as a share of the cell at rest: `calibration` knows millimetres.
 """
 
@@ -40,7 +40,7 @@ __all__ = ["NEEDS", "FeatureExtractor", "Quantity"]
 
 
 class Quantity(Enum):
-    """What can be computed, as opposed to what can be asked for."""
+    """What can be computed, as opposed to what can be demanded."""
 
     SHEAR = auto()
     MODES = auto()
@@ -69,7 +69,7 @@ NEEDS: dict[Feature, frozenset[Quantity]] = {
 
 
 class _Plan:
-    """A demand, looked up once: an enum's hash is Python code, and 50 of them a frame cost 20 us."""
+    """A demand, resolved once: an enum's hash is Python code, and 50 of them a frame cost 20 us."""
 
     def __init__(self, demand: frozenset[Feature]) -> None:
         need: frozenset[Quantity] = frozenset().union(*(NEEDS[feature] for feature in demand))
@@ -87,14 +87,14 @@ class _Plan:
 
 @dataclass(slots=True)
 class _Motion:
-    """Where the pins are, and how far they have come.
+    """Where the pins are, and how far they have moved.
 
     px        (n, 2) since rest; NaN where lost
-    whole_px  the same, lost pins where the seen ones say they are if these are enough; `known` (n,) where
+    whole_px  the same, with lost pins predicted if enough are seen; `known` (n,) where
               finite
     mean_px   x, y, mean of `whole_px`
     sigma_px  noise of one coordinate of one pin's motion
-    filled    whether lost pins were filled in
+    filled    whether lost pins were predicted
     """
 
     px: Array
@@ -129,7 +129,7 @@ class FeatureExtractor:
         self._motion = PinMotion(rest)
         self._modes = Modes(rest)
         self._slip = Slip(self._motion, params)
-        self._surface: Surface | None = None  # 10 ms to make: only when a contact is first asked about
+        self._surface: Surface | None = None  # 10 ms to make: made for the first contact
         self._finder: ContactFinder | None = None
         self._plan = _Plan(frozenset())
 
@@ -142,13 +142,13 @@ class FeatureExtractor:
 
     @property
     def finder(self) -> ContactFinder:
-        """What looks for contacts on that grid."""
+        """Finds contacts on that grid."""
         if self._finder is None:
             self._finder = ContactFinder(self.surface, self._params)
         return self._finder
 
     def extract(self, tracks: Tracks, cells: Cells | None, demand: frozenset[Feature]) -> Features:
-        """What the geometry of one frame says.
+        """The features of one frame.
 
         cells    of the same frame; None when nobody asked for what needs areas
         Returns  Features; fields outside of the demand are None
@@ -181,7 +181,7 @@ class FeatureExtractor:
 
     def _motion_of(self, tracks: Tracks, cells: Cells | None) -> _Motion:
         seen = tracks.seen
-        px = np.empty_like(self._xy_rest)  # new: it is handed on, and remembered for slip
+        px = np.empty_like(self._xy_rest)  # a new array: it is returned, and kept for slip
         mean_x, mean_y, now_px, n_seen = self._motion.since_rest(
             np.ascontiguousarray(tracks.xy_img), np.ascontiguousarray(tracks.sigma_px), seen, px
         )
@@ -194,8 +194,8 @@ class FeatureExtractor:
         return _Motion(px, whole, self._everyone, (mean_x, mean_y), sigma_px, True)
 
     def _area_changes(self, cells: Cells | None, filled: bool) -> tuple[Array, Array]:
-        """Relative area changes, (n,), NaN where lost; and the same with lost pins' cells if these are filled
-        in.
+        """Relative area changes, (n,), NaN where lost; and the same with lost pins' cells, if these are
+        predicted.
         """
         if cells is None:
             unknown = np.full(len(self._rest), np.nan)
@@ -234,7 +234,7 @@ class FeatureExtractor:
             given["slip_px"], given["slip_probability"] = state.slip_px, state.probability
 
     def _add_zeros(self, given: dict[str, Any], with_areas: bool) -> None:
-        """What is known of a frame without contact."""
+        """The values of a frame without contact."""
         plan = self._plan
         if plan.volume and with_areas:
             given["volume_px2"] = 0.0

@@ -5,17 +5,16 @@ z = x + i y. A vector polynomial of degree D is then the sum over a + b <= D of
 
     d(z) = sum c_ab z^a conj(z)^b          (D+1)(D+2)/2 complex coefficients
 
-with c_00 a common shift, Re c_10 growth, Im c_10 rotation, c_01 stretch, and so on.
+with c_00 translation, Re c_10 expansion, Im c_10 rotation, c_01 pure shear, and so on.
 
-Why complex: when tip and touch are turned together by an angle t, c_ab is multiplied by exp(i s t) with
-the `spin` s = 1 - a + b, and so is a product of coefficients with the sum of their spins. A round tip does
-not care how it is turned, so a shear (spin 1) can depend only on products of spin 1, a depth only on
-products of spin 0. That leaves a tenth of the terms of an unrestricted polynomial: few calibration frames
-are enough, and the direction comes out right all the way round.
+Why complex: when tip and touch are rotated together by an angle t, c_ab is multiplied by exp(i s t) with
+the `spin` s = 1 - a + b, and so is a product of coefficients with the sum of their spins. A round tip has no
+preferred direction, so a shear (spin 1) can depend only on products of spin 1, a depth only on products of
+spin 0. That leaves a tenth of the terms of an unrestricted polynomial: few calibration frames are enough, and
+the direction is right all the way round.
 
-Terms of equal spin are made orthonormal over the rest pins (Gram-Schmidt, lowest degree first), which
-keeps the spins and makes coefficients comparable; terms of different spin are orthogonal on a round
-layout by themselves.
+Terms of equal spin are made orthonormal over the rest pins (Gram-Schmidt, lowest degree first), which keeps
+the spins and makes coefficients comparable; on a round layout terms of different spin are orthogonal anyway.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -41,17 +40,17 @@ DEGREE = 5
 #: Powers (a, b) of z and conj(z).
 MODE_POWERS = tuple((a, degree - a) for degree in range(DEGREE + 1) for a in range(degree, -1, -1))
 MODE_NAMES = tuple(f"c{a}{b}" for a, b in MODE_POWERS)
-#: Of the normal equations, in pins: keeps lost pins from letting high terms run away.
+#: Of the normal equations, in pins: keeps high terms bounded when pins are lost.
 RIDGE = 1e-3
-#: Room for the modes in a row of the basis, and pins of a block: even numbers of sums that do not wait for
-#: each other.
+#: Padded length of a row of the basis, and pins of a block: even numbers of independent sums, which the
+#: processor runs in parallel.
 ROW, BLOCK = 22, 4
-#: A term that keeps less than this share of its length beside the lower ones is not carried by the layout.
+#: A term of which less than this share is independent of the lower ones cannot be resolved by the layout.
 INDEPENDENT_REL = 1e-6
 
 
 def mode_basis(rest: Rest) -> Complex:
-    """(n, 21) the modes at the pins at rest; zero where the layout cannot carry the term (too few pins)."""
+    """(n, 21) the modes at the pins at rest; zero where the layout cannot resolve the term (too few pins)."""
     xy = (rest.xy_img - rest.pattern.centre_img) / rest.pattern.tip_radius_px
     z = xy[:, 0] + 1j * xy[:, 1]
     basis = np.column_stack([z**a * np.conj(z) ** b for a, b in MODE_POWERS])
@@ -133,7 +132,7 @@ class Modes:
             self._sum_up(self._solved_blocks)
         else:
             self._sum_up(self._blocks)
-            self._leave_out(seen)
+            self._subtract_lost(seen)
             if not self._solve():
                 raise ValueError("modes: the equations have no solution")
         result = np.empty(self._k, np.complex128)
@@ -165,8 +164,8 @@ class Modes:
     def _sum_up(self, b: cython.double[::1]) -> cython.void:
         """Sums over the pins of conj(basis) times motion, four pins at a time.
 
-        A quarter of the frames' loads and stores; and offsets in one array that the C compiler knows, so that
-        it makes vectors of neighbouring modes: 40,000 instructions for 331 pins, 91,000 pin by pin.
+        A quarter of the loads and stores of a frame; and constant offsets within one array, so that the C
+        compiler vectorises over neighbouring modes: 40,000 instructions for 331 pins, 91,000 pin by pin.
         """
         s: cython.double[::1] = self._sum
         i: cython.Py_ssize_t
@@ -210,7 +209,7 @@ class Modes:
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _leave_out(self, seen: cython.const[cython.uchar][::1]) -> cython.void:
+    def _subtract_lost(self, seen: cython.const[cython.uchar][::1]) -> cython.void:
         """The equations of the seen pins: those of all, less those of the lost ones; lower triangle."""
         i: cython.Py_ssize_t
         r: cython.Py_ssize_t
@@ -234,7 +233,7 @@ class Modes:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _solve(self) -> cython.bint:
-        """Cholesky: the sums become the solution of the equations in `_factor`; False where there is none."""
+        """Cholesky: the sums become the solution of the equations in `_factor`; False if there is none."""
         k: cython.Py_ssize_t = self._k
         i: cython.Py_ssize_t
         j: cython.Py_ssize_t

@@ -1,4 +1,4 @@
-"""Every number of this stage that was chosen; its evidence stands in docs/tuning.md, "Features"."""
+"""Every chosen number of this stage; the evidence for each is in docs/tuning.md, "Features"."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class FeatureParams:
     pitches.
     """
 
-    # --- contact detector: is anything touching?
+    # --- contact detector: is the tip in contact?
     cell_noise: float = 0.83  # relative noise of a cell's area, per pin noise in pitches
     ring_noise: float = 0.33  # ... of the mean over a pin and its six neighbours
     median_noise: float = 1.25  # noise of a median over that of a mean
@@ -28,8 +28,8 @@ class FeatureParams:
     # --- thresholds within a contact
     contact_sigma: float = 5.0  # a peak, or a compressed pin, counts above this
     volume_sigma: float = 3.0  # heights below this are left out of the volume
-    min_area_change: float = 0.01  # least relative area change that is more than drift of light and focus
-    fill_min_seen_rel: float = 0.5  # share of the pins that must be seen for the others to be filled in
+    min_area_change: float = 0.01  # smallest relative area change beyond drift of brightness and focus
+    fill_min_seen_rel: float = 0.5  # share of the pins that must be seen for the others to be predicted
 
     # --- grid of the surface
     grid_steps_per_pitch: float = 1.5
@@ -40,16 +40,16 @@ class FeatureParams:
     divergence_rel: float = 0.7  # share of the divergence in the contact field; the rest is the surface
     min_prominence_rel: float = 0.2  # depth of the valley that separates two contacts, of the lower peak
     min_prominence_sigma: float = 10.0  # ... of the pins' noise
-    min_peak_rel: float = 0.2  # a peak, or the area change round it, below this share of the highest is none
+    min_peak_rel: float = 0.2  # smallest height, or area change round it, relative to the highest peak
     region_level_rel: float = 0.3  # a contact's region is what lies above this share of its peak
     visibility_radius_pitch: float = 2.5  # radius round a contact's middle in which pins are counted
     min_visible_rel: float = 0.4  # share of them that must be seen for a second contact
-    min_oriented_elongation: float = 1.5  # ratio of the axes from which on a direction is given
+    min_oriented_elongation: float = 1.5  # ratio of the axes above which a direction is given
     place_radius_pitch: float = 2.0  # pins within this radius of the middle make a contact's place
     place_radius_axis: float = 1.25  # ... or within this many semi-axes, if that is more
 
-    # --- second look: one long contact, or two close ones?
-    split_min_elongation: float = 1.5  # regions more elongated than this are looked at
+    # --- sharper field: one long contact, or two close ones?
+    split_min_elongation: float = 1.5  # regions more elongated than this are tested
     split_max_axis_pitch: float = 3.0  # ... if the long semi-axis is shorter than this
     split_max_distance_pitch: float = 3.0  # of the two peaks
     split_min_alignment: float = 0.7  # cosine between the line of the two and the axis
@@ -58,10 +58,10 @@ class FeatureParams:
     split_steps_per_pitch: float = 2.0  # of its grid
 
     # --- slip
-    slip_unexplained_rel: float = 0.2  # share of the motion that a sticking contact may leave unexplained
+    slip_unexplained_rel: float = 0.2  # share of a sticking contact's motion that a load need not explain
     slip_prior_odds: float = 100.0  # against slip, per frame
     slip_span_frames: int = 4  # over which motion is taken
-    slip_pressing_rel: float = 0.7  # net over total area change above which the contact is pressed or let go
+    slip_pressing_rel: float = 0.7  # net over total area change; above it the contact is pressed or released
 
 
 PARAMS = FeatureParams()

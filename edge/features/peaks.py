@@ -5,7 +5,7 @@
 Rules
 - Regional maxima with plateaus, as MATLAB's `imregionalmax` and `skimage.morphology.local_maxima` have them:
   connected grid points (8 neighbours) of one height, all of whose other neighbours are lower.
-- The grid has a border of -inf, so that every point has eight neighbours and no walk leaves it.
+- The grid has a border of -inf, so that every point has eight neighbours and no search leaves it.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -19,7 +19,7 @@ import numpy as np
 
 from edge.types import Mask
 
-#: Peaks of one field that are looked at.
+#: Peaks of one field that are kept.
 PEAKS_MAX = 24
 
 _PEAKS_MAX = cython.declare(cython.Py_ssize_t, PEAKS_MAX)
@@ -29,8 +29,8 @@ _LOWEST = cython.declare(cython.float, float(np.finfo(np.float32).min))
 _UNKNOWN = cython.declare(cython.int, 0)
 _SLOPE = cython.declare(cython.int, 1)
 _TOP = cython.declare(cython.int, 2)
-_PLATEAU = cython.declare(cython.int, 3)  # visited, verdict pending
-_REACHED = cython.declare(cython.int, 4)  # and upwards: by the walk from peak 0, 1, ...
+_PLATEAU = cython.declare(cython.int, 3)  # visited, not decided yet
+_REACHED = cython.declare(cython.int, 4)  # and upwards: reached from peak 0, 1, ...
 
 
 @cython.cclass
@@ -40,7 +40,7 @@ class PeakFinder:
     width    points of a padded row: point p lies in column place[p] % width, row place[p] // width
     place    (k,) int32, where in the padded grid each point lies
     grid     (h * width,) float32, the field, -inf outside
-    mark     (h * width,) int32, scratch between two calls
+    mark     (h * width,) int32, scratch
     n_peaks  of the last field; at (PEAKS_MAX,) int32, place of each, highest first;
              point (PEAKS_MAX,) int32, which of the k points it is; height (PEAKS_MAX,) float32
 
@@ -111,8 +111,8 @@ class PeakFinder:
         points: cython.const[cython.int][::1],
         n: cython.Py_ssize_t,
     ) -> cython.Py_ssize_t:
-        """Find the strict maxima among the first n of these points that are members; the walks stay among the
-        n.
+        """Find the strict maxima among the first n of these points that are members; the search stays among
+        these.
 
         member   (k,) uint8; points (at least n,) int32, which of the k points
         Returns  number of peaks, PEAKS_MAX at the most
@@ -145,13 +145,13 @@ class PeakFinder:
         return self.n_peaks
 
     def drop_low(self, least_rel: cython.float) -> cython.Py_ssize_t:
-        """Drop the peaks lower than this share of the highest; how many are left."""
+        """Drop the peaks lower than this share of the highest; returns how many remain."""
         while self.n_peaks > 1 and self.height[self.n_peaks - 1] < least_rel * self.height[0]:
             self.n_peaks -= 1
         return self.n_peaks
 
     def keep(self, kept: cython.const[cython.uchar][::1]) -> cython.Py_ssize_t:
-        """Drop the peaks that are not kept, (n_peaks or more,) uint8; how many are left."""
+        """Drop the peaks that are not kept, (n_peaks or more,) uint8; returns how many remain."""
         if kept.shape[0] < self.n_peaks:
             raise ValueError(f"kept ({self.n_peaks},) is wanted")
         i: cython.Py_ssize_t
@@ -166,7 +166,7 @@ class PeakFinder:
         return left
 
     def first_connected(self, j: cython.Py_ssize_t, level: cython.float) -> cython.Py_ssize_t:
-        """The first, thus highest, peak that peak j is connected with at or above a level; j itself if none
+        """The first, and so highest, peak that peak j is connected with at or above a level; j itself if none
         before it.
 
         Raises ValueError: no such peak
@@ -179,7 +179,7 @@ class PeakFinder:
         n: cython.Py_ssize_t = 1
         reached: cython.int = _REACHED + cython.cast(cython.int, j)
         if level < _LOWEST:
-            level = _LOWEST  # the border is -inf: no walk may reach it
+            level = _LOWEST  # the border is -inf: no search may reach it
         self._stack[0] = self.at[j]
         self.mark[self.at[j]] = reached
         i = 0
@@ -199,7 +199,7 @@ class PeakFinder:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _insert(self, p: cython.Py_ssize_t, h: cython.float) -> cython.void:
-        """Point p into the list of peaks; of equals the first comes first."""
+        """Insert point p into the list of peaks; of equal heights the first comes first."""
         i: cython.Py_ssize_t = self.n_peaks
         if i < _PEAKS_MAX:
             self.n_peaks += 1

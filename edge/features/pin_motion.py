@@ -1,13 +1,14 @@
-"""What the pins' motion says: mean, which pins are in the contact, torsion, and what a rigid load leaves.
+"""Motion of the pins: mean, the pins in the contact, torsion, and what a rigid load does not explain.
 
 Mean motion is the paper's global shear.
 
-Torsion is the rotation that best carries the contact's pins from rest to where they are (Procrustes): exact
-for a rigid turn of any size, blind to translation and to uniform growth. It is the skin's turn as the pins
-show it; the object's is that times a factor of the tip (1.4 on the simulated one, flat contact).
+Torsion is the rotation that best maps the contact's pins from rest to their present places (Procrustes):
+exact for a rigid rotation of any size, independent of translation and uniform expansion. It is the rotation
+of the skin at the pins; that of the object is larger by a factor of the tip (1.4 on the simulated one, flat
+contact).
 
 A step of the motion, from one frame to a later one, is split into a plane in each component (translation,
-turn and linear stretch, which a load on sticking skin explains) and the rest, which `slip` judges.
+rotation and linear strain, which a load on sticking skin explains) and the residual, which `slip` tests.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -30,7 +31,7 @@ else:
 
     from edge.geometry.plane import solve_plane
 
-#: Ridge on a plane's equations, for pins on one line: 1e-9 of a pin costs no pin its freedom.
+#: Ridge on a plane's equations, for pins on one line: 1e-9 of a pin's weight changes no other fit.
 _RIDGE = cython.declare(cython.double, 1e-9)
 #: Determinant of the compressed pins' covariance on the unit disc below which they are one pin, or on a line.
 _FLAT = cython.declare(cython.double, 1e-12)
@@ -102,10 +103,10 @@ class PinMotion:
     def in_contact(self, area_change: cython.const[cython.double][::1], least: cython.double) -> Index:
         """Which pins are in the contact: those in the ellipse of the compressed pins' spread.
 
-        So the low middle of a flat contact, a ring of compressed pins, belongs to it.
+        So the middle of a flat contact, where the pins are less compressed than on its rim, belongs to it.
 
         area_change  (n,) float64, relative; NaN where lost
-        least        below this area change nothing presses
+        least        smallest area change that counts as compressed
         Returns      (k,) int32 ascending, good until the next call; all pins when nothing is compressed
         Raises       ValueError: sizes that do not fit
         """
@@ -195,7 +196,7 @@ class PinMotion:
         by: cython.double
         ax: cython.double
         ay: cython.double
-        for p in range(pins.shape[0]):  # conj(before) after; a common shift of `after` drops out
+        for p in range(pins.shape[0]):  # conj(before) after; a common shift of `after` cancels
             i = pins[p]
             if not isnan(motion[i, 0]):
                 bx = self._rest[i, 0] - x
@@ -216,8 +217,8 @@ class PinMotion:
 
         now, before  (n, 2) float64 px, motion since rest; NaN where lost
         pins         (k,) int32, rows
-        Returns      number of pins seen in both; sum of their steps' squares, px2; what the planes leave of
-                     it
+        Returns      number of pins seen in both; sum of their steps' squares, px2; sum of the squared
+                     residuals of the planes
         Raises       ValueError: sizes that do not fit, no such pin
         """
         self._check(now, pins)
@@ -271,7 +272,7 @@ class PinMotion:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _add(self, u: cython.double, v: cython.double, dx: cython.double, dy: cython.double) -> cython.void:
-        """One pin's part of the planes' equations; upper triangle."""
+        """Add one pin to the planes' equations; upper triangle."""
         self._g[0, 0] += 1.0
         self._g[0, 1] += u
         self._g[0, 2] += v

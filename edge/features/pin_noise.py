@@ -1,8 +1,8 @@
-"""Noise of a pin as the pins themselves show it, whatever their sigmas claim: behind glare it is 3 to 10
-times that.
+"""Noise of a pin, measured from the pins' motion: behind glare it is 3 to 10 times what their sigmas
+claim.
 
 Idea: over two pitches the motion of the skin is nearly a quadratic of the rest place. How far a pin is off
-the quadratic through its two rings is the pin's error.
+Its residual from the quadratic through its two rings is the pin's error.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -46,7 +46,7 @@ class PinNoise:
     def sigma_px(
         self, xy: cython.const[cython.double][:, ::1], seen: cython.const[cython.uchar][::1]
     ) -> float:
-        """Noise of one coordinate of a pin: robust, a few outliers do not count.
+        """Noise of one coordinate of a pin: robust to a few outliers.
 
         xy       (n, 2) float64 px, where the pins are; finite
         seen     (n,) bool

@@ -2,7 +2,7 @@
 
 Idea: the surface's operators are constant, and their products are most of a frame's arithmetic. As 16-bit
 integers with one step a row they stream through the cache in half the time of single precision. Sums are
-exact; what the rounding costs is 1e-4 of the highest value, a tenth of the noise of an area.
+exact; rounding adds an error of 1e-4 of the highest value, a tenth of the noise of an area.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -83,7 +83,7 @@ class QuantizedOperator:
         p: cython.Py_ssize_t
         k: cython.Py_ssize_t = self._rows.shape[0]
         if n < 0 or n > which.shape[0] or n > k:
-            raise ValueError(f"n: 0 to {min(which.shape[0], k)} rows are there, not {n}")
+            raise ValueError(f"n: 0 to {min(which.shape[0], k)} rows are wanted, not {n}")
         for p in range(n):
             if which[p] < 0 or which[p] >= k:
                 raise ValueError(f"which: rows of 0 to {k - 1} are wanted, not {which[p]}")

@@ -3,10 +3,10 @@
     peaks --prominence--> contacts --nearest peak, level--> regions --moments--> middle, axes, direction, area
 
 Rules
-- Two peaks are one contact unless every way from one to the other goes down far enough: by a share of the
+- Two peaks are one contact unless every path between them descends far enough: by a share of the
   lower one and by a multiple of the pins' noise there (topographic prominence, relative).
-- The region of a contact is what rises above a share of its peak and is nearest to one of its peaks. A share
-  and no fixed height, so that it does not grow with the depth alone.
+- The region of a contact is what lies above a share of its peak and is nearest to one of its peaks. A share
+  rather than a fixed height, so that the region does not grow with the depth alone.
 - Contacts are in the order of their highest peaks, CONTACTS_MAX at the most.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
@@ -85,7 +85,7 @@ class Regions:
     def __init__(
         self, peaks: PeakFinder, x0: float, y0: float, step_px: float, params: FeatureParams = PARAMS
     ) -> None:
-        table = PEAKS_MAX + CONTACTS_MAX  # a second look may turn one contact into two
+        table = PEAKS_MAX + CONTACTS_MAX  # the split test may turn one contact into two
         self.n_contacts, self._n_peaks = 0, 0
         self.middle = np.zeros((CONTACTS_MAX, 2))
         self.semi_axis, self.elongation = np.zeros(CONTACTS_MAX), np.zeros(CONTACTS_MAX)
@@ -138,7 +138,9 @@ class Regions:
         return self.n_contacts
 
     def keep(self, kept: cython.const[cython.uchar][::1]) -> None:
-        """Drop the contacts that are not kept, (n_contacts or more,) uint8; the others get their ground."""
+        """Drop the contacts that are not kept, (n_contacts or more,) uint8; the others take over their
+        points.
+        """
         if kept.shape[0] < self.n_contacts:
             raise ValueError(f"kept ({self.n_contacts},) is wanted")
         i: cython.Py_ssize_t
@@ -157,12 +159,14 @@ class Regions:
         """Replace the peaks of contact i by two places of the padded grid: one stays i, the other is a new
         contact.
 
-        To be followed by `sort`. Raises ValueError: no such contact or place, or no room
+        To be followed by `sort`. Raises ValueError: no such contact or place, or too many contacts
         """
         j: cython.Py_ssize_t
         found: cython.bint = False
         if not 0 <= i < self.n_contacts < _CONTACTS_MAX:
-            raise ValueError(f"i: a contact of 0 to {self.n_contacts - 1} is wanted, and room for one more")
+            raise ValueError(
+                f"i: a contact of 0 to {self.n_contacts - 1} is wanted, of fewer than {_CONTACTS_MAX}"
+            )
         if not (0 <= first < self._grid.shape[0] and 0 <= second < self._grid.shape[0]):
             raise ValueError(f"first, second: places of 0 to {self._grid.shape[0] - 1} are wanted")
         for j in range(self._n_peaks):
@@ -197,12 +201,12 @@ class Regions:
         self._measure()
 
     def area_px2(self, i: cython.Py_ssize_t) -> float:
-        """Of contact i's region."""
+        """Area of contact i's region, px2."""
         self._check(i)
         return self._n_points[i] * self.step_px * self.step_px
 
     def peak_height(self, i: cython.Py_ssize_t) -> float:
-        """Of contact i's highest peak, between the grid's points: by a parabola through three along each
+        """Height of contact i's highest peak, interpolated between the grid's points by a parabola along each
         axis.
         """
         self._check(i)
@@ -258,7 +262,7 @@ class Regions:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _drop_peaks(self) -> cython.void:
-        """Forget the peaks that belong to no contact."""
+        """Remove the peaks that belong to no contact."""
         j: cython.Py_ssize_t
         left: cython.Py_ssize_t = 0
         for j in range(self._n_peaks):

@@ -1,6 +1,6 @@
-"""The products of `quantized_operator`, as they run uncompiled; `row_products.pxd` has them in C.
+"""The products of `quantized_operator` for uncompiled runs; `row_products.pxd` has them in C.
 
-Sums are of integers and fit 32 bits, so both give the same to the last bit.
+Sums are of integers and fit 32 bits, so both give exactly the same.
 """
 
 from __future__ import annotations

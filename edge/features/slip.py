@@ -1,11 +1,11 @@
 """Slip: parts of the contact that move against each other.
 
-Skin that sticks to a rigid thing can only move with it. Within the contact, the motion over the last few
-frames is therefore split into what a load explains (a common translation, turn and linear stretch) and the
-rest. That is what the slip that creeps in from the rim of a contact looks like, a probe that wanders over the
-skin, or stick-slip. The steady gliding of a large smooth plane moves no pin and cannot be seen by any camera
+Skin that sticks to a rigid object can only move with it. Within the contact, the motion over the last few
+frames is therefore split into what a load explains (a common translation, rotation and linear strain) and a
+residual. The residual shows slip that creeps in from the rim of a contact, a probe that wanders over the
+skin, or stick-slip. The steady gliding of a large smooth plane moves no pin and cannot be seen by a camera
 behind the skin. Nor can creep be distinguished from the bending of a contact that is being pressed or
-released: while its cells grow or shrink together, no slip is reported.
+released: while all its cells' areas increase, or all decrease, no slip is reported.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ __all__ = ["Slip", "SlipState"]
 
 @dataclass(frozen=True, slots=True)
 class SlipState:
-    """Motion within the contact that the load does not explain.
+    """Motion within the contact that a load does not explain.
 
-    slip_px      rms over the contact's pins, per frame, noise taken off
+    slip_px      rms over the contact's pins, per frame, noise subtracted
     probability  0..1 that there was any, given the noise
     """
 
@@ -46,7 +46,7 @@ class Slip:
         self._past: deque[tuple[Array, Array]] = deque(maxlen=params.slip_span_frames)
 
     def forget(self) -> None:
-        """No frame before this one: contact lost, identities lost, or nobody asks."""
+        """Drop the frames before this one: contact lost, identities lost, or slip not demanded."""
         self._past.clear()
 
     def update(self, motion_px: Array, area_change: Array, pins: Index, sigma_px: float) -> SlipState:
@@ -83,7 +83,9 @@ class Slip:
         return SlipState(slip, probability)
 
     def _is_pressing(self, area_change: Array) -> bool:
-        """Whether a contact's cells grow or shrink together; area_change (k,), NaN where not known."""
+        """Whether the areas of a contact's cells increase, or decrease, together; area_change (k,), NaN where
+        not known.
+        """
         return bool(
             abs(np.nansum(area_change)) > self._params.slip_pressing_rel * np.nansum(np.abs(area_change))
         )

@@ -1,9 +1,9 @@
-"""A second look at a long, small contact: one touch, or two that lie too close for the contact field?
+"""Split test of a long, small contact: one touch, or two that are too close for the contact field?
 
-Two probes less than two and a half pitches apart are one long region in the contact field. So a region that
-is long and small is looked at again in a sharper and noisier field (`geometry.motion_field`), within the
-region alone: it is two where that field has two peaks, one on each side of the middle, along the region's
-axis, separated by a valley that is deep against the lower one and against the pins' noise.
+Two probes less than two and a half pitches apart make one long region in the contact field. So a region that
+is long and small is tested again in a sharper and noisier field (`geometry.motion_field`), within the
+region alone: it is two if that field has two peaks, one on each side of the middle, along the region's
+axis, separated by a valley that is deep compared with the lower one and with the pins' noise.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -33,7 +33,7 @@ _NOTHING = cython.declare(cython.float, -np.inf)
 
 @cython.cclass
 class SplitTest:
-    """Looks at regions of one tip's contact field in the sharper field; m points of a finer grid.
+    """Tests regions of one tip's contact field in the sharper field; m points of a finer grid.
 
     first, second  places in the contact field's padded grid of the two peaks that `find_pair` found
 
@@ -58,9 +58,9 @@ class SplitTest:
     _coarse: cython.int[::1]  # (m,) place in the contact field's padded grid
     _is_member: cython.uchar[::1]  # (m,) within the region
     _is_member_in_grid: cython.uchar[::1]  # the same, by place
-    _live: cython.int[::1]  # the points that are members or touch one
-    _n_live: cython.Py_ssize_t
-    _i: cython.Py_ssize_t  # the contact that is looked at
+    _active: cython.int[::1]  # the points that are members or touch one
+    _n_active: cython.Py_ssize_t
+    _i: cython.Py_ssize_t  # the contact under test
     _around: cython.int[::1]
     _field: ContactField
     _detrended: cython.float[::1]
@@ -104,7 +104,7 @@ class SplitTest:
         self._coarse = np.asarray(peaks.place)[point[inside]]
         self._is_member = np.zeros(len(divergences), np.uint8)
         self._is_member_in_grid = np.zeros(len(self._grid), np.uint8)
-        self._live = np.zeros(len(divergences), np.int32)
+        self._active = np.zeros(len(divergences), np.int32)
         w = self._peaks.width
         self._around = np.array([-w - 1, -w, -w + 1, -1, 1, w - 1, w, w + 1], np.int32)
         self._field, self._detrended = field, field.detrended
@@ -115,7 +115,7 @@ class SplitTest:
         self._min_alignment = params.split_min_alignment
         self._min_prominence_rel = params.split_min_prominence_rel
         self._min_prominence_sigma = params.split_min_prominence_sigma
-        self.first = self.second = self._n_live = self._i = 0
+        self.first = self.second = self._n_active = self._i = 0
 
     def find_peaks(self, i: cython.Py_ssize_t) -> int:
         """Find the peaks of the sharper field within contact i's region; how many. Of fewer than two none are
@@ -127,15 +127,15 @@ class SplitTest:
             raise ValueError(f"i: a contact of 0 to {self._regions.n_contacts - 1} is wanted, not {i}")
         p: cython.Py_ssize_t
         even: cython.float = self._field.plane_divergence
-        for p in range(self._n_live):
-            self._grid[self._place[self._live[p]]] = _NOTHING
+        for p in range(self._n_active):
+            self._grid[self._place[self._active[p]]] = _NOTHING
         self._find_points(i)
         self._values[:] = self._detrended
-        self._operator.apply_rows(self._live, self._n_live)
-        for p in range(self._n_live):
-            self._grid[self._place[self._live[p]]] = self._result[p] + even
+        self._operator.apply_rows(self._active, self._n_active)
+        for p in range(self._n_active):
+            self._grid[self._place[self._active[p]]] = self._result[p] + even
         self._i = i
-        return self._peaks.find_within(self._is_member, self._live, self._n_live)
+        return self._peaks.find_within(self._is_member, self._active, self._n_active)
 
     def find_pair(self, noise_px: cython.double) -> bool:
         """Whether two of the peaks found make the contact two; then `first` and `second` are set.
@@ -166,7 +166,7 @@ class SplitTest:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _find_points(self, i: cython.Py_ssize_t) -> cython.void:
-        """The points within region i and those that touch it, into `_live`."""
+        """The points within region i and those that touch it, into `_active`."""
         p: cython.Py_ssize_t
         d: cython.Py_ssize_t
         n: cython.Py_ssize_t = 0
@@ -180,9 +180,9 @@ class SplitTest:
                         break
                 else:
                     continue
-            self._live[n] = cython.cast(cython.int, p)
+            self._active[n] = cython.cast(cython.int, p)
             n += 1
-        self._n_live = n
+        self._n_active = n
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -1,4 +1,4 @@
-"""A smooth surface over the tip's circle: the regular grid, and the constant matrices that lead onto it.
+"""A smooth surface over the tip's circle: the regular grid, and the constant matrices from pins to grid.
 
 Idea: with the knots at the pins' rest positions, interpolation is linear in the values: one constant
 matrix, made once, turns the area changes of a frame into the grid's heights. The interpolant is the
@@ -6,13 +6,13 @@ thin-plate (biharmonic) spline, MATLAB's `griddata 'v4'`. The paper's cubic (Clo
 'cubic'`) at the current positions is the oracle in the benchmarks; docs/tuning.md has the measured
 difference.
 
-The same spline through the pins' motion has a divergence: the relative area change too, but of the skin
-at a point rather than of a whole cell, and it needs no cells. It separates contacts that lie two pitches from
-each other, where areas see one hump. So contacts are looked for in it, while the volume is the paper's,
-from areas (`contact_field` has the arithmetic of a frame).
+The divergence of the same spline through the pins' motion is the relative area change too, but at a point
+rather than of a whole cell, and it needs no cells. It separates contacts two pitches apart, which areas show
+as one. So contacts are searched for in it, while the volume is the paper's, from areas (`contact_field` has
+the arithmetic of a frame).
 
 Heights are relative area changes of material cells, at the cells' rest places: the surface is fixed to the
-skin. Where a contact lies in the current image is the business of `contact_place`.
+skin. `contact_place` finds where a contact lies in the current image.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Surface:
         self.index[self.inside] = np.arange(len(self._flat))
         self.points_img = np.column_stack([self.x_img[self._flat % size], self.y_img[self._flat // size]])
         value, along_x, along_y = thin_plate_operators(rest.xy_img, self.points_img)
-        # x and y side by side, as the motion's rows come: one product.
+        # x and y interleaved, like the motion's rows: one product.
         divergences = np.stack([along_x, along_y], axis=2).reshape(len(value), -1)
         self.divergence_noise: Heights = np.sqrt((divergences**2).sum(axis=1)).astype(np.float32)
         self.field = ContactField(self.rest_img, self.pitch_px, value, divergences, params)
@@ -72,7 +72,7 @@ class Surface:
     def interpolate(self, area_change: Array, xy_img: Array, threshold: float) -> tuple[Heights, float]:
         """The surface through the area changes.
 
-        area_change  (n,) NaN where lost: such a pin's cell grows as the skin between its neighbours
+        area_change  (n,) NaN where lost: such a pin's cell changes as the skin between its neighbours
         xy_img       (n, 2) px, where the pins are; finite
         threshold    of the volume: heights below it are noise
         Returns      heights (k,) float32 at the k points, new; volume px2, the integral of the compressed

@@ -1,7 +1,7 @@
-"""What no image shows: the board's temperature, free space, and whether camera and links still answer.
+"""What no image shows: the board's temperature, free space, and whether camera and links still respond.
 
-`BoardMonitor` has a thread of its own: reading sysfs may take milliseconds that the loop does not have, and
-a search for lost pins may take longer than a dead camera may stay unannounced.
+`BoardMonitor` has its own thread: reading sysfs may take milliseconds, which the loop cannot spare, and a
+dead camera must be announced even while a search for lost pins runs.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["FREE_SPACE_BYTES", "HOT_DEGC", "BoardMonitor", "Thermometer", "free_
 
 PERIOD_S = 0.04  # with a check's own time, within the 0.1 s in which a fault is announced
 HOT_DEGC = 80.0  # a Raspberry Pi begins to throttle here (maker's documentation, "frequency management")
-COOLER_K = 5.0  # the fault clears this far below
+COOLER_K = 5.0  # the fault clears at so much below
 FREE_SPACE_BYTES = 8 << 20  # below this a calibration (at most 8 MiB) could not be replaced any more
 
 
@@ -34,10 +34,10 @@ class Thermometer:
         self._zones = sorted(root.glob("thermal_zone*/temp"))
 
     def __call__(self) -> float:
-        """degC; NaN: the board has no sensor, or none that answers."""
+        """degC; NaN: the board has no sensor that can be read."""
         hottest = nan
         for zone in self._zones:
-            with suppress(OSError, ValueError):  # zones of sleeping parts answer EAGAIN or nothing
+            with suppress(OSError, ValueError):  # zones of powered-down parts give EAGAIN or nothing
                 value = int(zone.read_text()) / 1000.0
                 hottest = value if isnan(hottest) else max(hottest, value)
         return hottest
@@ -60,7 +60,7 @@ class BoardMonitor:
 
     thermometer  gives degC, or NaN
     storage      each gives "" or why something cannot be written: a folder, a recorder, settings
-    checks       called each time; they report by themselves
+    checks       called each time; each reports on its own
     """
 
     def __init__(
@@ -83,14 +83,14 @@ class BoardMonitor:
         self.temperature_degc = nan
 
     def start(self) -> None:
-        """Check once, now, and then regularly."""
+        """Check once now, then regularly."""
         self.check()
         self._thread.start()
 
     def check(self) -> None:
-        """Read everything once."""
+        """Check everything once."""
         now = self.temperature_degc = self._thermometer()
-        # NaN compares false: without a sensor nothing is ever hot.
+        # Comparison with NaN is false: without a sensor nothing is reported as hot.
         self._hot = now >= self._hot_degc - (COOLER_K if self._hot else 0.0)
         self._registry.report(FaultCode.OVER_TEMPERATURE, self._hot, f"{now:.0f} degC")
         problems = "; ".join(filter(None, (problem() for problem in self.storage)))

@@ -1,7 +1,7 @@
 """The calibration that a host has uploaded, on disk: the one in use, and the last good one beside it.
 
-A file is stored only after it was tried on the tip, and replaced atomically. What cannot be read at a start
-(a damaged disk, a file that an older release took) costs the file, not the finger: the one before it is used.
+A file is stored only after it was tried on the tip, and replaced atomically. If it cannot be read at a start
+(a damaged disk, a file of an older release), the finger still starts, with the previous file.
 """
 
 from __future__ import annotations
@@ -46,25 +46,25 @@ class CalibrationStore:
         return None
 
     def replace(self, calibration: Calibration) -> None:
-        """Store a calibration that was tried; the one before stays beside it.
+        """Store a calibration that was tried; the one before is kept.
 
         Raises OSError, hostlink.output_file.OutputError: not stored, the one before is still in its place
         """
         try:
             good = self.path.read_bytes() if Calibration.load(self.path) else b""
         except (CalibrationError, OSError):
-            good = b""  # none, or one that must not take the last good one's place
+            good = b""  # none, or one that must not replace the last good one
         if good:
             with writing(self.previous, overwrite=True) as unfinished:
                 unfinished.write_bytes(good)
         calibration.save(self.path)
 
     def clear_leftovers(self) -> None:
-        """Remove what writes left that were cut off by a loss of power; at the start, before another one."""
+        """Remove the temporary files of interrupted writes; at the start, before another write."""
         for name in ("calibration.json", "calibration.previous.json", "settings.json"):
             for path in find_unfinished(self.directory / name):
                 if path.is_file() and not path.is_symlink():
                     try:
                         path.unlink()
-                    except OSError as error:  # it takes room, and does no other harm
+                    except OSError as error:  # harmless but for the space it takes
                         log.warning("%s: %s", path, error.strerror)

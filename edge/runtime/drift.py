@@ -1,17 +1,17 @@
-"""Slow adaptation of the rest frame to what the skin and the mount do over hours: creep, warmth, settling.
+"""Slow adaptation of the rest frame to what skin and mount do over hours: creep, temperature, settling.
 
-Idea: while surely nothing touches the tip, where the pins are is where they rest. Their offset from the rest
-frame is learnt very slowly and taken off before anything is computed from their motion.
+Idea: while the tip is certainly untouched, its pins are at rest. Their offset from the rest frame is learnt
+very slowly and subtracted before anything is computed from their motion.
 
 Rules
-- Only while surely untouched: no touch for SURE_S without a break, nearly all pins seen, no pin further from
-  its adapted place than a small part of the pitch, no fault of camera, image or tracker.
-- Slow: with a time constant of minutes. What a hand does within seconds is never learnt.
-- Bounded: no pin's offset exceeds `limit_px`, whatever happens. What lies beyond is a camera that moved, or a
-  tip that needs a tare, and is said so (`at_limit`).
-- Reported (`offset_px`, `at_limit`) and reversible: `forget` gives back the rest frame as it was taken.
+- Only while certainly untouched: no touch for UNTOUCHED_S without a break, nearly all pins seen, no pin
+  further from its adapted place than a small part of the pitch, no fault of camera, image or tracker.
+- Slow: a time constant of minutes. A touch of seconds is never learnt.
+- Bounded: no pin's offset exceeds `limit_px`. A larger one is a camera that moved, or a tip that needs a
+  tare, and is reported (`at_limit`).
+- Reported (`offset_px`, `at_limit`) and reversible: `forget` restores the rest frame as it was taken.
 
-A touch too light for the gate to feel, held for minutes, can be learnt; it then costs at most the limit.
+A touch too light for the contact detector, held for minutes, can be learnt; the error is at most the limit.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ __all__ = ["LIMIT_PX", "TIME_S", "Drift"]
 
 LIMIT_PX = 0.3  # the noise of a single frame's centroid is some 0.05 px, a light touch moves pins by 1 px
 TIME_S = 120.0  # silicone has crept back to a few percent within this time after a press
-SURE_S = 3.0
+UNTOUCHED_S = 3.0
 SEEN_SHARE = 0.95
 NEAR_PITCHES = 0.05  # 1 px of a pitch of 19 px
 GAP_S = 0.5  # a pause longer than this is not counted as time at rest
-PERIOD_S = 0.05  # of learning: nothing here is in a hurry
+PERIOD_S = 0.05  # of learning: faster has no benefit
 
 
 class Drift:
     """The learnt offset of each pin of one rest frame.
 
-    limit_px  largest offset in x and in y; 0: nothing is ever learnt
+    limit_px  largest offset in x and in y; 0: nothing is learnt
     time_s    time constant
     """
 
@@ -53,23 +53,23 @@ class Drift:
 
     @property
     def offset_px(self) -> float:
-        """Largest offset that is taken off, px."""
+        """Largest offset that is subtracted, px."""
         return float(np.abs(self._offset).max(initial=0.0))
 
     @property
     def at_limit(self) -> bool:
-        """Whether a tenth of the pins or more would have to be adapted further than is allowed."""
+        """Whether a tenth of the pins or more would need a larger offset than is allowed."""
         return self._at_limit
 
     def correct(self, tracks: Tracks) -> Tracks:
-        """The tracks as they would be without the drift; the same object as long as nothing is learnt."""
+        """The tracks without the drift; the same object while nothing has been learnt."""
         return replace(tracks, xy_img=tracks.xy_img - self._offset) if self._learnt else tracks
 
     def learn(self, tracks: Tracks, capture_ns: int, quiet: bool) -> None:
-        """Learn from one frame, if it is fit for it.
+        """Learn from one frame, if it is suitable.
 
         tracks  as seen, not corrected
-        quiet   nothing touches, and no fault is present
+        quiet   untouched, and no fault is present
         """
         if self._limit_px == 0.0:
             return
@@ -86,7 +86,7 @@ class Drift:
             self._since_ns = None
         elif self._since_ns is None:
             self._since_ns = capture_ns
-        elif capture_ns - self._since_ns >= SURE_S * 1e9:
+        elif capture_ns - self._since_ns >= UNTOUCHED_S * 1e9:
             wanted = np.where(tracks.seen[:, None], away, self._offset)
             self._offset += (wanted - self._offset) * min(1.0, gap_s / self._time_s)
             np.clip(self._offset, -self._limit_px, self._limit_px, out=self._offset)
@@ -95,7 +95,7 @@ class Drift:
             self._at_limit = bool(np.count_nonzero(beyond) >= 0.1 * len(beyond))
 
     def forget(self) -> None:
-        """The rest frame as it was taken."""
+        """Restore the rest frame as it was taken."""
         self._offset = np.zeros_like(self._offset)
         self._learnt = self._at_limit = False
         self._since_ns = None

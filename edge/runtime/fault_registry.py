@@ -1,4 +1,4 @@
-"""Which faults hold now, each with a reason in words.
+"""Which faults hold now, each with its reason.
 
 The fault table (codes, status bits, emergency codes, how each clears) is `hostlink.wire.FAULTS`; here is
 only which of them hold. A fault is announced once when it appears and once when it clears; how often it
@@ -39,7 +39,7 @@ class FaultRegistry:
         self.status = Status(0)
 
     def report(self, code: FaultCode, active: bool, message: str | Callable[[], str] = "") -> None:
-        """Say whether a fault holds now; saying it again changes nothing.
+        """Report whether a fault holds now; repeating it changes nothing.
 
         message  the reason, or a function that gives it, called only when the fault appears
         """

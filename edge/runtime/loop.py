@@ -7,14 +7,13 @@
 Rules
 - One thread runs the loop. Other threads (bus nodes, viewers) never touch the pipeline: they `post` a
   command, which runs between two frames, and wait for its answer.
-- Nothing that fails outside of the computation stops the loop: a fault is a status bit, an emergency and
-  a counter.
-- A frame whose pins cannot be identified is sent with its status bits and without values, never left out:
-  the host must see that the finger is alive and does not know.
-- Without images the loop wakes all the same: faults are announced within 0.1 s, and samples without values go
-  on every `KEEPALIVE_S`. Signals and commands only set a mark; the loop acts on it within that time.
-- The garbage collector does not run when it likes: what start-up made is frozen, what a frame makes has no
-  cycles, and once a minute, after a sample has left, what other threads made is collected.
+- Only the computation can stop the loop: any other failure is a status bit, an emergency and a counter.
+  - A frame whose pins cannot be identified is sent with its status bits and without values, never skipped:
+the host must see that the finger is alive but has no values.
+  - Without images the loop wakes all the same: faults are announced within 0.1 s, and samples without values
+are sent every `KEEPALIVE_S`. Signals and commands only set a flag; the loop acts on it within that time.
+  - The garbage collector runs at fixed times: objects of the start-up are frozen, a frame makes no cycles,
+and once a minute, after a sample has left, garbage of other threads is collected.
 """
 
 from __future__ import annotations
@@ -50,12 +49,12 @@ __all__ = ["Loop", "LoopConfig", "ResultCallback"]
 log = logging.getLogger(__name__)
 T = TypeVar("T")
 
-DRAIN_S = 1.0  # how long a recording waits for a link that takes nothing
-WAIT_S = 0.02  # longest wait for an image before faults and commands are looked at
+DRAIN_S = 1.0  # how long a recording waits for a blocked link
+WAIT_S = 0.02  # longest wait for an image before faults and commands are handled
 KEEPALIVE_S = 0.05  # samples without images: "the slow rate" of the fault table
-NO_IMAGES_S = 1.0  # without images for so long a tare that was asked for is refused
+NO_IMAGES_S = 1.0  # a requested tare is refused after so long without images
 LATE_NS = 2_000_000_000  # an image older than this, or from the future, is stamped by another clock than ours
-GARBAGE_S = 60.0  # what other threads leave in cycles (viewers, requests) is collected this often
+GARBAGE_S = 60.0  # between collections of other threads' cycles (viewers, requests)
 
 #: Called with each result and its sample: viewer, detail stream, summary. Must return at once.
 ResultCallback = Callable[[Result, State], None]
@@ -68,9 +67,9 @@ class Loop:
     sinks        where samples go
     calibration  of this tip, or None: values that need one are sent as invalid
     config       what is computed, and limits
-    faults       the active faults; a new registry where not given
-    board        the board's temperature and storage; None: not looked after
-    notifier     the service manager; None: nobody
+    faults       the active faults; None: a new registry
+    board        the board's temperature and storage; None: not monitored
+    notifier     the service manager; None: there is none
     clock_ns     the host's monotonic clock
     """
 
@@ -91,8 +90,8 @@ class Loop:
         self.faults = faults or FaultRegistry()
         self.session = RecordingSession(self.faults)
         self.result_callbacks: list[ResultCallback] = []
-        self.tick_callbacks: list[Callable[[], None]] = []  # after each turn, with an image or without
-        self.frame: Frame | None = None  # the newest, with a result or without
+        self.tick_callbacks: list[Callable[[], None]] = []  # after each turn, with or without an image
+        self.frame: Frame | None = None  # the newest, with or without a result
         config = config or LoopConfig()
         self._counters = StatisticsCollector()
         self._detector = FaultDetector(source, self.faults, config.load_pitches, clock_ns)
@@ -107,7 +106,7 @@ class Loop:
         self._garbage = _GarbageCollection(clock_ns)
         self._sample = 0
         self._keepalive_due_ns = 0
-        self._frame_begun_ns: int | None = None  # when the frame in hand was taken up
+        self._frame_begun_ns: int | None = None  # when work on the current frame began
 
     # ---- from other threads ------------------------------------------------------------------------
 
@@ -123,9 +122,9 @@ class Loop:
         calibration: Calibration | None = None,
         store: Callable[[], None] | None = None,
     ) -> TareRequest:
-        """Have a new rest frame taken from the next images; `done` of what is returned gets the outcome.
+        """Have a new rest frame taken from the next images; `done` of the returned request gets the outcome.
 
-        What is in use stays in use, rest frame and calibration, until the new ones are accepted.
+        The present rest frame and calibration stay in use until the new ones are accepted.
 
         force        take it although it shows a touch
         calibration  to be used from this rest frame on
@@ -136,11 +135,11 @@ class Loop:
 
     @property
     def tare_outcome(self) -> TareOutcome:
-        """What became of the last request for a rest frame."""
+        """Outcome of the last request for a rest frame."""
         return self.measurement.tare.outcome
 
     def stop(self) -> None:
-        """End the loop after the frame in hand. May be called from a signal handler; closes nothing."""
+        """End the loop after the current frame. May be called from a signal handler; closes nothing."""
         self._stop.set()
 
     @property
@@ -149,7 +148,7 @@ class Loop:
         return self._counters.counts.frames_n
 
     def statistics(self) -> LoopStatistics:
-        """A copy of the counters and times as they stand."""
+        """A copy of the present counters and times."""
         m = self.measurement
         return self._counters.snapshot(
             dropped_n=self.source.dropped_n,
@@ -158,7 +157,7 @@ class Loop:
             faults={code.name: n for code, n in self.faults.appeared.items()},
         )
 
-    # ---- what is measured, and how: `Measurement` has the rest --------------------------------------
+    # ---- what is measured: passed on to `Measurement` --------------------------------------
 
     @property
     def calibration(self) -> Calibration | None:
@@ -199,7 +198,7 @@ class Loop:
         self.measurement.set_demand(demand)
 
     def set_shown(self, features: frozenset[Feature]) -> None:
-        """What viewers look at, beyond the demand: computed for as long as they do."""
+        """Features that viewers show beyond the demand: computed as long as they watch."""
         self.measurement.set_shown(features)
 
     # ---- the loop -----------------------------------------------------------------------------------
@@ -210,7 +209,7 @@ class Loop:
         Raises  SourceError when a recording shows no pins to begin with
         """
         self._counters.started_s = time.monotonic()
-        self.measurement.tare.beside = self.source.live  # a recording waits
+        self.measurement.tare.in_thread = self.source.live  # a recording waits for the tare
         if self._board is not None:
             self._board.checks += [self._detector.camera, self._check_frame_time]
             self._board.start()
@@ -248,7 +247,7 @@ class Loop:
             yield frame
 
     def _keep_alive(self) -> None:
-        """No image came. Say why, and that we live."""
+        """No image came: report why, and send a keepalive sample."""
         status_before = self.faults.status
         self._detector.frozen = False
         self._detector.camera()
@@ -262,25 +261,25 @@ class Loop:
         frame, since_ns = self._detector.last or (None, now_ns)
         if now_ns - since_ns > NO_IMAGES_S * 1e9:
             self.measurement.no_images()
-        # On the camera's clock, as all other samples: its last time and what has passed since.
+        # On the camera's clock, like all samples: its last time plus the time since.
         capture_ns = frame.capture_ns + now_ns - since_ns if frame else now_ns
         self._send(None, capture_ns, 0.0)
 
     def _check_frame_time(self) -> None:
-        """Called from the board's thread: whether the frame in hand takes long."""
+        """Called from the board's thread: whether the current frame takes long."""
         # A recording waits for its search; and the first frame after a tare has to search.
         if not self.taring and self.last is not None and self.source.live:
             self._detector.slow(self._frame_begun_ns)
 
     def step(self, frame: Frame) -> State:
-        """Everything that one frame causes."""
+        """Process one frame completely."""
         begun_ns = self._frame_begun_ns = self._clock_ns()
         self._count(frame, begun_ns)
         self.frame = frame
         result = self.measurement.measure(frame)
         self._frame_begun_ns = None
         computed_ns = self._clock_ns()
-        # A recorded or foreign clock cannot be subtracted from ours: then latency counts from the hand-over.
+        # A recorded or foreign clock cannot be subtracted from ours: latency then counts from the hand-over.
         ours = frame.clock in (Clock.HOST, Clock.DRIVER) and 0 <= begun_ns - frame.capture_ns < LATE_NS
         since_ns = frame.capture_ns if ours else begun_ns
         state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)
@@ -294,11 +293,11 @@ class Loop:
         return state
 
     def _count(self, frame: Frame, begun_ns: int) -> None:
-        """Note the frame, and what is missing before it."""
+        """Count the frame, and those missing before it."""
         counts = self._counters.counts
         counts.frames_n += 1
         self._detector.order(frame, begun_ns)
-        # A frame that gave way to a newer one leaves a gap too, but did not get lost on its way here.
+        # A frame replaced by a newer one leaves a gap too, but was not lost by the camera.
         lost_n = self._detector.gaps_n - self.source.dropped_n
         counts.lost_by_camera_n = max(counts.lost_by_camera_n, lost_n)
         self._detector.camera()
@@ -315,13 +314,13 @@ class Loop:
         )
         self._sample += 1
         for sink in self.sinks:
-            if not self.source.live:  # a recording goes as fast as the link takes it, and loses nothing
+            if not self.source.live:  # a recording is sent as fast as the link takes it, without loss
                 sink.drain(DRAIN_S)
             counts.sent_n += sink.send(state)
         return state
 
     def _end_turn(self) -> None:
-        """After each turn, with an image or without."""
+        """After each turn, with or without an image."""
         _call_each(self.tick_callbacks)
 
     def _run_commands(self) -> None:
@@ -331,7 +330,7 @@ class Loop:
                 continue
             try:
                 future.set_result(command())
-            except Exception as error:  # noqa: BLE001  (it is the asker's to handle)
+            except Exception as error:  # noqa: BLE001  (handled by the one that waits on the future)
                 future.set_exception(error)
 
 
@@ -346,7 +345,7 @@ def _call_each(callbacks: list[Any], *arguments: Any) -> None:
 
 
 class _GarbageCollection:
-    """The collector at our times: off while the loop runs, but for `collect_if_due`."""
+    """Garbage collection at fixed times: off while the loop runs, except in `collect_if_due`."""
 
     def __init__(self, clock_ns: Callable[[], int]) -> None:
         self._due_ns = clock_ns() + round(GARBAGE_S * 1e9)
@@ -367,7 +366,7 @@ class _GarbageCollection:
         gc.unfreeze()
 
     def collect_if_due(self, now_ns: int) -> None:
-        """Collect what other threads left, after the sample has left; frozen objects are not looked at."""
+        """Collect garbage of other threads, after the sample has left; frozen objects are skipped."""
         if now_ns > self._due_ns:
             self._due_ns = now_ns + round(GARBAGE_S * 1e9)
             gc.collect()

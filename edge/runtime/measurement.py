@@ -1,7 +1,7 @@
-"""From a frame to a result that may be sent: rest frame, pipeline, drift, and what the fault detector says.
+"""From a frame to a result that may be sent: rest frame, pipeline, drift, and the fault detector's verdict.
 
-Everything here runs in the loop's thread, but for `_prepare`. The rest frame and the calibration in use
-change together, and only once the new ones have been tried.
+Everything here runs in the loop's thread except `_prepare`. The rest frame and the calibration in use change
+together, and only after the new ones have been tried.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ class _SizeChanged(EdgeError):
 
 @dataclass(frozen=True, slots=True)
 class LoopConfig:
-    """What is computed, and limits; `edge.config` has the same for users.
+    """What is computed, and limits; `edge.config` is the user's side of it.
 
     demand        features that are computed
-    tare          how the rest frame is taken and judged
-    drift_px      largest drift of a pin that is taken off the measurement; 0: none
+    tare          how the rest frame is taken and checked
+    drift_px      largest drift of a pin that is subtracted from the measurement; 0: none
     load_pitches  motion of the pins beyond which the tip is overloaded
     """
 
@@ -53,14 +53,14 @@ class LoopConfig:
 
 
 class Measurement:
-    """What one finger is measured with, and against.
+    """Rest frame, calibration and stages of one finger.
 
     calibration  in use; None: values that need one are invalid
     pipeline     the computing stages; None: there is no rest frame yet
     drift        learnt since the rest frame was taken
     last         the last result
     tares_n      rest frames taken
-    tare         the rest frame that is being taken, and what became of the last request for one
+    tare         the rest frame that is being taken, and the outcome of the last request for one
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class Measurement:
     def measure(self, frame: Frame) -> Result | None:
         """Result of one frame; None: there is no rest frame, or the image cannot be computed.
 
-        No image, whatever it shows, raises: what cannot be computed is a lost tracker.
+        No image raises an error: one that cannot be computed reports TRACKER_LOST.
         Raises  SourceError, CalibrationError: a recording that cannot be used, at its start
         """
         try:
@@ -149,7 +149,7 @@ class Measurement:
             self.pipeline.forget()
 
     def _check_size(self, frame: Frame) -> None:
-        """Raises _SizeChanged: the camera changed its size, and the rest frame is no measure any more."""
+        """Raises _SizeChanged: the camera changed its size, and the rest frame no longer applies."""
         if self.pipeline is not None:
             width, height = self.pipeline.rest.pattern.size_px
             if frame.image.shape != (height, width):
@@ -191,14 +191,14 @@ class Measurement:
     # ---- tare ---------------------------------------------------------------------------------------
 
     def _tare(self, frame: Frame) -> None:
-        """Collect this image for a rest frame that is wanted, and use one that is ready."""
+        """Collect this image for a requested rest frame, and use one that is ready."""
         tare = self.tare
         frames = tare.collect(frame, usable=not self._detector.frozen)
         if frames is not None:
             request = tare.request or TareRequest(0)
-            # Without a rest frame there is nothing to go on with.
+            # Without a rest frame nothing can be measured.
             tare.start(lambda: self._prepare(frames, request), can_wait=self.pipeline is not None)
-        if not tare.judged:
+        if not tare.checked:
             return
         try:
             prepared = tare.result()
@@ -215,13 +215,13 @@ class Measurement:
             self._accept_tare(prepared)
 
     def _prepare(self, frames: Sequence[Frame], request: TareRequest) -> Prepared:
-        """Take and judge the rest frame, make its stages, and store the calibration that comes with it.
+        """Take and check the rest frame, make its stages, and store the calibration that comes with it.
 
-        May run beside the loop. Raises TareRefused; OSError, OutputError: not stored
+        May run in another thread. Raises TareRefused; OSError, OutputError: not stored
         """
         calibration, params = request.calibration or self.calibration, self._config.tare
         live = self._source.live
-        if not live:  # a recording is what it is; only a live tip can be asked to keep still
+        if not live:  # only a live tip can be asked to keep still
             params = replace(params, steady_px=np.inf)
         rest_frame = take_rest_frame(
             [frame.image for frame in frames],
@@ -236,7 +236,7 @@ class Measurement:
         return Prepared(rest_frame, pipeline, frames[-1])
 
     def _accept_tare(self, prepared: Prepared) -> None:
-        """Measure against this rest frame, with its calibration, from now on."""
+        """Use this rest frame and its calibration from now on."""
         found, self.pipeline = prepared.rest_frame, prepared.pipeline
         self.calibration = self.pipeline.calibration
         self._set_demand()
@@ -253,7 +253,7 @@ class Measurement:
         log.info("%s: rest frame with %d pins", self._source.name, len(found.rest))
 
     def _refuse_tare(self, error: TareRefused) -> None:
-        """Keep rest frame and calibration that we have; without them, try again with the next images."""
+        """Keep the present rest frame and calibration; without them, try again with the next images."""
         if self.pipeline is None and not self._source.live:
             kind = CalibrationError if error.reason is RestFrameReason.OTHER_TIP else SourceError
             raise kind(f"{self._source.name}: {error}")
@@ -266,13 +266,13 @@ class Measurement:
             self.tare.restart()
 
     def no_images(self) -> None:
-        """The camera has given none for long: who waits for a rest frame is told."""
-        if self.tare.request is not None and not self.tare.judging:
+        """The camera has given none for long: refuse a requested rest frame."""
+        if self.tare.request is not None and not self.tare.checking:
             message = "; ".join(self._faults.active.values())
             self._refuse_tare(TareRefused(RestFrameReason.NO_IMAGES, f"no images: {message}"))
 
     def source_ended(self) -> None:
-        """A recording shorter than the tare: take what there is. Raises SourceError, CalibrationError."""
+        """A recording shorter than the tare: use all its images. Raises SourceError, CalibrationError."""
         frames = self.tare.frames
         if self.pipeline is None and frames is not None and not self._source.live:
             self.tare.start(lambda: self._prepare(frames, TareRequest(0)), can_wait=False)

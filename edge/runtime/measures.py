@@ -1,7 +1,7 @@
-"""What `image_quality` and `fault_detector` ask of every frame: each a pass over some hundred numbers.
+"""The measurements of `image_quality` and `fault_detector`: each one pass over some hundred numbers.
 
-A kernel (`CONTRIBUTING.md`, "Kernels"). Meaning and limits stand where it is called. NaN marks a lost pin; it
-is not far, and has no length.
+A kernel (`CONTRIBUTING.md`, "Kernels"). Meaning and limits are explained by the callers. NaN marks a lost
+pin; it does not count as far, and has no length.
 """
 
 # mypy: disable-error-code="untyped-decorator,valid-type,no-any-return"
@@ -28,7 +28,7 @@ SIDE_MAX = 1 << 14
 
 
 def sample_levels(image: Image, step: int, top: int) -> tuple[int, int, int]:
-    """Of every step-th pixel of every step-th row: the sum, how many reach `top`, how many there are.
+    """Of every step-th pixel of every step-th row: the sum, how many reach `top`, how many were sampled.
 
     image   (h, w) uint8 or uint16
     Raises  ValueError: no such image, a step below 1
@@ -81,7 +81,7 @@ def count_apart(
 
 
 def median_length(vectors: cython.const[cython.double][:, :]) -> float:
-    """Median length of the vectors (n, 2) without NaN, as numpy.nanmedian has it; 0 where there is none."""
+    """Median length of the vectors (n, 2) without NaN, as numpy.nanmedian; 0 if there is none."""
     if vectors.shape[1] != 2:
         raise ValueError("vectors (n, 2) are wanted")
     square: cython.double
@@ -103,7 +103,7 @@ def median_length(vectors: cython.const[cython.double][:, :]) -> float:
 
 @cython.cclass
 class FocusWindows:
-    """Windows of an image in which the focus is judged.
+    """Windows of an image in which the focus is measured.
 
     corners  (m, 2) int32, px: the first column and row of each
     side     px, of each

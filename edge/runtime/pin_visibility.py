@@ -1,11 +1,11 @@
-"""Are enough pins seen, and can they be where they are seen?
+"""Are enough pins seen, and are their places plausible?
 
 Rules
-- With too few pins, or a hole in the pattern, values are not to be trusted: in a hole the polynomial of the
-  motion has nothing to go by, and a contact there is hidden.
-- Nor when many pins vanish at once, until they are back: what is usual is learnt while all is well, and
-  forgotten slowly, so that a tip that has lost pins for good is used again.
-- Values come back after a few good frames in a row: then the identities of the pins that came back are sure.
+- With too few pins, or a hole in the pattern, no values are sent: in a hole the polynomial of the motion is
+  undetermined, and a contact there is hidden.
+- Nor when many pins vanish at once, until they are back: the baseline is learnt in normal operation and
+  forgotten slowly, so that a tip that has lost pins for good becomes usable again.
+- Values return after a few good frames in a row: then the identities of the pins that came back are certain.
 """
 
 from __future__ import annotations
@@ -25,30 +25,30 @@ __all__ = ["PinVisibility", "PinVisibilityParams"]
 class PinVisibilityParams:
     """Thresholds; evidence in docs/tuning.md. `_rel`: a share; pins are counted over the rest frame's."""
 
-    seen_rel: float = 0.8  # least share of the pins
+    seen_rel: float = 0.8  # smallest share of the pins
     hole_rel: float = 0.01  # largest share of them that are lost with all their neighbours
     neighbours_n: int = 6
-    noisy_ratio: float = 5.0  # a pin whose sigma is so many times the usual is as good as lost
-    drop_rel: float = 0.9  # of the share usually seen: fewer, and too many vanished at once
+    noisy_ratio: float = 5.0  # a pin whose sigma is so many times the baseline counts as lost
+    drop_rel: float = 0.9  # of the baseline share; with fewer, too many vanished at once
     back_rel: float = 0.98  # of the same: until so many are back
-    settled_frames_n: int = 4  # good ones in a row, until values are sent again
-    usual_frames_n: int = 64  # over which what is usual is learnt
+    settled_frames_n: int = 4  # good frames in a row until values are sent again
+    baseline_frames_n: int = 64  # over which the baseline is learnt
     forget_frames_n: int = 1024  # over which it is forgotten while too few are seen
-    torn_pins_n: int = 4  # pins that vanish together while what is around them stands still: a broken image
-    torn_neighbours_rel: float = 0.25  # of such a pin's neighbours vanish with it
-    torn_over_chance: float = 2.0  # times what single pins that vanish would give
-    still_pitches: float = 0.1  # motion in a frame of what stands still
-    far_pitches: float = 3.0  # no skin moves further
-    far_rel: float = 0.05  # of the pins that far away: identities are wrong
-    closer_look_rel: float = 0.95  # fewer pins than this, and the focus is judged now
-    closer_look_ratio: float = 1.3  # times the usual noise, likewise
+    corrupt_pins_n: int = 4  # pins that vanish together while those around them are static: a corrupt image
+    corrupt_neighbours_rel: float = 0.25  # of such a pin's neighbours vanish with it
+    corrupt_over_chance: float = 2.0  # times the share expected if single pins vanish
+    still_pitches: float = 0.1  # largest motion in a frame that counts as static
+    far_pitches: float = 3.0  # skin cannot move further
+    far_rel: float = 0.05  # share of the pins so far away: identities are wrong
+    focus_check_rel: float = 0.95  # with fewer pins than this the focus is checked now
+    focus_check_ratio: float = 1.3  # times the baseline noise, likewise
 
 
 PARAMS = PinVisibilityParams()
 
 
 class PinVisibility:
-    """Judges the pins of one frame after the other against the rest frame."""
+    """Checks the pins of each frame against the rest frame."""
 
     def __init__(self, rest: Rest, params: PinVisibilityParams = PARAMS) -> None:
         self._params = params
@@ -56,23 +56,23 @@ class PinVisibility:
         self._rest_img = np.ascontiguousarray(rest.xy_img)
         self._reason = ""
         self._good_n = params.settled_frames_n
-        self._usual_share = 1.0
-        self._usual_px = float(np.nanmean(rest.pins.sigma_px))
+        self._baseline_share = 1.0
+        self._baseline_px = float(np.nanmean(rest.pins.sigma_px))
         self._near = cKDTree(rest.xy_img).query(rest.xy_img, k=k)[1]
         self._bad, self._before = np.zeros(len(rest), dtype=np.bool_), rest.xy_img
         self._pitch_px = rest.pattern.pitch_px
 
     def problem(self, tracks: Tracks) -> str:
-        """Why no values may be sent of this frame, as far as the pins go; empty: they may."""
+        """Why the pins allow no values for this frame; empty: they do."""
         p, n = self._params, len(tracks.seen)
         share = tracks.n_seen / n
-        bad = ~(tracks.sigma_px <= p.noisy_ratio * self._usual_px)  # a lost pin's is NaN
+        bad = ~(tracks.sigma_px <= p.noisy_ratio * self._baseline_px)  # NaN for a lost pin
         hole_n = int(np.count_nonzero(bad[self._near].all(axis=1))) if bad.any() else 0
         corrupt = self._image_corrupt(tracks, bad)
         few = share < p.seen_rel or hole_n > p.hole_rel * n or corrupt
-        suddenly = share < (p.back_rel if self._reason else p.drop_rel) * self._usual_share
-        frames_n = p.forget_frames_n if few or suddenly else p.usual_frames_n
-        self._usual_share += (share - self._usual_share) / frames_n
+        suddenly = share < (p.back_rel if self._reason else p.drop_rel) * self._baseline_share
+        frames_n = p.forget_frames_n if few or suddenly else p.baseline_frames_n
+        self._baseline_share += (share - self._baseline_share) / frames_n
         unidentified = tracks.confidence < Tracks.LOW_CONFIDENCE
         if few or suddenly or unidentified:
             self._good_n = 0
@@ -84,7 +84,7 @@ class PinVisibility:
             elif corrupt:
                 self._reason = f"{counted}; pins vanished side by side while their neighbours stood still"
             elif suddenly:
-                self._reason = f"{counted}, {self._usual_share:.0%} usually: too many vanished at once"
+                self._reason = f"{counted}, {self._baseline_share:.0%} usually: too many vanished at once"
             else:
                 self._reason = "the pins could not be identified; waiting for several good frames"
         else:
@@ -94,34 +94,35 @@ class PinVisibility:
         return self._reason
 
     def _image_corrupt(self, tracks: Tracks, bad: Mask) -> bool:
-        """Whether pins went since the last frame, together, and nothing moved that could have taken them."""
+        """Whether several pins vanished together since the last frame while those around them did not
+        move."""
         p = self._params
         gone, before = bad & ~self._bad, self._before
         self._bad, self._before = bad, tracks.xy_img
-        if np.count_nonzero(gone) < p.torn_pins_n:
+        if np.count_nonzero(gone) < p.corrupt_pins_n:
             return False
         around = self._near[gone, 1:]
         beside = gone[around]
-        if beside.mean() <= max(p.torn_neighbours_rel, p.torn_over_chance * gone.mean()):
+        if beside.mean() <= max(p.corrupt_neighbours_rel, p.corrupt_over_chance * gone.mean()):
             return False
-        left = np.unique(around[~bad[around]])
-        step = tracks.xy_img[left] - before[left]
-        moved_px = np.hypot(step[:, 0], step[:, 1])
-        moved_px = moved_px[np.isfinite(moved_px)]
-        return not moved_px.size or float(np.median(moved_px)) < p.still_pitches * self._pitch_px
+        rest = np.unique(around[~bad[around]])
+        step = tracks.xy_img[rest] - before[rest]
+        length_px = np.hypot(step[:, 0], step[:, 1])
+        length_px = length_px[np.isfinite(length_px)]
+        return not length_px.size or float(np.median(length_px)) < p.still_pitches * self._pitch_px
 
-    def needs_closer_look(self, tracks: Tracks) -> bool:
-        """Whether pins are missing, or seen with more noise than usual."""
+    def needs_focus_check(self, tracks: Tracks) -> bool:
+        """Whether pins are missing, or seen with more noise than the baseline."""
         p = self._params
-        if tracks.n_seen < p.closer_look_rel * len(tracks.seen):
+        if tracks.n_seen < p.focus_check_rel * len(tracks.seen):
             return True
         noise_px = float(tracks.sigma_px[tracks.seen].mean())
-        noisy = noise_px > p.closer_look_ratio * self._usual_px
-        self._usual_px += (noise_px - self._usual_px) / p.usual_frames_n
+        noisy = noise_px > p.focus_check_ratio * self._baseline_px
+        self._baseline_px += (noise_px - self._baseline_px) / p.baseline_frames_n
         return noisy
 
     def impossible(self, tracks: Tracks) -> bool:
-        """Whether pins would have moved further than any skin does."""
+        """Whether pins moved further than skin can."""
         p = self._params
         far_n = count_apart(tracks.xy_img, self._rest_img, p.far_pitches * self._pitch_px)
         return far_n > p.far_rel * len(self._rest_img)

@@ -1,12 +1,12 @@
-"""How a process of ours shares the processor, and how it ends.
+"""How our processes share the processor, and how they end.
 
-Numeric libraries use one thread: the arrays of one frame are small, a second thread costs more in hand-over
-than it saves, its wake-ups are jitter, and its buffers are memory. The interpreter changes threads after
-0.2 ms rather than 5: the loop must not wait for a link's thread for longer than a frame takes.
+Numeric libraries use one thread: the arrays of a frame are small, a second thread costs more in hand-over
+than it saves, and adds jitter and memory. The interpreter switches threads after 0.2 ms instead of 5: the
+loop must not wait for a link's thread longer than a frame takes.
 
-Left to itself the interpreter takes its modules apart at exit: 0.1 to 0.4 s on a desktop, seconds on a slow
-board, with daemon threads that may still be inside of a driver. None of that is needed: the kernel takes
-back memory and files.
+At exit the interpreter normally tears down its modules: 0.1 to 0.4 s on a desktop, seconds on a slow board,
+with daemon threads that may still be inside a driver. None of that is needed: the kernel reclaims memory and
+files.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ _THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 
 def limit_threads() -> None:
-    """One thread for numeric libraries, short turns for ours. Call before NumPy is first imported.
+    """One thread for numeric libraries, short switch interval for ours. Call before NumPy is first imported.
 
-    What is set in the environment already stays.
+    Variables already set in the environment stay.
     """
     for name in _THREAD_COUNTS:
         os.environ.setdefault(name, "1")
@@ -44,7 +44,7 @@ def run_and_exit(main: Callable[[], None]) -> NoReturn:
         main()
     except SystemExit as end:
         code = end.code
-    if isinstance(code, str):  # as `sys.exit` has it
+    if isinstance(code, str):  # like `sys.exit`
         print(code, file=sys.stderr)
         code = 1
     logging.shutdown()

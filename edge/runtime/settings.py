@@ -1,8 +1,8 @@
 """Settings that a host may change over the link, and that survive a restart.
 
-A JSON file beside the calibration, replaced atomically: after a power cut it is the old one or the new one,
-never half of one. A file that cannot be used costs the settings, never the finger: defaults, and a line in
-the log. What may be set, its limits and defaults: `stored` rows of `hostlink.wire.objects`.
+A JSON file beside the calibration, replaced atomically: after a power cut it is either the old or the new
+file, complete. A file that cannot be used does not stop the finger: it starts with defaults, and logs why.
+What may be set, its limits and defaults: `stored` rows of `hostlink.wire.objects`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 
 SHOWN_S = 1.0  # how long a failed write is reported as a storage fault
 MAX_BYTES = 4096  # ten times what is ever written
-RATE_MIN_HZ = 0.01  # slower is no rate: 1e-45 would be a sample in the age of the universe
+RATE_MIN_HZ = 0.01  # slower rates are mistakes: 1e-45 Hz would never send
 
 _STORED = {o.name: o for o in OBJECTS if o.stored and o.type != "domain"}
 
@@ -47,7 +47,7 @@ class NodeSettings:
 
 
 class SettingsFile:
-    """Where settings live. `path` None: in memory only."""
+    """Loads and stores the settings. `path` None: in memory only."""
 
     def __init__(self, path: Path | None = None, defaults: NodeSettings | None = None) -> None:
         self._path = path
@@ -61,7 +61,7 @@ class SettingsFile:
         return self._path is not None
 
     def load(self) -> NodeSettings:
-        """What the file says; defaults where it says nothing usable."""
+        """The file's settings; defaults if it cannot be used."""
         if self._path is None or not self._path.exists():
             return self._defaults
         try:

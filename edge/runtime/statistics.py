@@ -1,4 +1,4 @@
-"""What the loop has done, in numbers: counters, and quantiles of the last frames' times."""
+"""Statistics of the loop: counters, and quantiles of the last frames' times."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ LATENCIES = 1 << 14  # frames that the latency statistics look back on: 68 s at 
 
 @dataclass(slots=True)
 class LoopStatistics:
-    """What the loop has done since it started. `edge.cli.summary.LABELS` has the same in plain words.
+    """Statistics since the loop started. `edge.cli.summary.LABELS` has a label for each.
 
     frames_n            images that were processed
     lost_by_camera_n    gaps in the camera's numbering: images that never reached this process
     dropped_n           images that a newer one replaced before they were processed
     full_searches_n     frames in which the pins were searched for in the whole image
-    unidentified_n      frames without values, because pins could not be told apart
+    unidentified_n      frames without values, because pins could not be identified
     failed_n            frames that could not be processed at all
     keepalives_n        samples without values, sent while no image came
     sent_n              samples that left, summed over the sinks
     pins_n              pins of the rest frame
     pins_seen_min_n, pins_seen_median_n  pins seen in a frame, of the last `LATENCIES` frames
-    drift_px            largest slow drift that is taken off now
+    drift_px            largest slow drift that is subtracted now
     rate_hz             frames a second
     compute_us          image taken up to sample ready: median, 99 %, 99.9 % of the last `LATENCIES` frames
     latency_us          capture to sample sent, likewise
@@ -72,7 +72,7 @@ class RingBuffer:
         return self._values[: min(self._n, len(self._values))]
 
     def quantiles(self) -> tuple[float, float, float]:
-        """Median, 99 %, 99.9 %; zeros while there is nothing."""
+        """Median, 99 %, 99.9 %; zeros while it is empty."""
         if not self._n:
             return (0.0, 0.0, 0.0)
         a, b, c = np.quantile(self.values, (0.5, 0.99, 0.999))
@@ -82,7 +82,7 @@ class RingBuffer:
 class StatisticsCollector:
     """Counts while the loop runs.
 
-    counts  the counters; what is measured elsewhere is filled in by `snapshot`
+    counts  the counters; `snapshot` adds the values measured elsewhere
     """
 
     def __init__(self) -> None:
@@ -91,7 +91,7 @@ class StatisticsCollector:
         self.started_s = time.monotonic()
 
     def snapshot(self, **measured: Any) -> LoopStatistics:
-        """A copy as things stand now.
+        """A copy of the present values.
 
         measured  fields of `LoopStatistics` that the caller knows
         """

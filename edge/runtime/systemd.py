@@ -1,8 +1,8 @@
-"""Tells the service manager how we are: one datagram to $NOTIFY_SOCKET a message (sd_notify(3)).
+"""Reports to the service manager: one datagram to $NOTIFY_SOCKET a message (sd_notify(3)).
 
 Without a service manager every call does nothing. READY after the first image, STOPPING at the end, and
-WATCHDOG only where images flow: a service whose camera hangs for longer than the unit's WatchdogSec is
-started anew, which also opens the camera anew.
+WATCHDOG only while images arrive: a service whose camera hangs for longer than the unit's WatchdogSec is
+restarted, which also reopens the camera.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from collections.abc import Mapping
 __all__ = ["Notifier"]
 
 log = logging.getLogger(__name__)
-SHARE = 0.25  # of the watchdog's time between two feedings; sd_watchdog_enabled(3) asks for a half at most
+SHARE = 0.25  # of the watchdog's time between two messages; sd_watchdog_enabled(3) asks for a half at most
 
 
 class Notifier:
-    """The service manager, or nobody."""
+    """The connection to the service manager, if there is one."""
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
         address = environment.get("NOTIFY_SOCKET", "")
@@ -35,7 +35,7 @@ class Notifier:
         self._ready = False
 
     def frame(self) -> None:
-        """An image was worked on: READY once, then WATCHDOG as often as it is due."""
+        """An image was processed: READY once, then WATCHDOG as often as it is due."""
         if self._socket is None:
             return
         if not self._ready:
@@ -46,12 +46,12 @@ class Notifier:
             self._due_s = now + self._every_s
             self.send("WATCHDOG=1")
 
-    def status(self, words: str) -> None:
+    def status(self, text: str) -> None:
         """One line for `systemctl status`."""
-        self.send("STATUS=" + " ".join(words.split()))
+        self.send("STATUS=" + " ".join(text.split()))
 
     def stopping(self) -> None:
-        """The end has begun."""
+        """The program is ending."""
         self.send("STOPPING=1")
 
     def send(self, message: str) -> None:
@@ -64,7 +64,7 @@ class Notifier:
             log.warning("service manager at %s: %s", self._address, error.strerror)
 
     def close(self) -> None:
-        """Let go of the socket."""
+        """Close the socket."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

@@ -1,17 +1,18 @@
-"""The rest frame: taken from a few images of the untouched tip, matched to known pins, and judged.
+"""The rest frame: taken from a few images of the untouched tip, matched to known pins, and checked.
 
 Everything is measured against the rest frame, so one that shows a touch makes every later value wrong without
-a sign of it. So each candidate is judged:
+any sign of it. So each candidate is checked:
 
-    within itself    the pins do not move from the first image to the last
-    by known pins    those of the calibration, or else of the last accepted rest frame, seen from where the
-                     camera is now: what is left after a homography (a camera that turned in its mount,
-                     another focus) must be untouched. Where none are known, the last image by the first
+        within itself    the pins do not move from the first image to the last
+        by known pins    those of the calibration, or else of the last accepted rest frame, seen from where
+                                          the camera is now: the residual after a homography (a camera that
+                                          turned in its mount, another focus) must be untouched. Without known
+                                          pins, the last image by the first
 
-"Untouched" is the contact detector's own decision, by the noise that it expects of the pins' positions. The
-noise is also measured in the candidate, because creep and warmth bend a tip a little: if the typical area
-change is larger than expected, the expectation is raised, as far as the detector's own learning may raise it.
-Beyond that no noise explains it.
+"Untouched" is decided by the contact detector, with the noise that it expects of the pins' positions. The
+noise is also measured in the candidate, because creep and temperature bend a tip a little: if the typical
+area change is larger than expected, the expectation is raised, within the limits of the detector's own
+learning. A larger change cannot be explained by noise.
 """
 
 from __future__ import annotations
@@ -44,9 +45,9 @@ LET_GO = "let go, or force the tare"
 class TareParams:
     """Thresholds of the tare; evidence in docs/tuning.md.
 
-    frames_n   images of which the rest frame is made
+    frames_n   images that the rest frame is made from
     steady_px  largest motion of 90 % of the pins from the first image to the last
-    kept_rel   least share of the last rest frame's pins that must be found, without a calibration
+    kept_rel   smallest share of the last rest frame's pins that must be found, without a calibration
     """
 
     frames_n: int = 8
@@ -58,10 +59,10 @@ PARAMS = TareParams()
 
 
 class TareRefused(EdgeError):
-    """This rest frame is not taken.
+    """The rest frame was refused.
 
-    reason   the wire's word for why
-    problem  the same in words
+    reason   why, as sent over the wire
+    problem  the same as text
     advice   what to do
     """
 
@@ -76,7 +77,7 @@ class RestFrame:
 
     rest     row i is pin i of the calibration, where there is one
     reason   NONE, or why it is implausible: then it was forced
-    message  the same in words
+    message  the same as text
     """
 
     rest: Rest
@@ -92,11 +93,11 @@ def take_rest_frame(
     *,
     force: bool = False,
 ) -> RestFrame:
-    """The rest frame from a few images of the tip, judged.
+    """The rest frame from a few images of the tip, checked.
 
-    calibration  gives the order of the pins, and what the untouched tip looks like
-    reference    last accepted rest frame; gives the latter where there is no calibration
-    force        take what shows a touch, moves, or has lost pins, and say so; not what is another tip
+    calibration  gives the order of the pins, and the pins of the untouched tip
+    reference    last accepted rest frame; gives the latter if there is no calibration
+    force        accept a frame with a touch, motion or lost pins, and report it; never another tip
     Raises       TareRefused
     """
     try:
@@ -105,11 +106,11 @@ def take_rest_frame(
         raise TareRefused(Reason.NO_PIN_PATTERN, str(error)) from None
     problems: list[TareRefused] = []
 
-    def check(judge: TareRefused | None) -> None:
-        if judge is not None:
+    def check(problem: TareRefused | None) -> None:
+        if problem is not None:
             if not force:
-                raise judge
-            problems.append(judge)
+                raise problem
+            problems.append(problem)
 
     refiner = CentroidRefiner(rest)
     first, last = (refiner.refine(images[k], rest.xy_img) for k in (0, -1))
@@ -188,9 +189,9 @@ def _touch_shown(reference: Rest, tracks: Tracks, whose: str) -> TareRefused | N
 
 
 def _seen_from_before(reference: Rest, tracks: Tracks) -> Tracks:
-    """The tracks as a camera would see them that sits where it did for the reference.
+    """The tracks as seen by a camera at its place for the reference.
 
-    The homography is fitted to the half of the pins that fit it best: a touch must not pull it along.
+    The homography is fitted to the half of the pins that fit it best: a touch must not bias it.
     """
     seen = tracks.seen
     wanted, found = reference.xy_img[seen], tracks.xy_img[seen]
@@ -209,7 +210,7 @@ def _seen_from_before(reference: Rest, tracks: Tracks) -> Tracks:
 
 
 def _touch_sigmas(reference: Rest, tracks: Tracks) -> float:
-    """Where the contact detector sees a touch: the largest area change of a cell, in sigmas of its noise.
+    """If the contact detector sees a touch: the largest area change of a cell, in sigmas of its noise.
 
     Returns  0.0: untouched
     """

@@ -1,10 +1,12 @@
-"""Requests for a rest frame, and what became of the last one.
+"""Requests for a rest frame, and the outcome of the last one.
 
-    request() -> images are collected -> a job takes and judges the rest frame -> accepted or refused
-                                         (beside the loop, which goes on with the old rest frame)
+        request() -> images are collected -> a job takes and checks the rest frame -> accepted or refused
+                                                                                  (in another thread; the loop
+                                                                                  goes on with the old rest
+                                                                                  frame)
 
-Requests come from any thread; all else is the loop's. Whoever asked waits on `TareRequest.done`, or, on the
-far end of a bus, reads `TareState.outcome` until it is not BUSY.
+Requests come from any thread; everything else is the loop's. The requester waits on `TareRequest.done` or, at
+the other end of a bus, reads `TareState.outcome` until it is not BUSY.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ class TareBusy(EdgeError):
 
 @dataclass(frozen=True, slots=True)
 class TareOutcome:
-    """What became of request `number`; 0: of none yet."""
+    """Outcome of request `number`; 0: there was none yet."""
 
     number: int = 0
     state: RestFrameState = RestFrameState.UNKNOWN
@@ -40,9 +42,9 @@ class TareOutcome:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TareRequest:
-    """Somebody wants a new rest frame.
+    """A request for a new rest frame.
 
-    force        take it although it shows a touch
+    force        accept it although it shows a touch
     calibration  to be used from then on; None: the present one stays
     store        called when the rest frame is good, before it is used. Raises OSError
     done         gets the outcome
@@ -57,9 +59,9 @@ class TareRequest:
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """What a job gives: a rest frame, and the stages that measure against it.
+    """Result of a job: a rest frame, and the stages that measure against it.
 
-    frame  the last image that it was made of
+    frame  the last image that it was made from
     """
 
     rest_frame: RestFrame
@@ -68,19 +70,19 @@ class Prepared:
 
 
 class TareState:
-    """Which rest frame is being taken, and what became of the last request.
+    """The rest frame that is being taken, and the outcome of the last request.
 
     outcome  of the last request; replaced as a whole, so that any thread may read it
     frames   collected so far; None: none is being taken
 
-    A finger starts by taking one that nobody asked for.
+    At its start a finger takes one without a request.
     """
 
     def __init__(self, frames_n: int) -> None:
         self.outcome = TareOutcome()
         self.frames: list[Frame] | None = []
         self.request: TareRequest | None = None
-        self.beside = False  # whether rest frames are judged beside a loop that goes on
+        self.in_thread = False  # whether rest frames are checked in another thread, while the loop goes on
         self._frames_n = frames_n
         self._lock = threading.Lock()
         self._job: Future[Prepared] | None = None
@@ -88,7 +90,7 @@ class TareState:
 
     @property
     def busy(self) -> bool:
-        """Whether a rest frame is being taken or judged."""
+        """Whether a rest frame is being taken or checked."""
         return self.frames is not None or self._job is not None
 
     def ask(
@@ -109,7 +111,7 @@ class TareState:
     # ---- the loop's thread --------------------------------------------------------------------------
 
     def collect(self, frame: Frame, usable: bool) -> list[Frame] | None:
-        """Keep an image, if a rest frame is wanted; all of them, once there are enough.
+        """Keep an image, if a rest frame is wanted; return all once there are enough.
 
         usable  False: this image repeats an earlier one, or shows none
         """
@@ -123,9 +125,9 @@ class TareState:
         return self.frames if len(self.frames) >= self._frames_n else None
 
     def start(self, job: Callable[[], Prepared], can_wait: bool) -> None:
-        """Judge what was collected: at once, or beside the loop where that is possible."""
+        """Check the collected images: at once, or in another thread if that is possible."""
         self.frames = None
-        if can_wait and self.beside:
+        if can_wait and self.in_thread:
             self._executor = self._executor or ThreadPoolExecutor(1, "tare")
             self._job = self._executor.submit(job)
             return
@@ -136,17 +138,17 @@ class TareState:
             self._job.set_exception(error)
 
     @property
-    def judging(self) -> bool:
-        """Whether a job is under way, or done and not looked at."""
+    def checking(self) -> bool:
+        """Whether a job is under way, or done but not collected."""
         return self._job is not None
 
     @property
-    def judged(self) -> bool:
-        """Whether `result` has something."""
+    def checked(self) -> bool:
+        """Whether `result` is ready."""
         return self._job is not None and self._job.done()
 
     def result(self) -> Prepared:
-        """What the job gave. Raises TareRefused, or whatever it met."""
+        """The job's result. Raises TareRefused, or the job's own error."""
         assert self._job is not None
         job, self._job = self._job, None
         return job.result()
@@ -156,7 +158,7 @@ class TareState:
         self.frames = []
 
     def finish(self, state: RestFrameState, reason: RestFrameReason, message: str) -> None:
-        """The request has its outcome, where there is one."""
+        """Complete the request, if there is one."""
         with self._lock:
             request, self.request = self.request, None
             if request is not None:
@@ -166,7 +168,7 @@ class TareState:
             request.done.set_result(self.outcome)
 
     def close(self) -> None:
-        """No more images come: refuse what is asked for. A job under way is left to itself."""
+        """No more images come: refuse requests. A job under way is abandoned."""
         if self._executor is not None:
             self._executor.shutdown(wait=False, cancel_futures=True)
             self._executor = None

@@ -1,10 +1,10 @@
 """Whether a rest frame shows the tip that a calibration belongs to, and which pin is which.
 
-Asked at each tare; whether the tip is untouched is then judged more closely (`edge.runtime.tare`).
+Used at each tare (`edge.runtime.tare`), which then checks more closely whether the tip is untouched.
 
 Rules
-- A camera that was taken out and put back shifts and turns all pins alike, a little. What is left after
-  the best common shift, turn and zoom is deformation: a touch, or another tip.
+- A camera that was taken out and put back shifts and rotates all pins alike, a little. The residual after the
+  best common shift, rotation and zoom is deformation: a touch, or another tip.
 - Nearly all of the calibration's pins must be seen, and nearly all pins seen must be the calibration's.
 """
 
@@ -24,12 +24,12 @@ __all__ = ["in_order_of", "match_rest"]
 
 @dataclass(frozen=True, slots=True)
 class TipMatchParams:
-    """When two rest frames show one tip. Evidence: docs/tuning.md, "calibration"."""
+    """Limits within which two rest frames show the same tip. Evidence: docs/tuning.md, "calibration"."""
 
     pins_found_min: float = 0.9  # share of the calibration's pins that are seen
     pins_known_min: float = 0.9  # share of the pins seen that the calibration knows
     shift_max: float = 0.4  # pitches, median motion of the pins
-    deformation_max: float = 0.1  # pitches, 95 % quantile of what no common shift, turn, zoom explains
+    deformation_max: float = 0.1  # pitches, 95 % quantile of the residual after shift, rotation and zoom
 
 
 PARAMS = TipMatchParams()
@@ -38,7 +38,7 @@ PARAMS = TipMatchParams()
 def in_order_of(calibration: Calibration, rest: Rest) -> Rest:
     """The rest frame with row i being pin i of the calibration file.
 
-    Raises  CalibrationError: another image size, another tip, or a tip that is plainly touched
+    Raises  CalibrationError: another image size, another tip, or a tip that is clearly touched
     """
     matched, tracks = match_rest(calibration.rest, rest)
     _check_deformation(calibration.rest, tracks)
@@ -62,10 +62,10 @@ def match_rest(made_with: Rest, rest: Rest) -> tuple[Rest, Tracks]:
     _check_shift(made_with, tracks)
     seen = tracks.seen
     moved = tracks.xy_img - made_with.xy_img
-    # A pin that was not found stands where the calibration's pin moved with the others.
+    # A pin that was not found is put where the calibration's pin would have moved with the others.
     xy = np.where(seen[:, None], tracks.xy_img, made_with.xy_img + np.nanmedian(moved, axis=0))
     sigma = np.where(seen, tracks.sigma_px, made_with.pattern.pin_radius_px)
-    # Brightness is that of today's light; a pin that was not found gets the median.
+    # Brightness is that of the present images; a pin that was not found gets the median.
     brightness = np.full(len(made_with), np.median(rest.pins.brightness))
     of_rest = np.hypot(*(tracks.xy_img[seen][:, None] - rest.xy_img).transpose(2, 0, 1)).argmin(1)
     brightness[seen] = rest.pins.brightness[of_rest]
@@ -98,7 +98,7 @@ def _check_shift(made_with: Rest, tracks: Tracks) -> None:
 
 
 def _check_deformation(made_with: Rest, tracks: Tracks) -> None:
-    """Raises CalibrationError: no common shift, turn and zoom explains where the pins are."""
+    """Raises CalibrationError: no common shift, rotation and zoom explains the pins' places."""
     z, w = made_with.xy_img[tracks.seen] @ (1, 1j), tracks.xy_img[tracks.seen] @ (1, 1j)
     design = np.column_stack([z, np.ones_like(z)])
     residual = w - design @ np.linalg.lstsq(design, w, rcond=None)[0]

@@ -53,7 +53,10 @@ DAMAGE = [
     (damaged("models", 0, "input", value="smell"), "models[0].input: unknown input 'smell'"),
     (damaged("models", 0, "output", value="taste"), "models[0]: unknown output 'taste'"),
     (damaged("models", 0, "type", value="network"), "models[0].type: unknown value 'network'"),
-    (damaged("models", 0, "knots", value=[[0, 0], [1, 2], [2, 1]]), "models[0].knots: the output must only"),
+    (
+        damaged("models", 0, "knots", value=[[0, 0], [1, 2], [2, 1]]),
+        "models[0].knots: the output must be monotone",
+    ),
     (damaged("models", 0, "knots", value=[[0, 0], [0, 1]]), "models[0].knots[1]: the input must increase"),
     (damaged("models", 0, "knots", value=[[0, 0]]), "models[0].knots: must have at least 2 items"),
     (

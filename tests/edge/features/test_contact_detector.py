@@ -16,7 +16,7 @@ from tests.support.fields import areas, push, tip
 pytestmark = pytest.mark.kernels
 
 
-def growth_by_medians(rest: Rest, xy: Array) -> Array:
+def area_change_by_medians(rest: Rest, xy: Array) -> Array:
     """(n,) area change at each pin when each moves as the median of its ring."""
     ring, slope = slope_stencil(rest.xy_img, rest.pattern.pitch_px)
     middle = np.median((xy - rest.xy_img)[ring], axis=1)
@@ -35,8 +35,11 @@ def test_in_contact_where_ring_means_and_medians_are_beyond_the_limits() -> None
         change = areas(xy, rest) / rest_area - 1.0
         limit = PARAMS.raise_sigma * PARAMS.ring_noise * 0.05 / rest.pattern.pitch_px
         mean = change[ring].mean(axis=1)
-        grown = growth_by_medians(rest, xy)
-        coherent = grown[ring[mean.argmax()]].max() > PARAMS.coherent_peak_rel * limit or grown.max() > limit
+        by_medians = area_change_by_medians(rest, xy)
+        coherent = (
+            by_medians[ring[mean.argmax()]].max() > PARAMS.coherent_peak_rel * limit
+            or by_medians.max() > limit
+        )
         expected = bool(mean.max() > limit and coherent)
         assert ContactDetector(rest).by_area(change, xy, 0.05) == expected
         answers.append(expected)

@@ -1,4 +1,4 @@
-"""Pins round a contact: growth near a place, share of visible pins, and place; and what is refused."""
+"""Pins round a contact: area change near a place, share of visible pins, and place; and what is refused."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_places_are_means_of_the_nearest_pins_weighted_by_area_change() -> None:
         np.testing.assert_allclose(np.array(near.place)[i], weight @ xy / weight.sum(), atol=1e-9)
 
 
-def test_peaks_without_growth_and_guessed_contacts_are_dropped() -> None:
+def test_peaks_without_area_change_and_guessed_contacts_are_dropped() -> None:
     surface, peaks, regions, near = made()
     places = np.array([[60.0, -15.0], [-50.0, 30.0]])
     xy = REST.xy_img + push(REST, tuple(places[0]), 40.0, 0.2) + push(REST, tuple(places[1]), 40.0, 0.15)
@@ -75,16 +75,16 @@ def test_peaks_without_growth_and_guessed_contacts_are_dropped() -> None:
         surface.interpolate(change, xy, 0.0)
         peaks.set_field(surface.field.divergence)
         peaks.find(surface.divergence_noise, 0.1, 0.01)
-        near.drop_peaks_without_growth()
+        near.drop_peaks_without_area_change()
         regions.merge(surface.divergence_noise, 0.05)
         near.drop_guesses(seen)
         return [float(regions.ridge(i)[0, 0] - CENTRE[0]) for i in range(regions.n_contacts)]
 
-    everyone, grown = np.ones(127, np.bool_), np.full(127, 0.1)
-    assert contacts(grown, everyone) == pytest.approx([60.0, -50.0], abs=0.5 * PITCH)
+    everyone, area_change = np.ones(127, np.bool_), np.full(127, 0.1)
+    assert contacts(area_change, everyone) == pytest.approx([60.0, -50.0], abs=0.5 * PITCH)
     assert contacts(np.where(away[:, 0] < 3.0, 0.0, 0.1), everyone) == pytest.approx([-50.0], abs=0.5 * PITCH)
-    assert contacts(grown, away[:, 1] > 3.0) == pytest.approx([60.0], abs=0.5 * PITCH)
-    assert len(contacts(grown, np.zeros(127, np.bool_))) == 2  # all there is
+    assert contacts(area_change, away[:, 1] > 3.0) == pytest.approx([60.0], abs=0.5 * PITCH)
+    assert len(contacts(area_change, np.zeros(127, np.bool_))) == 2  # all there is
 
 
 def test_sizes_that_do_not_fit_are_refused() -> None:

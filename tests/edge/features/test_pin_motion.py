@@ -43,7 +43,7 @@ def test_torsion_is_the_angle_of_a_rigid_turn_wherever_it_is(angle: float) -> No
     assert PinMotion(rest).torsion(motion, pins) == pytest.approx(angle, abs=1e-12)
 
 
-def test_torsion_is_blind_to_shear_and_growth() -> None:
+def test_torsion_does_not_depend_on_shear_or_expansion() -> None:
     rest = tip(331)
     motion = 0.2 * (rest.xy_img - CENTRE) + [5.0, 2.0]
     assert PinMotion(rest).torsion(motion, ALL) == pytest.approx(0.0, abs=1e-12)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from edge.runtime.drift import GAP_S, SURE_S, Drift
+from edge.runtime.drift import GAP_S, UNTOUCHED_S, Drift
 from edge.types import Array, PinPattern, Pins, Rest, Tracks
 
 STEP_NS = 100_000_000
@@ -42,7 +42,7 @@ def rest_for(
 def test_what_drifts_is_taken_off_with_the_time_constant(rest: Rest) -> None:
     drift = Drift(rest, limit_px=0.5, time_s=10.0)
     moved = rest.xy_img + np.array([0.2, -0.1])
-    rest_for(drift, moved, SURE_S + 10.0)
+    rest_for(drift, moved, UNTOUCHED_S + 10.0)
     left = drift.correct(tracks(moved)).xy_img - rest.xy_img
     np.testing.assert_allclose(left, np.tile([0.2, -0.1], (len(rest), 1)) * np.exp(-1.0), rtol=0.03)
     assert drift.offset_px == pytest.approx(0.2 * (1 - np.exp(-1.0)), rel=0.03)
@@ -61,7 +61,7 @@ def test_the_same_tracks_as_long_as_nothing_is_learnt(rest: Rest) -> None:
         (False, 0, 0.2, 60.0),  # touched, or a fault
         (True, 8, 0.2, 60.0),  # pins missing
         (True, 0, 2.0, 60.0),  # a light touch, or a camera that moved
-        (True, 0, 0.2, SURE_S - 0.5),  # not for long enough
+        (True, 0, 0.2, UNTOUCHED_S - 0.5),  # not for long enough
     ],
 )
 def test_nothing_is_learnt_unless_surely_untouched(
@@ -76,7 +76,7 @@ def test_a_touch_starts_the_waiting_anew(rest: Rest) -> None:
     drift = Drift(rest, time_s=1.0)
     now = 0
     for _ in range(5):
-        now = rest_for(drift, rest.xy_img + 0.1, SURE_S - 0.5, now)
+        now = rest_for(drift, rest.xy_img + 0.1, UNTOUCHED_S - 0.5, now)
         drift.learn(tracks(rest.xy_img + 0.1), now + STEP_NS, False)
     assert drift.offset_px == 0.0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.runtime.image_quality import common_step_px, level_of, moved_px
+from edge.runtime.image_quality import common_step_px, level_of, median_offset_px
 from edge.runtime.measures import FocusWindows, count_apart, count_longer, sample_levels
 from edge.types import Image
 
@@ -45,7 +45,7 @@ def test_lengths_are_numpy_s(n: int, lost: int) -> None:
     length = np.hypot(*(now - before).T)
     assert count_apart(now, before, 3.0) == count_longer(now - before, 3.0) == np.count_nonzero(length > 3.0)
     wanted = np.nanmedian(length) if lost < n else 0.0
-    assert moved_px(now - before) == pytest.approx(wanted, rel=1e-12)
+    assert median_offset_px(now - before) == pytest.approx(wanted, rel=1e-12)
 
 
 @pytest.mark.parametrize(("kind", "top"), [(np.uint8, 256), (np.uint16, 4096)])
