@@ -49,7 +49,7 @@ class _EdgeCommands(click.Group):
 @click.command(
     cls=_EdgeCommands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
 )
-@click.option("-v", "--verbose", is_flag=True, help="Log what goes on in more detail.")
+@click.option("-v", "--verbose", is_flag=True, help="Log in more detail.")
 @click.version_option(package_name="voronoi-touch", message="%(prog)s %(version)s")
 def cli(verbose: bool) -> None:
     """Reads touch from the pins of a camera-based fingertip and sends it over CAN, CAN FD or serial.
@@ -67,14 +67,14 @@ def cli(verbose: bool) -> None:
 
 
 def main() -> NoReturn:
-    """Run a command and exit, as `hostlink.cli_exit` has it."""
+    """Run a command and exit, with the exit codes of `hostlink.cli_exit`."""
     limit_threads()
     name = program_name("voronoi-touch-edge", "edge")
     sys.exit(run_command(cli, name, (InputError,)))
 
 
 def program() -> NoReturn:
-    """`main`, for a process of its own."""
+    """`main`, for its own process."""
     run_and_exit(main)
 
 

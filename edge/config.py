@@ -42,15 +42,15 @@ class SourceTable(_Table, frozen=True, kw_only=True):
     width: Annotated[int, msgspec.Meta(ge=64, le=8192)] = 640
     height: Annotated[int, msgspec.Meta(ge=64, le=8192)] = 480
     rate_hz: Rate = 0.0  # 0: the camera's own
-    exposure_us: Annotated[int, msgspec.Meta(ge=0, le=1_000_000)] = 0  # 0: leave as it is
-    gain: Annotated[int, msgspec.Meta(ge=0, le=100_000)] = 0  # 0: leave as it is
+    exposure_us: Annotated[int, msgspec.Meta(ge=0, le=1_000_000)] = 0  # 0: unchanged
+    gain: Annotated[int, msgspec.Meta(ge=0, le=100_000)] = 0  # 0: unchanged
 
 
 class LinkTable(_Table, frozen=True, kw_only=True):
     """[link] where samples go, and how often."""
 
     sinks: tuple[str, ...] = ()
-    divider: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 1  # every n-th frame goes out
+    divider: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 1  # every n-th frame is sent
     heartbeat_ms: Annotated[int, msgspec.Meta(ge=0, le=60_000)] = 500  # 0: none
 
 
@@ -59,11 +59,13 @@ class TareTable(_Table, frozen=True, kw_only=True):
 
     frames_n: Count = 8
     steady_px: Annotated[float, msgspec.Meta(ge=0.01, le=100)] = 0.5  # largest motion of a pin while taring
-    drift_px: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.3  # largest slow drift taken off; 0: none
+    drift_px: Annotated[float, msgspec.Meta(ge=0, le=1)] = (
+        0.3  # largest slow drift that is subtracted; 0: none
+    )
 
 
 class LimitsTable(_Table, frozen=True, kw_only=True):
-    """[limits] beyond which a fault is announced."""
+    """[limits] thresholds of faults."""
 
     temperature_degc: Annotated[float, msgspec.Meta(ge=30, le=120)] = 80.0  # of the board
     load_pitches: Annotated[float, msgspec.Meta(ge=0.1, le=10)] = 1.6  # motion of 5 % of the pins
@@ -76,15 +78,15 @@ class CalibrationTable(_Table, frozen=True, kw_only=True):
 
 
 class FeaturesTable(_Table, frozen=True, kw_only=True):
-    """[features] what is computed and sent; nothing else costs time."""
+    """[features] what is computed and sent; nothing else is computed."""
 
     demand: tuple[Feature, ...] = tuple(f for f in Feature if f is not Feature.SURFACE)
 
 
 class StateTable(_Table, frozen=True, kw_only=True):
-    """[state] the one folder that is written to."""
+    """[state] the only folder that is written to."""
 
-    directory: str = ""  # empty: settings live in memory only
+    directory: str = ""  # empty: settings are kept in memory only
 
 
 class Config(_Table, frozen=True, kw_only=True):
@@ -122,7 +124,7 @@ def load_config(path: str | Path | None) -> Config:
 
 
 def check_config(table: dict[str, object], where: str) -> Config:
-    """Check a table of keys as it comes from TOML. Raises ConfigError."""
+    """Check a table of keys as read from TOML. Raises ConfigError."""
     try:
         return msgspec.convert(table, Config)
     except msgspec.ValidationError as error:
@@ -130,14 +132,14 @@ def check_config(table: dict[str, object], where: str) -> Config:
 
 
 def _explain(message: str, table: dict[str, object]) -> str:
-    """msgspec's message as the file has it: table, key, value, and what would be right."""
+    """msgspec's message in terms of the file: table, key, value, and what would be right."""
     path = message.partition("`$")[2].rstrip("`").lstrip(".")
     if "unknown field" in message:
         place = f"[{path}]" if path else "the top level"
         key = message.partition("`")[2].partition("`")[0]
         return f"unknown key {limits.quote(key)} in {place}; known keys: {', '.join(_fields(_at(path)))}"
     section, _, key = path.partition(".")
-    value: Any = table[section]  # as TOML has it: tables in tables, lists
+    value: Any = table[section]  # nested tables and lists
     if not key:
         return f"{section} = {_shown(value)}: a table is written [{section}], with keys below it"
     for step in re.findall(r"\w+", key):
@@ -159,7 +161,7 @@ def _at(path: str) -> inspect.Type:
 
 
 def _wanted(kind: inspect.Type) -> str:
-    """What a key takes, in words."""
+    """Description of the values that a key accepts."""
     if isinstance(kind, inspect.VarTupleType):
         return f"a list, each of it {_wanted(kind.item_type)}"
     if isinstance(kind, inspect.EnumType):
@@ -174,6 +176,6 @@ def _wanted(kind: inspect.Type) -> str:
 
 
 def _shown(value: object) -> str:
-    """A value as TOML has it, cut where it is long."""
+    """A value in TOML notation, shortened if long."""
     text = json.dumps(value, default=str)
     return text if len(text) <= 40 else text[:37] + "..."

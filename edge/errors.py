@@ -1,4 +1,4 @@
-"""What can go wrong on the edge, and whose fault it is.
+"""The errors of the edge, and who can correct them.
 
     EdgeError
     ├── InputError           the user's mistake: one line, exit code 2
@@ -16,11 +16,11 @@ bits and counters, and the loop goes on.
 
 
 class EdgeError(Exception):
-    """Root of what this package raises on purpose."""
+    """Root of this package's own errors."""
 
 
 class InputError(EdgeError):
-    """Input that the user can put right."""
+    """Input that the user can correct."""
 
 
 class ConfigError(InputError):

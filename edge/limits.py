@@ -2,14 +2,14 @@
 
     raw = read_bounded(path, limits.CALIBRATION_BYTES)      # the size is known before anything is read
     content = decode_json(raw, CalibrationFile)             # structure, lengths and ranges by the types
-    ...                                                     # what the types cannot say: the stage's checks
-    ...                                                     # and only then something is built from it
+    ...                                                     # further checks by the stage
+    ...                                                     # only then is anything built from it
 
 Rules
-- What a file costs in time and memory is bounded by its size in bytes and by the lengths in its types.
-- NaN and infinity are never a number, and every number has a range that its quantity can have.
-- What is wrong is one line: the place in the file, what would be right. `BadContent` carries it; whoever
-  reads the file puts the file's name before it.
+- The cost of a file in time and memory is bounded by its size in bytes and by the lengths in its types.
+- NaN and infinity are never accepted, and every number has a range that its quantity can have.
+- An error is one line: the place in the file, what would be right. `BadContent` carries it; the reader of the
+  file puts the file's name before it.
 """
 
 from __future__ import annotations
@@ -43,18 +43,18 @@ __all__ = [
 CALIBRATION_BYTES = 2 << 20  # a 1000-pin tip with every model takes about 0.5 MB
 CONFIG_BYTES = 64 << 10  # every key with a comment takes 4 kB
 SETTINGS_BYTES = 4 << 10  # five numbers
-NESTING_MAX = 32  # lists and tables within each other, where a file's types do not bound it
+NESTING_MAX = 32  # nested lists and tables, if a file's types do not bound them
 
 IMAGE_SIDE_PX = 8192  # width or height
 IMAGE_PIXELS = 1 << 24  # 4096 x 4096, more than any camera that fits behind a fingertip
-PINS_MIN = 12  # as many as `edge.pins` wants to see before it believes in a pattern
+PINS_MIN = 12  # the fewest that `edge.pins` accepts as a pattern
 PINS_MAX = 2048  # six times the densest tip in use
 
 T = TypeVar("T")
 
-#: Any number of a file that has no closer range.
+#: Any number of a file that has no narrower range.
 Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]
-#: A place or a length in an image; a place may lie a little outside of it.
+#: A place or a length in an image; a place may lie slightly outside of it.
 Pixels = Annotated[float, msgspec.Meta(ge=-IMAGE_SIDE_PX, le=2 * IMAGE_SIDE_PX)]
 ImageSide = Annotated[int, msgspec.Meta(ge=16, le=IMAGE_SIDE_PX)]
 Name = Annotated[str, msgspec.Meta(max_length=64)]
@@ -67,7 +67,7 @@ class BadContent(ValueError):
 def read_bounded(path: Path, bytes_max: int) -> bytes:
     """A file's bytes, if there are not too many.
 
-    Raises  BadContent: it is larger, or no ordinary file; OSError: it cannot be read
+    Raises  BadContent: it is larger, or not an ordinary file; OSError: it cannot be read
     """
     if path.exists() and not path.is_file():  # reading a device or a pipe might never end
         raise BadContent("a folder or a device; give a file")
@@ -79,14 +79,14 @@ def read_bounded(path: Path, bytes_max: int) -> bytes:
 
 
 def decode_json(raw: bytes, kind: type[T]) -> T:
-    """JSON as one of the given type. Raises BadContent."""
+    """Decode JSON as the given type. Raises BadContent."""
     try:
         return msgspec.json.decode(raw, type=kind)
     except msgspec.ValidationError as error:
         raise BadContent(explain(str(error))) from None
     except msgspec.DecodeError as error:
-        words = str(error).removeprefix("JSON is malformed: ")
-        raise BadContent(f"no JSON: {words[:1].lower() + words[1:]}") from None
+        reason = str(error).removeprefix("JSON is malformed: ")
+        raise BadContent(f"no JSON: {reason[:1].lower() + reason[1:]}") from None
     except UnicodeDecodeError as error:
         raise BadContent(f"no JSON: byte {error.start} is not UTF-8 text") from None
     except RecursionError:
@@ -94,7 +94,7 @@ def decode_json(raw: bytes, kind: type[T]) -> T:
 
 
 def check_nesting(raw: bytes) -> None:
-    """Whether JSON of no fixed type can be walked through. Raises BadContent: nested too deeply."""
+    """Check JSON of no fixed type. Raises BadContent: nested too deeply."""
     depth = 0
     for token in re.finditer(rb'"(?:[^"\\]|\\.)*"|[\[{\]}]', raw, re.DOTALL):
         depth += {b"[": 1, b"{": 1, b"]": -1, b"}": -1}.get(token[0], 0)
@@ -103,7 +103,7 @@ def check_nesting(raw: bytes) -> None:
 
 
 def quote(text: str) -> str:
-    """Text from a file, as a message has it: printable, in quotes, cut where it is long."""
+    """Text from a file for a message: printable, in quotes, shortened if long."""
     text = text if len(text) <= 40 else text[:37] + "..."
     return repr(text) if text.isprintable() else ascii(text)
 
@@ -133,7 +133,7 @@ _VALUE = re.compile(r"Invalid (?:enum )?value (?P<value>.*)", re.DOTALL)
 
 
 def explain(message: str) -> str:
-    """A message of msgspec in words: `models[0].sigma: must be more than 0`."""
+    """A message of msgspec in plain English: `models[0].sigma: must be more than 0`."""
     found = _PATH.search(message)
     place = found["path"] if found else ""
     what = _what(message[: found.start()] if found else message)

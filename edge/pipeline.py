@@ -3,8 +3,8 @@
     Frame -> pins -> track -> tessellate -> features -> calibrate -> Result
 
 While identities are held, only the windows round the predicted pins are read. On loss the whole frame is
-searched and the pins are identified anew, in the same frame. What the demand does not ask for is not
-computed, and a frame whose identities are not trusted yields no values at all.
+searched and the pins are identified anew, in the same frame. Only features in demand are computed, and a
+frame whose identities are not trusted yields no values at all.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from edge.runtime.drift import Drift
 from edge.tracking import Tracker
 from edge.types import Cells, Feature, Features, Frame, Image, Reading, Rest, Tracks
 
-#: Features that are made of cell areas; the others need only the pins' motion.
+#: Features that need cell areas; the others need only the pins' motion.
 OF_CELLS = frozenset(Feature) - {Feature.SHEAR, Feature.TORSION}
 ALL = frozenset(Feature)
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What one frame gave.
+    """The result of one frame.
 
-    cells, features  None where identities were not sure, or nobody asked
-    reading          empty where nothing is calibrated or sure
+    cells, features  None if identities are not trusted, or they are not in demand
+    reading          empty if nothing is calibrated or trusted
     searched         True: the whole frame was searched, not only the windows
     """
 
@@ -54,7 +54,7 @@ class Pipeline:
         self.calibration = calibration
         self.demand = demand
         self._asked: frozenset[Feature] | None = None
-        self._needed = demand  # for `_asked`: the demand, and what the calibration needs for it
+        self._needed = demand  # the demand, and the features that the calibration needs for it
         self._capture_ns: int | None = None  # of the last frame that gave features
         self._refiner = CentroidRefiner(rest)
         self.tracker = Tracker(rest)
@@ -63,9 +63,9 @@ class Pipeline:
         self._extractor = FeatureExtractor(rest, self._tessellator.cells(still).rest_area_px2)
 
     def process(self, frame: Frame, drift: Drift | None = None, *, even_unsure: bool = False) -> Result:
-        """Everything that is in demand, from one frame.
+        """Compute everything in demand from one frame.
 
-        drift        taken off the pins' places before anything is computed from them
+        drift        subtracted from the pins' places before anything is computed from them
         even_unsure  values from identities that are not trusted too: for statistics of what a refusal avoids
         """
         if self.demand is not self._asked:
@@ -76,7 +76,7 @@ class Pipeline:
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         try:
             cells = self._tessellator.cells(tracks) if self._needed & OF_CELLS else None
-        except DegenerateLayout:  # what is left of the pins spans no plane: as good as lost
+        except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         features = self._extractor.extract(tracks, cells, self._needed)
         if self.calibration is None:
@@ -88,7 +88,7 @@ class Pipeline:
         return Result(frame, tracks, cells, features, reading, searched)
 
     def features(self, tracks: Tracks) -> Features:
-        """What the geometry of pins says that are where they are said to be.
+        """Features of pins at given places.
 
         Raises   DegenerateLayout: they span no plane
         """
@@ -96,7 +96,7 @@ class Pipeline:
         return self._extractor.extract(tracks, cells, self.demand)
 
     def forget(self) -> None:
-        """Take the next frame for itself, as after a jump: no pin positions are carried over."""
+        """Treat the next frame on its own, as after a jump: no pin positions are carried over."""
         self.tracker.forget()
 
     def _locate(self, image: Image) -> tuple[Tracks, bool]:

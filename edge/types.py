@@ -1,4 +1,4 @@
-"""What flows between the stages; the only thing that stages know of each other.
+"""The types that flow between the stages; all that stages know of each other.
 
     FrameSource -> Frame -> [pins] Pins -> [track] Tracks -> [tessellate] Cells
                 -> [features] Features -> [calibration] Reading -> [pack] hostlink.wire.State
@@ -6,12 +6,12 @@
 Rules
 - Row i is pin i for ever, from the rest frame on. A lost pin is NaN and `seen[i] == False`, never a
   missing row. (`Pins` fresh from full-frame detection are unordered: they have no identity yet.)
-- Frames of reference stand in names. `xy_img`: px, x right, y down, pixel centres on integers.
+- Frames of reference are part of names. `xy_img`: px, x right, y down, pixel centres on integers.
   `xy_tip`: mm, same axes, origin on the tip's axis, z out of the skin. Images are `[row, col]`, points
   `(n, 2)` x,y; `pins` alone converts.
-- Arrays handed on are not written to afterwards: neither by the stage that made them nor by one that
-  got them. A stage that reuses a buffer says so in its docstring and says how long it stays good.
-- Units stand in names: _px _px2 _mm _n _kpa _rad _deg _us _ns.
+- Arrays that are passed on are not written to afterwards: neither by the stage that made them nor by a
+  receiver. A stage that reuses a buffer states in its docstring how long it stays valid.
+- Units are part of names: _px _px2 _mm _n _kpa _rad _deg _us _ns.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Clock(StrEnum):
 
     DEVICE = "device"  # the camera module's own
     DRIVER = "driver"  # the kernel's or the vendor library's, host monotonic
-    HOST = "host"  # our own, taken when the frame was handed to us
+    HOST = "host"  # our own, read when the frame arrived
     RECORDED = "recorded"  # as stored in a recording
 
 
@@ -62,10 +62,11 @@ class Clock(StrEnum):
 class Frame:
     """One camera image.
 
-    image       (h, w) uint8, or uint16 for 10- and 12-bit sensors; grey. `bits` says how many count.
+    image       (h, w) uint8, or uint16 for 10- and 12-bit sensors; grey. `bits` of each pixel are
+                significant.
     capture_ns  int, start of exposure on `clock`
-    sequence    int, the camera's own counter: a gap is a frame that never reached us
-    truth       what a simulator or rig knows of this frame (JSON-able), else None
+    sequence    int, the camera's own counter: a gap is a frame that never arrived
+    truth       true state from a simulator or rig (JSON-able), else None
     """
 
     image: Image
@@ -77,17 +78,18 @@ class Frame:
 
 
 class FrameSource(Protocol):
-    """An iterator of frames that gives the newest one and counts what it had to drop.
+    """An iterator of frames that gives the newest one and counts those that it dropped.
 
     Ends with StopIteration at the end of a recording; a live source ends only on `close`.
-    Raises SourceError when it cannot be opened; a device lost in flight is `faults`, not an exception.
+    Raises SourceError when it cannot be opened; a device that is lost later appears in `faults`, not as an
+    exception.
     """
 
     name: str
     size_px: tuple[int, int]  # width, height
     rate_hz: float  # nominal; 0 where unknown
-    live: bool  # True: frames come when the world makes them; False: as fast as they are read
-    dropped_n: int  # frames that came and were thrown away because the reader was slow
+    live: bool  # True: frames come at the camera's pace; False: as fast as they are read
+    dropped_n: int  # frames that were discarded because the reader was slow
 
     def __iter__(self) -> Iterator[Frame]: ...
 
@@ -96,10 +98,10 @@ class FrameSource(Protocol):
 
 @runtime_checkable
 class LiveSource(FrameSource, Protocol):
-    """A source whose frames come when the world makes them, or a recording plays them: it holds the newest.
+    """A source with its own pace (a camera, or a replay as if live); it holds the newest frame.
 
-    recorded         its frames come live, but show no world that is there now
-    condition        "" or what is wrong now: lost, stalled, frozen, black
+    recorded         its frames come live, but do not show the present
+    condition        "" or the present fault: lost, stalled, frozen, black
     frame_condition  the same for the frame that `read` gave last: "", frozen, black
     ended            no further frame will come
     """
@@ -117,12 +119,14 @@ class LiveSource(FrameSource, Protocol):
         """The newest frame that was not read yet; None: none came in time, or the source has ended."""
 
     def peek(self) -> Frame | None:
-        """The frame that the next `read` would give, for another thread to look at; None: none waits."""
+        """The frame that the next `read` would give, without taking it; for another thread. None: there is
+        none.
+        """
 
 
 @dataclass(frozen=True, slots=True)
 class Pins:
-    """Bright blobs that fit the pin pattern, or one row a pin where identities are known.
+    """Bright blobs that fit the pin pattern, or one row a pin if identities are known.
 
     xy_img      (n, 2) float64, px; centroid; NaN where a known pin was not found
     sigma_px    (n,) float64 > 0, one-sigma noise of one coordinate of the centroid
@@ -141,7 +145,7 @@ class Pins:
 
 @dataclass(frozen=True, slots=True)
 class PinPattern:
-    """What the pins of this tip look like to this camera; learnt from one image, never configured.
+    """How the pins of this tip appear to this camera; learnt from one image, never configured.
 
     pin_radius_px    typical radius of a pin's disc
     pitch_px         median distance of neighbouring pins
@@ -151,10 +155,11 @@ class PinPattern:
     brightness       grey level of a pin over the background
     noise            standard deviation of the grey level between the pins, after removal of gradients
     size_px          (width, height) of the image it was learnt from
-    edge_px          standard deviation of the blur that a pin's edge shows, pixel included
+    edge_px          standard deviation of the blur of a pin's edge, pixel included
     radius_range_px  smallest and largest radius (2nd and 98th percentile); (0, 0) means as pin_radius_px
-    count            pins of the untouched tip; 0: not known, and pins cut by the view's border not looked for
-    glints_img       arcs of light beside the pins that look like a cut pin's, and are there without one
+    count            pins of the untouched tip; 0: not known, and pins cut by the view's border are not
+                     searched for
+    glints_img       bright arcs at rest that resemble a cut pin's edge but are none
     """
 
     pin_radius_px: float
@@ -176,7 +181,7 @@ class Rest:
     """The untouched tip: the frame of reference of everything after it.
 
     pins     row i defines pin i
-    pattern  how they look
+    pattern  their appearance
     """
 
     pins: Pins
@@ -198,7 +203,7 @@ class Tracks:
     xy_img       (n, 2) float64 px; NaN where lost
     sigma_px     (n,) float64; NaN where lost
     seen         (n,) bool
-    confidence   0..1; how sure the identities are. Below `LOW_CONFIDENCE` they must not be used.
+    confidence   0..1; certainty of the identities. Below `LOW_CONFIDENCE` they must not be used.
     """
 
     xy_img: Array
@@ -217,15 +222,15 @@ class Tracks:
 class Cells:
     """Bounded Voronoi cells of the pins.
 
-    area_px2       (n,) float64; NaN where the pin is lost, or has left the boundary
+    area_px2       (n,) float64; NaN where the pin is lost, or outside of the boundary
     rest_area_px2  (n,) float64; the same boundary rule on the rest frame
     xy_img         (n, 2) float64 px; the points tessellated: seen pins, and predictions for lost ones
     triangles      (m, 3) int32; Delaunay triangles that touch a pin; indices >= n are boundary points
     boundary_img   (b, 2) float64 px; the artificial points of the paper, moving with the rim
-    whole_px2      (n,) float64; as `area_px2`, with a lost pin's cell as it is where the pin is predicted;
+    whole_px2      (n,) float64; as `area_px2`, with a lost pin's cell at its predicted place;
                    None: no pin is lost
-    gap            mean over all pins of the variance that is left of a lost one's place, in units of that of
-                   the motion about an affine one; 0: none is lost
+    gap            mean over all pins of the variance of a lost pin's predicted place, in units of the
+                   variance of the motion about an affine one; 0: none is lost
     """
 
     area_px2: Array
@@ -238,7 +243,7 @@ class Cells:
 
 
 class Feature(StrEnum):
-    """What can be asked for. The demand is a `frozenset[Feature]`; nothing outside it is computed."""
+    """What can be demanded. The demand is a `frozenset[Feature]`; nothing outside it is computed."""
 
     DISPLACEMENT = "displacement"
     FORCE = "force"
@@ -275,7 +280,7 @@ class ContactRegion:
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """What the geometry says, in image units. Fields that were not asked for are None.
+    """Features of the geometry, in image units. Fields not in demand are None.
 
     area_change     (n,) float64, (A - A_rest) / A_rest per pin; NaN where lost
     displacement_px (n, 2) float64, local shear: motion of each pin since rest; NaN where lost
@@ -286,11 +291,11 @@ class Features:
     surface         (g, g) float64, area change on a regular grid over the tip's circle; NaN outside
     grid_img        (g,) x and (g,) y of the grid, px
     contacts        strongest first
-    in_contact      False: nothing above the noise; surface and contacts were not even looked for
+    in_contact      False: nothing above the noise; surface and contacts were not computed
     torsion_rad     rotation of the motion field about the contact
-    slip_px         float, rms motion within the contact since the last frame that no load explains
+    slip_px         float, rms motion within the contact since the last frame that a load does not explain
     slip_probability 0..1, that there was any such motion beyond the noise
-    gap             as `Cells.gap`; NaN: pins are lost, and no cells to say how much of them is known
+    gap             as `Cells.gap`; NaN: pins are lost, and there are no cells to estimate it from
     """
 
     area_change: Array
@@ -310,7 +315,7 @@ class Features:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """Calibrated values of one frame. NaN where not calibrated, not asked for or not trusted.
+    """Calibrated values of one frame. NaN where not calibrated, not in demand or not trusted.
 
     values     by name of the wire's state field (`hostlink.wire`): displacement_mm, shear_x_mm, ...
     sigmas     by the same names: one-sigma error of the value, in its unit

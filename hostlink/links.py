@@ -21,7 +21,7 @@ from typing import Any
 
 from hostlink.errors import ConnectError, LinkDown
 from hostlink.wire.address import Address
-from hostlink.wire.open_errors import cannot_open, is_junk, words_of
+from hostlink.wire.open_errors import cannot_open, is_junk, message_of
 from hostlink.wire.port_lock import PortLock
 
 __all__ = ["CanLink", "Link", "SerialLink", "arrival_s", "open_link"]
@@ -78,7 +78,7 @@ class Link(ABC):
             try:
                 self._write(medium, item)
             except _broken() as error:
-                raise LinkDown(f"{self.address}: {words_of(error)}") from error
+                raise LinkDown(f"{self.address}: {message_of(error)}") from error
 
     def _run(self) -> None:
         while not self._closing.is_set():
@@ -101,7 +101,7 @@ class Link(ABC):
         try:
             data = self._read(medium)
         except Exception as error:
-            log.warning("%s: %s", self.address, words_of(error))
+            log.warning("%s: %s", self.address, message_of(error))
             self._let_go()
             if not isinstance(error, _broken()):
                 raise

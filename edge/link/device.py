@@ -1,8 +1,8 @@
 """The running app as its bus nodes see it: identity, tare, calibration, features, reboot.
 
-Called from the links' threads. Nothing here waits for the loop: what changes the pipeline is posted to it
-and done between two frames; what can be refused at once is refused at once, and `rest_frame` says what became
-of the rest.
+Called from the links' threads. Nothing here waits for the loop: what changes the pipeline is posted to it and
+done between two frames. What can be refused at once raises `Refused`; `rest_frame` reports the outcome of the
+other requests.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class LoopDevice:
     """`edge.link.node.Device` on a `Loop`.
 
     serial_number  of the fingertip
-    store          where an uploaded calibration is kept; None: it is lost at the end
+    store          where an uploaded calibration is kept; None: in memory only
     """
 
     def __init__(self, loop: Loop, serial_number: str, store: CalibrationStore | None = None) -> None:
@@ -35,7 +35,7 @@ class LoopDevice:
         self._serial_number = serial_number
         self._store = store
         self._started_s = time.monotonic()
-        # What no node can switch, such as the surface for a viewer.
+        # Features that no node can switch, such as the surface for a viewer.
         self._extra = loop.measurement.demand - set(_NAMED)
         self.reboot_wanted = False
 
@@ -57,7 +57,7 @@ class LoopDevice:
         }
 
     def clock_us(self) -> int | None:
-        """The clock that stamps the images, now; None where it is the camera's or a recording's own."""
+        """The clock that stamps the images, now; None if that is the camera's or a recording's own."""
         last = self._loop.last
         if last is None or last.frame.clock not in (Clock.HOST, Clock.DRIVER):
             return None
@@ -73,7 +73,7 @@ class LoopDevice:
             raise RequestRefused(str(error)) from None
 
     def rest_frame(self) -> Mapping[str, int | float | str | bytes]:
-        """What became of the last request for a rest frame."""
+        """Outcome of the last request for a rest frame."""
         outcome = self._loop.tare_outcome
         return {
             "rest_frame_request_n": outcome.number,
@@ -114,12 +114,12 @@ class LoopDevice:
         self._loop.post(lambda: self._loop.set_demand(demand))
 
     def reboot(self) -> None:
-        """End the loop; the program that runs it starts anew."""
+        """End the loop; its program then restarts."""
         self.reboot_wanted = True
         self._loop.post(self._loop.stop)
 
     def report(self, code: FaultCode, active: bool, message: str = "") -> None:
-        """A link's fault appeared or went."""
+        """A link's fault appeared or cleared."""
         self._loop.faults.report(code, active, message)
 
 

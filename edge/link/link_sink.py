@@ -6,18 +6,18 @@
 
 Rules
 - `send` never blocks and never raises: it hands over, or counts a drop and returns False.
-- Newest wins. A sample that could not leave is dropped, not queued behind a dead link: the host sees a gap
+- Newest wins. A sample that could not be sent is dropped, not queued behind a dead link: the host sees a gap
   in the sample numbers, never old data.
 - Order on the bus: answers and emergencies first, then samples, then detail; detail only when nothing waits.
 - A write that cannot block (SocketCAN, virtual bus, UDP) happens in the caller's thread: a hand-over to
-  another thread costs up to a switch interval of the interpreter. The rest belongs to the worker.
+  another thread costs up to a switch interval of the interpreter. All others happen in the worker thread.
 - A full buffer (ENOBUFS, bus-off, nobody listening) drops and keeps the medium. Any other error closes it,
-  and the worker opens it again, at most every RETRY_S; it counts as up with the first frame that leaves.
-- Only the worker opens and closes, and it waits for the reader to let go first: a file number that is
-  closed under a waiting reader may be another's by then.
-- At start-up a medium that cannot be opened is the user's mistake: SinkError. Later it is a counter.
-- A link's fault is told from a thread of its own, which sleeps until something may have changed or a stall
-  has lasted for STALL_S: the loop may be within a search, and the worker within the write that hangs.
+  and the worker reopens it, at most every RETRY_S; it counts as up with the first frame sent.
+- Only the worker opens and closes, after the reader has left the medium: a file descriptor that is closed
+  under a waiting reader may be reused for another file.
+- At start-up a medium that cannot be opened is the user's mistake: SinkError. Later it is counted.
+- A link's faults are reported from a separate thread, which sleeps until something may have changed or a
+  stall has lasted for STALL_S: the loop may be in a search, and the worker in a blocked write.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ from hostlink.wire import FaultCode, State
 log = logging.getLogger(__name__)
 
 RETRY_S = 0.1  # a tenth of the second within which the link must be back
-READ_S = 0.05  # how soon a reader lets go of a failed medium
+READ_S = 0.05  # how soon a reader leaves a failed medium
 READ_SHARE = 0.3  # of a processor that reading may take; an upload over SDO takes 0.2 on a desktop
 READ_WINDOW_S = 0.2  # over which that share is taken
 READ_PAUSE_S = 0.005  # shorter pauses cost more than they save
-STALL_S = 0.06  # nothing leaves for this long: the link is down, whatever the medium says; told within 0.1 s
+STALL_S = 0.06  # nothing leaves for this long: the link counts as down; announced within 0.1 s
 DEPTH = 4  # samples waiting for a slow medium: 17 ms at 240 Hz; older ones are not worth sending
 CONTROL_DEPTH = 256  # answers waiting; a segmented upload has one under way at a time
-CLOSE_S = 0.3  # closing waits for what still waits to be sent, and again for the threads: the app ends in 1 s
+CLOSE_S = 0.3  # closing waits so long for the queue, and again for the threads: the program ends within 1 s
 
 
 class LinkSink(ABC):
@@ -66,7 +66,7 @@ class LinkSink(ABC):
         self.on_message: Callable[[Any], None] | None = None
         self.on_faults: Callable[[], None] | None = None  # `faults` may have changed; called from any thread
         self._changed = threading.Condition()
-        self._writing = threading.Lock()  # one write at a time, and none while the medium is being changed
+        self._writing = threading.Lock()  # one write at a time, none while the medium changes
         self._reading = threading.Lock()  # held by the reader while it is inside of the medium
         self._control: deque[Any] = deque(maxlen=CONTROL_DEPTH)
         self._samples: deque[Sequence[Any]] = deque()
@@ -79,8 +79,8 @@ class LinkSink(ABC):
         self._opened_s = time.monotonic()
         self._stalled_since_s: float | None = None
         self._write_began_s: float | None = None
-        self._suspect = threading.Event()  # something happened that may change `faults`
-        self._last_write_s: float | None = None  # when one began that may not return for long
+        self._suspect = threading.Event()  # set when `faults` may have changed
+        self._last_write_s: float | None = None  # begin of the last write that may block
         self._write_watched = False
         self._busy = False
         self._closing = False
@@ -97,7 +97,7 @@ class LinkSink(ABC):
         for thread in self._threads:
             thread.start()
 
-    # ---- what the loop sees -----------------------------------------------------------------------
+    # ---- called by the loop -----------------------------------------------------------------------
 
     @abstractmethod
     def encode(self, state: State, counter: int) -> Sequence[Any]:
@@ -107,12 +107,12 @@ class LinkSink(ABC):
     def up(self) -> bool:
         since = (self._stalled_since_s, self._write_began_s)
         stuck = any(t is not None and time.monotonic() - t > STALL_S for t in since)
-        # A medium that opens need not be one that takes frames: the first one that leaves shows it.
+        # A medium that opens may still not take frames: the first frame sent proves it.
         return self._medium is not None and not self._was_down and not stuck
 
     @property
     def faults(self) -> frozenset[FaultCode]:
-        """What the link has to complain about now."""
+        """The link's current faults."""
         medium = self._medium
         if medium is not None and medium.bus_off:
             return frozenset({FaultCode.BUS_OFF})
@@ -123,7 +123,7 @@ class LinkSink(ABC):
         return self._counters
 
     def send(self, state: State) -> bool:
-        number = next(self._numbers)  # of a sample that is dropped, too: the host counts it as lost
+        number = next(self._numbers)  # dropped samples have a number too: the host counts them as lost
         medium = self._medium
         if medium is None or self._closing:
             return self._count(dropped=1)
@@ -134,7 +134,9 @@ class LinkSink(ABC):
             finally:
                 self._writing.release()
         with self._changed:
-            held = self._medium is medium  # lost since: what waits now would be old when the link is back
+            held = (
+                self._medium is medium
+            )  # if lost meanwhile, queued samples would be old when the link is back
             if held:
                 self._samples.append(items)
             dropped = not held or len(self._samples) > DEPTH
@@ -151,10 +153,10 @@ class LinkSink(ABC):
                 self._changed.notify_all()
 
     def send_detail(self, items: Sequence[Any], spacing_s: float) -> bool:
-        """Send what is only sent when the link has nothing better to do; False: skipped and counted.
+        """Send items of the lowest priority, when nothing else waits; False: skipped and counted.
 
-        spacing_s  least time between two of the items: what lies in the driver's queue cannot be overtaken
-                   by a sample any more, so that there must never be more than one
+        spacing_s  least time between two of the items: a sample cannot overtake what lies in the driver's
+                   queue, so there must never be more than one
         """
         with self._changed:
             free = self._medium is not None and not self._pending()
@@ -195,7 +197,7 @@ class LinkSink(ABC):
         return bool(self._samples or self._control or self._detail)
 
     def _count(self, *, sent: int = 0, dropped: int = 0, **others: int) -> bool:
-        """Add to the counters; True where something was sent."""
+        """Add to the counters; True if something was sent."""
         with self._changed:
             old = self._counters
             more = {name: getattr(old, name) + n for name, n in others.items()}
@@ -211,7 +213,7 @@ class LinkSink(ABC):
             return False
         bus_off = medium.bus_off
         began_s = self._write_began_s = time.monotonic()
-        if not medium.instant:  # it may not return for long
+        if not medium.instant:  # it may block
             self._last_write_s = began_s
             if not self._write_watched:
                 self._write_watched = True
@@ -272,18 +274,18 @@ class LinkSink(ABC):
             with self._changed:
                 self._busy = False
                 self._changed.notify_all()
-        self._let_go(self._medium)
+        self._close_medium(self._medium)
 
     def _outcome(self, kind: str, done: bool) -> dict[str, int]:
         if kind == "sample":
             return {"sent": 1} if done else {"dropped": 1}
         if kind == "detail" and not done:
-            self._detail.clear()  # a group with a hole is worth nothing
+            self._detail.clear()  # an incomplete group is useless
             return {"detail_skipped": 1}
         return {"detail_sent": 1} if kind == "detail" and not self._detail else {}
 
     def _next_work(self) -> tuple[str, Sequence[Any]] | None:
-        """Wait for something to send; what is most urgent of it."""
+        """Wait for something to send; returns the most urgent."""
         with self._changed:
             if not (self._samples or self._control):
                 self._changed.wait(self._until_due_s())
@@ -316,8 +318,8 @@ class LinkSink(ABC):
 
     def _reopen(self) -> None:
         failed, self._failed = self._failed, None
-        self._let_go(failed)
-        # SocketCAN opens on an interface that is down, and fails at once: no reason to try without end.
+        self._close_medium(failed)
+        # SocketCAN opens on an interface that is down, and fails at once: do not retry without a pause.
         with self._changed:
             pause_s = self._opened_s + RETRY_S - time.monotonic()
             if self._changed.wait_for(lambda: self._closing, max(0.0, pause_s)):
@@ -327,38 +329,38 @@ class LinkSink(ABC):
             medium = self._open_medium()
         except MediumError:
             return
-        self._stalled_since_s = None  # what was dropped meanwhile was the other medium's
+        self._stalled_since_s = None  # drops meanwhile were those of the old medium
         with self._changed:
             self._medium = medium
             self._changed.notify_all()
 
-    def _let_go(self, medium: Medium | None) -> None:
+    def _close_medium(self, medium: Medium | None) -> None:
         if medium is not None:
             with self._writing, self._reading:
                 medium.close()
 
-    # ---- the watch --------------------------------------------------------------------------------
+    # ---- fault watch --------------------------------------------------------------------------------
 
     def _watch_loop(self) -> None:
-        looked_s = time.monotonic()
+        checked_s = time.monotonic()
         while True:
-            self._suspect.wait(self._until_stalled_s(looked_s))
+            self._suspect.wait(self._until_stalled_s(checked_s))
             self._suspect.clear()
             if self._closing:
                 return
-            looked_s = time.monotonic()
+            checked_s = time.monotonic()
             if self.on_faults is not None:
                 try:
                     self.on_faults()
                 except Exception:
-                    log.exception("%s: its faults cannot be told", self.name)
+                    log.exception("%s: its faults cannot be reported", self.name)
 
-    def _until_stalled_s(self, looked_s: float) -> float | None:
-        """How long until what began to stall is a fault; None: nothing did, or it was one already."""
-        self._write_watched = False  # before looking: a write that begins from here on wakes this thread
+    def _until_stalled_s(self, checked_s: float) -> float | None:
+        """Time until a stall becomes a fault; None: nothing stalls, or it is a fault already."""
+        self._write_watched = False  # first: a write that begins from here on wakes this thread
         since = (self._stalled_since_s, self._last_write_s)
-        due = [s + STALL_S for s in since if s is not None and s + STALL_S >= looked_s]
-        self._write_watched = bool(due)  # it will look again; with traffic once in STALL_S, not at each write
+        due = [s + STALL_S for s in since if s is not None and s + STALL_S >= checked_s]
+        self._write_watched = bool(due)  # this thread then checks once in STALL_S, not at each write
         return max(0.001, min(due) - time.monotonic()) if due else None
 
     # ---- the reader -------------------------------------------------------------------------------
@@ -386,13 +388,13 @@ class LinkSink(ABC):
                 except Exception:
                     log.exception("%s: message %r", self.name, message)
             pause_s = budget.pause_s(time.thread_time(), time.monotonic())
-            if pause_s:  # what comes meanwhile waits in the driver, or is lost there
+            if pause_s:  # messages meanwhile wait in the driver, or are lost there
                 with self._changed:
                     self._changed.wait_for(lambda: self._closing, pause_s)
 
 
 class ReadBudget:
-    """How much of a processor the reader may take: a flooded bus must not slow the loop beside it.
+    """Limits the reader's processor time: a flooded bus must not slow the loop.
 
     cpu_s, now_s  processor time of the reader's thread, and the time
     """
@@ -401,7 +403,7 @@ class ReadBudget:
         self._cpu_s, self._since_s = cpu_s, now_s
 
     def pause_s(self, cpu_s: float, now_s: float) -> float:
-        """How long to read nothing now; 0.0: go on."""
+        """How long to pause reading; 0.0: go on."""
         used_s, passed_s = cpu_s - self._cpu_s, now_s - self._since_s
         pause_s = used_s / READ_SHARE - passed_s
         if passed_s > READ_WINDOW_S:

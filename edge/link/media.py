@@ -1,7 +1,7 @@
-"""Open buses and lines, and what their failures mean: MediumFull (drop, go on), MediumError (open anew).
+"""Open buses and lines, and the meaning of their failures: MediumFull (drop, go on), MediumError (reopen).
 
-python-can and pyserial report a dead medium in many ways: their own errors, OSError, ValueError for a
-file number that is gone, TypeError for a handle that became None. All of them end here.
+python-can and pyserial report a dead medium in many ways: their own errors, OSError, ValueError for a closed
+file descriptor, TypeError for a handle that became None. All of them are translated here.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ import can
 import serial
 
 from hostlink.wire.address import Address
-from hostlink.wire.open_errors import cannot_open, is_junk, words_of
+from hostlink.wire.open_errors import cannot_open, is_junk, message_of
 from hostlink.wire.port_lock import PortLock
 
 __all__ = ["CanMedium", "Medium", "MediumError", "MediumFull", "SerialMedium", "open_bus", "open_line"]
 
-WRITE_S = 0.2  # a line that takes nothing for this long is full
+WRITE_S = 0.2  # a line that accepts nothing for this long is full
 INSTANT = frozenset({"socketcan", "virtual", "udp_multicast"})  # interfaces whose send(timeout=0) returns
 FULL = frozenset({errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK})
 FD_CLOCK_HZ = 80_000_000  # CiA 601-3's recommended CAN FD clock
@@ -36,23 +36,23 @@ CAN_ERR_BUSOFF = 0x40
 CAN_ERR_RESTARTED = 0x100
 
 for _library in ("can", "canopen"):
-    # They log what they also raise: that would be a second line on stderr.
+    # They also log what they raise: that would be a second line on stderr.
     logging.getLogger(_library).addHandler(logging.NullHandler())
     logging.getLogger(_library).propagate = False
 
 
 class MediumError(Exception):
-    """The medium failed and must be opened anew."""
+    """The medium failed and must be reopened."""
 
 
 class MediumFull(Exception):
-    """The medium takes nothing now; it may in a moment."""
+    """The medium accepts nothing now; it may in a moment."""
 
 
 class Medium(Protocol):
     """An open bus or line. What it carries: can.Message on a bus, bytes on a line."""
 
-    instant: bool  # whether a write returns at once, come what may
+    instant: bool  # whether a write always returns at once
     bus_off: bool
 
     def write(self, item: Any) -> None:
@@ -74,8 +74,8 @@ class CanMedium:
     """A python-can bus.
 
     instant  whether its `send(timeout=0)` returns at once
-    carrier  file of a SocketCAN interface that holds 1 while its controller is on the bus. The kernel takes
-             frames for one that is off, and throws them away: there a write proves nothing
+    carrier  file of a SocketCAN interface that holds 1 while its controller is on the bus. If it is off, the
+             kernel accepts frames and discards them: a write proves nothing
     lock     of a serial-line adapter's port
     """
 
@@ -98,7 +98,7 @@ class CanMedium:
         except _BROKEN as error:
             if _means_full(error):
                 raise MediumFull(str(error)) from error
-            raise MediumError(words_of(error)) from error
+            raise MediumError(message_of(error)) from error
         self.bus_off = False
 
     def read(self, timeout_s: float) -> can.Message | None:
@@ -108,20 +108,20 @@ class CanMedium:
             if is_junk(error):
                 self.junk_n += 1
                 return None
-            raise MediumError(words_of(error)) from error
+            raise MediumError(message_of(error)) from error
         if message is not None and message.is_error_frame:
             if message.arbitration_id & CAN_ERR_BUSOFF:
                 self.bus_off = True
             elif message.arbitration_id & CAN_ERR_RESTARTED:
                 self.bus_off = False
             return None
-        if self.bus_off and self._carrier is not None:  # also where the word of the restart was missed
-            with suppress(OSError):  # an interface that is down has no answer
+        if self.bus_off and self._carrier is not None:  # also if the restart's message was missed
+            with suppress(OSError):  # an interface that is down raises an error
                 self.bus_off = self._carrier.read_text().strip() != "1"
         return message
 
     def close(self) -> None:
-        with suppress(*_BROKEN):  # a dead bus cannot be told goodbye
+        with suppress(*_BROKEN):  # a dead bus fails to close
             self._bus.shutdown()
         if self._lock is not None:
             self._lock.close()
@@ -141,10 +141,10 @@ class SerialMedium:
             self._port.write(item)
         except serial.SerialTimeoutException as error:
             with suppress(*_BROKEN):
-                self._port.reset_output_buffer()  # what is stuck in there is old by now
+                self._port.reset_output_buffer()  # its contents are old by now
             raise MediumFull(str(error)) from error
         except _BROKEN as error:
-            raise MediumError(words_of(error)) from error
+            raise MediumError(message_of(error)) from error
 
     def read(self, timeout_s: float) -> bytes | None:
         try:
@@ -152,7 +152,7 @@ class SerialMedium:
             first = self._port.read(1)
             return bytes(first + self._port.read(min(self._port.in_waiting, READ_CHUNK))) if first else None
         except _BROKEN as error:
-            raise MediumError(words_of(error)) from error
+            raise MediumError(message_of(error)) from error
 
     def close(self) -> None:
         with suppress(*_BROKEN):
@@ -160,13 +160,13 @@ class SerialMedium:
 
 
 def open_bus(address: Address) -> Callable[[], CanMedium]:
-    """What opens the bus of an address, time after time. It raises MediumError."""
+    """A function that opens the bus of an address, again and again. It raises MediumError."""
 
     def opener() -> CanMedium:
         arguments = address.bus_arguments()
         lock: PortLock | None = None
         try:
-            if address.interface == "slcan":  # before the adapter is told anything
+            if address.interface == "slcan":  # before the first command to the adapter
                 lock = PortLock(address.channel)
             timing = address.fd_timing()
             if timing is not None:
@@ -182,8 +182,8 @@ def open_bus(address: Address) -> Callable[[], CanMedium]:
             carrier = None
             if address.interface == "socketcan":
                 carrier = INTERFACES / address.channel / "carrier"
-                # An interface that goes down says so once, to a reader or to a writer. A reader that was
-                # woken for it after the writer was told would wait for ever, and hold the link with it.
+                # An interface that goes down reports it once, to a reader or to a writer. A reader that was
+                # woken for it after the writer got it would wait for ever, and block the link.
                 os.set_blocking(bus.fileno(), False)
             return CanMedium(bus, address.interface in INSTANT, carrier, lock)
         except (*_BROKEN, *_NO_DRIVER) as error:
@@ -195,7 +195,7 @@ def open_bus(address: Address) -> Callable[[], CanMedium]:
 
 
 def open_line(address: Address) -> Callable[[], SerialMedium]:
-    """What opens the serial port of an address, time after time. It raises MediumError."""
+    """A function that opens the serial port of an address, again and again. It raises MediumError."""
 
     def opener() -> SerialMedium:
         try:

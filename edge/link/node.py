@@ -1,18 +1,18 @@
 """The finger as an ordinary CANopen node: a sink that also listens.
 
-    app --send--> Node --[NMT state, rate, divider, SYNC]--> sink ==bus==> host
+    loop --send--> Node --[NMT state, rate, divider, SYNC]--> sink ==bus==> host
                    ^ objects (SDO, serial requests), NMT, SYNC <============
 
 Rules
-- A node is a `Sink`: it sends what is due and leaves out the rest. Left out is not dropped.
+- A node is a `Sink`: it sends what is due and skips the rest. Skipped is not dropped.
 - It starts by itself: boot-up, pre-operational, operational (CiA 302-2's self-starting device), for most
   hands have no NMT master. A master can stop it, and start it again.
-- Transmission type 254: samples go out as they come. 1..240: the newest sample is latched, and each n-th
-  SYNC sends it, once; without a new sample nothing is sent, for a repetition would pass for news.
-- A fault sends one emergency when it appears and one with code 0 and what remains in the error register
-  when it goes (CiA 301, 7.2.7); the fault byte is 0 when none remains.
+- Transmission type 254: samples are sent as they come. 1..240: the newest sample is latched, and each n-th
+  SYNC sends it, once; without a new sample nothing is sent, for a repetition would look like a new one.
+- A fault sends one emergency when it appears, and one with code 0 and the remaining error register when it
+  clears (CiA 301, 7.2.7); the fault byte is 0 when none remains.
 - Objects are served by the link's reader thread: `Device` methods are called from there, not from the loop.
-- The application is known through `Device` alone.
+- The application is accessed through `Device` alone.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ __all__ = ["Device", "Node", "RequestRefused"]
 
 Value = int | float | str | bytes
 
-DETAIL_SHARE = 0.3  # of the link's time that the detail stream may take at the most
+DETAIL_SHARE = 0.3  # of the link's time that the detail stream may take at most
 OPERATIONAL = "OPERATIONAL"
 NMT_RESET_NODE, NMT_RESET_COMMUNICATION = 129, 130
 
@@ -42,13 +42,13 @@ _STANDARD_IDS = CanIds()
 
 
 class Device(Protocol):
-    """What a node asks of the application. Called from the link's thread; must return within some 50 ms,
-    for the host waits for the answer."""
+    """The application as a node needs it. Called from the link's thread; must return within some 50 ms,
+    because the host waits for the answer."""
 
     def describe(self) -> Mapping[str, Value]:
         """Read-only objects by name (`hostlink.wire.OBJECTS`): serial_number (required), hardware_version,
         software_version, calibration_id, pin_n, camera, camera_rate_hz, uptime_s, samples_n, dropped_n,
-        latency_p50_us, latency_p99_us. What is left out reads as its default."""
+        latency_p50_us, latency_p99_us. Missing ones read as their default."""
         ...
 
     def clock_us(self) -> int | None:
@@ -56,14 +56,14 @@ class Device(Protocol):
         ...
 
     def tare(self, force: bool) -> None:
-        """Have a new rest frame taken from the next images; `rest_frame` says what became of it.
+        """Have a new rest frame taken from the next images; `rest_frame` reports the outcome.
 
         Raises RequestRefused: something touches the tip, and `force` is not set; or one is being taken
         """
         ...
 
     def rest_frame(self) -> Mapping[str, Value]:
-        """Objects rest_frame_request_n, _state, _reason, _words: what became of the last request for one."""
+        """Objects rest_frame_request_n, _state, _reason, _words: the outcome of the last request."""
         ...
 
     def calibration_bytes(self) -> bytes:
@@ -86,7 +86,7 @@ class Device(Protocol):
         ...
 
     def report(self, code: FaultCode, active: bool, message: str = "") -> None:
-        """A fault of the link appeared or went: `FaultRegistry.report`."""
+        """A fault of the link appeared or cleared: `FaultRegistry.report`."""
         ...
 
 
@@ -147,7 +147,9 @@ class Node:
         return str(self._port.node.nmt.state)
 
     def send(self, state: State) -> bool:
-        """Send a sample if it is due; True: it left. A sample that is not due is neither sent nor counted."""
+        """Send a sample if it is due; True: it was sent. A sample that is not due is neither sent nor
+        counted.
+        """
         if self.state != OPERATIONAL or not self._is_due(state.capture_time_us):
             return False
         if self.objects.transmission[1] != 254:
@@ -166,13 +168,14 @@ class Node:
 
     @property
     def detail_divider(self) -> int:
-        """Every n-th measurement is asked for in detail; 0: none."""
+        """Detail is sent for every n-th measurement; 0: for none."""
         return self._settings.values.detail_divider
 
     def send_detail(self, sample: int, rows: Sequence[tuple[float, float, float]]) -> bool:
-        """Send every pin's (dx px, dy px, relative area change), if asked for, due, and the link has room.
+        """Send every pin's (dx px, dy px, relative area change), if requested, due, and the link has
+        capacity.
 
-        Classic CAN has no detail stream: at 6 bytes a frame it would leave no room for samples.
+        Classic CAN has no detail stream: at 6 bytes a frame it would take the samples' share of the bus.
         """
         divider, sink = self.detail_divider, self.sink
         self._detail_frames += 1
@@ -190,15 +193,15 @@ class Node:
     # ---- faults -----------------------------------------------------------------------------------
 
     def report(self, code: FaultCode, active: bool, message: str = "") -> None:
-        """A fault appeared or went: `FaultRegistry.on_change`. Sends the emergency."""
+        """A fault appeared or cleared: a listener of `FaultRegistry`. Sends the emergency."""
         if active == (code in self._active):
             return
         (self._active.add if active else self._active.discard)(code)
         if active:
             self.objects.record(_FAULTS[code])
-        self._tell(code, active)
+        self._send_emergency(code, active)
 
-    def _tell(self, code: FaultCode, active: bool) -> None:
+    def _send_emergency(self, code: FaultCode, active: bool) -> None:
         register, status = 0, Status(0)
         for held in self._active:
             register |= _FAULTS[held].register
@@ -209,19 +212,19 @@ class Node:
         self._port.send_emergency(pack_emergency(emcy, register, named, int(status)))
 
     def watch_link(self) -> None:
-        """Tell of what the link has to complain about; called by the sink when that may have changed."""
+        """Report the link's current faults; called by the sink when they may have changed."""
         with self._watching:
             if self.sink.faults != self._link_faults:
-                self._tell_of_link()
+                self._report_link_faults()
 
-    def _tell_of_link(self) -> None:
+    def _report_link_faults(self) -> None:
         faults = self.sink.faults
         for code in faults ^ self._link_faults:
             self._device.report(code, code in faults, f"{self.name}: {_FAULTS[code].meaning}")
         self._link_faults = faults
-        if not faults:  # what was said meanwhile nobody heard
+        if not faults:  # emergencies sent meanwhile were lost: repeat them
             for code in sorted(self._active):
-                self._tell(code, True)
+                self._send_emergency(code, True)
 
     # ---- within -----------------------------------------------------------------------------------
 
@@ -239,7 +242,7 @@ class Node:
         return sent
 
     def _is_due(self, capture_us: int) -> bool:
-        """Whether rate and divider let this one out. At most `rate_hz`, evenly, whatever the camera does."""
+        """Whether rate and divider allow this sample. At most `rate_hz`, evenly, at any camera rate."""
         settings = self._settings.values
         self._frames += 1
         if self._frames % settings.divider:
@@ -248,8 +251,8 @@ class Node:
             return True
         period_us = 1e6 / settings.rate_hz
         if abs(capture_us - self._next_us) > 2 * period_us:
-            self._next_us = capture_us  # first one, a pause, or a clock set anew
-        # Half a millisecond of the camera's jitter must not turn 100 Hz out of 100 Hz into 50.
+            self._next_us = capture_us  # first one, after a pause or a clock step
+        # With half a millisecond of jitter, a camera of 100 Hz and a rate of 100 Hz must not give 50 Hz.
         if capture_us < self._next_us - 500:
             return False
         self._next_us += period_us

@@ -1,7 +1,7 @@
-"""The object server: reads and writes of the object table, whoever asks (SDO or serial).
+"""The object server: reads and writes of the object table, by SDO or over serial.
 
-Every access walks the same steps: is there such an object, may it be accessed so, does the value fit,
-who provides or applies it. What fits no step is an `Abort` with CiA 301's code; nothing else leaves here.
+Every access takes the same steps: does the object exist, is the access allowed, does the value fit, who
+provides or applies it. An access that fails raises `Aborted` with CiA 301's code, and no other error.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class ObjectServer:
     """The node's objects.
 
     on_change  called with the name of a setting that changed
-    link       counters that the node itself keeps: name of a statistics object -> value now
+    link       counters kept by the node itself: name of a statistics object -> present value
     """
 
     def __init__(
@@ -107,12 +107,12 @@ class ObjectServer:
         self.reset()
 
     def reset(self) -> None:
-        """Power-on state of what is not stored."""
+        """Set everything that is not stored to its power-on state."""
         self._errors.clear()
         self.transmission = dict.fromkeys(range(1, 5), 254)
 
     def record(self, fault: Fault) -> None:
-        """Enter a fault into the error history."""
+        """Add a fault to the error history."""
         self._errors.appendleft(fault.emcy | int(fault.code) << 16)
 
     # ---- the two accesses -------------------------------------------------------------------------
@@ -146,7 +146,7 @@ class ObjectServer:
                 raise Aborted(Abort.VALUE_LOW)
             if not value <= obj.high:
                 raise Aborted(Abort.VALUE_HIGH)
-        self._described_s = -math.inf  # what is written may show there
+        self._described_s = -math.inf  # the description may have changed
         try:
             self._apply(obj, value)
         except RequestRefused as error:
@@ -161,7 +161,9 @@ class ObjectServer:
             log.error("object %s cannot be stored: %s", obj.name, error)
             raise Aborted(Abort.NOT_STORED) from None
         except OSError as error:
-            self.refusal = f"cannot be stored: {error.strerror}; make room or give the state folder's rights"
+            self.refusal = (
+                f"cannot be stored: {error.strerror}; free some space, or allow writing to the state folder"
+            )
             log.error("object %s cannot be stored: %s", obj.name, error)
             raise Aborted(Abort.NOT_STORED) from None
 
@@ -202,7 +204,7 @@ class ObjectServer:
         return self._described().get(name, obj.default) if name in _DESCRIBED else obj.default
 
     def _described(self) -> Mapping[str, Value]:
-        """What the device says of itself, at most DESCRIBE_S old: it costs the loop some time each time."""
+        """The device's description, at most DESCRIBE_S old: each one costs the loop some time."""
         now_s = time.monotonic()
         if now_s - self._described_s > DESCRIBE_S:
             self._description, self._described_s = self._device.describe(), now_s
@@ -237,7 +239,7 @@ class ObjectServer:
 
 
 class RequestRefused(Exception):
-    """The device will not do that now: a tare while something touches the tip."""
+    """The device refuses a request now: a tare while something touches the tip."""
 
 
 def _find(index: int, sub: int) -> Object:
@@ -250,7 +252,7 @@ def _find(index: int, sub: int) -> Object:
 def _encode(obj: Object, value: Value) -> bytes:
     if isinstance(value, str | bytes):
         return pack_value(obj, value)
-    # Counters are read modulo their width: they count on for years.
+    # Counters are read modulo their width: they count for years.
     code = TYPES[obj.type][1]
     if code == "f":
         return struct.pack("<f", value)

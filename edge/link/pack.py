@@ -1,10 +1,9 @@
 """A frame's result as the wire's sample: `to_state`. No units change here, only names and validity.
 
 Rules
-- A value that is not known is NaN, never 0; what may be trusted was decided before (calibration, pipeline).
-- Contacts: the strongest that have a place on the wire are listed, all of them are counted.
-- With identities that are not trusted, or without a result, the sample still goes out: status bits and time,
-  no values.
+- An unknown value is NaN, never 0; which values are valid was decided before (calibration, pipeline).
+- Contacts: the strongest that fit the frame are listed, all of them are counted.
+- Without trusted identities, or without a result, the sample is still sent: status bits and time, no values.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ VALUES = frozenset(f.name for f in fields(State)) - {
     "temperature_degc",
 }
 
-#: Which values' standard deviations go out; two axes share the larger one.
+#: Values whose standard deviations are sent; two axes share the larger one.
 SIGMAS = {
     "displacement_sigma_mm": ("displacement_mm",),
     "shear_sigma_mm": ("shear_x_mm", "shear_y_mm"),
@@ -41,7 +40,7 @@ SIGMAS = {
 
 
 class Measured(Protocol):
-    """What of a result goes over the wire."""
+    """The part of a result that is sent."""
 
     @property
     def tracks(self) -> Tracks: ...
@@ -62,7 +61,7 @@ def to_state(
     """The sample of one frame.
 
     measured          tracks and reading; None: there is no rest frame, or no image
-    sample            number of the measurement; counts on over gaps, wraps on the wire
+    sample            number of the measurement; continues over gaps, wraps on the wire
     status            bits known so far; SATURATED, UNCALIBRATED and TRACKER_LOST are added from the result
     capture_time_us   start of exposure on this device's monotonic clock
     latency_us        from capture to sending

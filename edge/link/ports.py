@@ -1,8 +1,8 @@
 """A `canopen` node on our own links: NMT, heartbeat, SDO server on CAN; the same over serial.
 
-`canopen` brings the state machines of CiA 301; the link is ours, for it must survive what
-`canopen.Network` does not: a bus that goes and comes back. So the network below has no bus of its own:
-what `canopen` wants to send is posted to the sink, what comes in is handed to it.
+`canopen` implements the state machines of CiA 301; the link is ours, because it must survive what
+`canopen.Network` does not: a bus that disappears and comes back. So the network below has no bus of its own:
+messages from `canopen` are posted to the sink, incoming ones are passed to it.
 
     CAN     identifiers are moved to the configured bases on their way out and in
     serial  heartbeat, emergency, NMT and SYNC have message types of their own; objects come as requests
@@ -48,7 +48,7 @@ def object_dictionary() -> Any:
 
 
 class _Series:
-    """What `canopen` gets for a message that is to be sent periodically."""
+    """Handle for `canopen` of a message that is sent periodically."""
 
     def __init__(self, network: _Network, can_id: int, data: bytes, period_s: float) -> None:
         self._network, self._can_id, self._data = network, can_id, bytes(data)
@@ -101,7 +101,7 @@ class StandardNode(canopen.LocalNode):
 
 
 class _Port:
-    """What both links share.
+    """Common to both links.
 
     on_nmt   called after the state machine has taken an NMT command, with the command
     on_sync  called at each SYNC
@@ -127,7 +127,7 @@ class _Port:
         self.node.nmt.start_heartbeat(period_ms)
 
     def forget_transfer(self) -> None:
-        """A value that is on its way in segments is given up."""
+        """Abandon a segmented transfer."""
 
     def send_emergency(self, data: bytes) -> None:
         self._network.send_message(EMERGENCY + self.node.id, data)
@@ -162,7 +162,7 @@ class CanPort(_Port):
         self.sdo.reset()
 
     def receive(self, message: can.Message) -> None:
-        """A message from the bus, whoever it is for."""
+        """Handle a message from the bus, for any node."""
         kind = self._in.get(message.arbitration_id)
         if kind is None or message.is_extended_id or message.is_remote_frame or message.is_fd:
             return
@@ -197,13 +197,14 @@ class SerialPort(_Port):
         self._upload_to = None
 
     def receive(self, kind: Message, counter: int, body: bytes) -> None:
-        """A frame from the line."""
+        """Handle a frame from the line."""
         if kind is Message.NMT and len(body) == 1:
             self._nmt(body[0], self.node.id, 0.0)
         elif kind is Message.SYNC:
             self._on_sync()
         elif kind is Message.REQUEST and self.node.nmt.state != STOPPED:
-            # Asked again because the answer was lost: the answer again, not the deed (a tare, a reboot).
+            # A request repeated because its answer was lost gets the same answer; the action (a tare, a
+            # reboot) is not repeated.
             if self._answered != (counter, body):
                 try:
                     request = ObjectRequest.unpack(body)
@@ -225,7 +226,7 @@ class SerialPort(_Port):
             return ObjectReply(ask.index, ask.sub, error.code, ask.offset)
 
     def _take(self, ask: ObjectRequest) -> None:
-        """A segment of a value; the last one makes it take effect."""
+        """Take a segment of a value; the last one applies it."""
         if ask.total > DOWNLOAD_MAX:
             self.server.refusal = TOO_LONG
             raise Aborted(Abort.LENGTH)

@@ -1,14 +1,14 @@
 """The SDO server of CiA 301: objects over CAN, in frames of 8 bytes.
 
-`canopen` has one, but it keeps no transfer apart from the next: a read leaves the state that a stray segment
-then writes with. Here one segmented transfer is under way at a time, with its own state.
+`canopen` has one, but its transfers share state: a stray segment can write with the state that a read has
+left. Here one segmented transfer is under way at a time, with its own state.
 
 Rules
 - Values of up to 4 bytes need one frame each way and no state: they are served at any time.
-- A longer one starts a transfer. While it is under way another one is refused (NOT_NOW); a client that went
-  away holds it for `IDLE_S` at most. A request that is repeated before a segment has passed starts it anew.
-- A segment must belong to the transfer: the same direction, the toggle bit as expected, not beyond the
-  announced size. What does not ends the transfer. An abort for its object, or for none, ends it too.
+- A longer one starts a transfer. While it is under way another one is refused (NOT_NOW); a client that
+  disappeared blocks it for `IDLE_S` at most. A request that is repeated before the first segment restarts it.
+- A segment must belong to the transfer: the same direction, the expected toggle bit, not beyond the announced
+  size. Any other ends the transfer. An abort for its object, or for none, ends it too.
 - Block transfer is not offered: a block upload is answered as a plain one, as CiA 301 allows.
 """
 
@@ -26,7 +26,7 @@ from hostlink.wire import Abort
 __all__ = ["DOWNLOAD_MAX", "TOO_LONG", "SdoServer"]
 
 IDLE_S = 1.0  # clients give up after 0.3 to 1 s without an answer
-DOWNLOAD_MAX = CALIBRATION_BYTES  # memory on the board is not for the taking
+DOWNLOAD_MAX = CALIBRATION_BYTES  # bounds the memory that a client can take
 TOO_LONG = f"longer than {DOWNLOAD_MAX >> 20} MiB, so no calibration"
 
 # Command specifiers, upper three bits of the first byte (CiA 301, 7.2.4.3).
@@ -44,12 +44,12 @@ _SEGMENT = 7
 
 @dataclass(slots=True)
 class _Transfer:
-    """A value of more than 4 bytes on its way.
+    """A value of more than 4 bytes being transferred.
 
     writes   the client writes (download); else it reads
     data     received so far, or still to be sent
     size     announced; None: it was not
-    moved    a segment has passed
+    moved    a segment was transferred
     """
 
     index: int
@@ -59,7 +59,7 @@ class _Transfer:
     size: int | None = None
     toggle: int = 0
     moved: bool = False
-    touched_s: float = field(default_factory=time.monotonic)
+    last_used_s: float = field(default_factory=time.monotonic)
 
 
 class SdoServer:
@@ -88,7 +88,7 @@ class SdoServer:
 
     @property
     def held_bytes(self) -> int:
-        """Memory that the transfer under way takes."""
+        """Memory taken by the transfer under way."""
         return len(self._transfer.data) if self._transfer else 0
 
     def reset(self) -> None:
@@ -96,7 +96,7 @@ class SdoServer:
         self._transfer = None
 
     def request(self, data: bytes) -> None:
-        """The 8 bytes of a request."""
+        """Handle the 8 bytes of a request."""
         command, index, sub = _HEAD.unpack_from(data)
         handler = self._handlers.get(command & 0xE0)
         try:
@@ -120,7 +120,7 @@ class SdoServer:
             head |= EXPEDITED | (4 - len(value)) << 2
             self._send(_HEAD.pack(head, index, sub) + value.ljust(4, b"\0"))
             return
-        self._begin(_Transfer(index, sub, False, bytearray(value), len(value), touched_s=self._clock_s()))
+        self._begin(_Transfer(index, sub, False, bytearray(value), len(value), last_used_s=self._clock_s()))
         self._send(_HEAD.pack(head, index, sub) + len(value).to_bytes(4, "little"))
 
     def _download(self, command: int, index: int, sub: int, data: bytes) -> None:
@@ -131,18 +131,18 @@ class SdoServer:
             size = int.from_bytes(data[4:8], "little")
             self._check_length(size if command & SIZE_GIVEN else 0)
             announced = size if command & SIZE_GIVEN else None
-            self._begin(_Transfer(index, sub, True, bytearray(), announced, touched_s=self._clock_s()))
+            self._begin(_Transfer(index, sub, True, bytearray(), announced, last_used_s=self._clock_s()))
         self._send(_HEAD.pack(DOWNLOAD_RESPONSE, index, sub) + bytes(4))
 
     def _begin(self, transfer: _Transfer) -> None:
         other = self._transfer
-        if other is not None and self._clock_s() - other.touched_s < IDLE_S:
+        if other is not None and self._clock_s() - other.last_used_s < IDLE_S:
             asked = (other.index, other.sub, other.writes)
             if other.moved or asked != (transfer.index, transfer.sub, transfer.writes):
                 raise Aborted(Abort.NOT_NOW)
         self._transfer = transfer
 
-    # ---- going on -----------------------------------------------------------------------------------
+    # ---- segments -----------------------------------------------------------------------------------
 
     def _current(self, command: int, writes: bool) -> _Transfer:
         """The transfer that this segment belongs to."""
@@ -153,7 +153,7 @@ class SdoServer:
             raise Aborted(Abort.TOGGLE)
         transfer.toggle ^= TOGGLE
         transfer.moved = True
-        transfer.touched_s = self._clock_s()
+        transfer.last_used_s = self._clock_s()
         return transfer
 
     def _upload_segment(self, command: int, index: int, sub: int, data: bytes) -> None:
@@ -185,7 +185,7 @@ class SdoServer:
             raise Aborted(Abort.LENGTH)
 
     def _aborted(self, command: int, index: int, sub: int, data: bytes) -> None:
-        """The client gives up; not answered."""
+        """The client aborts; not answered."""
         transfer = self._transfer
         if transfer is not None and (index, sub) in ((transfer.index, transfer.sub), (0, 0)):
             self._transfer = None

@@ -1,4 +1,4 @@
-"""What a sink is, and the one that needs no link."""
+"""The interface of a sink, and a sink without a link."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ __all__ = ["MemorySink", "Sink", "SinkCounters"]
 
 @dataclass(frozen=True, slots=True)
 class SinkCounters:
-    """What became of the samples; all count up from the opening.
+    """Counts of samples since the opening.
 
-    sent        samples handed to the medium
-    dropped     samples that could not leave
+    sent        samples given to the medium
+    dropped     samples that could not be sent
     reconnects  times the medium was lost and came back
     detail_sent, detail_skipped   groups of detail segments sent, and skipped in favour of samples
     """
@@ -44,7 +44,7 @@ class Sink(Protocol):
         ...
 
     def drain(self, timeout_s: float) -> bool:
-        """Wait until nothing waits to be sent: for recordings that are sent as fast as they can be."""
+        """Wait until nothing waits to be sent: for recordings, which are sent as fast as possible."""
         ...
 
     def close(self) -> None: ...
@@ -73,4 +73,4 @@ class MemorySink:
         return True
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Nothing to close."""

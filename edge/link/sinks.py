@@ -1,7 +1,7 @@
 """Samples onto a bus or a line: `open_sink("can:can0")`, `sink.send(state)`.
 
 Addresses: `hostlink.wire.address`.
-What a failing link does, and what it never does: `edge.link.link_sink`.
+Behaviour of a failing link: `edge.link.link_sink`.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ __all__ = [
 ]
 
 NODE_DEFAULT = 1
-BITRATE, DBITRATE = 1_000_000, 5_000_000  # assumed where the address names none: CiA 601-3
+BITRATE, DBITRATE = 1_000_000, 5_000_000  # used if the address names none: CiA 601-3
 
 
 class CanSink(LinkSink):
@@ -85,7 +85,7 @@ class CanFdSink(CanSink):
         return _fd_message(self.ids.detail(self.node), payload)
 
     def frame_s(self, n_bytes: int) -> float:
-        """How long such a frame holds the bus, at worst."""
+        """How long such a frame occupies the bus, at worst."""
         return fd_frame_s(n_bytes, self.bitrate, self.dbitrate)
 
 
@@ -102,10 +102,10 @@ class CanClassicSink(CanSink):
 class SerialSink(LinkSink):
     """COBS frames on a serial line. Items are bytes; incoming messages are (type, counter, body).
 
-    What is damaged on its way in is dropped: who asked asks again.
+    Damaged frames are dropped: the host repeats its request.
     """
 
-    BUFFER_MAX = 4096  # longer than any frame: a line without a single zero is noise
+    BUFFER_MAX = 4096  # longer than any frame: so many bytes without a zero are noise
 
     def __init__(self, name: str, open_medium: Callable[[], Medium]) -> None:
         self._buffer = bytearray()
@@ -124,7 +124,7 @@ class SerialSink(LinkSink):
         return encode_frame(Message.DETAIL, payload)
 
     def frame_s(self, n_bytes: int) -> float:
-        """How long such a frame holds the line."""
+        """How long such a frame occupies the line."""
         return serial_frame_s(n_bytes, self.baud)
 
     def frame(self, kind: Message, body: bytes, counter: int) -> bytes:
@@ -154,8 +154,8 @@ class SerialSink(LinkSink):
 def open_sink(spec: str, node: int | None = None, ids: CanIds | None = None) -> Sink:
     """The sink at an address such as `can:can0`, `serial:/dev/ttyACM0?baud=921600`, `memory:`.
 
-    node    CANopen node number where the address names none
-    Raises  SinkError, one line: the address makes no sense, or nothing is there
+    node    CANopen node number if the address names none
+    Raises  SinkError, one line: the address is invalid, or cannot be opened
     """
     try:
         address = parse_address(spec)

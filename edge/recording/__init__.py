@@ -1,4 +1,4 @@
-"""Recordings: what the camera saw, what the stages made of it, what went onto the bus; one MCAP file.
+"""Recordings: camera images, results of the stages, samples sent to the bus; one MCAP file.
 
     with Recorder("press.mcap", tip={"serial": "T-0042"}) as recorder:
         for frame in source:
@@ -9,9 +9,9 @@
 
 - The file is plain MCAP with Foxglove's schemas, so that Foxglove, Lichtblick and PlotJuggler open it
   without a plug-in, and the `mcap` library's own reader validates it.
-- The writer never blocks the loop and never raises into it: a bounded queue, a thread of its own, and
-  counts of what did not fit.
-- A file that ends in the middle reads back up to its last complete chunk.
+- The writer never blocks the loop and never raises into it: a bounded queue, its own thread, and counts of
+  dropped messages.
+- A truncated file can be read up to its last complete chunk.
 """
 
 from __future__ import annotations

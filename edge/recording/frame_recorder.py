@@ -1,4 +1,4 @@
-"""What a recording holds of each turn of the loop: the image, what was made of it, what the bus carried."""
+"""What is recorded in each turn of the loop: the image, its results, the sample sent to the bus."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["FrameRecorder"]
 
 
 class FrameRecorder:
-    """A recorder as the loop sees it (`session.Recording`), in the process that it is used in."""
+    """A recorder in the loop's own process; implements `session.Recording`."""
 
     def __init__(self, recorder: Recorder) -> None:
         self.recorder = recorder
@@ -35,7 +35,7 @@ class FrameRecorder:
         return self.recorder.dropped_n
 
     def take(self, frame: Frame, result: Result | None, state: State) -> None:
-        """Record a frame, with a result or without. References only: the recorder's thread does the rest."""
+        """Record a frame, with or without a result. Queues references; the recorder's thread encodes them."""
         recorder = self.recorder
         recorder.frame(frame)
         if result is not None:
@@ -47,7 +47,7 @@ class FrameRecorder:
                 )
                 recorder.features(frame, features)
             recorder.reading(frame, result.reading)
-        # As the wire has it, rounded and saturated: what a recording says is what a host was told.
+        # Rounded and saturated as on the wire: a recording holds what the host received.
         payload = partial(pack_state, state, state.sample)
         recorder.sample(frame, lambda: asdict(unpack_state(payload())), payload)
 

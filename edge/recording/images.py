@@ -1,7 +1,7 @@
-"""Images as Foxglove messages, there and back.
+"""Images as Foxglove messages, encoded and decoded.
 
-Pixels go out without loss: as PNG for small files, or as raw rows for speed. Back come grey images of 8
-or 16 bits, whatever tool wrote them.
+Pixels are stored without loss: as PNG for small files, or as raw rows for speed. Decoding gives grey images
+of 8 or 16 bits, from files of other tools too.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def image_message(image: Image, log_ns: int, *, png: bool) -> bytes:
     return bytes(message.SerializeToString())
 
 
-# foxglove.RawImage encodings that a camera or another tool may have written, and the way to grey.
+# foxglove.RawImage encodings that a camera or another tool may have written, and the conversion to grey.
 _RAW: dict[str, tuple[str, int, int | None]] = {  # encoding: dtype, channels, OpenCV's conversion
     "mono8": ("u1", 1, None),
     "8UC1": ("u1", 1, None),
@@ -64,7 +64,7 @@ _RAW: dict[str, tuple[str, int, int | None]] = {  # encoding: dtype, channels, O
 def decode_image(schema: str, data: bytes, size_px: tuple[int, int] | None = None) -> Image:
     """Grey image of a RawImage or CompressedImage message.
 
-    size_px  (width, height) that it must have; None: any that a camera may have
+    size_px  required (width, height); None: any within the limits of a camera
     Raises   OtherSize, before its pixels are decoded; ValueError: damaged, or too large
     """
     if schema == "foxglove.CompressedImage":
@@ -99,7 +99,7 @@ def _check_size(found_px: tuple[int, int], size_px: tuple[int, int] | None) -> N
 
 
 def _grey(image: NDArray[Any]) -> Image:
-    """As uint8 or native uint16, whichever it is."""
+    """The image as uint8 or native uint16."""
     return (
         image.astype(np.uint16, copy=False)
         if image.dtype.itemsize == 2

@@ -1,10 +1,10 @@
-"""The records of an MCAP file, damaged or hostile as it may be.
+"""The records of an MCAP file, which may be damaged or malicious.
 
-- Chunk by chunk, never the whole file in memory. Where the file has its index, damage to one chunk costs that
-  chunk alone; where it has none (killed, truncated), everything up to the last complete chunk comes out.
-- Damage is counted in `faults` and carried on.
-- Memory is bounded before it is taken: no length is believed beyond the end of the file (`_Bounded`), no
-  chunk unpacks to more than `UNPACKED_MAX`, and its records come out one by one.
+- Read chunk by chunk, never the whole file into memory. With an index, damage to one chunk loses that chunk
+  only; without one (killed, truncated), everything up to the last complete chunk is read.
+- Damage is counted in `faults`, and reading goes on.
+- Memory is bounded before it is allocated: no length may point beyond the end of the file (`_Bounded`), no
+  chunk unpacks to more than `UNPACKED_MAX`, and its records are read one by one.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class RawMessage(NamedTuple):
 
 
 def damage(*more: type[Exception]) -> tuple[type[Exception], ...]:
-    """What the mcap library and its decompressors raise on damaged bytes, and `more`."""
+    """The errors of the mcap library and its decompressors on damaged bytes, and `more`."""
     from google.protobuf.message import DecodeError
     from mcap.exceptions import McapError
     from zstandard import ZstdError
@@ -48,9 +48,9 @@ def damage(*more: type[Exception]) -> tuple[type[Exception], ...]:
 
 
 class _Bounded:
-    """A file that promises no more than it has: a damaged length must not become memory.
+    """A file whose lengths are checked against its size: a damaged length must not allocate memory.
 
-    Raises ValueError: more is asked for than there is
+    Raises ValueError: more is read than there is
     """
 
     def __init__(self, file: io.BufferedIOBase) -> None:
@@ -73,7 +73,7 @@ class _Bounded:
         return self._file.tell()
 
     def records(self) -> Iterator[Any]:
-        """From here to the end; chunks are not taken apart."""
+        """Records from here to the end; chunks are not unpacked."""
         from mcap.exceptions import EndOfFile
         from mcap.stream_reader import StreamReader
 
@@ -86,7 +86,7 @@ class _Bounded:
                 raise
 
     def summary(self) -> Any:
-        """What the file's index says; None: it has none. Raises one of `damage`."""
+        """The file's index; None: it has none. Raises one of `damage`."""
         from mcap.reader import SeekingReader
 
         stream: Any = self
@@ -95,7 +95,7 @@ class _Bounded:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[_Bounded]:
-    """The file, behind its magic. Raises SourceError: not there, not MCAP."""
+    """The file, opened after its magic bytes. Raises SourceError: does not exist, not MCAP."""
     try:
         file = path.open("rb")
     except OSError as error:
@@ -107,7 +107,7 @@ def _opened(path: Path) -> Iterator[_Bounded]:
 
 
 def _chunks(file: _Bounded, faults: Counter[str]) -> Iterator[Any]:
-    """Schema, channel and chunk records; by the index where there is one, else in the file's order."""
+    """Schema, channel and chunk records; by the index if there is one, else in the file's order."""
     from mcap.records import Channel, Chunk, Message, Schema
 
     broken = damage(OSError)
@@ -163,7 +163,7 @@ def _unpacked(chunk: Any) -> Iterator[Any]:
 
 
 def _decompressed(chunk: Any) -> bytes:
-    """Raises ValueError: it is not as large as it says, whatever its compression would make of it."""
+    """Raises ValueError: its real size is not the stated one."""
     size = chunk.uncompressed_size
     if chunk.compression == "lz4":
         from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
@@ -184,9 +184,9 @@ def _decompressed(chunk: Any) -> bytes:
 
 
 def raw_messages(path: Path, faults: Counter[str]) -> Iterator[RawMessage]:
-    """All messages in the file's order; what is damaged is counted.
+    """All messages in the file's order; damaged ones are counted.
 
-    Raises SourceError: not there, not MCAP
+    Raises SourceError: does not exist, not MCAP
     """
     from mcap.records import Channel, Chunk, Message, Schema
 
@@ -219,7 +219,7 @@ def raw_messages(path: Path, faults: Counter[str]) -> Iterator[RawMessage]:
 
 
 def image_count(path: Path, topic: str | None) -> int:
-    """Messages on a topic that the file's index counts; 0: it has none, as after a kill."""
+    """Messages on a topic, from the file's index; 0: it has none, as after a kill."""
     with _opened(path) as file:
         try:
             summary = file.summary()
@@ -232,7 +232,7 @@ def image_count(path: Path, topic: str | None) -> int:
 
 
 def attachments_in(path: Path) -> dict[str, bytes]:
-    """Attached files by name; the last one of a name wins."""
+    """Attached files by name; of several with one name the last."""
     from mcap.records import Attachment
 
     return {record.name: record.data for record in _outside_chunks(path, Attachment)}
@@ -246,7 +246,7 @@ def metadata_in(path: Path) -> dict[str, dict[str, str]]:
 
 
 def _outside_chunks(path: Path, kind: type[Any]) -> list[Any]:
-    """Attachments or metadata: by the index, else by reading on."""
+    """Attachments or metadata: by the index, else by reading the file."""
     from mcap.records import Attachment
 
     broken = damage(OSError)
@@ -266,6 +266,6 @@ def _outside_chunks(path: Path, kind: type[Any]) -> list[Any]:
         except broken:
             found.clear()
         file.seek(8)
-        with suppress(*broken):  # truncated: what came before it stands
+        with suppress(*broken):  # truncated: what was read before remains valid
             found.extend(record for record in file.records() if isinstance(record, kind))
     return found

@@ -1,7 +1,7 @@
-"""An MCAP file that grows by whole chunks: what is handed over to the kernel survives a kill.
+"""An MCAP file that grows by whole chunks: what the kernel has been given survives a kill.
 
 A chunk is closed after `CHUNK_BYTES` or `CHUNK_AGE_S`, whichever comes first, so a killed process loses at
-most that much. (A power cut may cost more: an fsync for each chunk would stall an SD card; the file is synced
+most that much. (A power cut may lose more: an fsync for each chunk would stall an SD card; the file is synced
 when it is closed.)
 """
 
@@ -32,7 +32,7 @@ class McapWriter:
     path         must not exist, unless `overwrite`
     metadata     about the whole recording
     written_n    messages by topic, in chunks that are closed or open
-    Raises       SinkError: the file exists or cannot be made
+    Raises       SinkError: the file exists or cannot be created
     """
 
     def __init__(
@@ -58,9 +58,9 @@ class McapWriter:
         try:
             self._file.flush()
         except OSError as error:
-            with suppress(OSError):  # closing tries the same bytes again
+            with suppress(OSError):  # closing writes the same bytes again
                 self._file.close()
-            raise SinkError(f"recording: cannot write {path}: {error.strerror}; make room") from error
+            raise SinkError(f"recording: cannot write {path}: {error.strerror}; free some space") from error
 
     def add(self, key: str, log_ns: int, publish_ns: int, sequence: int, data: bytes) -> None:
         """Append a message; `key` is one of TOPICS. Raises OSError."""
@@ -89,7 +89,7 @@ class McapWriter:
 
     @property
     def chunk_due_s(self) -> float | None:
-        """How long until the open chunk is old enough to be closed, s; None: none is open."""
+        """Time until the open chunk is to be closed, s; None: none is open."""
         if not self._chunk_bytes:
             return None
         if self._chunk_bytes >= CHUNK_BYTES:
@@ -97,12 +97,12 @@ class McapWriter:
         return max(0.0, self._chunk_since_s + CHUNK_AGE_S - time.monotonic())
 
     def end_chunk(self) -> None:
-        """Close the chunk and hand it to the kernel: a kill does not touch it any more. Raises OSError."""
+        """Close the chunk and hand it to the kernel: it then survives a kill. Raises OSError."""
         self._writer.flush()
         self._chunk_bytes = 0
 
     def finish(self) -> None:
-        """Write the last chunk and the index, and force all of it to the disk. Raises OSError."""
+        """Write the last chunk and the index, and sync the file to the disk. Raises OSError."""
         self.end_chunk()
         self._writer.finish()
         self._file.flush()

@@ -1,4 +1,4 @@
-"""Between the loop, which never waits, and the thread that writes: a queue of bounded size."""
+"""The bounded queue between the loop, which never waits, and the thread that writes."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 __all__ = ["ITEM_BYTES", "Item", "MessageQueue"]
 
-ITEM_BYTES = 512  # what a queued message weighs beside its arrays, roughly
+ITEM_BYTES = 512  # memory of a queued message without its arrays, roughly
 
 
 class Item(NamedTuple):
     """A message that is not encoded yet.
 
-    cost_bytes  of what it keeps in memory
+    cost_bytes  memory that it occupies
     topic       key of `topics.TOPICS`
     encode      called by the thread that writes
     """
@@ -31,8 +31,8 @@ class Item(NamedTuple):
 class MessageQueue:
     """Items and calls in order.
 
-    size_bytes  how much may wait; what does not fit is dropped
-    dropped_n   messages that did not fit, came after the end, or were given up
+    size_bytes  capacity; what does not fit is dropped
+    dropped_n   messages that did not fit, came after the end, or were discarded
     """
 
     def __init__(self, size_bytes: int) -> None:
@@ -45,7 +45,7 @@ class MessageQueue:
         self._changed = threading.Condition()
 
     def put(self, items: Sequence[Item]) -> bool:
-        """All of them, or none: False."""
+        """Queue all of them, or none: False."""
         cost = sum(item.cost_bytes for item in items)
         with self._changed:
             if self._closed or self._waiting_bytes + cost > self._size_bytes:
@@ -57,24 +57,24 @@ class MessageQueue:
         return True
 
     def put_call(self, call: Callable[[], None]) -> None:
-        """Something that the writing thread does between messages; never dropped."""
+        """Queue a call for the writing thread; never dropped."""
         with self._changed:
             self._items.append(call)
             self._changed.notify()
 
     def count_lost(self, messages_n: int) -> None:
-        """Messages were lost on their way here."""
+        """Count messages that were lost before the queue."""
         with self._changed:
             self.dropped_n += messages_n
 
     def close(self) -> None:
-        """Nothing more is taken; what waits can still be got."""
+        """Accept nothing more; queued items can still be taken."""
         with self._changed:
             self._closed = True
             self._changed.notify()
 
     def give_up(self) -> None:
-        """Nothing more is taken or given; what waits is dropped."""
+        """Accept and give nothing more; queued items are dropped."""
         with self._changed:
             self._closed = True
             self.dropped_n += len(self._items)
@@ -83,18 +83,18 @@ class MessageQueue:
             self._changed.notify()
 
     def get(self, timeout_s: float | None) -> Item | Callable[[], None] | None:
-        """The next; None: none came in time, or `ended`."""
+        """The next item; None: none came in time, or `ended`."""
         with self._changed:
             self._changed.wait_for(lambda: self._items or self._closed, timeout_s)
             return self._items.popleft() if self._items else None
 
     @property
     def ended(self) -> bool:
-        """Closed, and all of it was got."""
+        """Whether it is closed and empty."""
         return self._closed and not self._items
 
     def done(self, item: Item) -> None:
-        """An item that was got needs its memory no more."""
+        """Release the memory of an item that was taken."""
         with self._changed:
             self._waiting_bytes = max(0, self._waiting_bytes - item.cost_bytes)
 

@@ -1,9 +1,9 @@
-"""What the stages made, as messages: one function a message.
+"""Results of the stages as messages: one function a message.
 
-- Numbers per pin travel as packed little-endian float64 in `foxglove.PointCloud`: exact, and cheap to
-  write. Overlays (`ImageAnnotations`) repeat some of it for the eye only.
+- Numbers per pin are stored as packed little-endian float64 in `foxglove.PointCloud`: exact, and cheap to
+  write. Overlays (`ImageAnnotations`) repeat some of it for viewing only.
 - Image coordinates here put pixel centres on integers; Foxglove's annotations put the origin on the
-  corner of the first pixel. The half pixel is added here and nowhere else.
+  corner of the first pixel. The half pixel is added in this module only.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _PIXEL_CENTRE = 0.5  # foxglove.ImageAnnotations: origin on the corner of the to
 
 
 def _plain(value: Any) -> Any:
-    """NumPy scalars and arrays, sets and enums inside of a truth, as JSON."""
+    """JSON form of NumPy scalars and arrays, sets and enums."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"cannot write {type(value).__name__} as JSON")
@@ -133,7 +133,7 @@ def annotations_of(
 ) -> bytes:
     """Overlay on the image.
 
-    points    (n, 2) px; dots; rows with NaN are left out
+    points    (n, 2) px; dots; rows with NaN are skipped
     polygons  (k, 2) px each; outlines, filled with colours[i] (r, g, b, a in 0..1)
     """
     annotation, colour = proto("PointsAnnotation"), proto("Color")
@@ -163,9 +163,9 @@ def annotations_of(
     return b"".join(_POINTS_FIELD + _varint(len(shape)) + shape for shape in shapes)
 
 
-#: Fields of the schemas, as the wire has them: number << 3 | 2 for what has a length. Some thousand small
-#: messages a picture are written by NumPy; made one by one they cost 5 ms. Parts of a message may follow one
-#: another in any order, and what is written twice is merged (protobuf, "Encoding").
+#: Field tags of the schemas on the wire: number << 3 | 2 for length-delimited fields. NumPy writes the
+#: thousands of small messages of a picture; made one by one they cost 5 ms. Parts of a message may follow one
+#: another in any order, and repeated ones are merged (protobuf, "Encoding").
 _POINTS_FIELD = b"\x12"  # foxglove.ImageAnnotations.points
 _POINT = 0x1A  # foxglove.PointsAnnotation.points
 _FILL_COLOR = 0x32  # foxglove.PointsAnnotation.fill_color
@@ -177,7 +177,7 @@ def _points(xy_img: Array) -> NDArray[np.uint8]:
 
 
 def _doubles(values: Array, field: int) -> NDArray[np.uint8]:
-    """Messages that hold doubles, numbered from 1, as a field: one a row.
+    """Messages of doubles, numbered from 1, as a field: one a row.
 
     values   (n, k), k < 14
     Returns  (n, 2 + 9 k) bytes
@@ -201,7 +201,7 @@ def _varint(number: int) -> bytes:
 
 
 def features_json(frame: Frame, features: Features) -> dict[str, Any]:
-    """The scalars and the contacts; what was not asked for is null."""
+    """The scalars and the contacts; null where not demanded."""
     shear = features.shear_px
     return {
         "sequence": frame.sequence,

@@ -1,11 +1,11 @@
 """Reads recordings back: ours, and any MCAP file with a Foxglove image topic.
 
-- Damage in the middle is counted in `faults` and carried on (`mcap_file.py`); only a file that gives no image
-  at all is an error.
+- Damage in the middle is counted in `faults`, and reading goes on (`mcap_file.py`); only a file without any
+  image is an error.
 - An image's header is read before its pixels: one that is larger than any camera's, or of another size than
-  the recording's others, is counted and costs nothing.
-- Frames come out with `Clock.RECORDED`: their time may be compared with one another, not with now.
-  `recorded_clock` says which clock it was.
+  the recording's others, is counted and not decoded.
+- Frames have `Clock.RECORDED`: their times may be compared with one another, not with the present.
+  `recorded_clock` is the original clock.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from edge.types import Clock, Frame, Image
 
 __all__ = ["RecordingSource", "open_recording", "read_attachments", "read_messages", "read_metadata"]
 
-_RATE_FRAMES = 16  # intervals that the rate is taken from where the file does not name it
+_RATE_FRAMES = 16  # intervals that the rate is measured from if the file does not state it
 _RATE_MAX_HZ = 100_000.0  # a nominal rate beyond this is damage
 _TIME_MAX_NS = 1 << 62  # 146 years
 _SEQUENCE_MAX = 1 << 53
@@ -42,7 +42,7 @@ _IMAGE_SCHEMAS = ("foxglove.RawImage", "foxglove.CompressedImage")
 
 
 class _About(msgspec.Struct):
-    """What a recording says of a frame beside its image (`topics.py`)."""
+    """A frame's data beside its image (`topics.py`)."""
 
     sequence: Annotated[int, msgspec.Meta(ge=0, le=_SEQUENCE_MAX)]
     capture_ns: Annotated[int, msgspec.Meta(ge=0, le=_TIME_MAX_NS)]
@@ -51,7 +51,7 @@ class _About(msgspec.Struct):
 
 
 class _Truth(msgspec.Struct):
-    """What a rig or simulator knew of a frame."""
+    """The truth of a frame, from a rig or simulator."""
 
     truth: dict[str, Any] | None = None
 
@@ -59,10 +59,10 @@ class _Truth(msgspec.Struct):
 def read_messages(path: str | Path, topics: Sequence[str] | None = None) -> Iterator[tuple[str, int, Any]]:
     """(topic, log time ns, message) in the file's order: JSON as dict, Foxglove as protobuf object.
 
-    Clouds of pins and cells become arrays through `cloud_to_array`. A damaged message is left out.
-    Raises SourceError: not there, not MCAP
+    Clouds of pins and cells become arrays through `cloud_to_array`. A damaged message is skipped.
+    Raises SourceError: does not exist, not MCAP
     """
-    broken = damage(msgspec.DecodeError, SourceError)  # SourceError: no such schema here
+    broken = damage(msgspec.DecodeError, SourceError)  # SourceError: unknown schema
     for raw in raw_messages(Path(path), Counter()):
         if topics is not None and raw.topic not in topics:
             continue
@@ -79,7 +79,9 @@ def read_messages(path: str | Path, topics: Sequence[str] | None = None) -> Iter
 
 
 def read_attachments(path: str | Path) -> dict[str, bytes]:
-    """Attached files by name; the last one of a name wins. Raises SourceError: not there, not MCAP."""
+    """Attached files by name; of several with one name the last. Raises SourceError: does not exist, not
+    MCAP.
+    """
     return attachments_in(Path(path))
 
 
@@ -92,7 +94,7 @@ class RecordingSource:
     """FrameSource over an MCAP file. Iterating again starts again.
 
     topic   image topic; None: /camera/image, else the first one with images
-    Raises  SourceError: not there, not MCAP, no images, another size in the middle is a fault instead
+    Raises  SourceError: does not exist, not MCAP, no images. Images of another size are counted in `faults`
     """
 
     live = False
@@ -119,7 +121,7 @@ class RecordingSource:
         self.rate_hz = self._rate_hz()
 
     def _rate_hz(self) -> float:
-        """As the recorder noted it, else the median of the first intervals."""
+        """The rate stated by the recorder, else from the median of the first intervals."""
         try:
             rate_hz = float(self.metadata.get("voronoi_touch", {}).get("rate_hz", "0"))
         except ValueError:
@@ -139,7 +141,7 @@ class RecordingSource:
     def _frames(
         self, faults: Counter[str], size_px: tuple[int, int] | None = None
     ) -> Iterator[tuple[Frame, Clock]]:
-        about: tuple[int, _About | None] = (-1, None)  # log time, and what holds for it
+        about: tuple[int, _About | None] = (-1, None)  # log time, and the data of that time
         truth: tuple[int, dict[str, Any] | None] = (-1, None)
         n = 0
         broken = damage(TypeError, msgspec.DecodeError)
@@ -174,12 +176,12 @@ class RecordingSource:
 
     @property
     def truncated(self) -> bool:
-        """The file ends in the middle; known once it has been read to its end."""
+        """Whether the file is truncated; known once it has been read to its end."""
         return self.faults["truncated"] > 0
 
     @property
     def frames_n(self) -> int:
-        """Images that the file's index counts; 0: it has none, as after a kill."""
+        """Images, from the file's index; 0: it has none, as after a kill."""
         return image_count(self.path, self._topic)
 
     def attachments(self) -> dict[str, bytes]:
@@ -192,9 +194,9 @@ class RecordingSource:
 def _frame(
     image: Image, raw: RawMessage, n: int, about: _About | None, truth: dict[str, Any] | None
 ) -> tuple[Frame, Clock]:
-    """A frame from another tool's file has no `about`: log time and a running number stand in.
+    """A frame from another tool's file has no `about`: log time and a running number are used instead.
 
-    Raises ValueError: times or bits that no image has
+    Raises ValueError: impossible times or bits
     """
     bits_max = 8 * image.dtype.itemsize
     about = about or _About(raw.sequence or n, raw.log_ns)
@@ -205,7 +207,7 @@ def _frame(
 
 
 class _Options(Protocol):
-    """What `open_recording` wants of the settings of a source."""
+    """The settings of a source that `open_recording` uses."""
 
     @property
     def extra(self) -> Mapping[str, str]: ...

@@ -1,4 +1,4 @@
-"""The recording of a running loop, where there is one: what fails in it ends the recording, not the loop."""
+"""The recording of a running loop, if there is one: its failures end the recording, not the loop."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ __all__ = ["Recording", "RecordingSession"]
 
 log = logging.getLogger(__name__)
 
-SLOW_DISK_S = 1.0  # without loss, and a recording counts as whole again
+SLOW_DISK_S = 1.0  # so long without loss, and the disk counts as fast enough again
 
 
 class Recording(Protocol):
-    """A recorder as the loop sees it. Must return at once.
+    """A recorder as the loop sees it. Calls must return at once.
 
     fault      why nothing is recorded any more
     dropped_n  messages that were lost, because the disk is too slow
@@ -37,7 +37,7 @@ class Recording(Protocol):
 
 
 class RecordingSession:
-    """Passes on what there is to record, and knows what became of it.
+    """Passes each turn of the loop to the recorder, and keeps its state.
 
     recorder  None: nothing is recorded. Changed between two frames only, by the loop
     """
@@ -45,7 +45,7 @@ class RecordingSession:
     def __init__(self, registry: FaultRegistry) -> None:
         self.recorder: Recording | None = None
         self._registry = registry
-        self._ended = ""  # why the last recording did
+        self._ended = ""  # why the last recording ended
         self._dropped_n = 0
         self._slow_until_s = 0.0
         registry.listeners.append(self._note)
@@ -63,7 +63,7 @@ class RecordingSession:
             self._registry.report(FaultCode.DISK_FULL, True, self._ended)
 
     def trouble(self) -> str:
-        """Empty, or why the recording has holes or has ended: for `BoardMonitor`, from its thread."""
+        """Empty, or why the recording has gaps or has ended: for `BoardMonitor`, from its thread."""
         recorder = self.recorder
         if recorder is None:
             return self._ended
@@ -75,10 +75,10 @@ class RecordingSession:
             self._dropped_n, self._slow_until_s = recorder.dropped_n, now_s + SLOW_DISK_S
         return "recording: the disk is too slow" if now_s < self._slow_until_s else ""
 
-    def _note(self, code: FaultCode, active: bool, words: str) -> None:
-        """A fault came or went: a line in the recording."""
+    def _note(self, code: FaultCode, active: bool, message: str) -> None:
+        """Record that a fault appeared or cleared."""
         recorder = self.recorder
         if recorder is not None:
             recorder.event(
-                "warning" if active else "info", f"{code.name} {'on' if active else 'off'}: {words}"
+                "warning" if active else "info", f"{code.name} {'on' if active else 'off'}: {message}"
             )

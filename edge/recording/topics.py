@@ -1,7 +1,7 @@
-"""What stands in a recording: one table of topics, and the schemas that go with them.
+"""The contents of a recording: one table of topics, and their schemas.
 
-- A well-known Foxglove schema (protobuf) wherever one fits; JSON with a JSON schema for numbers that
-  have none, because PlotJuggler plots those as they are.
+- A well-known Foxglove schema (protobuf) wherever one fits; JSON with a JSON schema for other numbers,
+  because PlotJuggler plots those directly.
 - protobuf and the schemas are imported when the first message of their kind is made.
 """
 
@@ -108,7 +108,7 @@ def proto(name: str) -> Any:
 
 
 def schema_of(topic: Topic) -> tuple[str, str, bytes]:
-    """(message encoding, schema encoding, schema) as MCAP's registry names them."""
+    """(message encoding, schema encoding, schema) with the names of MCAP's registry."""
     if topic.is_json:
         properties = {name: {"type": kind, "description": text} for name, kind, text in topic.fields}
         return (

@@ -1,12 +1,12 @@
 """Writes a recording while the loop runs.
 
 - Nothing here waits for the disk: a call puts references on a bounded queue, a thread encodes and writes
-  them. What does not fit is dropped, counted, and the gap is written into the file as a warning.
-- Nothing here raises into the loop once the file is open: a full disk stops the recording, says so in
-  `fault`, and counts what comes after as dropped.
-- A recording grows under its own name, by whole chunks (`mcap_writer.py`): after a kill it reads back up to
+  them. What does not fit is dropped and counted, and a warning in the file marks the gap.
+- Once the file is open, nothing here raises into the loop: a full disk stops the recording, sets
+  `fault`, and later messages count as dropped.
+- A recording grows under its own name, by whole chunks (`mcap_writer.py`): after a kill it can be read up to
   the last of them.
-- One time axis: `log_time` = capture time + one offset for the whole file, learnt from the wall clock at the
+- One time axis: `log_time` = capture time + one offset for the whole file, taken from the wall clock at the
   first frame. Intervals stay exact, and all messages of a frame share one time.
 """
 
@@ -29,13 +29,13 @@ from edge.types import Array, Cells, Features, Frame, Reading, Tracks
 
 __all__ = ["CHUNK_AGE_S", "CHUNK_BYTES", "Recorder"]
 
-OVERLAY_HZ = 15.0  # annotations are for the eye; 331 cells as protobuf cost about 2 ms of Python
+OVERLAY_HZ = 15.0  # annotations are for viewing only; 331 cells as protobuf cost about 2 ms of Python
 
 
 class _LogClock:
     """Times in the file.
 
-    offset_ns  log time minus capture time; None: learnt at the first frame
+    offset_ns  log time minus capture time; None: set at the first frame
     """
 
     def __init__(self, offset_ns: int | None) -> None:
@@ -50,7 +50,7 @@ class _LogClock:
         return self._wall_minus_monotonic_ns + time.monotonic_ns()
 
     def now_ns(self) -> int:
-        """For what belongs to no frame."""
+        """Time for messages that belong to no frame."""
         return self._wall_ns() if self._learns else self._last_ns
 
     def of(self, frame: Frame) -> int:
@@ -60,7 +60,7 @@ class _LogClock:
         return self._last_ns
 
     def overlay_is_due(self, topic: str, log_ns: int) -> bool:
-        """Whether to draw another one; the answer is yes `OVERLAY_HZ` times a second."""
+        """Whether another one is due: `OVERLAY_HZ` times a second."""
         if 0 <= self._overlay_due_ns[topic] - log_ns < 1e9:
             return False
         self._overlay_due_ns[topic] = log_ns + int(1e9 / OVERLAY_HZ)
@@ -73,14 +73,14 @@ class Recorder:
     path         must not exist, unless `overwrite`
     image        "raw" for speed, "png" for small files
     compression  of the chunks: "none", "lz4", "zstd"
-    buffer_mb    how much may wait for the disk before messages are dropped
+    buffer_mb    size of the queue to the disk; messages beyond it are dropped
     tip          about the tip, e.g. {"serial": ..., "pins": "331"}; found in the file's metadata
     rate_hz      nominal rate of the camera; 0 where unknown
-    offset_ns    log time minus capture time; None: learnt from the wall clock at the first frame. A
+    offset_ns    log time minus capture time; None: from the wall clock at the first frame. A
                  simulator gives 0, so that the same frames make the same file.
-    fault        why nothing is written any more
-    refused_n    messages that could not be encoded; why stands in /events
-    Raises       SinkError: the file exists or cannot be made
+    fault        why writing has stopped
+    refused_n    messages that could not be encoded; the reasons are in /events
+    Raises       SinkError: the file exists or cannot be created
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Recorder:
         """Messages that did not fit, or came after a fault."""
         return self._queue.dropped_n
 
-    # -- what the loop calls ------------------------------------------------------------------
+    # -- called by the loop ------------------------------------------------------------------
 
     def frame(self, frame: Frame) -> bool:
         """Record image, times and truth. False: dropped."""
@@ -205,7 +205,7 @@ class Recorder:
         values: Mapping[str, Any] | Callable[[], Mapping[str, Any]],
         payload: bytes | Callable[[], bytes] = b"",
     ) -> bool:
-        """Record what the bus carried: decoded fields, and the bytes themselves.
+        """Record the sample sent to the bus: decoded fields, and the bytes.
 
         values, payload  or functions that give them, called in the recorder's thread
         """
@@ -229,11 +229,11 @@ class Recorder:
         return self._queue.put([Item(ITEM_BYTES, "events", log_ns, log_ns, 0, encode)])
 
     def count_lost(self, messages_n: int) -> None:
-        """Messages were lost on their way here: they count, and the gap is written into the file."""
+        """Count messages that were lost before the recorder; a warning in the file marks the gap."""
         self._queue.count_lost(messages_n)
 
     def attach(self, name: str, data: bytes, media_type: str = "application/json") -> None:
-        """Store a file inside of the recording: calibration, configuration."""
+        """Store a file in the recording: calibration, configuration."""
         now_ns = self._clock.now_ns()
         self._queue.put_call(lambda: self._writer.add_attachment(now_ns, name, data, media_type))
 
@@ -243,7 +243,7 @@ class Recorder:
         self._queue.put_call(lambda: self._writer.add_metadata(name, pairs))
 
     def close(self, timeout_s: float = 10.0) -> None:
-        """Write what waits, the index, and end; what is not written after `timeout_s` is dropped."""
+        """Write the queue and the index, and end; messages not written after `timeout_s` are dropped."""
         self._queue.close()
         self._thread.join(timeout_s)
         if self._thread.is_alive():
@@ -305,6 +305,6 @@ class Recorder:
             self._writer.add(item.topic, item.log_ns, item.publish_ns, item.sequence, data)
 
     def _note(self, level: str, text: str, log_ns: int) -> None:
-        """A line of the recorder's own."""
+        """Write a line of the recorder's own log."""
         data = messages.log_message(level, text, "recorder", log_ns)
         self._writer.add("events", log_ns, log_ns, 0, data)

@@ -8,7 +8,7 @@
 
 Further schemes come from installed packages through the entry point group `voronoi_touch.sources`: a
 callable `(where, options) -> FrameSource`, named as the scheme. The recording reader and the simulator
-come in that way too, so that this package knows neither.
+are found that way too, so that this package does not import them.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def _video(where: str, options: Options) -> FrameSource:
 
 
 def _later(module: str, name: str) -> Opener:
-    """An opener whose module is loaded when it is wanted."""
+    """An opener that imports its module when first used."""
 
     def open_it(where: str, options: Options) -> FrameSource:
         source: FrameSource = getattr(import_module(module), name)(where, options)
@@ -70,7 +70,7 @@ _FROM_EXTRA = {"sim": "voronoi-touch[calib]", "mcap": "voronoi-touch[edge]"}
 
 
 def known_schemes() -> list[str]:
-    """Every scheme that `open_source` takes here."""
+    """Every scheme that `open_source` accepts in this installation."""
     return sorted({*_BUILT_IN, *(point.name for point in entry_points(group=GROUP))})
 
 
@@ -98,7 +98,7 @@ def _exists(where: str) -> bool:
 
 
 def _scheme_of(where: str) -> str:
-    """What a plain path is. Raises SourceError: it is not there."""
+    """Scheme of a plain path. Raises SourceError: it does not exist."""
     path = Path(where)
     if where.startswith(("/dev/video", "/dev/v4l/")):
         return "v4l2"
@@ -115,7 +115,7 @@ def open_source(spec: str, **settings: Any) -> FrameSource:
     """Open whatever `spec` names.
 
     settings  fields of `Options`: width, height, rate_hz, exposure_us, gain, focus, format, ...
-    Raises    SourceError: one line with what, where, and what would be right
+    Raises    SourceError: one line: what is wrong, where, and what would be right
     """
     parsed = parse_spec(spec, Options(**settings))
     if not parsed.scheme or _exists(spec):  # a file may have a colon in its name

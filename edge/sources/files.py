@@ -1,9 +1,9 @@
 """Recordings as videos and as folders of images.
 
-- Colour becomes grey here. All images of a recording have one size.
+- Colour is converted to grey. All images of a recording have one size.
 - Opening reads the first image, so that a bad file is one clear line before anything starts. Damage
-  further on is counted in `faults` and carried on.
-- Iterating again starts again.
+  further on is counted in `faults`, and reading goes on.
+- Each iteration starts from the beginning.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = ["IMAGE_SUFFIXES", "FolderSource", "VideoSource", "quiet_opencv", "rea
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
 _GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
-STILLS_HZ = 30.0  # stills have no rate; replayed as if live they come like this
+STILLS_HZ = 30.0  # stills have no rate; a live replay uses this
 _TRIES = 8  # damaged frames in a row before a video counts as ended
 
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # damage is counted here, not printed by FFmpeg
@@ -36,7 +36,7 @@ os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # damage is counted here,
 
 @contextmanager
 def quiet_opencv() -> Iterator[None]:
-    """OpenCV prints what it cannot read; what is wrong is ours to say, in one line."""
+    """Suppress OpenCV's own messages: the error is reported by us, in one line."""
     level = logging.getLogLevel()
     logging.setLogLevel(logging.LOG_LEVEL_SILENT)
     try:
@@ -46,7 +46,7 @@ def quiet_opencv() -> Iterator[None]:
 
 
 def to_grey(image: np.ndarray[Any, Any]) -> Image:
-    """Grey of the same depth. Raises ValueError for what is not an image of 8 or 16 bits."""
+    """Grey of the same depth. Raises ValueError: not an image of 8 or 16 bits."""
     if image.dtype not in (np.uint8, np.uint16):
         raise ValueError(f"pixels of type {image.dtype}; save it with 8 or 16 bits a pixel")
     if image.ndim == 2:
@@ -86,7 +86,7 @@ def _read_image(path: Path) -> Image:
 
 
 def read_image(path: str | Path) -> Image:
-    """One grey image. Raises SourceError: not there, not an image."""
+    """One grey image. Raises SourceError: does not exist, not an image."""
     try:
         return _read_image(Path(path))
     except ValueError as error:
@@ -97,7 +97,7 @@ class FolderSource:
     """A folder of images in natural order, or one image.
 
     rate_hz  nominal rate of the stills
-    Raises   SourceError: not there, empty, the first file is not an image
+    Raises   SourceError: does not exist, empty, the first file is not an image
     """
 
     live = False
@@ -126,7 +126,7 @@ class FolderSource:
         self.size_px = (width, height)
 
     def __iter__(self) -> Iterator[Frame]:
-        """Raises SourceError in the middle where an image has another size: one tip has one camera."""
+        """Raises SourceError on the way if an image has another size: one tip has one camera."""
         self.faults = Counter()
         for n, path in enumerate(self.paths):
             if self._closed:
@@ -151,8 +151,8 @@ class FolderSource:
 class VideoSource:
     """A video file, through OpenCV's FFmpeg.
 
-    rate_hz  0: as the file says
-    Raises   SourceError: not there, not a video, no frame in it
+    rate_hz  0: the file's own
+    Raises   SourceError: does not exist, not a video, no frame in it
     """
 
     live = False
@@ -167,7 +167,7 @@ class VideoSource:
         capture = self._open()
         try:
             self.frames_n = max(0, int(capture.get(cv2.CAP_PROP_FRAME_COUNT)))
-            told_hz = float(capture.get(cv2.CAP_PROP_FPS))
+            stated_hz = float(capture.get(cv2.CAP_PROP_FPS))
             check_size(
                 int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
             )
@@ -178,7 +178,7 @@ class VideoSource:
             capture.release()
         if not ok:
             raise SourceError(f"{self.name}: no frame can be decoded; give a complete video")
-        self.rate_hz = rate_hz or (told_hz if 0 < told_hz < 100_000 else STILLS_HZ)
+        self.rate_hz = rate_hz or (stated_hz if 0 < stated_hz < 100_000 else STILLS_HZ)
         self.size_px = (image.shape[1], image.shape[0])
 
     def _open(self) -> Any:
@@ -205,7 +205,7 @@ class VideoSource:
                 if not ok:
                     if at + 1 >= self.frames_n or bad_n >= _TRIES:
                         if at + 1 < self.frames_n:
-                            faults["damaged frame"] -= bad_n  # they were not there at all
+                            faults["damaged frame"] -= bad_n  # they were the end of the file
                             faults["truncated"] = 1
                         return
                     bad_n += 1
@@ -213,7 +213,7 @@ class VideoSource:
                     continue
                 bad_n = 0
                 own_ns = round(float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e6)
-                # Files with variable rate carry times; some carry none, and then the index has to do.
+                # Files with variable rate store times; if there are none, the index is used.
                 capture_ns = own_ns if self._own_rate and own_ns > last_ns else round(at * 1e9 / self.rate_hz)
                 last_ns = capture_ns = max(capture_ns, last_ns + 1)
                 n += 1
@@ -223,7 +223,7 @@ class VideoSource:
 
     @property
     def truncated(self) -> bool:
-        """The file ended before its header says; known once it has been read to its end."""
+        """Whether the file is shorter than its header states; known once it has been read to its end."""
         return self.faults["truncated"] > 0
 
     def close(self) -> None:

@@ -1,7 +1,7 @@
-"""Width and height of an image file from its first bytes, before any memory is spent on its pixels.
+"""Width and height of an image file from its first bytes, before memory is allocated for its pixels.
 
-A 15 MB PNG may stand for 32000 x 32000 pixels of 8 bytes. So: formats are those of this table, the header is
-read here, the size is bounded, and only then a library decodes. What is in no row of the table is no image.
+A 15 MB PNG may stand for 32000 x 32000 pixels of 8 bytes. So only the formats of this table are accepted: the
+header is read here, the size is bounded, and only then a library decodes.
 
 Sources: PNG (RFC 2083), JPEG (ITU T.81, B.2.2), BMP (BITMAPINFOHEADER), Netpbm, TIFF 6.0, WebP (RFC 9649).
 """
@@ -120,7 +120,7 @@ def _webp(data: memoryview) -> tuple[int, int]:
     raise IndexError
 
 
-#: How a file of a format begins, and what reads its header.
+#: First bytes of each format, and the function that reads its header.
 _FORMATS: dict[bytes, Callable[[memoryview], tuple[int, int]]] = {
     b"\x89PNG\r\n\x1a\n": _png,
     b"\xff\xd8": _jpeg,

@@ -1,11 +1,11 @@
-"""What all live sources share: a thread that reads, one slot for the newest frame, and an eye on faults.
+"""Base of all live sources: a thread that reads, one slot for the newest frame, and detection of faults.
 
-- The slot holds one frame. A slow reader finds the newest one and `dropped_n` says what it missed;
-  nothing ever queues.
-- A device that is lost, stalls, freezes or goes dark is not an exception: `faults` counts how often
-  each appeared, `condition` says what holds now ("" when all is well), and the iterator waits until
-  frames come back or `close` is called.
-- `read(timeout_s)` is for a loop that has to do more than wait: None when no frame came in time.
+- The slot holds one frame. A slow reader gets the newest one, and `dropped_n` counts those it missed;
+  nothing queues.
+- A device that is lost, stalls, freezes or goes dark raises no exception: `faults` counts how often each
+  appeared, `condition` is the present one ("" if there is none), and the iterator waits until frames
+  come back or `close` is called.
+- `read(timeout_s)` is for a loop with other work: None when no frame came in time.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from edge.types import Frame
 __all__ = ["SLOW", "ThreadedSource", "Watch"]
 
 STALL_S = 0.07  # faults are to be announced within 0.1 s, the loop's own waiting included
-STALL_PERIODS = 2.2  # a slow camera is stalled only after this many frames were due; 73 ms at 30 frames/s
+STALL_PERIODS = 2.2  # a slow camera is stalled only after so many frame periods; 73 ms at 30 frames/s
 FROZEN_FRAMES = 10  # sensor noise never repeats an image this often; 42 ms at 240 frames/s
-FROZEN_S = 0.045  # a slow camera's image is frozen after this time, and two repetitions; told within 0.1 s
-_BLACK_SHARE = 1 / 32  # of the full scale; pins under a lit LED ring stand far above
-CLOSE_S = 0.5  # the app ends within a second, whatever the driver does
-_ROWS = 8  # every 8th row stands for the image in both checks: 13 us for 640x480
+FROZEN_S = 0.045  # a slow camera's image is frozen after this and two repetitions; announced within 0.1 s
+_BLACK_SHARE = 1 / 32  # of the full scale; pins under a lit LED ring are far brighter
+CLOSE_S = 0.5  # the program ends within a second even if the driver hangs
+_ROWS = 8  # both checks read every 8th row: 13 us for 640x480
 _RATE_FRAMES = 24  # intervals of the rate check: 0.1 s at 240 frames/s
 SLOW = 0.8  # share of the asked rate below which the camera counts as slow
 
 
 class Watch:
-    """Notices frozen and black images, frame by frame."""
+    """Detects frozen and black images, frame by frame."""
 
     def __init__(self) -> None:
         self._last = 0
@@ -44,8 +44,8 @@ class Watch:
         self._same_since_ns = 0
         self.condition = ""
 
-    def look(self, frame: Frame) -> str:
-        """ "" or the fault that this frame shows: "frozen", "black"."""
+    def check(self, frame: Frame) -> str:
+        """ "" or the fault of this frame: "frozen", "black"."""
         rows = np.ascontiguousarray(frame.image[::_ROWS])
         digest = zlib.crc32(rows.data)
         self._same_n = self._same_n + 1 if digest == self._last else 0
@@ -64,7 +64,7 @@ class ThreadedSource(ABC):
     """Base of live sources; a subclass gives `_work`, which runs in the thread and calls `_offer`."""
 
     live = True
-    recorded = False  # its frames show the world as it is now
+    recorded = False  # its frames show the present
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -75,14 +75,14 @@ class ThreadedSource(ABC):
         self.faults: Counter[str] = Counter()
         self._slot: Frame | None = None
         self._times: list[int] | None = None  # of the frames that arrive while the rate is measured
-        self._news = threading.Condition()
+        self._changed = threading.Condition()
         self._closing = threading.Event()
         self._ended = False
         self._started = False
         self._last_s = 0.0
         self._condition = ""
         self._slot_condition = ""
-        self.frame_condition = ""  # what held for the frame that `read` gave last: frozen, black
+        self.frame_condition = ""  # fault of the frame that `read` gave last: frozen, black
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
@@ -90,11 +90,11 @@ class ThreadedSource(ABC):
 
     @abstractmethod
     def _work(self) -> None:
-        """Read until `_closing` is set or there is nothing more."""
+        """Read until `_closing` is set or the stream ends."""
 
     def _offer(self, frame: Frame) -> None:
         """Hand over a frame; an older one that no one took is dropped."""
-        with self._news:
+        with self._changed:
             if self._slot is not None:
                 self.dropped_n += 1
             self._slot = frame
@@ -103,10 +103,10 @@ class ThreadedSource(ABC):
             if self._times is not None:
                 self._times.append(frame.capture_ns)
             self._last_s = time.monotonic()
-            self._news.notify_all()
+            self._changed.notify_all()
 
-    def _say(self, condition: str) -> None:
-        """What holds now; each appearance of a fault counts once."""
+    def _set_condition(self, condition: str) -> None:
+        """Set the present condition; each appearance of a fault counts once."""
         if condition != self._condition:
             if condition:
                 self.faults[condition] += 1
@@ -118,15 +118,15 @@ class ThreadedSource(ABC):
         except Exception as error:  # noqa: BLE001  (raised again in the loop's thread, by `read`)
             self._failure = error
         finally:
-            with self._news:
+            with self._changed:
                 self._ended = True
-                self._news.notify_all()
+                self._changed.notify_all()
 
     # -- for the loop ---------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Start reading, if that was not done yet; the first `read` does it too."""
-        with self._news:
+        """Start reading, unless started already; the first `read` starts it too."""
+        with self._changed:
             if self._started or self._closing.is_set():
                 return
             self._started = True
@@ -135,7 +135,7 @@ class ThreadedSource(ABC):
 
     @property
     def condition(self) -> str:
-        """ "" or what is wrong now: lost, stalled, frozen, black."""
+        """ "" or the present fault: lost, stalled, frozen, black."""
         if not self._condition and self._started and not self._ended:
             patience_s = max(STALL_S, STALL_PERIODS / self.rate_hz if self.rate_hz else 0.0)
             if time.monotonic() - self._last_s > patience_s:
@@ -150,8 +150,8 @@ class ThreadedSource(ABC):
     def read(self, timeout_s: float | None = None) -> Frame | None:
         """The newest frame that was not read yet; None: none came in time, or the source has ended."""
         self.start()
-        with self._news:
-            self._news.wait_for(lambda: self._slot is not None or self._ended, timeout_s)
+        with self._changed:
+            self._changed.wait_for(lambda: self._slot is not None or self._ended, timeout_s)
             frame, self._slot = self._slot, None
             self.frame_condition = self._slot_condition if frame is not None else ""
         if frame is None and self._failure is not None:
@@ -160,7 +160,9 @@ class ThreadedSource(ABC):
         return frame
 
     def peek(self) -> Frame | None:
-        """The frame that the next `read` would give, for another thread to look at; None: none waits."""
+        """The frame that the next `read` would give, without taking it; for another thread. None: there is
+        none.
+        """
         return self._slot
 
     def __iter__(self) -> Iterator[Frame]:
@@ -170,24 +172,24 @@ class ThreadedSource(ABC):
     def close(self) -> None:
         self._closing.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
-            # A driver that hangs in the kernel must not hang us; the thread is a daemon.
+            # Do not wait for a driver that hangs in the kernel; the thread is a daemon.
             self._thread.join(CLOSE_S)
-        with self._news:
+        with self._changed:
             self._slot = None
             self._ended = True
-            self._news.notify_all()
+            self._changed.notify_all()
 
     def measure_rate(self, least_hz: float, patience_s: float, advice: str = "") -> float:
-        """Measured frames a second; the frames are taken and thrown away. 0: the times do not tell.
+        """Measured frames a second; the frames are discarded. 0: their times give no rate.
 
         Raises SourceError: no frame in time, or slower than `least_hz`
         """
         self.start()
-        with self._news:
-            # Counted where frames arrive: a reader that is late at the start must not make a camera slow.
+        with self._changed:
+            # Counted where frames arrive: a late reader must not make the camera look slow.
             times: list[int] = []
             self._times = times
-            self._news.wait_for(lambda: len(times) > _RATE_FRAMES or self._ended, patience_s)
+            self._changed.wait_for(lambda: len(times) > _RATE_FRAMES or self._ended, patience_s)
             self._times = None
             self._slot = None
             self.dropped_n = 0

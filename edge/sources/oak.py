@@ -1,14 +1,14 @@
 """OAK modules, through depthai v3.
 
-What needs hardware is a few lines: `find_module` and `camera_output`. The rest - queue policy, ImgFrame to
-Frame, gaps, end of stream, loss and return, shutdown - takes any node's output, so that it runs on a
-machine without a module, over depthai's own ReplayVideo or a host node.
+Only `find_module` and `camera_output` need hardware. The rest - queue policy, ImgFrame to Frame, gaps, end of
+stream, loss and return, shutdown - takes any node's output, so that it can be tested without a module, with
+depthai's own ReplayVideo or a host node.
 
 - depthai is loaded here and nowhere else (0.5 s, 85 MB), with its telemetry off.
-- Looking for modules first (0.5 s) keeps "no module" short: opening one that is not there takes 11.5 s.
+- Modules are listed first (0.5 s): opening one that does not exist takes 11.5 s.
 - The output queue holds two messages and drops the oldest; the reader thread empties it at once.
-- Frames are read from the queue, never in a host node of ours: an exception in a node's thread would
-  abort the process.
+- Frames are read from the queue, never in a host node of our own: an exception in a node's thread would abort
+  the process.
 - Capture time is depthai's, synchronised to the host's monotonic clock (`Clock.DRIVER`), or with
   `clock=device` the module's own (`Clock.DEVICE`).
 
@@ -43,13 +43,13 @@ DEFAULT_EXPOSURE_US = 2000
 QUEUE = 2
 RETRY_S = 0.5  # between attempts to get a lost module back
 PATIENCE_S = 10.0  # a module boots for 2 to 4 s over USB, longer over PoE
-_TICK = timedelta(milliseconds=100)  # how long a read waits before it looks whether to end
+_TICK = timedelta(milliseconds=100)  # longest wait of a read before it checks whether to end
 
 
 def load_depthai() -> Any:
     """The depthai module. Raises SourceError: not installed."""
     os.environ["DEPTHAI_TELEMETRY"] = "0"
-    os.environ.setdefault("DEPTHAI_LEVEL", "error")  # warnings of its own would hide our one line
+    os.environ.setdefault("DEPTHAI_LEVEL", "error")  # its own warnings would hide our one line
     try:
         import depthai
     except ImportError as error:
@@ -149,7 +149,7 @@ def lens_of(handler: dai.CalibrationHandler, socket: str, size_px: tuple[int, in
 def replay_output(path: str | Path, rate_hz: float, metadata: str | Path | None = None) -> MakeOutput:
     """A video through depthai's own nodes. FFV1 and HuffYUV come out bit-exact; ends with the file.
 
-    metadata  the MCAP that RecordVideo wrote beside it: times and sequence numbers of then
+    metadata  the MCAP that RecordVideo wrote beside it: the original times and sequence numbers
     """
 
     def make(pipeline: dai.Pipeline) -> dai.Node.Output:
@@ -175,7 +175,7 @@ class OakSource(ThreadedSource):
     """Frames of a depthai output.
 
     make_output  builds the nodes; called again when a lost module is back
-    module       gives the module to open; None: host only, and the end of the stream is the end
+    module       gives the module to open; None: host only, and the source ends with the stream
     socket       of the camera, for checks and lens
     own_clock    the module's clock instead of the host's
     Raises       SourceError: no module, no such camera, no frames, too slow
@@ -202,7 +202,7 @@ class OakSource(ThreadedSource):
         self._next = 0
         self.lens: Lens | None = None
         self._pipeline, self._queue = self._open()
-        if module is None:  # a replay measures nothing, and must not lose its first frames to it
+        if module is None:  # not for a replay, which would lose its first frames
             self.size_px, self.rate_hz = _size(options), options.rate_hz
             return
         try:
@@ -238,7 +238,7 @@ class OakSource(ThreadedSource):
                     self._stop()
                     if self._module is None:
                         return
-                    self._say("lost")
+                    self._set_condition("lost")
                     continue
                 if message is not None:
                     self._take(message)
@@ -246,10 +246,10 @@ class OakSource(ThreadedSource):
             self._stop()
 
     def _return(self) -> None:
-        """The module again, or a pause."""
+        """Reopen the module, or pause."""
         try:
             self._pipeline, self._queue = self._open()
-        except (SourceError, RuntimeError):  # still away, or booting: `condition` says lost
+        except (SourceError, RuntimeError):  # still lost, or booting: `condition` stays "lost"
             self._closing.wait(RETRY_S)
         else:
             self._base = self._next
@@ -261,7 +261,7 @@ class OakSource(ThreadedSource):
             pipeline.wait()
 
     def _take(self, message: dai.ImgFrame) -> None:
-        image = np.array(message.getFrame(), dtype=np.uint8)  # a copy: the message's memory goes back
+        image = np.array(message.getFrame(), dtype=np.uint8)  # a copy: the message's memory is reused
         if image.ndim != 2 or self.size_px not in ((0, 0), image.shape[::-1]):
             self.faults["damaged frame"] += 1
             return
@@ -273,12 +273,12 @@ class OakSource(ThreadedSource):
         stamp = message.getTimestampDevice() if self._own_clock else message.getTimestamp()
         clock = Clock.DEVICE if self._own_clock else Clock.DRIVER
         frame = Frame(image, stamp // timedelta(microseconds=1) * 1000, sequence, clock)
-        self._say(self._watch.look(frame))
+        self._set_condition(self._watch.check(frame))
         self._offer(frame)
 
 
 def open_oak(where: str, options: Options) -> OakSource:
-    """The scheme `oak:`; keys of its own: socket=CAM_B, clock=device."""
+    """The scheme `oak:`; its own keys: socket=CAM_B, clock=device."""
     extra = dict(options.extra)
     socket, clock = extra.pop("socket", "CAM_B"), extra.pop("clock", "host")
     options = replace(options, extra=extra).without_extra(f"oak:{where}")

@@ -1,11 +1,11 @@
-"""What a source is asked for: a specification, and settings that every kind of source understands.
+"""How a source is requested: a specification, and settings that every kind of source understands.
 
     v4l2:0?exposure_us=2000&format=GREY
     ----  - ---------------------------
     scheme where  keys; they win over the settings given in code or configuration
 
-A setting of 0 or None means: leave it as it is. Sources ignore settings that have no meaning for them
-(a recording has no exposure), but a key that no one knows is an error.
+A setting of 0 or None leaves the camera's own. Sources ignore settings that have no meaning for them
+(a recording has no exposure), but an unknown key is an error.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ __all__ = ["Options", "Spec", "convert", "parse_spec"]
 class Options:
     """width, height  px; 0: the camera's own
     rate_hz        frames a second; 0: the camera's own, or the recording's
-    exposure_us    manual exposure; 0: leave it
-    gain           in the camera's own unit (V4L2 control, ISO for OAK); 0: leave it
-    focus          lens position in the camera's own unit; None: leave it
+    exposure_us    manual exposure; 0: unchanged
+    gain           in the camera's own unit (V4L2 control, ISO for OAK); 0: unchanged
+    focus          lens position in the camera's own unit; None: unchanged
     format         pixel format: GREY, Y10, Y12, Y16, MJPG, YUYV; "": the best that the camera has
     buffers        kernel buffers of a V4L2 camera
     check_rate     measure the rate at the start, and refuse a camera that is slower than asked
@@ -46,7 +46,7 @@ class Options:
     extra: Mapping[str, str] = field(default_factory=dict)
 
     def without_extra(self, name: str) -> Options:
-        """Self; raises SourceError where the specification has a key that this source does not know."""
+        """Self; raises SourceError if the specification has a key that this source does not know."""
         for key in self.extra:
             known = ", ".join(f.name for f in fields(self) if f.name != "extra")
             raise SourceError(f"source {name}: unknown key {key!r}; known keys: {known}")
@@ -55,7 +55,7 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """scheme is "" where the specification is a plain path."""
+    """scheme is "" if the specification is a plain path."""
 
     text: str
     scheme: str
@@ -65,7 +65,7 @@ class Spec:
 
 _SCHEME = re.compile(r"^([a-z][a-z0-9_+-]*):(.*)$", re.DOTALL)
 _TRUE = {"1": True, "true": True, "yes": True, "0": False, "false": False, "no": False}
-#: What a key takes, by its type in `Options`: conversion, and the words for it.
+#: Conversion and description of a key's value, by its type in `Options`.
 _KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
     "bool": (lambda text: _TRUE[text.lower()], "0 or 1"),
     "float": (float, "a number"),
@@ -76,11 +76,11 @@ _KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
 
 def convert(kind: str, name: str, text: str, spec: str) -> Any:
     """A key's value. Raises SourceError: it is not of that kind (bool, float, int, str)."""
-    read, words = _KINDS[kind]
+    read, wanted = _KINDS[kind]
     try:
         return read(text)
     except (ValueError, KeyError):
-        raise SourceError(f"source {spec}: {name}={text}: give {words}, e.g. {name}=1") from None
+        raise SourceError(f"source {spec}: {name}={text}: give {wanted}, e.g. {name}=1") from None
 
 
 def _convert(name: str, text: str, spec: str) -> Any:
@@ -89,10 +89,10 @@ def _convert(name: str, text: str, spec: str) -> Any:
 
 
 def parse_spec(text: str, options: Options) -> Spec:
-    """Split a specification; its keys go over `options`. Raises SourceError."""
+    """Split a specification; its keys override `options`. Raises SourceError."""
     match = _SCHEME.match(text)
     scheme, rest = match.groups() if match else ("", text)
-    # A plain path may hold a question mark; only a scheme brings keys.
+    # A plain path may contain a question mark; only a scheme has keys.
     where, _, query = rest.partition("?") if scheme else (rest, "", "")
     changes: dict[str, Any] = {}
     extra = dict(options.extra)

@@ -1,10 +1,10 @@
 """Replays a recording as if it were live.
 
-- Deadlines are absolute: frame n leaves at start + its own time, so that rounding and late wake-ups
-  never add up.
-- Waiting is on the closing event: `close` ends a replay at once.
-- Frames get the time of their deadline on the host's monotonic clock, so that latency means what it
-  means with a camera. Sequence, truth and pixels stay.
+- Deadlines are absolute: frame n is given at start + its own time, so that rounding and late wake-ups
+  do not add up.
+- It waits on the closing event: `close` ends a replay at once.
+- Frames get the time of their deadline on the host's monotonic clock, so that latency has the same meaning as
+  with a camera. Sequence, truth and pixels are unchanged.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ class Paced(ThreadedSource):
 
     source     iterated from its start; closed with this
     rate_hz    0: the recording's own times
-    speed      these times, so many times as fast
-    loop       start again at the end, for ever; times and sequence numbers go on
+    speed      factor on the speed of playing
+    loop       start again at the end, for ever; times and sequence numbers continue
     clock_ns   the host's monotonic clock
     """
 
-    recorded = True  # its frames come live, but show no world that is there now
+    recorded = True  # its frames come live, but do not show the present
 
     def __init__(
         self,
@@ -50,7 +50,7 @@ class Paced(ThreadedSource):
         self._clock_ns = clock_ns
 
     def _due(self) -> Iterator[tuple[int, Frame]]:
-        """(ns since the start, frame with the sequence number it gets)."""
+        """(ns since the start, frame with its new sequence number)."""
         period_ns = 1e9 / self.rate_hz if self.rate_hz else 1e9 / 30
         due_ns = -period_ns
         sequence_shift = 0
@@ -78,7 +78,7 @@ class Paced(ThreadedSource):
             if wait_ns > 0:
                 self._closing.wait(wait_ns / 1e9)
             elif period_ns and -wait_ns > period_ns:
-                self.faults["late"] += 1  # reading the recording takes longer than its own rate allows
+                self.faults["late"] += 1  # the recording cannot be read as fast as its rate
             if self._closing.is_set():
                 return
             self._offer(replace(frame, capture_ns=start_ns + due_ns, clock=Clock.HOST))

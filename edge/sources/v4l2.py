@@ -1,18 +1,18 @@
 """UVC and other V4L2 cameras, through OpenCV.
 
-- The camera is named by number, path, by-id link or serial number; a serial number is looked up again
+- The camera is given by number, path, by-id link or serial number; a serial number is looked up again
   after each loss, because a camera that returns may have another number.
-- Pixels are taken as the camera sends them and made grey here: GREY as it is, Y10/Y12/Y16 as uint16,
+- Pixels are taken as the camera sends them and converted to grey here: GREY as it is, Y10/Y12/Y16 as uint16,
   YUYV by its luma, MJPG by decoding to grey (0.93 ms for 640x480, against 1.35 ms by way of colour).
 - Capture time is the driver's (V4L2 buffer timestamp, CLOCK_MONOTONIC, start of exposure with UVC's
-  hardware clock) where it is plausible; OpenCV hands it on, but not the driver's frame counter. A gap
-  in the sequence is therefore concluded from the times.
-- One kernel buffer, so that no image is older than it must be. With one buffer some drivers lose every
-  second frame; where the measured rate shows that, two are taken.
-- What was set is read back. A size that the camera does not have, or a rate that it does not reach, is
-  an error at the start; a control that it refuses stands in `refused`.
+  hardware clock) if it is plausible; OpenCV passes it on, but not the driver's frame counter. Gaps in the
+  sequence are therefore inferred from the times.
+- One kernel buffer, so that images are as new as possible. With one buffer some drivers lose every second
+  frame; if the measured rate shows that, two are used.
+- Settings are read back. A size that the camera does not have, or a rate that it does not reach, is
+  an error at the start; a control that it refuses is listed in `refused`.
 
-Source: OpenCV modules/videoio/src/cap_v4l.cpp (read for what each property does); V4L2 API reference.
+Source: OpenCV modules/videoio/src/cap_v4l.cpp (for what each property does); V4L2 API reference.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ __all__ = ["V4l2Source", "VideoDevice", "find_device", "list_cameras", "open_v4l
 
 RETRY_S = 0.2  # between attempts to get a lost camera back
 PATIENCE_S = 3.0  # the first frame of a UVC camera takes up to 1.5 s
-_MAX_AGE_NS = 2_000_000_000  # a driver time further from now than this is on another clock
+_MAX_AGE_NS = 2_000_000_000  # a driver time further from the present than this is on another clock
 _EXPOSURE_UNIT_US = 100  # V4L2_CID_EXPOSURE_ABSOLUTE
 _MANUAL, _NO_FOCUS = 1, 0  # V4L2_EXPOSURE_MANUAL; autofocus off
 
-# A camera that stalls without going away blocks OpenCV for this long (10 s without it).
+# A camera that stalls without disconnecting blocks OpenCV for this long (10 s without it).
 os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
 
 
@@ -51,8 +51,8 @@ os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
 @dataclass(frozen=True, slots=True)
 class VideoDevice:
     """path    e.g. /dev/video0
-    serial  as the USB device tells it; "" where it has none
-    label   what the driver calls it
+    serial  of the USB device; "" if it has none
+    label   the driver's name for it
     """
 
     path: str
@@ -68,7 +68,7 @@ def _text(path: Path) -> str:
 
 
 def list_cameras(sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -> list[VideoDevice]:
-    """Video nodes that give images; a UVC camera's second node gives metadata and is left out."""
+    """Video nodes that give images; a UVC camera's second node gives metadata and is skipped."""
     found = []
     nodes = (sys_root / "class/video4linux").glob("video*")
     for node in sorted(nodes, key=lambda n: int("0" + "".join(filter(str.isdigit, n.name)))):
@@ -81,7 +81,7 @@ def list_cameras(sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -
 
 
 def find_device(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -> str:
-    """Path of the video node. Raises SourceError: not there, or may not be opened."""
+    """Path of the video node. Raises SourceError: does not exist, or may not be opened."""
     cameras = list_cameras(sys_root, dev_root)
     if where.isdigit():
         path = str(dev_root / f"video{where}")
@@ -156,7 +156,7 @@ class V4l2Source(ThreadedSource):
     where         see `find_device`
     make_capture  gives an object with the interface of cv2.VideoCapture
     find          gives the path for `where`
-    Raises        SourceError: not there, no permission, other size, too slow
+    Raises        SourceError: does not exist, no permission, other size, too slow
     """
 
     def __init__(
@@ -181,8 +181,8 @@ class V4l2Source(ThreadedSource):
         self._sequence = -1
         self._last_ns = 0
         self._period_ns = 0.0
-        self._told_hz = 0.0
-        self._again = threading.Event()  # open the camera anew, with other options
+        self._stated_hz = 0.0
+        self._again = threading.Event()  # reopen the camera, with other options
         if options.format and options.format.upper() not in _FORMATS:
             raise SourceError(
                 f"{self.name}: no pixel format {options.format!r}; known: {', '.join(_FORMATS)}"
@@ -197,10 +197,10 @@ class V4l2Source(ThreadedSource):
         self._period_ns = 1e9 / self.rate_hz if self.rate_hz else 0.0
 
     def _checked_rate(self, patience_s: float) -> float:
-        """Measured rate, with two buffers where one is too few. Raises SourceError: no frames, too slow."""
+        """Measured rate, with two buffers if one is too few. Raises SourceError: no frames, too slow."""
         measured_hz = self.measure_rate(0.0, patience_s)
         asked_hz = self._options.rate_hz
-        if measured_hz < SLOW * (asked_hz or self._told_hz) and self._options.buffers == 1:
+        if measured_hz < SLOW * (asked_hz or self._stated_hz) and self._options.buffers == 1:
             self._options = replace(self._options, buffers=2)
             self._again.set()
             measured_hz = self.measure_rate(0.0, patience_s)
@@ -259,7 +259,7 @@ class V4l2Source(ThreadedSource):
         self.size_px = size
         if o.rate_hz:
             capture.set(cv2.CAP_PROP_FPS, o.rate_hz)
-        self._told_hz = float(capture.get(cv2.CAP_PROP_FPS))
+        self._stated_hz = float(capture.get(cv2.CAP_PROP_FPS))
         self.refused = []
         if o.exposure_us:
             self._control(capture, "manual exposure", cv2.CAP_PROP_AUTO_EXPOSURE, _MANUAL)
@@ -290,7 +290,7 @@ class V4l2Source(ThreadedSource):
                     capture.release()
                     capture = None
                 elif not capture.grab():
-                    self._say("lost")
+                    self._set_condition("lost")
                     capture.release()
                     capture = None
                 else:
@@ -300,10 +300,10 @@ class V4l2Source(ThreadedSource):
                 capture.release()
 
     def _return(self) -> Any:
-        """The camera again, or None and a pause."""
+        """Reopen the camera; None after a pause if that fails."""
         try:
             return self._open()
-        except SourceError:  # still away: `condition` says so
+        except SourceError:  # still lost: `condition` stays "lost"
             self._closing.wait(self._retry_s)
             return None
 
@@ -324,11 +324,11 @@ class V4l2Source(ThreadedSource):
         self._last_ns = capture_ns
         clock = Clock.DRIVER if trusted else Clock.HOST
         frame = Frame(image, capture_ns, self._sequence, clock, self._format.bits)
-        self._say(self._watch.look(frame))
+        self._set_condition(self._watch.check(frame))
         self._offer(frame)
 
     def _steps(self, capture_ns: int) -> int:
-        """How many frame periods passed since the last frame; more than one: frames were lost."""
+        """Frame periods since the last frame; more than one: frames were lost."""
         if not self._period_ns or self._sequence < 0:
             return 1
         steps = max(1, round((capture_ns - self._last_ns) / self._period_ns))

@@ -5,7 +5,7 @@
     video             pictures -> a video file
     page, scene       the live page, served by the worker process (`edge.worker`), drawn by the browser
 
-- Everything takes the types that flow between the stages; polygons come from the tessellation.
-- While nobody watches, nothing is made or computed.
-- Looking is free on this machine; tare and record need the token.
+- All functions take the types that flow between the stages; polygons come from the tessellation.
+- While nobody watches, nothing is drawn or computed.
+- Watching is free on this machine; tare and recording need the token.
 """

@@ -1,6 +1,6 @@
 """Figures for print, by matplotlib (extra `calib`): the same two panels with axes, and the 3D surface.
 
-matplotlib is loaded inside of the functions: the edge draws without it.
+matplotlib is loaded inside the functions: the edge draws without it.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ __all__ = ["figure", "surface_figure"]
 
 _COLUMN_IN = 7.16  # both columns of an IEEE page
 _MEAN_GAIN = 6.0  # the arrow of the mean motion is drawn so many times as long
-_SHAFT = 0.013  # of the mean arrow, in parts of the panel; a shorter one has no direction, and would be a dot
-#: Left, bottom, width, height in parts of the figure: the box fills it, with room for the label of z.
+_SHAFT = 0.013  # of the mean arrow, in parts of the panel; a shorter arrow is not drawn
+#: Left, bottom, width, height in parts of the figure: the box fills it, with space for the label of z.
 _SURFACE_AT = (-0.05, -0.02, 1.0, 1.1)
 
 
 def _figure(width_in: float, height_in: float) -> Any:
-    """A figure without any window system."""
+    """A figure that needs no window system."""
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -64,7 +64,7 @@ def figure(
     palette: Palette = PAPER,
     full: float = FULL_CHANGE,
 ) -> None:
-    """The paper's figure: what was felt (left), what the camera saw (right). PNG, PDF or SVG by the name.
+    """The paper's figure: touch (left), camera image (right). PNG, PDF or SVG by the name.
 
     mm_per_px  0: axes in px of the image; else in mm from the tip's middle
     """
@@ -122,7 +122,7 @@ def _width(points: Array) -> float:
 
 
 def _draw_shear(axes: Any, middle: Array, shear: Array, width: float, palette: Palette) -> None:
-    """The mean motion as an arrow; one that is shorter than its own shaft is wide shows no direction."""
+    """The mean motion as an arrow; none if it is shorter than its shaft is wide."""
     if _MEAN_GAIN * np.hypot(*shear) > _SHAFT * width:
         axes.quiver(
             *middle, *shear, angles="xy", scale_units="xy", scale=1 / _MEAN_GAIN,
@@ -147,7 +147,7 @@ def _draw_camera(axes: Any, frame: Frame, place: Callable[[Array], Array]) -> No
 
 
 def _label(axes: Any, title: str, outline: Array, unit: str) -> None:
-    """Title, names of the axes, and limits that hold the outline."""
+    """Title, names of the axes, and limits that contain the outline."""
     low, high = np.nanmin(outline, axis=0), np.nanmax(outline, axis=0)
     pad = 0.02 * float((high - low).max())
     axes.set(xlim=(low[0] - pad, high[0] + pad), ylim=(high[1] + pad, low[1] - pad), aspect="equal")
@@ -167,7 +167,7 @@ def surface_figure(
 ) -> None:
     """The smooth surface of area change over the tip, in 3D; contacts as stars on its maxima.
 
-    features.surface  must have been asked for
+    features.surface  must have been demanded
     Raises            InputError: it was not
     """
     if features.surface is None or features.grid_img is None:
@@ -183,7 +183,7 @@ def surface_figure(
     x, y = np.meshgrid((grid_x - origin[0]) * unit_per_px, (grid_y - origin[1]) * unit_per_px)
     height = np.where(inside, features.surface, np.nan)
     made = _figure(4.2, 3.1)
-    made.set_layout_engine("none")  # which counts neither the labels of a turned box nor the room round it
+    made.set_layout_engine("none")  # it would not account for the labels of a rotated box
     axes = made.add_axes(_SURFACE_AT, projection="3d", computed_zorder=False)
     scale = ScalarMappable(Normalize(-full, full), _colour_map(palette))
     axes.plot_surface(

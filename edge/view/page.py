@@ -1,11 +1,11 @@
-"""The app's live page, in the second process: what comes from the loop, and what viewers get of it.
+"""The live page of the fingertip, in the second process: takes data from the loop, makes packets for viewers.
 
     main thread     show, take: keep what is new
-    server thread   make(wants): the newest of it as a packet
+    server thread   make(wants): the newest data as a packet
     worker threads  viewers' commands
 
 Rules
-- Charts show every sample, not only those whose picture was drawn: `recent` holds what came since the last
+- Charts show every sample, not only those whose picture was drawn: `recent` holds the samples since the last
   packet, and is bounded.
 - Without a new result there are packets still, `BEAT_HZ` a second: with the camera's image if there is one
   (to aim and to focus before pins are found), and with the faults.
@@ -33,7 +33,7 @@ __all__ = ["LivePage"]
 
 RECENT = 256  # samples between two packets: 8 at 240 frames/s; a viewer that was slow loses the older ones
 BEAT_HZ = 4.0
-STALE_S = 0.5  # without a result for this long, the camera's image stands alone
+STALE_S = 0.5  # without a result for this long, the camera's image is shown alone
 OVERLAP_S = 0.3  # charts' rows are sent this long
 RATE_S = 0.5  # the rate is counted over this time
 #: Numbers beside the picture; fields of the state frame.
@@ -58,8 +58,8 @@ class LivePage:
 
     source, serial  names of camera and tip
     commands        of viewers, by name
-    on_wants        told what all viewers want together when that changes; None: nobody watches
-    recording       what viewers are told of a recording, while there is one
+    on_wants        called with what all viewers request together when that changes; None: nobody watches
+    recording       the state of a recording for viewers, while there is one
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class LivePage:
         on_wants: Callable[[frozenset[str] | None], None],
     ) -> None:
         self.recording: dict[str, Any] | None = None
-        self._tell_wants = on_wants
+        self._notify_wants = on_wants
         self._latest: tuple[Result, State] | None = None
         self._frame: Frame | None = None
         self._rest: Rest | None = None
@@ -81,7 +81,7 @@ class LivePage:
         self._recent: deque[tuple[float, ...]] = deque(maxlen=RECENT)
         self._rows: deque[tuple[float, ...]] = deque(maxlen=RECENT)
         self._rows_n = 0
-        self._made: dict[frozenset[str], tuple[int, float]] = {}  # wishes: results seen, when
+        self._made: dict[frozenset[str], tuple[int, float]] = {}  # request: results seen, when
         self._counted = (time.monotonic(), 0)
         self._rate_hz = nan
         self.server = PageServer(
@@ -108,7 +108,7 @@ class LivePage:
     # ---- the main thread ----------------------------------------------------------------------------
 
     def show(self, show: Show) -> None:
-        """What is new in the loop."""
+        """Take new data from the loop."""
         if show.rest is not None:
             self._rest = show.rest
         if show.frame is not None:
@@ -121,7 +121,7 @@ class LivePage:
         self._seen_n = show.seen_n
 
     def take(self, frame: Frame, result: Result | None, state: State) -> None:
-        """What is recorded is seen too."""
+        """Show frames that are recorded."""
         self._frame = frame
         if result is not None:
             self._latest = (result, state)
@@ -133,7 +133,7 @@ class LivePage:
             self._recent.clear()
             self._rows.clear()
             self._made.clear()
-        self._tell_wants(wants)
+        self._notify_wants(wants)
 
     def _make(self, wants: frozenset[str]) -> bytes | None:
         now_s = time.monotonic()
@@ -147,10 +147,10 @@ class LivePage:
         arrays: Arrays = {}
         if latest is not None and rest is not None:
             result, state = latest
-            # A frame that came in and gave no result (a tare, a tip that went dark) is worth seeing.
+            # Show frames without a result too (a tare, a tip that went dark).
             if frame is None or frame.capture_ns - result.frame.capture_ns < STALE_S * 1e9:
                 frame = result.frame
-            if len(result.tracks.seen) == len(rest):  # not from before a tare of another tip
+            if len(result.tracks.seen) == len(rest):  # not if it is from before a tare of another tip
                 part, arrays = touch(result, rest, "surface" in wants)
                 header |= part
             header["values"] = {name: getattr(state, name) for name in VALUES}
@@ -166,7 +166,7 @@ class LivePage:
         return pack_packet(header, arrays | self._chart(now_s))
 
     def _take_rows(self, now_s: float) -> None:
-        """Samples since the last packet become rows of the charts."""
+        """Add the samples since the last packet to the rows of the charts."""
         while self._recent:
             self._rows.append(self._recent.popleft())
             self._rows_n += 1
@@ -176,7 +176,7 @@ class LivePage:
             self._counted = (now_s, self._seen_n)
 
     def _chart(self, now_s: float) -> Arrays:
-        """The last rows; viewers that got a packet less find what they missed, and skip what they have."""
+        """The last rows: overlapping packets, so that a viewer that missed one has no gap."""
         rows = np.array([row for row in self._rows if now_s - row[0] < OVERLAP_S]).reshape(-1, len(CHART))
         rows[:, 0] -= now_s  # small numbers: float32 holds them to the microsecond
         return {"rows": ("f4", rows.astype("<f4").tobytes())}

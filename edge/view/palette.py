@@ -1,11 +1,11 @@
 """Colours, and how an area change becomes one.
 
 The paper shades compressed cells (area up) red and expanded ones (area down) blue. Red and blue of equal
-weight are told apart by most colour-blind readers, but not in grey print and not beside red vectors;
+weight are distinguishable for most colour-blind readers, but not in grey print and not beside red vectors;
 `SAFE` takes orange and blue of the Okabe-Ito set, and black vectors.
 Between white and the full colour they are mixed in OKLab (Ottosson 2020), where equal steps look equal: mixed
 in sRGB, blue fades earlier than red.
-Colours are BGR, as OpenCV has them.
+Colours are BGR, as in OpenCV.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ __all__ = ["FULL_CHANGE", "PAPER", "SAFE", "Palette", "cell_colours", "cell_rgba
 
 Bgr = tuple[int, int, int]
 FULL_CHANGE = 0.5  # area change that gets the full colour; a firm press reaches it under the contact
-_FAINT = 0.7  # lifts small changes, which is where a touch begins, and still tells large ones apart
+_FAINT = 0.7  # emphasises small changes, where a touch begins, and keeps large ones distinguishable
 
 
 @dataclass(frozen=True, slots=True)
 class Palette:
-    """compressed, expanded  full colour of a cell that grew, that shrank
+    """compressed, expanded  full colour for larger, for smaller area
     paper                 an unchanged cell, and the background
     edge                  outlines of cells
     pin                   where a pin is
@@ -51,7 +51,7 @@ class Palette:
 
 PAPER = Palette(
     compressed=(38, 30, 214),
-    expanded=(217, 106, 42),  # as far from white as the red: an area change shows alike to both sides
+    expanded=(217, 106, 42),  # as far from white as the red: changes of both signs look equally strong
     paper=(255, 255, 255),
     edge=(190, 190, 190),
     pin=(90, 90, 90),
@@ -88,7 +88,7 @@ def cell_colours(
     return colours
 
 
-_STEPS = 255  # on each side; more cannot be told apart
+_STEPS = 255  # on each side; more cannot be distinguished
 #: OKLab from linear sRGB: first matrix, cube root, second matrix.
 _TO_CONES = np.array([[0.4122214708, 0.5363325363, 0.0514459929],
                       [0.2119034982, 0.6806995451, 0.1073969566],
@@ -100,7 +100,7 @@ _TO_LAB = np.array([[0.2104542553, 0.7936177850, -0.0040720468],
 
 @lru_cache(maxsize=4)
 def _ramp(palette: Palette) -> NDArray[np.uint8]:
-    """Colours from fully expanded over unchanged to fully compressed, BGR."""
+    """Colours from fully expanded through unchanged to fully compressed, BGR."""
     expanded, paper, compressed = _oklab(np.array([palette.expanded, palette.paper, palette.compressed]))
     share = np.linspace(-1.0, 1.0, 2 * _STEPS + 1)
     end = np.where(share[:, None] < 0, expanded, compressed)

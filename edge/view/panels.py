@@ -1,9 +1,9 @@
 """The two panels of the paper's figures, drawn by OpenCV: fast enough for a live view and for video.
 
-- Left what was felt: cells, contacts, shear; right what the camera saw, with the pins marked.
-- A `View` is fixed once a tip, so that nothing jumps from frame to frame.
+- Left the touch: cells, contacts, shear; right the camera's image, with the pins marked.
+- A `View` is fixed for a tip, so that pictures do not jump from frame to frame.
 - All coordinates go through `View.fixed`: fixed-point, 1/16 px, anti-aliased.
-- Vectors are drawn longer than they are, by factors that the legend names.
+- Vectors are lengthened by factors that the legend states.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class View:
     corner_img  (x, y) px of its upper left corner
     scale       canvas px for one image px
     size        (width, height) of a panel, canvas px
-    mm_per_px   for the scale bar; 0: it says px
+    mm_per_px   for the scale bar; 0: in px
     """
 
     corner_img: tuple[float, float]
@@ -47,7 +47,7 @@ class View:
 
     @classmethod
     def of(cls, xy_img: Array, pitch_px: float, height: int = 640, mm_per_px: float = 0.0) -> View:
-        """A square round all pins, with room for the boundary cells and for pins that move."""
+        """A square round all pins, with space for the boundary cells and for pins that move."""
         low, high = np.nanmin(xy_img, axis=0), np.nanmax(xy_img, axis=0)
         side = float((high - low).max()) + 4 * pitch_px
         corner = (low + high) / 2 - side / 2
@@ -63,7 +63,7 @@ class View:
 
 
 def _fixed(xy: Array) -> NDArray[np.int32]:
-    # A cell of a torn frame may reach far out; OpenCV's fixed point must not overflow.
+    # A cell of a corrupt frame may reach far out; OpenCV's fixed point must not overflow.
     return np.rint(np.clip(xy, -16000, 16000) * _ONE).astype(np.int32)
 
 
@@ -106,7 +106,7 @@ def _cells(
 
 
 def _local_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features, palette: Palette) -> None:
-    """The way that each pin went since rest, LOCAL_GAIN times as long; its dot is the tail."""
+    """Motion of each pin since rest, LOCAL_GAIN times as long; its dot is the tail."""
     motion = features.displacement_px
     known = np.isfinite(motion).all(axis=1) & tracks.seen
     start = tracks.xy_img[known]
@@ -169,7 +169,7 @@ def _star(canvas: Canvas, view: View, xy_img: Array, palette: Palette) -> None:
 def draw_camera(
     view: View, image: Image, bits: int = 8, tracks: Tracks | None = None, palette: Palette = PAPER
 ) -> Canvas:
-    """The camera's image in the same view, with a ring round every pin that is held."""
+    """The camera's image in the same view, with a ring round every pin that is tracked."""
     grey = image if image.dtype == np.uint8 else (image >> max(0, bits - 8)).astype(np.uint8)
     s = view.scale
     # canvas = s * image + t; pixel centres on integers in both
@@ -207,7 +207,7 @@ def _write(path: Path, canvas: Canvas) -> bool:
 
 
 _CROSS: Bgr = (60, 60, 255)
-_RING: Bgr = (0, 200, 255)  # amber: apart from white pins and from a grey image for every reader
+_RING: Bgr = (0, 200, 255)  # amber: distinguishable from white pins and a grey image for every reader
 
 
 def picture(
@@ -244,7 +244,7 @@ def _text(canvas: Canvas, at: tuple[float, float], text: str, size: float, colou
 
 
 def _legend(foot: Canvas, view: View, palette: Palette, full: float) -> None:
-    """Colour bar of the area change, scale bar, and what the vectors are multiplied by."""
+    """Colour bar of the area change, scale bar, and the factors of the vectors."""
     h, w = foot.shape[:2]
     size = h * 0.17
     bar = cell_colours(np.linspace(-full, full, round(0.34 * w)), palette, full)

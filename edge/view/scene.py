@@ -1,10 +1,10 @@
-"""One frame as the page draws it: a header of few words, and arrays as they are.
+"""One frame as the page draws it: a short header, and raw arrays.
 
 Rules
-- The browser does what can be done there: it gets pins and triangles and makes the cells itself. Here
-  arrays are only cast and copied (`tobytes`), which costs some 50 us, and the image becomes a JPEG, which
-  OpenCV does without the interpreter's lock.
-- Places are px of the camera's image, pixel centres on integers, whatever size the picture is sent in.
+- The browser does as much as it can: it gets pins and triangles and makes the cells itself. Here arrays are
+  only cast and copied (`tobytes`), some 50 us, and the image becomes a JPEG, which OpenCV does without the
+  interpreter's lock.
+- Places are px of the camera's image, pixel centres on integers, at any size of the transmitted picture.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ __all__ = ["CHART", "Arrays", "camera", "hello", "touch"]
 Arrays = dict[str, tuple[str, bytes]]
 
 JPEG_QUALITY = 80
-SIDE_MAX = 720  # px; a panel is no larger on most screens, and a phone's radio has to carry it
-COLOURS = 101  # steps of the cells' colours; more cannot be told apart
+SIDE_MAX = 720  # px; no panel is larger on most screens, and phones have slow links
+COLOURS = 101  # steps of the cells' colours; more cannot be distinguished
 
 #: What the charts show of every sample, in this order; the page finds them by name.
 CHART = (
@@ -44,7 +44,7 @@ CHART = (
 
 
 def hello(source: str, serial: str) -> dict[str, Any]:
-    """What the page must know once."""
+    """What the page needs once."""
     return {
         "source": source,
         "serial": serial,
@@ -77,10 +77,10 @@ def camera(frame: Frame) -> tuple[dict[str, Any], Arrays]:
 
 
 def touch(result: Result, rest: Rest, surface: bool) -> tuple[dict[str, Any], Arrays]:
-    """Pins, cells, contacts and vectors of a frame; the surface too where it is wanted and was made."""
+    """Pins, cells, contacts and vectors of a frame; the surface too if it is requested and was computed."""
     tracks, cells, features = result.tracks, result.cells, result.features
     low, high = rest.xy_img.min(axis=0), rest.xy_img.max(axis=0)
-    side = float((high - low).max()) + 4 * rest.pattern.pitch_px  # room for the outer cells, and for motion
+    side = float((high - low).max()) + 4 * rest.pattern.pitch_px  # space for the outer cells, and for motion
     header: dict[str, Any] = {
         "sequence": result.frame.sequence,
         "pins_n": len(rest),

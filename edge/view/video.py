@@ -1,7 +1,7 @@
 """Pictures to a video file.
 
-OpenCV does not say when the disk is full: it goes on and returns nothing. So a finished file is opened again,
-and must have as many frames as were written; FFmpeg's own complaints, one a frame, are not shown.
+OpenCV does not report a full disk: it goes on and returns nothing. So a finished file is opened again, and
+must have as many frames as were written; FFmpeg's own messages, one a frame, are suppressed.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ CODECS: dict[str, str] = {
     ".mp4": "mp4v",  # 107; every video player, no browser
     ".webm": "VP80",  # 20; browsers
     ".mkv": "FFV1",  # 17; lossless
-    ".avi": "MJPG",  # 56; every picture stands alone
+    ".avi": "MJPG",  # 56; every picture is coded on its own
 }
 
 
 def write_video(pictures: Iterable[NDArray[np.uint8]], path: str | Path, rate_hz: float) -> int:
-    """Write BGR pictures of one size to a video. Returns how many.
+    """Write BGR pictures of one size to a video. Returns their number.
 
     Raises  SinkError: unknown suffix, cannot be written, no pictures, another size in the middle;
-            OSError: the disk is full. The file is then the caller's to remove
+            OSError: the disk is full. The caller must then remove the file
     """
     path = Path(path)
     if path.suffix.lower() not in CODECS:
@@ -53,7 +53,7 @@ def write_video(pictures: Iterable[NDArray[np.uint8]], path: str | Path, rate_hz
 
 
 class _Writer:
-    """Opened with the first picture, whose size is that of all."""
+    """Opened with the first picture, which sets the size."""
 
     def __init__(self, path: Path, rate_hz: float) -> None:
         self._path, self._rate_hz = path, rate_hz
@@ -72,7 +72,7 @@ class _Writer:
             wanted = f"{self._size[0]}x{self._size[1]}"
             raise SinkError(f"video {self._path}: a picture is {size[0]}x{size[1]}, not {wanted}")
         self._writer.write(np.ascontiguousarray(even))
-        if not os.statvfs(self._path.parent).f_bavail:  # early: the rest would be for nothing
+        if not os.statvfs(self._path.parent).f_bavail:  # stop early: the rest would be lost
             raise _disk_full(self._path)
 
     def close(self) -> None:

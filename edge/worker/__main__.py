@@ -1,12 +1,12 @@
 """The second process: `python -m edge.worker DATA CONTROL MEMORY`, with inherited file descriptors.
 
     main thread     Inbox -> recorder, page
-    "control"       answers to what viewers asked the loop for
+    "control"       receives the answers of the loop
     "view"          the page's server; its commands in worker threads
     "recorder"      encodes and writes
 
-It ends when the data channel ends, whether the loop has closed it or died: then what came is written. Signals
-are the loop's: a service manager sends them to both.
+It ends when the data channel ends, whether the loop has closed it or died; received messages are written
+first. Signals are handled by the loop: a service manager sends them to both.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from edge.runtime.process import limit_threads
 
 limit_threads()
 
-import cv2  # noqa: E402  (after the libraries' threads are counted)
+import cv2  # noqa: E402  (after the number of library threads is set)
 
 from edge.errors import EdgeError  # noqa: E402
 from edge.recording import TOPICS, Recorder  # noqa: E402
@@ -55,14 +55,14 @@ from hostlink.web import CommandRefused  # noqa: E402
 
 log = logging.getLogger("edge.worker")
 
-NICE = 5  # the loop goes first; a third of its share is enough for a recording on a processor that is full
-REPORT_S = 0.1  # the loop hears of page and recorder this often, where something changed
-LOOP_S, TARE_S = 5.0, 12.0  # the loop's side gives up earlier
-DRAIN_S = 5.0  # for what is under way when a recording ends
+NICE = 5  # the loop has priority; a third of its share is enough for a recording on a fully loaded processor
+REPORT_S = 0.1  # least time between reports to the loop; only changes are reported
+LOOP_S, TARE_S = 5.0, 12.0  # longer than the loop's own limits
+DRAIN_S = 5.0  # for messages under way when a recording ends
 
 
 class Worker:
-    """What runs here.
+    """The worker process.
 
     control  to the loop's process
     inbox    from it
@@ -71,7 +71,7 @@ class Worker:
     def __init__(self, control: socket.socket, inbox: Inbox, begin: Begin) -> None:
         self._control, self._inbox, self._begin = control, inbox, begin
         self._recording: FrameRecorder | None = None
-        self._switching = threading.Lock()  # of recordings, by one worker thread at a time
+        self._switching = threading.Lock()  # one worker thread at a time starts or stops a recording
         self._drained = threading.Event()
         self._pending: dict[int, Future[str]] = {}
         self._numbers = count()
@@ -97,7 +97,7 @@ class Worker:
         return self._page.server.port if self._page is not None else 0
 
     def run(self) -> None:
-        """Until the loop's process closes the channel, or dies."""
+        """Run until the loop's process closes the channel, or dies."""
         threading.Thread(target=self._receive_loop, name="control", daemon=True).start()
         while (message := self._inbox.get()) is not None:
             recording = self._recording
@@ -133,10 +133,10 @@ class Worker:
         try:
             self._control.send(pickle.dumps(message))
         except OSError:
-            log.debug("the loop's process has ended")  # and the data channel with it
+            log.debug("the loop's process has ended")  # the data channel ends too
 
     def _report(self) -> None:
-        """How page and recording are, where that has changed."""
+        """Report the state of page and recording, if it has changed."""
         now: list[object] = []
         if self._page is not None:
             server = self._page.server
@@ -160,7 +160,7 @@ class Worker:
 
     def _on_wants(self, wants: frozenset[str] | None) -> None:
         self._send(Wants(wants))
-        self._report()  # the last viewer leaves, and nothing will come that could report it
+        self._report()  # after the last viewer left, no later message would trigger the report
 
     def _receive_loop(self) -> None:
         while packet := receive(self._control):
@@ -170,7 +170,7 @@ class Worker:
                 future.set_result(answer.refused)
 
     def _ask(self, what: str, force: bool = False) -> None:
-        """Have the loop do something. Raises CommandRefused."""
+        """Send a command to the loop and wait for its answer. Raises CommandRefused."""
         number, future = next(self._numbers), Future[str]()
         self._pending[number] = future
         self._send(Ask(number, what, force))
@@ -218,7 +218,7 @@ class Worker:
     def _end_recording(self, recording: FrameRecorder) -> str:
         self._drained.clear()
         self._ask("stop_recording")
-        self._drained.wait(DRAIN_S)  # all that the loop has put has come
+        self._drained.wait(DRAIN_S)  # everything that the loop has sent has arrived
         self._recording = None
         recorder = recording.recorder
         recorder.close()
@@ -234,7 +234,7 @@ def _frames_n(recorder: Recorder) -> int:
 
 
 def step_back() -> None:
-    """Behind the loop: ordinary scheduling, below it, and off the core of a loop that is given real time."""
+    """Yield to the loop: ordinary scheduling at lower priority, and off the core of a real-time loop."""
     real_time = os.sched_getscheduler(0) in (os.SCHED_FIFO, os.SCHED_RR)
     others = set(range(os.cpu_count() or 1)) - os.sched_getaffinity(0)
     try:
@@ -243,7 +243,7 @@ def step_back() -> None:
         os.setpriority(os.PRIO_PROCESS, 0, max(NICE, os.getpriority(os.PRIO_PROCESS, 0)))
         if real_time and others:
             os.sched_setaffinity(0, others)
-    except OSError as error:  # a sandbox that forbids it; deploy/ has one that does not
+    except OSError as error:  # a sandbox may forbid it; that of deploy/ does not
         log.warning("viewers and recorder run with the loop's own priority: %s", error.strerror)
 
 

@@ -1,10 +1,10 @@
-"""The loop's side of the worker: starts it, sends it what is new, does what its viewers ask, outlives it.
+"""The loop's side of the worker: starts it, sends new results, runs its viewers' commands, survives its end.
 
 Rules
-- `ViewFeed` and `RecordingFeed` run in the loop's thread after the sample has left, and wait for nothing.
-- A thread of its own receives from the worker; what changes the pipeline is posted to the loop.
-- The end of the socket is the end of the process. If it ends by itself, a recording counts as broken (what
-  was written reads back), and the page is served again at the same address.
+- `ViewFeed` and `RecordingFeed` run in the loop's thread after the sample has left, and never wait.
+- A separate thread receives from the worker; what changes the pipeline is posted to the loop.
+- The end of the socket is the end of the process. If it was not ended by us, a recording counts as broken
+  (what was written can be read), and the page is served again at the same address.
 """
 
 from __future__ import annotations
@@ -49,25 +49,25 @@ __all__ = ["WorkerClient", "WorkerConfig"]
 
 log = logging.getLogger(__name__)
 
-#: What the page shows of its own accord; the surface is computed only for a viewer that asks for it.
+#: Features that the page always shows; the surface is computed only for a viewer that requests it.
 SHOWN = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS, Feature.SHEAR, Feature.TORSION})
-#: Memory for what is under way: 70 images of 640x480 with their results, 0.3 s at 240 frames/s. The recorder
-#: has 64 MB more for a slow disk; this is for a worker that is not scheduled.
+#: Memory for messages under way: 70 images of 640x480 with their results, 0.3 s at 240 frames/s. The recorder
+#: has 64 MB more for a slow disk; this bridges times when the worker is not scheduled.
 MEMORY_BYTES = 24 << 20
-LOOP_S = 2.0  # a command runs between two frames; a loop that is busy for longer is in trouble
+LOOP_S = 2.0  # a command runs between two frames; a loop that is busy for longer is stuck
 START_S = 60.0  # Python, OpenCV and a web server on a slow board
 TARE_S = 10.0  # a few images, and a search that takes seconds on a slow board
-END_S = 2.0  # for a page to say goodbye
+END_S = 2.0  # for a page to close its viewers
 DISK_S = 12.0  # for a recording to be written: the recorder gives up after 10
-LIVED_S = 5.0  # a process that ended sooner than this would end again
+LIVED_S = 5.0  # a process that lived shorter is not restarted
 
 
 @dataclass(frozen=True, slots=True)
 class WorkerConfig:
     """listen      where the live page is served; None: no page
     record      a file to record from the first frame on; None: none
-    overwrite   whether that file may be there already
-    recordings  folder for what the page's button records
+    overwrite   whether that file may exist already
+    recordings  folder for recordings started on the page
     tip         about the tip, for recordings
     """
 
@@ -81,7 +81,7 @@ class WorkerConfig:
 class WorkerClient:
     """Viewers and recorder of a loop.
 
-    page       the worker's last word about the page
+    page       the worker's last report on the page
     recording  the loop's recorder, while there is one
     process    None: not started
     """
@@ -95,14 +95,14 @@ class WorkerClient:
         self.recording = RecordingFeed(self._put, self.view.was_recorded)
         self.process: subprocess.Popen[bytes] | None = None
         self._closing = False
-        self._sending = threading.Lock()  # the channel may be exchanged for another
+        self._sending = threading.Lock()  # the channel may be replaced
         self._outbox: Outbox | None = None
         self._thread: threading.Thread | None = None
         self._started_s = 0.0
 
     @property
     def url(self) -> str:
-        """For a browser; the token stands behind the #, which browsers keep to themselves."""
+        """Address for a browser; the token is behind the #, which browsers do not send."""
         assert self._listen is not None
         return f"http://{self._listen}/" + (f"#token={self._listen.token}" if self._listen.token else "")
 
@@ -113,11 +113,11 @@ class WorkerClient:
 
     @property
     def connected(self) -> bool:
-        """Whether a worker is there to be sent to."""
+        """Whether a worker is connected."""
         return self._outbox is not None
 
     def start(self) -> None:
-        """Start the process, and send to it from now on. Raises InputError."""
+        """Start the process, and begin to send to it. Raises InputError."""
         self._start_process(str(self._config.record or ""))
         self._loop.result_callbacks.append(self.view.on_result)
         self._loop.tick_callbacks.append(self.view.on_tick)
@@ -125,7 +125,7 @@ class WorkerClient:
             self._start_recording()
 
     def close(self) -> None:
-        """End page and recording, and wait for what is to be written."""
+        """End page and recording, and wait until everything is written."""
         self._closing = True
         loop = self._loop
         if self.view.on_result in loop.result_callbacks:
@@ -167,7 +167,7 @@ class WorkerClient:
         self._loop.session.recorder = self.recording
 
     def _stop_recording(self) -> None:
-        """Record no more."""
+        """Stop recording."""
         if self._loop.session.recorder is self.recording:
             self._loop.session.recorder = None
         self._put(Stopped())
@@ -175,11 +175,11 @@ class WorkerClient:
     # ---- the process ----------------------------------------------------------------------------------
 
     def _start_process(self, record: str) -> None:
-        """Raises InputError: it cannot serve or record so."""
+        """Raises InputError: the page or the recording cannot be started."""
         outbox = Outbox(MEMORY_BYTES)
         control, far_control = pair()
         fds = (outbox.far_end.fileno(), far_control.fileno(), outbox.fd)
-        # In a session of its own: Ctrl-C at the terminal is the loop's, and its end is ours.
+        # In its own session: Ctrl-C at the terminal goes to the loop alone, which ends the worker.
         self.process = subprocess.Popen(
             [sys.executable, "-m", "edge.worker", *map(str, fds)],
             pass_fds=fds,
@@ -191,7 +191,7 @@ class WorkerClient:
         outbox.far_end.close()
         control.send(pickle.dumps(self._first_message(record)))
         control.settimeout(START_S)
-        early: list[Any] = []  # viewers of an earlier worker may be back before this one is ready
+        early: list[Any] = []  # viewers of an earlier worker may reconnect before this one is ready
         try:
             while isinstance(ready := _receive(control), Wants | PageReport):
                 early.append(ready)
@@ -251,7 +251,7 @@ class WorkerClient:
             self._on_worker_exit()
 
     def _on_wants(self, wants: frozenset[str] | None) -> None:
-        """Have computed what is looked at, and no more."""
+        """Have only those features computed that are shown."""
         shown = frozenset[Feature]()
         if wants is not None:
             shown = SHOWN | ({Feature.SURFACE} if "surface" in wants else shown)
@@ -263,7 +263,7 @@ class WorkerClient:
         self._loop.post(change)
 
     def _do(self, ask: Ask) -> str:
-        """Do what a viewer asks for; "" or why it was not done."""
+        """Run a viewer's command; "" or why it was not done."""
         if ask.what == "tare":
             if self._loop.in_contact and not ask.force:
                 return "something touches the tip; let go, or force the tare"
@@ -272,7 +272,7 @@ class WorkerClient:
         return self._in_loop(self._start_recording if starts else self._stop_recording)
 
     def _tare(self, force: bool) -> str:
-        """Have a new rest frame taken; "" or why the one before stays in use."""
+        """Have a new rest frame taken; "" or why the previous one stays in use."""
         try:
             outcome = self._loop.request_tare(force).done.result(TARE_S)
         except TareBusy as error:
@@ -282,7 +282,7 @@ class WorkerClient:
         return outcome.message if outcome.state is RestFrameState.REFUSED else ""
 
     def _in_loop(self, command: Callable[[], None]) -> str:
-        """Have the loop do it between two frames; "" or why it did not."""
+        """Run a command in the loop between two frames; "" or why it failed."""
         future = self._loop.post(command)
         try:
             future.result(LOOP_S)
@@ -292,7 +292,7 @@ class WorkerClient:
         return ""
 
     def _on_worker_exit(self) -> None:
-        """The worker ended by itself: say so, and serve the page again."""
+        """The worker ended unexpectedly: report it, and serve the page again."""
         assert self.process is not None
         code = self.process.wait()
         log.error("the process for viewers and recordings ended (%s)", code)

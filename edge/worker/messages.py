@@ -1,6 +1,6 @@
-"""What the two processes send each other.
+"""The messages between the two processes.
 
-Down the data channel, from the loop: `Show`, `Take`, `Event`, `Attach`, `Stopped`. Over the control socket,
+On the data channel, from the loop: `Show`, `Take`, `Event`, `Attach`, `Stopped`. Over the control socket,
 both ways: `Begin`, `Answer` to the worker; `Ready`, `Ask`, `Wants`, `PageReport`, `RecordingReport` from it.
 """
 
@@ -20,9 +20,9 @@ class Begin:
     """listen   where to serve the page; None: no page
     source      the camera's name
     rate_hz     the camera's
-    recordings  folder for what the page's button records
+    recordings  folder for recordings started on the page
     record      file to record from the start; "": none
-    overwrite   whether it may be there already
+    overwrite   whether it may exist already
     tip         about the tip
     log_level   of the program
     """
@@ -40,7 +40,7 @@ class Begin:
 @dataclass(frozen=True, slots=True)
 class Ready:
     """port   where the page is served
-    refused  words of a user's mistake; "": all is well
+    refused  the user's mistake, as text; "": none
     kind     of the error, a class of `edge.errors`
     """
 
@@ -51,15 +51,15 @@ class Ready:
 
 @dataclass(frozen=True, slots=True)
 class Show:
-    """What viewers get to see since the last one.
+    """New data for viewers since the last such message.
 
     now_s, last_s  monotonic time: now, and of the newest result
     seen_n         results since the start
     rows           of the charts: one a sample
-    frame          the newest image, with a result or without; None: as before
+    frame          the newest image, with or without a result; None: as before
     result, state  the newest; None: as before
     rest           the rest frame; None: as before
-    about          what does not come from a frame
+    about          data that do not come from a frame
     """
 
     now_s: float
@@ -77,7 +77,7 @@ class Show:
 class Take:
     """One turn of the loop, to be recorded.
 
-    lost_n  turns lost before this one: there was no room for them
+    lost_n  turns lost before this one: the memory was full
     """
 
     frame: Frame
@@ -96,7 +96,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Attach:
-    """A file inside of the recording.
+    """A file to store in the recording.
 
     data  (n,) uint8
     """
@@ -107,12 +107,12 @@ class Attach:
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """The loop records no more; everything before this was put."""
+    """The loop has stopped recording; everything before this was sent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ask:
-    """A viewer's command that is the loop's to do: "tare", "start_recording", "stop_recording"."""
+    """A viewer's command for the loop: "tare", "start_recording", "stop_recording"."""
 
     number: int
     what: str
@@ -121,7 +121,7 @@ class Ask:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """refused  why nothing was done; "": it is done"""
+    """refused  why nothing was done; "": done"""
 
     number: int
     refused: str = ""
@@ -129,14 +129,14 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Wants:
-    """What all viewers want together; None: nobody watches."""
+    """The features that all viewers request together; None: nobody watches."""
 
     wants: frozenset[str] | None
 
 
 @dataclass(frozen=True, slots=True)
 class PageReport:
-    """The page: viewers now, packets sent and viewers cut off so far."""
+    """The page: present viewers, packets sent and viewers disconnected so far."""
 
     viewers_n: int = 0
     sent_n: int = 0

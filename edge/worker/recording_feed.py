@@ -1,4 +1,4 @@
-"""The recorder as the loop sees it (`edge.recording.session.Recording`): everything goes to the worker."""
+"""The recorder in the loop's process (`edge.recording.session.Recording`): sends everything to the worker."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ __all__ = ["RecordingFeed"]
 
 
 class RecordingFeed:
-    """Sends each turn of the loop to be recorded, and knows what became of it.
+    """Sends each turn of the loop to the recorder, and keeps its state.
 
-    put          sends a message to the worker; False: there is no room now
-    on_recorded  told of each turn that was sent: the worker has its image and result
-    report       the worker's last word about the recording
+    put          sends a message to the worker; False: the memory is full
+    on_recorded  called with each turn that was sent: the worker has its image and result
+    report       the worker's last report on the recording
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class RecordingFeed:
         self._lost_n = self._lost_reported_n = 0
 
     def begin(self) -> None:
-        """Another recording: nothing is known of it."""
+        """Begin another recording."""
         self.report = RecordingReport()
         self.failure = None
         self._lost_n = self._lost_reported_n = 0
@@ -53,17 +53,17 @@ class RecordingFeed:
 
     @property
     def unreported_n(self) -> int:
-        """Turns that were lost on the way, and that the worker does not know of yet."""
+        """Turns that were lost before the worker, and not reported to it yet."""
         return self._lost_n - self._lost_reported_n
 
     @property
     def lost_n(self) -> int:
-        """Turns that were lost on the way to the worker."""
+        """Turns that were lost before the worker."""
         return self._lost_n
 
     @property
     def fault(self) -> str | None:
-        """Why nothing is recorded any more."""
+        """Why recording has stopped."""
         return self.failure or self.report.fault
 
     @property

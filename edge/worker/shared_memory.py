@@ -1,19 +1,19 @@
 """Messages with large arrays from one process to another, without ever waiting.
 
-A message is pickled; its arrays stay beside the pickle (protocol 5, out of band). Both are copied once into
-memory that the two processes share; a packet on a socket says where they are. A message without arrays is in
-its packet.
+A message is pickled, its arrays out of band (protocol 5). Both are copied once into memory that the two
+processes share; a packet on a socket gives their places. A message without arrays is sent in the packet
+itself.
 
     |....[pickle|array|array][pickle|array]...........|   a ring of regions, freed in the order they were made
          ^ oldest                          ^ next
 
 Rules
-- One thread puts messages with arrays. Messages without may be put by any thread: a packet is whole or not.
-- No room, in memory or in the socket: the message is not put, and that is said. Nothing blocks.
-- The memory has no name (memfd): nothing is left behind whoever dies. An empty ring starts at its beginning,
-  so that only as much of it is ever touched as was needed at once.
-- The socket's end is the channel's: `get` returns None, whether the other side closed or died.
-- Pickle is safe here: the socket pair is inherited, nobody else can write to it.
+- One thread sends messages with arrays. Others may be sent by any thread: a packet is whole or not sent.
+- If the memory or the socket is full, the message is not sent and `put` returns False. Nothing blocks.
+- The memory has no name (memfd): nothing is left behind when a process dies. An empty ring restarts at its
+  beginning, so that only as much of it is ever touched as was needed at once.
+- The channel ends with the socket: `get` then returns None, whether the other side closed or died.
+- Pickle is safe here: the socket pair is inherited, no other process can write to it.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from typing import Any
 __all__ = ["Inbox", "Outbox", "pair", "receive"]
 
 ALIGN = 64  # a cache line
-#: A packet without arrays is no larger; the kernel's buffer (net.core.wmem_default, 208 KiB) holds some of
-#: these, or 270 of those that only say where arrays are.
+#: Largest packet without arrays; the kernel's buffer (net.core.wmem_default, 208 KiB) holds some of these, or
+#: 270 of those that only give the places of arrays.
 PACKET_MAX = 1 << 16
 _HEAD = struct.Struct(
     "<QI"
@@ -48,7 +48,7 @@ def receive(connection: socket.socket) -> bytes:
     while True:
         try:
             return connection.recv(2 * PACKET_MAX)
-        except ConnectionResetError:  # said once, and before what still lies there, by a side that died
+        except ConnectionResetError:  # raised once by a dead side, before packets that are still unread
             continue
 
 
@@ -69,7 +69,7 @@ class Outbox:
         self._socket.setblocking(False)
 
     def put(self, message: Any) -> bool:
-        """Send; False: there is no room now, or nobody listens any more."""
+        """Send; False: the memory is full, or the other side has closed."""
         buffers: list[pickle.PickleBuffer] = []
         text = pickle.dumps(message, protocol=5, buffer_callback=buffers.append)
         if not buffers:
@@ -96,7 +96,7 @@ class Outbox:
         return True
 
     def _collect(self) -> None:
-        """Free what the other side has copied out; it sends one byte for each region."""
+        """Free the regions that the other side has copied; it sends one byte for each."""
         while self._regions:
             try:
                 freed = self._socket.recv(1)
@@ -107,7 +107,7 @@ class Outbox:
             self._regions.popleft()
 
     def _free_space(self, size: int) -> int | None:
-        """Where so many bytes are free in one piece."""
+        """Begin of a contiguous free region of this size."""
         if not self._regions:
             return 0 if size <= self._size else None
         oldest, last = self._regions[0][0], self._regions[-1][1]
@@ -118,7 +118,7 @@ class Outbox:
         return last if size <= oldest - last else None
 
     def close(self) -> None:
-        """Nothing more will come; what was put is still read at the other end."""
+        """Send nothing more; messages already sent can still be read."""
         self._socket.close()
         self.far_end.close()
         self._view.release()
@@ -138,7 +138,7 @@ class Inbox:
         os.close(fd)  # the mapping holds it
 
     def get(self) -> Any:
-        """The next message, waiting for it; its arrays are its own. None: the end."""
+        """Wait for the next message; its arrays are copies. None: the end."""
         packet = receive(self._socket)
         if not packet:
             return None
@@ -149,7 +149,7 @@ class Inbox:
         for length in struct.unpack_from(f"<{n + 1}Q", packet, _HEAD.size):
             parts.append(bytearray(self._memory[at : at + length]))
             at += _aligned(length)
-        with suppress(OSError):  # the other side has closed; what it put is read all the same
+        with suppress(OSError):  # the other side has closed; its messages can still be read
             self._socket.send(b".")
         return pickle.loads(parts[0], buffers=parts[1:])
 

@@ -1,4 +1,4 @@
-"""What viewers get of the loop: at most 30 times a second, and only while somebody watches."""
+"""Sends the loop's results to viewers: at most 30 times a second, and only while somebody watches."""
 
 from __future__ import annotations
 
@@ -19,17 +19,19 @@ if TYPE_CHECKING:
 
 __all__ = ["ViewFeed"]
 
-RECENT = 256  # samples between two pictures: 8 at 240 frames/s; who was slow loses the older ones
-SHOW_S = 0.9 / 30.0  # the page draws 30 pictures a second; a tenth less, so that frames' times need not fit
-KEEPALIVE_S = 0.1  # without a new result the rest is sent this often
+RECENT = 256  # samples between two pictures: 8 at 240 frames/s; a slow viewer loses the older ones
+SHOW_S = (
+    0.9 / 30.0
+)  # the page draws 30 pictures a second; a tenth less, so that frame times need not be multiples
+KEEPALIVE_S = 0.1  # without a new result, the rest is sent this often
 _MEANING = {fault.code: fault.meaning for fault in FAULTS}
 
 
 class ViewFeed:
-    """Collects what is new and puts it together; all of it in the loop's thread.
+    """Collects new results and combines them; runs in the loop's thread.
 
-    put      sends a message to the worker; False: there is no room now
-    watched  whether anybody looks
+    put      sends a message to the worker; False: the memory is full
+    watched  whether anybody watches
     """
 
     def __init__(self, loop: Loop, put: Callable[[Any], bool]) -> None:
@@ -49,7 +51,7 @@ class ViewFeed:
         return len(self._rows)
 
     def on_result(self, result: Result, state: State) -> None:
-        """Take note of a result; a result callback of the loop."""
+        """Note a result; a result callback of the loop."""
         self._latest = (result, state)
         self._results_n += 1
         self._result_s = time.monotonic()
@@ -57,7 +59,7 @@ class ViewFeed:
             self._rows.append(_row(self._result_s, state, result.features))
 
     def on_tick(self) -> None:
-        """Send what is new, if anybody watches; after each turn of the loop."""
+        """Send new results, if anybody watches; after each turn of the loop."""
         now_s = time.monotonic()
         if not self.watched or now_s < self._due_s:
             return
@@ -86,23 +88,23 @@ class ViewFeed:
             self._rows.clear()
 
     def was_recorded(self, frame: Frame, result: Result | None) -> None:
-        """The worker has got it for the recording: it need not be copied again to be seen."""
+        """The worker has received this frame for the recording: it need not be sent again for viewing."""
         if self.watched:
             self._shown = (frame, result or self._shown[1], self._shown[2])
 
     def set_watched(self, watched: bool) -> None:
-        """The first viewer came, or the last one left; either begins with everything."""
+        """The first viewer came, or the last one left; the next message is complete."""
         if not (watched and self.watched):
             self._rows.clear()
             self.forget_shown()
         self.watched = watched
 
     def forget_shown(self) -> None:
-        """A worker that has just started knows nothing."""
+        """A new worker needs a complete message."""
         self._shown = (None, None, None)
 
     def _about(self) -> dict[str, Any]:
-        """What does not come from a frame."""
+        """The data that do not come from a frame."""
         loop = self._loop
         return {
             "faults": [[_MEANING[code], message] for code, message in loop.faults.active.items()],

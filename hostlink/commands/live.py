@@ -36,7 +36,7 @@ from hostlink.recording import (
 from hostlink.table import write_csv, write_parquet
 from hostlink.wire import State, Status
 from hostlink.wire.address import parse_address
-from hostlink.wire.open_errors import words_of
+from hostlink.wire.open_errors import message_of
 
 # The pace of the display. It shows what holds, news or none (a link that is down, a rate that falls): no
 # event of the link could stand in for it.
@@ -112,7 +112,7 @@ def record(address: str, file: Path, seconds: float | None, overwrite: bool) -> 
         with connect(address) as hand, writing(path, overwrite, keep_partial=True) as unfinished:
             written_n, samples_n = _record(hand, unfinished, seconds)
     except LogError as error:  # it names the unfinished file, which the user does not know
-        why = words_of(error.__cause__ or error)
+        why = message_of(error.__cause__ or error)
         raise WriteError(f"{path}: cannot be written: {why}; the recording ends there") from None
     finally:
         signal.signal(signal.SIGTERM, before)

@@ -14,7 +14,7 @@ from typing import Final
 
 from hostlink.wire.address import Address
 
-__all__ = ["cannot_open", "is_junk", "words_of"]
+__all__ = ["cannot_open", "is_junk", "message_of"]
 
 _ARPHRD_CAN: Final = "280"  # linux/if_arp.h
 _TAKEN: Final = frozenset({errno.EBUSY, errno.EAGAIN})
@@ -62,13 +62,13 @@ def cannot_open(
     what_to_do = advice.format_map(here)
     what = "serial port" if kind == "serial" else "CAN interface"
     by = f" ({address.interface})" if address.interface else ""
-    why = os.strerror(number) if number else words_of(error)
+    why = os.strerror(number) if number else message_of(error)
     if kind == "serial" and number in _TAKEN:
         why = "another program has it open"
     return f"cannot open {what} {address.channel!r}{by}: {why}; {what_to_do}"
 
 
-def words_of(error: BaseException) -> str:
+def message_of(error: BaseException) -> str:
     """One line of what went wrong, without the libraries' wrapping."""
     number = getattr(error, "errno", None)
     if isinstance(error, OSError) and number:

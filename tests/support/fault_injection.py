@@ -179,9 +179,9 @@ class FaultySource(ThreadedSource):
             frame = self._source.read(0.02)
             kind = self._row.now()
             if kind == "lost":
-                self._say("lost")
+                self._set_condition("lost")
             elif self._condition == "lost":
-                self._say("")
+                self._set_condition("")
             if frame is None:
                 if self._source.ended:
                     return
@@ -191,7 +191,7 @@ class FaultySource(ThreadedSource):
                 self.kinds[seen.sequence] = kind
                 if len(self.kinds) > KINDS_KEPT:
                     self.kinds.pop(next(iter(self.kinds)))
-                self._say(self._watch.look(seen))
+                self._set_condition(self._watch.check(seen))
                 self._offer(seen)
 
     def _see(self, kind: str, frame: Frame) -> Frame | None:

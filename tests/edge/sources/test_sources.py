@@ -367,14 +367,14 @@ def test_a_stall_shows_while_it_lasts() -> None:
 def test_watch_sees_frozen_and_black() -> None:
     watch = Watch()
     for i in range(5):
-        assert watch.look(Frame(noise(i), i, i)) == ""
-    still = [watch.look(Frame(noise(9), i, i)) for i in range(FROZEN_FRAMES + 1)]
+        assert watch.check(Frame(noise(i), i, i)) == ""
+    still = [watch.check(Frame(noise(9), i, i)) for i in range(FROZEN_FRAMES + 1)]
     assert still == [""] * FROZEN_FRAMES + ["frozen"]
-    assert watch.look(Frame(noise(10), 0, 0)) == ""
-    assert watch.look(Frame(noise(1) // 64, 0, 0)) == "black"
+    assert watch.check(Frame(noise(10), 0, 0)) == ""
+    assert watch.check(Frame(noise(1) // 64, 0, 0)) == "black"
     deep = noise(2).astype(np.uint16)  # up to 255 of 4095: one sixteenth
-    assert watch.look(Frame(deep, 0, 0, bits=12)) == ""
-    assert watch.look(Frame(deep // 4, 0, 0, bits=12)) == "black"
+    assert watch.check(Frame(deep, 0, 0, bits=12)) == ""
+    assert watch.check(Frame(deep // 4, 0, 0, bits=12)) == "black"
 
 
 # -- replay ----------------------------------------------------------------------------------------
