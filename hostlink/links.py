@@ -19,6 +19,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
+from hostlink.can_bus import open_can_bus
 from hostlink.errors import ConnectError, LinkDown
 from hostlink.wire.address import Address
 from hostlink.wire.open_errors import cannot_open, is_junk, message_of
@@ -36,8 +37,6 @@ SOCKETS = frozenset({"socketcan", "udp_multicast"})
 RECEIVE_BUFFER = 8 << 20  # bytes; a frame takes about 1 kB of it: 6 s of five fingers at 250 Hz
 SO_RCVBUFFORCE = 33  # linux/asm-generic/socket.h; Python does not name it
 STAMP_MAX_S = 1.0  # a stamp further from now is on another clock than the system's
-FD_CLOCK_HZ = 80_000_000  # CiA 601-3
-FD_SAMPLE_POINT = 80.0  # percent; CiA 601-3
 
 
 class Link(ABC):
@@ -159,37 +158,12 @@ class CanLink(Link):
     _port_lock: PortLock | None = None  # of a serial-line adapter
 
     def _open(self) -> Any:
-        import can
-
-        # python-can logs what it also raises; without a handler that would be a second line on stderr.
-        logging.getLogger("can").addHandler(logging.NullHandler())
-        address, arguments = self.address, self.address.bus_arguments()
-        lock: PortLock | None = None
         try:
-            if address.interface == "slcan":  # before anything is sent to the adapter
-                lock = PortLock(address.channel)
-            timing = address.fd_timing()
-            if timing is not None:
-                arguments.pop("bitrate", None)
-                arguments["timing"] = can.BitTimingFd.from_sample_point(
-                    f_clock=FD_CLOCK_HZ,
-                    nom_bitrate=timing[0],
-                    nom_sample_point=FD_SAMPLE_POINT,
-                    data_bitrate=timing[1],
-                    data_sample_point=FD_SAMPLE_POINT,
-                )
-            bus = can.Bus(**arguments)
+            bus, self._port_lock = open_can_bus(self.address)
         except _broken() as error:
-            if lock is not None:
-                lock.close()
-            raise ConnectError(f"{address}: {cannot_open(address, error)}") from error
-        self._port_lock = lock
-        if address.interface in SOCKETS:
+            raise ConnectError(f"{self.address}: {cannot_open(self.address, error)}") from error
+        if self.address.interface in SOCKETS:
             _widen(bus.fileno())
-        if address.interface == "socketcan":
-            # An interface that goes down says so once, to the reader or to a writer: a reader that was woken
-            # for it after the writer had got it would wait for ever.
-            os.set_blocking(bus.fileno(), False)
         return bus
 
     def _read(self, medium: Any) -> Any:

@@ -13,8 +13,8 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("edge", "hostlink", "calib", "tests")
 STDLIB = frozenset(sys.stdlib_module_names)
 
-#: What of hostlink's own modules the edge uses too: command lines and the files that they write.
-SHARED_WITH_EDGE = ("hostlink.cli_exit", "hostlink.cli_types", "hostlink.output_file")
+#: What of hostlink's own modules the edge uses too: the bus, command lines and the files that they write.
+SHARED_WITH_EDGE = ("hostlink.can_bus", "hostlink.cli_exit", "hostlink.cli_types", "hostlink.output_file")
 #: Which of the project's own packages a room may import.
 MAY_IMPORT = {
     "hostlink/wire": ("hostlink.wire",),

@@ -4,6 +4,9 @@
                   \\____ at once, where a write cannot block ___/   |
     node <--on_message-- reader <-----------------------------------+
 
+Its parts: `SendQueue` (what waits), `MediumKeeper` (which medium is open), `StallWatch` (since when nothing
+leaves), `ReadBudget`. Times: `LinkParams`.
+
 Rules
 - `send` never blocks and never raises: it hands over, or counts a drop and returns False.
 - Newest wins. A sample that could not be sent is dropped, not queued behind a dead link: the host sees a gap
@@ -12,12 +15,12 @@ Rules
 - A write that cannot block (SocketCAN, virtual bus, UDP) happens in the caller's thread: a hand-over to
   another thread costs up to a switch interval of the interpreter. All others happen in the worker thread.
 - A full buffer (ENOBUFS, bus-off, nobody listening) drops and keeps the medium. Any other error closes it,
-  and the worker reopens it, at most every RETRY_S; it counts as up with the first frame sent.
+  and the worker reopens it, at most every `retry_s`; it counts as up with the first frame sent.
 - Only the worker opens and closes, after the reader has left the medium: a file descriptor that is closed
   under a waiting reader may be reused for another file.
 - At start-up a medium that cannot be opened is the user's mistake: SinkError. Later it is counted.
 - A link's faults are reported from a separate thread, which sleeps until something may have changed or a
-  stall has lasted for STALL_S: the loop may be in a search, and the worker in a blocked write.
+  stall has lasted for `stall_s`: the loop may be in a search, and the worker in a blocked write.
 """
 
 from __future__ import annotations
@@ -26,63 +29,48 @@ import logging
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import count
 from typing import Any
 
 from edge.errors import SinkError
 from edge.link.media import Medium, MediumError, MediumFull
+from edge.link.medium_keeper import MediumKeeper
+from edge.link.params import PARAMS, LinkParams
+from edge.link.read_budget import ReadBudget
+from edge.link.send_queue import SendQueue
 from edge.link.sink import SinkCounters
+from edge.link.stall_watch import StallWatch
 from hostlink.wire import FaultCode, State
 
-log = logging.getLogger(__name__)
+__all__ = ["LinkSink"]
 
-RETRY_S = 0.1  # a tenth of the second within which the link must be back
-READ_S = 0.05  # how soon a reader leaves a failed medium
-READ_SHARE = 0.3  # of a processor that reading may take; an upload over SDO takes 0.2 on a desktop
-READ_WINDOW_S = 0.2  # over which that share is taken
-READ_PAUSE_S = 0.005  # shorter pauses cost more than they save
-STALL_S = 0.06  # nothing leaves for this long: the link counts as down; announced within 0.1 s
-DEPTH = 4  # samples waiting for a slow medium: 17 ms at 240 Hz; older ones are not worth sending
-CONTROL_DEPTH = 256  # answers waiting; a segmented upload has one under way at a time
-CLOSE_S = 0.3  # closing waits so long for the queue, and again for the threads: the program ends within 1 s
+log = logging.getLogger(__name__)
 
 
 class LinkSink(ABC):
     """A sink on a medium that can fail: the rules at the head of this file. Base of CAN and serial.
 
     open_medium  opens the medium; raises MediumError with a line for the user
+    on_message   called with each message that comes in, from the reader's thread
+    on_faults    called when `faults` may have changed, from a thread of its own
     """
 
-    def __init__(self, name: str, open_medium: Callable[[], Medium]) -> None:
+    def __init__(self, name: str, open_medium: Callable[[], Medium], params: LinkParams = PARAMS) -> None:
         self.name = name
-        self._open_medium = open_medium
+        self.on_message: Callable[[Any], None] | None = None
+        self.on_faults: Callable[[], None] | None = None
+        self._params = params
         try:
-            self._medium: Medium | None = open_medium()
+            self._medium = MediumKeeper(open_medium, params.retry_s)
         except MediumError as error:
             raise SinkError(f"{name}: {error}") from None
-        self.on_message: Callable[[Any], None] | None = None
-        self.on_faults: Callable[[], None] | None = None  # `faults` may have changed; called from any thread
-        self._changed = threading.Condition()
+        self._queue = SendQueue(params.samples_n, params.control_n)
+        self._stall = StallWatch(params.stall_s)
+        self._changed = threading.Condition()  # guards medium, queue and counters
         self._writing = threading.Lock()  # one write at a time, none while the medium changes
         self._reading = threading.Lock()  # held by the reader while it is inside of the medium
-        self._control: deque[Any] = deque(maxlen=CONTROL_DEPTH)
-        self._samples: deque[Sequence[Any]] = deque()
-        self._detail: deque[Any] = deque()
-        self._detail_spacing_s = 0.0
-        self._detail_due_s = 0.0
-        self._periodic: dict[int, _Periodic] = {}
-        self._failed: Medium | None = None
-        self._was_down = False
-        self._opened_s = time.monotonic()
-        self._stalled_since_s: float | None = None
-        self._write_began_s: float | None = None
-        self._suspect = threading.Event()  # set when `faults` may have changed
-        self._last_write_s: float | None = None  # begin of the last write that may block
-        self._write_watched = False
-        self._busy = False
         self._closing = False
         self._numbers = count()
         self._counters = SinkCounters()
@@ -105,15 +93,13 @@ class LinkSink(ABC):
 
     @property
     def up(self) -> bool:
-        since = (self._stalled_since_s, self._write_began_s)
-        stuck = any(t is not None and time.monotonic() - t > STALL_S for t in since)
         # A medium that opens may still not take frames: the first frame sent proves it.
-        return self._medium is not None and not self._was_down and not stuck
+        return self._medium.current is not None and not self._medium.lost and not self._stall.stalled
 
     @property
     def faults(self) -> frozenset[FaultCode]:
         """The link's current faults."""
-        medium = self._medium
+        medium = self._medium.current
         if medium is not None and medium.bus_off:
             return frozenset({FaultCode.BUS_OFF})
         return frozenset() if self.up else frozenset({FaultCode.LINK_DOWN})
@@ -124,32 +110,26 @@ class LinkSink(ABC):
 
     def send(self, state: State) -> bool:
         number = next(self._numbers)  # dropped samples have a number too: the host counts them as lost
-        medium = self._medium
+        medium = self._medium.current
         if medium is None or self._closing:
             return self._count(dropped=1)
         items = self.encode(state, number)
-        if medium.instant and self._writing.acquire(blocking=False):
+        if medium.instant and not self._queue.sample_ahead and self._writing.acquire(blocking=False):
             try:
                 return self._count(sent=1) if self._write(medium, items) else self._count(dropped=1)
             finally:
                 self._writing.release()
         with self._changed:
-            held = (
-                self._medium is medium
-            )  # if lost meanwhile, queued samples would be old when the link is back
-            if held:
-                self._samples.append(items)
-            dropped = not held or len(self._samples) > DEPTH
-            if held and dropped:
-                self._samples.popleft()
+            # If the medium was lost meanwhile, queued samples would be old when the link is back.
+            kept = self._medium.current is medium and self._queue.put_sample(items)
             self._changed.notify_all()
-        return not dropped or self._count(dropped=1)
+        return kept or self._count(dropped=1)
 
     def post(self, item: Any) -> None:
         """Send an answer, an emergency or a heartbeat: ahead of the samples, in the order given."""
         with self._changed:
-            if self._medium is not None:
-                self._control.append(item)
+            if self._medium.current is not None:
+                self._queue.put_control(item)
                 self._changed.notify_all()
 
     def send_detail(self, items: Sequence[Any], spacing_s: float) -> bool:
@@ -159,10 +139,9 @@ class LinkSink(ABC):
                    queue, so there must never be more than one
         """
         with self._changed:
-            free = self._medium is not None and not self._pending()
+            free = self._medium.current is not None and not self._queue.waiting
             if free:
-                self._detail.extend(items)
-                self._detail_spacing_s = spacing_s
+                self._queue.put_detail(items, spacing_s)
                 self._changed.notify_all()
         if not free:
             self._count(detail_skipped=1)
@@ -171,167 +150,112 @@ class LinkSink(ABC):
     def every(self, key: int, period_s: float, make: Callable[[], Any] | None) -> None:
         """Post `make()` each period from now on; None ends it. `key` names the series."""
         with self._changed:
-            self._periodic.pop(key, None)
-            if make is not None and period_s > 0:
-                self._periodic[key] = _Periodic(period_s, make, time.monotonic() + period_s)
+            self._queue.every(key, period_s, make, time.monotonic())
             self._changed.notify_all()
 
     def drain(self, timeout_s: float) -> bool:
         with self._changed:
-            return self._changed.wait_for(lambda: not (self._pending() or self._busy), timeout_s)
+            return self._changed.wait_for(lambda: self._queue.empty, timeout_s)
 
     def close(self) -> None:
-        self.drain(CLOSE_S if self.up else 0.0)
+        self.drain(self._params.close_s if self.up else 0.0)
         with self._changed:
             self._closing = True
             self._changed.notify_all()
-        self._suspect.set()
-        end_s = time.monotonic() + CLOSE_S
+        self._stall.wake()
+        end_s = time.monotonic() + self._params.close_s
         for thread in self._threads:
             if thread is not threading.current_thread():
                 thread.join(max(0.0, end_s - time.monotonic()))
 
     # ---- the worker -------------------------------------------------------------------------------
 
-    def _pending(self) -> bool:
-        return bool(self._samples or self._control or self._detail)
-
-    def _count(self, *, sent: int = 0, dropped: int = 0, **others: int) -> bool:
+    def _count(self, **more: int) -> bool:
         """Add to the counters; True if something was sent."""
         with self._changed:
             old = self._counters
-            more = {name: getattr(old, name) + n for name, n in others.items()}
-            self._counters = replace(old, sent=old.sent + sent, dropped=old.dropped + dropped, **more)
-        if dropped and self._stalled_since_s is None:
-            self._stalled_since_s = time.monotonic()
-            self._suspect.set()
-        return bool(sent)
+            self._counters = replace(old, **{name: getattr(old, name) + n for name, n in more.items()})
+        if more.get("dropped"):
+            self._stall.dropped()
+        return bool(more.get("sent"))
 
     def _write(self, medium: Medium, items: Sequence[Any]) -> bool:
         """Write all items of one sample; the caller holds `_writing`."""
-        if medium is not self._medium:
+        if medium is not self._medium.current:
             return False
         bus_off = medium.bus_off
-        began_s = self._write_began_s = time.monotonic()
-        if not medium.instant:  # it may block
-            self._last_write_s = began_s
-            if not self._write_watched:
-                self._write_watched = True
-                self._suspect.set()
+        began_s = self._stall.write_begins(may_block=not medium.instant)
         try:
             for item in items:
                 medium.write(item)
         except MediumFull:
-            if self._stalled_since_s is None:
-                self._stalled_since_s = began_s
-            self._suspect.set()
+            self._stall.refused(began_s)
             return False
         except MediumError as error:
             self._lose(medium, error)
             return False
         finally:
-            self._write_began_s = None
-        recovered = self._stalled_since_s is not None or self._was_down or bus_off
-        recovered |= time.monotonic() - began_s > STALL_S
-        self._stalled_since_s = None
-        if self._was_down:
-            self._was_down = False
+            self._stall.write_ends()
+        reconnected, self._medium.lost = self._medium.lost, False
+        if reconnected:
             self._count(reconnects=1)
             log.info("%s: link reconnected", self.name)
-        if recovered:
-            self._suspect.set()
+        self._stall.left(began_s, recovered=reconnected or bus_off)
         return True
 
     def _lose(self, medium: Medium, error: Exception) -> None:
         with self._changed:
-            if self._medium is not medium:
+            was_lost = self._medium.lost
+            if not self._medium.lose(medium):
                 return
-            if not self._was_down:
+            if not was_lost:
                 log.warning("%s: %s", self.name, error)
-            self._medium, self._failed, self._was_down = None, medium, True
-            waiting = len(self._samples)
-            self._samples.clear()
-            self._control.clear()
-            self._detail.clear()
+            dropped_n = self._queue.clear()
             self._changed.notify_all()
-        self._suspect.set()
-        if waiting:
-            self._count(dropped=waiting)
+        self._stall.wake()
+        self._count(dropped=dropped_n)
 
     def _write_loop(self) -> None:
         while not self._closing:
-            if self._medium is None:
+            if self._medium.current is None:
                 self._reopen()
                 continue
-            work = self._next_work()
-            if work is None:
+            items = self._next_items()
+            if items is None:
                 continue
-            kind, items = work
-            medium = self._medium
+            medium = self._medium.current
             with self._writing:
-                done = medium is not None and self._write(medium, items)
-            self._count(**self._outcome(kind, done))
+                written = medium is not None and self._write(medium, items)
             with self._changed:
-                self._busy = False
+                self._count(**self._queue.done(written))
                 self._changed.notify_all()
-        self._close_medium(self._medium)
+        self._close_medium(self._medium.current)
 
-    def _outcome(self, kind: str, done: bool) -> dict[str, int]:
-        if kind == "sample":
-            return {"sent": 1} if done else {"dropped": 1}
-        if kind == "detail" and not done:
-            self._detail.clear()  # an incomplete group is useless
-            return {"detail_skipped": 1}
-        return {"detail_sent": 1} if kind == "detail" and not self._detail else {}
-
-    def _next_work(self) -> tuple[str, Sequence[Any]] | None:
+    def _next_items(self) -> Sequence[Any] | None:
         """Wait for something to send; returns the most urgent."""
         with self._changed:
-            if not (self._samples or self._control):
-                self._changed.wait(self._until_due_s())
-            self._post_due()
-            if self._closing or self._medium is None:
+            if self._medium.current is None or self._closing:
                 return None
-            self._busy = self._pending()
-            if self._control:
-                return "control", (self._control.popleft(),)
-            if self._samples:
-                return "sample", self._samples.popleft()
-            if self._detail and time.monotonic() >= self._detail_due_s:
-                self._detail_due_s = time.monotonic() + self._detail_spacing_s
-                return "detail", (self._detail.popleft(),)
-            self._busy = False
-        return None
-
-    def _until_due_s(self) -> float | None:
-        due = [p.due_s for p in self._periodic.values()]
-        if self._detail:
-            due.append(self._detail_due_s)
-        return max(0.0, min(due) - time.monotonic()) if due else None
-
-    def _post_due(self) -> None:
-        now = time.monotonic()
-        for series in self._periodic.values():
-            if now >= series.due_s:
-                series.due_s = max(series.due_s + series.period_s, now)
-                self._control.append(series.make())
+            wait_s = self._queue.wait_s(time.monotonic())
+            if wait_s != 0.0:
+                self._changed.wait(wait_s)
+            if self._medium.current is None or self._closing:
+                return None
+            return self._queue.take(time.monotonic())
 
     def _reopen(self) -> None:
-        failed, self._failed = self._failed, None
+        with self._changed:
+            failed = self._medium.take_failed()
         self._close_medium(failed)
-        # SocketCAN opens on an interface that is down, and fails at once: do not retry without a pause.
         with self._changed:
-            pause_s = self._opened_s + RETRY_S - time.monotonic()
-            if self._changed.wait_for(lambda: self._closing, max(0.0, pause_s)):
+            if self._changed.wait_for(lambda: self._closing, self._medium.pause_s):
                 return
-        self._opened_s = time.monotonic()
-        try:
-            medium = self._open_medium()
-        except MediumError:
+        medium = self._medium.try_open()
+        if medium is None:
             return
-        self._stalled_since_s = None  # drops meanwhile were those of the old medium
+        self._stall.reopened()
         with self._changed:
-            self._medium = medium
+            self._medium.current = medium
             self._changed.notify_all()
 
     def _close_medium(self, medium: Medium | None) -> None:
@@ -339,49 +263,38 @@ class LinkSink(ABC):
             with self._writing, self._reading:
                 medium.close()
 
-    # ---- fault watch --------------------------------------------------------------------------------
+    # ---- fault watch ------------------------------------------------------------------------------
 
     def _watch_loop(self) -> None:
-        checked_s = time.monotonic()
         while True:
-            self._suspect.wait(self._until_stalled_s(checked_s))
-            self._suspect.clear()
+            self._stall.wait()
             if self._closing:
                 return
-            checked_s = time.monotonic()
             if self.on_faults is not None:
                 try:
                     self.on_faults()
                 except Exception:
                     log.exception("%s: its faults cannot be reported", self.name)
 
-    def _until_stalled_s(self, checked_s: float) -> float | None:
-        """Time until a stall becomes a fault; None: nothing stalls, or it is a fault already."""
-        self._write_watched = False  # first: a write that begins from here on wakes this thread
-        since = (self._stalled_since_s, self._last_write_s)
-        due = [s + STALL_S for s in since if s is not None and s + STALL_S >= checked_s]
-        self._write_watched = bool(due)  # this thread then checks once in STALL_S, not at each write
-        return max(0.001, min(due) - time.monotonic()) if due else None
-
     # ---- the reader -------------------------------------------------------------------------------
 
     def _read_loop(self) -> None:
-        budget = ReadBudget(time.thread_time(), time.monotonic())
+        budget = ReadBudget(time.thread_time(), time.monotonic(), self._params)
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._closing or self._medium is not None)
-                medium = self._medium
+                self._changed.wait_for(lambda: self._closing or self._medium.current is not None)
+                medium = self._medium.current
             if self._closing or medium is None:
                 return
             with self._reading:
                 message, bus_off = None, medium.bus_off
                 try:
-                    if medium is self._medium:
-                        message = medium.read(READ_S)
+                    if medium is self._medium.current:
+                        message = medium.read(self._params.read_s)
                 except MediumError as error:
                     self._lose(medium, error)
             if medium.bus_off != bus_off:
-                self._suspect.set()
+                self._stall.wake()
             if message is not None and self.on_message is not None:
                 try:
                     self.on_message(message)
@@ -391,28 +304,3 @@ class LinkSink(ABC):
             if pause_s:  # messages meanwhile wait in the driver, or are lost there
                 with self._changed:
                     self._changed.wait_for(lambda: self._closing, pause_s)
-
-
-class ReadBudget:
-    """Limits the reader's processor time: a flooded bus must not slow the loop.
-
-    cpu_s, now_s  processor time of the reader's thread, and the time
-    """
-
-    def __init__(self, cpu_s: float, now_s: float) -> None:
-        self._cpu_s, self._since_s = cpu_s, now_s
-
-    def pause_s(self, cpu_s: float, now_s: float) -> float:
-        """How long to pause reading; 0.0: go on."""
-        used_s, passed_s = cpu_s - self._cpu_s, now_s - self._since_s
-        pause_s = used_s / READ_SHARE - passed_s
-        if passed_s > READ_WINDOW_S:
-            self._cpu_s, self._since_s = cpu_s, now_s
-        return pause_s if pause_s > READ_PAUSE_S else 0.0
-
-
-@dataclass(slots=True)
-class _Periodic:
-    period_s: float
-    make: Callable[[], Any]
-    due_s: float

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import errno
 import logging
-import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -17,17 +16,16 @@ from typing import Any, Protocol
 import can
 import serial
 
+from edge.link.params import PARAMS
+from hostlink.can_bus import open_can_bus
 from hostlink.wire.address import Address
 from hostlink.wire.open_errors import cannot_open, is_junk, message_of
 from hostlink.wire.port_lock import PortLock
 
 __all__ = ["CanMedium", "Medium", "MediumError", "MediumFull", "SerialMedium", "open_bus", "open_line"]
 
-WRITE_S = 0.2  # a line that accepts nothing for this long is full
 INSTANT = frozenset({"socketcan", "virtual", "udp_multicast"})  # interfaces whose send(timeout=0) returns
 FULL = frozenset({errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK})
-FD_CLOCK_HZ = 80_000_000  # CiA 601-3's recommended CAN FD clock
-FD_SAMPLE_POINT = 80.0  # percent, both phases; CiA 601-3
 READ_CHUNK = 4096
 INTERFACES = Path("/sys/class/net")
 
@@ -88,7 +86,7 @@ class CanMedium:
         self._bus = bus
         self._carrier = carrier
         self._lock = lock
-        self._timeout_s = 0.0 if instant else WRITE_S
+        self._timeout_s = 0.0 if instant else PARAMS.write_s
 
     def write(self, item: can.Message) -> None:
         if self.bus_off and self._carrier is not None:
@@ -163,33 +161,12 @@ def open_bus(address: Address) -> Callable[[], CanMedium]:
     """A function that opens the bus of an address, again and again. It raises MediumError."""
 
     def opener() -> CanMedium:
-        arguments = address.bus_arguments()
-        lock: PortLock | None = None
         try:
-            if address.interface == "slcan":  # before the first command to the adapter
-                lock = PortLock(address.channel)
-            timing = address.fd_timing()
-            if timing is not None:
-                arguments.pop("bitrate", None)
-                arguments["timing"] = can.BitTimingFd.from_sample_point(
-                    f_clock=FD_CLOCK_HZ,
-                    nom_bitrate=timing[0],
-                    nom_sample_point=FD_SAMPLE_POINT,
-                    data_bitrate=timing[1],
-                    data_sample_point=FD_SAMPLE_POINT,
-                )
-            bus = can.Bus(**arguments)
-            carrier = None
-            if address.interface == "socketcan":
-                carrier = INTERFACES / address.channel / "carrier"
-                # An interface that goes down reports it once, to a reader or to a writer. A reader that was
-                # woken for it after the writer got it would wait for ever, and block the link.
-                os.set_blocking(bus.fileno(), False)
-            return CanMedium(bus, address.interface in INSTANT, carrier, lock)
+            bus, lock = open_can_bus(address)
         except (*_BROKEN, *_NO_DRIVER) as error:
-            if lock is not None:
-                lock.close()
             raise MediumError(cannot_open(address, error)) from error
+        carrier = INTERFACES / address.channel / "carrier" if address.interface == "socketcan" else None
+        return CanMedium(bus, address.interface in INSTANT, carrier, lock)
 
     return opener
 
@@ -202,7 +179,7 @@ def open_line(address: Address) -> Callable[[], SerialMedium]:
             port = serial.serial_for_url(
                 address.channel,
                 baudrate=address.baud,
-                write_timeout=WRITE_S,
+                write_timeout=PARAMS.write_s,
                 exclusive=True,  # two readers would steal each other's bytes
             )
         except _BROKEN as error:

@@ -319,6 +319,7 @@ def test_five_fingers_on_one_bus(request: pytest.FixtureRequest, kind: str) -> N
         hand.on_sample(lambda s: heard.append((s.finger, s.state.sample)))
         for k in range(250):
             for node, _ in nodes:
+                assert node.sink.drain(SOON_S)  # a sample that waits for a heartbeat's write is no loss
                 assert node.send(state(k))
             until(lambda behind=5 * (k - 10): len(heard) >= behind, "the reader keeps up")
         until(lambda: len(heard) == 1250, "all")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import can
 import pytest
 
-from edge.link.link_sink import READ_SHARE, READ_WINDOW_S, ReadBudget
 from edge.link.media import CanMedium, MediumError
+from edge.link.params import PARAMS
+from edge.link.read_budget import ReadBudget
 from hostlink.links import CanLink
 
 
@@ -47,10 +48,10 @@ def test_a_reader_that_never_waits_gets_its_share(cost_s: float) -> None:
     """Simulated: messages without end, each of which costs the reader so much."""
     now_s = cpu_s = 0.0
     budget = ReadBudget(cpu_s, now_s)
-    while now_s < 50 * READ_WINDOW_S:
+    while now_s < 50 * PARAMS.read_window_s:
         now_s, cpu_s = now_s + cost_s, cpu_s + cost_s
         now_s += budget.pause_s(cpu_s, now_s)
-    assert cpu_s / now_s < 1.2 * READ_SHARE
+    assert cpu_s / now_s < 1.2 * PARAMS.read_rel
 
 
 def test_a_reader_that_mostly_waits_is_never_held_up() -> None:

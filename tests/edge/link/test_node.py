@@ -401,7 +401,7 @@ def test_faults_and_their_clearing(bench: Bench) -> None:
 
 def test_lost_link_is_a_fault_and_a_bit(bench: Bench) -> None:
     sink = bench.node.sink
-    failed = sink._medium
+    failed = sink._medium.current
     assert failed is not None
     sink._lose(failed, OSError("unplugged"))
     assert not bench.node.send(state(1))

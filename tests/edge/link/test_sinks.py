@@ -20,8 +20,8 @@ from can.interfaces.socketcan.socketcan import capture_message
 from can.interfaces.virtual import VirtualBus
 
 from edge.errors import SinkError
-from edge.link.link_sink import RETRY_S
 from edge.link.media import CanMedium, open_bus, open_line
+from edge.link.params import PARAMS
 from edge.link.sinks import (
     CanClassicSink,
     CanFdSink,
@@ -317,7 +317,7 @@ def test_a_medium_that_opens_and_fails_at_once_is_not_tried_without_end(channel:
 
     sink = CanFdSink("down", opener)
     assert sink.send(state(0))
-    medium = sink._medium
+    medium = sink._medium.current
     assert medium is not None
     sink._lose(medium, OSError("gone"))
     until(lambda: opened >= 4, "three attempts")
@@ -325,7 +325,7 @@ def test_a_medium_that_opens_and_fails_at_once_is_not_tried_without_end(channel:
     assert sink.faults == {FaultCode.LINK_DOWN}
     begun, before = time.monotonic(), opened
     until(lambda: opened >= before + 3, "three more")
-    assert time.monotonic() - begun > 1.9 * RETRY_S
+    assert time.monotonic() - begun > 1.9 * PARAMS.retry_s
     sink.close()
 
 
@@ -356,7 +356,7 @@ def test_answers_overtake_samples_and_detail_waits(channel: str) -> None:
         assert flaky.bus is not None
         flaky.bus.hang.clear()
         sink.send(state(0))
-        until(lambda: sink._write_began_s is not None, "the worker writes")
+        until(lambda: sink._stall.writing, "the worker writes")
         assert sink.send_detail([sink.encode_detail(bytes(64))], 0.0)
         assert not sink.send_detail([sink.encode_detail(bytes(64))], 0.0)
         sink.send(state(1))
@@ -475,7 +475,7 @@ def test_a_sample_that_meets_the_loss_is_not_kept_for_later(pty: Pty) -> None:
     def lose_meanwhile(sample: State, counter: int) -> Sequence[Any]:
         pty.close()
         pty.path.unlink()
-        until(lambda: sink._medium is None, "the loss is noticed")
+        until(lambda: sink._medium.current is None, "the loss is noticed")
         return encode(sample, counter)
 
     sink.encode = lose_meanwhile  # type: ignore[method-assign]

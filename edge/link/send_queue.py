@@ -1,0 +1,122 @@
+"""What waits to be sent: answers and emergencies first, then samples, then detail, one item at a time.
+
+Detail is taken only when nothing else waits, and its items keep a distance: a sample cannot overtake what
+lies in the driver's queue, so there must never be more than one.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+__all__ = ["SendQueue"]
+
+Kind = Literal["control", "sample", "detail"]
+
+
+@dataclass(slots=True)
+class _Periodic:
+    period_s: float
+    make: Callable[[], Any]
+    due_s: float
+
+
+class SendQueue:
+    """The items that wait. Whoever calls holds the link's lock.
+
+    samples_n, control_n  how many samples and answers may wait; the oldest gives way
+    """
+
+    def __init__(self, samples_n: int, control_n: int) -> None:
+        self._samples_n = samples_n
+        self._control: deque[Any] = deque(maxlen=control_n)
+        self._samples: deque[Sequence[Any]] = deque()
+        self._detail: deque[Any] = deque()
+        self._detail_spacing_s = self._detail_due_s = 0.0
+        self._periodic: dict[int, _Periodic] = {}
+        self._in_hand: Kind | None = None
+
+    @property
+    def waiting(self) -> bool:
+        """Whether anything waits."""
+        return bool(self._samples or self._control or self._detail)
+
+    @property
+    def sample_ahead(self) -> bool:
+        """Whether a sample waits or is being written, which another one must not overtake. Needs no lock."""
+        return bool(self._samples) or self._in_hand == "sample"  # in this order: `take` sets the other first
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing waits and nothing is being written."""
+        return not self.waiting and self._in_hand is None
+
+    def put_sample(self, items: Sequence[Any]) -> bool:
+        """Add the items of a sample; False: an older sample had to give way."""
+        self._samples.append(items)
+        kept = len(self._samples) <= self._samples_n
+        if not kept:
+            self._samples.popleft()
+        return kept
+
+    def put_control(self, item: Any) -> None:
+        """Add an answer, an emergency or a heartbeat."""
+        self._control.append(item)
+
+    def put_detail(self, items: Sequence[Any], spacing_s: float) -> None:
+        """Add a group of detail items, to be sent at least so long after each other."""
+        self._detail.extend(items)
+        self._detail_spacing_s = spacing_s
+
+    def every(self, key: int, period_s: float, make: Callable[[], Any] | None, now_s: float) -> None:
+        """Add `make()` as control each period from now on; None ends it. `key` names the series."""
+        self._periodic.pop(key, None)
+        if make is not None and period_s > 0:
+            self._periodic[key] = _Periodic(period_s, make, now_s + period_s)
+
+    def wait_s(self, now_s: float) -> float | None:
+        """How long until there is something to take; None: until something is put."""
+        if self._samples or self._control:
+            return 0.0
+        due = [series.due_s for series in self._periodic.values()]
+        if self._detail:
+            due.append(self._detail_due_s)
+        return max(0.0, min(due) - now_s) if due else None
+
+    def take(self, now_s: float) -> Sequence[Any] | None:
+        """The most urgent items, to be written now; None: nothing is due. `done` follows."""
+        for series in self._periodic.values():
+            if now_s >= series.due_s:
+                series.due_s = max(series.due_s + series.period_s, now_s)
+                self._control.append(series.make())
+        if self._control:
+            self._in_hand = "control"
+            return (self._control.popleft(),)
+        if self._samples:
+            self._in_hand = "sample"
+            return self._samples.popleft()
+        if self._detail and now_s >= self._detail_due_s:
+            self._in_hand = "detail"
+            self._detail_due_s = now_s + self._detail_spacing_s
+            return (self._detail.popleft(),)
+        return None
+
+    def done(self, written: bool) -> dict[str, int]:
+        """What was taken has been written, or not; what that adds to `SinkCounters`."""
+        kind, self._in_hand = self._in_hand, None
+        if kind == "sample":
+            return {"sent": 1} if written else {"dropped": 1}
+        if kind == "detail" and not written:
+            self._detail.clear()  # an incomplete group is useless
+            return {"detail_skipped": 1}
+        return {"detail_sent": 1} if kind == "detail" and not self._detail else {}
+
+    def clear(self) -> int:
+        """Drop all that waits; how many samples that were."""
+        samples_n = len(self._samples)
+        self._samples.clear()
+        self._control.clear()
+        self._detail.clear()
+        return samples_n

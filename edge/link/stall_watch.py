@@ -1,0 +1,91 @@
+"""Since when a link has sent nothing, and a wake-up for whoever reports it.
+
+Whoever writes or drops reports it here. One thread sleeps in `wait` until something may have changed, or a
+stall has lasted so long that it is a fault. Times are `time.monotonic`.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+
+__all__ = ["StallWatch"]
+
+
+class StallWatch:
+    """stall_s  how long nothing may leave."""
+
+    def __init__(self, stall_s: float) -> None:
+        self._stall_s = stall_s
+        self._refused_s: float | None = None  # since when nothing was taken
+        self._write_s: float | None = None  # when the present write began
+        self._slow_write_s: float | None = None  # begin of the last write that may block
+        self._slow_write_watched = False
+        self._changed = threading.Event()
+        self._checked_s = time.monotonic()
+
+    @property
+    def stalled(self) -> bool:
+        """Whether nothing has left for too long."""
+        now_s = time.monotonic()
+        return any(t is not None and now_s - t > self._stall_s for t in (self._refused_s, self._write_s))
+
+    @property
+    def writing(self) -> bool:
+        """Whether a write is under way."""
+        return self._write_s is not None
+
+    def write_begins(self, may_block: bool) -> float:
+        """A write begins now; the time of it."""
+        began_s = self._write_s = time.monotonic()
+        if may_block:
+            self._slow_write_s = began_s
+            if not self._slow_write_watched:
+                self._slow_write_watched = True
+                self._changed.set()
+        return began_s
+
+    def write_ends(self) -> None:
+        """However it ended."""
+        self._write_s = None
+
+    def left(self, began_s: float, recovered: bool) -> None:
+        """A write that began then has succeeded; recovered: a fault ends with it."""
+        recovered |= self._refused_s is not None or time.monotonic() - began_s > self._stall_s
+        self._refused_s = None
+        if recovered:
+            self._changed.set()
+
+    def refused(self, since_s: float) -> None:
+        """The medium has taken nothing since then."""
+        if self._refused_s is None:
+            self._refused_s = since_s
+        self._changed.set()
+
+    def dropped(self) -> None:
+        """A sample was dropped."""
+        if self._refused_s is None:
+            self.refused(time.monotonic())
+
+    def reopened(self) -> None:
+        """Refusals until now were those of the old medium."""
+        self._refused_s = None
+
+    def wake(self) -> None:
+        """Something else happened that may be a fault, or the end of one."""
+        self._changed.set()
+
+    def wait(self) -> None:
+        """Return when a fault of the link may have come or gone."""
+        self._changed.wait(self._until_stalled_s())
+        self._changed.clear()
+        self._checked_s = time.monotonic()
+
+    def _until_stalled_s(self) -> float | None:
+        """Time until a stall becomes a fault; None: nothing stalls, or it is a fault already."""
+        self._slow_write_watched = False  # first: a write that begins from here on wakes this thread
+        since = (self._refused_s, self._slow_write_s)
+        due = [s + self._stall_s for s in since if s is not None and s + self._stall_s >= self._checked_s]
+        # This thread then checks once in `stall_s`, not at each write.
+        self._slow_write_watched = bool(due)
+        return max(0.001, min(due) - time.monotonic()) if due else None

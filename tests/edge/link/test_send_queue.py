@@ -1,0 +1,102 @@
+"""Order of what waits for a link, and since when nothing has left it."""
+
+from __future__ import annotations
+
+import pytest
+
+from edge.link.send_queue import SendQueue
+from edge.link.stall_watch import StallWatch
+
+
+def taken(queue: SendQueue, now_s: float = 0.0) -> list[object]:
+    """All that is due, most urgent first."""
+    items: list[object] = []
+    while (some := queue.take(now_s)) is not None:
+        items += some
+        queue.done(True)
+    return items
+
+
+def test_answers_go_first_then_samples_then_detail() -> None:
+    queue = SendQueue(4, 8)
+    queue.put_detail(["d1", "d2"], 0.0)
+    queue.put_sample(["s1", "s2"])
+    queue.put_control("c")
+    assert taken(queue) == ["c", "s1", "s2", "d1", "d2"]
+    assert queue.empty
+
+
+def test_the_oldest_sample_gives_way() -> None:
+    queue = SendQueue(2, 8)
+    assert [queue.put_sample([k]) for k in range(4)] == [True, True, False, False]
+    assert taken(queue) == [2, 3]
+
+
+def test_detail_keeps_its_distance() -> None:
+    queue = SendQueue(4, 8)
+    queue.put_detail(["d1", "d2"], 0.5)
+    assert taken(queue, 10.0) == ["d1"]
+    assert queue.wait_s(10.2) == pytest.approx(0.3)
+    assert taken(queue, 10.4) == []
+    assert taken(queue, 10.5) == ["d2"]
+
+
+def test_a_detail_group_with_a_hole_is_dropped() -> None:
+    queue = SendQueue(4, 8)
+    queue.put_detail(["d1", "d2", "d3"], 0.0)
+    queue.take(0.0)
+    assert queue.done(False) == {"detail_skipped": 1}
+    assert queue.empty
+
+
+def test_series_come_each_period_and_end() -> None:
+    queue = SendQueue(4, 8)
+    queue.every(1, 0.1, lambda: "beat", 0.0)
+    assert [taken(queue, t) for t in (0.05, 0.1, 0.15, 0.25)] == [[], ["beat"], [], ["beat"]]
+    queue.every(1, 0.1, None, 0.25)
+    assert taken(queue, 9.0) == []
+    assert queue.wait_s(9.0) is None
+
+
+def test_no_sample_overtakes_one_that_is_being_written() -> None:
+    queue = SendQueue(4, 8)
+    queue.put_control("c")
+    queue.take(0.0)
+    assert not queue.sample_ahead
+    queue.done(True)
+    queue.put_sample(["s"])
+    assert queue.sample_ahead
+    queue.take(0.0)
+    assert queue.sample_ahead
+    assert queue.done(True) == {"sent": 1}
+    assert not queue.sample_ahead
+
+
+def test_clearing_counts_the_samples() -> None:
+    queue = SendQueue(4, 8)
+    queue.put_sample(["s1"])
+    queue.put_sample(["s2"])
+    queue.put_control("c")
+    assert queue.clear() == 2
+    assert queue.empty
+
+
+def test_a_link_stalls_only_after_a_while_and_until_something_leaves() -> None:
+    watch = StallWatch(3600.0)
+    watch.dropped()
+    assert not watch.stalled
+    watch = StallWatch(-1.0)  # any time is too long
+    assert not watch.stalled
+    watch.dropped()
+    assert watch.stalled
+    watch.left(watch.write_begins(may_block=False), recovered=False)
+    watch.write_ends()
+    assert not watch.stalled
+
+
+def test_a_watcher_is_woken_when_something_may_have_changed() -> None:
+    watch = StallWatch(3600.0)
+    watch.wake()
+    watch.wait()  # returns at once
+    watch.write_begins(may_block=True)
+    watch.wait()
