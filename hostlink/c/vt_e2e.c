@@ -10,7 +10,7 @@ uint16_t vt_crc16(const uint8_t *data, size_t size, uint16_t start)
     for (size_t i = 0u; i < size; i++) {
         crc ^= (uint32_t)data[i] << 8;
         for (unsigned bit = 0u; bit < 8u; bit++) {
-            crc = (crc & 0x8000u) ? (crc << 1) ^ 0x1021u : crc << 1;
+            crc = ((crc & 0x8000u) != 0u) ? ((crc << 1) ^ 0x1021u) : (crc << 1);
         }
         crc &= 0xFFFFu;
     }
@@ -24,7 +24,7 @@ uint8_t vt_crc8(const uint8_t *data, size_t size, uint8_t start)
     for (size_t i = 0u; i < size; i++) {
         crc ^= data[i];
         for (unsigned bit = 0u; bit < 8u; bit++) {
-            crc = (crc & 0x80u) ? (crc << 1) ^ 0x1Du : crc << 1;
+            crc = ((crc & 0x80u) != 0u) ? ((crc << 1) ^ 0x1Du) : (crc << 1);
         }
         crc &= 0xFFu;
     }
@@ -56,14 +56,14 @@ void vt_protect_p5(uint8_t *data, size_t size, uint8_t counter, uint16_t data_id
     data[1] = (uint8_t)(crc >> 8);
 }
 
-static uint32_t crc32(const uint8_t *data, size_t size)
+uint32_t vt_crc32(const uint8_t *data, size_t size)
 {
     uint32_t crc = 0xFFFFFFFFu;
 
     for (size_t i = 0u; i < size; i++) {
         crc ^= data[i];
         for (unsigned bit = 0u; bit < 8u; bit++) {
-            crc = (crc & 1u) ? (crc >> 1) ^ 0xEDB88320u : crc >> 1;
+            crc = ((crc & 1u) != 0u) ? ((crc >> 1) ^ 0xEDB88320u) : (crc >> 1);
         }
     }
     return crc ^ 0xFFFFFFFFu;
@@ -71,10 +71,10 @@ static uint32_t crc32(const uint8_t *data, size_t size)
 
 bool vt_check_state(const uint8_t *data, size_t size)
 {
-    if (size != VT_STATE_SIZE || !vt_check_p5(data, size, VT_DATA_ID_STATE) || data[3] != VT_VERSION) {
+    if ((size != VT_STATE_SIZE) || !vt_check_p5(data, size, VT_DATA_ID_STATE) || (data[3] != VT_VERSION)) {
         return false;
     }
-    return (crc32(&data[3], VT_STATE_SIZE - 5u) & 0xFFFFu) ==
+    return (vt_crc32(&data[3], VT_STATE_SIZE - 5u) & 0xFFFFu) ==
            ((uint32_t)data[VT_STATE_SIZE - 2u] | ((uint32_t)data[VT_STATE_SIZE - 1u] << 8));
 }
 
@@ -87,7 +87,7 @@ static uint8_t crc_p11(const uint8_t *data, size_t size, uint16_t data_id)
 
 bool vt_check_p11(const uint8_t *data, size_t size, uint16_t data_id)
 {
-    if (size <= 2u || (data[1] & 0x0Fu) > 14u || (data[1] >> 4) != ((data_id >> 8) & 0x0Fu)) {
+    if ((size <= 2u) || ((data[1] & 0x0Fu) > 14u) || ((data[1] >> 4) != ((data_id >> 8) & 0x0Fu))) {
         return false;
     }
     return crc_p11(data, size, data_id) == data[0];
@@ -122,7 +122,7 @@ int vt_part_index(unsigned tpdo, const uint8_t data[8])
     };
 
     for (unsigned i = 0u; i < VT_PARTS; i++) {
-        if (parts[i].tpdo == tpdo && ((data[2] >> 5) & parts[i].mask) == parts[i].page) {
+        if ((parts[i].tpdo == tpdo) && (((data[2] >> 5) & parts[i].mask) == parts[i].page)) {
             return (int)i;
         }
     }
@@ -131,10 +131,10 @@ int vt_part_index(unsigned tpdo, const uint8_t data[8])
 
 int vt_order(vt_order_t *order, uint8_t counter, unsigned modulus)
 {
-    const unsigned ahead = ((unsigned)counter + modulus - order->last) % modulus;
+    const unsigned ahead = (((unsigned)counter + modulus) - order->last) % modulus;
     const bool begun = order->begun;
 
     order->begun = true;
     order->last = counter;
-    return begun ? (int)ahead - 1 : 0;
+    return begun ? ((int)ahead - 1) : 0;
 }

@@ -18,7 +18,8 @@
  *
  * Encoding with vt_fd.c and vt_classic.c needs roundf: link with -lm. Decoding and this file need nothing.
  *
- * Classic CAN: vt_check_p11 with VT_DATA_ID_PART | vt_part_index(tpdo, data), then vt_classic_part<n>_unpack.
+ * Classic CAN: vt_parts.h makes the same 64-byte frame of the parts. Serial lines: vt_serial.h. To ask and to
+ * set (tare): vt_request.h. All of it together: examples/receiver.c.
  */
 #ifndef VT_E2E_H
 #define VT_E2E_H
@@ -42,6 +43,8 @@ extern "C" {
 #define VT_BASE_DETAIL                   0x480u         /* CAN FD; + node id; classic: part 4 */
 #define VT_BASE_EMERGENCY                0x080u         /* + node id */
 #define VT_BASE_HEARTBEAT                0x700u         /* + node id */
+#define VT_BASE_SDO_REQUEST              0x600u         /* host to node; + node id */
+#define VT_BASE_SDO_RESPONSE             0x580u         /* node to host; + node id */
 #define VT_STATUS_TOUCHED                0x0001u        /* something touches the tip */
 #define VT_STATUS_UNCALIBRATED           0x0002u        /* no calibration of this tip is applied */
 #define VT_STATUS_SATURATED              0x0004u        /* a value lies outside of its calibrated range */
@@ -105,10 +108,49 @@ extern "C" {
 #define VT_INVALID_CONTACT3_DEPTH_MM     255u           /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_ORIENTATION_DEG       (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_TEMPERATURE_DEGC      (-128)         /* raw value of an invalid field, 64-byte frame */
+#define VT_OBJECT_PIN_N                  0x200005u      /* unsigned16, ro */
+#define VT_OBJECT_CAMERA_RATE_HZ         0x200007u      /* real32, ro */
+#define VT_OBJECT_TARE                   0x201000u      /* unsigned8, wo */
+#define VT_OBJECT_REBOOT                 0x201100u      /* unsigned32, wo */
+#define VT_OBJECT_RESTORE_DEFAULTS       0x201200u      /* unsigned32, wo */
+#define VT_OBJECT_RATE_HZ                0x202001u      /* real32, rw */
+#define VT_OBJECT_DIVIDER                0x202002u      /* unsigned16, rw */
+#define VT_OBJECT_FEATURES               0x202003u      /* unsigned32, rw */
+#define VT_OBJECT_DETAIL_DIVIDER         0x202004u      /* unsigned16, rw */
+#define VT_OBJECT_SETTINGS_STORED        0x202005u      /* boolean, ro */
+#define VT_OBJECT_REST_FRAME_REQUEST_N   0x203201u      /* unsigned16, ro */
+#define VT_OBJECT_REST_FRAME_STATE       0x203202u      /* unsigned8, ro */
+#define VT_OBJECT_REST_FRAME_REASON      0x203203u      /* unsigned8, ro */
+#define VT_OBJECT_UPTIME_S               0x204001u      /* unsigned32, ro */
+#define VT_OBJECT_SAMPLES_N              0x204002u      /* unsigned32, ro */
+#define VT_OBJECT_SENT_N                 0x204003u      /* unsigned32, ro */
+#define VT_OBJECT_UNSENT_N               0x204004u      /* unsigned32, ro */
+#define VT_OBJECT_DROPPED_N              0x204005u      /* unsigned32, ro */
+#define VT_OBJECT_LINK_LOST_N            0x204006u      /* unsigned32, ro */
+#define VT_OBJECT_LATENCY_P50_US         0x204007u      /* unsigned32, ro */
+#define VT_OBJECT_LATENCY_P99_US         0x204008u      /* unsigned32, ro */
+#define VT_OBJECT_DETAIL_DROPPED_N       0x204009u      /* unsigned32, ro */
+#define VT_REST_FRAME_UNKNOWN            0u             /* nothing was asked for yet, or the node cannot say */
+#define VT_REST_FRAME_BUSY               1u             /* images are being taken and judged; the rest frame before is in use */
+#define VT_REST_FRAME_ACCEPTED           2u             /* the new rest frame is in use */
+#define VT_REST_FRAME_REFUSED            3u             /* the rest frame (and the calibration) before stay in use; the reason says why */
+#define VT_REST_FRAME_FORCED             4u             /* in use because it was forced, although it is implausible for the given reason */
+#define VT_REASON_NONE                   0u             /* none */
+#define VT_REASON_TOUCHED                1u             /* something touches the tip */
+#define VT_REASON_UNSTEADY               2u             /* pins moved while the images were taken */
+#define VT_REASON_TOO_FEW_PINS           3u             /* too few pins are seen */
+#define VT_REASON_NO_PIN_PATTERN         4u             /* the image shows no pattern of pins */
+#define VT_REASON_OTHER_TIP              5u             /* the pins are not those of the calibration */
+#define VT_REASON_NO_IMAGES              6u             /* the camera gave no images */
+#define VT_REASON_NOT_STORED             7u             /* the calibration cannot be stored */
+#define VT_REASON_OTHER                  255u           /* another reason, see `rest_frame_words` */
 
 /* CRC-16/CCITT-FALSE and CRC-8 (polynomial 0x1D) registers; start: 0xFFFF and 0. */
 uint16_t vt_crc16(const uint8_t *data, size_t size, uint16_t start);
 uint8_t vt_crc8(const uint8_t *data, size_t size, uint8_t start);
+
+/* CRC-32 as zlib has it, from its start to its end. */
+uint32_t vt_crc32(const uint8_t *data, size_t size);
 
 /* AUTOSAR E2E profile 5: CRC in bytes 0..1, counter 0..255 in byte 2. */
 bool vt_check_p5(const uint8_t *data, size_t size, uint16_t data_id);

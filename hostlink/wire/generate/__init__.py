@@ -37,5 +37,6 @@ def generate(node: int = 1) -> dict[str, str]:
         **{f"c/{name}": text for name, text in c.codec("vt_classic", classic).items()},
         "c/vt_e2e.h": c.e2e_header(),
         "c/vt_e2e.c": c.e2e_source(),
+        "c/vt_parts_fields.h": c.parts_fields(),
         "WIRE.md": doc.markdown(),
     }
