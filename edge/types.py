@@ -37,6 +37,7 @@ __all__ = [
     "LiveSource",
     "PinPattern",
     "Pins",
+    "Polarity",
     "Reading",
     "Rest",
     "Tracks",
@@ -56,6 +57,14 @@ class Clock(StrEnum):
     DRIVER = "driver"  # the kernel's or the vendor library's, host monotonic
     HOST = "host"  # our own, read when the frame arrived
     RECORDED = "recorded"  # as stored in a recording
+
+
+class Polarity(StrEnum):
+    """How pins stand out from the skin, as a source's address says it."""
+
+    FOUND = ""  # not said: found when the rest frame is taken
+    BRIGHT = "bright"
+    DARK = "dark"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +98,7 @@ class FrameSource(Protocol):
     size_px: tuple[int, int]  # width, height
     rate_hz: float  # nominal; 0 where unknown
     live: bool  # True: frames come at the camera's pace; False: as fast as they are read
+    polarity: Polarity  # of its pins, as far as its address says
     dropped_n: int  # frames that were discarded because the reader was slow
 
     def __iter__(self) -> Iterator[Frame]: ...
@@ -126,12 +136,12 @@ class LiveSource(FrameSource, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Pins:
-    """Bright blobs that fit the pin pattern, or one row a pin if identities are known.
+    """Blobs that fit the pin pattern, or one row a pin if identities are known.
 
     xy_img      (n, 2) float64, px; centroid; NaN where a known pin was not found
     sigma_px    (n,) float64 > 0, one-sigma noise of one coordinate of the centroid
     radius_px   (n,) float64, radius of the disc of equal area
-    brightness  (n,) float64, mean grey level of the disc over its surroundings
+    brightness  (n,) float64, mean grey level of the disc over its surroundings; of dark pins under them
     """
 
     xy_img: Array
@@ -157,6 +167,7 @@ class PinPattern:
     size_px          (width, height) of the image it was learnt from
     edge_px          standard deviation of the blur of a pin's edge, pixel included
     radius_range_px  smallest and largest radius (2nd and 98th percentile); (0, 0) means as pin_radius_px
+    dark             the pins are darker than the skin; levels are those of the inverted image
     count            pins of the untouched tip; 0: not known, and pins cut by the view's border are not
                      searched for
     glints_img       bright arcs at rest that resemble a cut pin's edge but are none
@@ -172,6 +183,7 @@ class PinPattern:
     size_px: tuple[int, int]
     edge_px: float = 0.8
     radius_range_px: tuple[float, float] = (0.0, 0.0)
+    dark: bool = False
     count: int = 0
     glints_img: tuple[tuple[float, float], ...] = ()
 

@@ -23,7 +23,7 @@ from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from edge.errors import SourceError
 from edge.sources import Options, Paced, convert
-from edge.types import Frame, FrameSource
+from edge.types import Frame, FrameSource, Polarity
 
 RATE_HZ = 60.0
 #: Keys of its own: kind and default.
@@ -47,6 +47,7 @@ class SceneSource:
         self.size_px = simulator.camera.size_px
         self.rate_hz = simulator.rate_hz
         self.dropped_n = 0
+        self.polarity = Polarity.FOUND
         self._simulator = simulator
         self._moves = SCENES[scene]
         self._kept: list[Frame] | None = list(self._render()) if keep else None

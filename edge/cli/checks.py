@@ -22,7 +22,7 @@ from edge.pins import take_rest
 from edge.runtime.board_monitor import FREE_SPACE_BYTES, HOT_DEGC
 from edge.runtime.image_quality import DARK, FULL, level_of
 from edge.runtime.tip_match import in_order_of
-from edge.types import Frame, FrameSource, LiveSource, Rest
+from edge.types import Frame, FrameSource, LiveSource, Polarity, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
 
 __all__ = [
@@ -137,19 +137,23 @@ def _light(frames: Sequence[Frame]) -> Line:
     return Line("light", "ok", words)
 
 
-def pins(frames: Sequence[Frame]) -> tuple[list[Line], Rest | None]:
+def pins(frames: Sequence[Frame], polarity: Polarity = Polarity.FOUND) -> tuple[list[Line], Rest | None]:
     """Found, sharp, clear of the border; and the rest frame they make."""
     try:
-        rest = take_rest([f.image for f in frames])
+        rest = take_rest([f.image for f in frames], polarity)
     except NoPins as error:
         return [
             Line("pins", "fail", str(error), "focus the lens; look at `python -m edge inspect IMAGE`")
         ], None
     height, width = frames[0].image.shape
     p = rest.pattern
+    kind = "dark" if p.dark else "bright"
     lines = [
-        Line("pins", "ok", f"{len(rest)} found, radius {p.pin_radius_px:.1f} px, pitch {p.pitch_px:.1f} px")
-    ]
+        Line(
+            "pins", "ok",
+            f"{len(rest)} found, {kind}, radius {p.pin_radius_px:.1f} px, pitch {p.pitch_px:.1f} px",
+        )
+    ]  # fmt: skip
     softness = p.edge_px / p.pin_radius_px
     soft = softness > LIMITS.soft_edge
     lines.append(

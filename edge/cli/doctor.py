@@ -111,7 +111,7 @@ def examine(
         asked_hz = config.source.rate_hz or source.rate_hz
         lines += checks.camera(source, frames, seconds, config)
         if frames:
-            found, rest = checks.pins(frames[:REST_FRAMES])
+            found, rest = checks.pins(frames[:REST_FRAMES], source.polarity)
             lines += found
     lines += checks.calibration(calibration_path, rest)
     for spec in config.link.sinks:

@@ -159,7 +159,7 @@ def _render(
     if not first:
         raise SourceError(f"source {recording}: no images")
     try:
-        rest = tare([frame.image for frame in first], np.inf, calibration)
+        rest = tare([frame.image for frame in first], np.inf, calibration, source.polarity)
     except NoPins as error:
         raise SourceError(f"source {recording}: {error}") from None
     mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0

@@ -88,10 +88,8 @@ def find_spots(image: Image, radius_px: float, depth_min: float) -> Spots:
         h, w = image.shape[0] // k, image.shape[1] // k
         grey = cv2.resize(grey[: h * k, : w * k], (w, h), interpolation=cv2.INTER_AREA)
     r = radius_px / k
-    # Pad with dark: a pin that the border cuts still falls on all sides.
     margin = int(np.ceil(1.5 * r))
-    dark = float(np.percentile(grey[::4, ::4], 1.0))
-    grey = cv2.copyMakeBorder(grey, margin, margin, margin, margin, cv2.BORDER_CONSTANT, value=dark)
+    grey = _with_margin(grey, margin, int(np.ceil(STEPS[-1] * r)))
     s = r / np.sqrt(2.0)  # at this sigma the Laplacian of Gaussian responds best to a disc of radius r
     fine = cv2.GaussianBlur(grey, (0, 0), 0.7 * s)
     band = fine - cv2.GaussianBlur(grey, (0, 0), 1.25 * s)
@@ -109,6 +107,17 @@ def find_spots(image: Image, radius_px: float, depth_min: float) -> Spots:
     xy = (np.stack([xs, ys], axis=1) - margin + 0.5) * k - 0.5
     found = Spots(xy.astype(np.float64), spots[0], spots[1], spots[2] * k, spots[3])
     return found[found.depth >= depth_min]
+
+
+def _with_margin(grey: Levels, margin: int, reach: int) -> Levels:
+    """The image with a margin as dark as the skin beside it: a pin that the border cuts falls on all sides.
+
+    reach  px, from a pin's middle to the skin round it
+    """
+    skin = cv2.erode(grey, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
+    out: Levels = cv2.copyMakeBorder(skin, margin, margin, margin, margin, cv2.BORDER_REPLICATE)
+    out[margin:-margin, margin:-margin] = grey
+    return out
 
 
 def measure_discs(image: Image, spots: Spots) -> tuple[Array, float]:
@@ -140,7 +149,7 @@ def measure_discs(image: Image, spots: Spots) -> tuple[Array, float]:
     edge = (_crossing(level, 0.2) - _crossing(level, 0.8)) * step / 1.683
     good = (radius > 0.5 * spots.radius_px) & (radius < 1.5 * spots.radius_px)
     return np.where(good, radius, spots.radius_px), float(
-        np.clip(np.median(edge), 0.35, np.median(radius) / 2)
+        np.clip(np.median(edge), 0.35, max(0.35, np.median(radius) / 2))
     )
 
 

@@ -15,6 +15,8 @@ Rules
 - One pass over a window's pixels; nine pins in ten need only one step. Divisions here are those of the pin;
   what depends on the template alone is precomputed in `norms`.
 - Levels are taken relative to the window's middle, so that all sums are exact integers.
+- Dark pins are bright ones in the inverted image. Its levels are the negative ones, so that the result is the
+  same to the last bit.
 - No blob is assigned to two pins: of a pair closer than their clash distance the one that moved further from
   its prediction is lost.
 """
@@ -78,6 +80,7 @@ class CentroidKernel:
     _reach2: cython.double
     _clash: cython.double
     _noise2: cython.double
+    _sign: cython.int  # -1: dark pins
     _shift: cython.int  # right shift that brings 16-bit images to 12 bits
     _wide: cython.bint
     _rows: cython.Py_ssize_t
@@ -105,7 +108,12 @@ class CentroidKernel:
     _basis: cython.double[::1]
 
     def __init__(
-        self, templates: TemplateSet, kind_of: Index, rest_amplitude: Array, limits: dict[str, float]
+        self,
+        templates: TemplateSet,
+        kind_of: Index,
+        rest_amplitude: Array,
+        limits: dict[str, float],
+        dark: bool = False,
     ) -> None:
         """Constants of one tip.
 
@@ -113,6 +121,7 @@ class CentroidKernel:
         kind_of         (n,) int32, which of the kinds each pin is
         rest_amplitude  (n,) float64, levels
         limits          fit_min, amplitude_share_min (shares), reach_px, clash_px, noise (levels), spare_bits
+        dark            the pins are darker than the skin
         Raises          ValueError: arrays that do not belong together, an index out of range
         """
         self._kind_of = np.array(kind_of, np.int32)
@@ -128,6 +137,7 @@ class CentroidKernel:
         _check(templates, np.asarray(self._kind_of), np.asarray(self._rest_amplitude))
         if not 0 <= limits["spare_bits"] <= 8:
             raise ValueError(f"spare_bits of 0 to 8 are wanted, not {limits['spare_bits']}")
+        self._sign = -1 if dark else 1
         self._fit_min = limits["fit_min"]
         self._amplitude_share_min = limits["amplitude_share_min"]
         self._reach2 = limits["reach_px"] ** 2
@@ -229,7 +239,10 @@ class CentroidKernel:
     def _take_window(
         self, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, kind: cython.Py_ssize_t, level: cython.int
     ) -> cython.bint:
-        """Pixels less `level`, zero outside of support and image; True if the window lies within."""
+        """Pixels less `level`, as of bright pins, zero outside of support and image.
+
+        Returns  whether the window lies within the image
+        """
         half: cython.int = self._half[kind]
         stride: cython.int = self._stride[kind]
         size: cython.int = 2 * half + 1
@@ -248,7 +261,7 @@ class CentroidKernel:
                 at = j * stride + i
                 step = 0
                 if self._templates[self._first[kind] + at] and 0 <= y < self._rows and 0 <= x < self._columns:
-                    step = (self._level(x, y) - level) >> self._shift
+                    step = (self._sign * (self._level(x, y) - level)) >> self._shift
                 self._window[at] = cython.cast(cython.short, min(max(step, -LEVEL_MAX), LEVEL_MAX))
         return x0 >= 0 and y0 >= 0 and x0 + size <= self._columns and y0 + size <= self._rows
 
@@ -333,10 +346,14 @@ class CentroidKernel:
     def _sum(
         self, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t, level: cython.int, inside: cython.bint
     ) -> cython.void:
-        """The sums of the window in hand with the templates of this phase."""
+        """The sums of the window in hand with the templates of this phase, as of bright pins."""
+        k: cython.Py_ssize_t
         plane: cython.int = cython.cast(cython.int, self._plane[kind])
         if inside:
             sums_of_bytes(self._pixels, level, self._templates, phase, self._first[kind], plane, self._sums)
+            if self._sign < 0:  # all but the sum of squares
+                for k in range(6):
+                    self._sums[k] = -self._sums[k]
         else:
             sums_of_shorts(
                 self._window, self._wide, self._templates, phase, self._first[kind], plane, self._sums

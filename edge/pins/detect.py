@@ -3,13 +3,15 @@
 Idea
 - Spots of all sizes are gathered (`blobs`); the size that holds most of the light is the pins'. Spots that do
   not fit their neighbours are removed, spots that fill a gap are added (`pattern`).
+- Pins are brighter than the skin or darker. Both the image and the inverted one are tried: of a tip only one
+  has a pattern of pins. Below `learn` all code reads bright pins.
 - With a pattern only its own size is searched for. Its absolute brightness is not used: illumination changes.
   Where pins are missing, those that the view's border cuts are found too (`partial`); not in a rest frame.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import cast
 
 import cv2
@@ -24,16 +26,19 @@ from edge.pins.partial import find_cut
 from edge.pins.pattern import belongs, fills_gap, one_of_each, unevenness
 from edge.pins.refine import CentroidRefiner
 from edge.pins.templates import RADIUS_MAX_PX
-from edge.types import Array, Image, Mask, PinPattern, Pins, Rest
+from edge.types import Array, Image, Mask, PinPattern, Pins, Polarity, Rest
+
+#: Which of bright and dark pins are looked for: whether each is dark.
+_TRIED = {Polarity.FOUND: (False, True), Polarity.BRIGHT: (False,), Polarity.DARK: (True,)}
 
 
-def learn_pattern(image: Image) -> PinPattern:
+def learn_pattern(image: Image, polarity: Polarity = Polarity.FOUND) -> PinPattern:
     """Size, pitch, circle, brightness and blur of the pins in one image of the untouched tip.
 
     image   (h, w) uint8 or uint16, or (h, w, 3) BGR
     Raises  NoPins: no pins of a tip in it
     """
-    return _learn_or_explain(to_grey(image))[0]
+    return learn(to_grey(image), polarity)[0]
 
 
 def detect(image: Image, pattern: PinPattern | None = None) -> Pins:
@@ -44,7 +49,9 @@ def detect(image: Image, pattern: PinPattern | None = None) -> Pins:
     """
     grey = to_grey(image)
     if pattern is None:
-        return _learn_or_explain(grey)[1]
+        return learn(grey)[1]
+    grey = as_bright(grey, pattern.dark)
+    pattern = replace(pattern, dark=False)
     whole = _centroids(grey, _find(grey, pattern), pattern)[0]
     if len(whole) >= pattern.count:
         return whole
@@ -69,6 +76,11 @@ def to_grey(image: Image) -> Image:
     return cast(Image, np.ascontiguousarray(image))
 
 
+def as_bright(grey: Image, dark: bool) -> Image:
+    """The image in which pins are brighter than the skin: itself, or the inverted one."""
+    return np.iinfo(grey.dtype).max - grey if dark else grey
+
+
 def noise_of(grey: Image) -> float:
     """Standard deviation of the grey level from pixel to pixel, gradients removed; robust to edges."""
     # weights 1 1 -4 1 1 give sqrt(20) times the noise
@@ -76,26 +88,43 @@ def noise_of(grey: Image) -> float:
     return float(np.median(np.abs(residual)) / 0.6745 / np.sqrt(20.0))
 
 
-def _learn_or_explain(grey: Image) -> tuple[PinPattern, Pins]:
-    try:
-        return learn(grey)
-    except NoPins as error:
-        raise explained(error, grey) from None
+def learn(grey: Image, polarity: Polarity = Polarity.FOUND) -> tuple[PinPattern, Pins]:
+    """Pattern and pins of a grey image of which nothing is known; raises NoPins where there are none.
+
+    Where bright and dark ones are found, those of the more even pattern are taken.
+    """
+    found: list[_Learnt] = []
+    failures: list[str] = []
+    for dark in _TRIED[polarity]:
+        try:
+            found.append(_learn(as_bright(grey, dark), dark))
+        except _NotThese as error:
+            failures.append(f"{'dark' if dark else 'bright'} ones: {error}")
+    if not found:
+        low, high = float(grey.min()), float(grey.max())
+        raise NoPins(
+            f"no pattern of pins in the image: {'; '.join(failures)}; grey levels {low:g} to {high:g}; "
+            "an image of the tip in focus with its light on would show a dozen or more"
+        )
+    best = min(found, key=lambda learnt: learnt.unlikeness)
+    return best.pattern, best.pins
 
 
-def explained(error: NoPins, grey: Image) -> NoPins:
-    """The error with advice: if the inverted image shows pins, they are dark ones."""
-    if "darker than" in str(error):
-        return error
-    try:
-        n = len(learn(np.iinfo(grey.dtype).max - grey)[1])
-    except NoPins:
-        return error
-    return NoPins(_dark_pins(f"the inverted image shows {n} of them"))
+class _NotThese(Exception):
+    """Why the bright spots of an image are no pins."""
 
 
-def learn(grey: Image) -> tuple[PinPattern, Pins]:
-    """Pattern and pins of a grey image, without prior knowledge; raises NoPins where there are none."""
+@dataclass(frozen=True, slots=True)
+class _Learnt:
+    """A pattern, its pins, and how unlike discs of one kind they are: `PARAMS.unlike_pins_max` at most."""
+
+    pattern: PinPattern
+    pins: Pins
+    unlikeness: float
+
+
+def _learn(grey: Image, dark: bool) -> _Learnt:
+    """Of an image whose pins are bright; `dark`: it is the inverted one."""
     noise = noise_of(grey)
     low, high = np.percentile(grey[::4, ::4], (1.0, 99.0))
     depth_min = max(PARAMS.depth_min_noise * noise, PARAMS.depth_min_range * float(high - low), 2.0)
@@ -106,12 +135,12 @@ def learn(grey: Image) -> tuple[PinPattern, Pins]:
     found = _at_scales(grey, scales, depth_min)
     spots = found[_well_shaped(found)]
     if len(spots) < PARAMS.pins_min:
-        raise NoPins(_complaint(grey, f"{len(spots)} spots"))
+        raise _NotThese(f"{len(spots)} spots")
     size = _common_radius(spots)
     core = np.median(spots.depth[np.abs(np.log(spots.radius_px / size)) < 0.2])
     spots = _settle(grey, found, size, PARAMS.depth_min_pins * float(core))
     if len(spots) < PARAMS.pins_min:
-        raise NoPins(_complaint(grey, f"{len(spots)} spots alike"))
+        raise _NotThese(f"{len(spots)} spots alike")
     (x, y), reach = cv2.minEnclosingCircle(spots.xy_img.astype(np.float32))
     radius_px, brightness = float(np.median(spots.radius_px)), float(np.median(spots.depth))
     at = np.rint(spots.xy_img).astype(np.intp)
@@ -132,25 +161,34 @@ def learn(grey: Image) -> tuple[PinPattern, Pins]:
         ),
     )
     if radius_px < PARAMS.scale_range[0] * PARAMS.search_radius_min_px:
-        raise NoPins(_complaint(grey, f"spots of {radius_px:.1f} px radius"))
+        raise _NotThese(f"spots of {radius_px:.1f} px radius")
     if radius_px > RADIUS_MAX_PX:
-        raise NoPins(
-            f"pins of {radius_px:.0f} px radius in an image of {grey.shape[1]} x {grey.shape[0]} px: up to "
+        raise _NotThese(
+            f"of {radius_px:.0f} px radius in an image of {grey.shape[1]} x {grey.shape[0]} px: up to "
             f"{RADIUS_MAX_PX} px are read; set the camera to a smaller image"
         )
     spots = _find(grey, pattern)
     if len(spots) >= PARAMS.pins_min:
         pins, fit = _centroids(grey, spots, pattern)
-        if len(pins) >= PARAMS.pins_min and unevenness(spots) + 1.0 - fit < PARAMS.unlike_pins_max:
+        pins = _in_view(pins, pattern.size_px)
+        unlikeness = unevenness(spots) + 1.0 - fit
+        if len(pins) >= PARAMS.pins_min and unlikeness < PARAMS.unlike_pins_max:
             _refuse_glints(grey, pins, pattern)
             at_rest = replace(pattern, count=len(pins))
-            glints = find_cut(grey, pins, at_rest, len(pins)).xy_img
-            return replace(at_rest, glints_img=tuple((float(x), float(y)) for x, y in glints)), pins
-    raise NoPins(_complaint(grey, "spots that are neither round nor evenly spaced"))
+            glints = tuple((float(x), float(y)) for x, y in find_cut(grey, pins, at_rest, len(pins)).xy_img)
+            return _Learnt(replace(at_rest, glints_img=glints, dark=dark), pins, unlikeness)
+    raise _NotThese("spots that are neither round nor evenly spaced")
+
+
+def _in_view(pins: Pins, size_px: tuple[int, int]) -> Pins:
+    """Without those that the image's border halves: the least motion outwards takes them out of view."""
+    free_space = np.minimum(pins.xy_img, np.array(size_px) - 1.0 - pins.xy_img).min(axis=1)
+    kept = free_space >= PARAMS.rest_room_radii * pins.radius_px
+    return Pins(pins.xy_img[kept], pins.sigma_px[kept], pins.radius_px[kept], pins.brightness[kept])
 
 
 def _refuse_glints(grey: Image, pins: Pins, pattern: PinPattern) -> None:
-    """Raise NoPins where the bright spots are reflections on dark pins.
+    """Raise _NotThese where the bright spots are reflections on dark pins.
 
     The skin between bright pins is as dark as that next to each pin. Next to a reflection lies the dark pin
     that causes it, and halfway to the next one the brighter skin.
@@ -159,13 +197,7 @@ def _refuse_glints(grey: Image, pins: Pins, pattern: PinPattern) -> None:
     x, y = np.rint((pins.xy_img + pins.xy_img[neighbour]) / 2).astype(np.intp).T
     skin = float(np.median(grey[y, x]))
     if skin > pattern.background + 0.5 * pattern.brightness:
-        raise NoPins(
-            _dark_pins(f"{len(pins)} bright spots lie on darker ground than is between them: reflections")
-        )
-
-
-def _dark_pins(found: str) -> str:
-    return f"the pins are darker than the skin ({found}); only bright pins are read: invert the image"
+        raise _NotThese(f"{len(pins)} spots on ground that is unlike the skin between them: reflections")
 
 
 def _find(grey: Image, pattern: PinPattern) -> Spots:
@@ -255,11 +287,3 @@ def _twins(pins: Pins, fit: Array) -> Mask:
         if not (twin[i] or twin[j]):
             twin[j if fit[i] >= fit[j] else i] = True
     return twin
-
-
-def _complaint(grey: Image, found: str) -> str:
-    low, high = float(grey.min()), float(grey.max())
-    return (
-        f"no pattern of pins in the image: {found}, grey levels {low:g} to {high:g}; "
-        "an image of the tip in focus with its light on would show a dozen or more"
-    )

@@ -9,48 +9,46 @@ from typing import cast
 import numpy as np
 
 from edge.errors import NoPins
-from edge.pins.detect import explained, learn, noise_of, to_grey
+from edge.pins.detect import as_bright, learn, noise_of, to_grey
 from edge.pins.params import PARAMS
 from edge.pins.refine import CentroidRefiner
-from edge.types import Image, Pins, Rest
+from edge.types import Image, Pins, Polarity, Rest
 
 
-def take_rest(images: Sequence[Image]) -> Rest:
+def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND) -> Rest:
     """The rest frame from one or more images of the untouched tip; row i defines pin i.
 
     Pins are found on the mean of the largest set of images among which nothing moves: in the mean of a moving
     tip pins are smeared. Dark first images, as cameras give, are not used.
 
-    Raises  NoPins: no image, images of different size, or no pins in them
+    polarity  FOUND: as the first image that shows pins has them
+    Raises    NoPins: no image, images of different size, or no pins in them
     """
     greys = [to_grey(image) for image in images]
     if not greys:
         raise NoPins("no image to take the rest frame from; give one or more of the untouched tip")
     if len({grey.shape for grey in greys}) > 1:
         raise NoPins("images of different size cannot make one rest frame; give images of one camera setting")
+    start, first = _first_with_pins(greys, polarity)
+    dark = first.pattern.dark
+    greys = [as_bright(grey, dark) for grey in greys]
     if len(greys) > 1:
-        greys = [greys[i] for i in _steady(greys)]
+        as_seen = Rest(first.pins, replace(first.pattern, dark=False))
+        greys = [greys[i] for i in _steady(greys, start, as_seen)]
     mean = np.zeros(greys[0].shape, np.float64)
     for grey in greys:
         mean += grey
     average = cast(Image, np.rint(mean / len(greys)).astype(greys[0].dtype))
-    try:
-        pattern, pins = learn(average)
-    except NoPins as error:
-        raise explained(error, average) from None
+    pattern, pins = learn(average, Polarity.BRIGHT)
     # The noise is that of a single image, as later frames have it, not that of the mean.
-    pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])))
+    pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])), dark=dark)
     order = np.lexsort((pins.xy_img[:, 0], np.rint(pins.xy_img[:, 1] / pattern.pitch_px)))
     pins = Pins(pins.xy_img[order], pins.sigma_px[order], pins.radius_px[order], pins.brightness[order])
     return Rest(pins, pattern)
 
 
-def _steady(greys: Sequence[Image]) -> list[int]:
-    """Indices of the largest set of images that show the pins in the same places.
-
-    Raises  NoPins: no image shows any
-    """
-    start, rest = _first_with_pins(greys)
+def _steady(greys: Sequence[Image], start: int, rest: Rest) -> list[int]:
+    """Indices of the largest set of images that show the pins in the same places; `rest` is of `start`."""
     refiner = CentroidRefiner(rest)
     xy = np.empty((len(greys), len(rest), 2))
     for way in (range(start, len(greys)), range(start - 1, -1, -1)):
@@ -74,14 +72,14 @@ def _steady(greys: Sequence[Image]) -> list[int]:
     return np.flatnonzero(near[middle]).tolist()
 
 
-def _first_with_pins(greys: Sequence[Image]) -> tuple[int, Rest]:
+def _first_with_pins(greys: Sequence[Image], polarity: Polarity) -> tuple[int, Rest]:
     """The first image that shows pins, and these; raises NoPins with the reason for the last one."""
     complaint = NoPins("")
     for k, grey in enumerate(greys):
         try:
-            pattern, pins = learn(grey)
+            pattern, pins = learn(grey, polarity)
         except NoPins as error:
             complaint = error
         else:
             return k, Rest(pins, pattern)
-    raise explained(complaint, greys[-1])
+    raise complaint

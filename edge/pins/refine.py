@@ -33,6 +33,7 @@ class CentroidRefiner:
                 "noise": pattern.noise,
                 "spare_bits": max(0.0, np.ceil(np.log2(params.gain_max * pattern.brightness / STEP_MAX))),
             },
+            pattern.dark,
         )
 
     def refine(self, image: Image, xy_img_predicted: Array) -> Pins:

@@ -30,7 +30,7 @@ from edge.recording.mcap_file import (
     raw_messages,
 )
 from edge.recording.topics import TOPICS, proto
-from edge.types import Clock, Frame, Image
+from edge.types import Clock, Frame, Image, Polarity
 
 __all__ = ["RecordingSource", "open_recording", "read_attachments", "read_messages", "read_metadata"]
 
@@ -103,6 +103,7 @@ class RecordingSource:
         self.path = Path(path)
         self.name = f"recording {self.path}"
         self.dropped_n = 0
+        self.polarity = Polarity.FOUND
         self.faults: Counter[str] = Counter()
         self._closed = False
         self.metadata = read_metadata(self.path)

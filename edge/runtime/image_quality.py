@@ -19,7 +19,7 @@ __all__ = ["ImageQuality", "common_step_px", "level_of", "median_offset_px"]
 
 _SAMPLE_STEP = 16  # brightness is read on every 16th row and column: 1200 pixels of 640x480
 #: Share of the full scale below which the mean level counts as black; share of samples at full scale above
-#: which the image counts as overexposed.
+#: which the image counts as overexposed: of those that are below it in the rest frame.
 DARK, FULL = 0.004, 0.5
 #: Against the rest frame: below the first share a fault is present, above the second it is gone. Contacts on
 #: six real tips (two sets of stills, four videos) keep the level within 0.82..1.12, sharpness within
@@ -56,7 +56,7 @@ class ImageQuality:
         self._seen = np.empty((0, 2))
         self._rest = (0.0, 0.0, 0.0)
         self._noise_energy = 0.0
-        self._level = 0.0
+        self._level = self._full = 0.0
         self._due_ns: int | None = None
 
     def learn(self, rest: Rest, frame: Frame) -> None:
@@ -69,7 +69,7 @@ class ImageQuality:
         self._focus = FocusWindows(chosen - half, 2 * half + 1) if len(chosen) else None
         self._seen = np.empty((len(chosen), 2))
         self._noise_energy = 4.0 * rest.pattern.noise**2  # of two differences of two pixels each
-        self._level, _ = level_of(frame.image, frame.bits)
+        self._level, self._full = level_of(frame.image, frame.bits)
         self._rest = self._windows(self._focus, frame.image) if self._focus else (0.0, 0.0, 0.0)
         self._due_ns = None
 
@@ -86,7 +86,8 @@ class ImageQuality:
         level, full = level_of(frame.image, frame.bits)
         least = max(DARK, (DIM_GONE if self.dark else DIM) * self._level)
         dark = f"mean level {level:.1%} of full scale, {self._level:.1%} at rest" if level < least else ""
-        return dark, f"{full:.0%} of the image is at full scale" if full > FULL else ""
+        most = self._full + FULL * (1.0 - self._full)  # bright skin round dark pins may be there at rest
+        return dark, f"{full:.0%} of the image is at full scale" if full > most else ""
 
     def check_focus(self, frame: Frame) -> None:
         """Check the focus now: pins are missing in this image."""

@@ -219,7 +219,8 @@ class Measurement:
 
         May run in another thread. Raises TareRefused; OSError, OutputError: not stored
         """
-        calibration, params = request.calibration or self.calibration, self._config.tare
+        calibration = request.calibration or self.calibration
+        params = replace(self._config.tare, polarity=self._source.polarity)
         live = self._source.live
         if not live:  # only a live tip can be asked to keep still
             params = replace(params, steady_px=np.inf)

@@ -32,7 +32,7 @@ from edge.features.params import PARAMS as CONTACT
 from edge.pins import CentroidRefiner, take_rest
 from edge.runtime.tip_match import in_order_of, match_rest
 from edge.tracking import Tracker
-from edge.types import Image, Pins, Rest, Tracks
+from edge.types import Image, Pins, Polarity, Rest, Tracks
 from hostlink.wire import RestFrameReason
 
 __all__ = ["RestFrame", "TareParams", "TareRefused", "take_rest_frame", "tare"]
@@ -48,11 +48,13 @@ class TareParams:
     frames_n   images that the rest frame is made from
     steady_px  largest motion of 90 % of the pins from the first image to the last
     kept_rel   smallest share of the last rest frame's pins that must be found, without a calibration
+    polarity   of the pins, as far as it is known
     """
 
     frames_n: int = 8
     steady_px: float = 0.5
     kept_rel: float = 0.9
+    polarity: Polarity = Polarity.FOUND
 
 
 PARAMS = TareParams()
@@ -101,7 +103,7 @@ def take_rest_frame(
     Raises       TareRefused
     """
     try:
-        rest = take_rest(images)
+        rest = take_rest(images, params.polarity)
     except NoPins as error:
         raise TareRefused(Reason.NO_PIN_PATTERN, str(error)) from None
     problems: list[TareRefused] = []
@@ -236,7 +238,12 @@ def _touch_sigmas(reference: Rest, tracks: Tracks) -> float:
     return sigmas if in_contact else 0.0
 
 
-def tare(images: Sequence[Image], steady_px: float, calibration: Calibration | None = None) -> Rest:
+def tare(
+    images: Sequence[Image],
+    steady_px: float,
+    calibration: Calibration | None = None,
+    polarity: Polarity = Polarity.FOUND,
+) -> Rest:
     """The rest frame from a few images of a recording's untouched tip.
 
     With a calibration its pins' order is kept, and the tip must be the one that it belongs to.
@@ -244,7 +251,7 @@ def tare(images: Sequence[Image], steady_px: float, calibration: Calibration | N
     steady_px  largest motion of 90 % of the pins from the first to the last image
     Raises     NoPins: no pins in view, or they move; CalibrationError: another tip, another image size
     """
-    rest = take_rest(images)
+    rest = take_rest(images, polarity)
     refiner = CentroidRefiner(rest)
     first, last = (refiner.refine(images[k], rest.xy_img).xy_img for k in (0, -1))
     motion_px = float(np.nanpercentile(np.hypot(*(last - first).T), 90))

@@ -122,5 +122,8 @@ def open_source(spec: str, **settings: Any) -> FrameSource:
         plain = Spec(
             spec, _scheme_of(spec), spec, parsed.options if not parsed.scheme else Options(**settings)
         )
-        return _opener(plain)(plain.where, plain.options)
-    return _opener(parsed)(parsed.where, parsed.options)
+    else:
+        plain = parsed
+    source = _opener(plain)(plain.where, plain.options)
+    source.polarity = plain.options.pins
+    return source

@@ -22,7 +22,7 @@ from cv2.utils import logging
 
 from edge.errors import SourceError
 from edge.sources.image_header import check_image_header, check_size
-from edge.types import Clock, Frame, Image
+from edge.types import Clock, Frame, Image, Polarity
 
 __all__ = ["IMAGE_SUFFIXES", "FolderSource", "VideoSource", "quiet_opencv", "read_image", "to_grey"]
 
@@ -107,6 +107,7 @@ class FolderSource:
         self.name = f"images {self.path}"
         self.rate_hz = rate_hz or STILLS_HZ
         self.dropped_n = 0
+        self.polarity = Polarity.FOUND
         self.faults: Counter[str] = Counter()
         self._closed = False
         if self.path.is_dir():
@@ -161,6 +162,7 @@ class VideoSource:
         self.path = Path(path)
         self.name = f"video {self.path}"
         self.dropped_n = 0
+        self.polarity = Polarity.FOUND
         self.faults: Counter[str] = Counter()
         self._closed = False
         self._own_rate = not rate_hz

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from edge.errors import SourceError
-from edge.types import Frame
+from edge.types import Frame, Polarity
 
 __all__ = ["SLOW", "ThreadedSource", "Watch"]
 
@@ -70,6 +70,7 @@ class ThreadedSource(ABC):
         self.name = name
         self.size_px = (0, 0)
         self.rate_hz = 0.0
+        self.polarity = Polarity.FOUND
         self.dropped_n = 0
         self.received_n = 0
         self.faults: Counter[str] = Counter()

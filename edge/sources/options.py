@@ -17,6 +17,7 @@ from typing import Any
 from urllib.parse import parse_qsl
 
 from edge.errors import SourceError
+from edge.types import Polarity
 
 __all__ = ["Options", "Spec", "convert", "parse_spec"]
 
@@ -29,6 +30,7 @@ class Options:
     gain           in the camera's own unit (V4L2 control, ISO for OAK); 0: unchanged
     focus          lens position in the camera's own unit; None: unchanged
     format         pixel format: GREY, Y10, Y12, Y16, MJPG, YUYV; "": the best that the camera has
+    pins           dark or bright; "": found when the rest frame is taken
     buffers        kernel buffers of a V4L2 camera
     check_rate     measure the rate at the start, and refuse a camera that is slower than asked
     extra          keys of the specification that are the source's own
@@ -41,6 +43,7 @@ class Options:
     gain: int = 0
     focus: int | None = None
     format: str = ""
+    pins: Polarity = Polarity.FOUND
     buffers: int = 1
     check_rate: bool = True
     extra: Mapping[str, str] = field(default_factory=dict)
@@ -65,22 +68,23 @@ class Spec:
 
 _SCHEME = re.compile(r"^([a-z][a-z0-9_+-]*):(.*)$", re.DOTALL)
 _TRUE = {"1": True, "true": True, "yes": True, "0": False, "false": False, "no": False}
-#: Conversion and description of a key's value, by its type in `Options`.
-_KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
-    "bool": (lambda text: _TRUE[text.lower()], "0 or 1"),
-    "float": (float, "a number"),
-    "int": (int, "a whole number"),
-    "str": (str, "text"),
+#: Conversion, description and example of a key's value, by its type in `Options`.
+_KINDS: dict[str, tuple[Callable[[str], Any], str, str]] = {
+    "bool": (lambda text: _TRUE[text.lower()], "0 or 1", "1"),
+    "float": (float, "a number", "1"),
+    "int": (int, "a whole number", "1"),
+    "str": (str, "text", "1"),
+    "Polarity": (Polarity, "dark or bright", "dark"),
 }
 
 
 def convert(kind: str, name: str, text: str, spec: str) -> Any:
     """A key's value. Raises SourceError: it is not of that kind (bool, float, int, str)."""
-    read, wanted = _KINDS[kind]
+    read, wanted, example = _KINDS[kind]
     try:
         return read(text)
     except (ValueError, KeyError):
-        raise SourceError(f"source {spec}: {name}={text}: give {wanted}, e.g. {name}=1") from None
+        raise SourceError(f"source {spec}: {name}={text}: give {wanted}, e.g. {name}={example}") from None
 
 
 def _convert(name: str, text: str, spec: str) -> Any:

@@ -42,7 +42,7 @@ class Paced(ThreadedSource):
     ) -> None:
         super().__init__(source.name)
         self.source = source
-        self.size_px = source.size_px
+        self.size_px, self.polarity = source.size_px, source.polarity
         self.rate_hz = rate_hz or source.rate_hz * speed
         self._speed = speed
         self._own_times = not rate_hz

@@ -31,7 +31,7 @@ from edge.link.node import Node  # noqa: E402
 from edge.link.sinks import SinkCounters, open_sink  # noqa: E402
 from edge.runtime.loop import Loop  # noqa: E402
 from edge.sources.paced import Paced  # noqa: E402
-from edge.types import Clock, Frame  # noqa: E402
+from edge.types import Clock, Frame, Polarity  # noqa: E402
 from hostlink.wire import State, unpack_state  # noqa: E402
 
 BUS = "virtual:paced"
@@ -42,6 +42,7 @@ class Images:
     """Images of a file, in order: the rest frames once at the start, then on and on without them."""
 
     live = False
+    polarity = Polarity.FOUND
     dropped_n = 0
     name = "images"
 

@@ -19,7 +19,7 @@ from calib.rig.manual import ManualRig, describe_pose
 from calib.rig.simulated import SimulatedRig, load_simulation
 from calib.rig.stage import AxisTable, GcodeStage, StageFile, StageTable, load_stage
 from calib.sim import Tool
-from edge.types import Clock, Frame
+from edge.types import Clock, Frame, Polarity
 from tests.support.fake_stage import FakeStage
 
 StageAt = Callable[..., tuple[FakeStage, StageFile]]
@@ -32,6 +32,7 @@ class FakeCamera:
     name = "fake camera"
     size_px = (4, 4)
     rate_hz = 1000.0
+    polarity = Polarity.FOUND
     dropped_n = 0
 
     def __init__(self, clock: Clock = Clock.HOST, n: int = 1000, step_ns: int = 1_000_000) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,12 @@ import pytest
 
 from edge.calibration import Calibration
 from edge.errors import CalibrationError, NoPins
+from edge.pins import take_rest
 from edge.pipeline import ALL, Pipeline
 from edge.runtime.tare import tare
 from edge.runtime.tip_match import in_order_of
 from edge.sources import open_source
-from edge.types import Feature, Frame, Rest, Tracks
+from edge.types import Feature, Frame, Image, Rest, Tracks
 
 TARE = 8
 
@@ -159,3 +161,42 @@ def test_a_moving_tip_is_no_rest_frame(frames: list[Frame]) -> None:
 def test_no_pins_no_rest_frame() -> None:
     with pytest.raises(NoPins):
         tare([np.zeros((240, 320), np.uint8)] * TARE, 0.5)
+
+
+def grey_frames(path: Path, n: int = 10_000) -> list[Image]:
+    source = open_source(str(path))
+    taken = [frame.image for frame in islice(source, n)]
+    source.close()
+    return taken
+
+
+@pytest.mark.real
+def test_dark_dots_are_held_through_a_press_and_contact_shows_it(real_dir: Path) -> None:
+    images = grey_frames(real_dir / "gelsight_mini" / "press.avi")
+    rest = take_rest(images[:TARE])
+    assert rest.pattern.dark
+    assert 70 <= len(rest) <= 74
+    pipeline = Pipeline(rest)
+    results = [pipeline.process(Frame(image, 40_000_000 * k, k)) for k, image in enumerate(images)]
+    assert all(result.features is not None and result.tracks.n_seen >= 66 for result in results)
+    touched = np.array([result.features is not None and result.features.in_contact for result in results])
+    assert not touched[:50].any()
+    assert touched[65:].all()
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("name", ["Movement4", "flatSkin", "north", "west"])
+def test_an_inverted_video_gives_the_same_to_the_last_bit(real_dir: Path, name: str) -> None:
+    images = grey_frames(real_dir / "video" / f"{name}.avi", 90)
+    inverted = [np.asarray(255 - image) for image in images]
+    a, b = Pipeline(take_rest(images[:TARE])), Pipeline(take_rest(inverted[:TARE]))
+    assert not a.rest.pattern.dark
+    assert b.rest.pattern.dark
+    for k, (image, other) in enumerate(zip(images, inverted, strict=True)):
+        one, two = (p.process(Frame(i, 10_000_000 * k, k)) for p, i in ((a, image), (b, other)))
+        np.testing.assert_array_equal(one.tracks.xy_img, two.tracks.xy_img)
+        assert one.tracks.confidence == two.tracks.confidence
+        assert (one.features is None) == (two.features is None)
+        if one.features is not None and two.features is not None:
+            np.testing.assert_array_equal(one.features.area_change, two.features.area_change)
+            assert one.features.in_contact == two.features.in_contact

@@ -9,7 +9,7 @@ from edge.calibration import Calibration
 from edge.link.sinks import MemorySink
 from edge.runtime.fault_registry import FaultRegistry
 from edge.runtime.loop import Loop, LoopConfig
-from edge.types import Clock, Frame, FrameSource, Image
+from edge.types import Clock, Frame, FrameSource, Image, Polarity
 from hostlink.wire import FaultCode, State
 
 PERIOD_NS = 10_000_000
@@ -18,6 +18,7 @@ PERIOD_NS = 10_000_000
 class Camera:
     """A live camera whose state the test sets."""
 
+    polarity = Polarity.FOUND
     name, size_px, rate_hz, live, dropped_n = "test camera", (320, 320), 100.0, True, 0
     condition = frame_condition = ""
     recorded = False

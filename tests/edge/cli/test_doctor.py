@@ -18,7 +18,7 @@ from edge.cli.doctor import WRITE_BYTES, Line, Machine, examine, worst
 from edge.config import Config, LinkTable, SourceTable, StateTable
 from edge.errors import SourceError
 from edge.sources import open_source
-from edge.types import Clock, Frame, Image
+from edge.types import Clock, Frame, Image, Polarity
 
 UP: dict[str, Any] = {
     "ifname": "can0", "flags": ["NOARP", "UP", "LOWER_UP"], "mtu": 72,
@@ -60,6 +60,7 @@ class Well(Machine):
 class Camera:
     """A camera that shows what it is given, at 100 frames/s."""
 
+    polarity = Polarity.FOUND
     name, size_px, rate_hz, live, dropped_n = "camera v4l2:0", (320, 320), 100.0, True, 0
     condition = frame_condition = ""
     recorded = ended = False

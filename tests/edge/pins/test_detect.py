@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from edge.errors import NoPins
 from edge.pins import CentroidRefiner, detect, inspect_image, learn_pattern, take_rest
-from edge.types import Array, Image, Pins
+from edge.types import Array, Image, Pins, Polarity
 from tests.support.pins_rendered import draw, expose, hexagon
 
 
@@ -246,13 +246,57 @@ def dark_pins(glints: bool) -> Image:
 
 
 @pytest.mark.parametrize("glints", [False, True])
-def test_dark_pins_are_refused_and_named(glints: bool) -> None:
+def test_dark_pins_are_found_and_their_reflections_are_none(glints: bool) -> None:
+    truth = hexagon(4, 34.0, (200.0, 200.0))
     image = dark_pins(glints)
-    for take in (inspect_image, learn_pattern, lambda picture: take_rest([picture, picture])):
-        with pytest.raises(NoPins, match=r"darker than the skin.*invert the image"):
-            take(image)
-    inverted = np.array(255 - image, np.uint8)
-    assert len(inspect_image(inverted)) == len(hexagon(4, 34.0, (0.0, 0.0)))
+    for pattern in (learn_pattern(image), take_rest([image, image]).pattern):
+        assert pattern.dark
+        assert missed_and_false(detect(image, pattern), truth, 0.5) == (0, 0)
+    assert missed_and_false(inspect_image(image), truth, 0.5) == (0, 0)
+
+
+def same_pins(a: Pins, b: Pins) -> bool:
+    return all(
+        np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True)
+        for name in ("xy_img", "sigma_px", "radius_px", "brightness")
+    )
+
+
+@pytest.mark.parametrize("bits", [8, 12])
+@pytest.mark.parametrize("left_px", [220.0, 100.0])
+def test_the_inverted_image_gives_the_same_to_the_last_bit(bits: int, left_px: float) -> None:
+    """Pins, rest frame and windows; at the image's border too."""
+    rng = np.random.default_rng(31)
+    truth = hexagon(6, 24.0, (left_px, 220.0))
+    full = 2**bits - 1
+    clean = draw((440, 440), truth, 6.0, 0.9, 0.5 * full, 0.15 * full)
+    images = [expose(clean, full / 128, rng, bits) for _ in range(3)]
+    inverted = [np.asarray(np.iinfo(image.dtype).max - image) for image in images]
+    rest, other = take_rest(images), take_rest(inverted)
+    assert (rest.pattern.dark, other.pattern.dark) == (False, True)
+    assert same_pins(rest.pins, other.pins)
+    assert same_pins(detect(images[0], rest.pattern), detect(inverted[0], other.pattern))
+    a, b = CentroidRefiner(rest), CentroidRefiner(other)
+    off = rest.xy_img + rng.uniform(-4.0, 4.0, rest.xy_img.shape)
+    assert same_pins(a.refine(images[1], off), b.refine(inverted[1], off))
+
+
+def test_the_polarity_that_was_said_is_the_only_one_looked_for() -> None:
+    image = dark_pins(glints=False)
+    assert learn_pattern(image, Polarity.DARK).dark
+    with pytest.raises(NoPins, match=r"bright ones: "):
+        take_rest([image], Polarity.BRIGHT)
+
+
+def test_dark_grid_under_uneven_coloured_light_that_the_border_cuts() -> None:
+    """A square grid as wide as the image, lit from three sides: whole pins are found, halved ones not."""
+    x, y = np.meshgrid(np.arange(18.0, 320.0, 31.6), np.arange(0.5, 240.0, 32.0))
+    truth = np.stack([x.ravel(), y.ravel()], axis=1)
+    dots = 1.0 - draw((320, 240), truth, 5.3, 1.0, 0.8, 0.0)
+    v, u = np.mgrid[0:240, 0:320]
+    light = np.stack([60 + 0.5 * v, 150 - 0.3 * v, 40 + 0.35 * u], axis=2)
+    picture = expose(light * dots[:, :, None], 1.0, np.random.default_rng(6))
+    assert missed_and_false(inspect_image(picture), truth[truth[:, 1] > 3.0], 0.5) == (0, 0)
 
 
 def test_pins_too_large_for_a_window_are_refused_with_the_limit() -> None:

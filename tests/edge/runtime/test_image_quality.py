@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.runtime.image_quality import common_step_px, level_of, median_offset_px
+from edge.runtime.image_quality import ImageQuality, common_step_px, level_of, median_offset_px
 from edge.runtime.measures import FocusWindows, count_apart, count_longer, sample_levels
-from edge.types import Image
+from edge.types import Frame, Image
+from tests.support.layouts import rest_of
 
 pytestmark = pytest.mark.kernels
 
@@ -82,3 +83,18 @@ def test_a_step_that_all_pins_make_is_common() -> None:
     step_px[1::5] = 0.0  # a fifth of the skin stays where it is
     assert common_step_px(step_px, 1.0) is None
     assert common_step_px(np.full((100, 2), np.nan), 1.0) is None
+
+
+@pytest.mark.parametrize(("at_rest", "bright"), [(0.0, 0.6), (0.8, 0.95)])
+def test_overexposed_is_what_was_not_at_full_scale_at_rest(at_rest: float, bright: float) -> None:
+    def frame(share: float) -> Frame:
+        image = np.full((480, 640), 60, np.uint8)
+        image[: round(480 * share)] = 255
+        return Frame(image, 0, 0)
+
+    judge = ImageQuality()
+    judge.learn(rest_of(np.array([[320.0, 200.0], [340.0, 200.0], [330.0, 220.0]])), frame(at_rest))
+    judge.check(frame(at_rest))
+    assert not judge.bright
+    judge.check(frame(bright))
+    assert "full scale" in judge.bright

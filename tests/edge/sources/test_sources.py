@@ -23,7 +23,7 @@ from edge.sources import (
 )
 from edge.sources.live import FROZEN_FRAMES, Watch
 from edge.sources.options import Options, parse_spec
-from edge.types import Clock, Frame
+from edge.types import Clock, Frame, Polarity
 
 
 def noise(seed: int = 0, size: tuple[int, int] = (64, 48)) -> np.ndarray[Any, Any]:
@@ -95,6 +95,7 @@ def test_keys_win_over_settings() -> None:
         ("/dev/video99", "no such camera"),
         ("v4l2:SERIAL-4711", "no such camera"),
         ("v4l2:0?exposure_us=long", "exposure_us=long: give a whole number, e.g. exposure_us=1"),
+        ("v4l2:0?pins=white", "pins=white: give dark or bright, e.g. pins=dark"),
         ("v4l2:0?exposre_us=3", "unknown key 'exposre_us'|no such camera"),
         ("video:nowhere.avi", "no such file"),
         ("images:nowhere", "no such file"),
@@ -402,6 +403,7 @@ class Clocked:
 class Listed:
     """A recording of given times."""
 
+    polarity = Polarity.FOUND
     name, size_px, live, dropped_n = "listed", (4, 4), False, 0
 
     def __init__(self, times_ns: list[int], rate_hz: float) -> None:
@@ -489,3 +491,11 @@ def test_a_replay_delivers_its_last_frame_and_ends() -> None:
     assert sequences[-1] == 20
     assert paced.dropped_n + len(sequences) == 3
     assert paced.ended
+
+
+def test_the_address_says_whether_pins_are_dark(data_dir: Path) -> None:
+    source = open_source(f"mcap:{data_dir / 'press.mcap'}?pins=dark")
+    paced = Paced(source)
+    assert source.polarity is paced.polarity is Polarity.DARK
+    assert open_source(str(data_dir / "press.mcap")).polarity is Polarity.FOUND
+    paced.close()
