@@ -1,11 +1,11 @@
-"""How the three programs end: with an exit code, and with one line where something went wrong.
+"""Exit codes of the three programs, and their one line of error message.
 
-    0    done; also where the reader of stdout had enough (`... | head -1`)
-    1    something failed that the user did not do: a link, a sensor, a full disk
+    0    done; also if the reader of stdout stopped (`... | head -1`)
+    1    a failure that is not the user's: a link, a sensor, a full disk
     2    the user's mistake: "error: what, where, what would be right" on stderr, and nothing else
-    130  Ctrl-C, as a shell has it for SIGINT
+    130  Ctrl-C, as in a shell for SIGINT
 
-Nothing ends in a traceback but a defect.
+Only a defect ends in a traceback.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ _STDOUT_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 
 
 def program_name(script: str, module: str) -> str:
-    """What the user typed: shells complete the installed script, by `_VORONOI_TOUCH_..._COMPLETE`."""
+    """The program as the user typed it: shells complete the installed script, by
+    `_VORONOI_TOUCH_..._COMPLETE`.
+    """
     return script if os.path.basename(sys.argv[0]) == script else f"python -m {module}"
 
 
@@ -41,7 +43,7 @@ def run_command(
     """Run a command line; its exit code.
 
     name       of the program, as it was typed
-    mistakes   what the user did; failures: what he did not. A class in both is a mistake
+    mistakes   errors of the user; failures: other errors. A class in both is a mistake
     arguments  None: those of the process
     """
     wrong: Kinds = (OutputError, *mistakes)
@@ -53,7 +55,7 @@ def run_command(
         click.echo(error.format_message(), err=True)
         return 2
     except click.ClickException as error:
-        return complain(_words(error))
+        return complain(_click_message(error))
     except WriteError as error:
         return complain(str(error), 1)
     except wrong as error:
@@ -77,20 +79,20 @@ def run_command(
 
 
 def _stdout_ended() -> int:
-    """Stdout takes no more: drop what is left in its buffer, so that the interpreter does not complain."""
+    """Stdout is closed: drop its buffer, so that the interpreter does not complain."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     return 0
 
 
-def complain(words: str, code: int = 2) -> int:
+def complain(message: str, code: int = 2) -> int:
     """One line on stderr; the exit code."""
-    click.echo("error: " + " ".join(words.split()), err=True)
+    click.echo("error: " + " ".join(message.split()), err=True)
     return code
 
 
-def _words(error: click.ClickException) -> str:
-    """What click found wrong, and where to read what would be right."""
-    words = error.format_message()
+def _click_message(error: click.ClickException) -> str:
+    """Click's message, and where the correct use is described."""
+    message = error.format_message()
     if isinstance(error, click.UsageError) and error.ctx is not None:
-        return f"{words.rstrip('.')}; see {error.ctx.command_path} --help"
-    return words
+        return f"{message.rstrip('.')}; see {error.ctx.command_path} --help"
+    return message

@@ -1,4 +1,4 @@
-"""Numbers on a command line, for all three programs: NaN and infinity are never one.
+"""Numbers on a command line, for all three programs: NaN and infinity are refused.
 
 @click.option("--seconds", type=FiniteFloat(min=0, min_open=True))
 @click.option("--finger", type=WholeNumber(1, 127))
@@ -15,7 +15,7 @@ __all__ = ["FiniteFloat", "WholeNumber"]
 
 
 class FiniteFloat(click.FloatRange):
-    """A finite number, within limits where they are given. Limits as `click.FloatRange` has them."""
+    """A finite number, within optional limits, as in `click.FloatRange`."""
 
     name = "number"
 
@@ -30,7 +30,7 @@ class FiniteFloat(click.FloatRange):
 
 
 class WholeNumber(click.IntRange):
-    """A whole number, within limits where they are given. Limits as `click.IntRange` has them."""
+    """A whole number, within optional limits, as in `click.IntRange`."""
 
     name = "whole number"
 

@@ -1,17 +1,17 @@
-"""Fingers on a link: samples as they come, and what can be asked of a finger.
+"""Fingers on a link: live samples, and access to each finger.
 
     link thread -> decoder -> clock -> [latest, callbacks, every iterator's queue]
 
 Rules
-- One `Connection` is one bus or line with all the fingers on it. A finger is there once it was heard;
-  asking for one makes none.
-- The link never waits for a slow reader: each iterator has a queue of its own, the oldest sample goes when
-  it is full, and `unread_n` counts.
-- `latest` gives nothing rather than something old.
-- A sensor of another version raises VersionMismatch where its samples are asked for, and where all
-  samples are asked for while no other finger sends any. It is logged in any case.
-- Nothing that comes in ends the link's thread: what was not foreseen is counted, logged once, and left.
-- The link comes back by itself; meanwhile there are simply no samples, and `up` is False.
+- One `Connection` is one bus or line with all the fingers on it. A finger exists once a message of it was
+  received; `finger()` does not create one.
+- The link never waits for a slow reader: each iterator has its own queue; when it is full the oldest sample
+  is dropped, and `unread_n` counts.
+- `latest` gives None rather than an old sample.
+- A sensor of another version raises VersionMismatch where its samples are requested, and where all samples
+  are requested while no other finger sends any. It is logged in any case.
+- No message ends the link's thread: unexpected errors are counted, logged once, and skipped.
+- The link reconnects by itself; meanwhile there are no samples, and `up` is False.
 """
 
 from __future__ import annotations
@@ -49,22 +49,22 @@ __all__ = ["Connection", "Finger", "Info", "Sample", "connect"]
 
 log = logging.getLogger(__name__)
 
-FINGER_S = 3.0  # default time to wait for a finger to be heard
+FINGER_S = 3.0  # default time to wait for a finger's first message
 
 
 class Connection:
     """A bus or line with the fingers on it; a context manager and an iterator of samples.
 
     address  parsed; see `hostlink.wire.address`
-    ids      bases of the CAN identifiers, where they were moved
+    ids      bases of the CAN identifiers, if they were changed
     """
 
     def __init__(self, address: Address, ids: CanIds | None = None) -> None:
         self.address = address
         self._ids = ids or CanIds()
         self._changed = threading.Condition()
-        self._fingers: dict[int, Finger] = {}  # those heard
-        self._asked: dict[int, Finger] = {}  # those that were asked for and not heard yet
+        self._fingers: dict[int, Finger] = {}  # those with messages received
+        self._asked: dict[int, Finger] = {}  # those requested, without a message yet
         self._subscriptions: list[Subscription] = []
         self._callbacks: list[Callable[[Sample], None]] = []
         self._raw: list[Callable[[Any, float], None]] = []
@@ -85,8 +85,8 @@ class Connection:
     def finger(self, node: int | None = None, timeout_s: float = FINGER_S) -> Finger:
         """A finger by node number, or the only one there is.
 
-        Waits until it is heard. One that is named and sends nothing (stopped, without a heartbeat) is asked;
-        with `timeout_s` 0 neither is done.
+        Waits for its first message. If a given finger sends nothing (stopped, without a heartbeat), it is
+        queried; with `timeout_s` 0 it neither waits nor queries.
         Raises LinkTimeout: it was not heard; UsageError: no such number, or several are there, none named
         """
         if node is None:
@@ -140,7 +140,7 @@ class Connection:
         return max(samples, key=lambda s: s.arrival_s, default=None)
 
     def _mismatched(self) -> VersionMismatch | None:
-        """The error of a finger of another version, where no other finger sends samples."""
+        """The error of a finger of another version, if no other finger sends samples."""
         fingers = list(self._fingers.values())
         if any(f.mismatch is None and f.latest() is not None for f in fingers):
             return None
@@ -149,7 +149,7 @@ class Connection:
     def samples(self, timeout_s: float | None = None) -> Iterator[Sample]:
         """All fingers' samples from now on, until the connection is closed.
 
-        timeout_s  longest silence; None: wait for ever
+        timeout_s  longest wait for a sample; None: for ever
         Raises     LinkTimeout, VersionMismatch
         """
         subscription = self._subscribe()
@@ -187,17 +187,17 @@ class Connection:
             self._subscriptions.remove(subscription)
 
     def on_sample(self, callback: Callable[[Sample], None]) -> Callable[[], None]:
-        """Call this with every sample, from the link's thread; returns what ends it."""
+        """Call this with every sample, from the link's thread; returns a function that ends it."""
         return _add(self._callbacks, callback)
 
     def on_detail(self, callback: Callable[[DetailFrame], None]) -> Callable[[], None]:
-        """Call this with every frame of the detail stream, from the link's thread; no more once it fails."""
+        """Call this with every frame of the detail stream, from the link's thread; removed if it fails."""
         return _add(self._on_detail, callback)
 
     def on_raw(self, callback: Callable[[Any, float], None]) -> Callable[[], None]:
-        """Call this with all that comes in (can.Message or bytes) and its arrival: for recorders.
+        """Call this with all received data (can.Message or bytes) and the arrival time: for recorders.
 
-        From the link's thread; no more once it fails.
+        From the link's thread; removed if it fails.
         """
         return _add(self._raw, callback)
 
@@ -215,7 +215,7 @@ class Connection:
 
     @property
     def unforeseen_n(self) -> int:
-        """Messages that led to an error which nothing accounts for; the first of each kind is logged."""
+        """Messages that led to an unexpected error; the first of each kind is logged."""
         return self._link.unforeseen_n
 
     @property
@@ -225,11 +225,11 @@ class Connection:
 
     @property
     def unread_n(self) -> int:
-        """Samples that came and went before a slow iterator, of those running now, had read them."""
+        """Samples dropped because an iterator that is still running was slow."""
         return sum(s.unread_n for s in list(self._subscriptions))
 
     def sync(self) -> None:
-        """Send a SYNC: fingers set to it answer with their newest sample. Raises LinkDown."""
+        """Send a SYNC: fingers configured for it send their newest sample. Raises LinkDown."""
         if isinstance(self._link, CanLink):
             self._link.send(self._ids.sync, b"")
         else:
@@ -243,7 +243,7 @@ class Connection:
             self._link.write(_serial_frame("NMT", bytes((command,))))
 
     def close(self) -> None:
-        """Let go of the link; iterators end."""
+        """Close the link; iterators end."""
         self._link.close()
         for subscription in list(self._subscriptions):
             subscription.put(end=True)
@@ -281,7 +281,7 @@ class Connection:
             finger.objects.answer(event.counter, event.reply)
         elif isinstance(event, Heartbeat):
             finger.state_nmt = event.state
-            if event.state == 0:  # boot-up: what was wrong before is forgotten
+            if event.state == 0:  # boot-up: earlier faults are cleared
                 finger.faults.clear()
         elif isinstance(event, Emergency):
             finger.take_emergency(event)
@@ -324,7 +324,7 @@ class Connection:
         return finger
 
     def _ask_for(self, node: int) -> Finger:
-        """A finger that may be there, to ask. Raises UsageError: no such number."""
+        """A finger that may exist, to query it. Raises UsageError: no such number."""
         with self._changed:
             known = self._fingers.get(node) or self._asked.get(node)
             if known is None:
@@ -375,7 +375,7 @@ def connect(address: str, *, ids: CanIds | None = None) -> Connection:
 
 
 def _call(callbacks: list[Any], *what: Any) -> None:
-    """Call them all; one that fails is called no more, and the link's thread goes on."""
+    """Call all; one that fails is removed, and the link's thread goes on."""
     for callback in list(callbacks):
         try:
             callback(*what)
@@ -386,7 +386,7 @@ def _call(callbacks: list[Any], *what: Any) -> None:
 
 
 def _wake(loop: asyncio.AbstractEventLoop, news: asyncio.Event) -> None:
-    with suppress(RuntimeError):  # the loop was closed: nobody reads there any more
+    with suppress(RuntimeError):  # the loop was closed: there is no reader any more
         loop.call_soon_threadsafe(news.set)
 
 

@@ -1,7 +1,7 @@
 """The sensor's time on the host's clock, with a bound of the error.
 
-Every sample says when it was sent on the device's clock (capture time + capture-to-send latency, us).
-It arrives on the host's clock a transit later, and a transit is never negative:
+Every sample carries the time at which it was sent on the device's clock (capture time + capture-to-send
+latency, us). It arrives on the host's clock a transit later, and a transit is never negative:
 
     host - device
       ^      .      .  .     .           . each dot: one sample = true offset + its transit
@@ -11,20 +11,20 @@ It arrives on the host's clock a transit later, and a transit is never negative:
       +------------------------------> device time
 
 Rules
-- The upper bound of the offset is the least seen, bucket by bucket (1 s), carried on with the slope.
-- The lower bound comes from round trips (`bracket`): a reply cannot leave before the question was asked.
-  Without one, the shortest transit is taken to lie below `transit_s`, and the bound says just that much.
-- The estimate is the middle, the error half the width. True as long as the two clocks drift apart by
-  less than DRIFT_MAX, and the drift wanders by less than WANDER once it is known.
-- The mapping begins anew when the device says that its clock stepped or that it booted (`restart`), and when
-  a sample contradicts it: captured before the one before it, or arrived before it can have been sent.
-  A host that slept shows as one of these, too: its clock stood still, or the 32-bit microseconds wrapped.
-- Samples that are all late may come from a clock that was set back by less than their spacing. After
-  LATE_RUN of them in a row the error covers that. After LATE_S without one in time the mapping begins anew,
-  and the error covers, until the next round trip, that only the way has become longer.
-- After a new beginning, or a long pause, the first samples may all be late ones (a host that was held up):
+- The upper bound of the offset is the least seen, bucket by bucket (1 s), extrapolated with the slope.
+- The lower bound comes from round trips (`bracket`): a reply cannot be sent before the question.
+  Without one, the shortest transit is assumed to be below `transit_s`, which sets the bound.
+- The estimate is the middle, the error half the width. They hold as long as the two clocks drift apart by
+  less than DRIFT_MAX, and the drift varies by less than WANDER once it is known.
+- The mapping restarts when the device reports a clock step or a boot (`restart`), and when a sample
+  contradicts it: captured before the previous one, or arrived before it can have been sent. A host that was
+  suspended causes this too: its clock stood still, or the 32-bit microseconds wrapped.
+- If all samples are late, the clock may have been set back by less than their spacing. After
+  LATE_RUN of them in a row the error covers that. After LATE_S without one in time the mapping restarts,
+  and until the next round trip the error covers the other cause, a longer transit.
+- After a restart, or a long pause, the first samples may all be late (a host that was delayed):
   for SETTLE_N samples and SETTLE_SPAN_S the error is larger by SETTLE_S.
-- The 32-bit microseconds (71 min) are unwrapped by what the host's clock says.
+- The 32-bit microseconds (71 min) are unwrapped with the host's clock.
 
 Source: line under all points, hull edge above the mean abscissa: Moon, Skelly, Towsley 1999,
 "Estimation and removal of clock skew from network delay measurements".
@@ -43,16 +43,16 @@ __all__ = ["ClockMap", "HostTime"]
 WRAP_US = 1 << 32
 BUCKET_S = 1.0
 BUCKETS = 32  # half a minute: long enough for a slope, short enough to follow temperature
-SLOPE_AFTER_S = 5.0  # below this span jitter of 0.1 ms would pass for 20 ppm and more
+SLOPE_AFTER_S = 5.0  # over a shorter span, jitter of 0.1 ms looks like 20 ppm or more
 DRIFT_MAX = 200e-6  # two cheap crystals of +-100 ppm each
 WANDER = 2e-6  # change of the drift by temperature within half a minute
 TRANSIT_S = 2e-3  # shortest transit assumed without a round trip: one frame plus a driver's wake-up
-EARLY_S = 0.5e-3  # arrived earlier than possible by more than this: the clock was set forward
-LATE_RUN = 8  # samples later than the shortest transit allows: one stall of the host makes some
+EARLY_S = 0.5e-3  # a sample this much earlier than possible: the clock was set forward
+LATE_RUN = 8  # late samples in a row: a single stall of the host makes fewer
 LATE_N, LATE_S = 16, 1.0  # of so many messages, and in this time, one has a transit near the shortest
 SETTLE_N, SETTLE_SPAN_S = 8, 0.1  # messages, and their time, of which one has a transit near the shortest
-SETTLE_S = 0.05  # a host that is held up for longer at that moment is wrong until it has caught up
-DRIFTED_S = 0.5e-3  # clocks that may be further apart than this after a pause settle anew
+SETTLE_S = 0.05  # a longer delay of the host at that moment gives a wrong bound until it has caught up
+DRIFTED_S = 0.5e-3  # after a pause in which the clocks may drift more than this, the mapping settles anew
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,11 +70,11 @@ class _Bucket:
 
 
 class ClockMap:
-    """Maps one device's clock to the host's. Every sample is given to it; it can be asked at any time.
+    """Maps one device's clock to the host's. It receives every sample, and can be queried at any time.
 
-    transit_s   what the shortest transit is assumed to stay below until a round trip is known
+    transit_s   assumed bound of the shortest transit until a round trip is known
     lateness_s  how much later than the shortest transit the last sample came
-    restarts    times the mapping began anew
+    restarts    times the mapping restarted
     """
 
     def __init__(self, transit_s: float = TRANSIT_S) -> None:
@@ -99,7 +99,7 @@ class ClockMap:
         self._late_n = 0  # late ones since then,
         self._late_since_s = 0.0  # from this host time on,
         self._late_least_s = inf  # by at least this
-        self._unsure_s = 0.0  # what was late when the mapping began anew for it
+        self._uncertainty_s = 0.0  # lateness that caused the last restart
 
     @property
     def drift_ppm(self) -> float:
@@ -107,7 +107,7 @@ class ClockMap:
         return self._slope * 1e6
 
     def restart(self) -> None:
-        """The device's clock is another one from now on: it booted, or says that its clock stepped."""
+        """The device's clock has changed: it booted, or reported a clock step."""
         with self._lock:
             self._restart()
 
@@ -119,14 +119,14 @@ class ClockMap:
         with self._lock:
             captured_us = self._unwrap(capture_us, host_s)
             if self._captured_us is not None and captured_us < self._captured_us:
-                self._restart()  # nothing is captured before what was captured before it
+                self._restart()  # captures are in order, so the clock stepped back
                 captured_us = capture_us
             self._observe(captured_us + round(latency_us), host_s)
             self._captured_us = captured_us
             return self._host_time(captured_us)
 
     def observe(self, device_us: int, host_s: float) -> None:
-        """A message said `device_us` (modulo 2**32) when it was sent and came in at `host_s`."""
+        """A message sent at `device_us` (modulo 2**32) arrived at `host_s`."""
         with self._lock:
             self._observe(self._unwrap(device_us, host_s), host_s)
 
@@ -136,10 +136,10 @@ class ClockMap:
             unwrapped_us = self._unwrap(device_us, answered_s)
             at_s = unwrapped_us * 1e-6
             if self._buckets and asked_s - at_s > self._bounds(at_s)[0] + EARLY_S:
-                self._restart()  # the clock was set back: no message can have come as early as the map has it
+                self._restart()  # the clock was set back: messages would have arrived before they were sent
             self._observe(unwrapped_us, answered_s)
             self._floors.append(_Bucket(at_s, asked_s - at_s))
-            self._unsure_s = 0.0
+            self._uncertainty_s = 0.0
 
     def to_host(self, device_us: int) -> HostTime | None:
         """Host time of a moment of the device (modulo 2**32, within 35 min of the last sample).
@@ -161,7 +161,7 @@ class ClockMap:
     def _host_time(self, unwrapped_us: int) -> HostTime:
         at_s = unwrapped_us * 1e-6
         upper, lower = self._bounds(at_s)
-        error_s = (upper - lower) / 2 + self._unsure_s
+        error_s = (upper - lower) / 2 + self._uncertainty_s
         if not self._is_settled(at_s) and not self._floors:
             error_s += SETTLE_S
         if self._late_n >= LATE_RUN and at_s > self._on_time_s:
@@ -172,10 +172,10 @@ class ClockMap:
         at_s = unwrapped_us * 1e-6
         offset_s = host_s - at_s
         if self._buckets:
-            unsure_s = self._contradiction(at_s, offset_s, host_s)
-            if unsure_s is not None:
+            uncertainty_s = self._contradiction(at_s, offset_s, host_s)
+            if uncertainty_s is not None:
                 self._restart()
-                self._unsure_s = unsure_s
+                self._uncertainty_s = uncertainty_s
         if self._settling_n == 0 or (host_s - self._last_host_s) * self._wander > DRIFTED_S:
             self._settling_n, self._settling_from_s = 0, at_s
         self._settling_n += 1
@@ -191,7 +191,7 @@ class ClockMap:
         return self._settling_n >= SETTLE_N and at_s - self._settling_from_s >= SETTLE_SPAN_S
 
     def _contradiction(self, at_s: float, offset_s: float, host_s: float) -> float | None:
-        """None: the map can hold for this message. Else what a new one leaves open, s."""
+        """None: the message fits the map. Else the uncertainty of a new map, s."""
         upper, lower = self._bounds(at_s)
         self.lateness_s = max(0.0, offset_s - upper)
         if offset_s < lower - EARLY_S:
@@ -207,7 +207,9 @@ class ClockMap:
         self._late_least_s = min(self._late_least_s, self.lateness_s)
         if self._late_n < LATE_N or host_s - self._late_since_s < LATE_S:
             return None
-        return self._late_least_s  # the clock was set back by that, or all messages take that much longer
+        return (
+            self._late_least_s
+        )  # the clock was set back by that, or the transit has become that much longer
 
     def _unwrap(self, device_us: int, host_s: float) -> int:
         if self._last_us is None:
@@ -216,13 +218,13 @@ class ClockMap:
         return expected_us + _signed(device_us - expected_us)
 
     def _bounds(self, at_s: float) -> tuple[float, float]:
-        """Highest and lowest offset that what was seen allows at device time `at_s`."""
+        """Highest and lowest offset consistent with the samples at device time `at_s`."""
         upper, best = min(
             ((self._carried(b, at_s) + self._wander * abs(at_s - b.at_s), b) for b in self._buckets),
             key=lambda pair: pair[0],
         )
         floors = [self._carried(b, at_s) - self._wander * abs(at_s - b.at_s) for b in self._floors]
-        # A round trip loses its worth as the drift eats it; the assumption always holds.
+        # A round trip's bound widens with the drift; the assumed one does not.
         floors.append(self._carried(best, at_s) - self._wander * abs(at_s - best.at_s) - self._transit_s)
         return upper, min(max(floors), upper)
 

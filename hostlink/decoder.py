@@ -1,4 +1,4 @@
-"""The decoder: bytes or CAN frames in, events out. It does no I/O and asks no clock.
+"""The decoder: bytes or CAN frames in, events out. It does no I/O and reads no clock.
 
     CanDecoder.receive(can_id, data, arrival_s)  -> [Sample | DetailFrame | Heartbeat | SdoFrame | ...]
     SerialDecoder.receive(data, arrival_s)       -> [Sample | ... | ObjectAnswer]
@@ -6,16 +6,16 @@
 Rules
 - Noise on the wire is counted, never raised: `statistics[node]`. Misuse (wrong types, CAN data of 70
   bytes) raises TypeError or ValueError at once.
-- A sample is delivered whole, once, and in order, or not at all. One that comes after a newer one is
-  stale: it is counted and dropped, for a controller must not act on it.
-- Loss is counted from the sender's counters: the E2E counter tells samples lost from samples that the
-  divider left out, the 16-bit sample number tells how often that counter went round. A silence longer
+- A sample is delivered complete, once, and in order, or not at all. One that arrives after a newer one is
+  old: it is counted and dropped, because a controller must not act on it.
+- Losses are derived from the sender's counters: the E2E counter distinguishes lost samples from those that
+  the divider skipped, the 16-bit sample number shows how often that counter wrapped. A silence longer
   than 32768 samples (2.3 minutes at 240 Hz) looks like a restart: RESTART_RUN samples are dropped, and the
   loss is not counted.
 - Another version raises VersionMismatch, once a node. Frames of another layout look like noise, but noise
   implies another data id in each frame (see `wire.e2e`) and another layout the same one again and again.
-  What was decoded beside it in the same call comes with the next call.
-- A boot-up message restarts the sequence and the mapping of the clock, an announced step the latter.
+  Events decoded in the same call are given with the next call.
+- A boot-up message restarts the sequence and the clock mapping, an announced clock step only the latter.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ __all__ = [
     "SerialDecoder",
 ]
 
-SERIAL_NODE: Final = 1  # a line has no node numbers: what the finger at its end is called
+SERIAL_NODE: Final = 1  # a line has no node numbers: number of the finger at its end
 LATE_S: Final = 0.020  # default; five samples at 240 Hz
 
 
@@ -145,7 +145,7 @@ class _Node:
         return None
 
     def corrupt_p11(self, tpdo: int, frame: bytes) -> VersionMismatch | None:
-        """As `corrupt_p5`; TPDO1 alone is asked, for its data id does not depend on a page."""
+        """As `corrupt_p5`; only for TPDO1, whose data id does not depend on a page."""
         if tpdo == tpdo_of(0) and len(frame) == PART_SIZE:
             implied = implied_id_p11(frame)
             if implied != DATA_ID_CLASSIC and self.evidence_p11.weigh(implied >> 8, implied, frame):
@@ -172,7 +172,7 @@ class _Node:
         return [*events, Sample(self.node, state, host_time_s, host_error_s, arrival_s, lost_n)]
 
     def _host_time(self, state: State, arrival_s: float) -> tuple[float, float]:
-        """When the image was taken, and the error of that; counts a sample that came late."""
+        """Capture time and its error; counts a late sample."""
         if arrival_s != arrival_s:
             return nan, inf
         if state.status & Status.CLOCK_STEP:
@@ -191,7 +191,7 @@ class _Node:
 
 
 class _Decoder:
-    """What both decoders share: nodes, statistics, and events held back by an error."""
+    """Common to both decoders: nodes, statistics, and events held back by an error."""
 
     def __init__(self, late_s: float) -> None:
         self._nodes: dict[int, _Node] = {}
@@ -226,7 +226,7 @@ class CanDecoder(_Decoder):
 
     ids        identifiers; must be those that the sensors use
     late_s     limit above which a sample counts as late
-    unknown_n  frames with identifiers of others
+    unknown_n  frames with other identifiers
     """
 
     def __init__(self, ids: CanIds | None = None, *, late_s: float = LATE_S) -> None:
@@ -284,15 +284,15 @@ _TPDO: Final = {Kind.TPDO1: 1, Kind.TPDO2: 2, Kind.TPDO3: 3, Kind.TPDO4: 4}
 class SerialDecoder(_Decoder):
     """The bytes of one serial line, in chunks of any size.
 
-    node  number to put on the events: a line has no node numbers
+    node  node number of the events: a line has no node numbers
     """
 
     def __init__(self, node: int = SERIAL_NODE, *, late_s: float = LATE_S) -> None:
         super().__init__(late_s)
         self._number = node
         self._block = bytearray()
-        self._skipping = False  # a block grew beyond any frame: wait for its end
-        self._in_step = False  # a separator was seen: what comes before the first is half a frame
+        self._skipping = False  # a block became longer than any frame: wait for its end
+        self._in_step = False  # a separator was seen: data before the first one are half a frame
 
     def receive(self, data: bytes | bytearray, arrival_s: float = nan) -> list[Event]:
         """The events that these bytes complete.

@@ -1,4 +1,4 @@
-"""What hostlink raises on purpose. Every message is one line: what is wrong, where, what would be right.
+"""The errors of hostlink. Every message is one line: what is wrong, where, what would be right.
 
 LinkError                (hostlink.wire.errors)
 ├── WireError
@@ -8,7 +8,7 @@ LinkError                (hostlink.wire.errors)
 ├── UsageError           the user's mistake: one line, exit code 2
 │   ├── ConnectError         no such interface or port, or it cannot be opened
 │   └── LogError             a log that cannot be read, or a format that would lose data
-├── RestFrameRefused     the sensor judged a new rest frame, and kept the one before
+├── RestFrameRefused     the sensor refused a new rest frame, and kept the previous one
 ├── LinkTimeout          the sensor did not answer in time
 └── LinkDown             the medium failed while a request was under way
 """
@@ -34,7 +34,7 @@ __all__ = [
 
 
 class UsageError(LinkError):
-    """Input that the user can put right."""
+    """Input that the user can correct."""
 
 
 class ConnectError(UsageError):
@@ -46,10 +46,10 @@ class LogError(UsageError):
 
 
 class RestFrameRefused(LinkError):
-    """The sensor judged a new rest frame, and kept the one before."""
+    """The sensor refused a new rest frame, and kept the previous one."""
 
-    def __init__(self, words: str, reason: RestFrameReason) -> None:
-        super().__init__(words)
+    def __init__(self, message: str, reason: RestFrameReason) -> None:
+        super().__init__(message)
         self.reason = reason
 
 

@@ -1,7 +1,7 @@
-"""What a decoder gives: samples, and all else that a fingertip says on its link.
+"""The events of a decoder: samples, and all other messages of a fingertip.
 
-`node` is the sender's node number; `arrival_s` is when it came in, on the clock of the caller of `receive`:
-`time.monotonic()` on a live link, wall clock in a recording. NaN: the caller did not say.
+`node` is the sender's node number; `arrival_s` is the time of arrival, on the clock of the caller of
+`receive`: `time.monotonic()` on a live link, wall clock in a recording. NaN: not given.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Sample:
     state         the values; fields: `hostlink.wire.fields`
     host_time_s   when the image was taken, on the clock of `arrival_s`; NaN where that is NaN
     host_error_s  bound of that time's error: see `hostlink.clock`
-    arrival_s     when it came in
+    arrival_s     time of arrival
     lost_n        samples lost between the one before and this
     """
 
@@ -46,7 +46,7 @@ class Sample:
 
     @property
     def node(self) -> int:
-        """The finger's number, as the other events call it."""
+        """The finger's number, under the name that the other events use."""
         return self.finger
 
     @property
@@ -75,7 +75,7 @@ class Heartbeat:
 
 @dataclass(frozen=True, slots=True)
 class Emergency:
-    """A fault appeared (fault: its code in `wire.FAULTS`), or all are gone (emcy == fault == 0)."""
+    """A fault appeared (fault: its code in `wire.FAULTS`), or all have cleared (emcy == fault == 0)."""
 
     node: int
     emcy: int
@@ -106,7 +106,7 @@ class ObjectAnswer:
 
 @dataclass(frozen=True, slots=True)
 class SecondSender:
-    """Two senders use this node number: samples of both come, and count as lost or old. Given once."""
+    """Two senders use this node number: samples of both arrive, and count as lost or old. Sent once."""
 
     node: int
     arrival_s: float

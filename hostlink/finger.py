@@ -1,4 +1,4 @@
-"""One finger as the host sees it: its newest sample, what it can be asked, and what can be set."""
+"""One finger as the host sees it: its newest sample, its objects and commands."""
 
 from __future__ import annotations
 
@@ -38,18 +38,18 @@ __all__ = ["STALE_S", "Finger", "Info", "RestFrameOutcome"]
 
 Value = int | float | str | bytes
 
-#: Abort codes whose reason object `refusal` gives in words.
+#: Abort codes whose reason object `refusal` explains.
 _IN_WORDS = frozenset({Abort.VALUE_RANGE, Abort.NOT_NOW, Abort.NOT_STORED, Abort.LENGTH})
 _REASONS = frozenset(RestFrameReason)
-_NOT_THERE = frozenset({Abort.NO_OBJECT, Abort.NO_SUB})  # the node is of an older release
+_NOT_THERE = frozenset({Abort.NO_OBJECT, Abort.NO_SUB})  # an older release
 STALE_S = 0.1  # default age above which `latest` gives nothing
-TARE_S = 15.0  # a rest frame of 60 images at 10 Hz, and some tries at it
-POLL_S = 0.05  # the object that holds the outcome announces nothing: it has to be asked
+TARE_S = 15.0  # a rest frame of 60 images at 10 Hz, and some retries
+POLL_S = 0.05  # the object with the outcome sends no events: it is polled
 
 
 @dataclass(frozen=True, slots=True)
 class Info:
-    """Who a finger is; `values` holds every readable object that it has, by name."""
+    """Identity of a finger; `values` has every readable object, by name."""
 
     serial_number: str
     software_version: str
@@ -61,11 +61,11 @@ class Info:
 
 @dataclass(frozen=True, slots=True)
 class RestFrameOutcome:
-    """The rest frame that a request led to.
+    """The outcome of a request for a rest frame.
 
     state   ACCEPTED, or FORCED: in use although it is implausible
-    reason  what a forced one shows
-    words   the same in the finger's own words
+    reason  why a forced one is implausible
+    words   the same as text from the finger
     """
 
     state: RestFrameState
@@ -77,9 +77,9 @@ class Finger:
     """One finger of a connection.
 
     objects        access to its objects
-    statistics     what became of its samples so far
+    statistics     counts of its samples so far
     clock          the mapping of its clock to the host's
-    second_sender  whether another sender with the same number was heard
+    second_sender  whether another sender uses the same number
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Finger:
         self._clock = clock
         self.second_sender = False
         self.state_nmt: int | None = None  # CiA 301; 5 is operational
-        self.faults: dict[FaultCode, float] = {}  # active ones, with when they were heard of
+        self.faults: dict[FaultCode, float] = {}  # active ones, with the times of their messages
         self.objects = objects
         self.newest: Sample | None = None
         self._statistics = statistics
@@ -118,7 +118,7 @@ class Finger:
 
     @property
     def statistics(self) -> LinkStatistics:
-        """What became of this finger's samples."""
+        """Counts of this finger's samples."""
         return self._statistics()
 
     def get(self, name: str) -> Value:
@@ -151,10 +151,10 @@ class Finger:
             raise self._explained(error) from None
 
     def _explained(self, error: ObjectAborted) -> ObjectAborted:
-        """The same with the node's own words, where it has any."""
+        """The same error with the node's own reason, if it gives one."""
         try:
             words = self.get("refusal") if error.code in _IN_WORDS else ""
-        except LinkError:  # an older node has no such object
+        except LinkError:  # an older release has no such object
             words = ""
         return ObjectAborted(error.index, error.sub, error.code, str(words) or error.reason, error.name)
 
@@ -181,9 +181,9 @@ class Finger:
     def tare(self, force: bool = False, timeout_s: float = TARE_S) -> RestFrameOutcome:
         """Take a new rest frame, and wait until it is in use.
 
-        force   take it even if something touches the tip; the result says what it shows
-        Raises  ObjectAborted: refused at once; RestFrameRefused: refused after a look at the images; in both
-                cases the one before stays in use. LinkTimeout, LinkDown, LinkError: not known
+        force   accept it even if something touches the tip; the result gives the reason
+        Raises  ObjectAborted: refused at once; RestFrameRefused: refused after checking the images; in both
+                cases the previous one stays in use. LinkTimeout, LinkDown, LinkError: outcome not known
         """
         self.set("tare", 2 if force else 1)
         return self._rest_frame("tare", timeout_s)
@@ -206,7 +206,7 @@ class Finger:
                     return self._judged(what, RestFrameOutcome(state, reason, words))
                 if (newest_n - request_n) & 0xFFFF > 0x8000:
                     raise LinkError(f"the finger restarted during the {what}; ask again")
-                request_n = newest_n  # another host asked, too: its rest frame is the one that counts
+                request_n = newest_n  # another host made a later request: its outcome counts
             else:
                 raise LinkTimeout(f"no outcome of the {what} for {timeout_s:g} s; does its camera run?")
         except ObjectAborted as error:
@@ -225,14 +225,14 @@ class Finger:
         raise RestFrameRefused(f"{what} refused: {words}", frame.reason)
 
     def set_rate(self, rate_hz: float) -> None:
-        """Samples per second at the most; 0: one for every image."""
+        """Largest number of samples per second; 0: one for every image."""
         self.set("rate_hz", rate_hz)
 
     def upload_calibration(self, file: Path | str | bytes, timeout_s: float = TARE_S) -> RestFrameOutcome:
         """Give the finger another calibration file; wait until it is in use, with a new rest frame.
 
-        Raises UsageError: no such file, or plainly no calibration; ObjectAborted, RestFrameRefused: refused,
-               the one before stays in use; LinkTimeout, LinkDown, LinkError: not known
+        Raises UsageError: no such file, or obviously not a calibration; ObjectAborted, RestFrameRefused:
+               refused, the previous one stays in use; LinkTimeout, LinkDown, LinkError: outcome not known
         """
         try:
             data = file if isinstance(file, bytes) else Path(file).read_bytes()
@@ -242,7 +242,7 @@ class Finger:
             whole = isinstance(json.loads(data), dict)
         except (ValueError, RecursionError):
             whole = False
-        if not whole:  # what is wrong within, the finger says; but a picture need not go there
+        if not whole:  # the finger checks the content; do not upload other kinds of file
             where = "upload" if isinstance(file, bytes) else file
             raise UsageError(f"{where}: not a calibration file; give one that `calib fit` made (.json)")
         self.set("calibration", data)
@@ -255,7 +255,7 @@ class Finger:
         return data
 
     def sync_clock(self) -> None:
-        """Narrow the bound of `host_error_s` by a round trip: without one it rests on an assumed transit.
+        """Narrow the bound of `host_error_s` by a round trip; before, it is based on an assumed transit.
 
         Raises ObjectAborted: the finger's images are not stamped by a clock that it can read
         """
@@ -270,7 +270,7 @@ class Finger:
         self.set("reboot", 0x746F6F62)
 
     def take_emergency(self, event: Emergency) -> None:
-        """Keep the set of active faults by an emergency message."""
+        """Update the set of active faults from an emergency message."""
         if event.emcy == 0 and event.fault == 0:
             self.faults.clear()
         elif event.fault in FaultCode._value2member_map_:

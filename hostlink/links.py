@@ -1,9 +1,9 @@
-"""Open links on the host: a thread that reads, and opens the medium again when it fails.
+"""Open links on the host: a thread that reads, and reopens the medium when it fails.
 
 Rules
-- What comes in goes to one callable, from the link's thread, with its arrival on the monotonic clock. The
-  kernel's or the driver's stamp is used where there is one: it does not wait for Python.
-- A medium that fails is closed and opened again every RETRY_S until it is back or the link is closed.
+- Received data go to one callable, from the link's thread, with their arrival on the monotonic clock. The
+  kernel's or the driver's time stamp is used if there is one: it does not depend on Python's scheduling.
+- A medium that fails is closed and reopened every RETRY_S until it is back or the link is closed.
 - python-can and pyserial are imported when a link is opened, not before.
 """
 
@@ -36,14 +36,14 @@ READ_CHUNK = 4096
 SOCKETS = frozenset({"socketcan", "udp_multicast"})
 RECEIVE_BUFFER = 8 << 20  # bytes; a frame takes about 1 kB of it: 6 s of five fingers at 250 Hz
 SO_RCVBUFFORCE = 33  # linux/asm-generic/socket.h; Python does not name it
-STAMP_MAX_S = 1.0  # a stamp further from now is on another clock than the system's
+STAMP_MAX_S = 1.0  # a stamp further from the present is on another clock than the system's
 
 
 class Link(ABC):
     """One open medium and its thread; base of CAN and serial.
 
-    on_data       called with (what came, arrival s) from the link's thread
-    unforeseen_n  exceptions that nothing here accounts for; the first of each kind is logged
+    on_data       called with (data, arrival s) from the link's thread
+    unforeseen_n  unexpected exceptions; the first of each kind is logged
     """
 
     def __init__(self, address: Address, on_data: Callable[[Any, float], None]) -> None:
@@ -63,7 +63,7 @@ class Link(ABC):
         return self._medium is not None
 
     def close(self) -> None:
-        """Stop reading and let go of the medium."""
+        """Stop reading and close the medium."""
         self._closing.set()
         if self._thread is not threading.current_thread():
             self._thread.join()
@@ -83,12 +83,12 @@ class Link(ABC):
         while not self._closing.is_set():
             try:
                 self._turn()
-            except Exception as error:  # noqa: BLE001 - whatever it is: samples must go on coming
+            except Exception as error:  # noqa: BLE001 - whatever it is: reading must go on
                 self._note(error)
-        self._let_go()
+        self._close_medium()
 
     def _turn(self) -> None:
-        """Read once, or open the medium again."""
+        """Read once, or reopen the medium."""
         medium = self._medium
         if medium is None:
             try:
@@ -101,7 +101,7 @@ class Link(ABC):
             data = self._read(medium)
         except Exception as error:
             log.warning("%s: %s", self.address, message_of(error))
-            self._let_go()
+            self._close_medium()
             if not isinstance(error, _broken()):
                 raise
             return
@@ -109,7 +109,7 @@ class Link(ABC):
             self._on_data(data, arrival_s(data))
 
     def _note(self, error: Exception) -> None:
-        """Count what should not have happened, and log each kind of it once."""
+        """Count an unexpected error, and log each kind once."""
         self.unforeseen_n += 1
         trace = error.__traceback__
         while trace is not None and trace.tb_next is not None:
@@ -126,14 +126,14 @@ class Link(ABC):
         except ConnectError:
             self._closing.wait(RETRY_S)
 
-    def _let_go(self) -> None:
+    def _close_medium(self) -> None:
         with self._writing:
             medium, self._medium = self._medium, None
             if medium is not None:
-                with suppress(Exception):  # it is given up whatever it says
+                with suppress(Exception):  # it is abandoned in any case
                     self._close(medium)
 
-    # What the medium is:
+    # Implemented by the kind of medium:
 
     @abstractmethod
     def _open(self) -> Any:
@@ -141,7 +141,7 @@ class Link(ABC):
 
     @abstractmethod
     def _read(self, medium: Any) -> Any:
-        """What has come; None: nothing within READ_S."""
+        """Received data; None: nothing within READ_S."""
 
     @abstractmethod
     def _write(self, medium: Any, item: Any) -> None:
@@ -149,11 +149,11 @@ class Link(ABC):
 
     @abstractmethod
     def _close(self, medium: Any) -> None:
-        """Let go of it."""
+        """Close it."""
 
 
 class CanLink(Link):
-    """A bus through python-can; what comes and goes is can.Message."""
+    """A bus through python-can; messages are can.Message."""
 
     _port_lock: PortLock | None = None  # of a serial-line adapter
 
@@ -194,7 +194,7 @@ class CanLink(Link):
 
 
 class SerialLink(Link):
-    """A serial line through pyserial; what comes and goes is bytes."""
+    """A serial line through pyserial; data are bytes."""
 
     def _open(self) -> Any:
         import serial
@@ -209,8 +209,8 @@ class SerialLink(Link):
             )
         except _broken() as error:
             raise ConnectError(f"{self.address}: {cannot_open(self.address, error)}") from error
-        # FTDI adapters hold bytes back for 16 ms otherwise. Other ports know no such mode (the driver
-        # refuses, or pyserial's class has none) and need none; one that is broken says so at the first read.
+        # FTDI adapters otherwise hold bytes back for 16 ms. Other ports do not have this mode (the driver
+        # refuses, or pyserial's class lacks it) and do not need it; a broken port fails at the first read.
         with suppress(*_broken(), NotImplementedError):
             port.set_low_latency_mode(True)
         return port
@@ -234,7 +234,7 @@ def open_link(address: Address, on_data: Callable[[Any, float], None]) -> Link:
 
 
 def arrival_s(data: Any) -> float:
-    """When something came in, on the monotonic clock."""
+    """Arrival of received data, on the monotonic clock."""
     now_s = time.monotonic()
     stamp_s = getattr(data, "timestamp", 0.0)
     age_s = time.time() - stamp_s
@@ -242,7 +242,7 @@ def arrival_s(data: Any) -> float:
 
 
 def _widen(number: int) -> None:
-    """Ask for a larger receive buffer: a host that is held up for half a second must not lose samples."""
+    """Ask for a larger receive buffer: a host that is delayed for half a second must not lose samples."""
     with socket.socket(fileno=os.dup(number)) as same:
         for option in (SO_RCVBUFFORCE, socket.SO_RCVBUF):  # the first needs CAP_NET_ADMIN, but has no limit
             with suppress(OSError):
@@ -251,7 +251,7 @@ def _widen(number: int) -> None:
 
 
 def _broken() -> tuple[type[BaseException], ...]:
-    """All ways in which python-can and pyserial say that a medium is gone."""
+    """All errors with which python-can and pyserial report a lost medium."""
     import can
 
     # serial.SerialException is an OSError; the last three are python-can without a driver's own library.

@@ -1,6 +1,6 @@
-"""Checks of CAN logs before python-can reads them: it believes a length, and a damaged one may be gigabytes.
+"""Checks of CAN logs before python-can reads them: it trusts a length, and a damaged one may be gigabytes.
 
-.log  each line has the form that `candump -L` writes, or it is the damage
+.log  each line must have the form that `candump -L` writes
 .blf  no object is longer than the file, no container unpacks to more than CONTAINER_MAX
 """
 
@@ -31,7 +31,7 @@ _ZLIB: Final = 2
 
 
 class LogLines:
-    """The lines of a `.log` file, as python-can iterates them. Raises ValueError at one of another form."""
+    """The lines of a `.log` file, as python-can iterates them. Raises ValueError: another form."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open(encoding="ascii", errors="replace")
@@ -49,7 +49,7 @@ class LogLines:
 
 
 class WholePart:
-    """A file up to `end`, as python-can reads it; no length makes it read beyond."""
+    """A file up to `end`, as python-can reads it; nothing beyond is read."""
 
     def __init__(self, path: Path, end: int) -> None:
         self._file = path.open("rb")
@@ -64,10 +64,10 @@ class WholePart:
 
 
 def find_blf_damage(path: Path) -> tuple[int, str]:
-    """How much of a `.blf` file can be read without harm: (bytes, what is wrong there).
+    """How much of a `.blf` file can be read safely: (bytes, the problem at that place).
 
-    bytes  the whole file, and no words, where nothing is wrong. An object that is cut off at the end of the
-           file belongs to what can be read
+    bytes  the whole file, with an empty text, if there is no problem. An object that is cut off at the end of
+           the file belongs to what can be read
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -90,7 +90,7 @@ def find_blf_damage(path: Path) -> tuple[int, str]:
 
 
 def _object_damage(file: BinaryIO, left: int) -> str:
-    """What is wrong with the object here, in words; empty: nothing."""
+    """The problem of the object here; empty: none."""
     head = file.read(_OBJECT.size)
     if len(head) < _OBJECT.size:
         return "cut off"

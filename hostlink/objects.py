@@ -1,7 +1,7 @@
 """Reading and writing a node's objects from the host: SDO on CAN (through `canopen`), requests on serial.
 
-Both answer with the object's bytes or raise: ObjectAborted (refused, with the reason), LinkTimeout (no
-answer), LinkDown (not even asked).
+Both return the object's bytes or raise: ObjectAborted (refused, with the reason), LinkTimeout (no
+answer), LinkDown (not sent).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from hostlink.wire.serial import CHUNK_MAX
 
 __all__ = ["ObjectClient", "SdoObjects", "SerialObjects"]
 
-TIMEOUT_S = 0.5  # of one question; a node answers within some ms
+TIMEOUT_S = 0.5  # of one request; a node answers within some ms
 TRIES = 3
 
 
@@ -40,7 +40,7 @@ class ObjectClient(Protocol):
 
 
 class SdoObjects:
-    """One node's SDO server, asked through `canopen`'s client.
+    """One node's SDO server, accessed through `canopen`'s client.
 
     send  sends (identifier, 8 bytes)
     """
@@ -51,7 +51,7 @@ class SdoObjects:
         from canopen.objectdictionary import ObjectDictionary
         from canopen.sdo.client import SdoClient
 
-        # `canopen` logs what it also raises; without a handler that would be more lines on stderr.
+        # `canopen` also logs what it raises; without a handler that would be more lines on stderr.
         logging.getLogger("canopen").addHandler(logging.NullHandler())
 
         self._node = node
@@ -86,7 +86,7 @@ class SdoObjects:
 
 
 class _SendOnlyNetwork:
-    """What `canopen`'s client needs of a network."""
+    """The part of a network that `canopen`'s client needs."""
 
     def __init__(self, send: Callable[[int, bytes], None]) -> None:
         self._send = send
@@ -127,7 +127,9 @@ class SerialObjects:
                 self._ask(ObjectRequest(Op.WRITE, index, sub, offset, len(data), chunk))
 
     def _ask(self, request: ObjectRequest) -> ObjectReply:
-        """Ask until there is an answer. The counter stays: a node that has done it answers again."""
+        """Repeat the request until there is an answer. The counter stays the same: a node that has served it
+        repeats its answer.
+        """
         self._counter = (self._counter + 1) & 0xFF
         frame = encode_frame(Message.REQUEST, pack_message(Message.REQUEST, request.pack(), self._counter))
         for _ in range(TRIES):
@@ -154,6 +156,6 @@ def aborted(index: int, sub: int, code: int) -> ObjectAborted:
     """The error for an abort code."""
     try:
         name = object_at(index, sub).name
-    except KeyError:  # asked by its number, of a newer node
+    except KeyError:  # accessed by its number, on a newer node
         name = ""
     return ObjectAborted(index, sub, code, ABORTS.get(code, "refused"), name)

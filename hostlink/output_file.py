@@ -1,4 +1,4 @@
-"""Files that a command writes: one rule for the three programs.
+"""Output files of a command: one rule for the three programs.
 
     path = check_output("tip.json", (".json",), inputs=("targets.csv",), overwrite=overwrite)
     ...                                                       # the work
@@ -6,11 +6,11 @@
         unfinished.write_bytes(content)
 
 Rules
-- Never over an input of the same command, never over what exists unless `--overwrite` was given, never
-  under a suffix that says another format. `check_output` finds that out before any work is done, and
-  also whether the folder takes a file at all.
-- A file appears under its name when it is whole: it is written beside, as `.STEM.XXXXXXXX.part.SUFFIX`,
-  forced to the disk and then renamed. On an error or Ctrl-C it is removed, unless half of it is worth having.
+- Never over an input of the same command, never over an existing file unless `--overwrite` was given, never
+  with the suffix of another format. `check_output` checks that before any work is done, and
+  also whether the folder is writable.
+- A file appears under its name when it is complete: it is written beside it, as `.STEM.XXXXXXXX.part.SUFFIX`,
+  synced to the disk and then renamed. On an error or Ctrl-C it is removed, unless a partial file is useful.
 - `cli_exit.run_command` turns OutputError into one line and exit code 2, WriteError into exit code 1.
 """
 
@@ -27,16 +27,16 @@ __all__ = ["OutputError", "WriteError", "check_output", "find_unfinished", "writ
 
 _PROBE = bytes(4096)  # one block: an empty file fits on a full disk
 _CANNOT_LINK = frozenset({errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK})
-#: Errors of a write that are the disk's, whatever library met them.
+#: Errors of a write that are caused by the disk, in whatever library.
 _DISK = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS})
 
 
 class OutputError(Exception):
-    """This file must not or cannot be written: one line that says why and what would be right."""
+    """This file must not or cannot be written: one line: why, and what would be right."""
 
 
 class WriteError(OutputError):
-    """Writing failed half-way: the disk is full, or the folder went away."""
+    """Writing failed half-way: the disk is full, or the folder disappeared."""
 
 
 def check_output(
@@ -71,11 +71,11 @@ def check_output(
 def writing(path: str | Path, overwrite: bool = False, keep_partial: bool = False) -> Iterator[Path]:
     """The name to write under; when the block ends without an error, the file gets the name `path`.
 
-    overwrite     replace what is there; else a file that another program made meanwhile stays, and this one
-                  is kept beside it
-    keep_partial  what was written before an error is worth having, as of a recording: it gets its name, too
-    Raises     OutputError: the folder takes no file; WriteError: the disk is full or broken (also where code
-               within the block met it)
+    overwrite     replace an existing file; else a file that another program made meanwhile stays, and this
+                  one is kept beside it
+    keep_partial  a file that is incomplete after an error is useful, like a recording: it gets its name, too
+    Raises     OutputError: the folder is not writable; WriteError: the disk is full or broken (also if code
+               within the block raised it)
     """
     path = Path(path)
     target = Path(os.path.realpath(path))  # a link stays a link
@@ -101,7 +101,7 @@ def writing(path: str | Path, overwrite: bool = False, keep_partial: bool = Fals
 
 
 def find_unfinished(path: str | Path) -> list[Path]:
-    """What `writing(path)` left where the power or the process went away half-way."""
+    """Temporary files of `writing(path)` that a loss of power or a kill left behind."""
     path = Path(path)
     length = len(_unfinished_name(path).name)
     return [p for p in path.parent.glob(f".{path.stem}.*.part{path.suffix}") if len(p.name) == length]
@@ -122,12 +122,12 @@ def _mode(path: Path) -> int:
 def _is_same(path: Path, other: Path) -> bool:
     try:
         return path.samefile(other)
-    except OSError:  # one of them is not there
+    except OSError:  # one of them does not exist
         return os.path.realpath(path) == os.path.realpath(other)
 
 
 def _try_folder(path: Path) -> None:
-    """Write and remove one block: what permissions say is not all (read-only or full disk)."""
+    """Write and remove one block: permissions are not enough (read-only or full disk)."""
     probe = _unfinished_name(path)
     try:
         probe.write_bytes(_PROBE)
@@ -150,7 +150,7 @@ def _rename(unfinished: Path, target: Path, overwrite: bool) -> None:
         unfinished.replace(target)
         return
     try:
-        os.link(unfinished, target)  # unlike a rename it never replaces
+        os.link(unfinished, target)  # unlike a rename, a link never replaces a file
     except FileExistsError:
         raise WriteError(f"{target}: another program made it meanwhile; this one's is {unfinished}") from None
     except OSError as error:
@@ -166,11 +166,11 @@ def _rename(unfinished: Path, target: Path, overwrite: bool) -> None:
 
 
 def _give_up(unfinished: Path, target: Path, overwrite: bool, keep: bool) -> None:
-    """Remove what was written before an error, or give it its name."""
+    """After an error, remove the partial file or give it its name."""
     if not keep:
         _remove(unfinished)
     elif unfinished.exists():
-        with suppress(OSError, WriteError):  # it stays beside
+        with suppress(OSError, WriteError):  # it stays beside the target
             _rename(unfinished, target, overwrite)
 
 

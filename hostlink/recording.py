@@ -1,18 +1,18 @@
-"""Recordings of the link: CAN logs as `candump` and Vector tools have them, and bytes of a serial line.
+"""Recordings of the link: CAN logs of `candump` and Vector tools, and bytes of a serial line.
 
     .log     candump -L text      exact: identifier, FD flags, data, channel, direction, time
     .blf     Vector binary log    exact but for channel names, which become numbers
-    .serial  bytes as they came   text line "voronoi-touch serial 1" (or "... 2 node 3", where the finger on
-                                  the line is called otherwise than 1), then records of
+    .serial  bytes as received    text line "voronoi-touch serial 1" (or "... 2 node 3", if the number of the
+                                  finger on the line is not 1), then records of
                                   8 bytes time (us, little-endian), 4 bytes length, the bytes
 
 Rules
 - "Exact" is to the microsecond, the resolution of `.log`; times are rounded to it when written.
-- Time never runs backwards in a log: a message stamped earlier than the one before gets its time (what
-  candump's format does by itself, done here for both formats alike), and `LogWriter.stepped_n` counts it.
+- Time never runs backwards in a log: a message stamped earlier than the previous one gets that one's time (as
+  candump's format does by itself; here for both formats), and `LogWriter.stepped_n` counts it.
 - Formats that would lose time or data are refused, with the reason. (6,000 FD frames each, python-can 4.6)
-- A damaged file is read up to the damage; then LogError says where. A record that a power cut left
-  unfinished at the end of a `.serial` file is the end of it.
+- A damaged file is read up to the damage; then LogError names the place. A record cut off by a loss of power
+  at the end of a `.serial` file ends it.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ _MAGIC: Final = b"voronoi-touch serial 1\n"
 _MAGIC_NODE: Final = re.compile(rb"voronoi-touch serial 2 node ([1-9][0-9]{0,2})\n")
 _MAGIC_MAX: Final = 40
 _RECORD: Final = struct.Struct("<QI")
-_RECORD_MAX: Final = 1 << 24  # a length beyond this is damage, not a chunk that a serial port gave
+_RECORD_MAX: Final = 1 << 24  # a larger length is damage, not a chunk of a serial port
 
 
 def check_suffix(path: Path | str, allowed: tuple[str, ...] = (*CAN_SUFFIXES, SERIAL_SUFFIX)) -> Path:
@@ -115,7 +115,7 @@ class LogWriter:
         self.written_n += 1
 
     def close(self) -> None:
-        """Ends the file. Raises LogError: what was still to be written cannot be (disk full)."""
+        """Ends the file. Raises LogError: buffered data cannot be written (disk full)."""
         try:
             self._writer.stop()
         except OSError as error:
@@ -131,7 +131,7 @@ class LogWriter:
 
 
 def _with_time(message: can.Message, time_s: float) -> can.Message:
-    """The message with another time; the caller's own is left as it is."""
+    """The message with another time; the caller's own is not changed."""
     message = copy(message)
     message.timestamp = time_s
     return message
@@ -180,14 +180,14 @@ def _read_blf(path: Path) -> Iterator[can.Message]:
 
 
 def _why(error: Exception) -> str:
-    """In words; those of a library's own defences against damage say nothing to a user."""
+    """The reason as text; messages of a library's internal checks mean nothing to a user."""
     return str(error) if type(error) in (ValueError, OSError) else "it is not what its format has there"
 
 
 class SerialWriter:
-    """Writes what a serial line gave to a `.serial` file; a context manager.
+    """Writes the bytes of a serial line to a `.serial` file; a context manager.
 
-    node    what the finger on the line is called
+    node    number of the finger on the line
     Raises  LogError: wrong suffix, or the file cannot be written
     """
 
@@ -207,7 +207,7 @@ class SerialWriter:
             raise LogError(f"{self.path}: cannot be written: {error.strerror}") from error
 
     def close(self) -> None:
-        """Ends the file. Raises LogError: what was still to be written cannot be (disk full)."""
+        """Ends the file. Raises LogError: buffered data cannot be written (disk full)."""
         try:
             self._file.close()
         except OSError as error:
@@ -243,7 +243,7 @@ def read_serial(path: Path | str) -> Iterator[tuple[float, bytes]]:
 
 
 def _read_node(path: Path, file: BinaryIO) -> int:
-    """What the finger on the line is called, from the first line of a `.serial` file."""
+    """Number of the finger on the line, from the first line of a `.serial` file."""
     line = file.readline(_MAGIC_MAX)
     if line == _MAGIC:
         return SERIAL_NODE
@@ -267,7 +267,7 @@ def decoder_for(path: Path | str) -> CanDecoder | SerialDecoder:
 def decode_recording(path: Path | str, decoder: CanDecoder | SerialDecoder | None = None) -> Iterator[Event]:
     """The events in a recording of any of the formats, arrival times as recorded.
 
-    decoder  to use; its statistics are then the caller's to read. It must fit the kind of recording.
+    decoder  to use; the caller can then read its statistics. It must fit the kind of recording.
     Raises   LogError; VersionMismatch: recorded from a sensor of another version; TypeError: wrong decoder
     """
     path = check_suffix(path)

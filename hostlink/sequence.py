@@ -13,26 +13,26 @@ from typing import Final
 __all__ = ["EVIDENCE_P5", "EVIDENCE_P11", "Evidence", "LinkStatistics", "SenderWatch", "Sequence"]
 
 WINDOW: Final = 64  # samples; a bus that reorders does not hold one back for longer
-RESTART_RUN: Final = 8  # samples of another sequence, and none of the known one: the sensor has restarted
+RESTART_RUN: Final = 8  # samples of another sequence, and none of the known one, that show a restart
 EVIDENCE_P5: Final = 3  # frames that imply one foreign data id: chance of noise doing that is 2**-48
 EVIDENCE_P11: Final = 6  # of 12 bits each: 2**-60
-SUSPECT_N: Final = 3  # samples that go back to another sequence: a restart makes one, and a straggler one
+SUSPECT_N: Final = 3  # samples that go back to another sequence: a restart causes one, a late sample another
 SENDER_SPAN_US: Final = 10_000_000  # capture times of one sender's samples within WINDOW
 
 
 @dataclass(slots=True)
 class LinkStatistics:
-    """What one node sent and what became of it.
+    """Counts of one node's samples and frames.
 
     received_n       samples delivered
-    lost_n           samples sent that never came, or came damaged
-    corrupt_n        frames with a wrong CRC, length or content; serial: also blocks that are no frame
-    duplicate_n      samples that came again; dropped
-    out_of_order_n   samples that came after a newer one; dropped, and no longer counted as lost
+    lost_n           samples sent that did not arrive, or arrived damaged
+    corrupt_n        frames with a wrong CRC, length or content; serial: also blocks that are not a frame
+    duplicate_n      repeated samples; dropped
+    out_of_order_n   samples that arrived after a newer one; dropped, and no longer counted as lost
     late_n           samples delivered, but later than the fastest by more than the limit
-    restart_n        times the sample number began anew
+    restart_n        times the sample number restarted
     foreign_n        frames of another version
-    stray_n          classic parts that belonged to no sample begun
+    stray_n          classic parts that belong to no sample in progress
     second_sender_n  frames that show that two senders use this node number
     detail_n, detail_lost_n  detail frames delivered; begun and not completed
     """
@@ -83,7 +83,7 @@ class Sequence:
         return steps - 1
 
     def restart(self) -> None:
-        """The node says that it begins anew."""
+        """The node reports a restart."""
         self._sample = None
 
     def _begin(self, sample: int, counter: int) -> int:
@@ -92,7 +92,7 @@ class Sequence:
         return 0
 
     def _old(self, sample: int, counter: int, age: int) -> int | None:
-        """A repetition, a straggler, or the first samples after a restart that we did not see."""
+        """A repetition, a late sample, or the first samples after an unnoticed restart."""
         if age < WINDOW:
             if self._seen >> age & 1:
                 self._statistics.duplicate_n += 1
@@ -136,7 +136,7 @@ class _Track:
 class SenderWatch:
     """Finds a second sender with one node number: its samples interleave with those of the first.
 
-    A restart goes back in the sample numbers once. Two senders do so again and again: to the numbers that the
+    A restart goes back in the sample numbers once. Two senders do so again and again: to numbers that the
     other one has used for other images, or to a sequence far from the other's.
     """
 
@@ -158,7 +158,7 @@ class SenderWatch:
         return False
 
     def restart(self) -> None:
-        """The node says that it begins anew."""
+        """The node reports a restart."""
         self._tracks, self._suspect_n = [], 0
 
     def _is_second(self, suspect: bool) -> bool:
@@ -172,7 +172,7 @@ class SenderWatch:
 
 
 class Evidence:
-    """Tells another version from noise: the same foreign data id implied by frame after frame."""
+    """Distinguishes another version from noise: the same foreign data id implied by frame after frame."""
 
     def __init__(self, needed: int) -> None:
         self._needed = needed
@@ -180,7 +180,7 @@ class Evidence:
         self._frames: set[bytes] = set()
 
     def weigh(self, version: int, data_id: int, frame: bytes) -> bool:
-        """Whether frames so far are proof. A repeated frame adds none."""
+        """Whether the frames so far are sufficient. A repeated frame adds none."""
         if self._implied != (version, data_id):
             self._implied, self._frames = (version, data_id), set()
         if len(self._frames) < self._needed:

@@ -11,7 +11,7 @@ from hostlink.events import Sample
 
 __all__ = ["End", "Subscription"]
 
-QUEUE = 4096  # samples a reader may lie behind: 3 s of five fingers at 250 Hz
+QUEUE = 4096  # samples that a reader may lag behind: 3 s of five fingers at 250 Hz
 
 
 class Subscription:

@@ -1,4 +1,4 @@
-"""Commands that ask or set: info, tare, set, busload."""
+"""Commands that read or set: info, tare, set, busload."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ _UNUSABLE = frozenset({Abort.VALUE_RANGE, Abort.VALUE_LOW, Abort.VALUE_HIGH, Abo
 
 @contextmanager
 def _mistakes(what: str) -> Iterator[None]:
-    """A refusal for what the user gave is his mistake, and not the finger's failure."""
+    """Report a refused value as the user's mistake, not as the finger's failure."""
     try:
         yield
     except ObjectAborted as error:
@@ -120,7 +120,7 @@ def set_object(address: str, name: str, value: str, finger: int | None) -> None:
 def _stores_settings(finger: Finger) -> bool:
     try:
         return bool(finger.get("settings_stored"))
-    except ObjectAborted:  # of an older release, which does not say
+    except ObjectAborted:  # an older release without this object
         return True
 
 

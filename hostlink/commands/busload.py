@@ -1,7 +1,8 @@
-"""How full a bus gets, against its bit rate: `plan` says whether a configuration fits, and what would.
+"""How full a bus gets, against its bit rate: `plan` checks whether a configuration fits, and suggests one
+that would.
 
 Frame times with worst-case stuffing: `hostlink.wire.timing`. Heartbeats are counted; what SDO transfers
-and emergencies need is the headroom that LIMIT leaves.
+and emergencies need is covered by LIMIT.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ HEARTBEAT_HZ = 2.0  # object 0x1017, default 500 ms
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """What a configuration asks of its bus.
+    """The load of a configuration on its bus.
 
     kind      "fd", "classic" or "serial"
-    sample_s  time that one sample of one finger holds the bus, at worst
+    sample_s  time that one sample of one finger occupies the bus, at worst
     share     busy share of the bus, 0..; above LIMIT it does not fit
     advice    what would fit; empty when it does
     """
@@ -45,7 +46,7 @@ class Load:
 
 
 def plan(kind: str, fingers: int, rate_hz: float, bitrate: int, dbitrate: int | None = None) -> Load:
-    """Load of `fingers` sending `rate_hz` samples each, and what would fit where that does not.
+    """Load of `fingers` sending `rate_hz` samples each, and what would fit if that does not.
 
     kind      "fd" (needs dbitrate), "classic" or "serial" (bitrate = baud; one finger a line)
     bitrate   bit/s of the arbitration phase, or baud

@@ -1,4 +1,4 @@
-"""`python -m hostlink`: the commands, and how they end.
+"""`python -m hostlink`: the commands.
 
 Rules
 - A command is a row of COMMANDS, imported when it is called. Other packages add theirs through the entry
@@ -75,6 +75,6 @@ def cli() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run a command and exit, as `hostlink.cli_exit` has it."""
+    """Run a command and exit, with the exit codes of `hostlink.cli_exit`."""
     name = program_name("voronoi-touch-host", "hostlink")
     sys.exit(run_command(cli, name, (UsageError, AddressError), (LinkError,), arguments))

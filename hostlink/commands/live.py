@@ -1,4 +1,4 @@
-"""Commands that let samples flow by: monitor, record, decode."""
+"""Commands on streams of samples: monitor, record, decode."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ from hostlink.wire import State, Status
 from hostlink.wire.address import parse_address
 from hostlink.wire.open_errors import message_of
 
-# The pace of the display. It shows what holds, news or none (a link that is down, a rate that falls): no
-# event of the link could stand in for it.
-LOOK_S = 0.1  # a table that changes faster cannot be read
+# Refresh period of the display. It is a fixed period, not an event of the link, because a missing sample (a
+# link that is down, a falling rate) has to be shown too.
+REFRESH_S = 0.1  # a table that changes faster cannot be read
 LINE_S = 1.0
 seconds_option = click.option(
     "--seconds", type=FiniteFloat(min=0, min_open=True), help="Stop after this time; else at Ctrl-C."
@@ -52,7 +52,7 @@ seconds_option = click.option(
 @seconds_option
 @click.option("--plain", is_flag=True, help="Lines, not a table; so it is where stdout is no terminal.")
 def monitor(address: str, seconds: float | None, plain: bool) -> None:
-    """Show what the fingers at ADDRESS feel, and how the link does."""
+    """Show the samples of the fingers at ADDRESS, and the state of the link."""
     end_s = None if seconds is None else time.monotonic() + seconds
     with connect(address) as hand:
         board = Board(hand)
@@ -64,10 +64,10 @@ def monitor(address: str, seconds: float | None, plain: bool) -> None:
 
 
 def _print_lines(board: Board, end_s: float | None, address: str) -> None:
-    looked = False
-    while (wait_s := _left(end_s, LINE_S)) > (LOOK_S if looked else 0):  # a rate over less is noise
+    shown = False
+    while (wait_s := _left(end_s, LINE_S)) > (REFRESH_S if shown else 0):  # a rate over less is noise
         time.sleep(wait_s)
-        rows, looked = board.look(), True
+        rows, shown = board.rows(), True
         for row in rows:
             click.echo(line(row))
         if not rows:
@@ -78,13 +78,13 @@ def _print_lines(board: Board, end_s: float | None, address: str) -> None:
 def _show_table(hand: Connection, board: Board, end_s: float | None) -> None:
     from rich.live import Live
 
-    # The table itself says when the link is down; a line of the log would tear it.
+    # The table shows when the link is down; a log line would break it.
     logging.getLogger("hostlink").addHandler(logging.NullHandler())
     with Live(auto_refresh=False, screen=False) as live:
-        while (wait_s := _left(end_s, LOOK_S)) > 0:
+        while (wait_s := _left(end_s, REFRESH_S)) > 0:
             time.sleep(wait_s)
             link = "" if hand.up else "  (link down)"
-            live.update(screen(board.look(), f"{hand.address}{link}"), refresh=True)
+            live.update(screen(board.rows(), f"{hand.address}{link}"), refresh=True)
 
 
 def _left(end_s: float | None, most_s: float) -> float:
@@ -106,12 +106,12 @@ def record(address: str, file: Path, seconds: float | None, overwrite: bool) -> 
     if check_suffix(file).suffix.lower() not in suffixes:
         raise ConnectError(f"{file}: a bus is recorded as .log or .blf, a serial line as .serial")
     path = check_output(file, suffixes, overwrite=overwrite)
-    # `timeout` and systemd end a program so: as with Ctrl-C, what was recorded until then is the recording.
+    # `timeout` and systemd end a program with SIGTERM: as with Ctrl-C, the recording up to then is kept.
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with connect(address) as hand, writing(path, overwrite, keep_partial=True) as unfinished:
             written_n, samples_n = _record(hand, unfinished, seconds)
-    except LogError as error:  # it names the unfinished file, which the user does not know
+    except LogError as error:  # it names the temporary file, which the user does not know
         why = message_of(error.__cause__ or error)
         raise WriteError(f"{path}: cannot be written: {why}; the recording ends there") from None
     finally:
@@ -123,14 +123,16 @@ def record(address: str, file: Path, seconds: float | None, overwrite: bool) -> 
 
 
 def _record(hand: Connection, path: Path, seconds: float | None) -> tuple[int, int]:
-    """Record until the time is up or Ctrl-C; what was written, and the samples within. Raises LogError."""
+    """Record until the time is up or Ctrl-C; returns the messages written and the samples in them. Raises
+    LogError.
+    """
     arrived: queue.SimpleQueue[tuple[Any, float]] = queue.SimpleQueue()
     is_can = hand.address.is_can
     node = hand.address.node or SERIAL_NODE
-    decoder: Any = CanDecoder() if is_can else SerialDecoder(node)  # counts what the file holds, no more
+    decoder: Any = CanDecoder() if is_can else SerialDecoder(node)  # only counts the contents of the file
     written_n = samples_n = 0
     with LogWriter(path) if is_can else SerialWriter(path, node) as writer:
-        # The clock on the wall: logs are compared with other logs.
+        # Wall clock: logs are compared with other logs.
         end = hand.on_raw(lambda data, _: arrived.put((data, time.time())))
         for data, at_s in _until_ended(arrived, None if seconds is None else time.monotonic() + seconds, end):
             events: list[Event] = []
@@ -151,7 +153,7 @@ def _record(hand: Connection, path: Path, seconds: float | None) -> tuple[int, i
 def _until_ended(
     arrived: queue.SimpleQueue[tuple[Any, float]], end_s: float | None, end: Callable[[], None]
 ) -> Iterator[tuple[Any, float]]:
-    """What arrives until the time is up or Ctrl-C, to the last one that arrived before."""
+    """All that arrives until the time is up or Ctrl-C, including the last message before it."""
     try:
         while (wait_s := _left(end_s, LINE_S)) > 0:
             with suppress(queue.Empty):

@@ -1,7 +1,7 @@
-"""What a person wants to see of a connection: one row a finger, as a table or as plain lines.
+"""The state of a connection for display: one row a finger, as a table or as plain lines.
 
-`Board` keeps the counts between two looks; `look` gives rows of plain values, `screen` and `line` show them.
-The table fits a terminal of 80 columns; what is wrong with a finger stands in a line of its own below.
+`Board` keeps the counts between two updates; `rows` gives plain values, `screen` and `line` show them.
+The table fits a terminal of 80 columns; the problems of a finger are on a line below the table.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ NMT: dict[int | None, str] = {0: "starting", 4: "stopped", 127: "not started (pr
 
 @dataclass(frozen=True, slots=True)
 class FingerRow:
-    """One finger at one look.
+    """One finger at one update.
 
     state    newest sample, or None: none within the last second
-    rate_hz  samples a second since the look before
-    words    what is wrong, in words; empty: nothing
+    rate_hz  samples a second since the last update
+    problem  its problems as text; empty: none
     """
 
     finger: int
@@ -55,11 +55,11 @@ class FingerRow:
     lost_n: int
     late_n: int
     corrupt_n: int
-    words: str
+    problem: str
 
 
 class Board:
-    """Looks at a connection from time to time."""
+    """Reads a connection from time to time."""
 
     STALE_S = 1.0
 
@@ -68,7 +68,7 @@ class Board:
         self._counts: dict[int, int] = {}
         self._looked_s = time.monotonic()
 
-    def look(self) -> list[FingerRow]:
+    def rows(self) -> list[FingerRow]:
         """A row for each finger heard so far."""
         now_s = time.monotonic()
         passed_s, self._looked_s = max(now_s - self._looked_s, 1e-3), now_s
@@ -88,7 +88,7 @@ class Board:
                     lost_n=s.lost_n,
                     late_n=s.late_n,
                     corrupt_n=s.corrupt_n,
-                    words=_words(finger, sample.state if sample else None, self._connection.up),
+                    problem=_problem(finger, sample.state if sample else None, self._connection.up),
                 )
             )
         return rows
@@ -108,26 +108,26 @@ def line(row: FingerRow) -> str:
     s = row.state
     if s is None:
         return (
-            f"finger={row.finger} no samples lost={row.lost_n} corrupt={row.corrupt_n} {row.words}".rstrip()
+            f"finger={row.finger} no samples lost={row.lost_n} corrupt={row.corrupt_n} {row.problem}".rstrip()
         )
     return (
         f"finger={row.finger} displacement={_number(s.displacement_mm, 3)}mm "
         f"shear={_number(s.shear_x_mm, 3)},{_number(s.shear_y_mm, 3)}mm "
         f"force={_number(s.force_n, 2)}N contacts={s.contact_n} rate={row.rate_hz:.0f}Hz "
         f"age={row.age_s * 1e3:.1f}ms received={row.received_n} lost={row.lost_n} late={row.late_n} "
-        f"corrupt={row.corrupt_n} {row.words}"
+        f"corrupt={row.corrupt_n} {row.problem}"
     ).rstrip()
 
 
 def screen(rows: Sequence[FingerRow], title: str) -> Group:
-    """All that is shown on a terminal: the table, and what is wrong."""
+    """All that is shown on a terminal: the table, and the problems."""
     from rich.console import Group
     from rich.text import Text
 
     if not rows:
         return Group(Text(title), Text("nothing heard yet"))
     return Group(
-        _table(rows, title), *(Text(f"finger {row.finger}: {row.words}") for row in rows if row.words)
+        _table(rows, title), *(Text(f"finger {row.finger}: {row.problem}") for row in rows if row.problem)
     )
 
 
@@ -162,7 +162,7 @@ def _cells(s: State) -> list[str]:
 
 
 def _places(s: State) -> str:
-    """Their number, and where the strongest is."""
+    """Number of contacts, and place of the strongest."""
     first = f" ({s.contacts[0].x_mm:+.1f},{s.contacts[0].y_mm:+.1f})" if s.contacts else ""
     return f"{s.contact_n}{first}"
 
@@ -171,15 +171,15 @@ def _number(value: float, digits: int) -> str:
     return "-" if isnan(value) else f"{value:.{digits}f}"
 
 
-def _words(finger: Finger, state: State | None, up: bool) -> str:
-    """What the status bits, the node's state and the link say, in words."""
-    words = [] if up else ["link down"]
+def _problem(finger: Finger, state: State | None, up: bool) -> str:
+    """The problems shown by the status bits, the node's state and the link, as text."""
+    problems = [] if up else ["link down"]
     if finger.mismatch is not None:
-        words.append(str(finger.mismatch))
+        problems.append(str(finger.mismatch))
     if finger.second_sender:
-        words.append("two senders use this number; give each fingertip its own (?node=)")
+        problems.append("two senders use this number; give each fingertip its own (?node=)")
     if finger.state_nmt in NMT:
-        words.append(NMT[finger.state_nmt])
+        problems.append(NMT[finger.state_nmt])
     if state is not None:
-        words += [s.meaning for s in STATUS if s.bit in state.status and s.bit is not Status.TOUCHED]
-    return "; ".join(words)
+        problems += [s.meaning for s in STATUS if s.bit in state.status and s.bit is not Status.TOUCHED]
+    return "; ".join(problems)

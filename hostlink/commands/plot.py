@@ -1,10 +1,10 @@
-"""`python -m hostlink plot`: what a recording holds over time, as a picture for print.
+"""`python -m hostlink plot`: a recording's values over time, as a picture for print.
 
 Rules
 - A recording of the bus (.log, .blf), of a line (.serial) or of the edge (.mcap, its `/bus/sample`) gives the
   same picture, because it holds the same samples.
-- One panel a quantity with its unit, one line a finger; a value that was not known leaves a gap, one that
-  is known between two gaps is a dot, and a quantity that was never known leaves no panel.
+- One panel a quantity with its unit, one line a finger; an unknown value leaves a gap, a known one between
+  two gaps is a dot, and a quantity that is never known has no panel.
 - Times count from the recording's first sample, on the sensor's clock: capture, not arrival.
 """
 
@@ -33,12 +33,12 @@ log = logging.getLogger(__name__)
 
 MCAP_SUFFIX = ".mcap"
 _WITH_SAMPLES = "give what `hostlink record` or `edge run --record` wrote"
-_RECORD_MAX = 1 << 30  # bytes; ours stay near 1 MiB, and a damaged length must not eat the memory
+_RECORD_MAX = 1 << 30  # bytes; ours stay near 1 MiB; a damaged length must not exhaust the memory
 PICTURES = (".png", ".pdf", ".svg")
 _WIDTH_IN = 7.16  # both columns of an IEEE page
 _PANEL_IN = 1.15
 _WRAP_US = 1 << 32
-#: A silence longer than this is drawn as a gap: samples that never came must not look measured.
+#: A silence longer than this is drawn as a gap: lost samples must not look measured.
 _GAP_S = 0.25
 
 
@@ -121,7 +121,7 @@ def read_series(path: Path) -> dict[int, Series]:
     first_s: float | None = None
     for node, arrival_s, capture_us, values in _samples(path):
         if node not in series:
-            # Fingers have clocks of their own; what joins them is when their first samples came.
+            # Fingers have separate clocks; they are aligned by the arrival of their first samples.
             first_s = arrival_s if first_s is None else first_s
             series[node], start_us[node] = Series(), capture_us - round((arrival_s - first_s) * 1e6)
         series[node].add(capture_us, start_us[node], values)
@@ -153,7 +153,7 @@ def _mcap_samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]
     samples_n = 0
     try:
         with path.open("rb") as file:
-            # In the file's order, without its index: one that was cut off has none.
+            # In the file's order, without its index: a truncated file has none.
             reader = NonSeekingReader(file, record_size_limit=_RECORD_MAX)
             for _, _, message in reader.iter_messages(topics=["/bus/sample"], log_time_order=False):
                 values = json.loads(message.data)["values"]
@@ -198,7 +198,7 @@ def draw(series: dict[int, Series], out: Path, title: str = "") -> tuple[str, ..
     return tuple(p.title for p in panels)
 
 
-#: Okabe and Ito, without the yellow that white paper swallows; dashes carry the axis in grey print too.
+#: Okabe and Ito, without the yellow, which is invisible on paper; dashes show the axis in grey print too.
 _COLOURS = ("#0060a8", "#c24a00", "#007a5a", "#b0609a", "#000000", "#4aa3d8")
 _DASHES: tuple[Any, ...] = ("-", (0, (4, 2)))
 
@@ -209,7 +209,7 @@ def _panel(axes: Any, panel: Panel, series: dict[int, Series]) -> None:
         for i, name in enumerate(panel.fields):
             if not one.known(name):
                 continue
-            # One finger: a colour an axis. Several: a colour a finger, dashes tell the axes apart.
+            # One finger: a colour an axis. Several: a colour a finger, dashes distinguish the axes.
             colour = _COLOURS[(k if several else i) % len(_COLOURS)]
             axis = f" {'xy'[i]}" if len(panel.fields) == 2 else ""
             label = f"finger {node}{axis}" if several else axis.strip() or None
@@ -245,7 +245,7 @@ def _panel(axes: Any, panel: Panel, series: dict[int, Series]) -> None:
 
 
 def _alone(values: Sequence[float]) -> list[int]:
-    """Which values are known between two that are not: no line goes through them, so each gets a dot."""
+    """Which values are known between two that are not: no line passes through them, so each gets a dot."""
     around = [nan, *values, nan]
     return [i for i, v in enumerate(values) if not isnan(v) and isnan(around[i]) and isnan(around[i + 2])]
 

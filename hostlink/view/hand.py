@@ -1,11 +1,11 @@
-"""A connection's live page: every finger's newest sample, and what came since the last packet.
+"""A connection's live page: every finger's newest sample, and the samples since the last packet.
 
     link thread     callback: keeps the sample
     server thread   make: one packet for all fingers
-    worker thread   tare: asks the finger and waits for its answer
+    worker thread   tare: sends the command to the finger and waits for its answer
 
 Rules
-- Nothing is shown that the sensor did not send: places are mm of the tip's frame, unknown values are dashes.
+- Only values of the sensor are shown: places are mm of the tip's frame, unknown values are dashes.
 - Latency here is from capture to arrival at this host, on the mapped clock.
 """
 
@@ -26,9 +26,9 @@ from hostlink.web import CommandRefused, Listen, PageServer, pack_packet
 __all__ = ["HandView"]
 
 CHART = ("time_s", "displacement_mm", "shear_x_mm", "shear_y_mm", "force_n", "torsion_deg", "latency_ms")
-RECENT = 256  # samples of a finger between two packets; at 30 packets a second 8 are usual
-OVERLAP_S = 0.3  # rows are sent this long: a viewer that got a packet less finds what it missed
-LOOK_S = 0.5  # rates and counts over less are noise
+RECENT = 256  # samples of a finger between two packets; normally 8, at 30 packets a second
+OVERLAP_S = 0.3  # rows are sent this long: a viewer that missed a packet has no gap
+UPDATE_S = 0.5  # rates and counts over less are noise
 
 
 class HandView:
@@ -47,7 +47,7 @@ class HandView:
     ) -> None:
         self._connection = connection
         self._board = Board(connection)
-        self._looked_s = 0.0
+        self._updated_s = 0.0
         self._rows: dict[int, FingerRow] = {}
         self._mismatch = ""
         self._watched = False
@@ -84,9 +84,9 @@ class HandView:
 
     def _make(self, wants: frozenset[str]) -> bytes | None:
         now_s = time.monotonic()
-        if now_s - self._looked_s >= LOOK_S:
-            self._looked_s = now_s
-            self._look()
+        if now_s - self._updated_s >= UPDATE_S:
+            self._updated_s = now_s
+            self._update()
         newest_s = max((series[-1][0] for series in list(self._series.values())), default=now_s)
         header: dict[str, Any] = {
             "now_s": now_s,
@@ -104,16 +104,18 @@ class HandView:
             arrays[f"rows{node}"] = ("f4", recent.tobytes())
         return pack_packet(header, arrays)
 
-    def _look(self) -> None:
+    def _update(self) -> None:
         try:
-            self._rows = {row.finger: row for row in self._board.look()}
+            self._rows = {row.finger: row for row in self._board.rows()}
             self._mismatch = ""
         except VersionMismatch as error:
             self._mismatch = str(error)
 
     def _finger(self, node: int, row: FingerRow, now_s: float) -> tuple[dict[str, Any], array[float]]:
-        """What a packet says of one finger, and its rows of the charts."""
-        counted = self._counts.get(node, 0)  # before the series: a row more is a row sent again, never lost
+        """A packet's data on one finger, and its rows of the charts."""
+        counted = self._counts.get(
+            node, 0
+        )  # read before the series: a row may be sent twice, but none is lost
         recent = array("f")
         for values in list(self._series.get(node, ())):
             if now_s - values[0] < OVERLAP_S:
@@ -130,7 +132,7 @@ class HandView:
             "rate_hz": row.rate_hz,
             "lost_n": row.lost_n,
             "corrupt_n": row.corrupt_n,
-            "words": row.words,
+            "words": row.problem,
         }, recent
 
     # ---- worker threads -----------------------------------------------------------------------------

@@ -1,11 +1,11 @@
-"""Pages in a browser: a small server for a live page, with nothing in it of fingers or cameras.
+"""Pages in a browser: a small server for a live page, independent of fingers and cameras.
 
     server = PageServer(listen, files, make=..., commands=..., hello=...)
     server.start(); print(server.url); ...; server.close()
 
 The live pages of the edge and of the host are both this server with their own files, packets and commands;
-`static/` holds what their pages share (connection, charts, look). This room imports itself and aiohttp
-alone, and aiohttp only when a server starts.
+`static/` holds what their pages share (connection, charts, style). This package imports only itself and
+aiohttp, and aiohttp only when a server starts.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Connections to a page's server before they are a viewer's: few, short-lived, and quiet in the log.
+"""Connections to a page's server before they are a viewer's: limited in number, duration and log lines.
 
-    accept --> Gate.enter --(becomes a viewer's)--> Gate.leave
+    accept --> ConnectionLimit.enter --(becomes a viewer's)--> ConnectionLimit.leave
                    |--(too long, or too many: the oldest)--> closed
 
 Imports aiohttp: loaded when a server starts.
@@ -18,14 +18,14 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 from hostlink.web.limits import SparseLog, WebLimits
 
-__all__ = ["Gate", "make_server"]
+__all__ = ["ConnectionLimit", "make_server"]
 
 
-class Gate:
+class ConnectionLimit:
     """Bounds the number and the life of connections that are not a viewer's.
 
-    A stranger who opens thousands of them and says nothing (or a byte a second) only pushes out his own: the
-    oldest gives way, and a browser's request is done long before it is the oldest.
+    A client that opens thousands of them and sends nothing (or a byte a second) only displaces its own: the
+    oldest is closed, and a browser's request is done long before it is the oldest.
     """
 
     def __init__(self, limits: WebLimits) -> None:
@@ -57,21 +57,23 @@ class Gate:
 
 
 class _Connection(web.RequestHandler):
-    """One connection, known to the gate; what a stranger gets wrong is a line without traceback."""
+    """One connection, counted by the limit; a client's errors are logged in one line without traceback."""
 
-    __slots__ = ("_gate", "_refused")
+    __slots__ = ("_limit", "_refused")
 
-    def __init__(self, gate: Gate, refused: SparseLog, manager: web.Server, **options: Any) -> None:
+    def __init__(
+        self, limit: ConnectionLimit, refused: SparseLog, manager: web.Server, **options: Any
+    ) -> None:
         super().__init__(manager, **options)
-        self._gate = gate
+        self._limit = limit
         self._refused = refused
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self._gate.enter(transport)
+        self._limit.enter(transport)
         super().connection_made(transport)
 
     def connection_lost(self, exc: BaseException | None) -> None:
-        self._gate.leave(self.transport)
+        self._limit.leave(self.transport)
         super().connection_lost(exc)
 
     def log_exception(self, *args: Any, **kw: Any) -> None:
@@ -84,29 +86,29 @@ class _Connection(web.RequestHandler):
 
 
 class _Server(web.Server):
-    """aiohttp's low-level server, with a gate before it."""
+    """aiohttp's low-level server, with a limit on its connections."""
 
     def __init__(
         self,
         handler: Callable[[web.BaseRequest], Awaitable[web.StreamResponse]],
-        gate: Gate,
+        limit: ConnectionLimit,
         refused: SparseLog,
         options: dict[str, Any],
     ) -> None:
         super().__init__(handler)
-        self._gate, self._refused, self._options = gate, refused, options
+        self._limit, self._refused, self._options = limit, refused, options
 
     def __call__(self) -> web.RequestHandler:
-        return _Connection(self._gate, self._refused, self, loop=asyncio.get_running_loop(), **self._options)
+        return _Connection(self._limit, self._refused, self, loop=asyncio.get_running_loop(), **self._options)
 
 
 def make_server(
     handler: Callable[[web.BaseRequest], Awaitable[web.StreamResponse]],
-    gate: Gate,
+    limit: ConnectionLimit,
     refused: SparseLog,
     limits: WebLimits,
 ) -> web.ServerRunner:
-    """A server whose connections pass the gate; complaints about requests go to `refused`."""
+    """A server with limited connections; refused requests are logged to `refused`."""
     options = {
         "access_log": None,
         "keepalive_timeout": limits.request_s,
@@ -115,5 +117,5 @@ def make_server(
         "max_field_size": limits.header_bytes,
         "max_headers": limits.headers_n,
     }
-    # Nobody is waited for at the end: viewers were told, and their sockets are cut.
-    return web.ServerRunner(_Server(handler, gate, refused, options), shutdown_timeout=0.5)
+    # Do not wait at the end: viewers were notified, and their sockets are closed.
+    return web.ServerRunner(_Server(handler, limit, refused, options), shutdown_timeout=0.5)

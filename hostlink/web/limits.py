@@ -1,4 +1,4 @@
-"""What one visitor of a page may cost: connections, time, messages, lines of the log."""
+"""Limits of a page's server: connections, time, messages, log lines."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ class WebLimits:
 
     rate_hz          packets a second to each viewer
     packets_n        packets sent ahead of a viewer's acknowledgement
-    patience_s       a viewer that acknowledges nothing for this long is cut off
+    patience_s       a viewer that acknowledges nothing for this long is disconnected
     viewers_n        viewers at once
     connections_n    connections at once that are not (yet) a viewer's; beyond it the oldest is closed
-    request_s        such a connection is closed after this time, whatever it did
+    request_s        such a connection is closed after this time, in any case
     header_bytes     of a line of a request
     headers_n        lines of a request
     message_bytes    of a viewer's message
-    messages_per_s   of one viewer: 30 acknowledgements, and what a person can click
+    messages_per_s   of one viewer: 30 acknowledgements, and a person's clicks
     commands_n       commands of one viewer that are not answered yet
-    wrong_token_s    delay of the answer to a wrong token, so that guessing takes for ever
-    log_s            one line of the log in this time, for each kind of complaint
+    wrong_token_s    delay of the answer to a wrong token, so that guessing takes too long
+    log_s            least time between log lines of the same kind
     """
 
     rate_hz: float = 30.0
@@ -44,9 +44,9 @@ class WebLimits:
 
 
 class SparseLog:
-    """Writes at most one line in `every_s` seconds, and says how many it left out.
+    """Writes at most one line in `every_s` seconds, with the number of those that were skipped.
 
-    For what strangers can cause: nobody fills the disk with it.
+    For events that remote clients can cause: they cannot fill the disk with them.
     """
 
     def __init__(self, log: logging.Logger, every_s: float) -> None:

@@ -1,9 +1,9 @@
 """Where a page is served, and who may see it.
 
 Rules
-- Loopback unless told otherwise: whoever can log in on this machine may look, nobody else.
-- An address that others can reach needs a token, and then even looking needs it.
-- Doing anything (tare, record) needs the token everywhere.
+- Loopback by default: only users of this machine may watch.
+- An address that others can reach needs a token, for watching too.
+- Commands (tare, record) always need the token.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _FILE_MAX = 1024  # characters of a token's file that are read
 
 
 class WebError(ValueError):
-    """The page cannot be served so; one line: what, where, what would be right."""
+    """The page cannot be served; one line: what, where, what would be right."""
 
 
 @dataclass(frozen=True, slots=True)
 class Listen:
     """host   name or number to bind to
     port   0: a free one
-    token  what a viewer must present to command, and to look unless bound to loopback; "": read-only
+    token  what a viewer must present for commands, and for watching unless bound to loopback; "": read-only
     """
 
     host: str
@@ -99,7 +99,7 @@ def parse_listen(text: str, token: str | None = None) -> Listen:
 
 
 def _check_host(text: str, host: str) -> None:
-    """Before anything is said of others who can reach it."""
+    """Checked before the message about other machines that can reach it."""
     try:
         socket.getaddrinfo(host, None)
     except (OSError, UnicodeError):

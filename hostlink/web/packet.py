@@ -1,10 +1,10 @@
-"""What goes to the browser 30 times a second: one binary message, read without copying.
+"""The packet sent to the browser 30 times a second: one binary message, read without copying.
 
     4 bytes   length of the header, little-endian
     header    JSON, padded with blanks to a multiple of 4
     arrays    one behind the other, each padded to a multiple of 4
 
-The header's "arrays" says where each array lies: name -> [type, number of bytes, offset from the header's
+The header's "arrays" gives the place of each array: name -> [type, number of bytes, offset from the header's
 end]. Types: "f4", "i2", "u1", ... and "jpeg". NaN is null in the header and NaN in arrays.
 """
 
@@ -40,7 +40,7 @@ def pack_packet(header: Mapping[str, Any], arrays: Mapping[str, tuple[str, bytes
 
 
 def plain(value: Any) -> Any:
-    """As JSON has it: no NaN, no tuples."""
+    """As plain JSON types: no NaN, no tuples."""
     if isinstance(value, float):
         return value if isfinite(value) else None
     if isinstance(value, Mapping):

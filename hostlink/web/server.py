@@ -1,16 +1,16 @@
-"""Serves a page and keeps its viewers fed; a thread of its own with an event loop of its own.
+"""Serves a page and sends packets to its viewers; its own thread with its own event loop.
 
     make(wants) --30 Hz, once for all who want the same--> slot of each viewer --> its socket
                                                                         <-- "got n", commands
 
 Rules
-- Nothing is made while nobody watches; `on_wants` is told what viewers want together when that changes.
-- A viewer says what it got; two packets at most are under way to it. What it is too slow for it never gets:
-  the next one is the newest. So a viewer costs two packets of memory, whatever it does.
-- A viewer that acknowledges nothing, talks without end or has too many commands open is cut off; connections
-  that are no viewer's pass a gate (`connections.py`). All numbers are `WebLimits`.
+- Nothing is made while nobody watches; `on_wants` is called when the combined requests of the viewers change.
+- A viewer acknowledges packets; at most two are under way to it. A slow viewer skips packets: the next one is
+  always the newest. So a viewer costs two packets of memory at most.
+- A viewer that acknowledges nothing, sends too many messages or has too many commands open is disconnected;
+  connections that are not a viewer's are limited (`connections.py`). All numbers are `WebLimits`.
 - Files come from memory, from a fixed table: no path reaches the file system.
-- Names that do not belong to this server (DNS rebinding) and pages of others (`Origin`) are refused.
+- Other host names than this server's (DNS rebinding) and pages of other sites (`Origin`) are refused.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from hostlink.web.viewer import Viewer, parse_message, wishes_in
 if TYPE_CHECKING:
     from aiohttp import web
 
-    from hostlink.web.connections import Gate
+    from hostlink.web.connections import ConnectionLimit
 
 __all__ = ["CommandRefused", "PageServer", "shared_files"]
 
@@ -57,16 +57,16 @@ _HEADERS = {
 #: Close codes of the WebSocket protocol (RFC 6455), and one of our own that the page knows.
 _GOING_AWAY, _POLICY, _TRY_LATER, _DENIED = 1001, 1008, 1013, 4401
 
-#: Runs a command for a viewer, with what it sent; returns what to tell it.
+#: Runs a command for a viewer, with its arguments; returns the answer.
 Command = Callable[[Mapping[str, Any]], str]
 
 
 class CommandRefused(Exception):
-    """A command that cannot be done now; the words go to the viewer."""
+    """A command that cannot be done now; the message goes to the viewer."""
 
 
 def shared_files() -> dict[str, bytes]:
-    """What every page uses, by name."""
+    """Files that every page uses, by name."""
     return _folder("hostlink.web")
 
 
@@ -81,10 +81,10 @@ class PageServer:
     package   whose `static` folder holds the page: index.html and what it needs beside the shared files
     make      (wants) -> packet, or None: nothing new. Called in the server's thread, for each set of wishes
               once a tick
-    hello     what a viewer is told first, JSON-able
+    hello     the first message to a viewer, JSON-able
     commands  by name; called in a worker thread, so they may wait
-    on_wants  told of all viewers' wishes together when they change; None: nobody watches
-    wishes    names that a viewer may want
+    on_wants  called with all viewers' requests together when they change; None: nobody watches
+    wishes    names that a viewer may request
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class PageServer:
         self._viewers: set[Viewer] = set()
         self._nonsense = SparseLog(log, self.limits.log_s)
         self._failures = SparseLog(log, self.limits.log_s)
-        self._gate: Gate | None = None
+        self._limit: ConnectionLimit | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
         self._stop: asyncio.Event | None = None
@@ -121,7 +121,7 @@ class PageServer:
 
     @property
     def url(self) -> str:
-        """For a browser; the token stands behind the #, which browsers keep to themselves."""
+        """Address for a browser; the token is behind the #, which browsers do not send."""
         where = Listen(self.listen.host, self.port)
         return f"http://{where}/" + (f"#token={self.listen.token}" if self.listen.token else "")
 
@@ -132,7 +132,7 @@ class PageServer:
     @property
     def connections_n(self) -> int:
         """Connections that are not a viewer's."""
-        return len(self._gate) if self._gate is not None else 0
+        return len(self._limit) if self._limit is not None else 0
 
     def start(self) -> None:
         """Serve, in a thread. Raises WebError: no aiohttp, or the address cannot be bound."""
@@ -148,7 +148,7 @@ class PageServer:
             except BaseException as error:
                 if started.done():
                     raise
-                started.set_exception(error)  # start-up failed: the starter's to know
+                started.set_exception(error)  # start-up failed: raised in `start`
 
         self._thread = threading.Thread(target=serve, name="view", daemon=True)
         self._thread.start()
@@ -162,7 +162,7 @@ class PageServer:
             ) from None
 
     def close(self) -> None:
-        """Say goodbye to all viewers and end the thread."""
+        """Disconnect all viewers and end the thread."""
         if self._loop is not None and self._stop is not None and self._thread is not None:
             if self._thread.is_alive():
                 self._loop.call_soon_threadsafe(self._stop.set)
@@ -173,13 +173,13 @@ class PageServer:
     async def _serve(self, started: Future[None]) -> None:
         from aiohttp import web
 
-        from hostlink.web.connections import Gate, make_server
+        from hostlink.web.connections import ConnectionLimit, make_server
 
         self._loop = asyncio.get_running_loop()
         self._loop.set_exception_handler(self._on_loop_exception)
         self._stop, self._watched = asyncio.Event(), asyncio.Event()
-        self._gate = Gate(self.limits)
-        runner = make_server(self._answer, self._gate, self._nonsense, self.limits)
+        self._limit = ConnectionLimit(self.limits)
+        runner = make_server(self._answer, self._limit, self._nonsense, self.limits)
         await runner.setup()
         try:
             site = web.TCPSite(runner, self.listen.host, self.listen.port)
@@ -189,14 +189,14 @@ class PageServer:
             started.set_result(None)
             await self._stop.wait()
             pump.cancel()
-            goodbyes = [v.socket.close(code=_GOING_AWAY, message=b"the program ended") for v in self._viewers]
-            await asyncio.gather(*goodbyes, return_exceptions=True)
+            closing = [v.socket.close(code=_GOING_AWAY, message=b"the program ended") for v in self._viewers]
+            await asyncio.gather(*closing, return_exceptions=True)
         finally:
             await runner.cleanup()
-            self._tell_wants()
+            self._notify_wants()
 
     def _on_loop_exception(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """What asyncio would print once for each connection."""
+        """Log, at a limited rate, what asyncio would print for each connection."""
         self._failures.write(f"view: {context['message']}", context.get("exception"), logging.ERROR)
 
     async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
@@ -226,7 +226,7 @@ class PageServer:
     async def _live(self, request: web.BaseRequest) -> web.StreamResponse:
         from aiohttp import web
 
-        assert self._gate is not None
+        assert self._limit is not None
         socket = web.WebSocketResponse(
             compress=False, max_msg_size=self.limits.message_bytes, timeout=1.0, autoping=False
         )
@@ -246,15 +246,17 @@ class PageServer:
                 code=_TRY_LATER, message=f"{self.viewers_n} viewers are watching already".encode()
             )
         else:
-            self._viewers.add(viewer)  # before the next wait: who comes at the same time finds it taken
-            self._gate.leave(viewer.transport)
+            self._viewers.add(
+                viewer
+            )  # before the next await: a viewer that comes at the same time finds the place taken
+            self._limit.leave(viewer.transport)
             await self._attend(viewer)
         return socket
 
     async def _admit(self, viewer: Viewer) -> bool:
-        """Read the first message, {"token": ..., "want": [...]}; whether it may look.
+        """Read the first message, {"token": ..., "want": [...]}; whether it may watch.
 
-        Raises ValueError: it says something else
+        Raises ValueError: any other message
         """
         try:
             said = parse_message(await asyncio.wait_for(viewer.socket.receive_str(), self.limits.patience_s))
@@ -271,7 +273,7 @@ class PageServer:
         return viewer.may_command or (not token and self.listen.loopback)
 
     async def _attend(self, viewer: Viewer) -> None:
-        """Greet a viewer, feed it and hear it, until it leaves."""
+        """Serve a viewer until it leaves: greeting, packets, messages."""
         from aiohttp import WSMsgType
 
         assert self._watched is not None
@@ -279,14 +281,14 @@ class PageServer:
         try:
             names = sorted(self._commands) if viewer.may_command else []
             await viewer.socket.send_str(json.dumps({"hello": plain(self._hello), "may": names}))
-            feeder = asyncio.create_task(self._feed(viewer))
+            feeder = asyncio.create_task(self._send_packets(viewer))
             self._watched.set()
             async for message in viewer.socket:
                 if viewer.talks_too_much(time.monotonic(), self.limits):
                     self._drop(viewer, "more messages than it may send")
                 elif message.type is WSMsgType.PING:
                     await viewer.socket.pong(message.data)
-                elif message.type is WSMsgType.TEXT and not self._hear(viewer, message.data):
+                elif message.type is WSMsgType.TEXT and not self._handle_message(viewer, message.data):
                     await viewer.socket.close(code=_POLICY, message=b"not understood")
         except ConnectionError:
             pass  # it has left
@@ -303,8 +305,8 @@ class PageServer:
             self._nonsense.write(f"view: a viewer was cut off: {why}", level=logging.INFO)
         viewer.transport.abort()
 
-    def _hear(self, viewer: Viewer, text: str) -> bool:
-        """One message of a viewer. False: it makes no sense, and the viewer has to go."""
+    def _handle_message(self, viewer: Viewer, text: str) -> bool:
+        """Handle one message of a viewer. False: it is invalid, and the viewer is disconnected."""
         try:
             said = parse_message(text)
             if "got" in said:
@@ -319,14 +321,14 @@ class PageServer:
             return False
         if name and len(viewer.doing) >= self.limits.commands_n:
             self._drop(viewer, f"more than {self.limits.commands_n} commands without reading the answers")
-        elif name:  # beside the reading: a command may take longer than our patience
+        elif name:  # not awaited: a command may take longer than `patience_s`
             task = asyncio.create_task(self._do(viewer, name, said))
             viewer.doing.add(task)
             task.add_done_callback(viewer.doing.discard)
         return True
 
     async def _do(self, viewer: Viewer, name: str, said: Mapping[str, Any]) -> None:
-        """Run a command if the viewer may, and tell it what came of it."""
+        """Run a command if the viewer may, and send it the outcome."""
         ok, command = False, self._commands.get(name)
         if command is None:
             words = f"no command {name!r:.40}"
@@ -344,12 +346,12 @@ class PageServer:
             await viewer.socket.send_str(json.dumps({"did": name[:40], "ok": ok, "words": words}))
 
     async def _pump(self) -> None:
-        """Packets for whoever is ready, at the page's rate; asleep while nobody watches."""
+        """Send packets to viewers that are ready, at the page's rate; asleep while nobody watches."""
         assert self._watched is not None
         due_s = time.monotonic()
         while True:
             await self._watched.wait()
-            self._tell_wants()
+            self._notify_wants()
             due_s = max(due_s + 1 / self.limits.rate_hz, time.monotonic())
             await asyncio.sleep(due_s - time.monotonic())
             made: dict[frozenset[str], bytes | None] = {}
@@ -371,15 +373,15 @@ class PageServer:
             self._failures.write("view: a picture cannot be made", error, logging.ERROR)
             return None
 
-    async def _feed(self, viewer: Viewer) -> None:
-        """Send what lies in the slot; waits here for a slow socket, and nowhere else."""
+    async def _send_packets(self, viewer: Viewer) -> None:
+        """Send the packet in the slot; the only place that waits for a slow socket."""
         while True:
             await viewer.filled.wait()
             viewer.filled.clear()
             if viewer.slot is not None:
                 packet, viewer.slot = viewer.slot, None
                 if viewer.sent_n == viewer.got_n:
-                    viewer.progress_s = time.monotonic()  # patience begins with what has to be acknowledged
+                    viewer.progress_s = time.monotonic()  # the time limit begins with a packet to acknowledge
                 viewer.sent_n += 1
                 self.sent_n += 1
                 try:
@@ -387,8 +389,8 @@ class PageServer:
                 except ConnectionError:
                     return
 
-    def _tell_wants(self) -> None:
-        """What all viewers want together, where that has changed; at most once a tick."""
+    def _notify_wants(self) -> None:
+        """Report what all viewers request together, if it changed; at most once a tick."""
         wants: frozenset[str] | None = None
         for viewer in self._viewers:
             wants = viewer.wants | (wants or frozenset())
@@ -400,7 +402,7 @@ class PageServer:
 
 
 def _host(host: str) -> str:
-    """Without its port; "" where it is none."""
+    """Host without its port; "" if it is not valid."""
     try:
         return urlsplit(f"//{host}").hostname or ""
     except ValueError:
@@ -408,7 +410,7 @@ def _host(host: str) -> str:
 
 
 def _place(origin: str) -> str:
-    """Host and port of an origin; "" where it is none."""
+    """Host and port of an origin; "" if it is not valid."""
     try:
         return urlsplit(origin).netloc
     except ValueError:

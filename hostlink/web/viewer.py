@@ -1,11 +1,11 @@
-"""One viewer of a page, and what it may say.
+"""One viewer of a page, and its messages.
 
     {"token": "...", "want": ["image"]}   first of all
     {"got": 17}                           so many packets have arrived
     {"want": []}                          from now on
     {"do": "tare", "force": true}         a command, with what it takes
 
-A message that is not one of these makes `ValueError`, whatever is in it; the viewer has to go.
+Any other message raises `ValueError`; the viewer is disconnected.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ __all__ = ["Viewer", "parse_message", "wishes_in"]
 
 @dataclass(eq=False)
 class Viewer:
-    """wants       names of what it wants to see
+    """wants       names of what it requests
     slot        the packet to be sent next; None: taken
     filled      set when there is one
     sent_n      packets sent, of which `got_n` are acknowledged
-    progress_s  monotonic time of the last acknowledgement that was news
+    progress_s  monotonic time of the last new acknowledgement
     doing       commands that are not answered yet
     """
 
@@ -48,7 +48,7 @@ class Viewer:
     _in_second_n: int = 0
 
     def is_ready(self, limits: WebLimits) -> bool:
-        """For the next packet."""
+        """Whether it can take the next packet."""
         return self.slot is None and self.sent_n - self.got_n < limits.packets_n
 
     def is_stuck(self, now_s: float, limits: WebLimits) -> bool:
@@ -56,14 +56,14 @@ class Viewer:
         return self.sent_n > self.got_n and now_s - self.progress_s > limits.patience_s
 
     def talks_too_much(self, now_s: float, limits: WebLimits) -> bool:
-        """Count a message; True: more than a viewer has to say."""
+        """Count a message; True: more than allowed."""
         if int(now_s) != self._second:
             self._second, self._in_second_n = int(now_s), 0
         self._in_second_n += 1
         return self._in_second_n > limits.messages_per_s
 
     def acknowledge(self, got: object, now_s: float) -> None:
-        """It has got so many packets. Raises ValueError: no such number."""
+        """Note that it has received so many packets. Raises ValueError: no such number."""
         if type(got) is not int or not 0 <= got <= self.sent_n:
             raise ValueError("'got' is not a number of packets that were sent")
         if got > self.got_n:
@@ -93,7 +93,7 @@ def _finite(text: str) -> float:
 
 
 def wishes_in(said: Mapping[str, Any], known: frozenset[str]) -> frozenset[str]:
-    """What a viewer wants, of what there is. Raises ValueError: not a list of names."""
+    """The names that a viewer requests, of those known. Raises ValueError: not a list of names."""
     wanted = said.get("want", [])
     if not isinstance(wanted, list) or not all(isinstance(name, str) for name in wanted):
         raise ValueError("'want' is not a list of names")

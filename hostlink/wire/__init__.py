@@ -1,4 +1,4 @@
-"""The definition of what goes over the wire. Standard library only; imports only itself.
+"""The definition of the wire format. Standard library only; imports only itself.
 
 fields    THE table: state frame and classic parts; schema hash, version
 state     State, Contact; pack_state / unpack_state (64 bytes, CAN FD and serial)
@@ -7,7 +7,7 @@ detail    pack_detail / unpack_segment / DetailAssembler (every pin, CAN FD and 
 status    status bits, fault table
 objects   the object table: SDO and serial requests
 canid     CAN identifiers, bases configurable
-address   an end of the wire in one word; advice: what to do where it does not open
+address   address of an end of the wire; open_errors: advice if it cannot be opened
 serial    message types, object requests and replies, framing; on cobs
 e2e       AUTOSAR E2E profiles 5 and 11C
 generate  `python -m hostlink.wire.generate`: DBC, EDS, C, documentation from the tables

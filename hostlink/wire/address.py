@@ -1,4 +1,4 @@
-"""How an end of the wire is named: one line of text for the edge's sink and the host's `connect` alike.
+"""The address of an end of the wire: one line of text, for the edge's sink and the host's `connect` alike.
 
     can:can0                                  SocketCAN interface, CAN FD
     can:can0?fd=0                             the same in classic frames
@@ -9,10 +9,10 @@
     udp:239.0.0.1?port=43113                  CAN frames over UDP multicast; ttl=0: this machine only
     serial:/dev/ttyACM0?baud=921600           UART or USB CDC
     serial:loop://                            any pyserial URL
-    memory:                                   nowhere: a list in memory
+    memory:                                   a list in memory
 
 Options that every address takes: `node=1..127`, the CANopen node number (edge: who we are).
-An address that opens nothing is still checked in full: unknown words are refused, never skipped.
+Addresses are always checked in full: unknown options are refused, never ignored.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from hostlink.wire.errors import LinkError
 __all__ = ["Address", "AddressError", "parse_address"]
 
 SCHEMES = ("can", "slcan", "virtual", "udp", "serial", "memory")
-"""What stands before the colon."""
+"""The part before the colon."""
 
 _EVERY = frozenset({"node"})
 _CAN = _EVERY | {"fd"}
@@ -54,7 +54,7 @@ NOMINAL_DEFAULT = 1_000_000  # CiA 601-3: 1 and 5 Mbit/s
 
 
 class AddressError(LinkError, ValueError):
-    """The text names no end of a wire: one line, what is wrong and what would be right."""
+    """The text is not an address: one line, what is wrong and what would be right."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,10 +65,10 @@ class Address:
     channel    interface name, device path, multicast group, pyserial URL, or bus name
     interface  python-can's name of the driver; "" for serial and memory
     fd         CAN FD (state frame of 64 bytes) or classic (parts of 8 bytes)
-    bitrate    bit/s; None: as the system has configured it
+    bitrate    bit/s; None: as configured in the system
     dbitrate   bit/s of the FD data phase; None as above
     baud       symbols/s of the serial line, of the adapter's line for slcan
-    node       CANopen node number, None where not given
+    node       CANopen node number, None if not given
     """
 
     scheme: str
@@ -95,7 +95,7 @@ class Address:
         if self.interface == "udp_multicast":
             arguments |= {"port": self.port, "hop_limit": self.ttl, "fd": self.fd}
         elif self.interface == "slcan":
-            # Every adapter made in the last ten years is ready at once: python-can's 2 s are for Arduinos.
+            # Current adapters are ready at once: python-can's wait of 2 s is for Arduinos.
             arguments |= {"tty_baudrate": self.baud, "sleep_after_open": 0.0}
         elif self.interface != "virtual":
             arguments["fd"] = self.fd
@@ -104,7 +104,7 @@ class Address:
         return arguments
 
     def fd_timing(self) -> tuple[int, int] | None:
-        """(nominal, data) bit/s for which an FD adapter wants a `can.BitTimingFd`; None: it wants none."""
+        """(nominal, data) bit/s for which an FD adapter needs a `can.BitTimingFd`; None: it needs none."""
         configured_elsewhere = self.interface in {"virtual", "udp_multicast", "socketcan"}
         if not self.fd or self.dbitrate is None or configured_elsewhere:
             return None

@@ -1,8 +1,8 @@
 """CAN identifiers: CiA 301's predefined connection set, with bases that can be moved.
 
-11-bit identifiers, base + node id (1..127). The 64-byte state frame takes TPDO1's identifier on an FD
-bus, where the classic parts are not sent; the detail stream takes TPDO4's, the lowest priority of the
-four. A receiver tells them by length: 8 bytes are a classic part, 64 a state or detail frame.
+11-bit identifiers, base + node id (1..127). On an FD bus the 64-byte state frame uses TPDO1's identifier,
+because the classic parts are not sent there; the detail stream uses TPDO4's, the lowest priority of the
+four. A receiver distinguishes them by length: 8 bytes are a classic part, 64 a state or detail frame.
 
 Why bases that can be moved: other devices claim fixed identifiers (a force sensor in wide use sits on
 CiA's TIME 0x100), and hands often number their joints from 0x180.
@@ -22,7 +22,7 @@ NODES_MAX = 127
 
 
 class Kind(Enum):
-    """What an identifier announces."""
+    """The kind of message of an identifier."""
 
     TPDO1 = "tpdo1"  # 8 bytes: classic part; otherwise: the state frame
     TPDO2 = "tpdo2"
@@ -36,7 +36,7 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class CanIds:
-    """Bases of the identifiers, and the whole ones of NMT and SYNC. Defaults: CiA 301.
+    """Bases of the identifiers, and the complete identifiers of NMT and SYNC. Defaults: CiA 301.
 
     Raises ValueError: a base out of range, or ranges of two kinds that overlap
     """

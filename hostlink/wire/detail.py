@@ -1,4 +1,4 @@
-"""The detail stream: every pin's displacement and relative area change, for those who learn from raw touch.
+"""The detail stream: every pin's displacement and relative area change, for learning from raw data.
 
     SEGMENT, 64 bytes, little-endian; as many as the pins need, 12 pins in each
 
@@ -11,9 +11,8 @@ Rules
 - Segment k holds pins 12 k .. 12 k + 11, row i is pin i; rows behind the last pin are NaN.
 - 36 bits a pin, low bits first: dx, dy in steps of 0.02 px (range +-163 px), relative area change in
   steps of 0.01 (+-1.27). Finite values saturate; NaN (pin lost) is the most negative value.
-- The counter counts segments sent on this link. A frame with a segment missing is dropped and counted,
-  never patched.
-- Off by default, at a divided rate, and sent only when the bus has room: it yields to the samples.
+- The counter counts segments sent on this link. A frame with a missing segment is dropped and counted.
+  - Off by default, at a divided rate, and sent only when the bus has capacity: samples have priority.
 
 Why px and not mm: it is raw touch, before any calibration. Why 0.02 px: a third of the centroids' noise,
 and 12 pins fill the segment to the last bit (331 pins: 28 segments, 4.7 ms of a 1/5 Mbit/s bus).
@@ -147,7 +146,7 @@ class DetailAssembler:
     def __init__(self) -> None:
         self.dropped_n = 0
         self._rows: list[Row] = []
-        self._last: Segment | None = None  # taken, of an incomplete frame
+        self._last: Segment | None = None  # the last one of an incomplete frame
 
     def add(self, segment: Segment) -> Detail | None:
         """The frame that this segment completes, or None."""

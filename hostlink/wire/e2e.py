@@ -7,10 +7,10 @@ Profile 11C  byte 0 CRC-8, byte 1 counter 0..14 (low nibble) and the data id's b
 
 Source: AUTOSAR, "E2E Protocol Specification" (PRS_E2EProtocol), profiles 5 and 11 ("nibble" mode).
 
-The data id is never sent (but for that nibble): it is a hash of the schema, so that a frame of another
-layout has a wrong CRC here. `implied_id_*` turns that round: which data id would make this frame right?
-Noise implies a different id in each frame; another version implies the same id again and again, and
-that is how the decoder tells the two apart.
+The data id is never sent (except for that nibble): it is a hash of the schema, so that a frame of another
+layout has a wrong CRC here. `implied_id_*` inverts that: which data id would make this frame valid? Noise
+implies a different id in each frame; another version implies the same id again and again, and so the
+decoder distinguishes the two.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def check_p5(frame: bytes | bytearray, data_id: int) -> bool:
 
 
 def implied_id_p5(frame: bytes) -> int:
-    """The one data id with which `check_p5` would hold: the CRC register run backwards over 16 bits."""
+    """The only data id with which `check_p5` would hold: the CRC register run backwards over 16 bits."""
     register = frame[0] | frame[1] << 8
     for _ in range(16):
         register = (register ^ CRC16_POLYNOMIAL) >> 1 | 0x8000 if register & 1 else register >> 1

@@ -1,6 +1,6 @@
-"""What the wire can complain about. Noise on the wire is counted by the decoder, not raised.
+"""The errors of the wire. Noise on the wire is counted by the decoder, not raised.
 
-    LinkError                root of everything that hostlink raises on purpose (see hostlink.errors)
+    LinkError                root of hostlink's own errors (see hostlink.errors)
     ├── WireError
     │   ├── CorruptFrame         length, CRC or content of one frame is wrong
     │   ├── VersionMismatch      the two ends were built from different tables; names both
@@ -16,11 +16,11 @@ __all__ = ["CorruptFrame", "LinkError", "ObjectAborted", "VersionMismatch", "Wir
 
 
 class LinkError(Exception):
-    """Root of what hostlink raises on purpose."""
+    """Root of hostlink's own errors."""
 
 
 class WireError(LinkError):
-    """What came over the wire cannot be used."""
+    """Received data cannot be used."""
 
 
 class CorruptFrame(WireError):
@@ -50,9 +50,9 @@ class VersionMismatch(WireError):
 class ObjectAborted(WireError):
     """The node refused to read or write an object.
 
-    name    of the object, "" where it is in no table of ours
+    name    of the object, "" if it is in none of our tables
     code    CiA 301 SDO abort code, see `objects.ABORTS`
-    reason  in words: the node's own where it gave any
+    reason  as text: the node's own if it gave one
     """
 
     def __init__(self, index: int, sub: int, code: int, reason: str, name: str = "") -> None:

@@ -1,4 +1,4 @@
-"""THE table: what a sample holds, and how it lies in the frame. Everything else is generated from it.
+"""THE table: the contents of a sample, and their places in the frame. Everything else is generated from it.
 
     STATE FRAME, 64 bytes, little-endian, on CAN FD and serial alike
 
@@ -19,7 +19,7 @@ Rules
 - A finite value saturates at the field's range. NaN is the type's most negative value, or the largest
   of an unsigned one; it means "not measured, not calibrated, not asked for or not to be trusted".
 - `raw = round(value / scale)`, half to even; `value = raw * scale`. There are no offsets.
-- The range is narrower than the type where classic CAN has fewer bits, so that both carry the same.
+- The range is narrower than the type if classic CAN has fewer bits, so that both carry the same values.
 - The first four bytes (CRC, counter, version) stay where they are in every future version.
 - `check` is the low half of the CRC-32 (zlib) over version and fields: the CRC-16 alone would let one in
   33,000 of the frames with 4, 6 or 8 flipped bits pass.
@@ -196,7 +196,7 @@ LAYOUT: Final = (
 class Part:
     """One 8-byte message of the classic layout: 2 bytes E2E, 5 bits of sample number, [3 bits page], fields.
 
-    index   of the part in the sample; part of its data id, so that none is taken for another
+    index   of the part in the sample; part of its data id, so that parts cannot be confused
     tpdo    which TPDO's CAN id carries it, 1..4
     page    value of the multiplexer; None: the message has none, and 43 bits for fields
     fields  low bits first
@@ -230,7 +230,7 @@ PARTS: Final = (
     ),
 )
 
-# Widths of what only the classic layout has; plain integers.
+# Widths of fields of the classic layout only; plain integers.
 CLASSIC_BITS: Final = {"sample_high": 16 - SAMPLE_LOW_BITS, "part_n": 4, "check": 8}
 
 # Those that are attributes of `State`; the contacts are tuples there.

@@ -1,14 +1,14 @@
 """The object table: what can be read and set on a node, over SDO and over serial alike.
 
 The node implements it, the EDS and the documentation are generated from it, `canopen` and the serial
-requests speak it. Values: little-endian, as CiA 301 has it; `pack_value` / `unpack_value`.
+requests use it. Values: little-endian, as in CiA 301; `pack_value` / `unpack_value`.
 
 Rules
 - 0x1000..0x1FFF are CiA 301's, 0x2000..0x2FFF ours.
 - Access: ro, rw, wo, const as in CiA 301. `stored` objects survive a restart.
-- A command object is wo: writing does it, and the answer says whether it was done. Where that takes
-  longer than an answer may (`tare`, `calibration`: images have to be taken and judged), the answer says
-  that it was begun, and `rest_frame_*` what became of it.
+- A command object is wo: a write executes it, and the answer reports success or failure. If that takes
+  longer than an answer may (`tare`, `calibration`: images have to be taken and checked), the answer reports
+  the start, and `rest_frame_*` the outcome.
 - `$NODEID` in a default is added to the base.
 """
 
@@ -50,7 +50,7 @@ class Object:
 
     type      boolean, unsigned8/16/32/64, integer8/16/32, real32, visible_string, domain
     access    ro, rw, wo, const
-    default   value at start-up, where it is fixed; None: the node fills it in
+    default   value at start-up, if it is fixed; None: set by the node
     low, high limits of a settable number (inclusive), else None
     unit      of the value, "" for none
     meaning   for a person
@@ -130,7 +130,7 @@ ABORTS: Final = {
 
 
 class RestFrameState(IntEnum):
-    """What became of the last request for a rest frame: object `rest_frame_state`."""
+    """Outcome of the last request for a rest frame: object `rest_frame_state`."""
 
     UNKNOWN = 0
     BUSY = 1
@@ -140,7 +140,7 @@ class RestFrameState(IntEnum):
 
 
 class RestFrameReason(IntEnum):
-    """Why a rest frame was refused, or what a forced one shows: object `rest_frame_reason`."""
+    """Why a rest frame was refused, or why a forced one is implausible: object `rest_frame_reason`."""
 
     NONE = 0
     TOUCHED = 1
@@ -336,23 +336,23 @@ def pack_value(obj: Object, value: Value) -> bytes:
     if not isinstance(value, int | float) or (obj.type != "real32" and value != int(value)):
         raise TypeError(f"{obj.name}: a number ({obj.type}) expected, not {value!r}")
     if obj.low is not None and obj.high is not None and not obj.low <= value <= obj.high:
-        raise ValueError(f"{obj.name} = {_words(obj, value)}: give {_range(obj.low, obj.high, obj)}")
+        raise ValueError(f"{obj.name} = {_text(obj, value)}: give {_range(obj.low, obj.high, obj)}")
     try:
         return struct.pack("<" + TYPES[obj.type][1], value if obj.type == "real32" else int(value))
     except struct.error as error:
         raise ValueError(f"{obj.name} {value!r}: {error}") from None
 
 
-def _words(obj: Object, value: float) -> str:
+def _text(obj: Object, value: float) -> str:
     number = f"{value:g}" if obj.type == "real32" else str(int(value))
     return f"{number} {obj.unit}".rstrip()
 
 
 def _range(low: float, high: float, obj: Object) -> str:
-    """A magic number (two equal limits) is easier to type as the hexadecimal that the tables have."""
+    """A magic number (two equal limits) is shown in hexadecimal, as in the tables."""
     if low == high:
-        return f"0x{int(low):X}" if low > 0xFFFF else _words(obj, low)
-    return f"{_words(obj, low).partition(' ')[0]} to {_words(obj, high)}"
+        return f"0x{int(low):X}" if low > 0xFFFF else _text(obj, low)
+    return f"{_text(obj, low).partition(' ')[0]} to {_text(obj, high)}"
 
 
 def unpack_value(obj: Object, data: bytes) -> Value:

@@ -1,7 +1,6 @@
-"""What an end of the wire says when it does not open, and what to do then: one line, for both ends alike.
+"""One line of error and advice for an end of the wire that cannot be opened, the same for both ends.
 
-python-can and pyserial wrap what the system said in errors of their own; what was meant is the system's
-number, and the advice hangs on it.
+python-can and pyserial wrap the system's error in their own; the advice depends on the system's error number.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ _PORTS: Final = ("ttyACM*", "ttyUSB*", "ttyAMA*", "ttyS[0-9]")
 _DRIVER: Final = "is the adapter's driver installed? python-can's documentation says what it needs"
 _ROUTE: Final = "give it a way: ip link set lo multicast on; ip route add 239.0.0.0/8 dev lo"
 
-#: By python-can's interface ("serial": a line) and what the system said; None: anything else.
+#: By python-can's interface ("serial": a line) and the system's error; None: any other.
 ADVICE: Final[dict[tuple[str, int | None], str]] = {
     ("socketcan", errno.ENODEV): "CAN interfaces here: {cans}; deploy/can-up.sh {channel} brings one up",
     ("socketcan", errno.EAFNOSUPPORT): "this kernel has no CAN: modprobe can_raw, or another kernel",
@@ -44,7 +43,7 @@ ADVICE: Final[dict[tuple[str, int | None], str]] = {
 def cannot_open(
     address: Address, error: BaseException, net: Path = Path("/sys/class/net"), dev: Path = Path("/dev")
 ) -> str:
-    """One line for an error of python-can or pyserial: what does not open, why, what to do.
+    """One line for an error of python-can or pyserial: what cannot be opened, why, what to do.
 
     net, dev  where this system lists its interfaces and devices
     """
@@ -52,7 +51,7 @@ def cannot_open(
     number = next((n for e in _chain(error) if (n := getattr(e, "errno", None))), None)
     advice = ADVICE.get((kind, number)) or ADVICE.get((kind, None), _DRIVER)
     if kind not in ("serial", "socketcan") and isinstance(error, ValueError):
-        advice = "its options do not suit it"  # the driver is there, and said so
+        advice = "its options do not suit it"  # the driver exists, and rejected them
     here = {"channel": address.channel, "cans": "", "ports": ""}
     if "{cans}" in advice:
         here["cans"] = ", ".join(p.parent.name for p in sorted(net.glob("*/type")) if _is_can(p)) or "none"
@@ -69,7 +68,7 @@ def cannot_open(
 
 
 def message_of(error: BaseException) -> str:
-    """One line of what went wrong, without the libraries' wrapping."""
+    """The error in one line, without the libraries' wrapping."""
     number = getattr(error, "errno", None)
     if isinstance(error, OSError) and number:
         return os.strerror(number)
@@ -77,7 +76,7 @@ def message_of(error: BaseException) -> str:
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:
-    """The error and what it came from."""
+    """The error and its causes."""
     link: BaseException | None = error
     while link is not None:
         yield link
@@ -94,7 +93,7 @@ def _is_can(path: Path) -> bool:
 def is_junk(error: BaseException) -> bool:
     """A datagram that is no CAN frame (`udp:`), as python-can reports it.
 
-    Its sender's fault, and no reason to open the bus anew: a bus that failed has an OSError for its cause, or
+    Caused by its sender, and no reason to reopen the bus: a bus that failed has an OSError as its cause, or
     none.
     """
     cause = error.__cause__

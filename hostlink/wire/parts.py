@@ -1,5 +1,5 @@
-"""A sample on classic CAN: 8 to 12 messages of 8 bytes (6 without contacts and unasked-for features, 4
-at the least), and their reassembly.
+"""A sample on classic CAN: 8 to 12 messages of 8 bytes (6 without contacts and features that are not in
+demand, at least 4), and their reassembly.
 
     byte 0    1            2                     3 ...                       7
     +--------+-----+------+----------+----------+---------------------------+
@@ -15,12 +15,12 @@ at the least), and their reassembly.
 
 Rules
 - All parts of a sample carry the same counter: it counts samples, and each part (CAN id and page) is a
-  protected message of its own, with a data id of its own.
-- Parts come in the order of the table. The number of parts in TPDO2 says when a sample is complete.
-- `check`, the low byte of the state frame's, must fit the sample as it was put together.
+  protected message of its own, with its own data id.
+- Parts are sent in the order of the table. The number of parts in TPDO2 shows when a sample is complete.
+- `check`, the low byte of the state frame's, must fit the reassembled sample.
 - Two samples never mix: the counter (modulo 15) and the 5 low bits of the sample number must agree in
-  all parts, which together repeat after 480 samples; a new TPDO1 drops what was not complete; and parts
-  are only taken in ascending order.
+  all parts, which together repeat after 480 samples; a new TPDO1 drops an incomplete sample; and parts
+  are accepted in ascending order only.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ _PAGED: Final = {(p.tpdo, p.page): p for p in PARTS}
 _UNPAGED: Final = {p.tpdo for p in PARTS if p.page is None}
 _NAMES: Final = tuple(f.name for f in LAYOUT)
 _ALWAYS: Final = sum(1 << p.index for p in PARTS if p.always)
-_INTERLEAVED: Final = 3  # a bus that swaps two parts does so once in a while
+_INTERLEAVED: Final = 3  # a bus that swaps two parts does so rarely
 _NAN_WIDE: Final = {f.name: f.raw_nan(8 * f.size) for f in LAYOUT if not f.plain}
 
 
@@ -144,7 +144,7 @@ class PartFrame:
     raws: dict[str, int]
 
     def values(self) -> dict[str, float]:
-        """Physical values of its measured fields, NaN where invalid: what part 1 alone is good for."""
+        """Physical values of its measured fields, NaN where invalid: enough to use part 1 alone."""
         rows = ((name, field_named(name), raw) for name, raw in self.raws.items() if name not in CLASSIC_BITS)
         return {
             name: raw if f.plain else float("nan") if raw == f.raw_nan(8 * f.size) else raw * f.scale
@@ -153,7 +153,7 @@ class PartFrame:
 
 
 def unpack_part(tpdo: int, frame: bytes) -> PartFrame:
-    """Takes one 8-byte message of TPDO 1..4 apart.
+    """Decode one 8-byte message of TPDO 1..4.
 
     Raises CorruptFrame: length, page, CRC, nibble or counter is wrong
     """
@@ -178,7 +178,7 @@ class Assembler:
     """Puts the parts of one node's samples together; never mixes two samples.
 
     dropped_n  samples begun but not completed
-    stray_n    parts that belonged to no sample begun
+    stray_n    parts that belong to no sample in progress
     """
 
     def __init__(self) -> None:
@@ -192,7 +192,7 @@ class Assembler:
 
     @property
     def is_interleaved(self) -> bool:
-        """Whether parts of two samples alternate again and again: there are two senders."""
+        """Whether parts of two samples alternate repeatedly, which shows two senders."""
         return self._interleaved_n >= _INTERLEAVED
 
     def add(self, frame: PartFrame) -> State | None:
@@ -220,7 +220,7 @@ class Assembler:
         return self._state(frame.sample_low)
 
     def drop(self) -> None:
-        """Forgets an incomplete sample, and counts it."""
+        """Drops an incomplete sample, and counts it."""
         if self._key is not None:
             self._key = None
             self.dropped_n += 1

@@ -1,7 +1,7 @@
-"""A serial port for one program alone: two that read it would take each other's bytes.
+"""A serial port for one program alone: two readers would take each other's bytes.
 
-pyserial locks a port that it opens with `exclusive=True`; this is the same lock for what opens it otherwise
-(python-can's slcan). It is advisory: programs that ask for no lock are not kept out.
+pyserial locks a port that it opens with `exclusive=True`; this is the same lock for other ways of opening it
+(python-can's slcan). It is advisory: programs that do not lock are not kept out.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ class PortLock:
     """Holds a port's lock until `close`.
 
     path    of the device; one that is no path of this system (COM3, loop://) is not locked
-    Raises  OSError: EAGAIN where another program holds it
+    Raises  OSError: EAGAIN if another program holds it
     """
 
     def __init__(self, path: str) -> None:

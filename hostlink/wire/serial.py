@@ -1,14 +1,14 @@
-r"""What goes over a serial line: COBS blocks between 0x00, one type byte, an E2E profile 5 payload.
+r"""The format on a serial line: COBS blocks between 0x00, one type byte, an E2E profile 5 payload.
 
     0x00 | COBS( type | CRC-16 | counter | version | body | CRC-32 ) | 0x00
                       \____________ payload ____________/
 
 Rules
 - A payload of type STATE is the CAN FD state frame as it is, one of type DETAIL a detail segment.
-- The CRC-32 (of `zlib`, little-endian) covers type and payload. It stands in for what CAN's controllers
+- The CRC-32 (of `zlib`, little-endian) covers type and payload. It replaces the checks that CAN's controllers
   do below the frame: a bare line has no check of its own, and 16 bits alone let one in 32768 of the
   frames with four or more flipped bits pass.
-- The data id of a payload is `DATA_ID + type`: a frame never passes for one of another type.
+- The data id of a payload is `DATA_ID + type`: a frame cannot pass for one of another type.
 - The counter runs per type and direction; a response repeats the counter of its request.
 - A sender begins with 0x00 too: noise on an idle line ends there and costs no frame.
 - Requests are served in order, one at a time; who waits sets the timeout (`ObjectRequest` is safe to
@@ -78,7 +78,7 @@ def encode_frame(kind: Message, payload: bytes) -> bytes:
 
 
 def decode_frame(block: bytes) -> tuple[int, bytes]:
-    """(type byte, payload) of what stood between two separators. Raises CorruptFrame."""
+    """(type byte, payload) of the block between two separators. Raises CorruptFrame."""
     frame = cobs.decode(block)
     if len(frame) < 1 + HEADER_SIZE + _TRAILER or crc32(frame[:-_TRAILER]) != int.from_bytes(
         frame[-_TRAILER:], "little"
@@ -106,7 +106,7 @@ def unpack_message(kind: Message, payload: bytes) -> tuple[int, bytes]:
 
 
 class Op(IntEnum):
-    """What a request asks for."""
+    """The operation of a request."""
 
     READ = 1
     WRITE = 2
@@ -152,7 +152,7 @@ class ObjectReply:
 
     abort   0, or the CiA 301 abort code
     offset  of the segment
-    total   length of the whole object: when reading, ask on until offset + len(data) == total
+    total   length of the whole object: when reading, repeat until offset + len(data) == total
     """
 
     index: int

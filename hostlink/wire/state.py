@@ -158,7 +158,7 @@ def pack_state(state: State, counter: int) -> bytes:
     """The 64-byte frame of a sample.
 
     counter  of samples due on this link, taken modulo 256: +1 for each, also for one that the link then
-             refused (that is a loss); not for one that the divider left out (that is none)
+             refused (a loss); not for one that the divider skipped (no loss)
     """
     body = _BODY.pack(VERSION, *quantise(state))
     frame = bytearray(bytes(_BODY_AT) + body + (crc32(body) & 0xFFFF).to_bytes(CHECK_SIZE, "little"))
@@ -170,7 +170,7 @@ def unpack_state(frame: bytes) -> State:
     """The sample in a 64-byte frame; its counter is `frame[2]`.
 
     Raises CorruptFrame: length, CRC, version or check is wrong. A frame of another version looks like that,
-           too: only several frames together tell noise from another version, see `hostlink.decoder`
+           too: only several frames together distinguish the two, see `hostlink.decoder`
     """
     if len(frame) != STATE_SIZE:
         raise CorruptFrame(f"state frame of {len(frame)} bytes instead of {STATE_SIZE}")

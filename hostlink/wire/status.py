@@ -1,8 +1,8 @@
-"""Status bits and faults: what the sensor says about itself.
+"""Status bits and faults: the sensor's report on itself.
 
-Two tables. `STATUS` is the 16 bits that travel with every sample; `FAULTS` is what can go wrong, finer
-than the bits: a fault sets its bit for as long as it lasts, sends one emergency (EMCY) when it appears
-and one with code 0 ("error reset") when the last fault is gone.
+Two tables. `STATUS` is the 16 bits sent with every sample; `FAULTS` lists the faults, finer than the bits: a
+fault sets its bit for as long as it lasts, sends one emergency (EMCY) when it appears
+and one with code 0 ("error reset") when the last fault has cleared.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Status(IntFlag):
 class StatusBit:
     """One row: the bit, its meaning, and what a controller should do.
 
-    no_control  what a sample with this bit says must not move a hand
+    no_control  a sample with this bit must not move a hand
     """
 
     bit: Status

@@ -1,7 +1,7 @@
-"""How long a frame holds the wire, with worst-case stuffing.
+"""How long a frame occupies the wire, with worst-case stuffing.
 
-Worst case because a controller's engineer plans with it: a payload that stuffs after every fourth bit is
-rare, but it comes.
+Worst case because an engineer has to plan with it: a payload that needs a stuff bit after every fourth bit is
+rare, but possible.
 
     classic  SOF ID11 RTR IDE r0 DLC4 | data 8n | CRC15 | CRC-del ACK ACK-del EOF7 IFS3
              stuffing: one bit after 5 equal ones, the stuffed bit counting itself: (34 + 8n - 1) / 4

@@ -112,17 +112,17 @@ def test_what_is_wrong_with_a_finger_stands_below_the_table(request: pytest.Fixt
         end = time.monotonic() + 5
         while not any(s.finger == 1 and s.state.sample == 19 for s in heard):
             assert time.monotonic() < end
-        text = " ".join(shown(Board(hand).look()).split())
+        text = " ".join(shown(Board(hand).rows()).split())
     assert "finger 2: finger 2 speaks wire version 9" in text
     assert "finger 3: two senders use this number; give each fingertip its own (?node=)" in text
     assert "finger 1:" not in text
 
 
-def test_board_counts_between_looks(request: pytest.FixtureRequest) -> None:
+def test_board_counts_between_updates(request: pytest.FixtureRequest) -> None:
     channel = request.node.name
     with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
         board = Board(hand)
-        assert board.look() == []
+        assert board.rows() == []
         heard: list[hostlink.Sample] = []
         hand.on_sample(heard.append)
         for k in (0, 1, 3):
@@ -131,11 +131,11 @@ def test_board_counts_between_looks(request: pytest.FixtureRequest) -> None:
         end = time.monotonic() + 5
         while len(heard) < 3:
             assert time.monotonic() < end
-        (first,) = board.look()
+        (first,) = board.rows()
         assert (first.finger, first.received_n, first.lost_n) == (4, 3, 1)
         assert first.rate_hz > 0
-        assert "let go" not in first.words
-        assert "beyond its limit" in first.words
-        assert "touches" not in first.words
-        (second,) = board.look()
+        assert "let go" not in first.problem
+        assert "beyond its limit" in first.problem
+        assert "touches" not in first.problem
+        (second,) = board.rows()
         assert second.rate_hz == 0
