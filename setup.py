@@ -29,6 +29,7 @@ KERNELS = {
     "edge.cells.mesh": EXACT,
     "edge.cells.points": EXACT,
     "edge.cells.predicates": EXACT,
+    "edge.features.area_change": FAST,
     "edge.features.contact_detector": FAST,
     "edge.features.contact_field": FAST,
     "edge.features.contact_place": FAST,

@@ -27,16 +27,16 @@ from calib.ridge import cross_validated_terms
 from calib.targets import Targets
 from edge.calibration.inputs import FRAME_INPUTS, evaluate_terms, term_columns
 from edge.cells import Tessellator
+from edge.features.area_change import AreaChange
 from edge.features.surface import Surface
 from edge.pins import CentroidRefiner, detect
 from edge.pipeline import Result
-from edge.types import Array, Frame, Rest
+from edge.types import Array, Cells, Frame, Rest
 
 __all__ = ["Row", "detectors", "places", "shear_models", "surfaces", "tessellations"]
 
 RUNS = 5
 CT_GRID = 64
-SIZES = (16, 24, 32, 48, 64, 96, 128)
 HALVES_PX = (5, 7, 9, 12)
 DEGREES = (1, 2, 3, 4, 5)
 
@@ -192,23 +192,21 @@ def surfaces(rest: Rest, results: Sequence[Result], depths: Array) -> list[Row]:
         volumes.append(float(np.nansum(np.maximum(height, 0.0))) * cell)
         us.append(took)
     add(f"Clough-Tocher at current places, {CT_GRID} grid", volumes, us)
-    used = Surface(rest).size
-    for size in sorted({*SIZES, used}):
-        surface = Surface(rest, size)
-        volumes, us = [], []
-        for result, growth in zip(results, change, strict=True):
-            assert result.cells is not None
-            xy = np.ascontiguousarray(result.cells.xy_img)
-            (_, volume), took = timed(lambda: surface.interpolate(growth, xy, 0.01), 3)  # noqa: B023
-            volumes.append(volume)
-            us.append(took)
-        why = ""
-        if size == used:
-            why = (
-                "depth gains nothing from a finer grid; one and a half steps a pitch keep near contacts apart"
-            )
-        add(f"constant operator, {size} grid", volumes, us, why)
+    volumes, us = [], []
+    changes = AreaChange(rest.xy_img, rest.pattern.pitch_px, _cells(results[0]).rest_area_px2)
+    for result, growth in zip(results, change, strict=True):
+        changes.fill(growth, np.ascontiguousarray(_cells(result).xy_img))
+        volume, took = timed(partial(changes.volume, 0.01), 3)
+        volumes.append(volume)
+        us.append(took)
+    why = "the cells at rest tile the tip: their sum is the integral, and depth gains nothing from a grid"
+    add("sum over the cells", volumes, us, why)
     return rows
+
+
+def _cells(result: Result) -> Cells:
+    assert result.cells is not None
+    return result.cells
 
 
 def _of(result: Result) -> Any:
@@ -226,8 +224,9 @@ def places(rest: Rest, results: Sequence[Result], targets: Targets, calibrated: 
     divergence_us, on_grid, by_pins = [], [], []
     for result in results:
         xy = np.where(np.isfinite(result.tracks.xy_img), result.tracks.xy_img, rest.xy_img)
-        field, us = timed(lambda: surface.divergence(xy), 3)  # noqa: B023
-        on_grid.append(surface.points_img[int(np.argmax(field))])
+        change = np.nan_to_num(_of(result).area_change)
+        _, us = timed(lambda: surface.field.find(change, xy), 3)  # noqa: B023
+        on_grid.append(surface.points_img[int(np.argmax(surface.field.blend))])
         contacts = _of(result).contacts
         by_pins.append(contacts[0].xy_img if contacts else np.full(2, np.nan))
         divergence_us.append(us)

@@ -43,7 +43,6 @@ class ContactFinder:
 
     def __init__(self, surface: Surface, params: FeatureParams = PARAMS) -> None:
         self._surface, self._params = surface, params
-        self._field = surface.field
         self._peaks = PeakFinder(surface.inside)
         x0, y0, step_px = float(surface.x_img[0]), float(surface.y_img[0]), surface.step_px
         self._regions = Regions(self._peaks, x0, y0, step_px, params)
@@ -88,7 +87,6 @@ class ContactFinder:
         params, regions, peaks = self._params, self._regions, self._peaks
         field_noise = self._surface.divergence_noise
         self._noise_px = None
-        self._field.find_blend()
         peaks.set_field(self._blend)
         if not peaks.find(field_noise, params.contact_sigma * sigma_px, params.min_area_change):
             return ()

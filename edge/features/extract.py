@@ -27,6 +27,7 @@ from typing import Any
 
 import numpy as np
 
+from edge.features.area_change import AreaChange
 from edge.features.contact_detector import ContactDetector
 from edge.features.contacts import ContactFinder
 from edge.features.modes import Modes
@@ -81,7 +82,7 @@ class _Plan:
         self.contacts = Quantity.CONTACTS in need
         self.torsion = Quantity.TORSION in need
         self.slip = Quantity.SLIP in need
-        self.heights = self.volume or self.surface or self.contacts
+        self.areas = self.volume or self.surface or self.contacts
         self.contact_pins = self.torsion or self.slip
 
 
@@ -122,7 +123,7 @@ class FeatureExtractor:
     ) -> None:
         self._rest, self._grid, self._params = rest, grid, params
         self._xy_rest = np.ascontiguousarray(rest.xy_img)
-        self._rest_area_px2 = rest_area_px2
+        self._area_change = AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_area_px2)
         self._inverse_area = 1.0 / rest_area_px2
         self._everyone = np.ones(len(rest), dtype=np.bool_)
         self._detector = ContactDetector(rest, params)
@@ -170,8 +171,8 @@ class FeatureExtractor:
         else:
             in_contact = self._detector.by_area(whole_change, cells.xy_img, motion.sigma_px)
         if in_contact:
-            if cells is not None and plan.heights:
-                self._add_fields(given, whole_change, cells.xy_img, tracks.seen, motion.sigma_px)
+            if cells is not None and plan.areas:
+                self._add_areas(given, whole_change, cells.xy_img, tracks.seen, motion.sigma_px)
             if plan.contact_pins:
                 self._add_contact_motion(given, motion, area_change)
         else:
@@ -205,20 +206,20 @@ class FeatureExtractor:
             return area_change, cells.whole_px2 * self._inverse_area - 1.0
         return area_change, area_change
 
-    def _add_fields(
+    def _add_areas(
         self, given: dict[str, Any], area_change: Array, xy_img: Array, seen: Mask, sigma_px: float
     ) -> None:
         """Volume, surface and contacts of a frame in contact."""
-        plan, surface = self._plan, self.surface
-        threshold = self._params.volume_sigma * self._detector.cell_noise(sigma_px)
-        heights, volume_px2 = surface.interpolate(area_change, xy_img, threshold)
+        plan, changes = self._plan, self._area_change
+        changes.fill(area_change, xy_img)
         if plan.volume:
-            given["volume_px2"] = volume_px2
+            threshold = self._params.volume_sigma * self._detector.cell_noise(sigma_px)
+            given["volume_px2"] = changes.volume(threshold)
         if plan.surface:
-            given["surface"] = surface.to_grid(heights, np.nan).astype(np.float64)
-            given["grid_img"] = (surface.x_img, surface.y_img)
+            given["surface"] = self.surface.picture(changes.values)
+            given["grid_img"] = (self.surface.x_img, self.surface.y_img)
         if plan.contacts:
-            surface.field.find_divergence(xy_img)
+            self.surface.field.find(changes.values, xy_img)
             given["contacts"] = self.finder.find(xy_img, seen, sigma_px)
 
     def _add_contact_motion(self, given: dict[str, Any], motion: _Motion, area_change: Array) -> None:

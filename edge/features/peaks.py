@@ -80,8 +80,8 @@ class PeakFinder:
 
     def mark_maxima(self) -> Mask:
         """(k,) bool, which points are regional maxima."""
-        self._mark()
-        return np.asarray(self.mark)[np.asarray(self.place)] == _TOP
+        self.mark[:] = _UNKNOWN
+        return np.array([self._is_maximum(place) for place in self.place], np.bool_)
 
     def find(
         self, noise: cython.const[cython.float][::1], noise_factor: cython.float, least: cython.float
@@ -96,13 +96,13 @@ class PeakFinder:
             raise ValueError(f"noise ({self.place.shape[0]},) is wanted")
         p: cython.Py_ssize_t
         h: cython.float
-        self._mark()
+        self.mark[:] = _UNKNOWN
         self.n_peaks = 0
         for p in range(self.place.shape[0]):
-            if self.mark[self.place[p]] == _TOP:
-                h = self.grid[self.place[p]]
-                if h > max(noise[p] * noise_factor, least):
-                    self._insert(p, h)
+            h = self.grid[self.place[p]]
+            # The height first: most points lie below the noise, and need no look at their neighbours.
+            if h > max(noise[p] * noise_factor, least) and self._is_maximum(self.place[p]):
+                self._insert(p, h)
         return self.n_peaks
 
     def find_within(
@@ -218,37 +218,24 @@ class PeakFinder:
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _mark(self) -> cython.void:
-        """Mark every point _TOP or _SLOPE."""
-        p: cython.Py_ssize_t
+    def _is_maximum(self, here: cython.Py_ssize_t) -> cython.bint:
+        """Whether a place is a regional maximum; it, or the plateau it is on, is marked _TOP or _SLOPE."""
         d: cython.Py_ssize_t
-        here: cython.Py_ssize_t
-        h: cython.float
+        h: cython.float = self.grid[here]
         other: cython.float
-        higher: cython.bint
-        equal: cython.bint
-        for p in range(self.place.shape[0]):
-            self.mark[self.place[p]] = _UNKNOWN
-        for p in range(self.place.shape[0]):
-            here = self.place[p]
-            if self.mark[here] != _UNKNOWN:
-                continue
-            h = self.grid[here]
-            higher = False
-            equal = False
-            for d in range(8):
-                other = self.grid[here + self._around[d]]
-                if other > h:
-                    higher = True
-                    break
-                if other == h:
-                    equal = True
-            if higher or h == _NOTHING:
+        equal: cython.bint = False
+        if self.mark[here] != _UNKNOWN:
+            return self.mark[here] == _TOP
+        self.mark[here] = _TOP
+        for d in range(8):
+            other = self.grid[here + self._around[d]]
+            if other > h or h == _NOTHING:
                 self.mark[here] = _SLOPE
-            elif equal:
-                self._mark_plateau(here)
-            else:
-                self.mark[here] = _TOP
+                return False
+            equal = equal or other == h
+        if equal:
+            self._mark_plateau(here)
+        return self.mark[here] == _TOP
 
     @cython.cfunc
     @cython.exceptval(check=False)

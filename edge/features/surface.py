@@ -8,8 +8,8 @@ difference.
 
 The divergence of the same spline through the pins' motion is the relative area change too, but at a point
 rather than of a whole cell, and it needs no cells. It separates contacts two pitches apart, which areas show
-as one. So contacts are searched for in it, while the volume is the paper's, from areas (`contact_field` has
-the arithmetic of a frame).
+as one. So contacts are searched for in it (`contact_field` has the arithmetic of a frame); the volume needs
+no grid (`area_change`).
 
 Heights are relative area changes of material cells, at the cells' rest places: the surface is fixed to the
 skin. `contact_place` finds where a contact lies in the current image.
@@ -67,33 +67,12 @@ class Surface:
         # x and y interleaved, like the motion's rows: one product.
         divergences = np.stack([along_x, along_y], axis=2).reshape(len(value), -1)
         self.divergence_noise: Heights = np.sqrt((divergences**2).sum(axis=1)).astype(np.float32)
-        self.field = ContactField(self.rest_img, self.pitch_px, value, divergences, params)
+        self.field = ContactField(self.rest_img, self.pitch_px, self.points_img, value, divergences, params)
 
-    def interpolate(self, area_change: Array, xy_img: Array, threshold: float) -> tuple[Heights, float]:
-        """The surface through the area changes.
-
-        area_change  (n,) NaN where lost: such a pin's cell changes as the skin between its neighbours
-        xy_img       (n, 2) px, where the pins are; finite
-        threshold    of the volume: heights below it are noise
-        Returns      heights (k,) float32 at the k points, new; volume px2, the integral of the compressed
-                     part
-        """
-        total = self.field.interpolate(area_change, xy_img, threshold)
-        return np.array(self.field.heights), total * self.step_px * self.step_px
-
-    def divergence(self, xy_img: Array) -> Heights:
-        """Divergence of the surface through the pins' motion since rest, at the k points.
-
-        xy_img   (n, 2) px, where the pins are; finite
-        Returns  (k,) float32, relative change of area there, to first order; new
-        """
-        self.field.find_divergence(xy_img)
-        return np.array(self.field.divergence)
-
-    def to_grid(self, heights: Heights, outside: float) -> Heights:
-        """Values at the k points laid out as the (g, g) grid, `outside` beyond the circle; new array."""
-        grid = np.full(self.size * self.size, outside, dtype=np.float32)
-        grid[self._flat] = heights
+    def picture(self, area_change: Array) -> Array:
+        """The surface through area changes (n,), finite: (g, g) float64, NaN beyond the circle; new."""
+        grid = np.full(self.size * self.size, np.nan)
+        grid[self._flat] = self.field.whole_surface(area_change)
         return grid.reshape(self.size, self.size)
 
     def sharper_grid(self, steps_per_pitch: float) -> tuple[tuple[Array, Array, NDArray[np.intp]], Array]:

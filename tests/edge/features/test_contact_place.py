@@ -28,7 +28,7 @@ def made() -> tuple[Surface, PeakFinder, Regions, ContactPlace]:
 def test_area_change_near_a_place_is_the_weighted_mean_of_the_cells() -> None:
     surface, _, _, near = made()
     change = np.random.default_rng(0).normal(size=127)
-    surface.interpolate(change, REST.xy_img, 0.0)
+    surface.field.find(change, REST.xy_img)
     at = CENTRE + np.array([25.0, -31.0])
     d2 = ((REST.xy_img - at) ** 2).sum(axis=1) / PITCH**2
     weight = np.exp(-d2) * (d2 <= 9.0)
@@ -48,8 +48,7 @@ def test_places_are_means_of_the_nearest_pins_weighted_by_area_change() -> None:
     surface, peaks, regions, near = made()
     xy = REST.xy_img + push(REST, (60.0, -15.0), 40.0, 0.2) + push(REST, (-50.0, 30.0), 40.0, 0.15)
     change = np.random.default_rng(2).normal(0.1, 0.1, 127).astype(np.float32).astype(np.float64)
-    surface.interpolate(change, xy, 0.0)
-    surface.field.find_divergence(xy)
+    surface.field.find(change, xy)
     peaks.set_field(surface.field.divergence)
     peaks.find(surface.divergence_noise, 0.1, 0.01)
     regions.merge(surface.divergence_noise, 0.05)
@@ -69,10 +68,9 @@ def test_peaks_without_area_change_and_guessed_contacts_are_dropped() -> None:
     places = np.array([[60.0, -15.0], [-50.0, 30.0]])
     xy = REST.xy_img + push(REST, tuple(places[0]), 40.0, 0.2) + push(REST, tuple(places[1]), 40.0, 0.15)
     away = np.hypot(*(REST.xy_img[:, None] - CENTRE - places).transpose(2, 0, 1)) / PITCH
-    surface.field.find_divergence(xy)
 
     def contacts(change: np.ndarray, seen: np.ndarray) -> list[float]:
-        surface.interpolate(change, xy, 0.0)
+        surface.field.find(change, xy)
         peaks.set_field(surface.field.divergence)
         peaks.find(surface.divergence_noise, 0.1, 0.01)
         near.drop_peaks_without_area_change()

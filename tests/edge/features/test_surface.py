@@ -1,4 +1,4 @@
-"""The surface against known functions, and its volume against noise."""
+"""The surface and the contact field against known functions, everywhere and at the active points."""
 
 from __future__ import annotations
 
@@ -10,13 +10,19 @@ from edge.features.contact_field import ContactField
 from edge.features.surface import Surface
 from edge.geometry.thin_plate import thin_plate_operators
 from edge.types import Array
-from tests.support.fields import CENTRE, frame, push, tip
+from tests.support.fields import CENTRE, push, tip
 
 pytestmark = pytest.mark.kernels
 
 
 def bump(xy: Array, at: Array, width: float) -> Array:
     return np.asarray(np.exp(-0.5 * ((xy - at) ** 2).sum(axis=-1) / width**2))
+
+
+def divergence(surface: Surface, xy: Array) -> Array:
+    """At all points: where nothing has grown, all are active."""
+    surface.field.find(np.zeros(len(xy)), xy)
+    return np.array(surface.field.divergence)
 
 
 @pytest.mark.parametrize("pins", [127, 331])
@@ -28,7 +34,7 @@ def test_smooth_bump_as_well_as_clough_tocher(pins: int) -> None:
     values = bump(rest.xy_img, at, width)
     truth = bump(surface.points_img, at, width)
     inner = np.hypot(*(surface.points_img - CENTRE).T) < 0.8 * rest.pattern.tip_radius_px
-    ours = np.abs(surface.interpolate(values, rest.xy_img, 0.0)[0] - truth)[inner]
+    ours = np.abs(surface.field.whole_surface(values) - truth)[inner]
     cubic = np.abs(CloughTocher2DInterpolator(rest.xy_img, values)(surface.points_img) - truth)[inner]
     # 0.1 % of the bump's height, which is less than one sigma of noise in any single cell.
     assert np.sqrt((ours**2).mean()) < 1e-3
@@ -39,7 +45,7 @@ def test_divergence_of_linear_motion_is_exact() -> None:
     rest = tip(331)
     surface = Surface(rest)
     motion = (rest.xy_img - CENTRE) @ np.array([[0.03, 0.2], [-0.1, 0.05]]) + [5.0, -3.0]
-    np.testing.assert_allclose(surface.divergence(rest.xy_img + motion), 0.08, atol=1e-6)
+    np.testing.assert_allclose(divergence(surface, rest.xy_img + motion), 0.08, atol=1e-6)
 
 
 @pytest.mark.compiled
@@ -47,36 +53,10 @@ def test_divergence_noise_is_that_of_the_operator() -> None:
     rest = tip(127)
     surface = Surface(rest)
     rng = np.random.default_rng(1)
-    draws = np.stack([surface.divergence(rest.xy_img + rng.normal(0.0, 0.05, (127, 2))) for _ in range(2000)])
+    draws = np.stack(
+        [divergence(surface, rest.xy_img + rng.normal(0.0, 0.05, (127, 2))) for _ in range(2000)]
+    )
     np.testing.assert_allclose(draws.std(axis=0), 0.05 * surface.divergence_noise, rtol=0.12)
-
-
-def test_lost_pins_grow_as_the_skin_between_their_neighbours() -> None:
-    rest = tip(331)
-    surface = Surface(rest)
-    rng = np.random.default_rng(2)
-    xy = rest.xy_img + push(rest, (5.0, -9.0), 60.0, 0.1)
-    _, cells = frame(rest, xy)
-    change = cells.area_px2 / cells.rest_area_px2 - 1.0
-    surface.interpolate(change, xy, 0.0)
-    np.testing.assert_array_equal(surface.field.area_change, change.astype(np.float32))
-    lost = rng.choice(331, 99, replace=False)
-    inner = lost[np.hypot(*(rest.xy_img[lost] - CENTRE).T) < 0.9 * rest.pattern.tip_radius_px]
-    gaps = change.copy()
-    gaps[lost] = np.nan
-    surface.interpolate(gaps, xy, 0.0)
-    filled = np.asarray(surface.field.area_change)
-    assert np.isfinite(filled).all()
-    np.testing.assert_allclose(filled[inner], change[inner], atol=0.02)
-
-
-@pytest.mark.parametrize(("level", "counted"), [(-1.0, 0.0), (0.1, 0.0), (0.15, 0.1), (0.2, 0.2), (0.5, 0.5)])
-def test_firm_threshold(level: float, counted: float) -> None:
-    surface = Surface(tip(127))
-    # A plain: it has one height everywhere.
-    heights, volume = surface.interpolate(np.full(127, level), surface.rest_img, 0.1)
-    np.testing.assert_allclose(heights, level, rtol=1e-3)
-    assert volume / (len(heights) * surface.step_px**2) == pytest.approx(counted, abs=1e-3)
 
 
 def test_sixteen_bits_are_enough() -> None:
@@ -84,65 +64,53 @@ def test_sixteen_bits_are_enough() -> None:
     surface = Surface(rest)
     value, along_x, along_y = thin_plate_operators(rest.xy_img, surface.points_img)
     motion = push(rest, (20.0, -30.0), 40.0, 0.2) + np.array([12.0, -7.0])
-    divergence = along_x @ motion[:, 0] + along_y @ motion[:, 1]
+    expected = along_x @ motion[:, 0] + along_y @ motion[:, 1]
     np.testing.assert_allclose(
-        surface.divergence(rest.xy_img + motion), divergence, atol=1e-3 * np.abs(divergence).max()
+        divergence(surface, rest.xy_img + motion), expected, atol=1e-3 * np.abs(expected).max()
     )
     change = 0.3 * bump(rest.xy_img, CENTRE, 40.0)
     heights = value @ change
-    np.testing.assert_allclose(
-        surface.interpolate(change, rest.xy_img, 0.0)[0], heights, atol=2e-4 * heights.max()
-    )
+    np.testing.assert_allclose(surface.field.whole_surface(change), heights, atol=2e-4 * heights.max())
 
 
-@pytest.mark.compiled
-def test_volume_of_noise_is_nothing_and_noise_adds_nothing_to_a_bump() -> None:
-    rest = tip(331)
-    surface = Surface(rest)
-    rng = np.random.default_rng(3)
-    width, noise = 40.0, 0.002
-    clean = 0.3 * bump(rest.xy_img, CENTRE, width)
-
-    def volume(change: Array) -> float:
-        return surface.interpolate(change, rest.xy_img, 3.0 * noise)[1]
-
-    draws = rng.normal(0.0, noise, (50, 331))
-    full = 0.3 * 2.0 * np.pi * width**2
-    raw = np.mean([np.maximum(surface.interpolate(d, rest.xy_img, 0.0)[0], 0.0).sum() for d in draws])
-    assert raw * surface.step_px**2 > 0.01 * full  # what plain rectification would report untouched
-    assert np.mean([volume(d) for d in draws]) < 2e-4 * full
-    assert abs(volume(clean) / full - 1.0) < 0.03
-    assert abs(np.mean([volume(clean + d) for d in draws]) / volume(clean) - 1.0) < 0.01
-
-
-def test_grid_is_laid_out_row_by_row() -> None:
+def test_a_picture_is_laid_out_row_by_row() -> None:
     rest = tip(331)
     surface = Surface(rest, 40)
-    grid = surface.to_grid(surface.points_img[:, 0].astype(np.float32), np.nan)
+    grid = surface.picture(rest.xy_img[:, 0] - CENTRE[0])  # a plane, which the spline continues
     row, col = np.nonzero(surface.inside)
-    np.testing.assert_allclose(grid[row, col], surface.x_img[col], rtol=1e-6)
+    np.testing.assert_allclose(grid[row, col], surface.x_img[col] - CENTRE[0], atol=0.2)
     assert np.isnan(grid[~surface.inside]).all()
 
 
-def test_the_blend_is_of_divergence_and_heights() -> None:
-    rest = tip(127)
-    field = Surface(rest).field
-    field.interpolate(np.linspace(-0.1, 0.2, 127), rest.xy_img, 0.0)
-    field.find_divergence(rest.xy_img + push(rest, (10.0, 0.0), 40.0, 0.1))
-    field.find_blend()
-    np.testing.assert_allclose(
-        field.blend, 0.7 * np.asarray(field.divergence) + 0.3 * np.asarray(field.heights), atol=1e-7
-    )
+def test_the_field_is_a_blend_at_the_points_near_what_has_grown() -> None:
+    rest = tip(331)
+    surface, field = Surface(rest), Surface(rest).field
+    xy = rest.xy_img + push(rest, (20.0, -30.0), 40.0, 0.1)
+    change = 0.3 * bump(rest.xy_img, CENTRE + np.array([20.0, -30.0]), 40.0)
+    grown = rest.xy_img[change > 0.1 * change.max()]
+    near = np.hypot(*(surface.points_img[:, None] - grown).transpose(2, 0, 1)).min(axis=1)
+    near = near <= rest.pattern.pitch_px
+    whole = surface.field.whole_surface(change), divergence(surface, xy)
+    field.find(np.ones(331), xy)  # the frame before leaves nothing behind
+    field.find(change, xy)
+    np.testing.assert_array_equal(np.asarray(field.active)[: field.n_active], np.flatnonzero(near))
+    assert 0 < field.n_active < len(near) // 2
+    heights, divergences = (np.where(near, all_of_it, 0.0) for all_of_it in whole)
+    np.testing.assert_array_equal(field.heights, heights)
+    np.testing.assert_array_equal(field.divergence, divergences)
+    np.testing.assert_allclose(field.blend, 0.7 * divergences + 0.3 * heights, atol=1e-7)
+    left_out = (0.7 * whole[1] + 0.3 * whole[0])[~near]
+    assert left_out.max() < 0.1 * np.max(field.blend)
 
 
 def test_sizes_that_do_not_fit_are_refused() -> None:
     rest = tip(127)
     field = Surface(rest).field
-    for change, xy in ((np.zeros(126), rest.xy_img), (np.zeros(127), rest.xy_img[1:])):
+    for change, xy in ((np.zeros(126), rest.xy_img), (np.zeros(127), np.zeros((127, 3)))):
         with pytest.raises(ValueError, match="wanted"):
-            field.interpolate(change, xy, 0.0)
+            field.find(change, xy)
     with pytest.raises(ValueError, match="wanted"):
-        field.find_divergence(np.zeros((127, 3)))
+        field.whole_surface(np.zeros(128))
     for heights, divergences in (((9, 126), (9, 254)), ((9, 127), (9, 253)), ((9, 127), (8, 254))):
         with pytest.raises(ValueError, match="wanted"):
-            ContactField(rest.xy_img, 32.0, np.ones(heights), np.ones(divergences))
+            ContactField(rest.xy_img, 32.0, np.ones((9, 2)), np.ones(heights), np.ones(divergences))
