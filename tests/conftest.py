@@ -6,10 +6,18 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from tests.support import kernels
 
 kernels.install()
+# No times: a busy machine is slow.
+settings.register_profile(
+    "voronoi-touch",
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("voronoi-touch")
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.waiting import SOON_S
+
 SCRIPTS = {
     "voronoi-touch-edge": ("replay", "render"),
     "voronoi-touch-host": ("monitor", "view", "plot"),
@@ -19,7 +21,7 @@ def run(script: str, **environment: str) -> str:
     path = Path(sys.executable).with_name(script)
     assert path.exists(), f"{path} is not installed"
     env = {**os.environ, **environment}
-    return subprocess.run([path], env=env, capture_output=True, text=True, timeout=60).stdout
+    return subprocess.run([path], env=env, capture_output=True, text=True, timeout=SOON_S).stdout
 
 
 @pytest.mark.parametrize("script", SCRIPTS)

@@ -20,6 +20,7 @@ from edge.sources import open_source
 from hostlink.decoder import Sample as Decoded
 from hostlink.recording import LogWriter, decode_recording
 from hostlink.wire import State
+from tests.support.waiting import SOON_S
 
 NODE = 5
 
@@ -54,8 +55,8 @@ def send(
         assert isinstance(sink, CanSink | SerialSink)
         app.sinks.append(Node(sink, LoopDevice(app, "T1"), node=NODE))
         app.run()
-        sink.drain(5.0)
-        arrived.wait(10.0)
+        sink.drain(SOON_S)
+        arrived.wait(SOON_S)
         sink.close()
     if writer is not None:
         writer.close()

@@ -13,6 +13,7 @@ import can
 from edge.errors import SinkError
 from edge.link.link_sink import LinkSink
 from edge.link.media import Medium, MediumError, MediumFull, open_bus, open_line
+from edge.link.params import PARAMS, LinkParams
 from edge.link.sink import MemorySink, Sink, SinkCounters
 from hostlink.wire import (
     CanIds,
@@ -51,8 +52,9 @@ BITRATE, DBITRATE = 1_000_000, 5_000_000  # used if the address names none: CiA 
 class CanSink(LinkSink):
     """A node on a CAN bus. Items and incoming messages are can.Message.
 
-    node  CANopen node number, 1..127
-    ids   bases of the identifiers
+    node    CANopen node number, 1..127
+    ids     bases of the identifiers
+    params  the link's times and counts
     """
 
     def __init__(
@@ -61,11 +63,12 @@ class CanSink(LinkSink):
         open_medium: Callable[[], Medium],
         node: int = NODE_DEFAULT,
         ids: CanIds | None = None,
+        params: LinkParams = PARAMS,
     ) -> None:
         self.node = node
         self.ids = ids or CanIds()
         self.ids.state(node)  # ValueError: no such node
-        super().__init__(name, open_medium)
+        super().__init__(name, open_medium, params)
 
     def post_can(self, can_id: int, data: bytes) -> None:
         """Post an 8-byte message: an answer, an emergency, a heartbeat."""

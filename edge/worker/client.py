@@ -95,6 +95,7 @@ class WorkerClient:
         self.recording = RecordingFeed(self._put, self.view.was_recorded)
         self.process: subprocess.Popen[bytes] | None = None
         self._closing = False
+        self._recorded = False  # the process may still have something to write
         self._sending = threading.Lock()  # the channel may be replaced
         self._outbox: Outbox | None = None
         self._thread: threading.Thread | None = None
@@ -137,7 +138,7 @@ class WorkerClient:
             loop.session.recorder = None
         self._close_channel(Stopped())
         if self.process is not None:
-            _end(self.process, DISK_S if recording else END_S)
+            _end(self.process, DISK_S if self._recorded else END_S)
         if self._thread is not None:
             self._thread.join()
         feed = self.recording
@@ -164,6 +165,7 @@ class WorkerClient:
         if calibration is not None:
             self._put(Attach("calibration.json", np.frombuffer(calibration.encoded, np.uint8)))
         self.recording.begin()
+        self._recorded = True
         self._loop.session.recorder = self.recording
 
     def _stop_recording(self) -> None:

@@ -17,8 +17,9 @@ import numpy as np
 import pytest
 
 from edge.recording import RecordingSource
-from tests.browser.chrome import SOON_S, Chrome, Page
+from tests.browser.chrome import Chrome, Page
 from tests.support.viewing import TOKEN, Live
+from tests.support.waiting import SOON_S
 
 PRESSED = -1
 PRELOADED = 14  # 1.5 mm: a tare takes it if told to; pressed deeper, pins stand as on another tip
@@ -329,7 +330,7 @@ class Replay:
 
     def stop(self) -> int:
         self._process.send_signal(signal.SIGTERM)
-        self._process.communicate(timeout=20)
+        self._process.communicate(timeout=SOON_S)
         return self._process.returncode
 
 

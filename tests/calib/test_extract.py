@@ -26,6 +26,7 @@ from calib.sim import Tip, Tool
 from edge.calibration import Calibration
 from edge.errors import SourceError
 from hostlink.output_file import OutputError
+from tests.support.waiting import SOON_S
 
 SMALL = Simulation(tip=Tip(127, "hex"), camera=CameraTable(size_px=(240, 240)))
 BALL = Tool("sphere", 3.0)
@@ -223,7 +224,7 @@ def test_an_interrupt_while_processes_start_is_quiet() -> None:
         [sys.executable, "-c", INTERRUPTED],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=SOON_S,
         start_new_session=True,
     )
     assert done.stderr == ""

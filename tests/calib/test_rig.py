@@ -21,6 +21,7 @@ from calib.rig.stage import AxisTable, GcodeStage, StageFile, StageTable, load_s
 from calib.sim import Tool
 from edge.types import Clock, Frame, Polarity
 from tests.support.fake_stage import FakeStage
+from tests.support.waiting import SOON_S
 
 StageAt = Callable[..., tuple[FakeStage, StageFile]]
 
@@ -61,7 +62,7 @@ def stage_at() -> Iterator[StageAt]:
     ) -> tuple[FakeStage, StageFile]:
         fake = FakeStage(dialect, travel, boots)
         made.append(fake)
-        table = {"port": fake.port, "dialect": dialect, "boot_s": 5.0, "answer_s": 5.0, **keys}
+        table = {"port": fake.port, "dialect": dialect, "boot_s": SOON_S, "answer_s": SOON_S, **keys}
         return fake, StageFile(stage=StageTable(**table))  # type: ignore[arg-type]
 
     yield make

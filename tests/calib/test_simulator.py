@@ -90,7 +90,7 @@ def test_nothing_touching_leaves_the_pins_where_they_are() -> None:
     assert not motion_of(ToolPose(depth_mm=0.0), ToolPose(depth_mm=-1.0)).any()
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(x=st.floats(-9, 9), y=st.floats(-9, 9), depth=st.floats(0.5, 2.5))
 def test_pins_move_outward_from_the_contact_not_from_the_axis(x: float, y: float, depth: float) -> None:
     """The paper: "under normal forces the centroids move radially from the point of contact"."""

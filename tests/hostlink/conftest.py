@@ -6,7 +6,15 @@ import os
 
 import pytest
 
+from hostlink import objects
+
 ROUNDS = int(os.environ.get("FUZZ_ROUNDS", "1"))
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An answer may take long on a busy machine."""
+    monkeypatch.setattr(objects, "TIMEOUT_S", 5.0)
 
 
 @pytest.fixture

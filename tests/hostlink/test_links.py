@@ -18,7 +18,8 @@ from edge.errors import SinkError
 from edge.link.sinks import open_sink
 from hostlink.wire import pack_state, unpack_state
 from hostlink.wire.address import AddressError, parse_address
-from tests.hostlink.test_client import make_node, state, until
+from tests.hostlink.test_client import make_node, state
+from tests.support.waiting import SOON_S, until
 
 
 class Adapters:
@@ -84,7 +85,7 @@ def test_slcan_carries_samples_and_objects(adapters: Adapters, options: str, tol
         sent = [state(k) for k in range(30)]
         for s in sent:
             assert node.send(s)
-            assert node.drain(5.0)
+            assert node.drain(SOON_S)
         until(lambda: len(heard) == 30, "all samples")
         assert [h.state for h in heard] == [unpack_state(pack_state(s, 0)) for s in sent]
         assert hand.finger(9).info().serial_number == application.serial

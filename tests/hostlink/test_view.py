@@ -15,11 +15,13 @@ import pytest
 
 import hostlink
 from hostlink.commands.cli import main
-from hostlink.view import HandView
+from hostlink.commands.monitor import Board
+from hostlink.view import HandView, hand
 from hostlink.web import pack_packet, parse_listen
 from hostlink.wire import Contact, State
 from tests.edge.view.test_page import unpack
-from tests.hostlink.test_client import Application, make_node, until
+from tests.hostlink.test_client import Application, make_node
+from tests.support.waiting import SOON_S, until
 
 BUS = f"udp:239.0.0.8?port={23_000 + os.getpid() % 20_000}"
 TOKEN = "a-token-for-tests"
@@ -83,7 +85,7 @@ def watch(setup: Setup, token: str, then: Callable[[Any, dict[str, Any]], Awaita
 
 async def packets(socket: Any, enough: Callable[[dict[str, Any]], object]) -> list[dict[str, Any]]:
     taken: list[dict[str, Any]] = []
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(SOON_S):
         while not taken or not enough(taken[-1]):
             message = await socket.receive()
             if message.type is aiohttp.WSMsgType.BINARY:
@@ -92,7 +94,10 @@ async def packets(socket: Any, enough: Callable[[dict[str, Any]], object]) -> li
     return taken
 
 
-def test_every_sample_of_every_finger(setup: Setup) -> None:
+def test_every_sample_of_every_finger(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hand, "OVERLAP_S", SOON_S)  # a packet may be as late as it likes
+    monkeypatch.setattr(Board, "STALE_S", SOON_S)
+
     async def look(socket: Any, hello: dict[str, Any]) -> list[dict[str, Any]]:
         await packets(socket, lambda p: len(p["fingers"]) == 2)
         await asyncio.to_thread(setup.send, 50)
@@ -126,7 +131,7 @@ def test_tare_needs_the_token(setup: Setup) -> None:
     async def ask(socket: Any, hello: dict[str, Any]) -> Any:
         await socket.send_json({"do": "tare", "finger": 4})
         while True:
-            message = await socket.receive(20)
+            message = await socket.receive(SOON_S)
             if message.type is aiohttp.WSMsgType.TEXT:
                 return hello["may"], json.loads(message.data)
 

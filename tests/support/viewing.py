@@ -22,10 +22,10 @@ from edge.sources import ThreadedSource
 from edge.types import Clock, Frame
 from edge.worker import WorkerClient, WorkerConfig
 from hostlink.web import parse_listen
+from tests.support.waiting import SOON_S
 
 TOKEN = "a-token-for-tests"
 RATE_HZ = 60.0
-SOON_S = 20.0
 
 
 class Stepper(ThreadedSource):

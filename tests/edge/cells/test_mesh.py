@@ -86,7 +86,7 @@ frames = st.lists(st.lists(grid_point, min_size=9, max_size=9), min_size=2, max_
 
 
 @given(frames=frames, exponent=st.integers(-30, 30), shift=st.sampled_from([0.0, 1e6]))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_degenerate_motion_stays_exact(
     frames: list[list[tuple[int, int]]], exponent: int, shift: float
 ) -> None:
@@ -105,7 +105,7 @@ def test_degenerate_motion_stays_exact(
     spread=st.floats(1e-15, 1.0),
     step=st.floats(1e-15, 1.0),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_random_motion_stays_exact(seed: int, spread: float, step: float) -> None:
     """As above, for pins that are close together and steps of any size."""
     rng = np.random.default_rng(seed)

@@ -137,7 +137,7 @@ def test_scale_of_the_image_does_not_matter(tip: str, scale: float) -> None:
 
 @pytest.mark.parametrize("tip", TIPS)
 @given(angle=st.floats(-3.1, 3.1), shift=st.floats(-1e6, 1e6), scale=st.floats(0.1, 10))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_a_moved_image_has_moved_cells(tip: str, angle: float, shift: float, scale: float) -> None:
     """Rest and load turned, shifted and scaled alike: areas follow. 1e6 px off costs 1e-10 px a point."""
     rest = TIPS[tip]()
@@ -149,7 +149,7 @@ def test_a_moved_image_has_moved_cells(tip: str, angle: float, shift: float, sca
 
 @pytest.mark.parametrize("tip", TIPS)
 @given(angle=st.floats(-0.5, 0.5), shift=st.floats(-50, 50), scale=st.floats(0.9, 1.1))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_a_moved_tip_changes_areas_by_its_scale_only(
     tip: str, angle: float, shift: float, scale: float
 ) -> None:
@@ -199,7 +199,7 @@ def test_walks_agree_with_fresh_triangulations_and_show_no_jumps() -> None:
 
 @pytest.mark.parametrize("tip", TIPS)
 @given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.01, 0.3))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_blinking_pins_change_nothing_at_rest(tip: str, seed: int, share: float) -> None:
     rest = TIPS[tip]()
     lost = np.random.default_rng(seed).random(len(rest)) < share

@@ -22,6 +22,7 @@ from edge.__main__ import main
 from edge.cli.options import LoopOptions
 from edge.recording import Recorder
 from edge.sources import open_source
+from tests.support.waiting import SOON_S, until
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
@@ -308,7 +309,7 @@ def edge(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[
     """The program in a process of its own."""
     return subprocess.run(
         [sys.executable, "-m", "edge", *map(str, arguments)],
-        capture_output=True, text=True, timeout=120, check=False, **options,
+        capture_output=True, text=True, timeout=SOON_S, check=False, **options,
     )  # fmt: skip
 
 
@@ -360,8 +361,8 @@ def test_ctrl_c_leaves_no_part_of_a_video(data_dir: Path, tmp_path: Path) -> Non
     out.mkdir()
     command = [sys.executable, "-m", "edge", "render", str(press), "-o", str(out / "a.mp4")]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        while not any(out.iterdir()):
-            assert process.poll() is None
+        until(lambda: any(out.iterdir()) or process.poll() is not None, "it writes")
+        assert process.poll() is None
         process.send_signal(signal.SIGINT)
         assert process.stderr is not None
         said = process.stderr.read()
@@ -382,7 +383,7 @@ def test_a_reader_that_has_seen_enough_ends_the_replay(data_dir: Path, more: lis
         assert "contact_n" in json.loads(process.stdout.readline())
         process.stdout.close()
         said = process.stderr.read()
-        assert process.wait(60) == 0
+        assert process.wait(SOON_S) == 0
     # where the recording begins again the pins jump, which is told
     assert all(line.startswith("WARNING edge.runtime") for line in said.splitlines()), said
 
@@ -393,7 +394,7 @@ def test_a_full_disk_behind_stdout_is_one_line(data_dir: Path, samples: list[str
         replay = ["replay", str(data_dir / "nothing.mcap"), "--speed", "max", *samples]
         done = subprocess.run(
             [sys.executable, "-m", "edge", *replay],
-            stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False,
+            stdout=full, stderr=subprocess.PIPE, text=True, timeout=SOON_S, check=False,
         )  # fmt: skip
     assert done.returncode == 1
     assert done.stderr == "error: stdout: cannot be written: No space left on device\n"
@@ -427,7 +428,7 @@ def test_without_the_edge_extra_a_command_says_what_to_install(tmp_path: Path, m
     for arguments in (["inspect", "a.png"], ["doctor"], ["replay", "a.mcap"], ["render", "a", "-o", "a.mp4"]):
         done = subprocess.run(
             [sys.executable, "-c", code, *arguments],
-            capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path,
+            capture_output=True, text=True, timeout=SOON_S, check=False, cwd=tmp_path,
         )  # fmt: skip
         assert done.returncode == 2, done.stderr
         (said,) = done.stderr.splitlines()

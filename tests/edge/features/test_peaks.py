@@ -19,7 +19,7 @@ pytestmark = pytest.mark.kernels
 EVERYWHERE = np.ones((3, 3))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     arrays(
         np.float32,

@@ -17,12 +17,15 @@ from edge.link.sinks import CanFdSink, SerialSink
 from edge.runtime.settings import SettingsFile
 from hostlink.wire import OBJECTS, CanIds, Kind, Message, encode_frame, pack_message
 from tests.edge.link.test_node import Finger
+from tests.support.waiting import SOON_S
 
 NODE = 3
 REQUEST = CanIds().of(Kind.SDO_REQUEST, NODE)
 RESPONSE = CanIds().of(Kind.SDO_RESPONSE, NODE)
 IDENTITY = bytes((0x40, 0x18, 0x10, 0x01, 0, 0, 0, 0))  # upload of 0x1018:1
-FEW = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+FEW = settings(
+    max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 
 
 class Wire:
@@ -101,10 +104,10 @@ def test_can(on_can: tuple[Node, Finger, Wire], messages: list[tuple[int, bytes]
     check_values(node, finger)
     # A master starts it again, whatever it was told; then it answers as ever.
     node.sink.on_message(can.Message(arbitration_id=0, data=bytes((1, NODE)), is_extended_id=False))  # type: ignore[misc]
-    assert node.drain(5.0)
+    assert node.drain(SOON_S)
     wire.items.clear()
     node.sink.on_message(can.Message(arbitration_id=REQUEST, data=IDENTITY, is_extended_id=False))  # type: ignore[misc]
-    assert node.drain(5.0)
+    assert node.drain(SOON_S)
     answers = [bytes(m.data) for m in wire.items if m.arbitration_id == RESPONSE]
     assert [a[:4] for a in answers] == [b"\x43" + IDENTITY[1:4]]
 
@@ -152,6 +155,6 @@ def test_an_endless_upload_is_refused(
         node.sink.on_message(can.Message(arbitration_id=REQUEST, data=data, is_extended_id=False))  # type: ignore[misc]
         longest = max(longest, node._port.sdo.held_bytes)
     assert longest <= 707
-    assert node.drain(5.0)
+    assert node.drain(SOON_S)
     assert any(m.data[0] == 0x80 for m in wire.items)
     assert finger.calibration == b""

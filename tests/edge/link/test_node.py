@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
 
 import can
 import canopen
 import pytest
+from canopen.objectdictionary import ObjectDictionary
 
 from edge.errors import CalibrationError
 from edge.link.media import open_line
@@ -41,20 +41,9 @@ from hostlink.wire import (
     unpack_value,
 )
 from hostlink.wire.address import parse_address
+from tests.support.waiting import SOON_S, until
 
-SOON_S = 5.0
 NODE = 5
-
-
-def until(condition: Callable[[], object], what: str) -> None:
-    end = time.monotonic() + SOON_S
-    while not condition():
-        assert time.monotonic() < end, f"never: {what}"
-        threading.Event().wait(0.002)
-
-
-#: The library waits 0.3 s, which a busy machine may need for other work.
-ANSWER_S = 5.0
 
 
 class Finger:
@@ -129,9 +118,13 @@ class Bench:
         self.network = canopen.Network()
         self.network.NOTIFIER_CYCLE = 0.02  # how long disconnecting waits for it
         self.network.connect(interface="virtual", channel=channel)
-        self.remote = self.network.add_node(NODE, object_dictionary())
-        self.remote.sdo.RESPONSE_TIMEOUT = ANSWER_S
+        self.remote = self.add_node(object_dictionary())
         self.open()
+
+    def add_node(self, dictionary: ObjectDictionary | str) -> canopen.RemoteNode:
+        remote = self.network.add_node(NODE, dictionary)
+        remote.sdo.RESPONSE_TIMEOUT = SOON_S  # the library's 0.3 s may pass on a busy machine
+        return remote
 
     def open(self) -> None:
         sink = open_sink(f"virtual:{self.channel}?node={NODE}")
@@ -217,7 +210,7 @@ def test_every_readable_object_answers(bench: Bench) -> None:
 def test_remote_node_with_the_shipped_eds(bench: Bench) -> None:
     """A third party knows us by the EDS alone."""
     eds = files("hostlink") / "eds" / "voronoi_touch.eds"
-    remote = bench.network.add_node(NODE, str(eds))
+    remote = bench.add_node(str(eds))
     assert remote.sdo[0x2000][3].raw == "VT-0042"
     assert remote.sdo[0x1018][3].raw == object_named("revision").default
     remote.sdo[0x2010].raw = 1

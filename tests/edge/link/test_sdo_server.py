@@ -134,7 +134,7 @@ steps = st.one_of(
 )  # fmt: skip
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.lists(steps, max_size=40))
 def test_any_frames_write_only_what_one_transfer_brought(sequence: list[tuple[object, ...]]) -> None:
     """A long value is written only as the segments since the start of a download of that object."""

@@ -8,8 +8,9 @@ import socket
 import threading
 import time
 import tty
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -45,16 +46,7 @@ from hostlink.wire import (
 )
 from hostlink.wire.address import parse_address
 from hostlink.wire.serial import decode_frame
-
-SOON_S = 5.0  # what comes at all comes in milliseconds; this ends a test that fails
-
-
-def until(condition: Callable[[], object], what: str) -> None:
-    """Wait for something that another thread does."""
-    end = time.monotonic() + SOON_S
-    while not condition():
-        assert time.monotonic() < end, f"never: {what}"
-        threading.Event().wait(0.002)
+from tests.support.waiting import SOON_S, until
 
 
 def state(sample: int) -> State:
@@ -199,11 +191,17 @@ def test_interface_down_and_back(channel: str, flaky: Flaky, fd_sink: CanFdSink)
     assert fd_sink.faults == frozenset()
 
 
+def test_one_full_buffer_is_no_lost_link(flaky: Flaky) -> None:
+    sink = CanFdSink("patient", flaky, params=replace(PARAMS, stall_s=SOON_S))
+    flaky.fail(errno.ENOBUFS)
+    assert not sink.send(state(0))
+    assert sink.up
+    sink.close()
+
+
 def test_full_buffer_drops_and_keeps_the_bus(flaky: Flaky, fd_sink: CanFdSink) -> None:
     bus = flaky.bus
     flaky.fail(errno.ENOBUFS)
-    assert not fd_sink.send(state(0))
-    assert fd_sink.up  # one full buffer is no lost link
     until(lambda: not (fd_sink.send(state(1)) or fd_sink.up), "drops for long are a lost link")
     flaky.fail(None)
     assert fd_sink.send(state(2))
@@ -503,7 +501,7 @@ def test_line_that_nobody_reads_is_full_not_fatal(pty: Pty) -> None:
         return len(seen) > 200
 
     until(newest_arrives, "samples flow again")
-    assert sink.up
+    until(lambda: sink.up, "and the link is up")
     assert seen == sorted(seen)
     assert seen[0] > oldest
     sink.close()
@@ -529,8 +527,8 @@ def test_detail_is_spaced_by_what_a_frame_takes(pty: Pty, channel: str) -> None:
     bus = open_sink(f"virtual:{channel}?bitrate=500000&dbitrate=2000000")
     assert isinstance(bus, CanFdSink)
     assert bus.frame_s(64) == pytest.approx(405.5e-6)
-    assert bus.send_detail([bus.encode_detail(bytes(64))] * 3, 0.02)
     begun_s = time.monotonic()
+    assert bus.send_detail([bus.encode_detail(bytes(64))] * 3, 0.02)
     with can.Bus(interface="virtual", channel=channel) as host:
         until(lambda: bus.counters.detail_sent, "three segments")
         assert time.monotonic() - begun_s > 0.03  # a lower bound: spaced, however fast the machine

@@ -8,12 +8,14 @@ import sys
 from pathlib import Path
 
 from edge.runtime.calibration_store import CalibrationStore
+from tests.support.waiting import SOON_S
 
 #: Killed as by a loss of power, when the new content is on the disk and the name does not point to it yet.
 CUT_OFF = """
 import os, signal, sys
 from pathlib import Path
 from edge.calibration.file import save
+from tests.support.waiting import SOON_S
 os.fsync = lambda number: os.kill(os.getpid(), signal.SIGKILL)
 save(Path(sys.argv[1]), b"new")
 """
@@ -33,7 +35,7 @@ def test_what_an_upload_left_that_was_cut_off_is_cleared_away_and_nothing_else(t
     (tmp_path / ".calibration.afolder_.part.json").mkdir()
     (tmp_path / ".calibration.linked__.part.json").symlink_to(calibration)
     kept = sorted(tmp_path.iterdir())
-    done = subprocess.run([sys.executable, "-c", CUT_OFF, str(calibration)], check=False, timeout=60)
+    done = subprocess.run([sys.executable, "-c", CUT_OFF, str(calibration)], check=False, timeout=SOON_S)
     assert done.returncode == -signal.SIGKILL
     assert len(list(tmp_path.iterdir())) == len(kept) + 1
     CalibrationStore(tmp_path).clear_leftovers()

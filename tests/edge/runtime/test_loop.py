@@ -30,6 +30,7 @@ from edge.types import Clock, Frame, Image
 from hostlink.wire import FAULTS, FaultCode, RestFrameState, State, Status
 from tests.support.fault_injection import _PICTURES
 from tests.support.finger import PERIOD_NS, Camera, Finger
+from tests.support.waiting import SOON_S, until
 
 STATUS = {fault.code: fault.status for fault in FAULTS}
 
@@ -295,15 +296,6 @@ def in_thread(app: Loop) -> threading.Thread:
     return thread
 
 
-def until(condition: Callable[[], object]) -> None:
-    done = threading.Event()
-    for _ in range(2000):
-        if condition():
-            return
-        done.wait(0.005)
-    raise AssertionError("never")
-
-
 @pytest.fixture
 def awake(frames: list[Frame], calibration: Calibration) -> Finger:
     """A finger on the real clock."""
@@ -317,7 +309,7 @@ def test_without_images_samples_go_on_and_say_why(awake: Finger) -> None:
     thread = in_thread(finger.loop)
     until(lambda: len(finger.sink.states) >= before + 3)
     finger.loop.stop()
-    thread.join(5.0)
+    thread.join(SOON_S)
     assert not thread.is_alive()
     beats = list(finger.sink.states)[before:]
     assert all(Status.CAMERA_FAULT in s.status and not measured(s) for s in beats)
@@ -332,17 +324,17 @@ def test_a_slow_camera_is_no_fault(awake: Finger) -> None:
     before = len(finger.sink.states)
     thread = in_thread(finger.loop)
     for _ in range(20):
-        assert finger.camera.waiting.acquire(timeout=5.0)
+        assert finger.camera.waiting.acquire(timeout=SOON_S)
     finger.loop.stop()
-    thread.join(5.0)
+    thread.join(SOON_S)
     assert len(finger.sink.states) == before
 
 
 def test_commands_run_without_images(finger: Finger) -> None:
     thread = in_thread(finger.loop)
-    assert finger.loop.post(lambda: 42).result(5.0) == 42
+    assert finger.loop.post(lambda: 42).result(SOON_S) == 42
     finger.loop.stop()
-    thread.join(5.0)
+    thread.join(SOON_S)
 
 
 def test_a_stop_from_a_signal_handler_closes_nothing(finger: Finger) -> None:
@@ -455,7 +447,7 @@ def test_the_service_manager_hears_ready_watchdog_and_stopping(data_dir: Path, t
     """And SIGTERM is a clean end: status 0, the closing statistics printed."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
-        manager.settimeout(60.0)
+        manager.settimeout(SOON_S)
         messages = iter(lambda: manager.recv(1000), b"")
         heard = (message for message in messages if not message.startswith(b"STATUS="))  # faults, in words
         environment = {**os.environ, "NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "400000"}
@@ -468,6 +460,6 @@ def test_the_service_manager_hears_ready_watchdog_and_stopping(data_dir: Path, t
             assert next(heard) == b"WATCHDOG=1"  # a tenth of a second later: images flow
             process.send_signal(signal.SIGTERM)
             assert next(message for message in heard if message != b"WATCHDOG=1") == b"STOPPING=1"
-            out, _ = process.communicate(timeout=30.0)
+            out, _ = process.communicate(timeout=SOON_S)
     assert process.returncode == 0
     assert json.loads(out.splitlines()[-1])["frames_n"] > 0

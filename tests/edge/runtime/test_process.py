@@ -7,10 +7,13 @@ import sys
 
 import pytest
 
+from tests.support.waiting import SOON_S
+
 PROGRAM = """
-import atexit, sys, threading, time
+import atexit, sys, threading
 from edge.runtime.process import run_and_exit
-threading.Thread(target=lambda: time.sleep(60)).start()  # not a daemon: the interpreter would wait for it
+from tests.support.waiting import SOON_S
+threading.Thread(target={work}).start()  # not a daemon: the interpreter would wait for it
 atexit.register(lambda: print("taken apart"))
 def main():
     sys.stdout.write("last words")
@@ -31,19 +34,19 @@ run_and_exit(main)
 )
 def test_status_and_last_words(end: str, status: int, said: str) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM.format(end=end)],
+        [sys.executable, "-c", PROGRAM.format(end=end, work="threading.Event().wait")],
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=SOON_S,
         check=False,
     )
     assert (done.returncode, done.stdout, done.stderr) == (status, "last words", said)
 
 
 def test_an_exception_is_not_hidden() -> None:
-    program = PROGRAM.format(end="raise ValueError('broken')").replace("time.sleep(60)", "None")
+    program = PROGRAM.format(end="raise ValueError('broken')", work="list")
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=False
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=SOON_S, check=False
     )
     assert done.returncode == 1
     assert done.stderr.startswith("Traceback")

@@ -48,7 +48,7 @@ def test_a_file_that_cannot_be_used_costs_only_the_settings(
     assert "starting with defaults" in caplog.text
 
 
-@limits(max_examples=200, deadline=None)
+@limits(max_examples=200)
 @given(
     raw=st.one_of(
         st.binary(max_size=200),

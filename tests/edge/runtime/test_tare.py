@@ -24,6 +24,7 @@ from edge.sources import Paced, open_source
 from edge.types import Frame, Image
 from hostlink.wire import FaultCode, RestFrameReason, RestFrameState, Status
 from tests.support.finger import Finger
+from tests.support.waiting import SOON_S
 
 ACCEPTED, REFUSED, FORCED = RestFrameState.ACCEPTED, RestFrameState.REFUSED, RestFrameState.FORCED
 
@@ -362,24 +363,24 @@ def test_samples_go_on_while_a_rest_frame_is_judged(
     finger.loop.result_callbacks.append(lambda *_: measured.release())
     thread = threading.Thread(target=finger.loop.run)
     thread.start()
-    assert measured.acquire(timeout=60.0)
+    assert measured.acquire(timeout=SOON_S)
     begun, go_on = threading.Event(), threading.Event()
 
     def judged(*arguments: Any, **options: Any) -> RestFrame:
         begun.set()
-        assert go_on.wait(60.0)
+        assert go_on.wait(SOON_S)
         return take_rest_frame(*arguments, **options)
 
     monkeypatch.setattr(measurement, "take_rest_frame", judged)
     request = finger.loop.request_tare(force=True)
-    assert begun.wait(60.0)
+    assert begun.wait(SOON_S)
     while measured.acquire(blocking=False):
         pass
     for _ in range(3):  # results, though the new rest frame is not there yet
-        assert measured.acquire(timeout=60.0)
+        assert measured.acquire(timeout=SOON_S)
     assert finger.loop.tare_outcome.state is RestFrameState.BUSY
     go_on.set()
-    assert request.done.result(60.0).state in (ACCEPTED, FORCED)
+    assert request.done.result(SOON_S).state in (ACCEPTED, FORCED)
     finger.loop.stop()
-    thread.join(60.0)
+    thread.join(SOON_S)
     source.close()

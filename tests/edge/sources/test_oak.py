@@ -19,6 +19,7 @@ from edge.errors import SourceError
 from edge.sources import oak, open_source
 from edge.sources.options import Options
 from edge.types import Clock, Frame
+from tests.support.waiting import SOON_S, until
 
 SIZE = (64, 48)
 HOST = Options(width=SIZE[0], height=SIZE[1])
@@ -68,11 +69,11 @@ def frames_output(dai: Any, steps: list[int], gate: Callable[[int], None] = lamb
 def lock_step(dai: Any, steps: list[int], **options: Any) -> list[Frame]:
     """Every frame is taken before the next one is made."""
     go = threading.Semaphore(1)
-    source = oak.OakSource(frames_output(dai, steps, lambda n: go.acquire(timeout=10)), HOST, **options)
+    source = oak.OakSource(frames_output(dai, steps, lambda n: go.acquire(timeout=SOON_S)), HOST, **options)
     got: list[Frame] = []
     try:
         for _ in steps:
-            frame = source.read(10)
+            frame = source.read(SOON_S)
             assert frame is not None
             got.append(frame)
             go.release()
@@ -109,17 +110,15 @@ def test_a_slow_consumer_gets_the_newest_and_a_count(dai: Any) -> None:
 
     def gate(n: int) -> None:
         if n in hold:
-            hold[n].wait(20)
+            hold[n].wait(SOON_S)
 
     source = oak.OakSource(frames_output(dai, list(range(61)), gate), HOST)
     try:
-        first = source.read(10)
+        first = source.read(SOON_S)
         assert first is not None
         hold[1].set()
-        deadline = time.monotonic() + 20
-        while source._next < 60 and time.monotonic() < deadline:
-            source._closing.wait(0.002)
-        newest = source.read(10)
+        until(lambda: source._next >= 60, "59 more were received")
+        newest = source.read(SOON_S)
         assert newest is not None
         assert (first.sequence, newest.sequence) == (0, 59)
         # In our slot or in depthai's queue: each of the 58 between is counted once.
@@ -167,7 +166,7 @@ def test_what_depthai_recorded_keeps_pixels_gaps_and_the_modules_times(dai: Any,
         after = output.createOutputQueue(maxSize=100, blocking=False)
         pipeline.start()
         for _ in steps:
-            assert after.get(timedelta(seconds=10)) is not None
+            assert after.get(timedelta(seconds=SOON_S)) is not None
         time.sleep(0.1)  # the recorder offers nothing that says when it has written what it took
         pipeline.stop()
         pipeline.wait()
@@ -332,15 +331,12 @@ def opened(module: FakeModule, monkeypatch: pytest.MonkeyPatch, **settings: Any)
 def test_a_lost_module_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
     module = FakeModule()
     source = opened(module, monkeypatch)
-    before = source.read(10)
+    before = source.read(SOON_S)
     assert before is not None
     module.plugged = False
-    deadline = time.monotonic() + 10
-    while source.condition != "lost" and time.monotonic() < deadline:
-        source.read(0.01)
-    assert source.condition == "lost"
+    until(lambda: (source.read(0.01), source.condition)[1] == "lost", "it is noticed")
     module.plugged = True
-    after = source.read(10)
+    after = source.read(SOON_S)
     assert after is not None
     assert after.sequence > before.sequence  # though the module counts from 0 again
     assert source.faults["lost"] == 1

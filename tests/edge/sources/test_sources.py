@@ -24,6 +24,7 @@ from edge.sources import (
 from edge.sources.live import FROZEN_FRAMES, Watch
 from edge.sources.options import Options, parse_spec
 from edge.types import Clock, Frame, Polarity
+from tests.support.waiting import SOON_S
 
 
 def noise(seed: int = 0, size: tuple[int, int] = (64, 48)) -> np.ndarray[Any, Any]:
@@ -319,14 +320,14 @@ def test_a_slow_reader_gets_the_newest_frame_and_a_count() -> None:
     source = Scripted()
     source.start()
     source.give(1)
-    assert source.read(10).sequence == 0  # type: ignore[union-attr]
+    assert source.read(SOON_S).sequence == 0  # type: ignore[union-attr]
     source.give(5)
-    assert source.read(10).sequence == 5  # type: ignore[union-attr]
+    assert source.read(SOON_S).sequence == 5  # type: ignore[union-attr]
     assert source.dropped_n == 4
     assert source.received_n == 6
     assert source.read(0.0) is None
     source.close()
-    assert source.read(10) is None
+    assert source.read(SOON_S) is None
     assert list(source) == []
 
 
@@ -337,7 +338,7 @@ def test_closing_wakes_a_waiting_reader() -> None:
     reader = threading.Thread(target=lambda: got.append(list(source)))
     reader.start()
     source.close()
-    reader.join(10)
+    reader.join(SOON_S)
     assert got == [[]]
 
 
@@ -349,7 +350,7 @@ def test_an_error_in_the_thread_reaches_the_reader() -> None:
     source = Broken("broken")
     source.start()
     with pytest.raises(SourceError, match="broken"):
-        source.read(10)
+        source.read(SOON_S)
     assert source.read(0) is None
 
 
@@ -479,7 +480,7 @@ def test_replay_in_a_loop_goes_on_counting() -> None:
 def test_closing_ends_a_replay_at_once() -> None:
     paced = Paced(Listed([0, 3_600_000_000_000], 1.0))
     paced.start()
-    assert paced.read(10) is not None
+    assert paced.read(SOON_S) is not None
     paced.close()  # joins the thread, which would else wait for an hour
     assert not paced._thread.is_alive()
     assert paced.source.closed  # type: ignore[attr-defined]

@@ -14,6 +14,7 @@ from edge.errors import SourceError
 from edge.sources.options import Options
 from edge.sources.v4l2 import V4l2Source, find_device, list_cameras
 from edge.types import Clock, Frame, Image
+from tests.support.waiting import SOON_S
 
 W, H = 64, 48
 FAR = 1 << 60
@@ -148,13 +149,13 @@ class Opened:
         )
         camera.free.clear()
         camera.halted.clear()
-        assert camera.halted.wait(10)
+        assert camera.halted.wait(SOON_S)
         self.source.read(0)
         self.source.faults.clear()
 
     def next(self) -> Frame:
         self.camera.gate.release()
-        frame = self.source.read(10)
+        frame = self.source.read(SOON_S)
         assert frame is not None
         return frame
 

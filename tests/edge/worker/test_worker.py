@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -23,7 +23,8 @@ from mcap.reader import make_reader
 from edge.recording import RecordingSource, read_messages
 from edge.worker.shared_memory import Inbox, Outbox
 from hostlink.wire import FaultCode
-from tests.support.viewing import SOON_S, Live
+from tests.support.viewing import Live
+from tests.support.waiting import SOON_S, size_of
 
 # ---- the channel ----------------------------------------------------------------------------------------
 
@@ -43,7 +44,7 @@ class Both:
         self.outbox.close()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.data())
 def test_what_is_put_is_got_in_order_and_whole(data: st.DataObject) -> None:
     """Whatever the sizes, and however far the reader is behind."""
@@ -115,6 +116,7 @@ def test_a_reader_that_is_gone_is_no_error() -> None:
 @pytest.fixture
 def live(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Live]:
     monkeypatch.setattr("edge.worker.client.LIVED_S", 0.0)
+    monkeypatch.setattr("edge.worker.client.DISK_S", SOON_S)
     with Live(data_dir / "press.mcap", recordings=tmp_path, record=tmp_path / "all.mcap") as running:
         yield running
 
@@ -126,7 +128,7 @@ def get(url: str) -> bytes:
 
 def test_its_death_costs_the_recording_and_the_page_comes_back(live: Live) -> None:
     path = live.recordings / "all.mcap"
-    live.until(lambda: path.stat().st_size > 3_000_000, "some chunks")
+    live.until(lambda: size_of(path) > 3_000_000, "some chunks")
     page, process = get(live.url), live.worker.process
     assert process is not None
     process.kill()
@@ -171,17 +173,17 @@ def test_it_outlives_nobody_and_the_file_is_whole(
     data_dir: Path, tmp_path: Path, number: signal.Signals
 ) -> None:
     """Killed or ended: the second process writes the file to its end, and ends."""
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
     path = tmp_path / "a.mcap"
     command = [sys.executable, "-m", "edge", "replay", str(data_dir / "press.mcap"), "--loop", "--speed", "1"]
-    options = ["--sink", "memory:", "--record", str(path), "--view-at", f"127.0.0.1:{port}", "--samples"]
+    options = ["--sink", "memory:", "--record", str(path), "--view-at", "127.0.0.1:0", "--samples"]
     reading, writing = os.pipe()  # closed by the kernel when the last process that has it ends
     with subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=writing, text=True) as running:
         os.close(writing)
         assert running.stdout is not None
         for _ in range(60):
             assert running.stdout.readline()
+        url = re.search(r"http://127.0.0.1:\d+/", os.read(reading, 65536).decode())
+        assert url is not None
         running.send_signal(number)
         running.stdout.close()
         running.wait(SOON_S)
@@ -202,7 +204,7 @@ def test_it_outlives_nobody_and_the_file_is_whole(
     assert summary is not None, "the file has its index: it was closed"
     assert len(list(RecordingSource(path))) >= 50
     with pytest.raises(OSError, match="refused"):
-        get(f"http://127.0.0.1:{port}/")
+        get(url[0])
 
 
 def test_faults_are_lines_of_the_recording(live: Live) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from math import nan
 
@@ -14,6 +13,7 @@ import hostlink
 from hostlink.commands.monitor import Board, FingerRow, arrow, line, screen
 from hostlink.wire import Contact, State, Status, pack_state
 from hostlink.wire.e2e import protect_p5
+from tests.support.waiting import until
 
 
 @pytest.mark.parametrize(
@@ -109,9 +109,7 @@ def test_what_is_wrong_with_a_finger_stands_below_the_table(request: pytest.Fixt
             for start in (0, 5000):
                 send(3, pack_state(State(sample=start + k, capture_time_us=(start + k) * 4000), k))
             send(1, pack_state(State(sample=k), k))
-        end = time.monotonic() + 5
-        while not any(s.finger == 1 and s.state.sample == 19 for s in heard):
-            assert time.monotonic() < end
+        until(lambda: any(s.finger == 1 and s.state.sample == 19 for s in heard), "the last one")
         text = " ".join(shown(Board(hand).rows()).split())
     assert "finger 2: finger 2 speaks wire version 9" in text
     assert "finger 3: two senders use this number; give each fingertip its own (?node=)" in text
@@ -128,9 +126,7 @@ def test_board_counts_between_updates(request: pytest.FixtureRequest) -> None:
         for k in (0, 1, 3):
             data = pack_state(State(sample=k, status=Status.OVERLOAD | Status.TOUCHED), k)
             bus.send(can.Message(arbitration_id=0x184, data=data, is_fd=True, is_extended_id=False))
-        end = time.monotonic() + 5
-        while len(heard) < 3:
-            assert time.monotonic() < end
+        until(lambda: len(heard) == 3, "all three")
         (first,) = board.rows()
         assert (first.finger, first.received_n, first.lost_n) == (4, 3, 1)
         assert first.rate_hz > 0
