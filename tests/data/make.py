@@ -7,7 +7,7 @@ there is to them: same table, same code, same pixels.
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calib.sim import Camera, Look, Simulator, Tip
@@ -16,7 +16,7 @@ from calib.sim.script import SCENES, play
 from calib.simulated_calibration import calibrate_simulated
 from edge.recording import Recorder
 
-_QUIET = {"read_noise": 0.4, "shot_noise": 0.008}
+_QUIET = Look(read_noise=0.4, shot_noise=0.008)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +33,10 @@ class Recipe:
 _HEX = Tip(127, "hex", pin_radius_mm=0.8)
 _RINGS = Tip(331, "rings")
 RECIPES: dict[str, Recipe] = {
-    "press": Recipe("press", _RINGS, (320, 320), Look(**_QUIET), 1),
-    "press_shear": Recipe("press-shear", _HEX, (280, 210), Look(**_QUIET, rim=60.0, leds=5), 2),
-    "two_contacts": Recipe("two", _RINGS, (320, 320), Look(**_QUIET), 3),
-    "nothing": Recipe("nothing", _HEX, (280, 210), Look(**_QUIET), 4),
+    "press": Recipe("press", _RINGS, (320, 320), _QUIET, 1),
+    "press_shear": Recipe("press-shear", _HEX, (280, 210), replace(_QUIET, rim=60.0, leds=5), 2),
+    "two_contacts": Recipe("two", _RINGS, (320, 320), _QUIET, 3),
+    "nothing": Recipe("nothing", _HEX, (280, 210), _QUIET, 4),
 }
 RATE_HZ = 60.0
 

@@ -11,6 +11,7 @@ import threading
 import time
 import tty
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import can
@@ -316,11 +317,16 @@ def test_five_fingers_on_one_bus(request: pytest.FixtureRequest, kind: str) -> N
     with hostlink.connect(bus.rstrip("?&")) as hand:
         heard: list[tuple[int, int]] = []
         hand.on_sample(lambda s: heard.append((s.finger, s.state.sample)))
+
+        def has(n: int) -> bool:
+            return len(heard) >= n
+
         for k in range(250):
             for node, _ in nodes:
                 assert node.sink.drain(SOON_S)  # a sample that waits for a heartbeat's write is no loss
                 assert node.send(state(k))
-            until(lambda behind=5 * (k - 10): len(heard) >= behind, "the reader keeps up")
+                node.drain(SOON_S)
+            until(partial(has, 5 * (k - 10)), "the reader keeps up")
         until(lambda: len(heard) == 1250, "all")
         assert sorted(heard) == sorted((f, k) for f in range(1, 6) for k in range(250))
         assert sum(s.lost_n for s in hand.statistics.values()) == 0
@@ -554,11 +560,14 @@ def test_silent_finger_times_out(request: pytest.FixtureRequest) -> None:
 
 
 def test_callback_that_fails_costs_nobody_else(request: pytest.FixtureRequest) -> None:
+    def fail(sample: hostlink.Sample) -> None:
+        raise ZeroDivisionError
+
     bus = f"virtual:{request.node.name}"
     node, _ = make_node(f"{bus}?node=1")
     heard: list[hostlink.Sample] = []
     with hostlink.connect(bus) as hand:
-        hand.on_sample(lambda _: 1 / 0)
+        hand.on_sample(fail)
         end = hand.on_sample(heard.append)
         node.send(state(0))
         until(lambda: heard, "the sample")

@@ -98,11 +98,12 @@ class CellEdges:
         at most |y - p| (|v_p| + |v_q|) / |p - q|. Summed over the Voronoi edges of each cell.
         """
         rate = self.rate * (motion[self.start] + motion[self.end])
-        return np.bincount(self.start, weights=rate, minlength=self.n_pins)
+        return np.bincount(self.start, weights=rate, minlength=self.n_pins).astype(np.float64)
 
 
 def _length(vectors: Points) -> Points:
-    return np.sqrt((vectors * vectors).sum(axis=1))
+    length: Points = np.sqrt((vectors * vectors).sum(axis=1))
+    return length
 
 
 @dataclass

@@ -77,7 +77,8 @@ def frame(rest: Rest, xy: Array, lost: Array | None = None, sigma: float = 0.05)
 def clamp(rest: Rest) -> Array:
     """1 in the middle of the tip, falling to 0 at its rim: the skin is held there."""
     r = np.hypot(*(rest.xy_img - CENTRE).T) / rest.pattern.tip_radius_px
-    return 1.0 - r**4
+    share: Array = 1.0 - r**4
+    return share
 
 
 def push(rest: Rest, at: tuple[float, float], width: float, height: float) -> Array:
@@ -85,7 +86,8 @@ def push(rest: Rest, at: tuple[float, float], width: float, height: float) -> Ar
     2 height at the point and falls off smoothly. at, width in px from the centre."""
     d = rest.xy_img - CENTRE - np.array(at)
     g = height * np.exp(-0.5 * (d**2).sum(axis=1) / width**2)
-    return d * g[:, None]
+    motion: Array = d * g[:, None]
+    return motion
 
 
 def plane(rest: Rest, radius: float, height: float, soft: float) -> Array:
@@ -94,7 +96,8 @@ def plane(rest: Rest, radius: float, height: float, soft: float) -> Array:
     r = np.hypot(*d.T)
     # Divergence of a radial field f(r) is f' + f/r; f = height r^3 / radius^2 inside, falling outside.
     f = height * r * (r / radius) ** 2 / (1.0 + np.exp((r - radius) / soft))
-    return d / np.maximum(r, 1e-9)[:, None] * f[:, None]
+    motion: Array = d / np.maximum(r, 1e-9)[:, None] * f[:, None]
+    return motion
 
 
 def bar(rest: Rest, angle: float, length: float, width: float, height: float) -> Array:

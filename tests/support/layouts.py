@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.types import PinPattern, Pins, Rest, Tracks
+from edge.types import Mask, PinPattern, Pins, Rest, Tracks
 
 Points = NDArray[np.float64]
 
 PITCH_PX = 19.0  # of the 331-pin tips in 640x480 images
-CENTRE = np.array([320.0, 240.0])
+CENTRE: Points = np.array([320.0, 240.0])
 
 
 def hexagonal(rings: int = 10, pitch: float = PITCH_PX) -> Points:
@@ -22,7 +22,7 @@ def hexagonal(rings: int = 10, pitch: float = PITCH_PX) -> Points:
         for q in range(-rings, rings + 1)
         for r in range(max(-rings, -q - rings), min(rings, -q + rings) + 1)
     ]
-    return np.array(rows) + CENTRE
+    return np.array(rows, float) + CENTRE
 
 
 def concentric(rings: int = 6, pitch: float = PITCH_PX) -> Points:
@@ -31,19 +31,20 @@ def concentric(rings: int = 6, pitch: float = PITCH_PX) -> Points:
     for k in range(1, rings + 1):
         angle = 2 * np.pi * np.arange(6 * k) / (6 * k)
         rows += list(zip(k * pitch * np.cos(angle), k * pitch * np.sin(angle), strict=True))
-    return np.array(rows) + CENTRE
+    return np.array(rows, float) + CENTRE
 
 
 def square(side: int = 12, pitch: float = PITCH_PX) -> Points:
     """A square grid: every four neighbours lie on one circle, exactly."""
-    return np.array([(i * pitch, j * pitch) for j in range(side) for i in range(side)]) + CENTRE
+    return np.array([(i * pitch, j * pitch) for j in range(side) for i in range(side)], float) + CENTRE
 
 
 def horseshoe(pitch: float = PITCH_PX) -> Points:
     """A square grid with a bay: the outline is not convex."""
     grid = square(15, pitch)
     bay = (np.abs(grid[:, 0] - grid[:, 0].mean()) < 3.5 * pitch) & (grid[:, 1] > grid[:, 1].mean())
-    return grid[~bay]
+    kept: Points = grid[~bay]
+    return kept
 
 
 TIPS: dict[str, Callable[[], Points]] = {
@@ -58,13 +59,15 @@ def pressed(xy: Points, depth_px: float = 6.0) -> Points:
     """A smooth press beside the middle: pins spread from it, the rim is widened and sheared."""
     from_contact = xy - CENTRE - [30.0, -20.0]
     near = np.exp(-(from_contact**2).sum(axis=1) / (2 * 60.0**2))
-    return xy + depth_px * near[:, None] * from_contact / 30.0 + 0.04 * (xy - CENTRE) + [5.0, -3.0]
+    now: Points = xy + depth_px * near[:, None] * from_contact / 30.0 + 0.04 * (xy - CENTRE) + [5.0, -3.0]
+    return now
 
 
 def moved(xy: Points, angle: float = 0.0, scale: float = 1.0, shift: float = 0.0) -> Points:
     """Turned about the tip's centre by `angle` rad, then scaled about the origin, then shifted."""
     c, s = np.cos(angle), np.sin(angle)
-    return scale * ((xy - CENTRE) @ np.array([[c, s], [-s, c]]) + CENTRE) + shift
+    now: Points = scale * ((xy - CENTRE) @ np.array([[c, s], [-s, c]]) + CENTRE) + shift
+    return now
 
 
 def rest_of(xy: Points) -> Rest:
@@ -77,7 +80,7 @@ def rest_of(xy: Points) -> Rest:
 
 def tracks_of(xy: Points) -> Tracks:
     """Pins at `xy`; NaN rows are lost."""
-    seen = np.isfinite(xy).all(axis=1)
+    seen: Mask = np.isfinite(xy[:, 0] + xy[:, 1])
     return Tracks(xy, np.where(seen, 0.05, np.nan), seen, 1.0)
 
 
@@ -93,21 +96,23 @@ def _hexagonal(rng: np.random.Generator) -> Points:
 
 
 def _square(rng: np.random.Generator) -> Points:
-    return np.array([(i, j) for i in range(-3, 4) for j in range(-3, 4)]) / 6.0
+    return np.array([(i, j) for i in range(-3, 4) for j in range(-3, 4)], float) / 6.0
 
 
 def _cocircular(rng: np.random.Generator) -> Points:
     """24 points 1e-15 off one circle, and its centre's neighbourhood empty."""
     angle = 2 * np.pi * (np.arange(24) + rng.uniform(-0.3, 0.3, 24)) / 24
     radius = 0.5 + 1e-15 * rng.uniform(-1, 1, 24)
-    return radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points: Points = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return points
 
 
 def _collinear(rng: np.random.Generator) -> Points:
     """24 points 1e-15 off a line that is not an axis."""
     along = np.sort(rng.uniform(-0.8, 0.8, 24))
     across = 1e-15 * rng.uniform(-1, 1, 24)
-    return along[:, None] * [0.6, 0.8] + across[:, None] * [-0.8, 0.6]
+    points: Points = along[:, None] * [0.6, 0.8] + across[:, None] * [-0.8, 0.6]
+    return points
 
 
 def _collinear_exact(rng: np.random.Generator) -> Points:

@@ -17,7 +17,8 @@ def hexagon(rings: int, pitch_px: float, centre: tuple[float, float]) -> Array:
     ]
     q, r = np.array(axial, float).T
     xy = np.stack([q + 0.5 * r, np.sqrt(0.75) * r], axis=1) * pitch_px + np.array(centre)
-    return xy + np.random.default_rng(331).uniform(-0.5, 0.5, xy.shape)
+    jittered: Array = xy + np.random.default_rng(331).uniform(-0.5, 0.5, xy.shape)
+    return jittered
 
 
 def draw(
@@ -43,7 +44,8 @@ def draw(
 def expose(image: Array, noise: float, rng: np.random.Generator, bits: int = 8) -> Image:
     """What the sensor makes of it: noise, rounding, clipping."""
     noisy = np.rint(image + rng.normal(0.0, noise, image.shape)) if noise else np.rint(image)
-    return np.clip(noisy, 0, 2**bits - 1).astype(np.uint8 if bits == 8 else np.uint16)
+    levels = np.clip(noisy, 0, 2**bits - 1)
+    return levels.astype(np.uint8) if bits == 8 else levels.astype(np.uint16)
 
 
 def known_rest(

@@ -23,7 +23,9 @@ def make(n: int, seed: int = 0, noise: float = 0.0) -> tuple[Extract, dict[str, 
     torsion 200 Im c10
     """
     rng = np.random.default_rng(seed)
-    inputs = 0.02 * (rng.normal(size=(n, len(FRAME_INPUTS))) + 1j * rng.normal(size=(n, len(FRAME_INPUTS))))
+    shape = (n, len(FRAME_INPUTS))
+    inputs = np.empty(shape, complex)
+    inputs.real, inputs.imag = 0.02 * rng.normal(size=shape), 0.02 * rng.normal(size=shape)
     for name in ("volume", "peak", "size"):
         inputs[:, FRAME_INPUTS.index(name)] = np.abs(inputs[:, FRAME_INPUTS.index(name)])
     inputs[:, FRAME_INPUTS.index("gap")] = 0.0

@@ -65,6 +65,13 @@ class Viewer:
                 pass
             return packet
 
+    async def meanwhile(self, work: Callable[[], None]) -> None:
+        """Do what takes its time, and go on reading: a viewer that does not is cut off."""
+        doing = asyncio.create_task(asyncio.to_thread(work))
+        while not doing.done():
+            await self.packet()
+        await doing
+
     async def do(self, name: str, **more: Any) -> dict[str, Any]:
         self.answer: dict[str, Any] = {}
         await self.socket.send_json({"do": name, **more})
@@ -350,7 +357,7 @@ def test_tare(live: Live) -> None:
         assert not answer["ok"]
         assert "touches" in answer["words"]
         tares_n = (await viewer.packet())["tares_n"]
-        live.show(0)
+        await viewer.meanwhile(lambda: live.show(0))
         assert (await viewer.do("tare"))["ok"]
         await viewer.until(lambda p: p["tares_n"] == tares_n + 1)
 

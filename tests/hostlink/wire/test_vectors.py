@@ -30,7 +30,9 @@ GOLDEN = json.loads(FILE.read_text(encoding="utf-8"))
 
 
 def state_of(row: dict[str, Any]) -> State:
-    values = {k: float(v) if isinstance(v, str) else v for k, v in row.items() if k != "contacts"}
+    values: dict[str, Any] = {
+        k: float(v) if isinstance(v, str) else v for k, v in row.items() if k != "contacts"
+    }
     values["status"] = Status(values["status"])
     contacts = tuple(Contact(*(float(v) for v in c.values())) for c in row["contacts"])
     return State(**values, contacts=contacts)

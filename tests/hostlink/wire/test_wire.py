@@ -8,6 +8,7 @@ import sys
 from math import isnan, nan
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -136,7 +137,8 @@ def test_only_pages_with_something_valid_are_sent() -> None:
     assert len(wire.pack_parts(State(), 0)) == 4
     assert len(wire.pack_parts(State(force_n=1), 0)) == 5
     full = random_state(Random(1), 0)
-    full = dataclasses.replace(full, **{f.name: f.high for f in MEASURED}, contacts=(Contact(1, 2),) * 4)
+    highest: dict[str, Any] = {f.name: f.high for f in MEASURED}
+    full = dataclasses.replace(full, **highest, contacts=(Contact(1, 2),) * 4)
     assert len(wire.pack_parts(full, 0)) == len(PARTS) == 12
 
 
