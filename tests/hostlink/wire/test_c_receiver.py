@@ -234,11 +234,12 @@ def test_receiver_follows_a_bus(program: Path, classic: bool) -> None:
     rng, commands, expected = Random(6), [], []
     dropped_n = 0
     for i in range(500):
-        state: State | None = mostly_usable(rng, i)
+        sent = mostly_usable(rng, i)
+        state: State | None = sent
         frames = (
-            [(0x81 + 0x100 * tpdo, data) for tpdo, data in pack_parts(state, i)]
+            [(0x81 + 0x100 * tpdo, data) for tpdo, data in pack_parts(sent, i)]
             if classic
-            else [(0x181, pack_state(state, i))]
+            else [(0x181, pack_state(sent, i))]
         )
         if i and rng.random() < 0.05:
             frames.pop(rng.randrange(len(frames)))
@@ -330,7 +331,11 @@ def test_tare_over_a_serial_line(
     master, path = serial_pair
     node, application = make_node(f"serial:{path}")
     application.outcome, application.busy_for_n = outcome, busy_n
-    controller = Controller(serial_program, lambda _, data: os.write(master, data) and None)
+
+    def write(_: str, data: bytes) -> None:
+        os.write(master, data)
+
+    controller = Controller(serial_program, write)
 
     def receive() -> str | None:
         ready, _, _ = select.select([master], [], [], 0.05)
