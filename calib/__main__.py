@@ -58,7 +58,7 @@ def cli() -> None:
 
 
 def main() -> NoReturn:
-    """Run a command and exit, as `hostlink.cli_exit` has it."""
+    """Run a command and exit, with the exit codes of `hostlink.cli_exit`."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: processes are the parallelism here
     sys.exit(run_command(cli, program_name("voronoi-touch-calib", "calib"), (EdgeError,)))
 

@@ -1,10 +1,11 @@
-"""How the rig's axes lie in the image: turned, swapped, negated, mirrored.
+"""Orientation of the rig's axes in the image: rotated, swapped, negated, mirrored.
 
-A model of a vector that turns with the tip serves a turned rig as it is: its weights are complex, and turn
-too. A mirror is another matter: half of all rigs have their y axis up, the image has its y down, and then the
-truth turns left when the touch turns right. So each vector is explained twice, as it is and mirrored, by what
-follows it most closely in any touch (mean motion, place of contact), and the better one is taken. All vectors
-of one rig are mirrored or none is; where they disagree, a column has the wrong sign, and that is told.
+A model of a vector that rotates with the tip also fits a rotated rig: its weights are complex and take up the
+rotation. A mirror is different: half of all rigs have their y axis up, the image has its y down, and then the
+truth rotates left when the touch rotates right. So each vector is explained twice, unchanged and mirrored, by
+the input that follows it most closely in any touch (mean motion, place of contact), and the better one is
+taken. All vectors of one rig are mirrored or none is; if they disagree, a column has the wrong sign, which is
+reported.
 """
 
 from __future__ import annotations
@@ -20,20 +21,20 @@ from edge.types import Complex
 
 __all__ = ["Axes", "Handedness", "recognise_axes", "recognise_handedness"]
 
-#: What shear, tilt and place follow most closely.
+#: Inputs that shear, tilt and place follow most closely.
 TERMS: tuple[list[str], ...] = (["c00"], ["p"], ["c11"], ["c21"], ["volume", "p"], ["volume", "c00"], [])
 RIDGE = 1e-3  # share of the rows: keeps a few rows from being explained by chance
-#: Difference of the squared errors over its standard error: below it the data do not tell.
+#: Difference of the squared errors over its standard error: below it the data do not decide.
 CERTAIN = 4.0
 QUARTER_DEG = 15.0  # an axis this close to one of the image's is named after it
 
 
 @dataclass(frozen=True, slots=True)
 class Handedness:
-    """What one vector says.
+    """The evidence of one vector.
 
     certain      difference of the squared errors over its standard error, positive for mirrored
-    turn_deg     direction of the rig's x in the image, mirrored before where it is
+    turn_deg     direction of the rig's x in the image, after mirroring, if it is mirrored
     """
 
     outputs: tuple[str, ...]
@@ -76,13 +77,13 @@ def recognise_handedness(
     psi = psi[:, size > 0] / size[size > 0]
     gram = psi.conj().T @ psi + RIDGE * len(y) * np.eye(psi.shape[1])
     hat = psi @ np.linalg.solve(gram, psi.conj().T)
-    # Errors of each row by weights that have not seen it.
+    # Errors of each row by weights fitted without it.
     left_out = 1.0 - np.minimum(np.diag(hat).real, 0.99)
     straight, mirrored = ((target - hat @ target) / left_out for target in (y, y.conj()))
     gain = np.abs(straight) ** 2 - np.abs(mirrored) ** 2
     error = float(gain.std()) / math.sqrt(len(gain))
     certain = float(gain.mean()) / error if error > 0 else 0.0
-    # The mean motion carries shear, the place tilt and place: whichever goes along with y.
+    # The mean motion carries shear, the place tilt and place: whichever follows y better.
     turn = []
     for target in (y, y.conj()):
         along = [np.vdot(psi[:, k], target - target.mean()) for k in range(min(2, psi.shape[1]))]
@@ -91,7 +92,7 @@ def recognise_handedness(
 
 
 def recognise_axes(vectors: Sequence[Handedness]) -> Axes:
-    """Of all vectors together: where one cannot tell, the others do."""
+    """Decide from all vectors together: one that is uncertain follows the others."""
     known = [v for v in vectors if v.known]
     sides = {v.mirrored for v in known}
     together = sum(v.certain for v in known) > 0
@@ -99,7 +100,7 @@ def recognise_axes(vectors: Sequence[Handedness]) -> Axes:
     warnings = []
     if len(sides) == 2:
         parts = [
-            f"{_words(v.outputs)} {'is' if v.mirrored else 'is not'} mirrored against the image"
+            f"{_joined_names(v.outputs)} {'is' if v.mirrored else 'is not'} mirrored against the image"
             for v in known
         ]
         warnings.append(
@@ -108,14 +109,14 @@ def recognise_axes(vectors: Sequence[Handedness]) -> Axes:
     for v in vectors:
         if not v.known and not known:
             warnings.append(
-                f"{_words(v.outputs)}: the frames do not tell whether the rig's axes are mirrored against "
-                "the image; taken as not mirrored (move in more than one direction)"
+                f"{_joined_names(v.outputs)}: the frames do not show whether the rig's axes are mirrored "
+                "against the image; taken as not mirrored (move in more than one direction)"
             )
     lines = tuple(_relation(v, mirrored[v.outputs]) for v in known)
     return Axes(mirrored, lines, tuple(warnings))
 
 
-def _words(outputs: tuple[str, ...]) -> str:
+def _joined_names(outputs: tuple[str, ...]) -> str:
     return " and ".join(outputs)
 
 
@@ -123,7 +124,7 @@ def _relation(v: Handedness, mirrored: bool) -> str:
     """`shear_x_mm = image -y, shear_y_mm = image x`."""
     turn = v.turn_deg[1 if mirrored else 0]
     c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
-    # The image's x + i y, turned, is the rig's, or its conjugate. Parts of the rig's axes along the image's.
+    # The rig's x + i y is the image's, rotated, or its conjugate. Parts of the rig's axes along the image's.
     rows = [(c, -s), (-s, -c) if mirrored else (s, c)]
     parts = []
     for name, (along_x, along_y) in zip(v.outputs, rows, strict=True):

@@ -1,14 +1,14 @@
-"""Runs a protocol on a rig and writes what it saw: MCAP with the truth beside each frame, and a table.
+"""Runs a protocol on a rig and records it: MCAP with the truth beside each frame, and a table.
 
     press.mcap    images, times, truth (what the rig knows, and the step's pose)
     press.2.mcap  the second part, where a capture was resumed; and so on
     press.csv     one row a frame: where it is stored, its role, its pose
 
 Rules
-- The recording is what counts; the table is made from it when the capture ends. A killed capture loses
-  at most the last half second, never the table's agreement with the frames.
-- Resuming starts at the first step that is not complete on disk. Frames of a step that was broken off
-  stay in their part and out of the table.
+- The recording is authoritative; the table is made from it when the capture ends. A killed capture loses
+  at most the last half second, and the table always agrees with the frames.
+- Resuming starts at the first step that is not complete on disk. Frames of an interrupted step
+  stay in their part and are not in the table.
 - Pose columns are named as those of the published sets: pose_x/y/z mm, pose_Rx/Ry deg, shear_x/y mm,
   shear_Rz deg.
 """
@@ -44,7 +44,7 @@ COLUMNS = (
     "tool", "tool_radius_mm", "tool_angle_deg", "tool_distance_mm",
     "force_n", "area_mm2", "place_x", "place_y",
 )  # fmt: skip
-QUEUE_MB = 1024.0  # the recorder drops what does not fit; a calibration may not lose a frame
+QUEUE_MB = 1024.0  # the recorder drops what does not fit; a calibration must not lose a frame
 
 
 def parts(path: Path) -> list[Path]:
@@ -85,7 +85,7 @@ def progress_of(path: Path, plan: Plan) -> Progress:
     done = 0
     while done < len(plan.steps) and counts[done] >= plan.steps[done].frames:
         done += 1
-    # Passing steps right before the break are walked again: the rig comes from anywhere.
+    # Steps without frames just before the interruption are repeated: the rig may be anywhere.
     while 0 < done < len(plan.steps) and plan.steps[done - 1].frames == 0:
         done -= 1
     frames = sum(step.frames for step in plan.steps[:done])
@@ -141,7 +141,9 @@ def capture(
     finally:
         rig.close()
     if recorder.fault is not None or recorder.dropped_n:
-        raise CaptureError(f"{recorder.path}: {recorder.fault or 'messages were lost'}; make room and resume")
+        raise CaptureError(
+            f"{recorder.path}: {recorder.fault or 'messages were lost'}; free some space and resume"
+        )
     write_table(path, plan)
     return taken
 
@@ -152,7 +154,7 @@ def _with_truth(frame: Frame, number: int, step: Step) -> Frame:
 
 
 def _truths(part: Path) -> Iterator[tuple[int, dict[str, Any]]]:
-    """(sequence, truth) of each frame whose image is on disk too: truth comes first in the file."""
+    """(sequence, truth) of each frame whose image is on disk too: the truth is written first."""
     images = {TOPICS["image"].name, TOPICS["image_png"].name}
     held: tuple[int, int, dict[str, Any]] | None = None
     for topic, log_ns, message in read_messages(part, [TOPICS["truth"].name, *images]):
@@ -200,7 +202,7 @@ def _row(recording: str, sequence: int, truth: dict[str, Any]) -> dict[str, Any]
     row: dict[str, Any] = {"recording": recording, "sequence": sequence}
     row |= {"step": truth["step"], "role": truth["role"]}
     row |= {column: pose[name] for column, name in POSE_COLUMNS.items()}
-    if truth["role"] == "rest":  # clear of the tip: no depth, and the rest of the pose says nothing
+    if truth["role"] == "rest":  # clear of the tip: no depth, and the rest of the pose has no meaning
         row |= dict.fromkeys(POSE_COLUMNS, 0.0)
     row |= {"tool": tool["kind"], "tool_radius_mm": tool["radius_mm"]}
     row |= {"tool_angle_deg": tool["angle_deg"], "tool_distance_mm": tool["distance_mm"]}
@@ -228,11 +230,11 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     return rows
 
 
-def _why_no_table(path: Path, table: Path, words: str) -> str:
+def _why_no_table(path: Path, table: Path, reason: str) -> str:
     if not path.is_file():
         return f"{path}: no such recording"
     if "capture" in read_metadata(path):
-        return f"{table}: {words}; finish the capture with --resume"
+        return f"{table}: {reason}; finish the capture with --resume"
     return (
         f"{path}: a recording, but no capture: it has no table of truth; give one that `calib capture` made, "
         "or TARGETS.csv with --frames and --rest"

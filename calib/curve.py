@@ -14,7 +14,7 @@ from edge.types import Array, Complex, Index
 __all__ = ["CURVE", "cross_validated_curve", "fit_curve", "paper_curve"]
 
 CURVE = "the paper's curve of the volume"
-#: Of the volume, as a share of the tip's area: knots that are closer say nothing.
+#: Of the volume, as a share of the tip's area: closer knots are not distinguishable.
 KNOT_STEP_MIN = 1e-5
 
 
@@ -24,7 +24,7 @@ def paper_curve(volume: Array, depth: Array) -> Curve:
 
 
 def cross_validated_curve(volume: Array, depth: Array) -> Array:
-    """Prediction of each row by the paper's curve that has not seen its depth; both (n,)."""
+    """Prediction of each row by the paper's curve, fitted without its depth; both (n,)."""
     return _fitted(volume, depth)[2].real
 
 

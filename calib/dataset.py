@@ -3,8 +3,8 @@
     TARGETS.csv --frames DIR --rest IMAGE      one table, one folder, one image of the untouched tip
     A.mcap [B.mcap ...]                        captures of `calib capture`: their own rest frames and tables
 
-A data set is a list of parts, each with its own rest frame: between two captures the camera may have been
-touched, and motion counts from the rest of its own day.
+A data set is a list of parts, each with its own rest frame: the camera may have moved between two captures,
+and motion counts from the rest frame of the same capture.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ RESTS_MAX = 10  # images of the untouched tip that are averaged
 class RestGroup:
     """Frames that share a rest frame.
 
-    rows  of the table, as it stands there (captures; else empty)
+    rows  of the table, unchanged (captures; else empty)
     """
 
     rest: Rest
@@ -67,7 +67,7 @@ class Dataset:
         return sum(len(part.targets) for part in self.parts)
 
     def seen_by(self, calibration: Calibration) -> Dataset:
-        """The same with the rest pins in the calibration's order.
+        """The same data with the rest pins in the calibration's order.
 
         Raises  CalibrationError: the frames show another tip
         """
@@ -78,7 +78,7 @@ class Dataset:
         )
 
     def extract(self, pool: Executor, on_done: Callable[[int], None] = lambda n: None) -> Extract:
-        """What the edge sees in them; see `calib.extract.extract`."""
+        """The edge's results for them; see `calib.extract.extract`."""
         return join_extracts([extract(p.rest, p.frames(), pool, on_done) for p in self.parts])
 
 
@@ -92,7 +92,7 @@ def open_dataset(tables: Sequence[Path], folder: Path | None, rest_image: Path |
         if len(captures) < len(tables):
             raise TableError(f"{tables[0]} and {captures[0]}: either one table or captures, not both")
         if folder is not None or rest_image is not None:
-            raise TableError(f"{captures[0]}: a capture has its own frames; leave --frames and --rest away")
+            raise TableError(f"{captures[0]}: a capture has its own frames; omit --frames and --rest")
         parts = tuple(_capture(path) for path in captures)
         for path, part in zip(captures[1:], parts[1:], strict=True):
             _must_be_same_tip(captures[0], parts[0].rest, path, part.rest)

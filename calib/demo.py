@@ -1,7 +1,7 @@
 """The whole chain on bundled recordings, without hardware: `make demo`.
 
-Each recording goes through the running app onto a virtual CAN FD bus and onto a serial line (a pair of
-pseudo-terminals), is decoded on the host, and is compared with what the simulator knows.
+Each recording goes through the running loop onto a virtual CAN FD bus and onto a serial line (a pair of
+pseudo-terminals), is decoded on the host, and is compared with the simulator's truth.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from edge.view.figures import figure, surface_figure
 from hostlink.output_file import OutputError, check_output
 from hostlink.wire import State, pack_state, unpack_state
 
-__all__ = ["RECORDINGS", "Heard", "demo", "play"]
+__all__ = ["RECORDINGS", "Received", "demo", "play"]
 
 #: Recording, and the calibration of the tip and tool that it was made with.
 RECORDINGS: dict[str, str] = {
@@ -53,13 +53,13 @@ NODE = 7
 
 
 @dataclass
-class Heard:
-    """One recording, end to end.
+class Received:
+    """The results of one recording, end to end.
 
-    sent    what the edge computed, by the 16-bit sample number
-    can     what the host decoded from the bus
+    sent    states computed by the edge, by the 16-bit sample number
+    can     states decoded by the host from the bus
     serial  and from the serial line
-    last    the last frame's result, which the pictures show
+    last    the last frame's result, for the pictures
     truth   the simulator's, by sample number
     """
 
@@ -111,7 +111,7 @@ def _joined(a: int, b: int) -> Iterator[None]:
         os.close(wake_w)
 
 
-def play(recording: Path, calibration: Calibration) -> Heard:
+def play(recording: Path, calibration: Calibration) -> Received:
     """Send a recording over both links and collect what arrives.
 
     Raises  edge.errors.SourceError, SinkError
@@ -119,35 +119,37 @@ def play(recording: Path, calibration: Calibration) -> Heard:
     with ExitStack() as stack:
         near, far = stack.enter_context(serial_line())
         addresses = {"can": f"virtual:demo-{recording.stem}", "serial": f"serial:{far}"}
-        heard: dict[str, dict[int, State]] = {name: {} for name in addresses}
+        received: dict[str, dict[int, State]] = {name: {} for name in addresses}
         for name, address in addresses.items():
             connection = stack.enter_context(hostlink.connect(address))
-            connection.on_sample(_collect(heard[name]))
+            connection.on_sample(_collect(received[name]))
         source = open_source(str(recording))
         stack.callback(source.close)
-        app = Loop(source, [], calibration, LoopConfig(demand=frozenset(Feature)))
-        device = LoopDevice(app, "demo")
+        loop = Loop(source, [], calibration, LoopConfig(demand=frozenset(Feature)))
+        device = LoopDevice(loop, "demo")
         for address in (addresses["can"], f"serial:{near}"):
             sink = open_sink(address, node=NODE)
             stack.callback(sink.close)
             assert isinstance(sink, CanSink | SerialSink)
-            app.sinks.append(Node(sink, device, node=NODE))
+            loop.sinks.append(Node(sink, device, node=NODE))
         memory = MemorySink()
-        app.sinks.append(memory)
+        loop.sinks.append(memory)
         truth: dict[int, dict[str, Any]] = {}
 
         def keep(result: Result, state: State) -> None:
             truth[state.sample] = result.frame.truth or {}
 
-        app.result_callbacks.append(keep)
-        app.run()
+        loop.result_callbacks.append(keep)
+        loop.run()
         sent = {state.sample: state for state in memory.states}
-        if app.last is None:
+        if loop.last is None:
             raise SourceError(f"{recording}: no frame after the tare")
-        for sink in app.sinks:
+        for sink in loop.sinks:
             sink.drain(5.0)
-        _await(lambda: all(len(h) >= len(sent) for h in heard.values()))
-        return Heard(recording.stem, sent, heard["can"], heard["serial"], app.last, truth, calibration)
+        _await(lambda: all(len(h) >= len(sent) for h in received.values()))
+        return Received(
+            recording.stem, sent, received["can"], received["serial"], loop.last, truth, calibration
+        )
 
 
 def _collect(into: dict[int, State]) -> Callable[[hostlink.Sample], None]:
@@ -165,20 +167,20 @@ def _await(done: Callable[[], bool], timeout_s: float = 5.0) -> None:
 
 
 def on_wire(state: State) -> State:
-    """What a state is after its trip over the wire: rounded to the fields' resolution."""
+    """A state after its way over the wire: rounded to the fields' resolution."""
     return unpack_state(pack_state(state, 0))
 
 
 def _same(a: State, b: State) -> bool:
-    return repr(a) == repr(b)  # NaN is not equal to itself, but looks the same
+    return repr(a) == repr(b)  # NaN is not equal to itself, but has the same representation
 
 
-def errors(heard: Heard) -> dict[str, float]:
-    """Mean absolute errors of what the host decoded, over the frames in which something is pressed."""
+def errors(received: Received) -> dict[str, float]:
+    """Mean absolute errors of the states decoded by the host, over the pressed frames."""
     place, depth, direction, shear = [], [], [], []
     wrong_n = 0
-    for number, state in heard.can.items():
-        truth = heard.truth.get(number)
+    for number, state in received.can.items():
+        truth = received.truth.get(number)
         if not truth:
             continue
         places = np.array(truth["places_mm"]).reshape(-1, 2)
@@ -234,22 +236,22 @@ def demo(data: Path, out: Path, console: Console, overwrite: bool = False) -> No
                  "shear\nmm", "angle\ndeg"):  # fmt: skip
         table.add_column(name, justify="left" if name == "recording" else "right", no_wrap=True)
     for name, calibration in calibrations.items():
-        heard = play(data / f"{name}.mcap", calibration)
-        found = errors(heard)
-        last = heard.can[max(heard.can)]
-        same = heard.can.keys() == heard.serial.keys() and all(
-            _same(heard.can[k], heard.serial[k]) and _same(heard.can[k], on_wire(state))
-            for k, state in heard.sent.items()
+        received = play(data / f"{name}.mcap", calibration)
+        found = errors(received)
+        last = received.can[max(received.can)]
+        same = received.can.keys() == received.serial.keys() and all(
+            _same(received.can[k], received.serial[k]) and _same(received.can[k], on_wire(state))
+            for k, state in received.sent.items()
         )
         table.add_row(
             name,
-            str(len(heard.sent)),
-            str(heard.last.tracks.n_seen),
-            "yes" if same else f"{len(heard.sent)}/{len(heard.can)}/{len(heard.serial)}",
+            str(len(received.sent)),
+            str(received.last.tracks.n_seen),
+            "yes" if same else f"{len(received.sent)}/{len(received.can)}/{len(received.serial)}",
             f"{last.contact_n}" + (f" ({found['wrong_n']:.0f} wrong)" if found["wrong_n"] else ""),
             *(_cell(found[key]) for key in ("place_mm", "depth_mm", "shear_mm", "direction_deg")),
         )
-        _pictures(heard, out)
+        _pictures(received, out)
     console.print(table)
     console.print("Links agree: what CAN FD and serial brought equals what the edge computed.")
     console.print("Errors: mean absolute, over the frames pressed by 0.8 mm or more.")
@@ -271,12 +273,14 @@ def _cell(value: float) -> str:
     return f"{value:.2f}" if math.isfinite(value) else "-"
 
 
-def _pictures(heard: Heard, out: Path) -> None:
-    result = heard.last
+def _pictures(received: Received, out: Path) -> None:
+    result = received.last
     if result.cells is None or result.features is None:
         return
-    scale = heard.calibration.mm_per_px or 0.0
+    scale = received.calibration.mm_per_px or 0.0
     polygons = cell_polygons(result.cells)
-    figure(out / f"{heard.name}.png", result.frame, result.tracks, polygons, result.features, mm_per_px=scale)
+    figure(
+        out / f"{received.name}.png", result.frame, result.tracks, polygons, result.features, mm_per_px=scale
+    )
     if result.features.surface is not None:
-        surface_figure(out / f"{heard.name}_surface.png", result.features, mm_per_px=scale)
+        surface_figure(out / f"{received.name}_surface.png", result.features, mm_per_px=scale)

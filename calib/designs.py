@@ -1,8 +1,8 @@
-"""The models that a fit chooses from: polynomials whose terms turn with the tip as their output does.
+"""The candidates of a fit: polynomials whose terms have the spin of their output.
 
-Turning tip and touch together must turn shear and tilt, and leave depth and torsion alone. So only products
-of inputs with the output's total spin can take part: 14 terms instead of 210 for a quadratic shear. That is
-why fifty frames make a usable calibration, and why a sweep along one axis calibrates the others.
+Rotating tip and touch together must rotate shear and tilt, and leave depth and torsion unchanged. So only
+products of inputs with the output's total spin can take part: 14 terms instead of 210 for a quadratic shear.
+That is why fifty frames make a usable calibration, and why a sweep along one axis calibrates the others.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ Letters = Sequence[tuple[str, int]]
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Values fitted together, and what they may depend on.
+    """Values fitted together, and the inputs that they may depend on.
 
     outputs   one real value, or two as x + i y
-    symmetry  what happens when tip and touch are turned, or mirrored, together
+    symmetry  behaviour when tip and touch are rotated, or mirrored, together
     """
 
     outputs: tuple[str, ...]
@@ -38,7 +38,7 @@ class Group:
 
     @property
     def spin(self) -> int:
-        """0: does not change when tip and touch are turned together; 1: turns with them."""
+        """0: unchanged when tip and touch are rotated together; 1: rotates with them."""
         return 1 if self.symmetry is Symmetry.TURNING else 0
 
 
@@ -55,10 +55,10 @@ GROUPS = (
 
 
 #: (degree of the modes, factors in a product), from simple to rich. Richer ones than these gained nothing on
-#: the published recordings and need more frames than a rig likes to take.
+#: the published recordings and need more frames than a rig can reasonably take.
 SIZES = ((0, 1), (1, 1), (2, 1), (3, 1), (5, 1), (1, 2), (2, 2), (3, 2), (4, 2), (5, 2), (2, 3))
 
-#: Terms one spin off, in the same measure: what a rig's axis that misses the tip's own brings in. On the
+#: Terms one spin off, with the same parameters: they appear if the rig's axis misses the tip's own. On the
 #: published set they halve the depth's error, and gain nothing elsewhere.
 OFF_AXIS = ((2, 1), (2, 2))
 
@@ -70,16 +70,16 @@ def letters(degree: int) -> Letters:
 
 
 #: Of one contact: its place, the mean motion (both turn with the tip), its height and its size.
-#: Without the size the depth of one of several contacts is known to 0.6..0.7 mm rms, with it to 0.2..0.3
+#: Without the size the depth error of one of several contacts is 0.6..0.7 mm rms, with it 0.2..0.3
 #: (a ball of 3 mm anywhere on simulated tips of 127 and 331 pins).
 CONTACT_LETTERS: Letters = (("p", 1), ("p*", -1), ("shear", 1), ("shear*", -1), ("peak", 0))
 
-#: The size is for the depth alone: a place has enough to choose from.
+#: The size is used for the depth only: for the place it gains nothing.
 DEPTH_LETTERS: Letters = (*CONTACT_LETTERS, ("size", 0))
 
 
 def terms_of_spin(spin: int, alphabet: Letters, factors: int) -> list[list[str]]:
-    """Products of up to `factors` inputs with this total spin. The constant comes with spin 0.
+    """Products of up to `factors` inputs with this total spin. Spin 0 includes the constant.
 
     Returns  input names of `edge.calibration.inputs`; a star is the conjugate
     """
@@ -92,7 +92,7 @@ def terms_of_spin(spin: int, alphabet: Letters, factors: int) -> list[list[str]]
 
 
 def went_all_round(targets: Targets, rows: Mask) -> bool:
-    """Whether shear, tilt or place went in all directions: else terms off axis cannot be told from chance."""
+    """Whether shear, tilt or place covered all directions; otherwise off-axis terms cannot be determined."""
     for x, y in (group.outputs for group in GROUPS if group.spin == 1 and len(group.outputs) == 2):
         if x in targets.values and y in targets.values:
             xy = np.stack([targets.values[x][rows], targets.values[y][rows]])
@@ -103,7 +103,7 @@ def went_all_round(targets: Targets, rows: Mask) -> bool:
 
 
 def is_round(xy: Array) -> bool:
-    """Whether vectors (2, n) went in more directions than one."""
+    """Whether vectors (2, n) cover more directions than one."""
     if xy.shape[1] < 2:
         return False
     low, high = np.linalg.eigvalsh(np.cov(xy))

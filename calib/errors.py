@@ -1,4 +1,4 @@
-"""What can go wrong while calibrating, and whose fault it is.
+"""The errors of calibration.
 
 edge.errors.InputError       the user's mistake: one line, exit code 2
 ├── RigError                     no such rig, out of its travel, or it reports a fault

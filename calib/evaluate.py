@@ -1,4 +1,4 @@
-"""How far a calibration is off on frames with known truth; frames without values are counted."""
+"""Errors of a calibration on frames with known truth; frames without values are counted."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from edge.types import Array, Complex, Mask
 
 __all__ = ["counts_line", "error_rows", "evaluate", "predict", "pressed"]
 
-#: A shear that is smaller has no direction to speak of; the published network is judged over the same frames.
+#: The direction of a smaller shear is meaningless; the published network is evaluated on the same frames.
 DIRECTION_MIN_MM = 1.5
 
 
@@ -28,14 +28,14 @@ def predict(calibration: Calibration, extract: Extract) -> tuple[dict[str, Array
     sigmas = {name: np.full(n, np.nan) for name in values}
     for i, z in enumerate(extract.inputs):
         for name, value, sigma, _ in calibration.frame_values(z):
-            # As `Calibration.apply` has it; a frame without any result stays without a value.
+            # As in `Calibration.apply`; a frame without a result has no value.
             known = extract.in_contact[i] or not np.isfinite(z).any()
             values[name][i], sigmas[name][i] = (value if known else UNTOUCHED[name]), sigma
     for i, z in enumerate(extract.contact):
         for name, value, sigma in calibration.contact_values(z):
             values[name][i], sigmas[name][i] = value, sigma
     if {"contact_depth_mm", "displacement_mm"} <= values.keys():
-        single = extract.counts == 1  # as `Calibration.apply` has it
+        single = extract.counts == 1  # as in `Calibration.apply`
         for table in (values, sigmas):
             table["contact_depth_mm"][single] = table["displacement_mm"][single]
     return values, sigmas
@@ -44,13 +44,13 @@ def predict(calibration: Calibration, extract: Extract) -> tuple[dict[str, Array
 def evaluate(calibration: Calibration, targets: Targets, extract: Extract) -> dict[str, Any]:
     """Errors as one JSON-able object.
 
-    n_refused         frames whose pins could not be told apart for sure: the edge sends no values
-    n_read_untouched  frames that are pressed, and in which the edge saw no touch: it sends zeros, and no tilt
+    n_refused         frames whose pins were not identified with certainty: the edge sends no values
+    n_read_untouched  pressed frames in which the edge saw no touch: it sends zeros, and no tilt
     n_without_value   of the frames with truth, those without a value; by name of the value
-    *_mae_*, ...      mean errors over all frames that have a value, whatever the edge thought of them
+    *_mae_*, ...      mean errors over all frames that have a value, including refused ones
     accepted          the same over the frames whose values the edge would have sent
 
-    None where the calibration or the table lacks the quantity, or no frame has a value.
+    None if the calibration or the table lacks the quantity, or no frame has a value.
     """
     values, sigmas = predict(calibration, extract)
     everything = np.ones(len(targets), dtype=np.bool_)
@@ -70,7 +70,7 @@ def evaluate(calibration: Calibration, targets: Targets, extract: Extract) -> di
 
 
 def pressed(targets: Targets) -> Mask:
-    """(n,) bool: frames whose truth says that something presses; by the depth where the table has it."""
+    """(n,) bool: frames that are pressed according to their truth; by the depth if the table has it."""
     for name in ("displacement_mm", "contact_depth_mm", "force_n"):
         if name in targets.values:
             return np.asarray(np.nan_to_num(targets.values[name]) > 0.0)
@@ -81,7 +81,7 @@ def pressed(targets: Targets) -> Mask:
 def _errors(
     values: dict[str, Array], sigmas: dict[str, Array], targets: Targets, chosen: Mask
 ) -> dict[str, Any]:
-    """Over those of the chosen frames that have truth and value."""
+    """Errors over the chosen frames that have truth and value."""
     rows = {
         name: chosen & np.isfinite(truth) & np.isfinite(values[name])
         for name, truth in targets.values.items()
@@ -111,7 +111,7 @@ def _errors(
 def _vectors(
     values: dict[str, Array], targets: Targets, rows: dict[str, Mask], x: str, y: str
 ) -> tuple[Complex, Complex]:
-    """What was read and what is true, as x + i y, of the frames that have both."""
+    """Measured and true values, as x + i y, of the frames that have both."""
     if not {x, y} <= rows.keys():
         return np.empty(0, np.complex128), np.empty(0, np.complex128)
     both = rows[x] & rows[y]
@@ -127,7 +127,7 @@ def _place_error(values: dict[str, Array], targets: Targets, rows: dict[str, Mas
 def _shear_errors(
     values: dict[str, Array], targets: Targets, rows: dict[str, Mask]
 ) -> dict[str, float | None]:
-    """Of the shear's magnitude, and of its direction where it is large enough to have one."""
+    """Errors of the shear's magnitude, and of its direction if it is large enough to have one."""
     read, true = _vectors(values, targets, rows, "shear_x_mm", "shear_y_mm")
     large = np.abs(true) > DIRECTION_MIN_MM
     off = np.degrees(np.abs(np.angle(read[large] * true[large].conj())))
@@ -146,7 +146,7 @@ def _rounded(value: float) -> float:
     return round(value, 4)
 
 
-#: Of a report: what each figure is, its key, its place in a list, its unit.
+#: Figures of a report: name, key, index in a list, unit.
 _FIGURES = (
     ("depth", "displacement_mae_mm", None, "mm"),
     ("tilt about x", "tilt_mae_deg", 0, "deg"),
@@ -177,7 +177,7 @@ def error_rows(report: dict[str, Any]) -> list[tuple[str, str, str, str]]:
 
 
 def counts_line(report: dict[str, Any]) -> str:
-    """How many frames a report rests on, and how many of them have no values, or zeros."""
+    """The number of frames of a report, and of those without values, or with zeros."""
     return (
         f"{report['n_frames']} frames; {report['n_refused']} refused (no values sent), "
         f"{report['n_read_untouched']} pressed but read as untouched (zeros sent)"

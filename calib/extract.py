@@ -1,7 +1,7 @@
-"""What the edge sees in many frames, each for itself: the inputs that calibration models are made of.
+"""The edge's results for many independent frames: the inputs of calibration models.
 
 The frames are spread over processes, or over a Dask cluster; a frame's result depends on nothing but the
-frame and the rest image, so it is the same to the last bit wherever it was computed.
+frame and the rest image, so it is exactly the same wherever it was computed.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from edge.types import Array, Complex, Feature, Frame, Image, Index, Mask, Pins,
 
 __all__ = ["DEMAND", "Extract", "executor", "extract", "gather", "join_extracts", "measure"]
 
-#: What models are made of; slip is not, and needs a sequence.
+#: Features that models use; not slip, which needs a sequence.
 DEMAND = frozenset({Feature.DISPLACEMENT, Feature.SHEAR, Feature.TILT, Feature.TORSION, Feature.CONTACTS})
-LOOKS = 4  # at one image: a lost clump heals from its edge inwards, a ring of pins a look
-#: Pins that are taken away to learn what their loss does: for each time, whether they are of one side.
+REPEATS = 4  # of each image: a lost group is recovered from its edge inwards, one ring of pins each time
+#: Pins are removed to learn the effect of their loss: for each variant, whether all are on one side.
 ONE_SIDED = (True, False, True)
 LOSS_MIN, LOSS_MAX = 0.03, 0.45  # share of the pins
-CHUNK = 8  # frames a task: a tenth of a second, so that a progress bar moves and no core waits long
+CHUNK = 8  # frames a task: a tenth of a second, for a smooth progress bar and short waits
 CLUSTER_TIMEOUT_S = 10.0  # for a scheduler to answer
 IN_FLIGHT = 32  # tasks: images of 640x480 take 80 MB
 
@@ -51,13 +51,13 @@ class Extract:
 
     inputs      (n, k) complex128, `edge.calibration.inputs.FRAME_INPUTS`; NaN: not computed
     contact     (n, k) complex128, `edge.calibration.inputs.CONTACT_INPUTS` of the strongest contact, or NaN
-    confidence  (n,) how sure the pins' identities are
+    confidence  (n,) certainty of the pins' identities
     seen_n      (n,) pins found
     sure        (n,) whether the edge would have sent values
-    in_contact     (n,) whether it saw a touch; without one it sends zeros, not what a model says
+    in_contact     (n,) whether it saw a touch; without one it sends zeros instead of a model's value
     counts      (n,) contacts found
     angle_rad   (n,) direction of the strongest contact's long axis; NaN: round, or none
-    lossy       (n, LOSSES, k) complex128, the inputs with some of the pins taken away; NaN: none could be
+    lossy       (n, LOSSES, k) complex128, the inputs with some of the pins removed; NaN: not possible
     time_us     (n,) from image to inputs; the only column that differs from run to run
     """
 
@@ -84,19 +84,18 @@ _Row = tuple[Complex, Complex, float, int, bool, bool, int, float, float, Comple
 
 
 def measure(pipeline: Pipeline, image: Image, without: Pipeline | None = None) -> _Row:
-    """One row of an `Extract`: an image taken for itself, as a jump from rest, and held.
+    """One row of an `Extract`: a single image, as a jump from rest, then repeated.
 
-    without  another pipeline of the same tip, for the frame with pins taken away; None: not wanted
+    without  another pipeline of the same tip, for the frame with pins removed; None: not wanted
 
-    A jump leaves out pins that moved as no neighbour did: those at the top of a sharp probe. The frame
-    after it, which shows the same while a rig holds still, finds them in their windows; here the image
-    stands for it.
+    A jump loses pins that moved as no neighbour did: those at the top of a sharp probe. The next frame, which
+    shows the same while a rig stands still, finds them in their windows; here the same image is used again.
     """
     pipeline.forget()
     began = time.perf_counter()
     try:
         result = pipeline.process(Frame(image, 0, 0), even_unsure=True)
-        for _ in range(LOOKS - 1):
+        for _ in range(REPEATS - 1):
             if result.tracks.confidence < result.tracks.LOW_CONFIDENCE or result.tracks.seen.all():
                 break
             again = pipeline.process(Frame(image, 0, 0), even_unsure=True)
@@ -135,7 +134,7 @@ def measure(pipeline: Pipeline, image: Image, without: Pipeline | None = None) -
 
 
 def _losses(tracks: Tracks, rest: Rest) -> Iterator[Tracks]:
-    """The frame as it would be with pins lost: anywhere, or on one side; the same from run to run."""
+    """The frame with pins lost, anywhere or on one side; the same from run to run."""
     rng = np.random.default_rng(zlib.crc32(np.ascontiguousarray(tracks.xy_img).tobytes()))
     place = rest.xy_img - rest.pattern.centre_img
     for one_sided in ONE_SIDED:
@@ -176,7 +175,7 @@ def _chunk(rest: Rest, frames: Sequence[Path | Image]) -> list[_Row]:
     global _kept
     cv2.setNumThreads(1)  # one thread a process: the processes are the parallelism
     if _kept is None or not _same(_kept[0], rest):
-        # Arrays that came over a network are views of what was received: copied, they are aligned and ours.
+        # Arrays received over a network are views of the message: a copy is aligned and writable.
         pins = Pins(*(np.array(getattr(rest.pins, f.name), order="C") for f in fields(Pins)))
         rest = Rest(pins, replace(rest.pattern, centre_img=np.array(rest.pattern.centre_img)))
         _kept = rest, Pipeline(rest, demand=DEMAND), Pipeline(rest, demand=DEMAND)
@@ -263,17 +262,17 @@ def executor(dask: str | None = None, workers: int | None = None) -> Iterator[Ex
 
 @contextmanager
 def _processes(count: int) -> Iterator[Executor]:
-    """Processes of this machine, one thread each: a second one took five times as long on two busy cores."""
+    """Processes of this machine, one thread each: two threads took five times as long on two busy cores."""
     before = os.environ.get("OMP_NUM_THREADS")
     os.environ["OMP_NUM_THREADS"] = "1"
     others = set(active_children())
     try:
-        # Not by fork: threads of libraries that this process loaded would be left behind locked.
+        # Not by fork: locks held by this process's library threads would stay locked in the child.
         with ProcessPoolExecutor(count, mp_context=get_context("forkserver")) as pool:
             try:
                 _start_without_interrupts(pool, count)
                 yield pool
-            except KeyboardInterrupt:  # what they work on is wanted no more
+            except KeyboardInterrupt:  # their results are no longer wanted
                 for process in set(active_children()) - others:
                     process.terminate()
                 raise
@@ -289,14 +288,14 @@ def _processes(count: int) -> Iterator[Executor]:
 def _start_without_interrupts(pool: Executor, count: int) -> None:
     """Start the processes with SIGINT blocked, which they inherit.
 
-    Ctrl-C reaches all processes of a terminal. It is this one's to end the others; each of them would print
-    where it was interrupted, and so would one whose start was cut off.
+    Ctrl-C reaches all processes of a terminal. This one ends the others; otherwise each of them would print a
+    traceback, also one that is just starting.
     """
-    resource_tracker.ensure_running()  # it would unblock the signal if it were started later
+    resource_tracker.ensure_running()  # started later, it would unblock the signal
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         forkserver.ensure_running()
-        for _ in range(count):  # a process is started for a task that finds none idle
+        for _ in range(count):  # a process is started for a task if none is idle
             pool.submit(int)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)

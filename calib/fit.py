@@ -1,13 +1,13 @@
-"""From frames with known truth to a calibration file: the smallest model that predicts what it has not seen.
+"""From frames with known truth to a calibration file: the smallest model that predicts held-out frames.
 
 For each output, candidates from the paper's own curve (depth: monotone in the volume; shear: linear in the
 mean motion, with an offset for preload) up to cubic products (`calib.designs`) are fitted by ridge regression
-(`calib.ridge`). Each is judged by grouped cross-validation (frames of one pose stay together), and the one
-with the fewest terms within one standard error of the best wins. Its sigma is the 68.3 % quantile of the
-held-out errors, over the widening that the distance from the data gives.
+(`calib.ridge`). Each is evaluated by grouped cross-validation (frames of one pose stay together), and the one
+with the fewest terms within one standard error of the best is chosen. Its sigma is the 68.3 % quantile of the
+held-out errors, divided by the widening that follows from the distance to the data.
 
 A symmetric Gaussian process (`calib.process_fit`), with the contact's place among its inputs, is a candidate
-like the others. Where the axes of a rig are mirrored against the image (`calib.axes`), its vectors are fitted
+like the others. If the axes of a rig are mirrored against the image (`calib.axes`), its vectors are fitted
 mirrored.
 """
 
@@ -67,7 +67,7 @@ PROCESS = "process"  # name of the candidate
 
 
 class Prefer(StrEnum):
-    """Which model is taken where several do."""
+    """Which of several sufficient models is taken."""
 
     SPEED = "speed"  # the one with the fewest terms within one standard error of the best
     ACCURACY = "accuracy"  # the best
@@ -75,13 +75,13 @@ class Prefer(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """What was chosen for a group of outputs, and against what."""
+    """The model chosen for a group of outputs, and its alternatives."""
 
     outputs: tuple[str, ...]
     model: Model
     chosen: Candidate
     tried: tuple[Candidate, ...]
-    held_out: Complex  # (n,) prediction of each frame by a model that has not seen it
+    held_out: Complex  # (n,) prediction of each frame by a model fitted without it
 
 
 def fit(
@@ -100,14 +100,14 @@ def fit(
     """Fit everything that the table has columns for.
 
     mm_per_px  scale on the tip; None: from contacts in known places, if there are any
-    on_group   told when a model was chosen for a group of outputs
-    on_refused told why a group was left out: its values will be sent as invalid
-    on_axes    told how the rig's axes lie in the image
-    prefer     which of several models that do is taken
+    on_group   called when a model was chosen for a group of outputs
+    on_refused called with the reason why a group was skipped: its values will be sent as invalid
+    on_axes    called with the orientation of the rig's axes in the image
+    prefer     which of several sufficient models is taken
     pool       where processes are fitted, a job for each group; None: here
     Returns    the calibration, and how each model was chosen
-    Raises     FitError: nothing could be fitted; what the data lacks, naming the rows.
-               CalibrationError: the rest frame shows nothing that could be a tip
+    Raises     FitError: nothing could be fitted; the message says what the data lack, naming the rows.
+               CalibrationError: the rest frame is not a plausible tip
     """
     sensor = sensor_of(rest, serial)
     _checked(sensor, mm_per_px, [], Data("", "", 0, ""))
@@ -151,20 +151,20 @@ def groups_of(targets: Targets) -> list[Group]:
 
 
 def tip_of(rest: Rest) -> Calibration:
-    """A calibration that knows nothing but its tip: to compare another rest frame with."""
+    """A calibration without models: to compare another rest frame with its tip."""
     sensor = sensor_of(rest, "unnamed")
     return Calibration(CalibrationFile(FORMAT, VERSION, sensor, None, [], Data("", "", 0, "")))
 
 
 def _checked(sensor: Sensor, mm_per_px: float | None, models: list[Model], data: Data) -> Calibration:
-    """The calibration as it will be read from its file. Raises CalibrationError."""
+    """The calibration after encoding and checking. Raises CalibrationError."""
     return Calibration.parse(
         encode(CalibrationFile(FORMAT, VERSION, sensor, mm_per_px, models, data)), "the calibration fitted"
     )
 
 
 def _usable_frames(targets: Targets, extract: Extract) -> Mask:
-    """(frames,) bool: identities sure, touched, inputs computed. Raises FitError: too few."""
+    """(frames,) bool: identities certain, touched, inputs computed. Raises FitError: too few."""
     usable: Mask = (
         extract.sure & extract.in_contact & np.isfinite(extract.inputs[:, FRAME_INPUTS.index("c00")])
     )
@@ -180,7 +180,7 @@ def _usable_frames(targets: Targets, extract: Extract) -> Mask:
 def _scale(targets: Targets, extract: Extract, rest: Rest) -> float | None:
     """mm per px, from contacts whose place on the tip is known; None: there are too few, or all in one place.
 
-    The spread of the places in the image against that of the true ones, however the rig's axes lie.
+    The spread of the places in the image over that of the true ones; independent of the rig's axes.
     """
     if not {"contact_x_mm", "contact_y_mm"} <= targets.values.keys():
         return None
@@ -199,11 +199,11 @@ class _Problem:
     """Groups of outputs of one spin over the same frames: they share terms and linear algebra.
 
     inputs     (n, k) complex128, of the frame or of its contact
-    frame_inputs, lossy  of the frame; with pins taken away
+    frame_inputs, lossy  of the frame; with pins removed
     y          (n, groups) complex128, truth
-    noise      (draws, n, k) complex128, what the inputs may be off; None: not considered
+    noise      (draws, n, k) complex128, possible errors of the inputs; None: not considered
     fold       (n,) of the cross-validation
-    all_round  whether shear, tilt or place went in all directions
+    all_round  whether shear, tilt or place cover all directions
     where, frames  the table and the frames' names, for messages
     mirrored   groups whose y is the truth's mirror image: the rig's axes are mirrored against the image
     """
@@ -230,7 +230,7 @@ class _Problem:
         return len(self.groups[0].outputs) == 1
 
     def in_the_image(self, axes: Axes) -> _Problem:
-        """The same with the truth of mirrored vectors mirrored."""
+        """The same problem with the truth of mirrored vectors mirrored."""
         mirrored = [axes.mirrored.get(group.outputs, False) for group in self.groups]
         y = np.where(mirrored, self.y.conj(), self.y)
         return replace(
@@ -239,7 +239,7 @@ class _Problem:
 
 
 def _axes(problems: Sequence[_Problem]) -> Axes:
-    """How the rig's axes lie in the image, by all vectors that went in more directions than one."""
+    """Orientation of the rig's axes in the image, from all vectors that cover more directions than one."""
     found = []
     for problem in problems:
         known = np.isfinite(problem.frame_inputs).all(axis=1)
@@ -251,7 +251,7 @@ def _axes(problems: Sequence[_Problem]) -> Axes:
 
 
 def _start_processes(problem: _Problem, pool: Executor | None) -> list[Callable[[], FittedProcess | None]]:
-    """What gives the process of each group, or None where there are too few frames or inputs are missing."""
+    """Functions that return the process of each group; None if frames are too few or inputs are missing."""
     usable = len(problem.inputs) >= PARAMS.process_rows_min and bool(np.isfinite(problem.inputs).all())
     if problem.noise is None or not usable:
         return [lambda: None for _ in problem.groups]
@@ -281,7 +281,7 @@ def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> I
             rows, y = truth
             alike.setdefault((group.spin, group.of_contact, rows.tobytes()), []).append((group, rows, y))
     poses = targets.poses
-    # A coefficient of the modes is a mean over the pins of what they are off, along x and along y.
+    # The error of a mode's coefficient is a mean over the errors of the pins, along x and along y.
     pattern = rest.pattern
     off = PARAMS.pin_noise * pattern.pitch_px / pattern.tip_radius_px * np.sqrt(2.0 / len(rest))
     for members in alike.values():
@@ -370,8 +370,8 @@ def _best(
             f"model explains {max(0.0, explained):.0%} of the variance); largest errors: {worst}"
         )
     if process is not None:
-        # Not before: its settings have seen every frame, and explain a little of anything.
-        tried.append((_judged(process, y), process.terms, process.held_out))
+        # Added after that check: its settings were fitted to every frame, and always explain a little.
+        tried.append((_as_candidate(process, y), process.terms, process.held_out))
         best = min(tried, key=lambda t: t[0].rms)[0]
     allowed = best.rms + (best.rms_error if prefer is Prefer.SPEED else 0.0)
     good = [t for t in tried if t[0].rms <= allowed]
@@ -412,7 +412,7 @@ def _polynomial(
     )
 
 
-def _judged(process: FittedProcess, y: Complex) -> Candidate:
+def _as_candidate(process: FittedProcess, y: Complex) -> Candidate:
     """The process as a candidate like the polynomials."""
     squares = np.abs(process.held_out - y) ** 2
     rms = float(np.sqrt(squares.mean()))
@@ -422,7 +422,7 @@ def _judged(process: FittedProcess, y: Complex) -> Candidate:
 
 
 def _process(problem: _Problem, i: int, fitted: FittedProcess) -> Process:
-    """As the file has it."""
+    """The process in the file's form."""
     noise = fitted.noise
     return Process(
         outputs=list(problem.groups[i].outputs),
@@ -443,7 +443,7 @@ def _valid(y: Complex, *, real: bool) -> list[tuple[float, float]]:
     """Range of each output in the data."""
     if real:
         return [(round(float(y.real.min()), 4), round(float(y.real.max()), 4))]
-    # What is known in one direction is known in all: a round tip is the same all round.
+    # A range known in one direction holds in all: the tip is round.
     far = round(float(np.abs([y.real, y.imag]).max()), 4)
     return [(-far, far), (-far, far)]
 

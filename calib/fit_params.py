@@ -1,4 +1,4 @@
-"""The numbers that the fit rests on. Evidence: docs/tuning.md, "calibration, fit"."""
+"""The parameters of the fit. Evidence: docs/tuning.md, "calibration, fit"."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ __all__ = ["PARAMS", "FitParams"]
 
 @dataclass(frozen=True, slots=True)
 class FitParams:
-    """What a fit may take for granted, and what it asks for."""
+    """Assumptions and requirements of a fit."""
 
-    rows_min: int = 12  # frames: fewer cannot tell a model from chance
+    rows_min: int = 12  # frames: with fewer a model cannot be distinguished from chance
     process_rows_min: int = 24  # frames: a process has a weight for each of 25 inputs
     rows_per_term: float = 1.5  # frames for each term: more terms would fit noise, ridge or not
-    variation_min: float = 1e-3  # of a column, in its unit: below it nothing was varied
+    variation_min: float = 1e-3  # of a column, in its unit: below it the value was not varied
     roundness_min: float = (
         0.1  # smaller over larger variance of x and y: below it, one direction alone was tried
     )

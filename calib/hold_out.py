@@ -1,8 +1,8 @@
-"""Judging a fit on frames that it has not seen.
+"""Evaluation of a fit on held-out frames.
 
-Some of the poses are held out, by a seeded draw; frames of one pose stay together. The rest is fitted, as
-the whole would be, and its errors on the frames held out are reported. The file is then fitted to all
-frames: its errors are those reported, or a little smaller.
+Some of the poses are held out, by a seeded draw; frames of one pose stay together. The rest is fitted like
+the whole would be, and its errors on the held-out frames are reported. The file is then fitted to all
+frames: its errors are about those reported, or a little smaller.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ def evaluate_held_out(
     prefer: Prefer = Prefer.SPEED,
     pool: Executor | None = None,
 ) -> dict[str, Any]:
-    """Errors of a fit to the other frames on the frames held out, as `calib.evaluate.evaluate` has them.
+    """Errors of a fit to the other frames on the frames held out, as given by `calib.evaluate.evaluate`.
 
     Raises  FitError: too few poses, or nothing could be fitted to the others
     """
     held = held_out_rows(targets, share, seed)
-    kept, judged = np.flatnonzero(~held), np.flatnonzero(held)
+    kept, held_out = np.flatnonzero(~held), np.flatnonzero(held)
     calibration, _ = fit(
         rest,
         targets.rows(kept),
@@ -62,4 +62,4 @@ def evaluate_held_out(
         prefer=prefer,
         pool=pool,
     )
-    return evaluate(calibration, targets.rows(judged), extract.rows(judged))
+    return evaluate(calibration, targets.rows(held_out), extract.rows(held_out))

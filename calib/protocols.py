@@ -1,4 +1,4 @@
-"""What is measured: sequences of poses, as data.
+"""Measurement protocols: sequences of poses, as data.
 
 The paper's ("Experimental Procedure"): displacement 0..5 mm by 0.1 mm and shear 0..2 mm by 0.1 mm, 10
 frames a step, on a flat surface; direction: press 3 mm, shear 2 mm, in 36 directions.
@@ -7,7 +7,7 @@ Rules
 - A protocol starts with frames of the untouched tip (role "rest"): they are the frame of reference.
 - A step without frames only moves: it lifts the tool clear so that what follows starts from a fresh
   contact, without the history of friction.
-- Files (TOML) say the same with ranges:
+- Files (TOML) describe the same with ranges:
 
       name = "corner"
       rest_frames = 10
@@ -44,7 +44,7 @@ SHEAR_DEPTH_MM = 3.0  # paper: "pressing the sensor into a flat level object app
 class Step:
     """One pose.
 
-    frames  how many are taken there; 0: only pass
+    frames  number taken there; 0: only pass through
     role    "rest": untouched, reference; "sample"
     """
 
@@ -67,7 +67,7 @@ class Plan:
 
     @property
     def digest(self) -> str:
-        """Of all steps: tells whether a recording belongs to this protocol."""
+        """Hash of all steps: identifies the recordings of this protocol."""
         return hashlib.sha256(msgspec.json.encode([asdict(s) for s in self.steps])).hexdigest()[:16]
 
 
@@ -128,7 +128,7 @@ def surface() -> Plan:
     """600 random poses on a flat surface, sheared and twisted, one frame each, seeded.
 
     Depth 1..5 mm, tilt up to 15 deg, shear up to 2 mm per axis, twist up to 5 deg: as the published
-    331-pin set was taken, within what the tip holds without sliding off.
+    331-pin set was taken, within the range in which the tip does not slide.
     """
     flat = Tool("flat")
     steps = _rest(flat)
@@ -213,11 +213,11 @@ def _plan(file: _File, stem: str) -> Plan:
         raise ValueError("no [[step]]; give at least one")
     if file.rest_frames < 1:
         raise ValueError(f"rest_frames = {file.rest_frames}; the untouched tip is needed, >= 1")
-    usual = file.tool.tool()
-    steps = _rest(usual, file.rest_frames)
+    default_tool = file.tool.tool()
+    steps = _rest(default_tool, file.rest_frames)
     axes = Pose.__dataclass_fields__
     for i, table in enumerate(file.step, 1):
-        tool = table.tool.tool() if table.tool else usual
+        tool = table.tool.tool() if table.tool else default_tool
         frames = file.frames if table.frames is None else table.frames
         if frames < 0:
             raise ValueError(f"step {i}: frames = {frames}; must be >= 0")

@@ -1,9 +1,9 @@
-"""Ridge regression on the terms of a polynomial, judged by grouped cross-validation.
+"""Ridge regression on the terms of a polynomial, evaluated by grouped cross-validation.
 
-A rig shows the tip at its best; in use pins are lost, dazzled, guessed. So it is also computed how the terms
-change when every pin is off by `FitParams.pin_noise`, and weights that amplify that cost as much as errors
-do. A plain ridge, which knows the terms' sizes alone, picks products of modes that say much of clean frames
-and nothing of others.
+A rig shows the tip under ideal conditions; in use pins are lost, dazzled or predicted. So the change of the
+terms when every pin is off by `FitParams.pin_noise` is computed too, and weights that amplify it are
+penalised as much as errors are. A plain ridge, which uses the size of the terms only, picks products of modes
+that explain clean frames well and others badly.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def input_noise(inputs: Complex, coefficient: float) -> Complex:
 
 
 def term_values(inputs: Complex, noise: Complex | None, columns: list[list[int]]) -> tuple[Complex, Complex]:
-    """The terms of each frame (n, n_terms), and what they are off by the noise (draws * n, n_terms)."""
+    """The terms of each frame (n, n_terms), and their change by the noise (draws * n, n_terms)."""
     psi = evaluate_terms(inputs, columns)
     if noise is None:
         return psi, psi[:0]
@@ -76,7 +76,7 @@ def cross_validate(
 
     The error is that of the frame as it is, and that of the noise `moved` on top.
 
-    The normal matrix of all rows is made once; a fold's is that less its own rows. One eigenvalue
+    The normal matrix of all rows is computed once; that of a fold is this less its own rows. One eigenvalue
     decomposition then serves every ridge and every column: penalties from 1e-4 of a row up keep the
     squared condition number harmless.
     """
@@ -109,7 +109,7 @@ def cross_validate(
 
 
 def cross_validated_terms(psi: Complex, y: Complex, poses: Array) -> Complex:
-    """Prediction of each row by a ridge model of these terms that has not seen its pose.
+    """Prediction of each row by a ridge model of these terms fitted without its pose.
 
     psi      (n, n_terms), of `evaluate_terms`
     y        (n,) complex truth, x + i y
@@ -133,7 +133,7 @@ def _scaled(psi: Complex, moved: Complex, *, real: bool) -> tuple[Any, Any, Arra
 
 
 def ridge_weights(psi: Complex, moved: Complex, y: Complex, ridge: float, *, real: bool) -> Complex:
-    """Ridge weights of scaled terms: rows of noise have nothing to say."""
+    """Ridge weights of scaled terms: rows of noise have the target 0."""
     a, off, scale = _scaled(psi, moved, real=real)
     u, s, vh = np.linalg.svd(np.concatenate([a, off]), full_matrices=False)
     w: Any = vh.conj().T @ (s / (s**2 + ridge) * (u[: len(a)].conj().T @ (y.real if real else y)))

@@ -40,7 +40,7 @@ class Range:
 def random_contact(tool: Tool, reach: Range, rng: np.random.Generator) -> ToolPose:
     """A pose, uniform over the range. A flat tool has a tilt instead of a place."""
     depth = float(rng.uniform(*reach.depth_mm))
-    # Skin that is hardly touched slips when it is sheared; a rig that knows its trade does not try.
+    # Skin that is hardly touched slips when it is sheared; real protocols avoid that.
     shear = (
         reach.shear_mm * min(1.0, depth / 2.0) * np.sqrt(rng.uniform()) * np.exp(2j * np.pi * rng.uniform())
     )

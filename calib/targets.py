@@ -3,13 +3,13 @@
     sensor_image,pose_z,pose_Rx,pose_Ry,shear_x,shear_y,shear_Rz
     image_3.png,2.556,-3.708,-1.833,-0.517,-2.919,0.566
 
-`sensor_image` names the frame; every other column is optional, and what has no column is not fitted.
+`sensor_image` names the frame; every other column is optional; values without a column are not fitted.
 
-The table of a capture (`calib.capture`) is read too. It has the rig's whole pose in every row, whether it
-means something there or not, so some of its truth is left out (NaN):
+The table of a capture (`calib.capture`) can be read too. It has the rig's whole pose in every row, whether
+meaningful or not, so some of its truth is dropped (NaN):
 - nothing touches (depth 0): no tilt, no place of contact;
-- a tool that is curved has a place and no tilt, a flat one a tilt and no place that it would keep;
-- two probes at once are for finding them, not for fitting depth or shear of one.
+- a curved tool has a place and no tilt, a flat one a tilt and no fixed place;
+- two probes at once are for detection, not for fitting depth or shear of one.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "contact_depth": ("contact_depth_mm", "mm"),
 }
 _IMAGE = "sensor_image"
-#: By unit: no fingertip's truth lies beyond; a depth that never exceeds the least is not in mm.
+#: By unit: largest plausible truth of a fingertip; a depth that never exceeds the smallest is not in mm.
 _MOST = {"mm": 100.0, "deg": 180.0, "N": 1000.0, "mm2": 1e4}
 _LEAST_DEPTH_MM = 0.05
-#: Of a capture's table; `pose_z` stands for the contact's depth too, as it is the tool's.
+#: Of a capture's table; `pose_z` is the contact's depth too, as it is the tool's.
 _OF_CAPTURE: dict[str, str] = {
     "pose_z": "displacement_mm",
     "pose_Rx": "tilt_x_deg",
@@ -70,7 +70,7 @@ class Targets:
     frames  (n,) path of each frame
     values  calibrated value's name -> (n,) float64 in its unit; NaN where not known
     sha256  of the table's bytes
-    unread  columns of the table whose names mean nothing here
+    unread  columns of the table with unknown names
     """
 
     where: str
@@ -128,7 +128,7 @@ def read_targets(table: str | Path, folder: str | Path) -> Targets:
         at = f"{table}: row {reader.line_num}"
         image = row[_IMAGE] or ""
         if image in seen:
-            raise TableError(f"{at}: {image} stands in row {seen[image]} already")
+            raise TableError(f"{at}: {image} is in row {seen[image]} already")
         seen[image] = reader.line_num
         path = folder / image
         if not path.is_file():
@@ -174,7 +174,7 @@ def targets_of_capture(where: str, rows: Sequence[Mapping[str, str]]) -> Targets
         }
         tool, depth = row.get("tool", "flat"), cells["displacement_mm"]
         curved = tool == "sphere"
-        if tool == "sphere" and not row.get("place_x"):  # a real rig knows where it went
+        if tool == "sphere" and not row.get("place_x"):  # on a real rig this is the commanded place
             cells["contact_x_mm"] = _number(row["pose_x"], f"{at}, column pose_x")
             cells["contact_y_mm"] = _number(row["pose_y"], f"{at}, column pose_y")
         if depth <= 0 or curved:
@@ -194,7 +194,7 @@ def targets_of_capture(where: str, rows: Sequence[Mapping[str, str]]) -> Targets
 
 
 def join(parts: Sequence[Targets]) -> Targets:
-    """Several tables as one; what one of them does not know is NaN there."""
+    """Several tables as one; values missing in one of them are NaN there."""
     if len(parts) == 1:
         return parts[0]
     names = list(dict.fromkeys(name for part in parts for name in part.values))

@@ -56,7 +56,7 @@ def capture_command(rig: str, protocol: str, output: Path, camera: str, resume: 
 
     def opened(first: int) -> Rig:
         opened_rig = open_rig(rig, camera, first, ask)
-        bar.start()  # not before: a rig that is not there is one line
+        bar.start()  # not before, so that a missing rig is reported in one line
         return opened_rig
 
     def on_frame(step: Step, done: int) -> None:

@@ -35,12 +35,12 @@ from hostlink.output_file import check_output, writing
     type=click.Choice([p.value for p in Prefer]),
     default=Prefer.SPEED.value,
     show_default=True,
-    help="The smallest model that is as good as the best but for chance, or the best.",
+    help="speed: the smallest model within one standard error of the best; accuracy: the best.",
 )
 @click.option(
     "--hold-out",
     type=FiniteFloat(min=0.01, max=0.9),
-    help="Share of the poses to judge a fit to the others by, e.g. 0.2.",
+    help="Share of the poses to hold out; a fit to the others is evaluated on them, e.g. 0.2.",
 )
 @click.option("--seed", type=WholeNumber(0, 2**31 - 1), default=0, show_default=True, help="Of --hold-out.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was fitted as one JSON object.")
@@ -64,8 +64,8 @@ def fit_command(
     column is not fitted. The scale comes from contacts in known places, or from --mm-per-px; without
     either, what is in mm of the image (places, slip speed) stays invalid.
 
-    With --hold-out, a share of the poses is held out first: a fit to the others is judged on them, as
-    `evaluate` does it. The file is then fitted to all frames.
+    With --hold-out, a share of the poses is held out first: a fit to the others is evaluated on them, like
+    `evaluate` does. The file is then fitted to all frames.
     """
     given = Frames(**frames)
     check_output(output, (".json",), given.inputs, overwrite)

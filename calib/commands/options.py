@@ -1,4 +1,4 @@
-"""What the commands share: options for frames with known truth, the rule for output files, a progress bar."""
+"""Common to the commands: options for frames with known truth, the rule for output files, a progress bar."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def frames_options(command: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Frames:
-    """Frames with known truth, as the command line names them, and where the work on them is done."""
+    """Frames with known truth, from the command line, and the workers that process them."""
 
     tables: tuple[Path, ...]
     folder: Path | None
@@ -64,12 +64,12 @@ class Frames:
 
     @property
     def inputs(self) -> list[Path]:
-        """The files that are read, but for the frames themselves."""
+        """The input files, without the frames themselves."""
         beside = [path.with_suffix(".csv") for path in self.tables if path.suffix == ".mcap"]
         return [*self.tables, *beside, *([self.rest_image] if self.rest_image else [])]
 
     def open(self) -> Dataset:
-        """Raises TableError, CaptureError. What has no meaning in the table is told on stderr."""
+        """Raises TableError, CaptureError. Unknown columns of the table are reported on stderr."""
         data = open_dataset(self.tables, self.folder, self.rest_image)
         if data.targets.unread:
             columns = ", ".join(data.targets.unread)
@@ -85,7 +85,7 @@ class Frames:
 
 @contextmanager
 def progress_bar(quiet: bool = False) -> Iterator[Progress]:
-    """On stderr, with counts and the time that is left."""
+    """A bar on stderr, with counts and the remaining time."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), disable=quiet) as bar:
         yield bar

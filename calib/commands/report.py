@@ -35,7 +35,7 @@ def report_command(
     workers: int | None,
     dask: str | None,
 ) -> None:
-    """One page on how good the calibrations are, and why the edge computes what it computes."""
+    """One page on the accuracy of calibrations, and the reasons for the edge's methods."""
     if real is not None and not (real / "targets.csv").is_file():
         raise TableError(f"{real}: no targets.csv; give the folder with targets.csv, frames and rest.png")
     for folder in (out, captures or out):

@@ -1,4 +1,4 @@
-"""`python -m calib report`: what a calibration can do and why it is built as it is, as one page.
+"""`python -m calib report`: the accuracy of calibrations and the reasons for the methods, as one page.
 
 study      each design choice against its alternatives: time per frame, and error
 plots      the pictures

@@ -20,7 +20,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from calib.capture import capture, read_capture
 from calib.dataset import open_dataset
 from calib.evaluate import predict
-from calib.extract import DEMAND, LOOKS, executor
+from calib.extract import DEMAND, REPEATS, executor
 from calib.protocols import PROTOCOLS, Plan, Step
 from calib.report import plots, sections, slip, study
 from calib.report.page import ReportPage, write_page
@@ -59,7 +59,7 @@ def report(
     workers: int | None,
     dask: str | None,
 ) -> None:
-    """Capture what is missing, fit, judge, write the page, print what must hold."""
+    """Capture what is missing, fit, evaluate, write the page, print the limits."""
     simulation = load_simulation(sim)
     for folder in (out, captures):
         folder.mkdir(parents=True, exist_ok=True)
@@ -95,7 +95,7 @@ def _captured(path: Path, plan: Plan, simulation: Simulation, bar: Progress) -> 
 def _see(tables: list[Path], folder: Path | None, pool: Executor, bar: Progress) -> Seen:
     frames, rest = (folder / "frames", folder / "rest.png") if folder else (None, None)
     data = open_dataset(tables, frames, rest)
-    task = bar.add_task(f"look at {tables[0].stem}", total=len(data))
+    task = bar.add_task(f"process {tables[0].stem}", total=len(data))
     return Seen(data, data.extract(pool, lambda n: bar.advance(task, n)))
 
 
@@ -221,7 +221,7 @@ def _results(rest: Any, frames: list[Frame]) -> list[Result]:
     results = []
     for frame in frames:
         pipeline.forget()
-        for _ in range(LOOKS):  # a jump, and held: as `calib.extract.measure` has it
+        for _ in range(REPEATS):  # a jump, then repeated: as in `calib.extract.measure`
             result = pipeline.process(frame, even_unsure=True)
         results.append(result)
     return results

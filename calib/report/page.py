@@ -32,8 +32,8 @@ class Section:
     title: str
     parts: list[str] = field(default_factory=list)
 
-    def text(self, words: str) -> None:
-        self.parts.append(f"<p>{escape(words)}</p>")
+    def text(self, text: str) -> None:
+        self.parts.append(f"<p>{escape(text)}</p>")
 
     def picture(self, path: Path, what: str) -> None:
         self.parts.append(f'<p><img src="{escape(path.name)}" alt="{escape(what)}"></p>')
@@ -66,7 +66,7 @@ class ReportPage:
 
 
 def model_table(section: Section, choices: Sequence[Choice]) -> None:
-    """Every model with its terms and weights: nothing is hidden in it."""
+    """Every model with its terms and weights: complete."""
     section.table(
         ("value", "model", "terms", "held-out rms", "sigma", "models tried"),
         [

@@ -1,4 +1,4 @@
-"""How near two probes may come and still be two: the share found as one, two, more, over their distance."""
+"""Resolution of two probes: the share found as one, two, more, over their distance."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def shares(gap_mm: Array, counts: Index) -> list[tuple[float, float, float, floa
 
 
 def resolvable_mm(rows: list[tuple[float, float, float, float]]) -> float:
-    """The least distance from which on pairs are found as two; infinite: not even the widest are."""
+    """The smallest distance from which on pairs are found as two; infinite: even the widest are not."""
     least = math.inf
     for distance, _, two, _ in reversed(rows):
         if two < RESOLVED:

@@ -44,12 +44,12 @@ def _save(figure: Any, path: Path) -> Path:
 def curves(
     path: Path, volume: Array, depth: Array, knots: Array, motion_px: Array, shear: Array
 ) -> dict[str, float]:
-    """The paper's two calibration curves (Fig. 10): sensor output over what the rig did.
+    """The paper's two calibration curves (Fig. 10): sensor output over the rig's motion.
 
     volume     (n,) share of the tip's disc; depth (n,) mm
     knots      (k, 2) volume, depth: the monotone curve
     motion_px  (m,) px, size of the mean motion; shear (m,) mm
-    Returns    the line's slope px/mm, its offset px without the unsheared frames, and what those read
+    Returns    the line's slope px/mm, its offset px without the unsheared frames, and the mean of those
     """
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4))
     left.plot(depth, 100 * volume, ".", color=TRUE, ms=4, label="frames")
@@ -161,7 +161,7 @@ def real_scatter(path: Path, true: dict[str, Array], read: dict[str, Array], sig
 
 
 def trade(path: Path, rows: Sequence[Row]) -> None:
-    """Speed against error, one panel a stage; what nothing beats in both is joined, the choice is marked."""
+    """Speed against error, one panel a stage; the Pareto front is joined, the choice is marked."""
     stages = list(dict.fromkeys(row.stage for row in rows))
     columns = 2
     lines = math.ceil(len(stages) / columns)
@@ -184,7 +184,7 @@ def trade(path: Path, rows: Sequence[Row]) -> None:
             bbox={"fc": "white", "ec": "none", "alpha": 0.8},
         )  # fmt: skip
         axis.set_xscale("log")
-        # A decade at least, so that there is a labelled tick; and room above for the names.
+        # A decade at least, so that there is a labelled tick; and space above for the names.
         axis.set_xlim(float(x.min()) / 2.0, max(2.0 * float(x.max()), 5.0 * float(x.min())))
         low, high = float(y.min()), float(y.max())
         if low > 0.0 and high > 20.0 * low:
@@ -201,7 +201,7 @@ def trade(path: Path, rows: Sequence[Row]) -> None:
 
 
 def _front(x: Array, y: Array) -> Mask:
-    """Whether nothing is both faster and closer."""
+    """Whether it is on the Pareto front: nothing is both faster and more exact."""
     better = (
         (x[None] <= x[:, None]) & (y[None] <= y[:, None]) & ((x[None] < x[:, None]) | (y[None] < y[:, None]))
     )

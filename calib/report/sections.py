@@ -32,7 +32,7 @@ NETWORK = (
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """What must hold, and whether it does."""
+    """A limit, and the measured value."""
 
     what: str
     limit: float
@@ -47,7 +47,7 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """A data set and what the edge saw in it."""
+    """A data set and the edge's results for it."""
 
     data: Dataset
     extract: Extract
@@ -74,7 +74,7 @@ def _every(n: int, first: int) -> Rows:
 
 
 def paper(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Check]:
-    """Displacement, shear and direction as the paper does them: every second frame fits, the others judge."""
+    """Displacement, shear and direction as the paper does them: every second frame is fitted."""
     section = page.section("The paper's protocols")
     press, shear, round_ = seen["displacement"], seen["shear"], seen["direction"]
     both = Seen(
@@ -129,7 +129,7 @@ def tilted(page: ReportPage, surface: Seen) -> list[Check]:
     calibration, choices = surface.fit(train)
     result = surface.evaluate(calibration, test)
     section.text(
-        f"{len(train)} random poses on a flat surface fit, {len(test)} others judge: depth 1..5 mm, tilt up "
+        f"{len(train)} random flat poses are fitted, {len(test)} held out: depth 1..5 mm, tilt up "
         f"to "
         "15 deg about both axes (the contact wanders up to 7 mm off the tip's axis), shear up to 2 mm per "
         "axis, twist up "
@@ -297,7 +297,7 @@ def real(page: ReportPage, out: Path, published: Seen) -> None:
     true = {name: column[test] for name, column in published.data.targets.values.items()}
     plots.real_scatter(out / "real.png", true, values, sigmas)
     section.text(
-        f"One random split: {len(train)} frames fit, {len(test)} judge (five splits: python -m tests.bench "
+        f"One random split, {len(train)} frames fitted, {len(test)} held out (five: python -m tests.bench "
         f"real). The "
         f"network published with the set: {NETWORK}. Direction here: "
         f"{result['shear_direction_mean_deg']:.1f} deg mean, "

@@ -1,9 +1,10 @@
-"""Slip read against slip made: a tool is pressed on the simulated tip and dragged until it slides.
+"""Measured against simulated slip: a tool is pressed on the simulated tip and dragged until it slides.
 
-Truth is the simulator's friction: which share of the contact's area slides under the drag, and how far the
-tool has run over the skin there. Three kinds of frames are told apart: the contact sticks; it creeps, that
-is, slides in part, from its rim inwards; it glides as a whole. Gliding moves no pin, so nothing behind the
-skin can see it (`edge.features.motion`): what can be judged is whether the creep before it is felt, and when.
+Truth is the simulator's friction: the share of the contact's area that slides under the drag, and how far the
+tool has moved over the skin there. Three kinds of frames are distinguished: the contact sticks; it creeps,
+that is, slides in part, from its rim inwards; it glides as a whole. Gliding moves no pin, so nothing behind
+the skin can see it (`edge.features.motion`): what can be evaluated is whether the creep before is detected,
+and when.
 """
 
 from __future__ import annotations
@@ -56,8 +57,8 @@ class Slipped:
 
     share        (n,) true share of the contact's area that slides
     true_mm_s    (n,) mean speed of the tool over the skin, over the contact's area
-    read_mm_s    (n,) as the edge has it
-    probability  (n,) as the edge has it
+    read_mm_s    (n,) measured by the edge
+    probability  (n,) measured by the edge
     """
 
     share: Array
@@ -109,12 +110,12 @@ def drag(simulation: Simulation, one: Drag) -> Slipped:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a drag, or several, showed. NaN where there was no such frame.
+    """Result of one or several drags. NaN if there was no such frame.
 
     false_percent   of the frames that stick: slip called probable
     felt_percent    of the frames that creep
     glide_percent   of the frames that glide
-    felt_from       share of the contact that slid when slip was first felt
+    felt_from       share of the contact that slid when slip was first detected
     true_mm_s, read_mm_s  mean speeds over the frames that creep and were felt
     """
 
@@ -127,7 +128,7 @@ class Outcome:
 
 
 def outcome(seen: Slipped) -> Outcome:
-    """Of one drag."""
+    """Result of one drag."""
     felt = seen.probability > PROBABLE
     creeps = (seen.share >= STICKS) & (seen.share <= GLIDES)
     both = felt & creeps

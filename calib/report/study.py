@@ -3,7 +3,7 @@
 Rules
 - The truth is the simulator's, or the published poses; the error is the one that the choice can spoil.
 - Time is the median of a few runs on one thread, of the step alone; on a busy machine read the ratios.
-- The choice in use is marked, and says why it is: not always the most exact, never a slower one that
+- The choice in use is marked, with the reason: not always the most exact, never a slower one that
   gains nothing.
 """
 
@@ -43,7 +43,7 @@ DEGREES = (1, 2, 3, 4, 5)
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One alternative. `why` stands with the choice in use only."""
+    """One alternative. `why` only for the choice in use."""
 
     stage: str
     choice: str
@@ -132,9 +132,9 @@ def _centroids(image: Any, at: Array, half: int, background: float) -> Array:
         middle = np.rint(at).astype(int)
         rows = np.clip(middle[:, 1, None, None] + span[:, None], 0, image.shape[0] - 1)
         cols = np.clip(middle[:, 0, None, None] + span[None, :], 0, image.shape[1] - 1)
-        light = np.maximum(image[rows, cols] - background - 10.0, 0.0)
-        total = np.maximum(light.sum(axis=(1, 2)), 1e-9)
-        at = np.column_stack([(light * cols).sum(axis=(1, 2)), (light * rows).sum(axis=(1, 2))])
+        weight = np.maximum(image[rows, cols] - background - 10.0, 0.0)
+        total = np.maximum(weight.sum(axis=(1, 2)), 1e-9)
+        at = np.column_stack([(weight * cols).sum(axis=(1, 2)), (weight * rows).sum(axis=(1, 2))])
         at /= total[:, None]
     return at
 
@@ -182,11 +182,11 @@ def surfaces(rest: Rest, results: Sequence[Result], depths: Array) -> list[Row]:
     line = np.linspace(-r, r, CT_GRID)
     mesh = np.meshgrid(line + rest.pattern.centre_img[0], line + rest.pattern.centre_img[1])
     cell = float(line[1] - line[0]) ** 2
-    for result, growth in zip(results, change, strict=True):
+    for result, area_change in zip(results, change, strict=True):
         xy = result.tracks.xy_img
-        use = np.isfinite(xy[:, 0]) & np.isfinite(growth)
+        use = np.isfinite(xy[:, 0]) & np.isfinite(area_change)
         height, took = timed(
-            lambda: griddata(xy[use], growth[use], (mesh[0], mesh[1]), method="cubic"),  # noqa: B023
+            lambda: griddata(xy[use], area_change[use], (mesh[0], mesh[1]), method="cubic"),  # noqa: B023
             1,
         )
         volumes.append(float(np.nansum(np.maximum(height, 0.0))) * cell)
@@ -194,8 +194,8 @@ def surfaces(rest: Rest, results: Sequence[Result], depths: Array) -> list[Row]:
     add(f"Clough-Tocher at current places, {CT_GRID} grid", volumes, us)
     volumes, us = [], []
     changes = AreaChange(rest.xy_img, rest.pattern.pitch_px, _cells(results[0]).rest_area_px2)
-    for result, growth in zip(results, change, strict=True):
-        changes.fill(growth, np.ascontiguousarray(_cells(result).xy_img))
+    for result, area_change in zip(results, change, strict=True):
+        changes.fill(area_change, np.ascontiguousarray(_cells(result).xy_img))
         volume, took = timed(partial(changes.volume, 0.01), 3)
         volumes.append(volume)
         us.append(took)
@@ -217,7 +217,7 @@ def _of(result: Result) -> Any:
 def places(rest: Rest, results: Sequence[Result], targets: Targets, calibrated: Array) -> list[Row]:
     """Where one probe touches: mean error in mm.
 
-    calibrated  (n, 2) mm, what the calibration says
+    calibrated  (n, 2) mm, the calibration's values
     """
     true = targets.values["contact_x_mm"] + 1j * targets.values["contact_y_mm"]
     surface = Surface(rest)

@@ -1,9 +1,9 @@
-"""Rigs: what holds a tool against the tip at a known pose, and looks. One door: `open_rig(spec)`.
+"""Rigs: devices that hold a tool against the tip at a known pose and take images. Opened by `open_rig(spec)`.
 
 base       Pose, and the protocol `Rig` that all of them follow
 simulated  `calib.sim` behind it
 gcode      a stage that speaks G-code (GRBL, Marlin), with a camera
-manual     a person who is told what to do, with a camera
+manual     a person who follows instructions, with a camera
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""What every rig can do.
+"""The interface of a rig.
 
 Rules
 - A pose is where the tool is against the untouched tip, in the tip's frame: mm and degrees, x right and
   y down in the image. Depth is from first touch; a negative depth is that far clear of it.
 - `move` returns when the rig stands still; `frame` gives a picture taken after that.
-- A frame's truth is what the rig knows; the pose that was asked for is added by `capture`.
+- A frame's truth is the rig's own data; `capture` adds the requested pose.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Pose:
     twist_deg: float = 0.0
 
 
-CLEAR = Pose(depth_mm=-2.0)  # clear of the tip by 2 mm: more than any skin sticks
+CLEAR = Pose(depth_mm=-2.0)  # clear of the tip by 2 mm: further than skin can stick
 
 
 class Rig(Protocol):
@@ -39,7 +39,7 @@ class Rig(Protocol):
     name: str
 
     def mount(self, tool: Tool) -> None:
-        """From now on this tool presses. Raises RigError: the rig cannot have it."""
+        """Use this tool from now on. Raises RigError: not possible on this rig."""
 
     def move(self, pose: Pose) -> None:
         """Go there and stand still. Raises RigError: out of travel, or the rig reports a fault."""
@@ -48,4 +48,4 @@ class Rig(Protocol):
         """A picture taken after the last move. Raises RigError: the camera has ended."""
 
     def close(self) -> None:
-        """Leave the tip untouched and let go of everything."""
+        """Lift off the tip and close everything."""

@@ -1,9 +1,9 @@
-"""Frames that were taken after a move, from a camera that knows nothing of moves.
+"""Frames that were taken after a move, from a camera that is not synchronised with the rig.
 
 Rules
-- Nobody waits by the clock: frames that began before the rig stood still, or before the skin had time
-  to settle, are read and thrown away.
-- A camera with a clock of its own cannot be compared with ours; STALE_FRAMES of it are thrown away
+- No fixed waiting times: frames that began before the rig stood still, or before the skin had time
+  to settle, are read and discarded.
+- A camera with its own clock cannot be compared with ours; STALE_FRAMES of it are discarded
   after the settling time has passed on our clock.
 """
 
@@ -37,7 +37,7 @@ class SettledCamera:
         self._stale = 0
 
     def moved(self) -> None:
-        """The rig has just come to stand."""
+        """Note that the rig has just stopped."""
         self._still_ns = self._now_ns() + self._settle_ns
         self._stale = STALE_FRAMES
 

@@ -1,9 +1,9 @@
 """A G-code stage and a camera as a rig.
 
 Rules
-- A touched tip is left along the tool's normal: another place, tilt or twist is reached over a clear tip,
+- The tool leaves a touched tip along its normal: another place, tilt or twist is approached clear of the tip,
   and pressing comes before shearing, so that friction always has the same history.
-- The stage has X, Y, Z and perhaps A (twist). It cannot tilt, and says so.
+- The stage has X, Y, Z and perhaps A (twist). It cannot tilt; such poses raise an error.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from edge.types import Array, Frame, FrameSource
 def axes_of(pose: Pose, tool: Tool, dome_radius_mm: float) -> dict[str, float]:
     """X, Y, Z of the tool (and A, its twist) at a pose; all 0 where it touches on the axis.
 
-    A ball that shall touch the dome at a place stands over that place along the dome's normal and moves
-    along it; shear is across it. A bar does so across its direction. Z grows away from the tip.
+    A ball that is to touch the dome at a place is positioned along the dome's normal there and moves along
+    it; shear is perpendicular to it. A bar does so across its direction. Z increases away from the tip.
     """
     angle = np.deg2rad(tool.angle_deg)
     across = np.array([-np.sin(angle), np.cos(angle)])
@@ -94,7 +94,7 @@ class GcodeRig:
             self._camera.close()
 
     def _can_slide_to(self, pose: Pose) -> bool:
-        """Deeper without shear, or sheared further at the same depth: the same contact goes on."""
+        """Deeper without shear, or sheared further at the same depth: the contact is continued."""
         now = self._at
         unsheared = replace(pose, shear_x_mm=0.0, shear_y_mm=0.0, twist_deg=0.0)
         deeper = (
@@ -128,7 +128,7 @@ class GcodeRig:
         self._at = pose
 
     def _lift(self) -> None:
-        """Off the tip along the normal, taking the shear along."""
+        """Lift off the tip along the normal, keeping the shear."""
         if self._at.depth_mm > 0:
             clear = replace(self._at, depth_mm=-self._stage.config.stage.clear_mm)
             self._stage.go(**self._axes(clear))

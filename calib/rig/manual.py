@@ -1,4 +1,4 @@
-"""A person as a rig: told what to do, asked when it is done."""
+"""A person as a rig: follows instructions and confirms each."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from calib.rig.camera import SettledCamera
 from calib.sim.mechanics import Tool
 from edge.types import Frame, FrameSource
 
-# How each field of a pose is said, in the order in which a hand does it.
+# Text for each field of a pose, in the order of execution.
 _WORDS = (
     ("x_mm", "x {:+.2f} mm"),
     ("y_mm", "y {:+.2f} mm"),
@@ -41,7 +41,7 @@ def describe_pose(pose: Pose) -> str:
 
 class ManualRig:
     """source  live camera
-    ask     shows a line and returns when the person says that it is done
+    ask     shows a line and returns when the person confirms it
     """
 
     def __init__(self, source: FrameSource, ask: Callable[[str], None]) -> None:

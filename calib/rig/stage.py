@@ -7,7 +7,7 @@
 Rules
 - One line is out at a time: send, wait for `ok`. `error:N`, `ALARM:N`, `Error:` and silence are RigError,
   with GRBL's own words for the number.
-- A move is over when the dialect's synchronising command has been answered, not when the move has.
+- A move is complete when the dialect's synchronising command is answered, not when the move itself is.
 - Nothing is sent that leaves the configured travel: the limits are checked here first, because not every
   controller has its own switched on.
 Sources  GRBL v1.1 interface and its error and alarm code tables; Marlin G28, M400, M115, serial "ok".
@@ -57,11 +57,11 @@ GRBL_ALARMS = {
 @dataclass(frozen=True, slots=True)
 class _Dialect:
     hello: str  # a line of the start-up banner begins with this
-    ask: bytes  # what makes a board that is awake already say who it is
+    ask: bytes  # request for identification, for a board that has booted already
     answer: str  # with a line that begins so
     ends_with_ok: bool  # and whether an `ok` follows
     home: str
-    sync: str  # answered when the planner's queue is empty and the machine stands
+    sync: str  # answered when the planner's queue is empty and the machine has stopped
 
 
 DIALECTS = {
@@ -92,7 +92,7 @@ class StageTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
 
 class StageFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """X, Y and Z carry the tool: Z grows away from the tip. "A", where there is one, twists it."""
+    """X, Y and Z carry the tool: Z grows away from the tip. "A", if present, twists it."""
 
     stage: StageTable
     axes: dict[str, AxisTable] = {}
@@ -118,7 +118,7 @@ def load_stage(spec: str) -> StageFile:
 
 
 class GcodeStage:
-    """The serial line and what stands behind it.
+    """The serial line and the stage behind it.
 
     Raises  RigError: no such port, no greeting, homing failed
     """
@@ -147,28 +147,28 @@ class GcodeStage:
         return frozenset(self._axes)
 
     def _greet(self) -> None:
-        """Opening the port resets most boards, which then say who they are; the others are asked."""
+        """Opening the port resets most boards, which then identify themselves; the others are queried."""
         stage, dialect = self.config.stage, self._dialect
-        heard: list[str] = []
-        if self._has_line(dialect.hello, heard):
+        received: list[str] = []
+        if self._has_line(dialect.hello, received):
             return
         self._line.write(dialect.ask)
-        if self._has_line(dialect.answer, heard) and (
-            not dialect.ends_with_ok or self._has_line("ok", heard)
+        if self._has_line(dialect.answer, received) and (
+            not dialect.ends_with_ok or self._has_line("ok", received)
         ):
             return
-        what = f"heard {heard[-1]!r}" if heard else "heard nothing"
+        what = f"received {received[-1]!r}" if received else "nothing received"
         raise RigError(
             f"stage {stage.port}: no {stage.dialect} greeting, {what}; check port, baud and dialect"
         )
 
-    def _has_line(self, start: str, heard: list[str]) -> bool:
+    def _has_line(self, start: str, received: list[str]) -> bool:
         """Whether a line that starts so comes while a board boots."""
         deadline = time.monotonic() + self.config.stage.boot_s
         while (line := self._read(deadline)) is not None:
             if line.startswith(start):
                 return True
-            heard.append(line)
+            received.append(line)
         return False
 
     def _read(self, deadline: float) -> str | None:
@@ -211,7 +211,7 @@ class GcodeStage:
         raise RigError(f"stage {port}: no answer to {text!r} within {self.config.stage.answer_s:g} s")
 
     def go(self, **mm: float) -> None:
-        """Move axes (in the tip's measure: 0 is the tip's axis, or first touch) and stand still.
+        """Move axes (in the tip's coordinates: 0 is the tip's axis, or first touch) and wait until it stops.
 
         Raises  RigError: out of travel (nothing is sent then), or the stage's own fault
         """

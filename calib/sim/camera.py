@@ -1,4 +1,4 @@
-"""Where a point of the tip falls in the image: a pinhole on the tip's axis, and a lens that bends.
+"""Where a point of the tip falls in the image: a pinhole on the tip's axis, and radial distortion.
 
 Rules
 - `xy_img`: px, x right, y down, pixel centres on integers. Radial distortion is Brown's, in ray units:
@@ -19,7 +19,7 @@ from edge.types import Array
 class Camera:
     """A camera behind one tip.
 
-    tip             what it looks at
+    tip             the tip that it images
     size_px         (width, height)
     pins_radius_px  radius of the outermost pins' circle; 0: 0.38 of the image's smaller side, as in the
                     published 640x480 frames
@@ -50,15 +50,15 @@ class Camera:
     @property
     def focal_px(self) -> float:
         widest = np.hypot(*self.tip.rays.T).max(keepdims=True)
-        return float(self.radius_px / (widest * self._bend(widest**2))[0])
+        return float(self.radius_px / (widest * self._distortion(widest**2))[0])
 
-    def _bend(self, r2: Array) -> Array:
+    def _distortion(self, r2: Array) -> Array:
         return 1 + self.k1 * r2 + self.k2 * r2 * r2
 
     def project(self, xyz_mm: Array) -> Array:
         """(n, 2) px of points in the tip's frame."""
         ray = xyz_mm[:, :2] / (xyz_mm[:, 2:] + self.tip.camera_distance_mm)
-        ray = ray * self._bend((ray**2).sum(axis=1))[:, None]
+        ray = ray * self._distortion((ray**2).sum(axis=1))[:, None]
         a = np.deg2rad(self.roll_deg)
         turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
         return np.asarray(self.focal_px * ray @ turn.T + self.centre_img)
@@ -67,4 +67,4 @@ class Camera:
         """(n,) px per mm across the line of sight, at each point."""
         depth = xyz_mm[:, 2] + self.tip.camera_distance_mm
         r2 = (xyz_mm[:, :2] ** 2).sum(axis=1) / depth**2
-        return np.asarray(self.focal_px * self._bend(r2) / depth)
+        return np.asarray(self.focal_px * self._distortion(r2) / depth)

@@ -1,4 +1,4 @@
-"""The tip's compliance: what moves where when the skin is pushed somewhere.
+"""The tip's compliance: displacements of the skin by forces on it.
 
 The gel is incompressible and clear, the skin a thin cover. For an incompressible half-space the surface
 displacement by a surface force (Boussinesq, Cerruti at Poisson's ratio 1/2) is exactly twice Stokes'
@@ -7,7 +7,7 @@ Cortez' regularised Stokeslet, is the compliance: u = K f, symmetric and positiv
 multiplies rows and columns by `Tip.mobility`, the finite gel fades it over `Tip.reach_mm`; both keep it so.
 
 The closed tip keeps its volume: a uniform pressure b of the gel pushes back, K - (K b)(K b)' / (b'K b),
-which is K under the constraint that what is pressed in comes out elsewhere (`Tip.closed` of it).
+which is K under the constraint that the pressed-in volume comes out elsewhere (`Tip.closed` of it).
 
 Units: shear modulus 1, so forces are in units of modulus x mm2.
 Sources  Johnson, "Contact Mechanics", chapter 3; Cortez, Fauci, Medovikov, Phys. Fluids 17, 031504 (2005).
@@ -72,7 +72,7 @@ def displace(tip: Tip, at: Array, source: Array, force: Array, smooth: Array) ->
 
 @dataclass(frozen=True)
 class Gel:
-    """Answer of the closed tip to a uniform pressure of the gel, tabulated over the polar angle."""
+    """Response of the closed tip to a uniform pressure of the gel, tabulated over the polar angle."""
 
     polar: Array  # rad, increasing
     outward: Array  # displacement away from the axis, per unit pressure
@@ -89,7 +89,7 @@ class Gel:
 
 @lru_cache(maxsize=8)
 def gel_of(tip: Tip) -> Gel:
-    """The answer of this tip's gel to pressure, integrated over the dome."""
+    """The response of this tip's gel to pressure, integrated over the dome."""
     r, lowest = tip.dome_radius_mm, np.cos(np.deg2rad(tip.rim_deg))
     # Equal-area points on the dome (Fibonacci's spiral).
     m = 1500

@@ -1,20 +1,20 @@
 """Indenters against the dome: which part touches, what moves, where each pin ends up.
 
-`elastic` says how the skin yields, u = K f. Here is what pushes:
+`elastic` has the compliance of the skin, u = K f. Here are the contact problems:
 
     normal      find p >= 0 with  n.K n p = penetration where p > 0   (Signorini's problem, active set)
     tangential  find q with  t.K t q = shear + twist where |q| < mu p (friction with the bound of p known)
     pins        u at the root, and the skin's new normal there: the pin is a lever along it
 
-What follows without being put in: pins move radially outward from the contact's place wherever that
+Consequences that are not put in explicitly: pins move radially outward from the contact's place wherever that
 place is, the flanks bulge, cells widen where the dome is flattened and narrow around it, shear carries
 the contact's patch along and slips from its edge inwards.
 
 Rules and limits
-- Displacements superpose linearly; what is geometrically nonlinear (spheres' sag, turning normals,
-  perspective) is kept. Normal and tangential contact are solved one after the other.
-- In directions in which a tool is flat, only its tilt says where it touches; in directions in which it
-  is curved, its position does.
+- Displacements superpose linearly; geometric nonlinearities (spheres' sag, rotating normals,
+  perspective) are kept. Normal and tangential contact are solved one after the other.
+- In directions in which a tool is flat, its place of contact follows from its tilt; in directions in which it
+  is curved, from its position.
 Source  Johnson, "Contact Mechanics", chapters 5 (normal contact by numbers) and 7 (partial slip).
 """
 
@@ -39,7 +39,7 @@ ACTIVE_SET_ROUNDS = 40  # a press settles in 3..8
 
 @dataclass(frozen=True, slots=True)
 class Tool:
-    """What presses.
+    """A pressing tool.
 
     kind         "flat", "sphere", "edge" (a straight bar) or "two" (spheres side by side)
     radius_mm    of the sphere(s), or of the bar's rounded edge
@@ -128,7 +128,7 @@ def deform(tip: Tip, contacts: tuple[ToolPose, ...]) -> Deformation:
     owner = np.repeat(np.arange(len(patches)), [len(p.xyz) for p in patches])
     frames = np.stack([p.frame for p in patches])[owner]
     cell = np.array([p.cell_mm2 for p in patches])[owner]
-    # A cell must not be sharper than the grid that it stands for, or the skin would show the grid.
+    # A cell must not be sharper than its grid, or the grid would be visible in the skin.
     smooth = np.maximum(tip.skin_mm, 0.7 * np.sqrt(cell))
     pairs = Pairs.of(tip, xyz, smooth)
     gel = gel_of(tip)
@@ -144,10 +144,10 @@ def deform(tip: Tip, contacts: tuple[ToolPose, ...]) -> Deformation:
     force = -p_n[:, None] * normal
     live = p_n > 0
     sliding = np.zeros(len(xyz), dtype=bool)
-    left_behind = np.zeros_like(xyz)
+    slipped = np.zeros_like(xyz)
     motion = np.concatenate([p.motion for p in patches])[live]
     if motion.any():
-        q_n, sliding[live], left_behind[live] = _drag(
+        q_n, sliding[live], slipped[live] = _drag(
             Pairs.of(tip, xyz[live], smooth[live]),
             swell[live],
             layer[live],
@@ -168,7 +168,7 @@ def deform(tip: Tip, contacts: tuple[ToolPose, ...]) -> Deformation:
         forces_n=_sum_by(owner, p_n, k) * tip.shear_modulus_kpa * 1e-3,
         areas_mm2=area,
         slip=slid / np.maximum(area, 1e-12),
-        slid_mm=np.stack([_sum_by(owner, cell * left_behind[:, a], k) for a in (0, 1)], axis=1)
+        slid_mm=np.stack([_sum_by(owner, cell * slipped[:, a], k) for a in (0, 1)], axis=1)
         / np.maximum(area, 1e-12)[:, None],
     )
 
@@ -271,7 +271,7 @@ def _press(stiff: Array, depth: Array) -> Array:
 def _drag(
     pairs: Pairs, swell: Array, layer: Array, tangents: Array, motion: Array, bound: Array
 ) -> tuple[Array, NDArray[np.bool_], Array]:
-    """Tangential forces (m, 3) that carry the skin along, at most `bound`; which cells slide; how far."""
+    """Tangential forces (m, 3) that move the skin, at most `bound`; which cells slide; how far."""
     m = len(bound)
     t = [tangents[:, 0], tangents[:, 1]]
     push = np.concatenate([(swell * u).sum(axis=1) for u in t])

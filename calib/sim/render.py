@@ -1,14 +1,14 @@
 """The image of a tip: white discs on a dark skin, ugly light, a real sensor.
 
-A pin's cap is a disc seen askew, hence an ellipse; blur turns its edge into a Gaussian's integral. That
+A pin's cap is a disc seen obliquely, hence an ellipse; blur turns its edge into a Gaussian integral. That
 profile is evaluated at the pixels' centres about the exact centre of the cap. It is band-limited by
-the blur, so the intensity centroid is the true centre to better than 0.005 px from a blur of 0.5 px up
+the blur, so the intensity centroid is the true centre to better than 0.005 px for a blur of 0.5 px or more
 (tests/calib/test_simulator.py measures it).
 
 Rules
-- Grey levels are on the 8-bit scale (0..255) whatever `bits` says; they are scaled when quantised.
-- Light adds up linearly, then gain, then noise, then clipping and rounding: as in a sensor.
-- Everything random comes from the generator that is handed in.
+- Grey levels are on the 8-bit scale (0..255) for any `bits`; they are scaled when quantised.
+- Light adds up linearly, then gain, then noise, then clipping and rounding: as in a real sensor.
+- All random numbers come from the given generator.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ CAP_ROUNDNESS = 0.5  # caps are domed: this much of a cap's tilt does not show a
 
 @dataclass(frozen=True, slots=True)
 class Blob:
-    """A bright thing that is no pin: reflection, speck, LED. `velocity_px` is per frame."""
+    """A bright spot that is not a pin: reflection, speck, LED. `velocity_px` is per frame."""
 
     xy_img: tuple[float, float]
     radius_px: float = 6.0
@@ -41,7 +41,7 @@ class Blob:
 
 @dataclass(frozen=True)
 class Look:
-    """Light and sensor. The defaults are a clean, well lit tip; `ugly` makes a bad one.
+    """Light and sensor. The defaults are a clean, well lit tip; `ugly` gives a bad one.
 
     skin, pin            grey levels of the dark skin and, over it, of a pin
     blur_px              Gaussian blur of lens and demosaicing, one sigma; >= 0.5
@@ -49,7 +49,7 @@ class Look:
     rim                  grey level of the bright ring outside of the skin; 0: none
     leds                 number of LED reflections along the rim
     blobs                specks and reflections, may move
-    dead                 pins that show nothing
+    dead                 pins that are not visible
     unevenness           spread of the pins' brightness (one sigma, relative), fixed by the tip
     gain                 factor on all light, as of auto exposure
     read_noise           one sigma, grey levels
@@ -79,7 +79,7 @@ class Look:
 
 
 def ugly(camera: Camera, seed: int = 0, dead_n: int = 2, glare_n: int = 6) -> Look:
-    """Everything that the published recordings show at once: bright rim, LEDs, glare between and on the
+    """All disturbances of the published recordings at once: bright rim, LEDs, glare between and on the
     pins, one reflection that wanders, specks, dim corners, uneven and dead pins, a noisy sensor."""
     rng = np.random.default_rng([seed, 7])
     w, h = camera.size_px
@@ -117,7 +117,7 @@ class Renderer:
         n = len(camera.tip.rays)
         if look.dead and not 0 <= min(look.dead) <= max(look.dead) < n:
             raise ValueError(f"look: dead pins {sorted(look.dead)}; the tip has pins 0..{n - 1}")
-        # The tip's own: the same pins are brighter in every recording of it, whatever the seed.
+        # Fixed by the tip: the same pins are brighter in every recording, for any seed.
         spread = np.random.default_rng(n).standard_normal(n) * look.unevenness
         self._pin_level = look.pin * np.clip(1 + spread, 0.3, 2)
         self._pin_level[sorted(look.dead)] = 0
@@ -189,7 +189,7 @@ class Renderer:
         cam, look = self.camera, self.look
         h, w = light.shape
         radius = cam.tip.pin_radius_mm * cam.scale_px(now.tips_mm)
-        # Askew by the angle between the pin's axis and the line of sight: short radially.
+        # Tilted by the angle between the pin's axis and the line of sight: short radially.
         sight = now.tips_mm + np.array([0, 0, cam.tip.camera_distance_mm])
         cos = np.abs((sight * now.axes).sum(axis=1)) / np.linalg.norm(sight, axis=1)
         short = CAP_ROUNDNESS + (1 - CAP_ROUNDNESS) * cos
@@ -210,7 +210,7 @@ class Renderer:
         near = near[lit]
         offsets = np.arange(-half, half + 1)
         c, s = flat[lit, 0, None], flat[lit, 1, None]
-        stretch = (short[lit] ** -2 - 1)[:, None, None].astype(np.float32)
+        elongation = (short[lit] ** -2 - 1)[:, None, None].astype(np.float32)
         size = (radius[lit] / look.blur_px)[:, None, None].astype(np.float32)
         cover = np.zeros((len(near), len(offsets), len(offsets)), dtype=np.float32)
         for shift in shifts:
@@ -220,7 +220,7 @@ class Renderer:
             # Distance in the ellipse's own measure: the axis' direction counts more.
             rho = _outer_sum(c * dx, s * dy)
             rho *= rho
-            rho *= stretch
+            rho *= elongation
             rho += _outer_sum(dx * dx, dy * dy)
             np.sqrt(rho, out=rho)
             np.subtract(size, rho, out=rho)
@@ -239,7 +239,7 @@ def _outer_sum(x: Array, y: Array) -> NDArray[np.float32]:
 
 
 def render(camera: Camera, look: Look, now: Deformation, seed: int = 0) -> tuple[Image, Array]:
-    """One frame without history: image and true pin places; see `Renderer.image`."""
+    """A single frame without motion: image and true pin places; see `Renderer.image`."""
     return Renderer(camera, look).image(now, np.random.default_rng(seed))
 
 

@@ -1,11 +1,11 @@
-"""Scenes in time: what presses when, as tables.
+"""Scenes in time: contacts over time, as tables.
 
-A scene is a row of moves. A move takes so many frames and ends at a pose; between two moves of the same
-tool every field goes linearly from one to the next, so nothing jumps. A tool appears and leaves at depth
+A scene is a row of moves. A move takes a number of frames and ends at a pose; between two moves of the same
+tool every field is interpolated linearly, so nothing jumps. A tool appears and disappears at depth
 0, untouched.
 
 Rules
-- Every scene starts with REST_FRAMES untouched frames: whoever reads it takes its frame of reference.
+- Every scene starts with REST_FRAMES untouched frames: the reader takes its rest frame from them.
 - No move carries a pin further in one frame than a third of the pitch (tests/calib/test_simulator.py).
 """
 
@@ -16,12 +16,12 @@ from dataclasses import dataclass, fields, replace
 
 from calib.sim.mechanics import Tool, ToolPose
 
-REST_FRAMES = 8  # what edge's configuration takes as a tare
+REST_FRAMES = 8  # the number that a tare takes by default
 
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """So many frames, at the last of which these contacts hold."""
+    """A number of frames; at the last one these contacts hold."""
 
     frames: int
     contacts: tuple[ToolPose, ...] = ()
@@ -93,7 +93,7 @@ def _between(a: tuple[ToolPose, ...], b: tuple[ToolPose, ...], share: float) -> 
     names = [f.name for f in fields(ToolPose) if f.name != "tool"]
     out = []
     for one, two in zip(a, b, strict=True):
-        # Rounded so that what stands still is the same pose in every frame, and cached as such.
+        # Rounded so that a tool at rest has exactly the same pose in every frame, and is cached.
         values = {n: round((1 - share) * getattr(one, n) + share * getattr(two, n), 9) for n in names}
         out.append(replace(two, **values))
     return tuple(out)

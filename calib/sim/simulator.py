@@ -2,8 +2,8 @@
 
 Rules
 - Frame k of a simulator is a function of (seed, k, contacts now, contacts before): the same calls give
-  the same bytes, and leaving frames out does not change the others' noise.
-- `Frame.truth` is JSON-able and complete: what pressed, where, how hard, where each pin is.
+  the same bytes, and skipping frames does not change the others' noise.
+- `Frame.truth` is JSON-able and complete: tools, places, forces, and where each pin is.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ POSES_KEPT = 64  # a step of a protocol shows the same pose ten times; 64 is a l
 
 
 class Simulator:
-    """A tip, a camera and light; `frame(contacts)` is what the camera sees now.
+    """A tip, a camera and light; `frame(contacts)` is the camera's present image.
 
-    camera    looks at `camera.tip`
+    camera    images `camera.tip`
     seed      of the sensor's noise
     rate_hz   stamps the frames
     exposure  share of a frame's time during which the shutter is open; > 0 blurs what moves
@@ -67,7 +67,7 @@ class Simulator:
         return frame
 
     def truth(self, contacts: tuple[ToolPose, ...], now: Deformation, xy: Array) -> dict[str, Any]:
-        """What is known of a frame.
+        """The truth of a frame.
 
         contacts       one dict a tool: its kind and pose (mm, deg), fields of `ToolPose` and `Tool`
         places_mm      [[x, y], ...] of each place of contact on the tip (two for tool "two")

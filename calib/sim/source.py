@@ -1,4 +1,4 @@
-"""The simulator as a source of frames for the app: `sim:SCENE?key=value`.
+"""The simulator as a source of frames for the loop: `sim:SCENE?key=value`.
 
     sim:                        the tour: press, shear, two contacts, an edge, over and over, 60 frames/s
     sim:two?rate_hz=240         one scene, paced
@@ -7,8 +7,8 @@
     sim:tour?light=ugly             glare, reflections, dead pins, a noisy sensor
 
 Rules
-- Paced frames are rendered before the first one is due, then looped: at 640x480 that costs some 25 ms
-  and 300 kB a frame (the tour has 200), and then any rate is possible.
+- Paced frames are rendered before the first one is due, then looped: at 640x480 that takes some 25 ms
+  and 300 kB a frame (the tour has 200); then any rate is possible.
 - Unpaced frames are rendered when they are read.
 """
 
@@ -26,7 +26,7 @@ from edge.sources import Options, Paced, convert
 from edge.types import Frame, FrameSource, Polarity
 
 RATE_HZ = 60.0
-#: Keys of its own: kind and default.
+#: The scheme's own keys: kind and default.
 _KEYS = {
     "pins": ("int", "331"),
     "layout": ("str", "rings"),

@@ -1,4 +1,4 @@
-r"""Geometry of a fingertip: a dome of skin with pins on its inside, looked at by a camera on its axis.
+r"""Geometry of a fingertip: a dome of skin with pins on its inside, imaged by a camera on its axis.
 
                  z out of the skin
                       ^   .-'''-.      skin: sphere of radius `dome_radius_mm`, centre at the origin
@@ -80,9 +80,9 @@ class Tip:
     pin_radius_mm       radius of the cap
     camera_distance_mm  from the dome's centre back to the camera
     skin_mm             length below which the skin's own stiffness smooths the surface
-    layer_mm            thickness of an elastic layer (of the gel's modulus) through which tools are felt
+    layer_mm            thickness of an elastic layer (of the gel's modulus) between tool and gel
     reach_mm            distance over which the finite gel lets a force fade
-    clamp_mm            height above the rim over which the clamp is felt
+    clamp_mm            height above the rim over which the clamp has an effect
     closed              share of the pressed-in volume that comes out elsewhere on the dome; 1: sealed
     shear_modulus_kpa   of gel and skin together; sets force only, not shape
     friction            Coulomb's coefficient between skin and tool

@@ -19,7 +19,7 @@ from calib.extract import executor
         ("fit -o {out}/tip.json", "TABLE"),
         ("fit {data}/press.mcap -o {out}/tip.json", "press.mcap: a recording, but no capture"),
         ("fit {out}/absent.mcap -o {out}/tip.json", "absent.mcap: no such recording"),
-        ("fit {data}/press.mcap --frames {data} -o {out}/tip.json", "leave --frames and --rest away"),
+        ("fit {data}/press.mcap --frames {data} -o {out}/tip.json", "omit --frames and --rest"),
         ("evaluate {out}/absent.json {data}/press.mcap", "absent.json: cannot be read"),
         (
             "fit {data}/press.mcap -o {out}/tip.json --mm-per-px nan",

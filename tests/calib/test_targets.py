@@ -45,7 +45,7 @@ def test_a_mark_at_the_beginning_of_the_file_is_no_part_of_a_name(tmp_path: Path
         ("sensor_image,pose_z\na.png\n", "row 2, column pose_z: '' is not a number"),
         ("sensor_image,pose_z\na.png,1\nc.png,1\n", "row 3: no frame c.png"),
         ("sensor_image,pose_z\n,1\n", "row 2: no frame (empty)"),
-        ("sensor_image,pose_z\na.png,1\nb.png,1\na.png,2\n", "row 4: a.png stands in row 2 already"),
+        ("sensor_image,pose_z\na.png,1\nb.png,1\na.png,2\n", "row 4: a.png is in row 2 already"),
     ],
 )
 def test_mistakes_are_one_line_with_row_and_column(tmp_path: Path, text: str, expected: str) -> None:
