@@ -1,4 +1,4 @@
-"""Puts a finger together: source, loop, links, recorder and live page, as options and configuration say."""
+"""Assembles a finger: source, loop, links, recorder and live page, from options and configuration."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def make_loop(
     sink_specs: Sequence[str] = (),
     calibration_path: Path | None = None,
 ) -> Loop:
-    """The loop with everything that the options ask for; the stack closes it all."""
+    """The loop with everything that the options request; the stack closes it all."""
     from edge.link.device import LoopDevice
     from edge.runtime.board_monitor import BoardMonitor, free_space_problem
     from edge.runtime.calibration_store import CalibrationStore
@@ -109,7 +109,7 @@ def _state_directory(config: Config) -> Path | None:
         return None
     folder = Path(config.state.directory)
     if not folder.is_dir():
-        raise ConfigError(f"[state] directory: {folder} is no folder; make it, or leave the key out")
+        raise ConfigError(f"[state] directory: {folder} is no folder; create it, or omit the key")
     return folder
 
 
@@ -148,7 +148,7 @@ def _add_sink(
 
 
 def _send_detail(node: Node) -> Callable[[Result, State], None]:
-    """A callback that sends every pin's motion where the host has asked for it."""
+    """A callback that sends every pin's motion if the host has requested it."""
     import numpy as np
 
     def send(result: Result, state: State) -> None:
@@ -162,7 +162,7 @@ def _send_detail(node: Node) -> Callable[[Result, State], None]:
 def start_worker(
     stack: ExitStack, loop: Loop, options: LoopOptions, listen: Listen | None, config: Config
 ) -> str:
-    """Recorder and live page in a process of their own, where they are asked for.
+    """Recorder and live page in their own process, if they are requested.
 
     Returns  the page's address; "": none
     """

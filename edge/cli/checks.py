@@ -42,23 +42,23 @@ __all__ = [
 ]
 
 LEVELS = ("ok", "warn", "fail")
-WRITE_BYTES = 16 << 20  # written to measure the disk: more than its cache takes without notice
-FD_MTU = 72  # bytes; what Linux gives an interface for CAN FD
+WRITE_BYTES = 16 << 20  # written to measure the disk: more than fits into its cache
+FD_MTU = 72  # bytes; MTU of a Linux interface for CAN FD
 
 
 @dataclass(frozen=True, slots=True)
 class DoctorLimits:
-    """Beyond these a topic is a warning or a failure.
+    """Limits beyond which a topic is a warning or a failure.
 
-    rate_share     of the rate that was asked for
-    dim            mean level, share of full scale, below which light is worth adding
-    glare          share of saturated pixels above which exposure is worth lowering
+    rate_share     of the requested rate
+    dim            mean level, share of full scale, below which more light would help
+    glare          share of saturated pixels above which less exposure would help
     soft_edge      blur of a pin's edge over its radius
     few_pins       share of the calibration's pins: fewer are a warning
     lost_pins      share of the calibration's pins: fewer are a failure
     old_days       age of a calibration
     rough_mm       residual of the calibration of displacement or shear
-    bus_errors_n   of a CAN controller's counters; from here on it warns (ISO 11898-1)
+    bus_errors_n   of a CAN controller's counters; the controller warns from here on (ISO 11898-1)
     clock_step_ns  resolution of the monotonic clock
     """
 
@@ -79,7 +79,7 @@ LIMITS = DoctorLimits()
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One finding. level: one of LEVELS; advice: what to do, empty where nothing is to be done."""
+    """One finding. level: one of LEVELS; advice: what to do; empty if nothing."""
 
     topic: str
     level: str
@@ -93,7 +93,7 @@ def worst(lines: Sequence[Line]) -> str:
 
 
 def camera(source: FrameSource, frames: Sequence[Frame], seconds: float, config: Config) -> list[Line]:
-    """Found, rate, light."""
+    """Found, rate, brightness."""
     if not frames:
         why = (source.condition if isinstance(source, LiveSource) else "") or "no images"
         return [
@@ -119,26 +119,26 @@ def camera(source: FrameSource, frames: Sequence[Frame], seconds: float, config:
                 "shorten [source] exposure_us, or ask for less" if slow else "",
             )
         )  # fmt: skip
-    return [*lines, _light(frames)]
+    return [*lines, _brightness(frames)]
 
 
-def _light(frames: Sequence[Frame]) -> Line:
+def _brightness(frames: Sequence[Frame]) -> Line:
     levels = np.array([level_of(f.image, f.bits) for f in frames])
     level, full = levels.mean(axis=0)
-    words = f"mean level {level:.1%} of full scale, {full:.1%} of the image at full scale"
+    finding = f"mean level {level:.1%} of full scale, {full:.1%} of the image at full scale"
     if level < DARK:
-        return Line("light", "fail", words, "dark: is the LED lit? raise [source] exposure_us or gain")
+        return Line("light", "fail", finding, "dark: is the LED lit? raise [source] exposure_us or gain")
     if full > FULL:
-        return Line("light", "fail", words, "overexposed: lower [source] exposure_us, keep stray light out")
+        return Line("light", "fail", finding, "overexposed: lower [source] exposure_us, keep stray light out")
     if level < LIMITS.dim:
-        return Line("light", "warn", words, "dim: raise [source] exposure_us, then gain")
+        return Line("light", "warn", finding, "dim: raise [source] exposure_us, then gain")
     if full > LIMITS.glare:
-        return Line("light", "warn", words, "glare: lower [source] exposure_us")
-    return Line("light", "ok", words)
+        return Line("light", "warn", finding, "glare: lower [source] exposure_us")
+    return Line("light", "ok", finding)
 
 
 def pins(frames: Sequence[Frame], polarity: Polarity = Polarity.FOUND) -> tuple[list[Line], Rest | None]:
-    """Found, sharp, clear of the border; and the rest frame they make."""
+    """Found, sharp, clear of the border; and their rest frame."""
     try:
         rest = take_rest([f.image for f in frames], polarity)
     except NoPins as error:
@@ -170,14 +170,14 @@ def pins(frames: Sequence[Frame], polarity: Polarity = Polarity.FOUND) -> tuple[
         Line(
             "margin", "warn" if close else "ok",
             f"outermost pin {margin:.0f} px from the image's border",
-            f"centre the tip: pins need {p.pitch_px:.0f} px of room to move" if close else "",
+            f"centre the tip: pins need {p.pitch_px:.0f} px of space to move" if close else "",
         )
     )  # fmt: skip
     return lines, rest
 
 
 def calibration(path: Path | None, rest: Rest | None) -> list[Line]:
-    """Belongs to this tip, its age, how well it fits."""
+    """Whether it belongs to this tip, its age, its residual."""
     if path is None:
         return [
             Line(
@@ -197,9 +197,9 @@ def calibration(path: Path | None, rest: Rest | None) -> list[Line]:
         share = len(rest) / known_n
         if share < LIMITS.few_pins:
             level = "fail" if share < LIMITS.lost_pins else "warn"
-            words = f"{len(rest)} of the calibration's {known_n} pins are seen"
+            finding = f"{len(rest)} of the calibration's {known_n} pins are seen"
             lines.append(
-                Line("pins", level, words, "clean lens and skin, light it evenly; is the skin torn?")
+                Line("pins", level, finding, "clean lens and skin, light it evenly; is the skin torn?")
             )
         try:
             in_order_of(loaded, rest)
@@ -235,7 +235,7 @@ def _age(loaded: Calibration) -> Line:
 
 def _residual(loaded: Calibration) -> Line:
     sigmas = _sigmas(loaded)
-    words = ", ".join(
+    finding = ", ".join(
         f"{name} {value:.3g}" for name, value in sorted(sigmas.items()) if not name.startswith("contact_")
     )
     rough = [
@@ -244,7 +244,7 @@ def _residual(loaded: Calibration) -> Line:
         if n in ("displacement_mm", "shear_x_mm", "shear_y_mm") and v > LIMITS.rough_mm
     ]
     return Line(
-        "residual", "warn" if rough else "ok", f"one sigma: {words or 'no models'}",
+        "residual", "warn" if rough else "ok", f"one sigma: {finding or 'no models'}",
         f"{', '.join(rough)} above {LIMITS.rough_mm:g} mm: calibrate with more data" if rough else "",
     )  # fmt: skip
 
@@ -303,26 +303,26 @@ def _bus_errors(data: dict[str, Any], info: dict[str, Any]) -> Line:
     state = data.get("state", "")
     errors = data.get("berr_counter", {})
     counted = data.get("can_stats", info.get("info_xstats", {}))
-    words = f"{state or 'virtual bus'}, errors tx {errors.get('tx', 0)} rx {errors.get('rx', 0)}, "
-    words += f"bus-off {counted.get('bus_off', 0)} times"
+    finding = f"{state or 'virtual bus'}, errors tx {errors.get('tx', 0)} rx {errors.get('rx', 0)}, "
+    finding += f"bus-off {counted.get('bus_off', 0)} times"
     if state == "BUS-OFF":
-        return Line("errors", "fail", words, "the bus is not terminated, or another bit rate runs on it")
+        return Line("errors", "fail", finding, "the bus is not terminated, or another bit rate runs on it")
     most = max(errors.get("tx", 0), errors.get("rx", 0))
     if most >= LIMITS.bus_errors_n or state in ("ERROR-PASSIVE", "ERROR-WARNING"):
         advice = "nobody acknowledges, or the wiring is bad: two 120 ohm terminators, same bit rates"
-        return Line("errors", "warn", words, advice)
-    return Line("errors", "ok", words)
+        return Line("errors", "warn", finding, advice)
+    return Line("errors", "ok", finding)
 
 
 def processor(machine: Machine) -> list[Line]:
     """Frequency governor and temperature."""
     governors = machine.governors()
     slow = governors - {"performance"}
-    words = f"governor {', '.join(sorted(governors))}" if governors else "no frequency governor"
+    finding = f"governor {', '.join(sorted(governors))}" if governors else "no frequency governor"
     advice = (
         "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor" if slow else ""
     )
-    lines = [Line("processor", "warn" if slow else "ok", words, advice)]
+    lines = [Line("processor", "warn" if slow else "ok", finding, advice)]
     degc = machine.temperature_degc()
     if not math.isnan(degc):
         hot = degc >= HOT_DEGC
@@ -341,13 +341,13 @@ def clock(machine: Machine) -> list[Line]:
         None: "whether the wall clock follows a time server is not known",
     }
     synchronised = machine.clock_synchronised()
-    words = f"samples are stamped to {step_ns:.0f} ns; {wall[synchronised]}"
+    finding = f"samples are stamped to {step_ns:.0f} ns; {wall[synchronised]}"
     advice = (
         "samples do not need it, recordings do: timedatectl set-ntp true" if synchronised is False else ""
     )
     coarse = step_ns > LIMITS.clock_step_ns
     level = "fail" if coarse else "warn" if synchronised is False else "ok"
-    return [Line("clock", level, words, advice)]
+    return [Line("clock", level, finding, advice)]
 
 
 def disk(config: Config, rate_hz: float, machine: Machine) -> list[Line]:
@@ -356,7 +356,7 @@ def disk(config: Config, rate_hz: float, machine: Machine) -> list[Line]:
     try:
         free = machine.free_bytes(folder)
         if free < FREE_SPACE_BYTES + WRITE_BYTES:
-            return [Line("disk", "fail", f"{folder}: {free >> 20} MiB left", "make room")]
+            return [Line("disk", "fail", f"{folder}: {free >> 20} MiB left", "free some space")]
         seconds = machine.write_s(folder, WRITE_BYTES)
     except OSError as error:
         return [
@@ -369,10 +369,10 @@ def disk(config: Config, rate_hz: float, machine: Machine) -> list[Line]:
         ]
     speed = WRITE_BYTES / 1e6 / max(seconds, 1e-6)
     need = config.source.width * config.source.height * (rate_hz or 60.0) / 1e6
-    words = f"{folder}: {free >> 20} MiB left, writes {speed:.0f} MB/s; raw recording takes {need:.0f}"
+    finding = f"{folder}: {free >> 20} MiB left, writes {speed:.0f} MB/s; raw recording takes {need:.0f}"
     slow = speed < need
     advice = "record at a lower rate, or onto a faster disk; the measurement is not affected" if slow else ""
-    lines = [Line("disk", "warn" if slow else "ok", words, advice)]
+    lines = [Line("disk", "warn" if slow else "ok", finding, advice)]
     if not config.state.directory:
         lines.append(
             Line(

@@ -1,4 +1,4 @@
-"""`edge doctor`: is all there that a finger needs? A line a topic: ok, warn or fail, and what to do.
+"""`edge doctor`: checks everything that a finger needs. One line a topic: ok, warn or fail, and advice.
 
     camera       found, rate, exposure, darkness
     pins         found, sharp, clear of the image's border, as many as the calibration knows
@@ -7,9 +7,9 @@
     processor, clock, disk
 
 Rules
-- Looks, and changes nothing. It needs the camera for itself: stop the service first.
-- What the machine says comes through `Machine`, frames through a `FrameSource`: both can be others.
-- A topic that cannot be judged because another failed is left out, not guessed.
+- It changes nothing. It needs the camera for itself: stop the service first.
+- Facts about the machine come from `Machine`, frames from a `FrameSource`: both can be replaced.
+- A topic that cannot be checked because another failed is skipped, not guessed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from edge.types import Frame, FrameSource, LiveSource
 
 __all__ = ["LEVELS", "WRITE_BYTES", "Line", "Machine", "doctor", "examine", "worst"]
 
-LOOK_FRAMES, LOOK_S = 60, 3.0  # frames looked at, and the longest time to wait for them
+SAMPLE_FRAMES, SAMPLE_S = 60, 3.0  # frames to check, and the longest wait for them
 REST_FRAMES = 8
 _COLOURS = {"ok": "green", "warn": "yellow", "fail": "red"}
 
@@ -52,10 +52,10 @@ def doctor(
     calibration_path: Path | None,
     as_json: bool,
 ) -> None:
-    """Look at camera, pins, calibration, link, processor, clock and disk.
+    """Check camera, pins, calibration, link, processor, clock and disk.
 
-    Says ok, warn or fail for each, and what to do. Leave the tip untouched, and stop the service: the
-    camera is needed. Exit code 1 where something fails, 0 otherwise.
+    Prints ok, warn or fail for each, and advice. Leave the tip untouched, and stop the service: the
+    camera is needed. Exit code 1 if something fails, 0 otherwise.
     """
     from msgspec.structs import replace
 
@@ -69,7 +69,7 @@ def doctor(
     state_dir = Path(config.state.directory) if config.state.directory else None
     stored = None if state_dir is None else CalibrationStore(state_dir).path
     chosen = calibration_path or (stored if stored and stored.is_file() else config.calibration.file)
-    with waiting("looking at camera, link and machine", not as_json):
+    with waiting("checking camera, link and machine", not as_json):
         lines = examine(
             config, lambda: open_configured(config.source), Path(chosen) if chosen else None, Machine()
         )
@@ -87,7 +87,7 @@ def doctor(
 def examine(
     config: Config, open_camera: Callable[[], FrameSource], calibration_path: Path | None, machine: Machine
 ) -> list[Line]:
-    """Look at everything; the order is the data's way.
+    """Run all checks, in the order of the data flow.
 
     open_camera       opens the source; may raise SourceError
     calibration_path  the calibration in use; None: there is none
@@ -118,24 +118,24 @@ def examine(
         lines += checks.link(spec, machine)
     if not config.link.sinks:
         lines.append(
-            Line("link", "warn", "no sink: samples go nowhere", 'set [link] sinks, e.g. ["can:can0"]')
+            Line("link", "warn", "no sink: samples are not sent", 'set [link] sinks, e.g. ["can:can0"]')
         )
     lines += [*checks.processor(machine), *checks.clock(machine), *checks.disk(config, asked_hz, machine)]
     return lines
 
 
 def _watch(source: FrameSource) -> tuple[list[Frame], float]:
-    """Frames as they come, and the time they took."""
+    """Collect live frames, and the time they took."""
     frames: list[Frame] = []
-    end = time.monotonic() + LOOK_S
+    end = time.monotonic() + SAMPLE_S
     start = time.monotonic()
     if not isinstance(source, LiveSource):
         for frame in source:
             frames.append(frame)
-            if len(frames) == LOOK_FRAMES:
+            if len(frames) == SAMPLE_FRAMES:
                 break
     else:
-        while len(frames) < LOOK_FRAMES and time.monotonic() < end:
+        while len(frames) < SAMPLE_FRAMES and time.monotonic() < end:
             got = source.read(0.1)
             if got is not None:
                 frames.append(got)

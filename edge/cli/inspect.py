@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 )
 @overwrite_option
 def inspect(images: Sequence[Path], as_json: bool, overlay: Path | None, overwrite: bool) -> None:
-    """Find the pins in each IMAGE, with nothing known beforehand, and list them.
+    """Find the pins in each IMAGE, without prior knowledge, and list them.
 
-    Use it to judge focus, light and exposure: every pin should be found, and nothing else.
+    Use it to check focus, illumination and exposure: every pin should be found, and nothing else.
     """
     from edge.pins import detect
     from edge.sources import read_image
@@ -65,7 +65,7 @@ def inspect(images: Sequence[Path], as_json: bool, overlay: Path | None, overwri
 
 
 def _pictures(images: Sequence[Path], folder: Path, overwrite: bool) -> dict[Path, Path]:
-    """Which picture each image gets. Raises OutputError; InputError: two would get the same one."""
+    """The picture file of each image. Raises OutputError; InputError: two have the same name."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

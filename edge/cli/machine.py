@@ -1,4 +1,4 @@
-"""What `edge doctor` asks of the machine: network interfaces, processor, clock, disk."""
+"""Facts about the machine for `edge doctor`: network interfaces, processor, clock, disk."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Machine"]
 
 
 class Machine:
-    """What is asked of the machine.
+    """Facts about the machine.
 
     root  of its file system
     """
@@ -24,7 +24,7 @@ class Machine:
         self.root = root
 
     def interface(self, name: str) -> dict[str, Any] | None:
-        """What `ip` says of a network interface; None: there is none."""
+        """Properties of a network interface, from `ip`; None: there is none."""
         try:
             run = subprocess.run(
                 ["ip", "-details", "-statistics", "-json", "link", "show", "dev", name],
@@ -41,7 +41,7 @@ class Machine:
         return {file.read_text().strip() for file in files}
 
     def temperature_degc(self) -> float:
-        """Of the board; NaN: unknown."""
+        """Temperature of the board; NaN: unknown."""
         return Thermometer(self.root / "sys/class/thermal")()
 
     def clock_synchronised(self) -> bool | None:
@@ -56,12 +56,12 @@ class Machine:
         return {"yes": True, "no": False}.get(run.stdout.strip())
 
     def free_bytes(self, folder: Path) -> int:
-        """Room for us in a folder. Raises OSError."""
+        """Free space for this user in a folder. Raises OSError."""
         stat = os.statvfs(folder)
         return stat.f_bavail * stat.f_frsize
 
     def write_s(self, folder: Path, n_bytes: int) -> float:
-        """How long so many bytes take to the disk. Raises OSError."""
+        """Time to write so many bytes to the disk. Raises OSError."""
         path = folder / f".doctor-{os.getpid()}"
         block = os.urandom(1 << 20)
         start = time.monotonic()

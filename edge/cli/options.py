@@ -1,4 +1,4 @@
-"""Options that commands have in common, and the values they are given."""
+"""Common options of the commands, and their values."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ _LOOP_OPTIONS = (
         "--view",
         "view_here",
         is_flag=True,
-        help="Serve a live page at 127.0.0.1:8765, or where --view-at says.",
+        help="Serve a live page at 127.0.0.1:8765, or at --view-at.",
     ),
     click.option(
         "--view-at",
@@ -95,7 +95,7 @@ _LOOP_OPTIONS = (
 
 @dataclass(frozen=True, slots=True)
 class LoopOptions:
-    """What `run` and `replay` have in common, as it was given."""
+    """Options common to `run` and `replay`, as given."""
 
     config_path: Path | None
     sink_specs: tuple[str, ...]
@@ -135,14 +135,14 @@ class LoopOptions:
             raise InputError(str(error)) from None
 
     def recordings_folder(self, config: Config) -> Path:
-        """For what the page's record button makes."""
+        """Folder for recordings started on the page."""
         if self.recordings is not None:
             return self.recordings
         return Path(config.state.directory) / "recordings" if config.state.directory else Path(".")
 
 
 def loop_options(command: Command) -> Command:
-    """Adds the options of `LoopOptions`; the command gets them as one argument, `options`."""
+    """Add the options of `LoopOptions`; the command gets them as one argument, `options`."""
     names = [field.name for field in fields(LoopOptions)]
 
     @wraps(command)
@@ -154,7 +154,7 @@ def loop_options(command: Command) -> Command:
 
 
 def add_options(command: Command, options: Iterable[Callable[[Command], Command]]) -> Command:
-    """In the order in which help lists them."""
+    """Add options in the order in which help lists them."""
     for option in reversed(list(options)):
         command = option(command)
     return command

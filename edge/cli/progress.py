@@ -1,9 +1,9 @@
-"""What a terminal shows of work that takes longer than two seconds; on stderr, and only on a terminal.
+"""Progress of work that takes longer than two seconds; on stderr, and only on a terminal.
 
 Rules
-- Nothing of it runs beside the loop: a spinner ends before frames are read, and the bar of a replay is drawn
+- It never runs while the loop works: a spinner ends before frames are read, and the bar of a replay is drawn
   by the loop itself, `DRAWN_HZ` times a second, after the sample has left.
-- rich is loaded where something is shown, not before.
+- rich is imported only when something is shown.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ DRAWN_HZ = 4.0
 
 @contextmanager
 def waiting(what: str, shown: bool) -> Iterator[None]:
-    """A spinner with a few words, for as long as this lasts."""
+    """A spinner with a text, while the context lasts."""
     if not (shown and sys.stderr.isatty()):
         yield
         return
@@ -35,7 +35,7 @@ def waiting(what: str, shown: bool) -> Iterator[None]:
 
 
 def bar(shown: bool, auto_refresh: bool = True) -> Progress:
-    """How much of how many is done, and how long it will take."""
+    """A progress bar with counts and the remaining time."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -53,10 +53,10 @@ def bar(shown: bool, auto_refresh: bool = True) -> Progress:
 
 @contextmanager
 def counting(what: str, total_n: int, shown: bool) -> Iterator[Callable[[int], None]]:
-    """A bar that is drawn by whoever counts.
+    """A bar that is drawn by calls of the returned function.
 
     total_n  0: not known
-    Returns  to be called with how many are done, as often as one likes
+    Returns  function to be called with the number done, at any rate
     """
     if not (shown and sys.stderr.isatty()):
         yield lambda done_n: None

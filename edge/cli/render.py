@@ -3,8 +3,8 @@
 Rules
 - The rest frame is the recording's first frames, as in a replay; they are in the video, too.
 - With a calibration the scale bar is in mm and the caption has the calibrated values with their errors.
-- A frame whose pins cannot be told apart is shown with its image and without cells.
-- The video appears under its name when it is whole: a full disk or Ctrl-C leaves nothing behind.
+- A frame whose pins cannot be identified is shown with its image and without cells.
+- The video appears under its name when it is complete: a full disk or Ctrl-C leaves no partial file.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ log = logging.getLogger(__name__)
 __all__ = ["Made", "caption", "render", "render_recording"]
 
 PALETTES = {"paper": PAPER, "safe": SAFE}
-#: What a picture shows; the surface is not drawn.
+#: Features in a picture; the surface is not drawn.
 DRAWN = frozenset(Feature) - {Feature.SURFACE}
 
 
@@ -60,12 +60,12 @@ DRAWN = frozenset(Feature) - {Feature.SURFACE}
     type=click.Choice(["paper", "safe"]),
     default="paper",
     show_default=True,
-    help="safe: orange and blue, which most colour-blind readers tell apart.",
+    help="safe: orange and blue, for colour-blind readers.",
 )
 @click.option("--rate", "rate_hz", type=FiniteFloat(1, 240), help="Pictures a second; else as recorded.")
 @click.option("--height", type=WholeNumber(120, 2160), default=640, show_default=True, help="Of a panel, px.")
 @overwrite_option
-@click.option("--json", "as_json", is_flag=True, help="Print what was made as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress, no closing line.")
 def render(
     recording: str,
@@ -112,7 +112,7 @@ class Style:
 @dataclass(frozen=True, slots=True)
 class Made:
     """frames_n        in the video
-    unidentified_n  of them without values, because the pins could not be told apart
+    unidentified_n  of them without values, because the pins could not be identified
     pins_n          of the rest frame
     rate_hz         pictures a second
     """

@@ -31,7 +31,7 @@ log = logging.getLogger("edge")
     "--speed", type=SpeedFactor(), default="1", show_default=True, metavar="FACTOR|max",
     help="1 as recorded, 2 twice as fast.",
 )  # fmt: skip
-@click.option("--loop", "again", is_flag=True, help="Again from its start when it ends, until stopped.")
+@click.option("--loop", "again", is_flag=True, help="Start again when it ends, until stopped.")
 @click.option("--samples", is_flag=True, help="Print every sample as a line of JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="No closing summary.")
 @click.option("--json", "as_json", is_flag=True, help="Print the closing summary as JSON.")
@@ -85,7 +85,7 @@ def _open(recording: str, speed: float | str, again: bool) -> tuple[FrameSource,
 
 
 class _PassedBefore:
-    """Notes how many images had passed before the first result.
+    """Counts the images before the first result.
 
     skipped_n  None: there was no result
     """
@@ -100,7 +100,7 @@ class _PassedBefore:
 
 
 class _SamplePrinter:
-    """Prints samples; where stdout takes no more (`| head -1`, a full disk), the loop is stopped."""
+    """Prints samples; stops the loop if stdout is closed (`| head -1`) or its disk is full."""
 
     def __init__(self, loop: Loop) -> None:
         self._loop = loop
@@ -115,13 +115,13 @@ class _SamplePrinter:
                 self._loop.stop()
 
     def raise_failure(self) -> None:
-        """For `run_command`, which knows what it means."""
+        """Raise the error of stdout, for `run_command`."""
         if self._failure is not None:
             raise self._failure
 
 
 def _lost_to_tare(loop: Loop, tare_n: int, skipped_n: int | None) -> str:
-    """What of a recording the tare took up, in words; empty: no more than its own images."""
+    """Message on the part of a recording that the tare took; empty: no more than its own images."""
     from edge.types import LiveSource
 
     source = loop.source

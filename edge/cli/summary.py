@@ -1,4 +1,4 @@
-"""What a run or a replay showed, printed at its end: the loop's counters; pins, shear and contacts."""
+"""Summary at the end of a run or replay: the loop's counters; pins, shear and contacts."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
 
 __all__ = ["LABELS", "Summary", "damage_of", "json_line", "print_summary"]
 
-#: Keys of the JSON, and what a person reads in their place; the last word is the unit.
+#: Keys of the JSON, and their text for people; the last word is the unit.
 LABELS = {
     "frames_n": "images processed",
     "lost_by_camera_n": "images lost before they reached this process",
     "dropped_n": "images replaced by a newer one",
     "full_searches_n": "searches of the whole image",
-    "unidentified_n": "images without values: pins not told apart",
+    "unidentified_n": "images without values: pins not identified",
     "failed_n": "images that could not be processed",
     "keepalives_n": "samples sent while no image came",
     "sent_n": "samples sent, all sinks",
     "pins_n": "pins of the rest frame",
     "pins_seen_min_n": "pins seen, least",
     "pins_seen_median_n": "pins seen, median",
-    "drift_px": "largest drift taken off, px",
+    "drift_px": "largest drift subtracted, px",
     "rate_hz": "images a second",
     "compute_us": "computing, median / 99 % / 99.9 %, us",
     "latency_us": "capture to sample, median / 99 % / 99.9 %, us",
@@ -52,7 +52,7 @@ LABELS = {
 
 
 def damage_of(source: FrameSource) -> str:
-    """What of a recording could not be read, in words; known once it has been read. Empty: nothing."""
+    """Message on the unreadable part of a recording; known once it has been read. Empty: none."""
     recorded = getattr(source, "source", source)  # of a paced one
     found = {_WORDS.get(what, what): n for what, n in getattr(recorded, "faults", {}).items() if n}
     if not found:
@@ -118,7 +118,7 @@ class Summary:
 def print_summary(
     statistics: LoopStatistics, sinks: Sequence[Sink], as_json: bool, more: dict[str, Any] | None = None
 ) -> None:
-    """Print what happened: JSON with the names of the fields, or lines in words."""
+    """Print the summary: JSON with the names of the fields, or lines of text."""
     table = {**asdict(statistics), **(more or {})}
     table["sinks"] = {
         f"{i} {sink.name}": {"sent": sink.counters.sent, "dropped": sink.counters.dropped}

@@ -155,7 +155,7 @@ def test_no_camera(look: Look) -> None:
 
 
 def test_a_camera_without_images(look: Look, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("edge.cli.doctor.LOOK_S", 0.05)
+    monkeypatch.setattr("edge.cli.doctor.SAMPLE_S", 0.05)
     camera = Camera([])
     camera.condition = "stalled"
     found = look(camera=camera)
