@@ -65,7 +65,7 @@ SOURCES = sorted(path for room in ("edge", "hostlink", "calib") for path in (ROO
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.relative_to(ROOT).as_posix())
-def test_rooms_import_only_what_they_may(path: Path) -> None:
+def test_packages_import_only_what_they_may(path: Path) -> None:
     room = room_of(path)
     for name in imports(path):
         if name.split(".")[0] in PACKAGES:
@@ -150,6 +150,6 @@ def test_the_host_side_is_light() -> None:
     assert not loaded & {"numpy", "cv2", "scipy", "edge", "calib", "can", "serial", "rich", "click"}
 
 
-def test_the_edge_leaves_heavy_libraries_alone() -> None:
+def test_the_edge_loads_no_heavy_libraries() -> None:
     loaded = loaded_by("import edge.pipeline")
     assert not loaded & {"matplotlib", "skimage", "depthai", "aiohttp", "mcap", "pandas"}

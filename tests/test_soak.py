@@ -49,7 +49,7 @@ def test_a_kill_loses_no_settings(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("multicast")
-def test_a_kill_at_the_write_of_a_calibration_leaves_the_old_or_the_new_one(tmp_path: Path) -> None:
+def test_a_kill_while_writing_a_calibration_keeps_the_old_or_the_new_one(tmp_path: Path) -> None:
     outcome = Outcome(0.0, 1)
     kill_while_uploading(outcome, Random(4), tmp_path, at_the_write=True)
     assert outcome.violations == []

@@ -48,7 +48,7 @@ def test_every_kernel_is_in_it_for_every_release(wheel: Path) -> None:
     assert not [name for name in names if name.startswith("edge/") and name.endswith((".c", ".h"))]
 
 
-def test_it_runs_without_a_compiler(wheel: Path, tmp_path: Path) -> None:
+def test_the_wheel_runs_without_a_compiler(wheel: Path, tmp_path: Path) -> None:
     venv.create(tmp_path / "env", symlinks=True)
     python = tmp_path / "env" / "bin" / "python"
     pure = ("-c", "import sysconfig; print(sysconfig.get_path('purelib'))")

@@ -262,7 +262,7 @@ def test_phone(live: Live, chrome: Chrome) -> None:
     page.close()
 
 
-def test_nothing_leaves_this_machine(live: Live, page: Page) -> None:
+def test_no_connection_leaves_this_machine(live: Live, page: Page) -> None:
     page.until("Number(document.body.dataset.packets) > 30")
     own = f"http://127.0.0.1:{live.worker.port}/"
     assert {"touch.js", "kit.js", "kit.css", "touch.css"} <= {a.rsplit("/")[-1] for a in page.requests}

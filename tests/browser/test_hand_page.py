@@ -202,7 +202,7 @@ def test_silence_is_shown(page: Page, hand: Hand) -> None:
     page.until("document.body.dataset.state === 'live'")
 
 
-def test_nothing_leaves_this_machine(page: Page) -> None:
+def test_no_connection_leaves_this_machine(page: Page) -> None:
     own = page.evaluate("location.origin")
     assert page.requests
     assert all(address.startswith(own) for address in page.requests)

@@ -62,7 +62,7 @@ def test_any_rig_s_handedness_is_recognised(form: tuple[int, int, bool]) -> None
     assert not axes.warnings
 
 
-def test_the_relation_is_told_in_the_image_s_axes() -> None:
+def test_the_relation_is_given_in_the_image_s_axes() -> None:
     # The synthetic rig's shear is the image's.
     names = {
         (1, 1, False): "shear_x_mm = image x, shear_y_mm = image y",
@@ -76,7 +76,7 @@ def test_the_relation_is_told_in_the_image_s_axes() -> None:
         assert _found(form, *make(100)).lines == (expected,)
 
 
-def test_a_sweep_along_one_axis_does_not_tell_and_says_nothing_wrong() -> None:
+def test_a_sweep_along_one_axis_leaves_handedness_open() -> None:
     extract, values = make(50)
     values["shear_y_mm"] = 0.0 * values["shear_y_mm"]
     axes: list[Axes] = []
@@ -85,7 +85,7 @@ def test_a_sweep_along_one_axis_does_not_tell_and_says_nothing_wrong() -> None:
     assert not axes[0].lines
 
 
-def test_groups_that_disagree_are_told() -> None:
+def test_groups_that_disagree_are_reported() -> None:
     extract, values = make(60, noise=0.01)
     rng = np.random.default_rng(3)
     tilt = 10 * (values["shear_x_mm"] - 1j * values["shear_y_mm"]) + 0.01 * rng.normal(size=60)

@@ -133,7 +133,7 @@ def test_resume_after_two_breaks_and_after_the_end(tmp_path: Path) -> None:
     assert len(rows_of(path)) == 9
 
 
-def test_a_recording_cut_short_on_disk_is_resumed_from_its_last_whole_step(tmp_path: Path) -> None:
+def test_a_truncated_recording_is_resumed_from_its_last_complete_step(tmp_path: Path) -> None:
     path = tmp_path / "short.mcap"
     with pytest.raises(RigError):
         capture(breaking_after(7), PLAN, path)

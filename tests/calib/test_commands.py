@@ -59,7 +59,7 @@ def test_a_mistake_is_one_line(
 
 
 @pytest.mark.parametrize("address", ["foo", "tcp://", "tcp://host", "bogus://host:1", "tcp://host:port"])
-def test_what_is_no_address_of_a_cluster_is_said_at_once(address: str) -> None:
+def test_an_invalid_cluster_address_is_refused_at_once(address: str) -> None:
     with pytest.raises(TableError, match="not an address; give one such as"), executor(address):
         pass
 

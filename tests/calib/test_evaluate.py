@@ -52,7 +52,7 @@ def test_errors_are_those_of_the_truth_that_is_given(calibration: Calibration) -
     assert off["sigma_coverage_68_each"]["displacement_mm"] < 0.05
 
 
-def test_direction_is_an_angle_whichever_way_round(calibration: Calibration) -> None:
+def test_direction_error_is_the_smaller_angle(calibration: Calibration) -> None:
     extract, values = make(400, seed=6)
     shear = (values["shear_x_mm"] + 1j * values["shear_y_mm"]) * np.exp(1j * np.radians(-10.0))
     values["shear_x_mm"], values["shear_y_mm"] = shear.real, shear.imag
@@ -74,7 +74,7 @@ def test_refused_frames_are_counted_and_stay_in_the_errors(calibration: Calibrat
     assert report["accepted"]["displacement_mae_mm"] < 0.05
 
 
-def test_a_frame_without_a_value_is_counted_and_leaves_the_mean_of_the_others(
+def test_a_frame_without_a_value_is_counted_and_not_averaged(
     calibration: Calibration,
 ) -> None:
     extract, values = make(50, seed=8)
@@ -110,7 +110,7 @@ def test_a_pressed_frame_that_reads_untouched_is_counted_with_its_zeros(calibrat
     assert "3 pressed but read as untouched" in counts_line(report)
 
 
-def test_the_table_has_a_row_for_each_figure_that_is_known(calibration: Calibration) -> None:
+def test_the_table_has_a_row_for_each_known_figure(calibration: Calibration) -> None:
     extract, values = make(50, seed=8)
     report = evaluate(calibration, targets(values), extract)
     rows = {name: (every, accepted, unit) for name, every, accepted, unit in error_rows(report)}
@@ -126,12 +126,12 @@ def test_the_table_has_a_row_for_each_figure_that_is_known(calibration: Calibrat
         ({"shear_x_mm": [0.0, -1.0, np.nan]}, [False, True, False]),
     ],
 )
-def test_pressed_is_what_the_truth_says(column: dict[str, list[float]], expected: list[bool]) -> None:
+def test_pressed_frames_are_those_of_the_truth(column: dict[str, list[float]], expected: list[bool]) -> None:
     table = targets({name: np.array(values) for name, values in column.items()})
     assert pressed(table).tolist() == expected
 
 
-def test_an_untouched_tip_reads_zero_here_as_on_the_edge(calibration: Calibration) -> None:
+def test_an_untouched_tip_reads_zero_as_on_the_edge(calibration: Calibration) -> None:
     extract, values = make(40, seed=9)
     values = {name: np.zeros_like(column) for name, column in values.items()}
     touched = np.zeros(40, dtype=np.bool_)
@@ -140,7 +140,7 @@ def test_an_untouched_tip_reads_zero_here_as_on_the_edge(calibration: Calibratio
     assert report["shear_mae_mm"] == [0.0, 0.0]
 
 
-def test_truth_that_is_not_known_is_not_judged(calibration: Calibration) -> None:
+def test_unknown_truth_is_not_evaluated(calibration: Calibration) -> None:
     extract, values = make(60, seed=10)
     values["torsion_deg"] = values["torsion_deg"].copy()
     values["torsion_deg"][:30] = np.nan

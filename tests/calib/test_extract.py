@@ -81,7 +81,7 @@ def test_processes_give_the_same_bits(recording: Path, seen_here: Extract, worke
     assert sum(done) == len(seen.sure) == 36
 
 
-def test_a_cluster_gives_the_same_bits(recording: Path, seen_here: Extract) -> None:
+def test_a_cluster_gives_identical_results(recording: Path, seen_here: Extract) -> None:
     distributed = pytest.importorskip("distributed")
     with (
         distributed.LocalCluster(
@@ -100,7 +100,7 @@ def test_no_cluster_at_the_address_is_one_line(monkeypatch: pytest.MonkeyPatch) 
         pass
 
 
-def test_what_is_seen_follows_the_pose(recording: Path, seen_here: Extract) -> None:
+def test_the_image_follows_the_pose(recording: Path, seen_here: Extract) -> None:
     targets = open_dataset([recording], None, None).targets
     assert seen_here.sure.all()
     assert seen_here.in_contact.all()
@@ -109,7 +109,7 @@ def test_what_is_seen_follows_the_pose(recording: Path, seen_here: Extract) -> N
     assert np.corrcoef(volume, depth)[0, 1] > 0.8
 
 
-def test_a_frame_is_taken_for_itself(recording: Path, seen_here: Extract) -> None:
+def test_frames_are_evaluated_independently(recording: Path, seen_here: Extract) -> None:
     """The order of the frames changes nothing."""
     data = open_dataset([recording], None, None)
     part = data.parts[0]
@@ -168,7 +168,7 @@ def test_fit_and_evaluate_a_table(recording: Path, tmp_path: Path) -> None:
     assert report["tilt_mae_deg"] == [None, None]
 
 
-def test_fit_judged_on_held_out_frames(recording: Path, tmp_path: Path) -> None:
+def test_fit_is_evaluated_on_held_out_frames(recording: Path, tmp_path: Path) -> None:
     """The file is the same as without, and the errors are in evaluate's table."""
     path, plain = tmp_path / "cal.json", tmp_path / "plain.json"
     out = run("fit", recording, "-o", path, "--workers", "1", "-q", "--hold-out", "0.25")
@@ -192,7 +192,7 @@ def test_fit_judged_on_held_out_frames(recording: Path, tmp_path: Path) -> None:
         ("absent/cal.json", "there is no folder"),
     ],
 )
-def test_an_output_that_must_not_be_written_is_found_before_the_work(
+def test_a_forbidden_output_is_refused_before_the_work(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, output: str, expected: str
 ) -> None:
     table, frames, rest = images_of(recording, tmp_path)
@@ -218,7 +218,7 @@ except KeyboardInterrupt:
 """
 
 
-def test_an_interrupt_while_processes_start_is_quiet() -> None:
+def test_an_interrupt_while_processes_start_prints_nothing() -> None:
     """A terminal sends Ctrl-C to all of them; none may print where it was."""
     done = subprocess.run(
         [sys.executable, "-c", INTERRUPTED],

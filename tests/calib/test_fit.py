@@ -123,7 +123,7 @@ def test_the_file_comes_back_as_it_was(tmp_path: object) -> None:
         np.testing.assert_array_equal(column, same[name])
 
 
-def test_untouched_and_doubtful_frames_are_not_fitted() -> None:
+def test_untouched_and_uncertain_frames_are_not_fitted() -> None:
     extract, values = make(100, noise=0.01)
     spoilt = {name: column.copy() for name, column in values.items()}
     for column in spoilt.values():
@@ -206,7 +206,7 @@ def test_depth_that_rises_and_falls_with_the_volume_gets_no_curve() -> None:
         fit(REST, targets({"displacement_mm": depth}), of_inputs(inputs), mm_per_px=None)
 
 
-def test_one_bad_column_does_not_take_the_others_along() -> None:
+def test_one_bad_column_does_not_affect_the_others() -> None:
     extract, values = make(200)
     values["torsion_deg"] = np.random.default_rng(0).permutation(values["torsion_deg"])
     told: list[str] = []
@@ -216,7 +216,7 @@ def test_one_bad_column_does_not_take_the_others_along() -> None:
     assert calibration.outputs == {"displacement_mm", "shear_x_mm", "shear_y_mm"}
 
 
-def test_a_faint_mode_that_says_it_all_is_not_trusted() -> None:
+def test_a_faint_mode_that_explains_everything_is_not_trusted() -> None:
     """Exact but as small as a pin's noise, against a little off and large: in use the second is better."""
 
     def frames(seed: int) -> tuple[Extract, Array]:

@@ -35,7 +35,7 @@ def test_the_errors_are_those_of_frames_that_were_not_fitted() -> None:
     assert report["displacement_mae_mm"] < 0.05
 
 
-def test_too_few_poses_to_hold_some_out() -> None:
+def test_too_few_poses_to_hold_out_are_refused() -> None:
     extract, _ = make(20)
     table = targets({"displacement_mm": np.repeat([1.0, 2.0], 10)})
     with pytest.raises(FitError, match=r"table\.csv: 2 different poses; 0\.2 of them cannot be held out"):

@@ -80,14 +80,14 @@ def test_sigma_covers_fresh_frames_after_few_frames_and_with_noise_in_steps(seed
     assert 0.58 < np.mean(np.abs([error.real, error.imag]) < sigma) < 0.85
 
 
-def test_far_from_the_data_the_weights_leave_more_open_than_ever() -> None:
+def test_far_from_the_data_the_variance_is_larger_than_before() -> None:
     inputs = _inputs(80, 0)
     fitted = _fitted(inputs, _shear(inputs) + _noise(inputs, 2))
     psi = evaluate_terms(10.0 * inputs, term_columns(fitted.terms, FRAME_INPUTS))
     assert np.median((np.abs(psi @ fitted.factor.T) ** 2).sum(axis=1)) > fitted.far
 
 
-def test_what_lost_pins_do_is_learnt_as_a_power_of_the_gap() -> None:
+def test_the_effect_of_lost_pins_is_learnt_as_a_power_of_the_gap() -> None:
     inputs = _inputs(100, 0)
     rng = np.random.default_rng(5)
     lossy = np.repeat(inputs[:, None], 3, axis=1)

@@ -30,7 +30,7 @@ def test_the_gradient_is_that_of_the_value(symmetry: Symmetry, asymmetric: bool)
 
 
 @pytest.mark.parametrize("symmetry", Symmetry)
-def test_turned_and_mirrored_data_are_as_likely(symmetry: Symmetry) -> None:
+def test_rotated_and_mirrored_data_are_equally_likely(symmetry: Symmetry) -> None:
     x, y = _data(20)
     if symmetry is not Symmetry.TURNING:
         y = y.real.astype(complex)
@@ -52,7 +52,7 @@ def test_turned_and_mirrored_data_are_as_likely(symmetry: Symmetry) -> None:
         assert value(mirrored_x, mirrored_y) == pytest.approx(value(x, y), rel=1e-9)
 
 
-def test_inputs_that_say_nothing_lose_their_weight() -> None:
+def test_irrelevant_inputs_lose_their_weight() -> None:
     x, _ = _data(80)
     y = x[:, 0] + 0.5 * x[:, 2] * x[:, 0].conj()
     settings = fit_settings(x, SPINS, np.ones(4), y, Symmetry.TURNING, asymmetric=False)

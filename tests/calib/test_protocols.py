@@ -73,7 +73,7 @@ def test_surface_is_random_but_always_the_same() -> None:
     assert 4.9 < max(p.depth_mm for p in poses) <= 5
 
 
-def test_digest_tells_protocols_apart_and_is_stable() -> None:
+def test_the_digest_distinguishes_protocols_and_is_stable() -> None:
     digests = {name: load_protocol(name).digest for name in PROTOCOLS}
     assert len(set(digests.values())) == len(PROTOCOLS)
     assert digests == {name: load_protocol(name).digest for name in PROTOCOLS}
@@ -119,6 +119,6 @@ def test_wrong_file_is_one_line_with_the_key(tmp_path: Path, text: str, word: st
 
 
 @pytest.mark.parametrize("spec", ["displace", "missing.toml"])
-def test_unknown_protocol_says_what_there_is(spec: str) -> None:
+def test_an_unknown_protocol_is_answered_with_the_known_ones(spec: str) -> None:
     with pytest.raises(ProtocolError, match=r"missing\.toml|displacement"):
         load_protocol(spec)

@@ -86,7 +86,7 @@ def test_a_page_shows_terms_weights_and_no_markup_of_its_texts(tmp_path: Path) -
             assert f"<code>{' · '.join(term) or '1'}</code>" in text
 
 
-def test_what_nothing_beats_in_both_is_the_front() -> None:
+def test_the_front_is_the_pareto_front() -> None:
     x, y = np.array([1.0, 2.0, 3.0, 2.0]), np.array([3.0, 2.0, 2.5, 2.0])
     np.testing.assert_array_equal(plots._front(x, y), [True, True, False, True])
 
@@ -97,7 +97,7 @@ def test_the_trade_s_picture_is_drawn(tmp_path: Path) -> None:
     assert (tmp_path / "trade.png").read_bytes()[:4] == b"\x89PNG"
 
 
-def test_checks_hold_from_their_side() -> None:
+def test_checks_compare_with_their_side_of_the_limit() -> None:
     assert Check("error", 1.0, 0.5, "mm").holds
     assert not Check("error", 1.0, 1.5, "mm").holds
     assert not Check("error", 1.0, float("nan"), "mm").holds
@@ -116,7 +116,7 @@ def test_a_folder_without_a_table_is_refused(tmp_path: Path) -> None:
         )
 
 
-def test_pairs_are_resolved_from_the_distance_on_from_which_all_are_two() -> None:
+def test_resolution_is_the_smallest_distance_from_which_all_pairs_are_two() -> None:
     gap = np.repeat([2.0, 3.0, 4.0, 5.0], 4)
     counts = np.array([1, 1, 1, 1, 2, 2, 2, 2, 2, 1, 2, 3, 2, 2, 2, 2], dtype=np.int32)
     rows = shares(gap, counts)
@@ -133,7 +133,7 @@ def test_pairs_are_resolved_from_the_distance_on_from_which_all_are_two() -> Non
     assert max(np.hypot(step.pose.x_mm, step.pose.y_mm) for step in steps) <= 5.0
 
 
-def test_slip_is_judged_by_what_the_contact_did() -> None:
+def test_slip_is_evaluated_against_the_true_motion() -> None:
     seen = slip.Slipped(
         share=np.array([0.0, 0.0, 0.2, 0.4, 0.6, 1.0, 1.0]),
         true_mm_s=np.array([0.0, 0.0, 0.5, 1.0, 2.0, 6.0, 6.0]),

@@ -97,7 +97,7 @@ def test_simulated_rig_shows_the_pose_it_was_moved_to() -> None:
     rig.close()
 
 
-def test_simulated_rig_goes_on_where_it_was_told_to() -> None:
+def test_the_simulated_rig_continues_at_the_given_frame() -> None:
     through, later = SimulatedRig(), SimulatedRig(first_sequence=2)
     frames = [through.frame() for _ in range(3)]
     assert later.frame().image.tobytes() == frames[2].image.tobytes()
@@ -138,7 +138,7 @@ def test_wrong_simulation_file_is_one_line_with_the_key(tmp_path: Path, text: st
 
 
 @pytest.mark.parametrize("spec", ["simulator", "gcode:", "robot:1", ""])
-def test_unknown_rig_names_those_that_are(spec: str) -> None:
+def test_an_unknown_rig_is_answered_with_the_known_ones(spec: str) -> None:
     with pytest.raises(RigError, match=r"sim.*gcode.*manual"):
         open_rig(spec)
 
@@ -146,14 +146,14 @@ def test_unknown_rig_names_those_that_are(spec: str) -> None:
 # -- a camera beside the rig --------------------------------------------------------------------
 
 
-def test_frames_from_before_the_skin_has_settled_are_thrown_away() -> None:
+def test_frames_before_the_skin_has_settled_are_discarded() -> None:
     now = 10_000_000
     camera = SettledCamera(FakeCamera(Clock.DRIVER), settle_s=0.005, now_ns=lambda: now)
     camera.moved()
     assert [camera.frame().sequence for _ in range(3)] == [15, 16, 17]
 
 
-def test_of_a_camera_with_its_own_clock_a_few_frames_are_thrown_away() -> None:
+def test_a_few_frames_of_a_camera_with_its_own_clock_are_discarded() -> None:
     camera = SettledCamera(FakeCamera(Clock.DEVICE), settle_s=0.0, now_ns=lambda: 1 << 62)
     camera.moved()
     assert camera.frame().sequence == STALE_FRAMES
@@ -203,7 +203,7 @@ def test_stage_axes_have_origin_sign_and_travel_that_is_checked_before_sending(
     stage.close()
 
 
-def test_alarm_of_the_stage_is_said_in_its_own_words(
+def test_an_alarm_of_the_stage_is_reported_with_its_text(
     stage_at: StageAt,
 ) -> None:
     _, config = stage_at(travel=(-5.0, 5.0))
@@ -246,7 +246,7 @@ def test_failed_homing_silence_and_a_restart_are_errors(
     stage.close()
 
 
-def test_a_stage_of_the_other_dialect_is_not_mistaken(
+def test_a_stage_of_the_other_dialect_is_recognised(
     stage_at: StageAt,
 ) -> None:
     _, config = stage_at("marlin")
@@ -290,7 +290,7 @@ def test_every_new_place_is_reached_over_a_clear_tip_and_pressed_before_sheared(
     assert fake.moves[-1]["Z"] == 5.0
 
 
-def test_deeper_and_further_go_on_without_lifting(
+def test_deeper_and_further_poses_need_no_lifting(
     stage_at: StageAt,
 ) -> None:
     fake, config = stage_at()
@@ -345,7 +345,7 @@ def test_poses_that_the_stage_cannot_reach_are_refused(
 # -- manual -------------------------------------------------------------------------------------
 
 
-def test_manual_rig_says_what_to_do_and_then_looks() -> None:
+def test_the_manual_rig_gives_instructions_and_then_takes_an_image() -> None:
     asked: list[str] = []
     rig = ManualRig(FakeCamera(step_ns=1 << 61, n=3), asked.append)
     rig.mount(Tool("sphere", 3.0))
@@ -356,7 +356,7 @@ def test_manual_rig_says_what_to_do_and_then_looks() -> None:
     rig.close()
 
 
-def test_every_field_of_a_pose_is_said() -> None:
+def test_every_field_of_a_pose_has_an_instruction() -> None:
     assert describe_pose(CLEAR) == "take the tool off the tip"
     pressed = Pose(depth_mm=1.0)
     for name in ("x_mm", "y_mm", "tilt_x_deg", "tilt_y_deg", "shear_x_mm", "shear_y_mm", "twist_deg"):

@@ -77,7 +77,7 @@ def test_layouts_are_regular_as_the_camera_sees_them(kind: str, n: int) -> None:
 @pytest.mark.parametrize(
     ("kind", "n", "right"), [("hex", 130, "127"), ("square", 120, "121"), ("blue", 9, "hex")]
 )
-def test_a_layout_that_cannot_be_says_what_could(kind: str, n: int, right: str) -> None:
+def test_an_impossible_layout_is_refused_with_a_possible_one(kind: str, n: int, right: str) -> None:
     with pytest.raises(ValueError, match=right):
         layout(kind, n)
 
@@ -110,7 +110,7 @@ def test_pins_move_outward_from_the_contact_not_from_the_axis(x: float, y: float
     ToolPose(Tool("sphere", 3.0), x_mm=6.0, y_mm=-4.0, depth_mm=2.0),
     ToolPose(depth_mm=3.0, tilt_y_deg=15.0),
 ])  # fmt: skip
-def test_cells_grow_at_the_contact_and_shrink_around_it(contact: ToolPose) -> None:
+def test_cells_are_larger_at_the_contact_and_smaller_around_it(contact: ToolPose) -> None:
     place = np.array(Simulator(CAMERA, QUIET).frame((contact,)).truth["places_img"][0])  # type: ignore[index]
     change = area_change(contact)
     far = np.hypot(*(REST - place).T)
@@ -152,7 +152,7 @@ def test_tool_slides_over_the_skin_by_what_friction_does_not_carry() -> None:
     assert not held.slid_mm.any()
 
 
-def test_crescent_of_shrunken_cells_lies_in_the_direction_of_shear() -> None:
+def test_a_crescent_of_smaller_cells_lies_in_the_direction_of_shear() -> None:
     """The paper: "a clear increase in sensor expansion in a crescent ... in the direction of shear"."""
     change = area_change(ToolPose(depth_mm=3.0, shear_x_mm=1.5))
     x = (REST - CENTRE)[:, 0]
@@ -281,7 +281,7 @@ def test_sensor_noise_is_what_was_asked_for() -> None:
     assert image.std() == pytest.approx((4 + 0.05 * 100) ** 0.5, rel=0.02)
 
 
-def test_dead_pins_are_dark_and_said_to_be_invisible() -> None:
+def test_dead_pins_are_dark_and_marked_invisible() -> None:
     frame = Simulator(SMALL, Look(dead=frozenset({3, 50}))).frame()
     assert frame.truth is not None
     assert [i for i, seen in enumerate(frame.truth["visible"]) if not seen] == [3, 50]
@@ -360,7 +360,7 @@ def test_unpaced_source_plays_a_scene_once() -> None:
     assert frames[-1].truth["depth_mm"] == 3.0
 
 
-def test_light_of_a_source_can_be_ugly() -> None:
+def test_a_source_can_have_ugly_light() -> None:
     clean, bad = (next(iter(open_source(f"sim:nothing?paced=0&light={x}"))) for x in ("clean", "ugly"))
     assert clean.image.max() < 255
     assert np.count_nonzero(bad.image == 255) > 100
@@ -387,7 +387,7 @@ def test_paced_source_loops_at_its_rate() -> None:
     ("press", {"seed": "x"}, "x"),
     ("press", {"light": "dim"}, "ugly"),
 ])  # fmt: skip
-def test_wrong_source_says_what_would_be_right(where: str, extra: dict[str, str], right: str) -> None:
+def test_a_wrong_source_is_refused_with_a_right_one(where: str, extra: dict[str, str], right: str) -> None:
     with pytest.raises(SourceError, match=right):
         open_sim(where, Options(extra=extra))
 

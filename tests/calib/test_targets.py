@@ -28,7 +28,7 @@ def test_columns_become_values_and_missing_ones_do_not_exist(tmp_path: Path) -> 
     assert targets.rows([1]).frames == targets.frames[1:]
 
 
-def test_a_mark_at_the_beginning_of_the_file_is_no_part_of_a_name(tmp_path: Path) -> None:
+def test_a_byte_order_mark_is_not_part_of_a_name(tmp_path: Path) -> None:
     table = write(tmp_path, "\ufeffsensor_image,pose_z\na.png,1\n")
     assert len(read_targets(table, tmp_path)) == 1
 
@@ -80,7 +80,7 @@ def row(**changed: str) -> dict[str, str]:
     } | changed
 
 
-def test_a_capture_s_truth_leaves_out_what_means_nothing() -> None:
+def test_a_capture_s_truth_drops_meaningless_values() -> None:
     rows = [
         row(),
         row(tool="sphere", place_x="1", place_y="2", force_n="3", area_mm2="9"),
@@ -102,12 +102,12 @@ def test_a_capture_without_a_gauge_has_no_force() -> None:
     assert "force_n" not in targets_of_capture("a.mcap", [row(), row()]).values
 
 
-def test_a_cell_of_a_capture_that_is_no_number_is_named() -> None:
+def test_a_cell_without_a_number_is_named() -> None:
     with pytest.raises(TableError, match=r"a\.mcap#7, column pose_z: 'deep' is not a number"):
         targets_of_capture("press", [row(pose_z="deep")])
 
 
-def test_joined_tables_know_what_their_parts_know() -> None:
+def test_joined_tables_keep_the_values_of_their_parts() -> None:
     both = join(
         [targets_of_capture("a", [row()]), targets_of_capture("b", [row(tool="sphere", force_n="1")])]
     )

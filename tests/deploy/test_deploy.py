@@ -58,7 +58,7 @@ def test_the_unit_verifies(unit: Path) -> None:
     assert "Unknown" not in done.stderr, done.stderr  # a misspelt key is only a warning
 
 
-def test_a_misspelt_unit_would_not_verify(unit: Path) -> None:
+def test_a_misspelt_unit_fails_verification(unit: Path) -> None:
     analyze = tool("systemd-analyze", "systemd")
     unit.write_text(unit.read_text().replace("Type=notify", "Type=nonsense"))
     assert "nonsense" in run(analyze, "verify", "--recursive-errors=no", unit).stderr
@@ -85,7 +85,7 @@ def options_in(name: str) -> list[str]:
     return shlex.split(found)
 
 
-def test_the_page_is_served_by_the_drop_in_and_not_without() -> None:
+def test_the_page_is_served_only_with_the_drop_in() -> None:
     assert options_in(UNIT) == []
     assert (DEPLOY / UNIT).read_text().count(" $EDGE_OPTIONS\n") == 1
     command = run_command
@@ -277,7 +277,7 @@ def build_wheel(directory, config_settings=None, metadata_directory=None):
 """
 
 
-def test_a_checkout_is_left_as_it_was_and_its_constraints_hold(tmp_path: Path) -> None:
+def test_a_checkout_is_unchanged_and_its_constraints_hold(tmp_path: Path) -> None:
     checkout, index = tmp_path / "checkout", tmp_path / "index"
     (checkout / "made").mkdir(parents=True)
     index.mkdir()
@@ -307,7 +307,7 @@ def test_a_checkout_is_left_as_it_was_and_its_constraints_hold(tmp_path: Path) -
     assert sorted(path.name for path in tmp_path.iterdir()) == ["checkout", "index", "root"]
 
 
-def test_the_way_to_make_wheels_names_what_is_there() -> None:
+def test_the_wheel_workflow_names_existing_files() -> None:
     """Not a download of a package that no index has."""
     done = run("sh", DEPLOY / "install.sh", "--help")
     assert "pip wheel -w DIR -c constraints.txt '.[edge]'" in done.stdout

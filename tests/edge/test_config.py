@@ -64,7 +64,7 @@ def test_a_mistake_is_one_line_with_file_and_key(tmp_path: Path, text: str, expe
     assert "\n" not in message
 
 
-def test_every_key_says_what_it_takes(tmp_path: Path) -> None:
+def test_every_key_names_its_values(tmp_path: Path) -> None:
     """A datetime is right for none of them."""
     for section in Config.__struct_fields__:
         for key in getattr(Config(), section).__struct_fields__:

@@ -18,7 +18,7 @@ HOLDS = (
 
 
 @pytest.mark.parametrize("hazard", HOLDS)
-def test_no_pin_is_swapped_and_nothing_touches_by_itself(hazard: str) -> None:
+def test_no_pin_is_swapped_and_no_false_touch(hazard: str) -> None:
     outcome = measure(Camera(tip=Tip(n_pins=127), size_px=(320, 240)), None, hazard, seed=3)
     assert outcome.swapped == 0
     assert outcome.touches == 0

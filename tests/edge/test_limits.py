@@ -46,7 +46,7 @@ class Table(msgspec.Struct):
         ('{"other":' + "[" * 100_000, "lists and tables are nested too deeply"),
     ],
 )
-def test_what_is_wrong_is_said_in_words(raw: str, expected: str) -> None:
+def test_errors_have_readable_messages(raw: str, expected: str) -> None:
     with pytest.raises(BadContent) as caught:
         limits.decode_json(raw.encode(), Table)
     assert str(caught.value) == expected

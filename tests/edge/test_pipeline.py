@@ -52,7 +52,7 @@ def test_values_follow_the_truth(frames: list[Frame], rest: Rest, calibration: C
     assert not last.searched
 
 
-def test_a_jump_gives_what_following_gives(frames: list[Frame], rest: Rest) -> None:
+def test_a_jump_gives_the_same_as_following(frames: list[Frame], rest: Rest) -> None:
     following, jumping = Pipeline(rest), Pipeline(rest)
     for frame in frames:
         followed = following.process(frame)
@@ -72,7 +72,7 @@ def test_a_jump_gives_what_following_gives(frames: list[Frame], rest: Rest) -> N
     ],
     ids=["shear", "contacts", "surface", "all"],
 )
-def test_only_what_is_asked_for(
+def test_only_the_demand_is_computed(
     frames: list[Frame],
     rest: Rest,
     demand: set[Feature],
@@ -98,7 +98,7 @@ def test_an_untouched_tip_has_no_surface_and_no_contacts(frames: list[Frame], re
     assert result.features.contacts == ()
 
 
-def test_after_the_dark_the_same_pins_are_held(frames: list[Frame], rest: Rest) -> None:
+def test_after_dark_frames_the_same_pins_are_held(frames: list[Frame], rest: Rest) -> None:
     pipeline = Pipeline(rest)
     for frame in frames[:20]:
         before = pipeline.process(frame)

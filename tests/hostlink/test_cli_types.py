@@ -9,13 +9,13 @@ from hostlink.cli_types import FiniteFloat, WholeNumber
 
 
 @pytest.mark.parametrize("text", ["nan", "NaN", "inf", "-inf", "1e999", "abc", "", "0x10"])
-def test_what_is_no_finite_number_is_refused(text: str) -> None:
+def test_non_finite_numbers_are_refused(text: str) -> None:
     with pytest.raises(click.BadParameter, match="is not a number; give a number above 0"):
         FiniteFloat(min=0, min_open=True).convert(text, None, None)
 
 
 @pytest.mark.parametrize("text", ["nan", "inf", "1.5", "abc", "1e3"])
-def test_what_is_no_whole_number_is_refused(text: str) -> None:
+def test_non_whole_numbers_are_refused(text: str) -> None:
     with pytest.raises(click.BadParameter, match="is not a whole number; give a whole number from 1 to 127"):
         WholeNumber(1, 127).convert(text, None, None)
 

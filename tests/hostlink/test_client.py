@@ -243,7 +243,7 @@ def test_async_iterator_ends_with_the_link(pair: Pair) -> None:
     assert asyncio.run(asyncio.wait_for(read(), SOON_S)) == [0, 1, 2, 3]
 
 
-def test_what_a_finger_can_be_asked(pair: Pair) -> None:
+def test_a_finger_s_objects_can_be_read(pair: Pair) -> None:
     node, application, hand = pair
     node.send(state(0))
     finger = hand.finger()
@@ -279,7 +279,7 @@ def test_what_a_finger_can_be_asked(pair: Pair) -> None:
         finger.upload_calibration("/nosuch")
 
 
-def test_emergencies_are_heard_and_forgotten(pair: Pair) -> None:
+def test_emergencies_set_and_clear_faults(pair: Pair) -> None:
     node, _, hand = pair
     node.send(state(0))
     finger = hand.finger()
@@ -425,7 +425,7 @@ def test_one_frame_with_a_foreign_version_byte_ends_nothing(request: pytest.Fixt
         assert set(hand.fingers) == {1}
 
 
-def test_what_was_not_foreseen_is_counted_logged_once_and_left(
+def test_unexpected_errors_are_counted_and_logged_once(
     request: pytest.FixtureRequest, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     channel = request.node.name
@@ -447,7 +447,7 @@ def test_what_was_not_foreseen_is_counted_logged_once_and_left(
     assert "KeyError: 'capture_time_us'" in caplog.text
 
 
-def test_second_sender_with_one_number_is_named(
+def test_a_second_sender_with_the_same_number_is_reported(
     request: pytest.FixtureRequest, caplog: pytest.LogCaptureFixture
 ) -> None:
     bus = f"virtual:{request.node.name}"
@@ -469,7 +469,7 @@ def test_there_is_one_class_of_samples() -> None:
     assert hostlink.Sample is hostlink.decoder.Sample is hostlink.client.Sample
 
 
-def test_asking_for_a_finger_that_is_not_there_makes_none(request: pytest.FixtureRequest) -> None:
+def test_requesting_an_absent_finger_creates_none(request: pytest.FixtureRequest) -> None:
     channel = request.node.name
     with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
         send_state(bus, 1, 0)
@@ -482,7 +482,7 @@ def test_asking_for_a_finger_that_is_not_there_makes_none(request: pytest.Fixtur
         assert hand.finger().node == 1
 
 
-def test_stopped_finger_without_heartbeat_can_be_asked_by_its_number(request: pytest.FixtureRequest) -> None:
+def test_a_stopped_finger_without_heartbeat_can_be_queried_by_number(request: pytest.FixtureRequest) -> None:
     bus = f"virtual:{request.node.name}"
     node, application = make_node(f"{bus}?node=4")
     with hostlink.connect(bus) as hand:
@@ -559,7 +559,7 @@ def test_silent_finger_times_out(request: pytest.FixtureRequest) -> None:
             hand.finger(200)
 
 
-def test_callback_that_fails_costs_nobody_else(request: pytest.FixtureRequest) -> None:
+def test_a_failing_callback_does_not_affect_others(request: pytest.FixtureRequest) -> None:
     def fail(sample: hostlink.Sample) -> None:
         raise ZeroDivisionError
 
@@ -578,7 +578,7 @@ def test_callback_that_fails_costs_nobody_else(request: pytest.FixtureRequest) -
     assert len(heard) == 1
 
 
-def test_a_tap_that_fails_is_taken_off_and_the_link_goes_on(request: pytest.FixtureRequest) -> None:
+def test_a_failing_tap_is_removed_and_the_link_goes_on(request: pytest.FixtureRequest) -> None:
     bus = f"virtual:{request.node.name}"
     node, _ = make_node(f"{bus}?node=1")
     called: list[float] = []
@@ -650,7 +650,7 @@ def test_round_trip_bounds_the_clock_without_assumptions(pair: Pair) -> None:
     assert abs(sample.host_time_s - sent.capture_time_us * 1e-6) <= sample.host_error_s + ROUNDING_S
 
 
-def test_slow_reader_loses_the_oldest_and_knows(request: pytest.FixtureRequest) -> None:
+def test_a_slow_reader_loses_the_oldest_and_counts_it(request: pytest.FixtureRequest) -> None:
     channel = request.node.name
     with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
 

@@ -162,7 +162,7 @@ def test_reboot_is_noticed_with_the_next_sample(announced: bool) -> None:
 
 
 @pytest.mark.parametrize("minutes", [1.0, 30.0, 37.0, 50.0, 67.0, 71.0, 72.5, 110.0])
-def test_host_that_slept_does_not_mistake_the_time(minutes: float) -> None:
+def test_a_suspended_host_gets_no_wrong_time(minutes: float) -> None:
     world = SteppingWorld(3)
     assert world.sample(2000) < INSIDE
     world.sleep(minutes)
@@ -170,7 +170,7 @@ def test_host_that_slept_does_not_mistake_the_time(minutes: float) -> None:
     assert world.clock.restarts >= 1
 
 
-def test_step_back_by_less_than_the_spacing_enlarges_the_error_until_it_is_sure() -> None:
+def test_a_small_step_back_enlarges_the_error_until_a_round_trip() -> None:
     world = SteppingWorld(4, rate_hz=20.0)
     assert world.sample(400) < INSIDE
     world.step(-0.03)  # no sample seems captured before the one before it: they only come late
@@ -183,7 +183,7 @@ def test_step_back_by_less_than_the_spacing_enlarges_the_error_until_it_is_sure(
     assert world.errors_s[-1] < 0.001
 
 
-def test_longer_way_is_covered_as_well() -> None:
+def test_a_longer_transit_stays_within_the_bound() -> None:
     clock = ClockMap()
     for k in range(200):
         clock.sample(k * 10_000, 0.0, 10.0 + k * 0.01 + 0.0005)

@@ -137,7 +137,7 @@ def test_loss_duplicates_and_order_are_counted() -> None:
     assert (s.received_n, s.lost_n, s.duplicate_n, s.out_of_order_n) == (4, 1, 2, 1)
 
 
-def test_a_divider_is_no_loss() -> None:
+def test_samples_skipped_by_the_divider_are_not_lost() -> None:
     decoder = CanDecoder()
     deliver(decoder, [(5 * i & 0xFFFF, i & 0xFF) for i in range(300)])
     assert decoder.statistics[1].lost_n == 0
@@ -202,7 +202,7 @@ def second_senders(decoder: CanDecoder, frames: list[tuple[int, bytes]]) -> list
 
 
 @pytest.mark.parametrize("lead", [0, 1, 10, 63, 500, 20_000, 40_000])
-def test_two_senders_with_one_number_are_named(lead: int) -> None:
+def test_two_senders_with_the_same_number_are_reported(lead: int) -> None:
     """Two boards that were started together, and two that were not."""
     first = [State(sample=i, capture_time_us=5_000_000 + i * 4167) for i in range(300)]
     second = [
@@ -579,7 +579,7 @@ def test_noise_is_not_another_version() -> None:
     assert mismatches(decoder, calls) == []
 
 
-def test_what_came_beside_the_error_is_not_lost() -> None:
+def test_events_beside_an_error_are_not_lost() -> None:
     decoder = SerialDecoder()
     good = [encode_frame(Message.STATE, pack_state(State(sample=i), i)) for i in range(3)]
     bad = [encode_frame(Message.REPLY, foreign_reply(i)) for i in range(3)]

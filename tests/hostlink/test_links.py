@@ -110,7 +110,7 @@ def test_slcan_carries_samples_and_objects(adapters: Adapters, options: str, tol
         ),
     ],
 )
-def test_addresses_open_what_they_say(text: str, arguments: dict[str, object]) -> None:
+def test_addresses_open_their_links(text: str, arguments: dict[str, object]) -> None:
     assert parse_address(text).bus_arguments() == arguments
 
 
@@ -128,7 +128,7 @@ def test_addresses_of_lines() -> None:
 @pytest.mark.parametrize(
     "text", ["", "can0", "can:", "can:a?", "can:a?fd", "can:a?fd=2", "can:a?baud=9600", "x:y"]
 )
-def test_what_is_no_address_is_one_line(text: str) -> None:
+def test_an_invalid_address_is_one_line(text: str) -> None:
     if text == "can:a?":
         assert parse_address(text).channel == "a"  # nothing asked, nothing wrong
         return
@@ -137,7 +137,7 @@ def test_what_is_no_address_is_one_line(text: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_importing_is_light() -> None:
+def test_importing_loads_no_heavy_library() -> None:
     code = (
         "import sys, hostlink\n"
         "heavy = {'numpy', 'cv2', 'can', 'serial', 'canopen', 'rich', 'click', 'edge'}\n"

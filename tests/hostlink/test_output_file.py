@@ -48,7 +48,7 @@ def test_input_is_refused_even_with_overwrite_and_under_another_name(tmp_path: P
         ("file.json/x.json", "there is no folder"),
     ],
 )
-def test_unusable_name_is_refused_with_what_would_be_right(tmp_path: Path, name: str, what: str) -> None:
+def test_an_unusable_name_is_refused_with_a_usable_one(tmp_path: Path, name: str, what: str) -> None:
     (tmp_path / "folder.json").mkdir()
     (tmp_path / "file.json").touch()
     with pytest.raises(OutputError, match=what):

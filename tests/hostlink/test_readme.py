@@ -96,7 +96,7 @@ def test_python_loop_over_a_recording_finds_its_samples(
     assert [float(row[2]) for row in rows] == pytest.approx([k / 10 for k in range(5)])
 
 
-def test_wire_document_names_the_run_that_is_believed() -> None:
+def test_the_wire_document_names_the_restart_run() -> None:
     """The document is generated without the decoder, whose number this is."""
     text = (ROOT / "hostlink" / "WIRE.md").read_text(encoding="utf-8")
     assert f"after {RESTART_RUN} frames of another sequence" in " ".join(text.split())
@@ -127,7 +127,7 @@ int main(void)
 """
 
 
-def test_c_receive_interrupt_forgets_what_is_old_invalid_or_not_live(tmp_path: Path) -> None:
+def test_c_receive_interrupt_drops_old_invalid_and_replayed_samples(tmp_path: Path) -> None:
     compiler = shutil.which("cc") or shutil.which("gcc")
     assert compiler is not None
     (tmp_path / "main.c").write_text(code("C: a controller's receive interrupt", "c") + MAIN)

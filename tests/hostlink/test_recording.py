@@ -158,7 +158,7 @@ def test_a_channel_with_a_long_number_is_recorded(tmp_path: Path) -> None:
     ],
     ids=lambda line: line[:24],
 )
-def test_a_line_of_another_form_is_the_damage(tmp_path: Path, line: str) -> None:
+def test_a_line_of_another_form_is_reported_as_damage(tmp_path: Path, line: str) -> None:
     path = tmp_path / "a.log"
     path.write_text(f"(1.0) can0 181#00\n{line}\n")
     messages = read_log(path)
@@ -196,14 +196,14 @@ def blf_of(container: bytes, says: int | None = None) -> bytes:
 
 
 @pytest.mark.parametrize("says", [0, 15, 20, 1 << 30, (1 << 32) - 1])
-def test_a_blf_length_is_not_believed(tmp_path: Path, says: int) -> None:
+def test_a_false_blf_length_allocates_no_memory(tmp_path: Path, says: int) -> None:
     path = tmp_path / "a.blf"
     path.write_bytes(blf_of(zlib.compress(b"LOBJ" + bytes(60)), says))
     with peak_below(4 << 20), pytest.raises(LogError, match=r"damaged after 0 messages: .* at byte 144"):
         list(read_log(path))
 
 
-def test_a_blf_container_that_unpacks_without_end_is_damage(tmp_path: Path) -> None:
+def test_a_blf_container_that_unpacks_endlessly_counts_as_damaged(tmp_path: Path) -> None:
     packer = zlib.compressobj(9)
     parts = [packer.compress(bytes(1 << 20)) for _ in range(256)]
     path = tmp_path / "a.blf"
@@ -212,7 +212,7 @@ def test_a_blf_container_that_unpacks_without_end_is_damage(tmp_path: Path) -> N
         list(read_log(path))
 
 
-def test_a_blf_file_that_is_cut_off_gives_what_is_there(tmp_path: Path) -> None:
+def test_a_truncated_blf_file_is_read_up_to_its_end(tmp_path: Path) -> None:
     path = tmp_path / "a.blf"
     with LogWriter(path) as writer:
         for message in traffic(300):

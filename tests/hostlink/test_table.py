@@ -109,7 +109,7 @@ def test_parquet_goes_on_beyond_one_piece(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_a_damaged_recording_gives_what_comes_before(
+def test_a_damaged_recording_is_read_up_to_the_damage(
     log: Path, kind: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with log.open("a") as file:

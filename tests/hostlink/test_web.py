@@ -142,7 +142,7 @@ async def visit(session: aiohttp.ClientSession, url: str, packets_n: int) -> int
 # ---- viewers ------------------------------------------------------------------------------------------
 
 
-def test_a_viewer_that_never_reads_is_cut_off() -> None:
+def test_a_viewer_that_never_reads_is_disconnected() -> None:
     with serving(limits=WebLimits(patience_s=0.3)) as served:
         server = served.server
         with never_reads(served) as raw:
@@ -153,7 +153,7 @@ def test_a_viewer_that_never_reads_is_cut_off() -> None:
         served.until(lambda: served.wanted == [frozenset({"image"}), None], "nothing is made any more")
 
 
-def test_a_viewer_that_chatters_and_acknowledges_nothing_is_cut_off() -> None:
+def test_a_viewer_that_acknowledges_nothing_is_disconnected() -> None:
     """Talking is no sign of life: only what it has got counts."""
     with serving(limits=WebLimits(patience_s=0.3)) as served, never_reads(served) as raw:
         with contextlib.suppress(ConnectionError):
@@ -164,7 +164,7 @@ def test_a_viewer_that_chatters_and_acknowledges_nothing_is_cut_off() -> None:
         served.until(lambda: served.server.cut_off_n == 1, "it is cut off")
 
 
-def test_commands_whose_answers_are_never_read_end_the_viewer() -> None:
+def test_a_viewer_that_reads_no_answers_is_disconnected() -> None:
     """Each answer waits for its reader: a viewer has a few of them open, and not millions."""
     limits = WebLimits(patience_s=SOON_S, messages_per_s=1 << 30)
     with serving(limits=limits, packet=bytes(4)) as served, never_reads(served) as raw:
@@ -183,7 +183,7 @@ def test_commands_whose_answers_are_never_read_end_the_viewer() -> None:
         assert peak < 8_000_000, "answers piled up"
 
 
-def test_a_viewer_that_talks_without_end_is_cut_off(served: Served) -> None:
+def test_a_viewer_that_sends_endlessly_is_disconnected(served: Served) -> None:
     with never_reads(served) as raw:
         with contextlib.suppress(ConnectionError):
             raw.sendall(message_frame('{"want": []}') * (3 * LIMITS.messages_per_s))
@@ -233,7 +233,7 @@ def test_a_hundred_viewers_come_and_go(served: Served) -> None:
 
 
 @pytest.mark.parametrize("said", ["", "G", "GET / HTTP/1.1\r\nHost: "])
-def test_half_open_requests_shut_nobody_out(
+def test_half_open_requests_do_not_block_others(
     served: Served, said: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Many times more than there are places for: a viewer comes in all the same."""
@@ -246,7 +246,7 @@ def test_half_open_requests_shut_nobody_out(
     assert sum(len(record.getMessage()) for record in caplog.records) < 10_000
 
 
-def test_half_open_sockets_take_no_viewer_place(served: Served) -> None:
+def test_half_open_sockets_do_not_count_as_viewers(served: Served) -> None:
     """A place is taken by who has said what it wants, not by who has only come."""
     with contextlib.ExitStack() as stack:
         for _ in range(2 * LIMITS.viewers_n):
@@ -314,7 +314,7 @@ NONSENSE = [
 
 
 @pytest.mark.parametrize("text", NONSENSE, ids=lambda text: text[:16])
-def test_a_message_without_sense_ends_the_viewer_and_nothing_else(
+def test_an_invalid_message_disconnects_only_its_viewer(
     served: Served, text: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def talk(first: bool) -> int | None:
@@ -335,7 +335,7 @@ def test_a_message_without_sense_ends_the_viewer_and_nothing_else(
 
 
 @pytest.mark.parametrize("token", ["\\ud800", "x" * 3000, "wrong"])
-def test_a_wrong_token_is_refused_whatever_it_is(token: str) -> None:
+def test_any_wrong_token_is_refused(token: str) -> None:
     async def talk(served: Served) -> int | None:
         async with aiohttp.ClientSession() as session, session.ws_connect(served.url) as connection:
             await connection.send_str(f'{{"token": "{token}"}}')
@@ -395,17 +395,17 @@ def test_random_requests_and_messages_get_an_answer_and_leave_no_trace(
 
 
 @pytest.mark.parametrize("text", [text for text in NONSENSE if text[:4] not in ('{"go', '{"wa', '{"do')])
-def test_what_is_no_message_is_a_value_error(text: str) -> None:
+def test_an_invalid_message_is_a_value_error(text: str) -> None:
     with pytest.raises(ValueError, match=r"."):
         parse_message(text)
 
 
-def test_wishes_are_those_that_there_are() -> None:
+def test_requests_are_limited_to_known_names() -> None:
     assert wishes_in({"want": ["image", "money"]}, frozenset({"image"})) == {"image"}
     assert wishes_in({}, frozenset({"image"})) == frozenset()
 
 
-def test_a_sparse_log_counts_what_it_leaves_out(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_sparse_log_counts_skipped_lines(caplog: pytest.LogCaptureFixture) -> None:
     log = SparseLog(logging.getLogger("test"), 3600.0)
     for n in range(5):
         log.write(f"line {n}")

@@ -226,7 +226,7 @@ def test_a_hostile_file_is_refused_before_anything_is_built(table: dict[str, Any
     ],
     ids=["empty", "text", "list", "binary", "cut", "latin", "deep list", "deep table", "deep sensor", "long"],
 )
-def test_what_is_no_calibration_says_so(tmp_path: Path, raw: bytes, expected: str) -> None:
+def test_a_file_that_is_no_calibration_is_refused(tmp_path: Path, raw: bytes, expected: str) -> None:
     assert expected in refusal(raw)
     path = tmp_path / "cal.json"
     path.write_bytes(raw)
@@ -268,7 +268,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         Calibration.load("/dev/zero")
 
 
-def test_a_kill_while_writing_leaves_a_whole_file(tmp_path: Path) -> None:
+def test_a_kill_while_writing_keeps_a_complete_file(tmp_path: Path) -> None:
     path = tmp_path / "cal.json"
     made = parsed(calibration_content())
     made.save(path)

@@ -30,7 +30,7 @@ def test_values_follow_the_models() -> None:
     assert reading.saturated == frozenset()
 
 
-def test_out_of_range_is_the_end_of_the_range_and_named() -> None:
+def test_values_out_of_range_are_clipped_and_named() -> None:
     reading = parsed(calibration_content()).apply(touched_features(0.9, (20.0, 0.0)), PATTERN)
     assert reading.values["displacement_mm"] == 5.0
     assert reading.values["shear_x_mm"] == 2.0
@@ -126,7 +126,7 @@ def test_an_uncalibrated_tip_counts_its_contacts_and_places_none() -> None:
 
 
 @pytest.mark.parametrize("tip", ["hex127_flat", "rings331_ball"])
-def test_old_files_give_what_they_gave(data_dir: Path, tip: str) -> None:
+def test_old_files_give_the_same_values(data_dir: Path, tip: str) -> None:
     """Values of frames under a touch, as written down by the program that made the files."""
     old = json.loads((data_dir / "old" / "values-2026-11-21.json").read_text())[tip]
     calibration = Calibration.load(data_dir / "old" / f"{tip}-2026-11-21.json")

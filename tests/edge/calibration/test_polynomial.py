@@ -38,7 +38,7 @@ def polynomial(outputs: int, spread_rows: int, seed: int = 0) -> Polynomial:
 
 
 @pytest.mark.parametrize(("outputs", "spread_rows"), [(1, 0), (2, 1), (1, 3), (2, 4), (2, 5), (1, 8)])
-def test_all_models_in_one_call_are_each_model_in_numpy(outputs: int, spread_rows: int) -> None:
+def test_all_models_in_one_call_agree_with_numpy(outputs: int, spread_rows: int) -> None:
     """Curves by `numpy.interp`, polynomials by `evaluate_terms`; far out, NaN and several rows included."""
     rng = np.random.default_rng(3)
     z = rng.normal(0.0, 0.2, (200, 3)) + 1j * rng.normal(0.0, 0.2, (200, 3))

@@ -93,7 +93,7 @@ def test_values_and_sigmas_are_those_of_the_definition(gap: float) -> None:
         assert not found[:, 2].any()
 
 
-def test_what_is_not_wanted_is_not_there_and_changes_nothing() -> None:
+def test_features_not_in_demand_are_none_and_change_nothing() -> None:
     z = _frame()
     everything = _run(MODELS, z)
     for wanted in ([1, 0, 0], [0, 1, 1], [0, 0, 0]):
@@ -115,7 +115,7 @@ def test_more_lost_pins_than_the_fit_has_tried_give_no_value() -> None:
     assert np.isnan(_run(MODELS, _frame(gap=math.nan))[:3, 0]).all()
 
 
-def test_far_from_the_data_a_value_is_told_as_out_of_range() -> None:
+def test_far_from_the_data_a_value_is_reported_as_out_of_range() -> None:
     z = _frame()
     near, beyond = _process(["s"], 11, 4, 2, far=1e6), _process(["s"], 11, 4, 2, far=1e-6)
     assert _run([near], z)[0, 2] == 0
@@ -132,7 +132,7 @@ def test_a_value_beyond_the_range_is_set_to_its_end() -> None:
     assert _run([high], z)[0, 0] == value - 1.0
 
 
-def test_an_input_that_is_not_known_gives_no_value() -> None:
+def test_an_unknown_input_gives_no_value() -> None:
     z = _frame()
     z[2] = math.nan
     found = _run(MODELS, z)

@@ -140,7 +140,7 @@ def test_a_pin_among_the_fence_has_no_bounded_cell() -> None:
     assert np.isfinite(areas).tolist() == [True, True, False]
 
 
-def test_coordinates_below_any_meaning_do_not_break_exactness() -> None:
+def test_tiny_coordinates_do_not_break_exactness() -> None:
     pins = np.array([[1e-300, -1e-310], [0.3, 5e-324], [-0.2, 0.4], [0.0, -0.5]])
     as_zero = np.where(np.abs(pins) < 1e-200, 0.0, pins)
     areas = areas_of(Mesh(4, 40), bounded(pins), 4)
@@ -158,7 +158,7 @@ def test_coordinates_below_any_meaning_do_not_break_exactness() -> None:
         pytest.param(np.zeros((4, 2), dtype=np.int64), "dtype", marks=pytest.mark.compiled),
     ],
 )
-def test_misuse_is_said_and_leaves_the_mesh_usable(points: Points, message: str) -> None:
+def test_misuse_is_reported_and_keeps_the_mesh_usable(points: Points, message: str) -> None:
     mesh = Mesh(1, 3)
     good = np.array([[0.0, 0.0], [-1, -1], [1, -1], [0, 1]])
     before = areas_of(mesh, good, 1)

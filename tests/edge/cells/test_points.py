@@ -48,7 +48,7 @@ def test_an_affine_motion_is_followed_exactly() -> None:
 
 
 @pytest.mark.parametrize("missing", [[0], [3, 17], [0, 1, 2, 36]])
-def test_missing_pins_stand_at_their_conditional_mean(missing: list[int]) -> None:
+def test_missing_pins_are_put_at_their_conditional_mean(missing: list[int]) -> None:
     points, rest, around, _ = made()
     xy = rest + np.random.default_rng(2).normal(0, 2, rest.shape)
     seen = np.ones(len(rest), bool)

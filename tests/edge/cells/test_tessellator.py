@@ -180,7 +180,7 @@ def test_rim_cells_hold_when_the_rim_moves_far() -> None:
         assert ratio.max() < 1.6
 
 
-def test_walks_agree_with_fresh_triangulations_and_show_no_jumps() -> None:
+def test_random_walks_agree_with_fresh_triangulations_without_jumps() -> None:
     """A share of the walks of `python -m tests.bench stability`."""
     walks = random_walks(40, 10, 0.5, seed=1)
     assert walks.worst_difference <= 1e-12
@@ -226,7 +226,7 @@ def test_blinking_pins_add_no_more_than_the_noise_that_is_there() -> None:
 
 
 @pytest.mark.parametrize("tip", TIPS)
-def test_lost_pins_under_load_leave_their_neighbours_alone(tip: str) -> None:
+def test_lost_pins_under_load_do_not_affect_their_neighbours(tip: str) -> None:
     rest = TIPS[tip]()
     now = pressed(rest)
     tessellator = Tessellator(rest_of(rest))
@@ -318,7 +318,7 @@ def test_too_few_pins_in_view_are_refused(seen: list[int]) -> None:
     assert np.isfinite(tessellator.cells(tracks_of(rest)).area_px2).all()  # and it goes on afterwards
 
 
-def test_pins_fallen_together_are_refused_in_flight() -> None:
+def test_collapsed_pins_are_refused_while_tracking() -> None:
     rest = square(8)
     tessellator = Tessellator(rest_of(rest))
     with pytest.raises(DegenerateLayout, match="one place"):

@@ -102,7 +102,7 @@ def test_a_recording_of_a_replay_replays_the_same(
 
 
 @pytest.mark.parametrize(("speed", "way_out"), [("100", "--loop plays it on"), ("max", "a longer one")])
-def test_a_recording_that_ends_within_its_tare_says_so(
+def test_a_recording_that_ends_within_its_tare_is_reported(
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
     tip_image: Path,
@@ -115,7 +115,7 @@ def test_a_recording_that_ends_within_its_tare_says_so(
     assert way_out in said
 
 
-def test_images_that_pass_during_the_tare_are_told(
+def test_images_that_pass_during_the_tare_are_reported(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, data_dir: Path
 ) -> None:
     """A search takes longer than 40 images do at a hundred times their rate."""
@@ -125,7 +125,7 @@ def test_images_that_pass_during_the_tare_are_told(
     assert "--loop" in said
 
 
-def test_a_recording_that_was_cut_off_is_told_and_its_rest_replayed(
+def test_a_truncated_recording_is_reported_and_replayed(
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
     capsys: pytest.CaptureFixture[str],
@@ -146,7 +146,7 @@ def test_a_recording_that_was_cut_off_is_told_and_its_rest_replayed(
     assert said in caplog.text
 
 
-def test_without_a_sink_it_says_that_samples_are_not_sent(
+def test_without_a_sink_a_warning_is_logged(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
 ) -> None:
     arguments = ("run", "--source", "sim:nothing?pins=37&layout=hex&paced=0", "--frames", "1", "-q")
@@ -162,7 +162,7 @@ BLACK, WHITE = np.zeros((240, 320), np.uint8), np.full((240, 320), 255, np.uint8
 
 
 @pytest.mark.parametrize("image", [BLACK, WHITE], ids=["black", "white"])
-def test_inspect_says_when_there_are_no_pins(
+def test_inspect_reports_an_image_without_pins(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, image: np.ndarray
 ) -> None:
     path = write(tmp_path / "image.png", image)
@@ -281,7 +281,7 @@ def test_a_mistake_is_one_line_and_exit_code_2(
     assert {name: (tmp_path / name).read_text() for name in kept} == kept
 
 
-def test_a_dark_stretch_is_a_status_bit_and_a_count(
+def test_a_dark_period_is_a_status_bit_and_a_count(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], data_dir: Path, tmp_path: Path
 ) -> None:
     source = open_source(str(data_dir / "nothing.mcap"))
@@ -336,7 +336,7 @@ def test_a_video_that_does_not_fit_on_the_disk_is_one_line_and_no_file(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_video_that_replaces_another_is_whole_before_it_does(data_dir: Path, tmp_path: Path) -> None:
+def test_a_video_is_complete_before_it_replaces_another(data_dir: Path, tmp_path: Path) -> None:
     path = tmp_path / "a.mp4"
     path.write_text("the old one")
     arguments = ("render", data_dir / "nothing.mcap", "-o", path, "--height", "240", "--overwrite", "-q")
@@ -372,7 +372,7 @@ def test_ctrl_c_leaves_no_part_of_a_video(data_dir: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("more", [[], ["--loop"]], ids=["once", "loop"])
-def test_a_reader_that_has_seen_enough_ends_the_replay(data_dir: Path, more: list[str]) -> None:
+def test_closing_stdout_ends_the_replay(data_dir: Path, more: list[str]) -> None:
     command = [sys.executable, "-m", "edge", "replay", str(data_dir / "press_shear.mcap"), "--samples"]
     speed = [] if more else ["--speed", "max"]
     with subprocess.Popen(
@@ -435,13 +435,13 @@ def test_without_the_edge_extra_a_command_says_what_to_install(tmp_path: Path, m
         assert said.endswith("install voronoi-touch[edge]")
 
 
-def test_the_version_is_told() -> None:
+def test_the_version_is_printed() -> None:
     done = edge("--version")
     assert done.returncode == 0
     assert done.stdout == f"python -m edge {version('voronoi-touch')}\n"
 
 
-def test_a_token_need_not_stand_on_the_command_line(
+def test_a_token_can_be_kept_off_the_command_line(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, data_dir: Path
 ) -> None:
     """From the environment or a file; and then it is the page's."""

@@ -137,7 +137,7 @@ def bad(found: dict[str, Line]) -> dict[str, str]:
     return {topic: line.level for topic, line in found.items() if line.level != "ok"}
 
 
-def test_all_is_well(look: Look) -> None:
+def test_everything_in_order_gives_ok(look: Look) -> None:
     found = look()
     assert bad(found) == {}
     assert set(found) == {

@@ -37,7 +37,7 @@ def test_a_replay_counts_its_frames(data_dir: Path, quiet: bool) -> None:
     assert ("replay" in seen and "/16" in seen) is not quiet
 
 
-def test_what_is_no_terminal_sees_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_terminal_nothing_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     with waiting("long work", True), counting("frames", 3, True) as count:
         count(1)
     assert capsys.readouterr() == ("", "")

@@ -65,7 +65,7 @@ def test_the_safe_palette_has_no_red(data_dir: Path, tmp_path: Path) -> None:
     assert ((r > 200) & (g > 110) & (g < 190) & (b < 80)).sum() > 50
 
 
-def test_mistakes_are_told(data_dir: Path, tmp_path: Path) -> None:
+def test_mistakes_are_reported(data_dir: Path, tmp_path: Path) -> None:
     press = str(data_dir / "press.mcap")
     with pytest.raises(SourceError, match="no such file"):
         render_recording(str(tmp_path / "none.mcap"), tmp_path / "a.mp4")

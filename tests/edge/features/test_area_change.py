@@ -47,7 +47,7 @@ def test_firm_threshold(level: float, counted: float) -> None:
     assert changes.volume(0.1) == pytest.approx(counted * rest_areas(rest).sum(), abs=1e-6)
 
 
-def test_volume_of_noise_is_nothing_and_noise_adds_nothing_to_a_bump() -> None:
+def test_volume_of_noise_is_zero_and_noise_adds_none_to_a_bump() -> None:
     rest = tip(331)
     changes = made(rest)
     rng = np.random.default_rng(3)

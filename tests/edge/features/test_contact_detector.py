@@ -46,7 +46,7 @@ def test_in_contact_where_ring_means_and_medians_are_beyond_the_limits() -> None
     assert len(set(answers)) == 2
 
 
-def test_a_contact_begins_higher_than_it_ends() -> None:
+def test_a_contact_has_hysteresis() -> None:
     rest = tip(127)
     detector = ContactDetector(rest)
     change = np.zeros(127)
@@ -61,7 +61,7 @@ def test_a_contact_begins_higher_than_it_ends() -> None:
     assert answers == [False, True, True, False, False]
 
 
-def test_a_mean_over_few_cells_counts_less_and_over_three_not() -> None:
+def test_a_mean_over_few_cells_is_scaled_down_and_over_three_ignored() -> None:
     rest = tip(127)
     ring, _ = slope_stencil(rest.xy_img, rest.pattern.pitch_px)
     xy = rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1)

@@ -95,7 +95,7 @@ def test_sizes_that_do_not_fit_are_refused() -> None:
         ContactPlace(REST.xy_img[1:], PITCH, surface.field, peaks, regions)
 
 
-def test_a_second_look_refuses_what_does_not_fit() -> None:
+def test_the_split_test_refuses_arrays_of_other_sizes() -> None:
     surface, peaks, regions, _ = made()
     grid, divergences = surface.sharper_grid(2.0)
     with pytest.raises(ValueError, match="divergences"):

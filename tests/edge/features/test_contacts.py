@@ -136,7 +136,7 @@ def test_nothing_above_the_threshold_is_no_contact() -> None:
 
 
 @pytest.mark.compiled
-def test_a_single_touch_stays_one_however_badly_its_pins_are_seen() -> None:
+def test_a_single_touch_stays_one_with_poorly_seen_pins() -> None:
     """A noise that no sigma tells of, with outliers, as pins behind glare have it."""
     rest = tip(127)
     rng = np.random.default_rng(9)

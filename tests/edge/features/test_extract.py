@@ -56,7 +56,7 @@ def test_every_feature_has_its_needs() -> None:
         (set(Feature), set(OPTIONAL)),
     ],
 )
-def test_only_what_is_asked_for(demand: set[Feature], fields: set[str]) -> None:
+def test_only_the_demand_is_computed(demand: set[Feature], fields: set[str]) -> None:
     rest = tip(127)
     tracks, cells = frame(rest, rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1))
     got = extractor(rest).extract(tracks, cells, frozenset(demand))
@@ -170,7 +170,7 @@ def test_a_third_of_the_pins_lost_changes_little() -> None:
     np.testing.assert_allclose(half.shear_px, full.shear_px, atol=0.25)
 
 
-def test_a_probe_under_lost_pins_is_felt() -> None:
+def test_a_probe_under_lost_pins_is_detected() -> None:
     """The cells that grow are those of the lost pins; the seen ones round them have only moved."""
     rest = tip(127)
     xy = rest.xy_img + push(rest, (0.0, 0.0), 0.7 * rest.pattern.pitch_px, 0.2)
@@ -187,7 +187,7 @@ def test_a_probe_under_lost_pins_is_felt() -> None:
     assert np.hypot(*(got.contacts[0].xy_img - CENTRE)) < 0.25 * rest.pattern.pitch_px
 
 
-def test_where_hardly_a_pin_is_seen_there_is_no_second_contact() -> None:
+def test_without_seen_pins_there_is_no_second_contact() -> None:
     rest = tip(331)
     pitch = rest.pattern.pitch_px
     places = ((-4.0 * pitch, 0.0), (4.0 * pitch, 0.0))

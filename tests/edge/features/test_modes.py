@@ -41,7 +41,7 @@ def test_modes_turn_by_their_spin() -> None:
     np.testing.assert_allclose(after, before * np.exp(1j * spins * angle), atol=1e-9)
 
 
-def test_terms_that_the_layout_cannot_carry_are_zero() -> None:
+def test_terms_that_the_layout_cannot_resolve_are_zero() -> None:
     rest = make_rest(CENTRE + 20.0 * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]]), 20.0)
     fitted = Modes(rest).fit(np.ones((4, 2)), np.ones(4, np.bool_))
     empty = ~np.any(mode_basis(rest), axis=0)

@@ -91,7 +91,7 @@ def test_peaks_are_connected_where_no_valley_goes_below_the_level() -> None:
             assert finder.first_connected(j, level) == int(np.argmax(component == component[j]))
 
 
-def test_no_level_lets_a_walk_leave_the_grid() -> None:
+def test_no_level_lets_a_search_leave_the_grid() -> None:
     """The border is -inf: at a level of -inf it was walked on, beyond the memory of the grid."""
     inside = np.ones((3, 4), bool)
     finder = PeakFinder(inside)
@@ -116,7 +116,7 @@ def test_strict_maxima_within_a_region() -> None:
     assert set(np.asarray(finder.point)[: finder.n_peaks]) == set(np.flatnonzero(chosen))
 
 
-def test_what_does_not_fit_is_refused() -> None:
+def test_arrays_that_do_not_fit_are_refused() -> None:
     finder = PeakFinder(np.ones((4, 5), np.bool_))
     for n in (0, 19, 21):
         with pytest.raises(ValueError, match="wanted"):

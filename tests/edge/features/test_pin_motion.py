@@ -80,7 +80,7 @@ def test_contact_pins_are_those_of_the_plain_ellipse() -> None:
     np.testing.assert_array_equal(PinMotion(rest).in_contact(np.zeros(331), 0.0), np.arange(331))
 
 
-def test_a_plane_takes_off_what_a_load_explains() -> None:
+def test_a_plane_removes_the_motion_that_a_load_explains() -> None:
     rest = tip(331)
     unit = (rest.xy_img - CENTRE) / rest.pattern.tip_radius_px
     rng = np.random.default_rng(1)
@@ -105,7 +105,7 @@ def test_a_rest_frame_without_two_coordinates_a_pin_is_refused() -> None:
         PinMotion(replace(rest, pins=pins))
 
 
-def test_what_does_not_fit_is_refused() -> None:
+def test_arrays_that_do_not_fit_are_refused() -> None:
     rest = tip(127)
     made, xy = PinMotion(rest), rest.xy_img
     sigma, seen = np.zeros(127), np.ones(127, np.bool_)

@@ -11,7 +11,7 @@ from tests.support.fields import CENTRE, push, tip
 pytestmark = pytest.mark.kernels
 
 
-def test_pin_noise_is_found_whatever_the_load_and_a_few_bad_pins() -> None:
+def test_pin_noise_is_measured_under_load_and_with_bad_pins() -> None:
     rest = tip(331)
     noise, rng = PinNoise(rest.xy_img, rest.pattern.pitch_px), np.random.default_rng(4)
     seen = np.ones(331, dtype=np.bool_)

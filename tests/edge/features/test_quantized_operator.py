@@ -53,7 +53,7 @@ def test_zeros_give_zeros() -> None:
     np.testing.assert_array_equal(operator.result, 0.0)
 
 
-def test_what_does_not_fit_is_refused() -> None:
+def test_arrays_that_do_not_fit_are_refused() -> None:
     for bad in (np.zeros(3), np.zeros((0, 3)), np.zeros((3, 0)), np.array([[np.nan]]), np.array([[np.inf]])):
         with pytest.raises(ValueError, match="finite"):
             QuantizedOperator(bad)

@@ -63,14 +63,14 @@ def test_a_shallow_valley_joins_and_a_deep_one_separates() -> None:
     assert regions.n_contacts == 1
 
 
-def test_no_more_contacts_than_there_is_room_for() -> None:
+def test_no_more_contacts_than_the_table_holds() -> None:
     field = sum(hill(5.0 + 10.0 * (k % 4), 5.0 + 10.0 * (k // 4), 1.0 - 0.02 * k, 1.5) for k in range(16))
     _, regions = regions_of(np.asarray(field))
     assert regions.n_contacts == CONTACTS_MAX
     np.testing.assert_allclose(np.asarray(regions.middle)[7], [X0 + 70.0, Y0 + 30.0], atol=0.3)
 
 
-def test_the_ground_of_a_dropped_contact_goes_to_the_others() -> None:
+def test_the_points_of_a_dropped_contact_go_to_the_others() -> None:
     _, regions = regions_of(hill(14.0, 20.0, 1.0, 3.0) + hill(26.0, 20.0, 0.8, 3.0))
     before = regions.area_px2(1)
     regions.keep(np.array([0, 1], np.uint8))
@@ -95,7 +95,7 @@ def test_nothing_above_the_noise_is_no_contact() -> None:
     assert regions.n_contacts == 0
 
 
-def test_what_does_not_fit_is_refused() -> None:
+def test_arrays_that_do_not_fit_are_refused() -> None:
     _, regions = regions_of(hill(20.0, 20.0, 1.0, 3.0))
     with pytest.raises(ValueError, match="noise"):
         regions.merge(NOISE[1:], 0.0)

@@ -64,7 +64,7 @@ class TestSlip:
         states = self.run([core * k for k in range(6)])[1:]
         assert min(p for _, p in states) > 0.9
 
-    def test_first_frame_and_too_few_pins_say_nothing(self) -> None:
+    def test_first_frame_and_too_few_pins_give_no_slip(self) -> None:
         slip = Slip(PinMotion(self.rest))
         change = np.zeros(len(self.xy))
         assert slip.update(np.zeros_like(self.xy), change, self.pins, 0.05).probability == 0.0

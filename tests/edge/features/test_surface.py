@@ -26,7 +26,7 @@ def divergence(surface: Surface, xy: Array) -> Array:
 
 
 @pytest.mark.parametrize("pins", [127, 331])
-def test_smooth_bump_as_well_as_clough_tocher(pins: int) -> None:
+def test_a_smooth_bump_is_interpolated_as_well_as_by_clough_tocher(pins: int) -> None:
     """A bump two pitches wide: both interpolants meet the truth."""
     rest = tip(pins)
     surface = Surface(rest, 48)
@@ -82,7 +82,7 @@ def test_a_picture_is_laid_out_row_by_row() -> None:
     assert np.isnan(grid[~surface.inside]).all()
 
 
-def test_the_field_is_a_blend_at_the_points_near_what_has_grown() -> None:
+def test_the_field_is_a_blend_near_increased_areas() -> None:
     rest = tip(331)
     surface, field = Surface(rest), Surface(rest).field
     xy = rest.xy_img + push(rest, (20.0, -30.0), 40.0, 0.1)

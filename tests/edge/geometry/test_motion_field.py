@@ -30,7 +30,7 @@ def test_an_affine_motion_has_its_trace_everywhere() -> None:
     np.testing.assert_allclose(OPERATOR @ motion.ravel(), 0.08, atol=1e-9)
 
 
-def test_a_gradient_s_divergence_is_found_closer_than_by_two_surfaces() -> None:
+def test_divergence_of_a_gradient_field_is_more_exact_than_by_two_surfaces() -> None:
     _, along_x, along_y = thin_plate_operators(KNOTS, POINTS)
     rng = np.random.default_rng(0)
     ours, theirs = [], []
@@ -43,7 +43,7 @@ def test_a_gradient_s_divergence_is_found_closer_than_by_two_surfaces() -> None:
     assert np.sqrt(np.mean(np.square(ours))) < 0.5 * np.sqrt(np.mean(np.square(theirs)))
 
 
-def test_a_turn_of_a_patch_has_next_to_no_divergence() -> None:
+def test_a_rotation_of_a_patch_has_hardly_any_divergence() -> None:
     motion, _ = gradient(KNOTS, KNOTS.mean(axis=0), 2.0 * PITCH)
     turned = np.column_stack([-motion[:, 1], motion[:, 0]])
     assert np.abs(OPERATOR @ turned.ravel()).max() < 0.02 * np.abs(OPERATOR @ motion.ravel()).max()

@@ -26,6 +26,6 @@ def test_kth_smallest_is_that_of_the_sorted_values(n: int, kind: str) -> None:
 
 
 @pytest.mark.parametrize(("n", "k"), [(0, 0), (3, 3), (3, -1)])
-def test_a_rank_that_is_not_there_is_refused(n: int, k: int) -> None:
+def test_a_rank_out_of_range_is_refused(n: int, k: int) -> None:
     with pytest.raises(ValueError, match="values"):
         kth_smallest(np.zeros(n), k)

@@ -21,14 +21,14 @@ class Bus:
         raise self._error from self._cause
 
 
-def test_a_datagram_that_is_no_frame_is_counted_and_left() -> None:
+def test_a_datagram_without_a_frame_is_counted_and_dropped() -> None:
     junk = Bus(can.CanOperationError("could not unpack received message"), ValueError("extra data"))
     medium = CanMedium(junk, instant=True)  # type: ignore[arg-type]
     assert [medium.read(0.0) for _ in range(20)] == [None] * 20
     assert medium.junk_n == 20
 
 
-def test_a_host_s_link_leaves_it_too() -> None:
+def test_a_host_s_link_also_filters_junk() -> None:
     link = CanLink.__new__(CanLink)  # as far as reading goes
     junk = Bus(can.CanOperationError("could not unpack received message"), ValueError("extra data"))
     assert link._read(junk) is None
@@ -37,14 +37,14 @@ def test_a_host_s_link_leaves_it_too() -> None:
 
 
 @pytest.mark.parametrize("cause", [OSError("the interface went down"), None])
-def test_a_bus_that_failed_is_not_taken_for_junk(cause: Exception | None) -> None:
+def test_a_failed_bus_is_not_counted_as_junk(cause: Exception | None) -> None:
     medium = CanMedium(Bus(can.CanOperationError("failed"), cause), instant=True)  # type: ignore[arg-type]
     with pytest.raises(MediumError):
         medium.read(0.0)
 
 
 @pytest.mark.parametrize("cost_s", [20e-6, 100e-6, 1e-3])
-def test_a_reader_that_never_waits_gets_its_share(cost_s: float) -> None:
+def test_a_reader_that_never_waits_is_throttled_to_its_share(cost_s: float) -> None:
     """Simulated: messages without end, each of which costs the reader so much."""
     now_s = cpu_s = 0.0
     budget = ReadBudget(cpu_s, now_s)
@@ -54,7 +54,7 @@ def test_a_reader_that_never_waits_gets_its_share(cost_s: float) -> None:
     assert cpu_s / now_s < 1.2 * PARAMS.read_rel
 
 
-def test_a_reader_that_mostly_waits_is_never_held_up() -> None:
+def test_a_reader_that_mostly_waits_is_not_throttled() -> None:
     budget, now_s, cpu_s = ReadBudget(0.0, 0.0), 0.0, 0.0
     for _ in range(5000):
         now_s, cpu_s = now_s + 400e-6, cpu_s + 80e-6  # an upload: a segment, its answer, and waiting

@@ -257,7 +257,7 @@ def test_unusable_values_are_refused(bench: Bench, name: str, data: bytes, code:
     assert bench.finger.reboots == 0
 
 
-def test_the_node_says_in_words_why_it_refused(bench: Bench) -> None:
+def test_the_node_gives_the_reason_of_a_refusal(bench: Bench) -> None:
     bench.finger.touched = True
     for name, value, words in (
         ("tare", 1, "touched"),
@@ -514,7 +514,7 @@ def test_serial_request_repeated_is_done_once(line: Line) -> None:
     assert line.finger.tares == [False, False]
 
 
-def test_settings_without_a_folder_are_said_not_to_be_stored(bench: Bench, line: Line) -> None:
+def test_settings_without_a_folder_are_reported_as_not_stored(bench: Bench, line: Line) -> None:
     assert bench.read("settings_stored") is True
     assert line.ask(line.request(Op.READ, "settings_stored"), 1).data == b"\0"
 
@@ -541,7 +541,7 @@ def test_serial_nmt_sync_emergency_heartbeat(line: Line) -> None:
     assert unpack_emergency(emergency)[0] == 0x9002
 
 
-def test_access_outside_of_the_table_never_gets_through(line: Line) -> None:
+def test_access_outside_of_the_table_is_refused(line: Line) -> None:
     with pytest.raises(Aborted):
         line.node.objects.read(0, 0)
     frame = line.sink.frame(Message.REQUEST, b"\1", 0)

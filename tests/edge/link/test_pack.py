@@ -56,7 +56,7 @@ def test_more_contacts_than_fit_are_counted() -> None:
     assert [c.x_mm for c in state.contacts] == [0.0, 1.0, 2.0, 3.0]
 
 
-def test_bits_that_the_result_itself_shows() -> None:
+def test_bits_that_follow_from_the_result() -> None:
     unsure = Reading({}, {}, np.empty((0, 3)), frozenset({"displacement_mm"}), calibrated=False)
     state = to_state(
         Measured(tracks(confidence=0.1), unsure), sample=0, status=Status.NOT_LIVE, capture_time_us=0
@@ -65,7 +65,7 @@ def test_bits_that_the_result_itself_shows() -> None:
     assert isnan(state.displacement_mm)
 
 
-def test_without_a_result_only_the_frame_speaks() -> None:
+def test_without_a_result_only_the_frame_counts() -> None:
     state = to_state(
         None, sample=3, status=Status.CAMERA_FAULT, capture_time_us=9, latency_us=50.0, temperature_degc=41.0
     )

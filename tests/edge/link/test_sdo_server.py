@@ -61,7 +61,7 @@ def code(answer: bytes) -> int:
     return int.from_bytes(answer[4:], "little") if answer[0] == 0x80 else 0
 
 
-def test_a_read_and_a_stray_download_segment_are_no_upload(bench: Bench) -> None:
+def test_a_stray_download_segment_after_a_read_writes_nothing(bench: Bench) -> None:
     bench.ask(head(0x40, LONG))
     assert code(bench.ask(segment(0, b"{}", last=True)))
     assert bench.objects.written == []
@@ -86,7 +86,7 @@ def test_another_clients_reads_do_not_redirect_a_write(bench: Bench) -> None:
     assert bench.objects.written == [(LONG, b"123456789")]
 
 
-def test_a_client_that_went_away_holds_the_server_for_a_second(bench: Bench) -> None:
+def test_a_vanished_client_blocks_the_server_for_a_second(bench: Bench) -> None:
     bench.ask(head(0x21, LONG))
     bench.ask(segment(0, b"1234567"))
     bench.now_s = IDLE_S
@@ -136,7 +136,7 @@ steps = st.one_of(
 
 @settings(max_examples=300)
 @given(st.lists(steps, max_size=40))
-def test_any_frames_write_only_what_one_transfer_brought(sequence: list[tuple[object, ...]]) -> None:
+def test_any_frames_write_only_the_data_of_one_transfer(sequence: list[tuple[object, ...]]) -> None:
     """A long value is written only as the segments since the start of a download of that object."""
     bench, segments, start = Bench(), b"", None
     for step in sequence:

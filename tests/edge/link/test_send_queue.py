@@ -26,7 +26,7 @@ def test_answers_go_first_then_samples_then_detail() -> None:
     assert queue.empty
 
 
-def test_the_oldest_sample_gives_way() -> None:
+def test_the_oldest_sample_is_dropped() -> None:
     queue = SendQueue(2, 8)
     assert [queue.put_sample([k]) for k in range(4)] == [True, True, False, False]
     assert taken(queue) == [2, 3]
@@ -41,7 +41,7 @@ def test_detail_keeps_its_distance() -> None:
     assert taken(queue, 10.5) == ["d2"]
 
 
-def test_a_detail_group_with_a_hole_is_dropped() -> None:
+def test_an_incomplete_detail_group_is_dropped() -> None:
     queue = SendQueue(4, 8)
     queue.put_detail(["d1", "d2", "d3"], 0.0)
     queue.take(0.0)

@@ -191,7 +191,7 @@ def test_interface_down_and_back(channel: str, flaky: Flaky, fd_sink: CanFdSink)
     assert fd_sink.faults == frozenset()
 
 
-def test_one_full_buffer_is_no_lost_link(flaky: Flaky) -> None:
+def test_one_full_buffer_does_not_count_as_a_lost_link(flaky: Flaky) -> None:
     sink = CanFdSink("patient", flaky, params=replace(PARAMS, stall_s=SOON_S))
     flaky.fail(errno.ENOBUFS)
     assert not sink.send(state(0))
@@ -210,7 +210,7 @@ def test_full_buffer_drops_and_keeps_the_bus(flaky: Flaky, fd_sink: CanFdSink) -
     assert fd_sink.counters.reconnects == 0
 
 
-def test_a_stall_is_told_though_nothing_more_is_to_be_sent(flaky: Flaky, fd_sink: CanFdSink) -> None:
+def test_a_stall_is_reported_without_further_samples(flaky: Flaky, fd_sink: CanFdSink) -> None:
     told: list[frozenset[FaultCode]] = []
     fd_sink.on_faults = lambda: told.append(fd_sink.faults)
     flaky.fail(errno.ENOBUFS)
@@ -221,7 +221,7 @@ def test_a_stall_is_told_though_nothing_more_is_to_be_sent(flaky: Flaky, fd_sink
     until(lambda: told[-1:] == [frozenset()], "told of its end")
 
 
-def test_a_write_that_hangs_is_told_while_it_hangs(channel: str) -> None:
+def test_a_blocked_write_is_reported_while_it_blocks(channel: str) -> None:
     flaky = Flaky(channel, instant=False)
     sink = CanFdSink("slow", flaky)
     told: list[frozenset[FaultCode]] = []
@@ -235,7 +235,7 @@ def test_a_write_that_hangs_is_told_while_it_hangs(channel: str) -> None:
     sink.close()
 
 
-def test_bus_off_is_told_by_the_link(channel: str, fd_sink: CanFdSink) -> None:
+def test_bus_off_is_reported_by_the_link(channel: str, fd_sink: CanFdSink) -> None:
     told: list[frozenset[FaultCode]] = []
     fd_sink.on_faults = lambda: told.append(fd_sink.faults)
     with can.Bus(interface="virtual", channel=channel) as host:
@@ -245,7 +245,7 @@ def test_bus_off_is_told_by_the_link(channel: str, fd_sink: CanFdSink) -> None:
         until(lambda: told[-1:] == [frozenset()], "told of its end")
 
 
-def test_bus_off_is_seen_and_forgotten(channel: str, fd_sink: CanFdSink) -> None:
+def test_bus_off_is_reported_and_cleared(channel: str, fd_sink: CanFdSink) -> None:
     with can.Bus(interface="virtual", channel=channel) as host:
         host.send(can.Message(is_error_frame=True, arbitration_id=0x40))
         until(lambda: fd_sink.faults == {FaultCode.BUS_OFF}, "bus-off")
@@ -253,7 +253,9 @@ def test_bus_off_is_seen_and_forgotten(channel: str, fd_sink: CanFdSink) -> None
         assert fd_sink.faults == frozenset()
 
 
-def test_a_reader_woken_for_what_a_writer_was_told_does_not_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reader_woken_for_an_error_that_a_writer_got_does_not_block(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The kernel says once that an interface is down; whoever reads after that must not hold the link."""
     ours, theirs = socket.socketpair()
 
@@ -299,7 +301,7 @@ def test_bus_off_of_an_interface_of_the_kernel_lasts_until_its_carrier_is_back(
     assert unpack_state(bytes(message.data)).sample == 1
 
 
-def test_a_medium_that_opens_and_fails_at_once_is_not_tried_without_end(channel: str) -> None:
+def test_a_medium_that_fails_at_once_is_retried_with_pauses(channel: str) -> None:
     opened = 0
 
     class Down(FlakyBus):
@@ -327,7 +329,7 @@ def test_a_medium_that_opens_and_fails_at_once_is_not_tried_without_end(channel:
     sink.close()
 
 
-def test_hanging_medium_does_not_hold_the_loop(channel: str) -> None:
+def test_a_blocked_medium_does_not_block_the_loop(channel: str) -> None:
     flaky = Flaky(channel, instant=False)
     sink = CanFdSink("slow", flaky)
     with can.Bus(interface="virtual", channel=channel) as host:
@@ -381,7 +383,7 @@ def test_heartbeat_series_goes_on_and_ends(channel: str, fd_sink: CanFdSink) -> 
         assert host.recv(0.03) is None
 
 
-def test_message_that_breaks_its_handler_does_not_deafen(channel: str, fd_sink: CanFdSink) -> None:
+def test_a_message_that_breaks_its_handler_does_not_stop_reading(channel: str, fd_sink: CanFdSink) -> None:
     heard: list[int] = []
 
     def handler(message: can.Message) -> None:
@@ -463,7 +465,7 @@ def test_pty_closed_and_reopened(pty: Pty) -> None:
     sink.close()
 
 
-def test_a_sample_that_meets_the_loss_is_not_kept_for_later(pty: Pty) -> None:
+def test_a_sample_that_hits_a_lost_link_is_dropped(pty: Pty) -> None:
     sink = open_sink(f"serial:{pty.path}")
     assert isinstance(sink, SerialSink)
     assert sink.send(state(0))
@@ -507,7 +509,7 @@ def test_line_that_nobody_reads_is_full_not_fatal(pty: Pty) -> None:
     sink.close()
 
 
-def test_loop_url_hears_itself() -> None:
+def test_loop_url_receives_its_own_bytes() -> None:
     sink = SerialSink("loop", open_line(parse_address("serial:loop://")))
     heard: list[tuple[Message, int, bytes]] = []
     sink.on_frame = lambda *frame: heard.append(frame)

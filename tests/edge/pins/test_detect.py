@@ -104,7 +104,7 @@ def textures() -> dict[str, Image]:
 
 
 @pytest.mark.parametrize(("name", "image"), textures().items())
-def test_what_is_no_tip_raises_one_line(name: str, image: Image) -> None:
+def test_an_image_without_a_tip_raises_one_line(name: str, image: Image) -> None:
     with pytest.raises(NoPins) as caught:
         inspect_image(image)
     assert "no pattern of pins" in str(caught.value)
@@ -149,7 +149,7 @@ def test_rest_is_taken_from_the_images_in_which_nothing_moves() -> None:
     assert missed_and_false(moving.pins, truth + np.array([9.0, 0.0]), 0.3) == (0, 0)
 
 
-def test_a_reflection_on_a_pin_makes_no_second_one() -> None:
+def test_a_reflection_on_a_pin_gives_no_second_pin() -> None:
     """A small bright spot on the edge of a large pin answers at a scale of its own."""
     truth = hexagon(6, 32.0, (320.0, 240.0))
     image = draw((640, 480), truth, 9.0, 1.0, 90.0, 30.0)
@@ -223,7 +223,7 @@ VIDEOS = {"Movement4": (110, 135), "north": (80, 135), "west": (80, 135), "flatS
 
 @pytest.mark.real
 @pytest.mark.parametrize(("name", "count"), VIDEOS.items())
-def test_real_videos_give_a_rest_that_can_be_followed(
+def test_real_videos_give_a_rest_frame_that_can_be_followed(
     real_dir: Path, name: str, count: tuple[int, int]
 ) -> None:
     video = cv2.VideoCapture(str(real_dir / "video" / f"{name}.avi"))
@@ -246,7 +246,7 @@ def dark_pins(glints: bool) -> Image:
 
 
 @pytest.mark.parametrize("glints", [False, True])
-def test_dark_pins_are_found_and_their_reflections_are_none(glints: bool) -> None:
+def test_dark_pins_are_found_without_their_reflections(glints: bool) -> None:
     truth = hexagon(4, 34.0, (200.0, 200.0))
     image = dark_pins(glints)
     for pattern in (learn_pattern(image), take_rest([image, image]).pattern):
@@ -281,7 +281,7 @@ def test_the_inverted_image_gives_the_same_to_the_last_bit(bits: int, left_px: f
     assert same_pins(a.refine(images[1], off), b.refine(inverted[1], off))
 
 
-def test_the_polarity_that_was_said_is_the_only_one_looked_for() -> None:
+def test_only_the_given_polarity_is_searched_for() -> None:
     image = dark_pins(glints=False)
     assert learn_pattern(image, Polarity.DARK).dark
     with pytest.raises(NoPins, match=r"bright ones: "):

@@ -65,7 +65,7 @@ def test_agrees_with_the_plain_fit(
 
 
 @pytest.mark.parametrize(("radius", "blur", "light", "ground", "noise"), DISCS)
-def test_noise_is_near_the_bound_and_sigma_says_so(
+def test_noise_is_near_the_bound_and_matches_sigma(
     radius: float, blur: float, light: float, ground: float, noise: float
 ) -> None:
     pitch = 3.8 * radius
@@ -87,7 +87,7 @@ def test_noise_is_near_the_bound_and_sigma_says_so(
     assert np.abs(np.mean(errors, axis=(0, 1))).max() < 0.01
 
 
-def test_no_trace_of_where_the_window_started() -> None:
+def test_the_result_does_not_depend_on_where_the_window_started() -> None:
     truth = hexagon(3, 22.0, (150.0, 150.0))
     image = expose(draw(SIZE, truth, 6.0, 0.9, 120, 30), 0.0, np.random.default_rng(0))
     refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 120, 1.0, 22.0, SIZE))
@@ -97,7 +97,7 @@ def test_no_trace_of_where_the_window_started() -> None:
     assert np.abs(answers[0] - truth).max() < 0.02
 
 
-def test_slope_of_the_ground_does_not_pull() -> None:
+def test_a_slope_of_the_background_causes_no_bias() -> None:
     """A reflection's flank, one level a pixel: a centroid over its ring's mean would be off by 0.2 px."""
     truth = hexagon(3, 22.0, (150.0, 150.0))
     clean = draw(SIZE, truth, 6.0, 0.9, 80, 20) + 0.8 * np.abs(np.arange(300) - 150.0)[None, :]
@@ -135,7 +135,7 @@ def test_missing_and_covered_pins_are_lost_and_half_hidden_ones_less_sure() -> N
     assert np.isnan(error) or pins.sigma_px[30] > 5 * np.nanmedian(pins.sigma_px)
 
 
-def test_two_pins_never_answer_from_one_blob() -> None:
+def test_two_pins_never_share_one_blob() -> None:
     truth = hexagon(3, 22.0, (150.0, 150.0))
     image = expose(draw(SIZE, np.delete(truth, 10, axis=0), 6.0, 0.9, 120, 30), 2.0, np.random.default_rng(7))
     predicted = truth.copy()

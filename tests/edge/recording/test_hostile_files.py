@@ -100,7 +100,7 @@ def read_everything(path: Path) -> int:
         '"x": ' + "[" * 5000,
     ],
 )
-def test_what_a_frame_cannot_be_is_counted_and_left_out(tmp_path: Path, about: str) -> None:
+def test_impossible_frames_are_counted_and_skipped(tmp_path: Path, about: str) -> None:
     text = '{"sequence": 7, "capture_ns": 1000, "clock": "host", "bits": 8}'
     key = about.partition(":")[0]
     bad = (
@@ -121,7 +121,7 @@ def test_what_a_frame_cannot_be_is_counted_and_left_out(tmp_path: Path, about: s
     assert all(frame.bits == 8 for frame in frames)
 
 
-def test_an_enormous_picture_costs_nothing(tmp_path: Path) -> None:
+def test_an_enormous_picture_is_not_decoded(tmp_path: Path) -> None:
     large = proto("CompressedImage")(format="png", data=png_of(32_000, 32_000))
     path = write(tmp_path / "a.mcap", ("/camera/image", good_image()), ("/camera/image", large))
     with bounded_memory():
@@ -152,7 +152,9 @@ def chunk_at(data: bytes) -> int:
 
 @pytest.mark.parametrize("compression", ["lz4", "zstd"])
 @pytest.mark.parametrize("says", [1000, 100 << 20, 1 << 40])
-def test_a_chunk_that_unpacks_without_end_is_damaged(tmp_path: Path, compression: str, says: int) -> None:
+def test_a_chunk_that_unpacks_endlessly_counts_as_damaged(
+    tmp_path: Path, compression: str, says: int
+) -> None:
     packer: Any = LZ4FrameCompressor() if compression == "lz4" else zstandard.ZstdCompressor().compressobj()
     parts = [packer.begin()] if compression == "lz4" else []
     parts += [packer.compress(bytes(1 << 20)) for _ in range(256)]
@@ -172,7 +174,7 @@ def test_a_chunk_that_unpacks_without_end_is_damaged(tmp_path: Path, compression
 
 
 @pytest.mark.parametrize("offset", [0, 3, 1 << 20, 1 << 40, (1 << 63) + 5, (1 << 64) - 1])
-def test_a_chunk_index_that_points_anywhere_costs_that_chunk(tmp_path: Path, offset: int) -> None:
+def test_a_wrong_chunk_index_loses_that_chunk_only(tmp_path: Path, offset: int) -> None:
     path = write(tmp_path / "a.mcap", *[("/camera/image", good_image(n)) for n in range(4)])
     data = bytearray(path.read_bytes())
     at = data.rindex(struct.pack("<Q", chunk_at(data)))  # in the chunk's index

@@ -194,7 +194,7 @@ def test_results_read_back(tmp_path: Path) -> None:
     assert RecordingSource(path).rate_hz == 240
 
 
-def test_a_reader_that_knows_nothing_of_us_validates_the_file(tmp_path: Path) -> None:
+def test_an_independent_reader_validates_the_file(tmp_path: Path) -> None:
     """The mcap library's own reader, CRCs checked, decodes every message by the schemas in the file."""
     from mcap.reader import make_reader
     from mcap_protobuf.decoder import DecoderFactory
@@ -288,7 +288,7 @@ def _frames_by_chunk(data: bytes, ends: list[int]) -> list[int]:
     return counts
 
 
-def test_damage_to_one_chunk_costs_that_chunk(long_recording: tuple[Path, list[Frame]]) -> None:
+def test_damage_to_one_chunk_loses_that_chunk_only(long_recording: tuple[Path, list[Frame]]) -> None:
     path, frames = long_recording
     ends = chunk_ends(path)
     data = bytearray(path.read_bytes())
@@ -388,7 +388,7 @@ def test_a_second_at_240_frames_a_second_loses_nothing(tmp_path: Path) -> None:
     assert got == list(range(240))
 
 
-def test_a_slow_disk_drops_counts_and_says_so(tmp_path: Path) -> None:
+def test_a_slow_disk_drops_messages_and_reports_it(tmp_path: Path) -> None:
     """The queue is bounded; the call returns; the gap stands in the file as a warning."""
     path = tmp_path / "slow.mcap"
     recorder = Recorder(path, buffer_mb=1.0)
@@ -421,7 +421,7 @@ def test_a_disk_that_is_full_from_the_start_is_one_line() -> None:
         Recorder(full, overwrite=True)
 
 
-def test_a_disk_that_fills_up_in_flight(tmp_path: Path) -> None:
+def test_a_disk_that_fills_up_while_recording(tmp_path: Path) -> None:
     class Full:
         """A file that has room for one chunk."""
 
@@ -459,7 +459,7 @@ def test_a_recording_is_never_overwritten_unasked(tmp_path: Path) -> None:
     assert len(list(RecordingSource(tmp_path / "a.mcap"))) == 2
 
 
-def test_where_nothing_can_be_written(tmp_path: Path) -> None:
+def test_an_unwritable_folder_is_a_warning(tmp_path: Path) -> None:
     with pytest.raises(SinkError, match="cannot write"):
         Recorder(tmp_path / "no such folder" / "a.mcap")
 
@@ -507,7 +507,7 @@ def test_colour_images_of_another_tool_become_grey(tmp_path: Path) -> None:
     assert np.all(frames[0].image == 76)  # 0.299 of 255
 
 
-def test_annotations_leave_out_what_is_not_a_polygon() -> None:
+def test_annotations_skip_invalid_polygons() -> None:
     shapes = proto("ImageAnnotations").FromString(
         annotations_of(0, polygons=[np.zeros((2, 2)), np.full((3, 2), np.nan)], colours=[(1, 0, 0, 1)] * 2)
     )

@@ -21,7 +21,7 @@ save(Path(sys.argv[1]), b"new")
 """
 
 
-def test_what_an_upload_left_that_was_cut_off_is_cleared_away_and_nothing_else(tmp_path: Path) -> None:
+def test_only_leftovers_of_interrupted_uploads_are_removed(tmp_path: Path) -> None:
     calibration = tmp_path / "calibration.json"
     calibration.write_bytes(b"old")
     others = [

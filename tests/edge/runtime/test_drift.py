@@ -39,7 +39,7 @@ def rest_for(
     return now
 
 
-def test_what_drifts_is_taken_off_with_the_time_constant(rest: Rest) -> None:
+def test_drift_is_subtracted_with_the_time_constant(rest: Rest) -> None:
     drift = Drift(rest, limit_px=0.5, time_s=10.0)
     moved = rest.xy_img + np.array([0.2, -0.1])
     rest_for(drift, moved, UNTOUCHED_S + 10.0)
@@ -64,7 +64,7 @@ def test_the_same_tracks_as_long_as_nothing_is_learnt(rest: Rest) -> None:
         (True, 0, 0.2, UNTOUCHED_S - 0.5),  # not for long enough
     ],
 )
-def test_nothing_is_learnt_unless_surely_untouched(
+def test_drift_is_learnt_only_while_certainly_untouched(
     rest: Rest, quiet: bool, lost: int, away: float, seconds: float
 ) -> None:
     drift = Drift(rest, limit_px=0.3, time_s=1.0)
@@ -72,7 +72,7 @@ def test_nothing_is_learnt_unless_surely_untouched(
     assert drift.offset_px == 0.0
 
 
-def test_a_touch_starts_the_waiting_anew(rest: Rest) -> None:
+def test_a_touch_restarts_the_waiting_time(rest: Rest) -> None:
     drift = Drift(rest, time_s=1.0)
     now = 0
     for _ in range(5):
@@ -81,14 +81,14 @@ def test_a_touch_starts_the_waiting_anew(rest: Rest) -> None:
     assert drift.offset_px == 0.0
 
 
-def test_a_pause_is_no_time_at_rest(rest: Rest) -> None:
+def test_a_pause_does_not_count_as_time_at_rest(rest: Rest) -> None:
     drift = Drift(rest, time_s=1.0)
     for k in range(20):
         drift.learn(tracks(rest.xy_img + 0.1), round(k * (GAP_S + 1.0) * 1e9), True)
     assert drift.offset_px == 0.0
 
 
-def test_no_offset_exceeds_the_limit_whatever_happens(rest: Rest) -> None:
+def test_no_offset_ever_exceeds_the_limit(rest: Rest) -> None:
     drift = Drift(rest, limit_px=0.3, time_s=0.1)
     random = default_rng(1)
     now = 0
@@ -99,7 +99,7 @@ def test_no_offset_exceeds_the_limit_whatever_happens(rest: Rest) -> None:
     assert drift.at_limit
 
 
-def test_it_can_be_switched_off_and_taken_back(rest: Rest) -> None:
+def test_drift_learning_can_be_switched_off_and_undone(rest: Rest) -> None:
     off = Drift(rest, limit_px=0.0, time_s=0.1)
     rest_for(off, rest.xy_img + 0.1, 30.0)
     assert off.offset_px == 0.0
@@ -111,7 +111,7 @@ def test_it_can_be_switched_off_and_taken_back(rest: Rest) -> None:
     assert drift.correct(seen) is seen
 
 
-def test_a_lost_pin_keeps_what_it_had(rest: Rest) -> None:
+def test_a_lost_pin_keeps_its_residual(rest: Rest) -> None:
     drift = Drift(rest, time_s=0.1)
     now = rest_for(drift, rest.xy_img + 0.1, 30.0)
     rest_for(drift, rest.xy_img - 0.1, 30.0, now, lost=1)

@@ -114,7 +114,7 @@ def test_pictures_change_within_the_episode_only(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("bench", ["lost", "stall"], indirect=True)
-def test_nothing_comes_through_and_lost_says_so(bench: Bench) -> None:
+def test_a_dead_link_carries_nothing_and_is_reported_lost(bench: Bench) -> None:
     kind = bench.source._row._episodes[0].kind
     assert bench.next(0.5)[1] is not None
     assert bench.next(1.5, 0.2)[1] is None
@@ -124,7 +124,7 @@ def test_nothing_comes_through_and_lost_says_so(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("bench", ["freeze"], indirect=True)
-def test_a_frozen_image_is_known_with_the_frame_that_shows_it(bench: Bench) -> None:
+def test_a_frozen_image_is_reported_with_its_own_frame(bench: Bench) -> None:
     seen = []
     for _ in range(12):
         bench.next(1.5)
@@ -136,7 +136,7 @@ def test_a_frozen_image_is_known_with_the_frame_that_shows_it(bench: Bench) -> N
 
 
 @pytest.mark.parametrize("bench", ["black"], indirect=True)
-def test_a_black_image_is_known_at_once(bench: Bench) -> None:
+def test_a_black_image_is_reported_at_once(bench: Bench) -> None:
     bench.next(1.5)
     assert bench.source.frame_condition == "black"
 
@@ -193,7 +193,7 @@ def test_links_refuse_within_the_episode_only(kind: str, error: type[Exception])
     assert not medium.bus_off
 
 
-def test_noise_turns_one_bit_of_half_of_the_items() -> None:
+def test_noise_flips_one_bit_of_half_of_the_items() -> None:
     wire = Wire()
     medium = faulty_medium(lambda: wire, [Episode("noise", 0.0, 1.0)], lambda: 0.5, seed=3)()
     for _ in range(200):

@@ -16,7 +16,7 @@ from hostlink.wire import FAULTS, FaultCode, Status
 from tests.support.waiting import SOON_S
 
 
-def test_each_fault_is_told_once_when_it_comes_and_once_when_it_goes() -> None:
+def test_each_fault_is_announced_once_when_it_appears_and_clears() -> None:
     registry = FaultRegistry()
     told: list[tuple[FaultCode, bool, str]] = []
     registry.listeners.append(lambda *what: told.append(what))
@@ -40,7 +40,7 @@ def test_each_fault_sets_its_bit_until_the_last_of_the_bit_is_gone(fault: object
     assert registry.status == Status(0)
 
 
-def test_a_listener_may_ask_back() -> None:
+def test_a_listener_may_query_the_registry() -> None:
     registry = FaultRegistry()
     seen: list[dict[FaultCode, str]] = []
     registry.listeners.append(lambda *_: seen.append(registry.active))
@@ -48,7 +48,7 @@ def test_a_listener_may_ask_back() -> None:
     assert seen == [{FaultCode.BUS_OFF: "x"}]
 
 
-def test_each_fault_is_a_line_in_the_log_and_one_when_it_goes(caplog: pytest.LogCaptureFixture) -> None:
+def test_each_fault_is_logged_when_it_appears_and_clears(caplog: pytest.LogCaptureFixture) -> None:
     registry, status = FaultRegistry(), list[str]()
     registry.listeners.append(FaultLog(registry, status.append))
     registry.report(FaultCode.BUS_OFF, True, "can0")
@@ -106,7 +106,7 @@ def zone(root: Path, number: int, text: str) -> None:
     (folder / "temp").write_text(text)
 
 
-def test_the_hottest_zone_counts_and_silent_ones_do_not(tmp_path: Path) -> None:
+def test_the_hottest_readable_zone_counts(tmp_path: Path) -> None:
     assert math.isnan(Thermometer(tmp_path)())
     zone(tmp_path, 0, "41200\n")
     zone(tmp_path, 1, "56100\n")
@@ -114,7 +114,7 @@ def test_the_hottest_zone_counts_and_silent_ones_do_not(tmp_path: Path) -> None:
     assert Thermometer(tmp_path)() == 56.1
 
 
-def test_heat_is_told_and_cleared_with_hysteresis() -> None:
+def test_heat_is_reported_and_cleared_with_hysteresis() -> None:
     registry, degc = FaultRegistry(), [0.0]
     monitor = BoardMonitor(registry, lambda: degc[0])
     told = []
@@ -125,7 +125,7 @@ def test_heat_is_told_and_cleared_with_hysteresis() -> None:
     assert told == [False, True, True, True, False, False, False]
 
 
-def test_storage_trouble_is_told_with_its_words() -> None:
+def test_a_storage_fault_is_reported_with_its_message() -> None:
     registry, words = FaultRegistry(), ["", "disk A", ""]
     monitor = BoardMonitor(registry, lambda: math.nan, [lambda: "", lambda: words.pop(0)])
     monitor.check()
@@ -142,7 +142,7 @@ def test_room(tmp_path: Path) -> None:
     assert "No such file" in free_space_problem(tmp_path / "no")
 
 
-def test_vitals_look_again_and_again_until_closed() -> None:
+def test_the_board_monitor_checks_until_closed() -> None:
     again, n = threading.Event(), [0]
 
     def read() -> float:
@@ -194,14 +194,14 @@ def test_ready_once_then_the_watchdog_while_images_flow(manager: socket.socket) 
     assert heard(manager) == ["STOPPING=1"]
 
 
-def test_the_watchdog_is_fed_no_more_often_than_asked(manager: socket.socket) -> None:
+def test_the_watchdog_is_notified_no_more_often_than_required(manager: socket.socket) -> None:
     notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "60000000"})
     for _ in range(100):
         notifier.frame()
     assert heard(manager) == ["READY=1", "WATCHDOG=1"]
 
 
-def test_another_process_s_watchdog_is_not_ours(manager: socket.socket) -> None:
+def test_another_process_s_watchdog_is_ignored(manager: socket.socket) -> None:
     environment = {"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "4", "WATCHDOG_PID": "1"}
     Notifier(environment).frame()
     assert heard(manager) == ["READY=1"]
@@ -220,7 +220,7 @@ def test_without_a_manager_nothing_happens(tmp_path: Path) -> None:
     Notifier({"NOTIFY_SOCKET": str(tmp_path / "gone")}).frame()
 
 
-def test_words_are_made_for_a_fault_that_appears_and_for_no_other() -> None:
+def test_messages_are_composed_only_for_faults_that_appear() -> None:
     registry, made = FaultRegistry(), []
 
     def words() -> str:

@@ -86,7 +86,7 @@ def test_a_step_that_all_pins_make_is_common() -> None:
 
 
 @pytest.mark.parametrize(("at_rest", "bright"), [(0.0, 0.6), (0.8, 0.95)])
-def test_overexposed_is_what_was_not_at_full_scale_at_rest(at_rest: float, bright: float) -> None:
+def test_overexposure_counts_only_pixels_not_saturated_at_rest(at_rest: float, bright: float) -> None:
     def frame(share: float) -> Frame:
         image = np.full((480, 640), 60, np.uint8)
         image[: round(480 * share)] = 255

@@ -59,7 +59,7 @@ def measured(state: State) -> bool:
 @pytest.mark.parametrize(
     "seed", [23, 34, 42, 49, 57, 69, 77, 81, 94, 147, 148]
 )  # once wrong by 0.4 mm and more
-def test_a_piece_of_noise_over_a_contact_gives_no_wrong_value(finger: Finger, seed: int) -> None:
+def test_noise_over_a_contact_gives_no_wrong_value(finger: Finger, seed: int) -> None:
     for frame in finger.frames[8:]:
         sure = finger.see(frame.image)
     noisy: Image = _PICTURES["corrupt"](finger.frames[-1].image, np.random.default_rng(seed))
@@ -69,7 +69,7 @@ def test_a_piece_of_noise_over_a_contact_gives_no_wrong_value(finger: Finger, se
         assert state.shear_x_mm == pytest.approx(sure.shear_x_mm, abs=0.4)
 
 
-def test_pins_are_not_followed_over_a_gap_but_looked_for(finger: Finger) -> None:
+def test_pins_are_searched_for_after_a_gap(finger: Finger) -> None:
     pressed = finger.frames[25].image
     true = finger.see(pressed).displacement_mm
     finger.see(pressed)
@@ -96,7 +96,7 @@ def test_pins_are_not_followed_from_an_image_that_was_frozen(finger: Finger) -> 
 
 
 @pytest.mark.parametrize("k", [12, 18, 25])
-def test_a_camera_that_is_knocked_under_a_touch_is_told_from_shear(finger: Finger, k: int) -> None:
+def test_a_camera_knocked_under_a_touch_is_distinguished_from_shear(finger: Finger, k: int) -> None:
     for frame in finger.frames[8 : k + 1]:
         state = finger.see(frame.image)
     assert state.status == Status.TOUCHED
@@ -117,7 +117,7 @@ def test_a_camera_that_was_knocked_untouched_may_come_back_under_a_touch(finger:
     assert finger.see(finger.frames[20].image).status == Status.TOUCHED
 
 
-def test_all_is_well(finger: Finger) -> None:
+def test_everything_in_order_gives_ok(finger: Finger) -> None:
     state = finger.see(finger.frames[25].image)
     assert state.status == Status.TOUCHED
     assert state.displacement_mm == pytest.approx(3.0, abs=0.3)
@@ -135,7 +135,7 @@ PICTURES: list[tuple[str, FaultCode]] = [
 
 
 @pytest.mark.parametrize(("kind", "code"), PICTURES)
-def test_what_an_image_shows_is_announced_with_it_and_cleared(
+def test_image_faults_are_announced_with_their_image_and_cleared(
     finger: Finger, kind: str, code: FaultCode
 ) -> None:
     random = np.random.default_rng(0)
@@ -187,7 +187,7 @@ def test_a_block_of_noise_gives_the_right_value_or_none(finger: Finger) -> None:
         ("frozen", FaultCode.CAMERA_STALLED),
     ],
 )
-def test_what_the_source_says_of_its_camera(finger: Finger, condition: str, code: FaultCode) -> None:
+def test_the_condition_of_the_camera_is_reported(finger: Finger, condition: str, code: FaultCode) -> None:
     finger.camera.condition = condition
     state = finger.see(finger.frames[20].image)
     assert finger.faults == {code}
@@ -199,14 +199,14 @@ def test_what_the_source_says_of_its_camera(finger: Finger, condition: str, code
     assert measured(state)
 
 
-def test_a_frozen_frame_is_not_used_even_when_the_camera_is_well_again(finger: Finger) -> None:
+def test_a_frozen_frame_is_not_used_after_the_camera_has_recovered(finger: Finger) -> None:
     finger.camera.frame_condition = "frozen"
     state = finger.see(finger.frames[20].image)
     assert Status.CAMERA_FAULT in state.status
     assert not measured(state)
 
 
-def test_a_clock_step_is_told_for_one_sample(finger: Finger) -> None:
+def test_a_clock_step_is_flagged_in_one_sample(finger: Finger) -> None:
     rest = finger.frames[7].image
     seen = [
         Status.CLOCK_STEP in finger.see(rest, jump_ns=jump).status
@@ -215,7 +215,7 @@ def test_a_clock_step_is_told_for_one_sample(finger: Finger) -> None:
     assert seen == [False, True, False, True, False]
 
 
-def test_skipped_frames_are_told_with_the_next_sample(finger: Finger) -> None:
+def test_skipped_frames_are_flagged_in_the_next_sample(finger: Finger) -> None:
     rest = finger.frames[7].image
     seen = [Status.FRAMES_DROPPED in finger.see(rest, skip=skip).status for skip in (0, 3, 0)]
     assert seen == [False, True, False]
@@ -248,7 +248,9 @@ def test_no_calibration_is_a_fault_until_there_is_one(frames: list[Frame], calib
     assert state.status == Status(0)
 
 
-def test_a_foreign_calibration_is_refused_in_words(frames: list[Frame], calibration: Calibration) -> None:
+def test_a_foreign_calibration_is_refused_with_a_message(
+    frames: list[Frame], calibration: Calibration
+) -> None:
     turned = [replace(f, image=np.ascontiguousarray(cv2.resize(f.image, (400, 400)))) for f in frames[:8]]
     finger = Finger(turned, calibration)
     assert FaultCode.CALIBRATION_FOREIGN in finger.faults
@@ -273,7 +275,7 @@ def test_heat_and_disk_reach_the_samples(frames: list[Frame], calibration: Calib
     assert app.step(Frame(frames[7].image, k * PERIOD_NS, k, Clock.DEVICE)).status == Status(0)
 
 
-def test_the_light_of_a_waiting_image_is_told_while_pins_are_searched_for(finger: Finger) -> None:
+def test_brightness_of_a_waiting_image_is_reported_during_a_search(finger: Finger) -> None:
     finger.see(finger.frames[9].image)
     dark = Frame(np.zeros_like(finger.frames[9].image), finger.now_ns, finger.n + 1, Clock.DEVICE)
     finger.camera.peek = lambda: dark  # type: ignore[attr-defined]
@@ -302,7 +304,7 @@ def awake(frames: list[Frame], calibration: Calibration) -> Finger:
     return Finger(frames, calibration, clock_ns=time.monotonic_ns)
 
 
-def test_without_images_samples_go_on_and_say_why(awake: Finger) -> None:
+def test_without_images_samples_go_on_with_the_reason(awake: Finger) -> None:
     finger = awake
     finger.camera.condition = "lost"
     before = len(finger.sink.states)
@@ -365,7 +367,7 @@ def test_no_image_ends_the_loop(finger: Finger, image: Image) -> None:
     assert last.status == Status(0)
 
 
-def test_a_smaller_image_in_mid_stream_is_told_and_costs_one_frame(finger: Finger) -> None:
+def test_a_smaller_image_in_mid_stream_is_reported_and_loses_one_frame(finger: Finger) -> None:
     smaller = np.ascontiguousarray(finger.frames[7].image[:160, :160])
     for _ in range(5):
         assert not measured(finger.see(smaller))
@@ -376,7 +378,7 @@ def test_a_smaller_image_in_mid_stream_is_told_and_costs_one_frame(finger: Finge
     assert not finger.faults
 
 
-def test_a_viewer_that_fails_is_sent_away(finger: Finger) -> None:
+def test_a_failing_viewer_is_disconnected(finger: Finger) -> None:
     told: list[int] = []
 
     def bad(result: object, state: State) -> None:
@@ -397,7 +399,7 @@ class Recorder:
         return lambda *_, **__: True
 
 
-def test_a_recorder_s_trouble_is_told(finger: Finger) -> None:
+def test_a_recorder_s_fault_is_reported(finger: Finger) -> None:
     recorder: Any = Recorder()
     finger.loop.session.recorder = recorder
     assert finger.loop.session.trouble() == ""
@@ -409,7 +411,7 @@ def test_a_recorder_s_trouble_is_told(finger: Finger) -> None:
     assert finger.loop.session.trouble() == ""
 
 
-def test_a_recorder_that_breaks_costs_the_recording_alone(finger: Finger) -> None:
+def test_a_failing_recorder_ends_only_the_recording(finger: Finger) -> None:
     class Broken(Recorder):
         def take(self, *_: object) -> None:
             raise OSError("gone")
@@ -434,7 +436,7 @@ def test_drift_is_learnt_at_rest_and_can_be_forgotten(frames: list[Frame], calib
     assert finger.loop.statistics().drift_px == 0.0
 
 
-def test_what_is_not_there_now_says_so(frames: list[Frame], calibration: Calibration) -> None:
+def test_missing_data_is_reported(frames: list[Frame], calibration: Calibration) -> None:
     finger = Finger(frames, calibration)
     finger.camera.recorded = True  # type: ignore[attr-defined]
     assert Status.NOT_LIVE in finger.see(frames[7].image).status
@@ -443,7 +445,7 @@ def test_what_is_not_there_now_says_so(frames: list[Frame], calibration: Calibra
 # ---- as a process ---------------------------------------------------------------------------------------
 
 
-def test_the_service_manager_hears_ready_watchdog_and_stopping(data_dir: Path, tmp_path: Path) -> None:
+def test_the_service_manager_gets_ready_watchdog_and_stopping(data_dir: Path, tmp_path: Path) -> None:
     """And SIGTERM is a clean end: status 0, the closing statistics printed."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))

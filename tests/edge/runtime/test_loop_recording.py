@@ -46,7 +46,7 @@ def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
     return path, heard
 
 
-def test_it_holds_what_the_bus_carried(recorded: tuple[Path, list[Sample]]) -> None:
+def test_the_recording_holds_the_samples_of_the_bus(recorded: tuple[Path, list[Sample]]) -> None:
     path, heard = recorded
     samples = [message for _, _, message in read_messages(path, ["/bus/sample"])]
     assert len(samples) == len(heard) == 26
@@ -83,7 +83,7 @@ def test_the_mcap_library_reads_and_checks_it(recorded: tuple[Path, list[Sample]
     assert counts["/pins"] == counts["/cells"] == counts["/features"] == counts["/reading"] == 19
 
 
-def test_cells_are_shaded_for_the_eye(recorded: tuple[Path, list[Sample]]) -> None:
+def test_cells_are_shaded_at_a_viewer_s_rate(recorded: tuple[Path, list[Sample]]) -> None:
     path, _ = recorded
     overlays = [message for _, _, message in read_messages(path, ["/cells/overlay"])]
     assert len(overlays) >= 4

@@ -32,7 +32,7 @@ run_and_exit(main)
         ("sys.exit('why')", 1, "why\n"),
     ],
 )
-def test_status_and_last_words(end: str, status: int, said: str) -> None:
+def test_exit_status_and_last_output(end: str, status: int, said: str) -> None:
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM.format(end=end, work="threading.Event().wait")],
         capture_output=True,

@@ -39,7 +39,7 @@ STORED = [o for o in OBJECTS if o.stored and o.type != "domain"]
         "\xff",
     ],
 )
-def test_a_file_that_cannot_be_used_costs_only_the_settings(
+def test_an_unusable_settings_file_gives_defaults(
     tmp_path: Path, text: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "settings.json"
@@ -99,6 +99,6 @@ def test_a_value_out_of_its_limits_changes_nothing(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_without_a_folder_settings_say_that_they_are_not_stored(tmp_path: Path) -> None:
+def test_without_a_folder_settings_are_marked_as_not_stored(tmp_path: Path) -> None:
     assert not SettingsFile().is_stored
     assert SettingsFile(tmp_path / "settings.json").is_stored

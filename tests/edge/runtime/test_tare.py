@@ -84,7 +84,7 @@ def test_an_untouched_tip_is_a_rest_frame(frames: list[Frame], calibration: Cali
 @pytest.mark.parametrize(
     ("turn_deg", "zoom", "tilt"), [(1.0, 1.0, 0.0), (0.0, 1.02, 0.0), (0.5, 0.99, 4e-5), (0.0, 1.0, 8e-5)]
 )
-def test_a_camera_put_back_a_little_differently_is_no_touch(
+def test_a_slightly_moved_camera_is_no_touch(
     frames: list[Frame], calibration: Calibration, turn_deg: float, zoom: float, tilt: float
 ) -> None:
     turn = np.vstack([cv2.getRotationMatrix2D((160, 160), turn_deg, zoom), [0.0, 0.0, 1.0]])
@@ -114,7 +114,7 @@ def test_a_picture_without_pins_is_no_rest_frame(calibration: Calibration) -> No
     assert refused.value.reason is RestFrameReason.NO_PIN_PATTERN
 
 
-def test_a_calibration_that_holds_a_few_of_the_pins_is_another_tips(
+def test_a_calibration_with_few_of_the_pins_counts_as_another_tips(
     frames: list[Frame], calibration: Calibration
 ) -> None:
     few = changed(calibration, rest_xy_px=calibration.content.sensor.rest_xy_px[:280])
@@ -139,7 +139,7 @@ def test_half_of_the_pins_covered_are_too_few(frames: list[Frame]) -> None:
 # ---- asking -----------------------------------------------------------------------------------------------
 
 
-def test_an_accepted_one_is_in_use(finger: Finger) -> None:
+def test_an_accepted_rest_frame_is_used(finger: Finger) -> None:
     before = finger.loop.pipeline
     request = finger.loop.request_tare()
     assert finger.loop.tare_outcome.state is RestFrameState.BUSY
@@ -152,7 +152,7 @@ def test_an_accepted_one_is_in_use(finger: Finger) -> None:
     assert not finger.faults
 
 
-def test_a_refused_one_leaves_values_as_they_were_and_says_so(finger: Finger) -> None:
+def test_a_refused_rest_frame_changes_nothing_and_is_reported(finger: Finger) -> None:
     true = finger.see(finger.frames[25].image).displacement_mm
     before = finger.loop.pipeline
     request = finger.loop.request_tare()
@@ -172,7 +172,7 @@ def test_a_refused_one_leaves_values_as_they_were_and_says_so(finger: Finger) ->
     assert last.status == Status(0)
 
 
-def test_a_forced_one_says_what_it_took_and_is_flagged(finger: Finger) -> None:
+def test_a_forced_rest_frame_reports_its_fault_and_is_flagged(finger: Finger) -> None:
     request = finger.loop.request_tare(force=True)
     for _ in range(8):
         state = finger.see(finger.frames[20].image)
@@ -233,14 +233,14 @@ def test_one_at_a_time(finger: Finger) -> None:
     assert finger.loop.request_tare().number == first.number + 1
 
 
-def test_the_end_of_the_loop_answers_who_waits(finger: Finger) -> None:
+def test_the_end_of_the_loop_answers_waiting_requests(finger: Finger) -> None:
     request = finger.loop.request_tare()
     finger.loop.stop()
     finger.loop.run()
     assert request.done.result(0).state is REFUSED
 
 
-def test_a_finger_that_starts_touched_waits_until_it_is_let_go(
+def test_a_finger_that_starts_touched_waits_until_it_is_released(
     frames: list[Frame], calibration: Calibration
 ) -> None:
     finger = Finger([frames[20]] * 8, calibration)
@@ -310,7 +310,7 @@ def test_an_upload_that_cannot_be_stored_changes_nothing(
     assert device.describe()["calibration_id"] == f"{calibration.content_id:08x}"
 
 
-def test_a_start_falls_back_to_the_last_good_file(calibration: Calibration, tmp_path: Path) -> None:
+def test_start_up_falls_back_to_the_last_good_file(calibration: Calibration, tmp_path: Path) -> None:
     store = CalibrationStore(tmp_path)
     assert store.load() is None
     second = changed(calibration, serial="second")
@@ -330,7 +330,7 @@ def test_a_start_falls_back_to_the_last_good_file(calibration: Calibration, tmp_
 # ---- a loop that goes on meanwhile ------------------------------------------------------------------------
 
 
-def test_on_a_loop_that_is_mostly_touched_no_tare_goes_wrong_unseen(
+def test_on_a_mostly_touched_recording_no_wrong_tare_is_accepted(
     frames: list[Frame], calibration: Calibration
 ) -> None:
     """Asked at any time: what is accepted gives the same depth as before, all else is refused."""
@@ -354,7 +354,7 @@ def test_on_a_loop_that_is_mostly_touched_no_tare_goes_wrong_unseen(
     assert outcomes == {ACCEPTED, REFUSED}
 
 
-def test_samples_go_on_while_a_rest_frame_is_judged(
+def test_samples_go_on_while_a_rest_frame_is_checked(
     data_dir: Path, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = Paced(open_source(str(data_dir / "press.mcap")), 30.0, loop=True)

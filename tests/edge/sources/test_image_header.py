@@ -75,7 +75,7 @@ def test_an_unknown_format_is_no_image(tmp_path: Path) -> None:
             read_image(tmp_path / "a.png")
 
 
-def test_changed_headers_give_a_size_or_a_value_error() -> None:
+def test_modified_headers_give_a_size_or_a_value_error() -> None:
     dice = random.Random(10)
     image = np.zeros((40, 50, 3), np.uint8)
     files = [cv2.imencode(suffix, image)[1].tobytes() for suffix in (*FORMATS[:4], ".ppm", ".webp")]

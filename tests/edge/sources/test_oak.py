@@ -105,7 +105,7 @@ def test_the_modules_own_clock(dai: Any) -> None:
     assert first.clock is Clock.DEVICE
 
 
-def test_a_slow_consumer_gets_the_newest_and_a_count(dai: Any) -> None:
+def test_a_slow_consumer_gets_the_newest_frame_and_a_count(dai: Any) -> None:
     hold = {1: threading.Event(), 60: threading.Event()}  # frames that wait for the test
 
     def gate(n: int) -> None:
@@ -149,7 +149,7 @@ def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
     source.close()
 
 
-def test_what_depthai_recorded_keeps_pixels_gaps_and_the_modules_times(dai: Any, tmp_path: Path) -> None:
+def test_depthai_recordings_keep_pixels_gaps_and_the_modules_times(dai: Any, tmp_path: Path) -> None:
     """RecordVideo spends its first ten frames on finding the rate; what it wrote comes back exactly."""
     steps = [n + 3 * (n > 30) for n in range(50)]
 

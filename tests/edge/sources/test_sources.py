@@ -183,7 +183,9 @@ def test_colour_and_depth(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a.png", "text.png", "empty.png"])
-def test_what_is_not_an_image(tmp_path: Path, name: str, capfd: pytest.CaptureFixture[str]) -> None:
+def test_files_that_are_not_images_are_refused(
+    tmp_path: Path, name: str, capfd: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / name).write_bytes(
         {"a.png": b"\x89PNG\r\n\x1a\n broken", "text.png": b"hello", "empty.png": b""}[name]
     )
@@ -248,7 +250,9 @@ def test_truncated_video_plays_as_far_as_it_goes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"text, not a video", b"RIFF\x00\x00\x00\x00AVI LIST"])
-def test_what_is_not_a_video(tmp_path: Path, content: bytes, capfd: pytest.CaptureFixture[str]) -> None:
+def test_files_that_are_not_videos_are_refused(
+    tmp_path: Path, content: bytes, capfd: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "a.avi").write_bytes(content)
     with pytest.raises(SourceError, match=r"not a video|no frame") as caught:
         open_source(str(tmp_path / "a.avi"))
@@ -354,7 +358,7 @@ def test_an_error_in_the_thread_reaches_the_reader() -> None:
     assert source.read(0) is None
 
 
-def test_a_stall_shows_while_it_lasts() -> None:
+def test_a_stall_is_reported_while_it_lasts() -> None:
     source = Scripted()
     source.start()
     source.give(1)
@@ -494,7 +498,7 @@ def test_a_replay_delivers_its_last_frame_and_ends() -> None:
     assert paced.ended
 
 
-def test_the_address_says_whether_pins_are_dark(data_dir: Path) -> None:
+def test_the_address_sets_whether_pins_are_dark(data_dir: Path) -> None:
     source = open_source(f"mcap:{data_dir / 'press.mcap'}?pins=dark")
     paced = Paced(source)
     assert source.polarity is paced.polarity is Polarity.DARK

@@ -219,7 +219,7 @@ def test_times_are_the_drivers() -> None:
         assert opened.source.rate_hz == pytest.approx(120, rel=1e-3)
 
 
-def test_without_driver_times_ours_stand_in() -> None:
+def test_without_driver_times_ours_are_used() -> None:
     camera = FakeCamera()
     camera.stamps = False
     with Opened(camera) as opened:
@@ -410,7 +410,7 @@ def test_a_camera_by_path(machine: tuple[Path, Path]) -> None:
 
 
 @pytest.mark.parametrize("where", ["5", "NONE", "", "/dev/no/such/camera"])
-def test_no_such_camera_names_those_there_are(machine: tuple[Path, Path], where: str) -> None:
+def test_an_unknown_camera_is_answered_with_the_known_ones(machine: tuple[Path, Path], where: str) -> None:
     with pytest.raises(
         SourceError, match=r"no such camera; give .*; cameras here: .*video0 Global Shutter 1-1 serial AB12"
     ):

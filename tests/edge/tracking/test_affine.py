@@ -35,7 +35,7 @@ def test_an_affine_motion_is_predicted_from_two_thirds_of_the_neighbours() -> No
     np.testing.assert_allclose(slope[inner] / PITCH, np.broadcast_to(gradient, slope[inner].shape), atol=0.01)
 
 
-def test_a_pin_has_no_say_in_its_own_prediction() -> None:
+def test_a_pin_does_not_affect_its_own_prediction() -> None:
     xy, _, affine = tip()
     motion = np.zeros_like(xy)
     motion[7] = 5.0
@@ -43,7 +43,7 @@ def test_a_pin_has_no_say_in_its_own_prediction() -> None:
     np.testing.assert_array_equal(value[7], 0.0)
 
 
-def test_unknown_pins_may_hold_anything() -> None:
+def test_values_of_unknown_pins_are_ignored() -> None:
     rng = np.random.default_rng(2)
     xy, _, affine = tip()
     motion, known = rng.normal(size=xy.shape), rng.random(len(xy)) < 0.6

@@ -71,7 +71,7 @@ def test_a_seed_grows_over_the_whole_tip() -> None:
     np.testing.assert_allclose(moved, motion)
 
 
-def test_what_grew_has_no_blob_twice_and_motion_to_its_blob() -> None:
+def test_a_grown_match_uses_no_blob_twice_and_moves_to_its_blobs() -> None:
     rng = np.random.default_rng(12)
     xy = pins()
     motion, seed = rng.normal(0, 3, xy.shape), rng.random(len(xy)) < 0.9
@@ -84,7 +84,7 @@ def test_what_grew_has_no_blob_twice_and_motion_to_its_blob() -> None:
     np.testing.assert_array_equal(motion, before)
 
 
-def test_pieces_part_where_the_motion_differs_and_at_unknown_pins() -> None:
+def test_pieces_end_where_the_motion_differs_and_at_unknown_pins() -> None:
     pairs = np.array([[0, 1], [1, 2], [2, 3], [3, 4], [4, 5]], np.int32)
     links = Links(6, pairs, np.array([1.0, 1.0, 1.0, 1.0, 1.0]))
     motion = np.array([[0, 0], [0.9, 0], [1.8, 0], [3.0, 0], [3.0, 0], [3.0, 0]])

@@ -55,12 +55,12 @@ def test_a_photometric_outlier_that_moves_with_its_neighbours_is_seen(dimming: f
     assert followed(np.zeros(2), dimming, blur).seen.all()
 
 
-def test_a_change_of_light_common_to_all_makes_no_outlier() -> None:
+def test_a_common_change_of_brightness_makes_no_outlier() -> None:
     assert followed(OFFSET_PX, gain=2.0).seen.all()
     assert np.flatnonzero(~followed(OFFSET_PX, dimming=1.3, gain=2.0).seen).tolist() == [PIN]
 
 
-def test_a_search_leaves_out_a_speck_in_the_place_of_a_pin() -> None:
+def test_a_search_rejects_a_speck_in_the_place_of_a_pin() -> None:
     rest = tip(127)
     xy, brightness = rest.xy_img.copy(), rest.pins.brightness.copy()
     xy[PIN] += 3.0

@@ -40,7 +40,7 @@ def test_slipped_rows_get_their_own_blobs_back() -> None:
     assert np.array_equal(repaired, np.arange(N))
 
 
-def test_where_a_blob_is_missing_no_pin_keeps_that_of_another() -> None:
+def test_without_its_blob_a_pin_does_not_keep_another_s() -> None:
     """Of three rows one has lost a blob: counts do not agree, and what does not fit is lost, not the rest."""
     tip, now, blob, good = inconsistent(3)
     gone = np.flatnonzero(~good)[-1]

@@ -103,7 +103,7 @@ def test_after_a_jump_from_rest_every_pin_has_its_own_blob(layout: str) -> None:
 
 
 @pytest.mark.parametrize("layout", ["rings331", "rings127", "hexagonal127"])
-def test_a_third_of_the_pins_missing_and_false_blobs_swap_nothing(layout: str) -> None:
+def test_a_third_missing_and_false_blobs_swap_no_pins(layout: str) -> None:
     rng = np.random.default_rng(2)
     xy = LAYOUTS[layout]
     trusted = 0
@@ -191,7 +191,7 @@ def test_blobs_that_are_not_this_tip_are_not_identified(blobs: int) -> None:
     ("count", "turn_deg"),
     [(10, turn) for turn in (5, 10, 15, -20, 25, -30, 35, -40)] + [(6, turn) for turn in (5, -10, 20, -30)],
 )
-def test_rings_rotated_far_are_right_or_of_low_confidence(
+def test_far_rotated_rings_are_right_or_of_low_confidence(
     count: int, turn_deg: float, shift_px: float
 ) -> None:
     """Rings turned by one pin each fit themselves: skin held at its rim, its middle twisted and dragged.
@@ -288,7 +288,7 @@ def test_a_leap_that_loses_pins_is_searched_even_if_most_are_found() -> None:
     np.testing.assert_array_equal(tracks.xy_img, now)
 
 
-def test_after_frames_without_light_the_same_identities_come_back() -> None:
+def test_after_dark_frames_the_same_identities_return() -> None:
     rng = np.random.default_rng(6)
     xy = LAYOUTS["rings331"]
     tracker = held(xy)
@@ -303,7 +303,7 @@ def test_after_frames_without_light_the_same_identities_come_back() -> None:
     assert tracker.follow(pins_at(now)).n_seen == 331
 
 
-def test_when_two_fifths_vanish_and_the_search_fails_what_was_followed_stands() -> None:
+def test_after_a_failed_search_the_followed_pins_are_kept() -> None:
     xy = LAYOUTS["rings331"]
     tracker = held(xy)
     gone = np.where((np.arange(331) % 5 < 2)[:, None], np.nan, xy)
@@ -315,7 +315,7 @@ def test_when_two_fifths_vanish_and_the_search_fails_what_was_followed_stands() 
     assert tracker.predict() is not None
 
 
-def test_a_search_that_finds_less_changes_nothing_of_what_was_followed() -> None:
+def test_a_search_that_finds_fewer_pins_keeps_the_followed_ones() -> None:
     xy = LAYOUTS["rings331"]
     tracker = held(xy)
     gone = np.where((np.arange(331) % 5 < 2)[:, None], np.nan, xy)
@@ -343,7 +343,7 @@ def test_a_pin_that_blinks_at_a_contacts_edge_comes_back_to_its_place() -> None:
     assert tracker.follow(pins_at(xy + off)).n_seen == 127
 
 
-def test_a_false_blob_beside_a_missing_pin_is_not_taken_for_it() -> None:
+def test_a_false_blob_beside_a_missing_pin_is_not_matched_to_it() -> None:
     xy = LAYOUTS["rings331"]
     now = xy + np.array([6.0, 3.0])
     blobs = now.copy()
@@ -354,7 +354,7 @@ def test_a_false_blob_beside_a_missing_pin_is_not_taken_for_it() -> None:
     assert tracks.n_seen == 330
 
 
-def test_tracks_keep_apart_whatever_is_found() -> None:
+def test_tracks_never_come_too_close() -> None:
     rng = np.random.default_rng(8)
     xy = LAYOUTS["hexagonal127"]
     tracker = held(xy)

@@ -147,7 +147,7 @@ def test_bad_addresses_are_one_line(text: str, token: str | None) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_command_line_says_what_is_wrong(data_dir: Path) -> None:
+def test_a_wrong_command_line_is_explained(data_dir: Path) -> None:
     run = [sys.executable, "-m", "edge", "replay", str(data_dir / "nothing.mcap"), "--sink", "memory:"]
     for options, words in (
         (["--view-at", "0.0.0.0:8765"], "give a token"),
@@ -160,7 +160,7 @@ def test_command_line_says_what_is_wrong(data_dir: Path) -> None:
         assert len(done.stderr.strip().splitlines()) == 1
 
 
-def test_an_address_that_is_taken_is_one_line(live: Live) -> None:
+def test_an_address_in_use_is_one_line(live: Live) -> None:
     listen = parse_listen(f"127.0.0.1:{live.worker.port}")
     other = PageServer(listen, "edge.view", lambda wants: None, {})
     with pytest.raises(WebError, match="give another HOST:PORT"):
@@ -192,13 +192,13 @@ def test_files_are_ours_and_name_no_one_else(live: Live) -> None:
         assert get(live, f"/{name}")[0] in (403, 404)
 
 
-def test_other_names_and_other_pages_are_refused(live: Live) -> None:
+def test_other_host_names_and_origins_are_refused(live: Live) -> None:
     assert get(live, "/", {"Host": "evil.example"})[0] == 403
     assert get(live, "/live", {"Origin": "http://evil.example"})[0] == 403
     assert get(live, "/", {"Host": f"localhost:{live.worker.port}"})[0] == 200
 
 
-def test_without_the_token_one_may_look_and_nothing_else(live: Live) -> None:
+def test_without_the_token_a_viewer_may_only_watch(live: Live) -> None:
     async def look(viewer: Viewer) -> None:
         assert viewer.hello["may"] == []
         assert (await viewer.packet())["pins_n"] == 331
@@ -215,7 +215,7 @@ def test_without_the_token_one_may_look_and_nothing_else(live: Live) -> None:
 
 
 @pytest.mark.parametrize("first", ['{"token": "wrong-token"}', "[]", "null", "no JSON", '{"want": 3}'])
-def test_a_wrong_beginning_ends_it(live: Live, first: str) -> None:
+def test_a_wrong_first_message_disconnects_the_viewer(live: Live, first: str) -> None:
     async def run() -> int | None:
         async with aiohttp.ClientSession() as session, session.ws_connect(live_url(live)) as socket:
             await socket.send_str(first)
@@ -299,7 +299,7 @@ def test_charts_get_every_sample_once(live: Live) -> None:
     assert (np.diff(times) > 0).all()
 
 
-def test_what_is_not_wanted_is_neither_computed_nor_sent(live: Live) -> None:
+def test_features_not_in_demand_are_neither_computed_nor_sent(live: Live) -> None:
     pipeline = live.app.pipeline
     assert pipeline is not None
 
@@ -324,7 +324,7 @@ def test_what_is_not_wanted_is_neither_computed_nor_sent(live: Live) -> None:
     assert live.worker.view.pending_n == 0
 
 
-def test_faults_are_told_in_words(live: Live) -> None:
+def test_faults_have_readable_messages(live: Live) -> None:
     async def look(viewer: Viewer) -> None:
         live.app.faults.report(FaultCode.OVER_TEMPERATURE, True, "71 degC, the limit is 70")
         packet = await viewer.until(lambda p: p["faults"])
@@ -335,7 +335,7 @@ def test_faults_are_told_in_words(live: Live) -> None:
     watch(live, look)
 
 
-def test_a_camera_that_stalls_is_told(live: Live) -> None:
+def test_a_stalled_camera_is_reported(live: Live) -> None:
     async def look(viewer: Viewer) -> None:
         live.hold()
         packet = await viewer.until(lambda p: p["age_s"] > 0.8)
@@ -391,7 +391,7 @@ def test_record_loses_nothing(live: Live) -> None:
     assert read_attachments(path)["calibration.json"] == live.app.calibration.encoded
 
 
-def test_a_folder_that_cannot_be_written_is_told(live: Live) -> None:
+def test_an_unwritable_folder_is_reported(live: Live) -> None:
     async def press(viewer: Viewer) -> Any:
         return await viewer.do("record")
 
@@ -427,7 +427,7 @@ async def visit(session: aiohttp.ClientSession, url: str, known: set[asyncio.Tas
         return socket.close_code != 1013
 
 
-def test_more_than_there_is_room_for_are_told(live: Live) -> None:
+def test_more_contacts_than_listed_are_counted(live: Live) -> None:
     async def crowd() -> list[bool]:
         known = set[asyncio.Task[bool] | None]()
         async with (

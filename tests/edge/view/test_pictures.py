@@ -92,7 +92,7 @@ def test_more_change_is_more_colour() -> None:
     assert np.all(np.diff(distance) > 0)
 
 
-def test_the_safe_palette_is_told_apart_without_red_and_green() -> None:
+def test_the_safe_palette_is_distinguishable_without_red_and_green() -> None:
     """A deuteranope's eye hardly tells red from green: blue and brightness must do it alone."""
     up, down = (cell_colours(np.array([s]), SAFE)[0].astype(float) for s in (0.5, -0.5))
     assert abs(up[0] - down[0]) > 120
@@ -155,7 +155,7 @@ def test_the_star_stands_on_the_contact(scene: tuple[View, Array, Tracks]) -> No
     assert np.allclose(star, view.canvas(xy[0]), atol=1.0)
 
 
-def test_vectors_point_the_way_the_pins_went(scene: tuple[View, Array, Tracks]) -> None:
+def test_vectors_point_along_the_pins_motion(scene: tuple[View, Array, Tracks]) -> None:
     """Down and right is +y and +x; lengths are the gains times the motion."""
     view, xy, tracks = scene
     motion = np.tile([6.0, 0.0], (len(xy), 1))
@@ -174,7 +174,7 @@ def test_vectors_point_the_way_the_pins_went(scene: tuple[View, Array, Tracks]) 
     assert abs(arrow[:, 0].max() - head[0]) < 4
 
 
-def test_lost_pins_and_open_cells_are_left_out(scene: tuple[View, Array, Tracks]) -> None:
+def test_lost_pins_and_open_cells_are_skipped(scene: tuple[View, Array, Tracks]) -> None:
     view, xy, _ = scene
     seen = np.ones(len(xy), bool)
     seen[8] = False
@@ -268,7 +268,7 @@ def test_figures_for_print(tmp_path: Path, scene: tuple[View, Array, Tracks], mm
         assert red.sum() > 200  # the compressed cell, the top of the hill
 
 
-def test_a_surface_that_was_not_asked_for(tmp_path: Path, scene: tuple[View, Array, Tracks]) -> None:
+def test_a_surface_that_is_not_in_demand(tmp_path: Path, scene: tuple[View, Array, Tracks]) -> None:
     _, xy, _ = scene
     with pytest.raises(InputError, match=r"demand Feature\.SURFACE"):
         surface_figure(tmp_path / "s.png", features_of(xy, np.zeros(len(xy)), np.zeros_like(xy)))
@@ -298,7 +298,7 @@ def test_videos_play_back(tmp_path: Path, suffix: str) -> None:
     assert np.allclose(levels, [40 * i for i in range(6)], atol=4)
 
 
-def test_videos_that_cannot_be(tmp_path: Path) -> None:
+def test_impossible_videos_are_refused(tmp_path: Path) -> None:
     one = np.zeros((20, 20, 3), np.uint8)
     with pytest.raises(SinkError, match="no format"):
         write_video([one], tmp_path / "a.gif", 25.0)

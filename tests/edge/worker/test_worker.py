@@ -46,7 +46,7 @@ class Both:
 
 @settings(max_examples=60)
 @given(st.data())
-def test_what_is_put_is_got_in_order_and_whole(data: st.DataObject) -> None:
+def test_messages_arrive_in_order_and_complete(data: st.DataObject) -> None:
     """Whatever the sizes, and however far the reader is behind."""
     sizes = st.lists(st.integers(0, 1500), max_size=3)
     with Both(4096) as both:
@@ -70,7 +70,7 @@ def compare(got: Any, put: tuple[int, list[np.ndarray]]) -> None:
         np.testing.assert_array_equal(one, other)
 
 
-def test_a_full_channel_says_no_and_goes_on_when_there_is_room() -> None:
+def test_a_full_channel_refuses_and_recovers() -> None:
     with Both(4096) as both:
         put_n = 0
         while both.outbox.put(np.zeros(1000, np.uint8)):
@@ -82,7 +82,7 @@ def test_a_full_channel_says_no_and_goes_on_when_there_is_room() -> None:
         assert not both.outbox.put(np.zeros(5000, np.uint8)), "larger than the memory"
 
 
-def test_what_was_put_before_the_end_is_got() -> None:
+def test_messages_sent_before_the_end_are_received() -> None:
     both = Both(4096)
     both.outbox.put(np.arange(100))
     both.outbox.put("last")
@@ -92,7 +92,7 @@ def test_what_was_put_before_the_end_is_got() -> None:
     assert both.inbox.get() is None
 
 
-def test_what_was_put_is_got_though_answers_were_not_read() -> None:
+def test_messages_are_received_although_answers_were_not_read() -> None:
     """A side that closes with answers unread is reported as reset; what it sent must not be lost for that."""
     both = Both(4096)
     for n in range(3):
@@ -103,7 +103,7 @@ def test_what_was_put_is_got_though_answers_were_not_read() -> None:
     assert both.inbox.get() is None
 
 
-def test_a_reader_that_is_gone_is_no_error() -> None:
+def test_a_closed_stdout_is_no_error() -> None:
     with Both(4096) as both:
         both.inbox._socket.close()
         assert not both.outbox.put(np.zeros(10))
@@ -126,7 +126,7 @@ def get(url: str) -> bytes:
         return bytes(answer.read())
 
 
-def test_its_death_costs_the_recording_and_the_page_comes_back(live: Live) -> None:
+def test_after_the_worker_s_death_the_page_is_served_again(live: Live) -> None:
     path = live.recordings / "all.mcap"
     live.until(lambda: size_of(path) > 3_000_000, "some chunks")
     page, process = get(live.url), live.worker.process
@@ -143,7 +143,7 @@ def test_its_death_costs_the_recording_and_the_page_comes_back(live: Live) -> No
     assert len(frames) > 20, "what was written reads back"
 
 
-def test_one_that_hangs_is_told_as_a_slow_disk_and_the_gap_is_written_down(live: Live) -> None:
+def test_a_blocked_recorder_is_a_slow_disk_and_the_gap_is_recorded(live: Live) -> None:
     process = live.worker.process
     assert process is not None
     process.send_signal(signal.SIGSTOP)
@@ -169,7 +169,7 @@ def test_one_that_hangs_is_told_as_a_slow_disk_and_the_gap_is_written_down(live:
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_it_outlives_nobody_and_the_file_is_whole(
+def test_the_worker_ends_with_the_loop_and_completes_its_file(
     data_dir: Path, tmp_path: Path, number: signal.Signals
 ) -> None:
     """Killed or ended: the second process writes the file to its end, and ends."""
@@ -214,13 +214,13 @@ def test_faults_are_lines_of_the_recording(live: Live) -> None:
     assert any("OVER_TEMPERATURE on: too warm for a test" in text for text in texts)
 
 
-def test_it_steps_back_behind_the_loop(live: Live) -> None:
+def test_the_worker_has_lower_priority_than_the_loop(live: Live) -> None:
     process = live.worker.process
     assert process is not None
     assert os.getpriority(os.PRIO_PROCESS, process.pid) >= max(5, os.getpriority(os.PRIO_PROCESS, 0))
 
 
-def test_it_leaves_real_time_and_the_loop_s_core_to_the_loop() -> None:
+def test_the_worker_leaves_real_time_and_the_loop_s_core_to_the_loop() -> None:
     """As under deploy/realtime.conf; where this may not be tried, it is skipped."""
     code = (
         "import os, sys\n"

@@ -145,7 +145,7 @@ def test_busload_that_fits(arguments: str, share: str, capsys: pytest.CaptureFix
     assert share in capsys.readouterr().out
 
 
-def test_busload_that_cannot_fit_says_what_would(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_busload_that_does_not_fit_suggests_one_that_does(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("busload", "--classic", "--fingers", "5") == 2
     err = capsys.readouterr().err
     assert "202" in err
@@ -254,7 +254,7 @@ def test_record_keeps_an_earlier_recording(
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_record_of_silence_is_no_success(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_recording_silence_fails(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     need_multicast()
     file = tmp_path / "press.log"
     assert run("record", f"udp:239.0.0.9?port={PORT + 1}", str(file), "--seconds", "0.05") == 1
@@ -308,7 +308,7 @@ def test_record_ended_by_a_signal_is_whole(finger: Application, tmp_path: Path, 
 
 
 @pytest.mark.parametrize("name", ["noise.log", "noise.serial"])
-def test_recording_without_a_sample_is_said_and_no_success(
+def test_a_recording_without_samples_is_reported_as_failure(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / name
@@ -357,14 +357,14 @@ def test_seconds_are_a_finite_number(
     assert len(err.splitlines()) == 1
 
 
-def test_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("--version") == 0
     assert capsys.readouterr().out.startswith(
         f"voronoi-touch {version('voronoi-touch')}, wire version 1, schema 0x"
     )
 
 
-def test_what_cannot_be_stored_is_said(finger: Application, capsys: pytest.CaptureFixture[str]) -> None:
+def test_failed_storage_is_reported(finger: Application, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("set", HOST, "rate_hz", "50") == 0
     assert capsys.readouterr().out == (
         "finger 6: rate_hz = 50 Hz (until the finger restarts: it has no folder to store settings in)\n"

@@ -74,7 +74,7 @@ def shown(rows: list[FingerRow]) -> str:
     return str(console.export_text())
 
 
-def test_table_is_whole_on_80_columns() -> None:
+def test_the_table_fits_80_columns() -> None:
     wide = replace(
         STATE, displacement_mm=-12.345, force_n=123.45, contacts=(Contact(-12.5, -11.5),), contact_n=14
     )
@@ -87,11 +87,11 @@ def test_table_is_whole_on_80_columns() -> None:
     assert max(map(len, text.splitlines())) <= 80
 
 
-def test_silence_is_said() -> None:
+def test_silence_is_reported() -> None:
     assert shown([]).splitlines() == ["can:can0", "nothing heard yet"]
 
 
-def test_what_is_wrong_with_a_finger_stands_below_the_table(request: pytest.FixtureRequest) -> None:
+def test_problems_of_a_finger_are_listed_below_the_table(request: pytest.FixtureRequest) -> None:
     """Another version, and two senders with one number, beside a finger that is well."""
     channel = request.node.name
     with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:

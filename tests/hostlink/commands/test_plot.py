@@ -86,7 +86,7 @@ def write_edge(path: Path, n: int = 100) -> None:
             recorder.sample(frame, asdict(unpack_state(pack_state(state, k))))
 
 
-def test_of_a_recording_that_was_cut_off_the_rest_is_drawn(
+def test_the_readable_part_of_a_truncated_recording_is_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "a.mcap"
@@ -179,7 +179,7 @@ def test_mistakes_are_one_line(
     assert len(said.strip().splitlines()) == 1
 
 
-def test_nothing_known_is_told(tmp_path: Path) -> None:
+def test_an_unknown_state_is_reported_as_such(tmp_path: Path) -> None:
     write_bus(tmp_path / "a.log", sent=[State(sample=k, capture_time_us=k * 10_000) for k in range(20)])
     series = read_series(tmp_path / "a.log")
     assert draw(series, tmp_path / "a.png") == ("contacts",)

@@ -78,7 +78,7 @@ def run(program: Path, commands: list[str]) -> list[list[str]]:
     return [line.split(" ") for line in done.stdout.splitlines()]
 
 
-def test_own_files_keep_misra_rules() -> None:
+def test_our_c_files_follow_misra_rules() -> None:
     cppcheck = shutil.which("cppcheck")
     if cppcheck is None:
         pytest.skip("no cppcheck")
@@ -121,7 +121,7 @@ def disturbed(rng: Random, parts: list[tuple[int, bytes]]) -> list[tuple[int, by
     return out
 
 
-def test_parts_are_put_together_as_python_does(program: Path) -> None:
+def test_parts_are_assembled_as_in_python(program: Path) -> None:
     rng, assembler = Random(1), Assembler()
     parts = [part for i in range(3000) for part in pack_parts(random_state(rng, i), i)]
     sent = disturbed(rng, parts)

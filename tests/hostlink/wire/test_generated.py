@@ -209,7 +209,7 @@ def test_c_decodes_classic_parts_bit_identically(c_decoder: Path) -> None:
                 agrees(name, *row[name], number_of(values[name]), field_named(name).bits)
 
 
-def test_c_refuses_what_is_damaged(c_decoder: Path) -> None:
+def test_c_refuses_damaged_frames(c_decoder: Path) -> None:
     frame = bytearray(pack_state(State(), 0))
     frame[20] ^= 1
     with pytest.raises(subprocess.CalledProcessError):

@@ -70,20 +70,20 @@ def test_why_it_does_not_open_and_what_to_do(
     assert "{" not in words
 
 
-def test_every_advice_is_whole() -> None:
+def test_every_advice_is_complete() -> None:
     for text in ADVICE.values():
         assert text.format(channel="c", cans="", ports="")
 
 
 @pytest.mark.parametrize("group", ["8.8.8.8", "300.1.1.1", "localhost", "::1"])
-def test_an_address_that_is_no_group_is_refused(group: str) -> None:
+def test_an_address_outside_of_multicast_is_refused(group: str) -> None:
     with pytest.raises(AddressError, match=f"{group} is no multicast group; give one, e.g. udp:239.0.0.1"):
         parse_address(f"udp:{group}")
     assert parse_address("udp:ff15::5").channel == "ff15::5"
 
 
 @pytest.mark.parametrize("address", ["can:nosuch0", "serial:/dev/nosuch", "can:0?interface=kvaser"])
-def test_both_ends_say_the_same(address: str) -> None:
+def test_both_ends_have_the_same_handshake(address: str) -> None:
     with pytest.raises(hostlink.ConnectError) as at_host:
         hostlink.connect(address)
     with pytest.raises(SinkError) as at_edge:

@@ -116,7 +116,7 @@ def test_round_trip_within_the_resolution(state: State, counter: int) -> None:
 
 @given(any_state, st.integers(0, 300))
 @settings(max_examples=400)
-def test_what_came_once_comes_again_bit_for_bit(state: State, counter: int) -> None:
+def test_recorded_messages_are_read_back_exactly(state: State, counter: int) -> None:
     once = wire.unpack_state(wire.pack_state(state, counter))
     assert same(wire.unpack_state(wire.pack_state(once, counter + 1)), once)
     assert same(through_parts(state, counter), once), "classic parts carry the same as the state frame"
@@ -287,7 +287,7 @@ def test_identifiers() -> None:
     assert moved.kind_of(0x185) is None
 
 
-def test_version_is_where_every_version_has_it() -> None:
+def test_the_version_is_at_its_fixed_place() -> None:
     assert wire.pack_state(State(), 0)[3] == VERSION
     assert wire.pack_detail(0, [], 0)[0][3] == VERSION
     assert wire.pack_message(Message.NMT, b"\1", 0)[3] == VERSION
