@@ -33,6 +33,7 @@ COMMANDS: dict[str, str] = {
     "tare": "hostlink.commands.ask:tare",
     "set": "hostlink.commands.ask:set_object",
     "busload": "hostlink.commands.ask:busload",
+    "bridge": "hostlink.commands.bridge:bridge",
 }
 ENTRY_POINTS = "voronoi_touch.host_commands"
 

@@ -1,0 +1,312 @@
+"""Fingers in Foxglove, Lichtblick and PlotJuggler: a websocket server, and the same topics in an MCAP file.
+
+    /finger_1/sample    voronoi_touch.Sample            the sample's values, JSON
+    /finger_1/contacts  foxglove.SceneUpdate            contacts, shear and depth in the tip's frame
+    /tf                 foxglove.FrameTransforms        tips side by side, 30 mm apart
+    /diagnostics        diagnostic_msgs/DiagnosticArray of all fingers, JSON
+    /finger_1/tare      service, std_srvs/Trigger       JSON
+    finger_1.rate_hz .. parameters: what can be set, by the names of WIRE.md
+
+Rules
+- The protocol knows no passwords: who can reach the server can look. Only on a loopback address can viewers
+  tare and set.
+- A message is made only while somebody watches its topic, or a file is written.
+- Lengths in metres, as 3D panels have them; the sample's own values keep their units, by name.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+import time
+from collections.abc import Sequence
+from math import hypot, isfinite
+from pathlib import Path
+from typing import Any
+
+from hostlink.bridge.values import Diagnosis, finger_name, stamp_ns, tare, values_of
+from hostlink.errors import LinkError, UsageError
+from hostlink.events import Sample
+from hostlink.extras import require
+from hostlink.finger import Finger
+from hostlink.web import Listen
+from hostlink.wire import State
+
+__all__ = ["DIAGNOSTICS", "LAYOUT", "PARAMETERS", "SAMPLE", "FoxgloveOutlet"]
+
+log = logging.getLogger(__name__)
+
+EXTRA = "foxglove"
+LAYOUT = Path(__file__).with_name("foxglove_layout.json")  # a view of five fingers to import
+PARAMETERS = ("rate_hz", "divider", "features", "detail_divider")
+SPACING_M = 0.03  # between two tips
+_CONTACT_M = 0.002  # a contact is drawn so wide, and wider with its depth
+_LIFETIME_S = 0.5  # a finger that fell silent touches nothing
+_MM = 1e-3
+
+SAMPLE = {
+    "title": "voronoi_touch.Sample",
+    "type": "object",
+    "properties": {
+        "sequence": {"type": "integer", "description": "sample number; wraps at 65536"},
+        "values": {"type": "object", "description": "the state frame's fields; null: not valid"},
+        "host_error_s": {"type": "number", "description": "bound of the stamp's error"},
+        "lost_n": {"type": "integer", "description": "samples lost before this one"},
+    },
+}
+_TEXT, _WHOLE = {"type": "string"}, {"type": "integer"}
+DIAGNOSTICS = {
+    "title": "diagnostic_msgs/DiagnosticArray",
+    "type": "object",
+    "properties": {
+        "header": {
+            "type": "object",
+            "properties": {
+                "stamp": {"type": "object", "properties": {"sec": _WHOLE, "nsec": _WHOLE}},
+                "frame_id": _TEXT,
+            },
+        },
+        "status": {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "properties": {
+                    "level": _WHOLE,
+                    "name": _TEXT,
+                    "message": _TEXT,
+                    "hardware_id": _TEXT,
+                    "values": {
+                        "type": "array",
+                        "items": {"type": "object", "properties": {"key": _TEXT, "value": _TEXT}},
+                    },
+                },
+            },
+        },
+    },
+}
+_TRIGGER = {"type": "object", "properties": {}}
+_TRIGGERED = {"type": "object", "properties": {"success": {"type": "boolean"}, "message": _TEXT}}
+
+
+class FoxgloveOutlet:
+    """A server for viewers, and a recording where `record` names a file (which must not exist).
+
+    listen  where; on a loopback address viewers may tare and set
+    Raises  UsageError: extra not installed, or the address is taken
+    """
+
+    def __init__(self, listen: Listen, record: Path | None = None) -> None:
+        self._sdk = require("foxglove", EXTRA)
+        self._channels = require("foxglove.channels", EXTRA)
+        self._messages = require("foxglove.messages", EXTRA)
+        websocket = require("foxglove.websocket", EXTRA)
+        self._context = self._sdk.Context()
+        self._fingers: dict[str, Finger] = {}
+        self._samples: dict[int, Any] = {}
+        self._scenes: dict[int, Any] = {}
+        self._control = listen.loopback
+        capabilities = [websocket.Capability.Parameters, websocket.Capability.Services]
+        try:
+            self.server = self._sdk.start_server(
+                name="voronoi-touch",
+                host=listen.host,
+                port=listen.port,
+                capabilities=capabilities if self._control else [],
+                server_listener=_Parameters(self._sdk, self._fingers) if self._control else None,
+                supported_encodings=["json"],
+                context=self._context,
+            )
+        except RuntimeError as error:
+            raise UsageError(f"--listen {listen}: {error}; give another port") from None
+        self._file = None if record is None else self._sdk.open_mcap(record, context=self._context)
+        self._tf = self._channels.FrameTransformsChannel("/tf", context=self._context)
+        self._diagnostics = self._json_channel("/diagnostics", DIAGNOSTICS)
+
+    @property
+    def url(self) -> str:
+        """What a viewer connects to."""
+        return f"ws://127.0.0.1:{self.server.port}"
+
+    def _json_channel(self, topic: str, schema: dict[str, Any]) -> Any:
+        return self._sdk.Channel(topic, schema=schema, context=self._context)
+
+    def add_finger(self, finger: Finger) -> None:
+        """Its topics, and its service."""
+        name = finger_name(finger.node)
+        self._fingers[name] = finger
+        self._samples[finger.node] = self._json_channel(f"/{name}/sample", SAMPLE)
+        self._scenes[finger.node] = self._channels.SceneUpdateChannel(
+            f"/{name}/contacts", context=self._context
+        )
+        if self._control:
+            self.server.add_services([_tare_service(self._sdk, name, finger)])
+
+    def publish(self, sample: Sample) -> None:
+        """Stamped with when the image was taken."""
+        at_ns = stamp_ns(sample)
+        channel, scene = self._samples[sample.finger], self._scenes[sample.finger]
+        if channel.has_sinks():
+            message = {
+                "sequence": sample.state.sample,
+                "values": values_of(sample.state),
+                "host_error_s": sample.host_error_s if isfinite(sample.host_error_s) else None,
+                "lost_n": sample.lost_n,
+            }
+            channel.log(message, log_time=at_ns)
+        if scene.has_sinks():
+            scene.log(self._scene(sample.finger, sample.state, at_ns), log_time=at_ns)
+
+    def report(self, diagnoses: Sequence[Diagnosis]) -> None:
+        """Diagnoses, and where the tips are drawn."""
+        now_ns = time.time_ns()
+        sec, nsec = divmod(now_ns, 1_000_000_000)
+        status = [
+            {
+                "level": int(d.level),
+                "name": d.name,
+                "message": d.message,
+                "hardware_id": d.serial_number,
+                "values": [{"key": key, "value": value} for key, value in d.values.items()],
+            }
+            for d in diagnoses
+        ]
+        header = {"stamp": {"sec": sec, "nsec": nsec}, "frame_id": ""}
+        self._diagnostics.log({"header": header, "status": status}, log_time=now_ns)
+        m = self._messages
+        transforms = [
+            m.FrameTransform(
+                timestamp=m.Timestamp(sec, nsec),
+                parent_frame_id="hand",
+                child_frame_id=d.name,
+                translation=m.Vector3(x=i * SPACING_M, y=0.0, z=0.0),
+                rotation=m.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
+            )
+            for i, d in enumerate(diagnoses)
+        ]
+        self._tf.log(m.FrameTransforms(transforms=transforms), log_time=now_ns)
+
+    def _scene(self, node: int, state: State, at_ns: int) -> Any:
+        """Contacts as balls; an arrow each for shear and for depth, as long as they are."""
+        m = self._messages
+        balls = [
+            m.SpherePrimitive(
+                pose=m.Pose(position=m.Vector3(x=c.x_mm * _MM, y=c.y_mm * _MM, z=0.0), orientation=_turn(m)),
+                size=m.Vector3(**dict.fromkeys("xyz", _CONTACT_M + _known(c.depth_mm) * _MM)),
+                color=m.Color(r=0.76, g=0.29, b=0.0, a=0.9),
+            )
+            for c in state.contacts
+        ]
+        arrows = [
+            _arrow(m, state.shear_x_mm, state.shear_y_mm, 0.0),
+            _arrow(m, 0.0, 0.0, -state.displacement_mm),
+        ]
+        entity = m.SceneEntity(
+            timestamp=m.Timestamp(*divmod(at_ns, 1_000_000_000)),
+            frame_id=finger_name(node),
+            id="touch",
+            lifetime=m.Duration(0, round(_LIFETIME_S * 1e9)),
+            frame_locked=True,
+            spheres=balls,
+            arrows=[arrow for arrow in arrows if arrow is not None],
+        )
+        return m.SceneUpdate(entities=[entity])
+
+    def close(self) -> None:
+        """End the server; the file is whole."""
+        self.server.stop()
+        if self._file is not None:
+            self._file.close()
+
+
+def _known(value: float) -> float:
+    return value if isfinite(value) else 0.0
+
+
+def _turn(m: Any, x: float = 1.0, y: float = 0.0, z: float = 0.0) -> Any:
+    """The rotation that takes the x axis to this direction."""
+    length = hypot(x, y, z)
+    # half-way vector between the axis and the direction: q = (axis x direction, 1 + axis . direction)
+    w, qy, qz = length + x, -z, y
+    norm = hypot(w, qy, qz)
+    if norm == 0.0:  # the other way round
+        return m.Quaternion(x=0.0, y=0.0, z=1.0, w=0.0)
+    return m.Quaternion(x=0.0, y=qy / norm, z=qz / norm, w=w / norm)
+
+
+def _arrow(m: Any, x_mm: float, y_mm: float, z_mm: float) -> Any:
+    length_m = hypot(x_mm, y_mm, z_mm) * _MM
+    if not isfinite(length_m) or length_m == 0.0:
+        return None
+    origin = m.Vector3(x=0.0, y=0.0, z=0.0)
+    return m.ArrowPrimitive(
+        pose=m.Pose(position=origin, orientation=_turn(m, x_mm, y_mm, z_mm)),
+        shaft_length=0.8 * length_m,
+        shaft_diameter=5e-4,
+        head_length=0.2 * length_m,
+        head_diameter=1e-3,
+        color=m.Color(r=0.0, g=0.38, b=0.66, a=1.0),
+    )
+
+
+def _tare_service(sdk: Any, name: str, finger: Finger) -> Any:
+    def answer(_: Any) -> bytes:
+        success, message = tare(finger)
+        return json.dumps({"success": success, "message": message}).encode()
+
+    def schema(title: str, content: dict[str, Any]) -> Any:
+        form = sdk.Schema(name=title, encoding="jsonschema", data=json.dumps(content).encode())
+        return sdk.MessageSchema(encoding="json", schema=form)
+
+    kind = sdk.ServiceSchema(
+        "std_srvs/Trigger",
+        request=schema("std_srvs/Trigger_Request", _TRIGGER),
+        response=schema("std_srvs/Trigger_Response", _TRIGGERED),
+    )
+    return sdk.Service(f"/{name}/tare", schema=kind, handler=answer)
+
+
+class _Parameters:
+    """What viewers read and set. Called from the server's threads; the fingers are asked, nothing is kept."""
+
+    def __init__(self, sdk: Any, fingers: dict[str, Finger]) -> None:
+        self._sdk, self._fingers = sdk, fingers
+        self._asking = threading.Lock()
+
+    def on_get_parameters(self, _client: Any, names: Sequence[str], _request_id: Any = None) -> list[Any]:
+        wanted = names or [f"{name}.{key}" for name in list(self._fingers) for key in PARAMETERS]
+        with self._asking:
+            return [p for p in map(self._read, wanted) if p is not None]
+
+    def on_set_parameters(
+        self, _client: Any, parameters: Sequence[Any], _request_id: Any = None
+    ) -> list[Any]:
+        """The values as they are afterwards: one that was refused is the one before."""
+        with self._asking:
+            for parameter in parameters:
+                self._write(parameter.name, parameter.get_value())
+            return [p for p in (self._read(parameter.name) for parameter in parameters) if p is not None]
+
+    def _finger(self, name: str) -> tuple[Finger | None, str]:
+        finger, _, key = name.partition(".")
+        return (self._fingers.get(finger) if key in PARAMETERS else None), key
+
+    def _read(self, name: str) -> Any:
+        finger, key = self._finger(name)
+        if finger is None:
+            return None
+        try:
+            value = finger.get(key)
+        except LinkError as error:
+            log.warning("%s cannot be read: %s", name, error)
+            return None
+        return self._sdk.Parameter(name, value=value)
+
+    def _write(self, name: str, value: Any) -> None:
+        finger, key = self._finger(name)
+        if finger is None:
+            return
+        try:
+            finger.set(key, value)
+        except LinkError as error:
+            log.warning("%s = %r: %s", name, value, error)

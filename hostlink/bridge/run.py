@@ -1,0 +1,128 @@
+"""The bridge's loop: samples and diagnoses of a hand to its outlets, until it is told to stop.
+
+Rules
+- The link's thread only puts into a queue. When an outlet is slower than the hand, the oldest sample goes,
+  and `left_out_n` counts it: a late sample is worth less than a new one.
+- A finger is announced when it is heard; that it is of another version is a diagnosis, no end.
+- What an outlet raises on purpose (a viewer or router that left) it handles itself.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Protocol
+
+from hostlink.bridge.values import Diagnosis, diagnose
+from hostlink.client import Connection
+from hostlink.commands.monitor import Board
+from hostlink.errors import LinkError
+from hostlink.events import Sample
+from hostlink.finger import Finger
+
+__all__ = ["Bridge", "Outlet"]
+
+QUEUE = 2048  # samples: nearly two seconds of five fingers at 240 Hz
+REPORT_S = 1.0  # rate at which `diagnostic_updater` and its viewers expect diagnoses
+
+
+class Outlet(Protocol):
+    """Where samples go. All from one thread."""
+
+    def add_finger(self, finger: Finger) -> None:
+        """A finger was heard for the first time."""
+        ...
+
+    def publish(self, sample: Sample) -> None:
+        """A sample of a finger that was added."""
+        ...
+
+    def report(self, diagnoses: Sequence[Diagnosis]) -> None:
+        """Of all fingers, once a second."""
+        ...
+
+    def close(self) -> None:
+        """Let go of everything."""
+        ...
+
+
+class Bridge:
+    """Carries samples of a connection to outlets; `run` in one thread, `stop` from any.
+
+    left_out_n  samples that went because the outlets were too slow
+    """
+
+    def __init__(self, hand: Connection, outlets: Sequence[Outlet]) -> None:
+        self._hand, self._outlets = hand, outlets
+        self._samples: queue.Queue[Sample | None] = queue.Queue(QUEUE)
+        self._known: set[int] = set()
+        self._serial_numbers: dict[int, str] = {}
+        self._board = Board(hand)
+        self.left_out_n = 0
+
+    def run(self, seconds: float | None = None) -> None:
+        """Until `stop`, or the time is up."""
+        end_s = None if seconds is None else time.monotonic() + seconds
+        report_s = time.monotonic() + REPORT_S
+        remove = self._hand.on_sample(self._put)
+        try:
+            while end_s is None or time.monotonic() < end_s:
+                wait_s = min(report_s, end_s or report_s) - time.monotonic()
+                if wait_s <= 0:
+                    self._report()
+                    report_s = time.monotonic() + REPORT_S
+                    continue
+                with suppress(queue.Empty):
+                    sample = self._samples.get(timeout=wait_s)
+                    if sample is None:
+                        return
+                    self._publish(sample)
+        finally:
+            remove()
+
+    def stop(self) -> None:
+        """End `run` after the samples that came before."""
+        self._put(None)
+
+    def _put(self, sample: Sample | None) -> None:
+        while True:
+            try:
+                self._samples.put_nowait(sample)
+                return
+            except queue.Full:
+                with suppress(queue.Empty):
+                    self._samples.get_nowait()
+                    self.left_out_n += 1
+
+    def _publish(self, sample: Sample) -> None:
+        self._add(sample.finger)
+        for outlet in self._outlets:
+            outlet.publish(sample)
+
+    def _add(self, node: int) -> None:
+        if node in self._known:
+            return
+        self._known.add(node)
+        finger = self._hand.fingers[node]
+        for outlet in self._outlets:
+            outlet.add_finger(finger)
+        # Asked beside the samples: a finger that does not answer must not hold them up.
+        threading.Thread(target=self._ask_serial_number, args=(finger,), daemon=True).start()
+
+    def _ask_serial_number(self, finger: Finger) -> None:
+        with suppress(LinkError):
+            self._serial_numbers[finger.node] = str(finger.get("serial_number"))
+
+    def _report(self) -> None:
+        fingers = self._hand.fingers
+        rows = [row for row in self._board.look() if row.finger in fingers]
+        for row in rows:
+            self._add(row.finger)
+        diagnoses = [
+            diagnose(row, fingers[row.finger], self._serial_numbers.get(row.finger, "")) for row in rows
+        ]
+        for outlet in self._outlets:
+            outlet.report(diagnoses)

@@ -1,0 +1,79 @@
+"""`python -m hostlink bridge`: fingers to ROS 2 and Foxglove."""
+
+from __future__ import annotations
+
+import signal
+from contextlib import ExitStack, nullcontext
+from pathlib import Path
+
+import click
+
+from hostlink.bridge.run import Bridge, Outlet
+from hostlink.cli_types import FiniteFloat
+from hostlink.client import connect
+from hostlink.errors import UsageError
+from hostlink.output_file import check_output, writing
+from hostlink.web import Listen, WebError, parse_listen
+
+
+@click.command()
+@click.argument("address")
+@click.option("--foxglove", "foxglove", is_flag=True, help="Serve Foxglove, Lichtblick and PlotJuggler.")
+@click.option(
+    "--listen",
+    default="127.0.0.1:8765",
+    show_default=True,
+    metavar="HOST:PORT",
+    help="With --foxglove: where. Viewers may tare and set on a loopback address alone.",
+)
+@click.option(
+    "--record", type=click.Path(path_type=Path), help="With --foxglove: the same topics into this .mcap file."
+)
+@click.option("--overwrite", is_flag=True, help="Replace that file if it exists.")
+@click.option(
+    "--seconds", type=FiniteFloat(min=0, min_open=True), help="Stop after this time; else at Ctrl-C."
+)
+def bridge(
+    address: str, foxglove: bool, listen: str, record: Path | None, overwrite: bool, seconds: float | None
+) -> None:
+    """Bring the fingers at ADDRESS to other programs."""
+    if not foxglove:
+        raise UsageError("bridge: where to? give --foxglove")
+    path = None if record is None else check_output(record, (".mcap",), overwrite=overwrite)
+    where = _listen(listen)
+    # `timeout` and systemd end a program so: as with Ctrl-C, what was recorded until then is the recording.
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with ExitStack() as stack:
+            file = stack.enter_context(nullcontext() if path is None else writing(path, overwrite))
+            outlets: list[Outlet] = []
+            outlets.append(_foxglove(where, file))
+            for outlet in outlets:
+                stack.callback(outlet.close)
+            carrier = Bridge(stack.enter_context(connect(address)), outlets)
+            try:
+                carrier.run(seconds)
+            except KeyboardInterrupt:  # how one ends it
+                click.echo("", err=True)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    if carrier.left_out_n:
+        click.echo(f"{carrier.left_out_n} samples left out: slower than the fingers", err=True)
+
+
+def _listen(text: str) -> Listen:
+    try:
+        # No token is part of the protocol: `auto` stands for "others may look", they cannot do anything.
+        return parse_listen(text, "auto")
+    except WebError as error:
+        raise UsageError(str(error)) from None
+
+
+def _foxglove(listen: Listen, file: Path | None) -> Outlet:
+    from hostlink.bridge.foxglove import LAYOUT, FoxgloveOutlet
+
+    if file is not None:
+        file.unlink()  # an empty one that `writing` made; the SDK makes its own
+    outlet = FoxgloveOutlet(listen, file)
+    click.echo(f"foxglove: {outlet.url}; layout to import: {LAYOUT}", err=True)
+    return outlet

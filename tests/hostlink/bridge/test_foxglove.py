@@ -1,0 +1,309 @@
+"""The Foxglove bridge, seen by a websocket client that decodes with other libraries than the server's."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import pytest
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from mcap.reader import make_reader
+
+from hostlink.bridge.foxglove import DIAGNOSTICS, LAYOUT, PARAMETERS, FoxgloveOutlet
+from hostlink.bridge.values import values_of
+from hostlink.web import Listen
+from hostlink.wire import Contact, State, Status, pack_state, unpack_state
+from tests.hostlink.bridge.hand import Hand
+from tests.hostlink.commands.test_cli import run
+
+WAIT_S = 20.0
+
+
+def state(number: int, k: int) -> State:
+    now_us = time.monotonic_ns() // 1000
+    return State(
+        sample=k,
+        status=Status.TOUCHED,
+        capture_time_us=now_us - 3000,
+        latency_us=3000.0,
+        displacement_mm=number / 4,
+        shear_x_mm=0.3,
+        shear_y_mm=-0.4,
+        force_n=nan,
+        contact_n=2,
+        contacts=(Contact(1.5, -2.5, 0.5), Contact(-3.0, 4.0)),
+    )
+
+
+class Viewer:
+    """A client of the protocol `foxglove.sdk.v1`, as its specification has it."""
+
+    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+        self._socket = socket
+        self.info: dict[str, Any] = {}
+        self.channels: dict[str, dict[str, Any]] = {}
+        self.services: dict[str, dict[str, Any]] = {}
+        self.messages: dict[str, list[tuple[int, bytes]]] = {}
+        self.parameters: dict[str, list[dict[str, Any]]] = {}
+        self.answers: dict[int, bytes] = {}
+        self._subscribed: dict[int, str] = {}
+
+    async def until(self, condition: Callable[[], Any], what: str) -> Any:
+        async with asyncio.timeout(WAIT_S):
+            while not (found := condition()):
+                self._take(await self._socket.receive())
+            return found
+
+    def _take(self, message: aiohttp.WSMessage) -> None:
+        assert message.type in (aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY), message
+        if message.type == aiohttp.WSMsgType.BINARY:
+            data = message.data
+            if data[0] == 1:
+                number, at_ns = struct.unpack_from("<IQ", data, 1)
+                self.messages.setdefault(self._subscribed[number], []).append((at_ns, data[13:]))
+            elif data[0] == 3:
+                _, call, size = struct.unpack_from("<III", data, 1)
+                self.answers[call] = data[13 + size :]
+            return
+        said = json.loads(message.data)
+        match said["op"]:
+            case "serverInfo":
+                self.info = said
+            case "advertise":
+                self.channels |= {c["topic"]: c for c in said["channels"]}
+            case "advertiseServices":
+                self.services |= {s["name"]: s for s in said["services"]}
+            case "parameterValues":
+                self.parameters[said.get("id", "")] = said["parameters"]
+
+    async def subscribe(self, topic: str) -> None:
+        await self.until(lambda: topic in self.channels, topic)
+        number = len(self._subscribed) + 1
+        self._subscribed[number] = topic
+        await self.say(
+            op="subscribe", subscriptions=[{"id": number, "channelId": self.channels[topic]["id"]}]
+        )
+
+    async def say(self, **what: Any) -> None:
+        await self._socket.send_str(json.dumps(what))
+
+    async def call(self, name: str) -> dict[str, Any]:
+        await self.until(lambda: name in self.services, name)
+        number = len(self.answers) + 1
+        head = struct.pack("<BIII", 2, self.services[name]["id"], number, 4)
+        await self._socket.send_bytes(head + b"json" + b"{}")
+        await self.until(lambda: number in self.answers, "an answer")
+        answer = json.loads(self.answers[number])
+        assert isinstance(answer, dict)
+        return answer
+
+
+def watch(url: str, visit: Callable[[Viewer], Awaitable[None]]) -> None:
+    async def main() -> None:
+        async with (
+            aiohttp.ClientSession() as session,
+            session.ws_connect(url, protocols=["foxglove.sdk.v1"]) as socket,
+        ):
+            await visit(Viewer(socket))
+
+    asyncio.run(main())
+
+
+@pytest.fixture
+def hand(request: pytest.FixtureRequest) -> Iterator[Hand]:
+    made = Hand(f"fox-{request.node.name}", (1, 3), state)
+    yield made
+    made.close()
+
+
+def test_samples_scenes_and_diagnoses_are_what_the_fingers_sent(hand: Hand) -> None:
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
+    hand.bridge(outlet)
+
+    async def visit(viewer: Viewer) -> None:
+        for topic in ("/finger_1/sample", "/finger_3/sample", "/finger_3/contacts", "/diagnostics", "/tf"):
+            await viewer.subscribe(topic)
+        got = viewer.messages
+        await viewer.until(lambda: len(got) == 5 and len(got["/finger_1/sample"]) > 20, "messages")
+        at_ns, data = got["/finger_3/sample"][-1]
+        message = json.loads(data)
+        expected = values_of(unpack_state(pack_state(state(3, message["sequence"]), 0)))
+        for name in expected.keys() - {"capture_time_us"}:
+            assert message["values"][name] == expected[name], name
+        assert message["values"]["force_n"] is None
+        assert abs(time.time_ns() - at_ns) < WAIT_S * 1e9
+        sequences = [json.loads(data)["sequence"] for _, data in got["/finger_1/sample"]]
+        assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))
+
+        scene = SceneUpdate.FromString(got["/finger_3/contacts"][-1][1]).entities[0]
+        places = [(s.pose.position.x, s.pose.position.y) for s in scene.spheres]
+        assert places == [pytest.approx((1.5e-3, -2.5e-3)), pytest.approx((-3e-3, 4e-3))]
+        assert scene.frame_id == "finger_3"
+        lengths = [a.shaft_length + a.head_length for a in scene.arrows]
+        assert lengths == [pytest.approx(0.5e-3), pytest.approx(0.75e-3)]
+        turn = scene.arrows[0].pose.orientation
+        assert (1 - 2 * turn.z**2, 2 * turn.z * turn.w) == pytest.approx((0.6, -0.8))  # along the shear
+
+        await viewer.until(lambda: json.loads(got["/diagnostics"][-1][1])["status"], "a diagnosis")
+        status = json.loads(got["/diagnostics"][-1][1])["status"]
+        assert [(s["name"], s["level"]) for s in status] == [("finger_1", 0), ("finger_3", 0)]
+        await viewer.until(lambda: FrameTransforms.FromString(got["/tf"][-1][1]).transforms, "transforms")
+        tips = FrameTransforms.FromString(got["/tf"][-1][1]).transforms
+        assert [t.child_frame_id for t in tips] == ["finger_1", "finger_3"]
+
+    watch(outlet.url, visit)
+
+
+def test_a_viewer_that_leaves_and_comes_back_sees_samples_again(hand: Hand) -> None:
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
+    hand.bridge(outlet)
+
+    async def visit(viewer: Viewer) -> None:
+        await viewer.subscribe("/finger_1/sample")
+        await viewer.until(lambda: viewer.messages, "a sample")
+
+    for _ in range(3):
+        watch(outlet.url, visit)
+
+
+def test_tare_is_a_service(hand: Hand) -> None:
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
+    hand.bridge(outlet)
+
+    async def visit(viewer: Viewer) -> None:
+        answer = await viewer.call("/finger_3/tare")
+        assert answer["success"], answer
+        assert hand.applications[3].tares == [False]
+        hand.applications[3].touched = True
+        answer = await viewer.call("/finger_3/tare")
+        assert not answer["success"]
+        assert "something touches the tip" in answer["message"]
+        assert hand.applications[1].tares == []
+
+    watch(outlet.url, visit)
+
+
+def test_parameters_are_read_and_set(hand: Hand) -> None:
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
+    hand.bridge(outlet)
+
+    async def visit(viewer: Viewer) -> None:
+        async def ask(number: str, **what: Any) -> dict[str, Any]:
+            await viewer.say(id=number, **what)
+            values = await viewer.until(lambda: viewer.parameters.get(number), "parameters")
+            return {p["name"]: p["value"] for p in values}
+
+        await viewer.until(lambda: len(viewer.services) == 2, "both fingers")
+        everything = await ask("1", op="getParameters", parameterNames=[])
+        assert everything.keys() == {f"finger_{n}.{key}" for n in (1, 3) for key in PARAMETERS}
+        rate = [{"name": "finger_3.rate_hz", "value": 50}]
+        assert await ask("2", op="setParameters", parameters=rate) == {"finger_3.rate_hz": 50}
+        rate[0]["value"] = -1
+        assert await ask("3", op="setParameters", parameters=rate) == {"finger_3.rate_hz": 50}, "refused"
+
+    watch(outlet.url, visit)
+    assert hand.connection.finger(3).get("rate_hz") == 50.0
+    assert hand.connection.finger(1).get("rate_hz") == 0.0
+
+
+def test_others_may_look_and_no_more(hand: Hand) -> None:
+    outlet = FoxgloveOutlet(Listen("0.0.0.0", 0))
+    hand.bridge(outlet)
+
+    async def visit(viewer: Viewer) -> None:
+        await viewer.subscribe("/finger_1/sample")
+        await viewer.until(lambda: viewer.messages, "a sample")
+        assert viewer.info["capabilities"] == []
+        assert viewer.services == {}
+
+    watch(outlet.url, visit)
+
+
+def test_a_recording_has_the_same_topics_and_schemas(hand: Hand, tmp_path: Path) -> None:
+    path = tmp_path / "hand.mcap"
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), path)
+    hand.bridge(outlet)
+    seen: dict[str, dict[str, Any]] = {}
+
+    async def visit(viewer: Viewer) -> None:
+        for topic in ("/finger_1/sample", "/diagnostics"):
+            await viewer.subscribe(topic)
+        await viewer.until(lambda: len(viewer.messages) == 2 and len(viewer.channels) == 6, "all topics")
+        seen.update(viewer.channels)
+
+    watch(outlet.url, visit)
+    hand.close()
+    with path.open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        assert summary is not None
+        schemas = summary.schemas
+        recorded = {
+            c.topic: (c.message_encoding, schemas[c.schema_id].name, schemas[c.schema_id].encoding)
+            for c in summary.channels.values()
+        }
+        samples_n = sum(1 for _ in reader.iter_messages(topics=["/finger_1/sample"]))
+    assert recorded == {t: (c["encoding"], c["schemaName"], c["schemaEncoding"]) for t, c in seen.items()}
+    assert samples_n > 20
+
+
+def test_the_layout_shows_what_is_there() -> None:
+    layout = json.loads(LAYOUT.read_text())
+    panels = layout["configById"]
+
+    def names(node: Any) -> list[str]:
+        return [node] if isinstance(node, str) else names(node["first"]) + names(node["second"])
+
+    assert sorted(names(layout["layout"])) == sorted(panels)
+    values = values_of(State())
+    for name, panel in panels.items():
+        for path in panel.get("paths", ()):
+            topic, _, field = path["value"].partition(".values.")
+            assert topic.endswith("/sample"), name
+            assert field in values, name
+    assert panels["DiagnosticSummary!fingers"]["topicToRender"] == "/diagnostics"
+    assert DIAGNOSTICS["title"] == "diagnostic_msgs/DiagnosticArray"  # the name that the panel looks for
+
+
+def test_a_taken_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
+    port = outlet.server.port
+    assert run("bridge", "virtual:fox-taken", "--foxglove", "--listen", f"127.0.0.1:{port}") == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert f"--listen 127.0.0.1:{port}: " in err
+    outlet.close()
+
+
+def test_the_command_records_and_says_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    hand = Hand("fox-command", (2,), state)
+    path = tmp_path / "hand.mcap"
+    arguments = ("bridge", "virtual:fox-command", "--foxglove", "--listen", "127.0.0.1:0", "--seconds", "2")
+    assert run(*arguments, "--record", str(path)) == 0
+    assert "foxglove: ws://127.0.0.1:" in capsys.readouterr().err
+    with path.open("rb") as file:
+        assert sum(1 for _ in make_reader(file).iter_messages(topics=["/finger_2/sample"])) > 20
+    assert run(*arguments, "--record", str(path)) == 2
+    assert "exists already" in capsys.readouterr().err
+    hand.close()
+
+
+def test_without_the_extra_it_is_one_line() -> None:
+    program = (
+        "import sys; sys.modules['foxglove'] = None;"
+        "from hostlink.commands.cli import main; main(['bridge', 'virtual:none', '--foxglove'])"
+    )
+    refused = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    assert 'pip install "voronoi-touch[foxglove]"' in refused.stderr
