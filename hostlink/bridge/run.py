@@ -118,7 +118,7 @@ class Bridge:
 
     def _report(self) -> None:
         fingers = self._hand.fingers
-        rows = [row for row in self._board.look() if row.finger in fingers]
+        rows = [row for row in self._board.rows() if row.finger in fingers]
         for row in rows:
             self._add(row.finger)
         diagnoses = [

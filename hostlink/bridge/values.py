@@ -71,11 +71,11 @@ def _plain(value: Any) -> Any:
 def diagnose(row: FingerRow, finger: Finger, serial_number: str) -> Diagnosis:
     """What the status bits, the faults and the link say of a finger."""
     if row.state is None:
-        level, message = Level.STALE, row.words or "no samples"
+        level, message = Level.STALE, row.problem or "no samples"
     elif row.state.status & NO_CONTROL:
-        level, message = Level.ERROR, row.words
+        level, message = Level.ERROR, row.problem
     else:
-        level, message = (Level.WARN, row.words) if row.words else (Level.OK, "measures")
+        level, message = (Level.WARN, row.problem) if row.problem else (Level.OK, "measures")
     values = {
         "rate_hz": f"{row.rate_hz:.0f}",
         "age_ms": f"{row.age_s * 1e3:.1f}",

@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 import hostlink
 from hostlink.bridge.run import Bridge, Outlet
 from hostlink.wire import State
-from tests.hostlink.test_client import Application, make_node, until
+from tests.hostlink.test_client import Application, make_node
+from tests.support.waiting import until
 
 
 class Hand:
