@@ -69,7 +69,7 @@ fuzz: $(READY)
 	$(BIN)/python tests/fuzz/fuzz_decoder.py -max_total_time=$(SECONDS)
 	FUZZ_ROUNDS=50 $(BIN)/python -m pytest tests/hostlink/test_clock.py tests/hostlink/test_decoder.py -k any_
 
-## make soak       the app under a random schedule of all faults, and its promises; SECONDS=3600
+## make soak       the program under a random schedule of all faults, and its promises; SECONDS=3600
 soak: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.bench soak --seconds $(SECONDS)
 

@@ -1,4 +1,4 @@
-"""The documentation builds without a warning, and every link within the project leads somewhere."""
+"""The documentation builds without a warning, and every link within the project has a target."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PAGES = sorted(ROOT / name for name in TRACKED if (ROOT / name).is_file())
 
 
 def anchors(page: Path) -> set[str]:
-    """What the headings of a page are called in links."""
+    """Names of the headings of a page in links."""
     titles = re.findall(r"^#+ +(.+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
 

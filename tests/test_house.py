@@ -1,4 +1,4 @@
-"""Who may import whom, and what must stay out of a process that does not need it."""
+"""Allowed imports between packages, and modules that a process must not load."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("edge", "hostlink", "calib", "tests")
 STDLIB = frozenset(sys.stdlib_module_names)
 
-#: What of hostlink's own modules the edge uses too: the bus, command lines and the files that they write.
+#: Modules of hostlink that the edge uses too: the bus, command lines and the files that they write.
 SHARED_WITH_EDGE = ("hostlink.can_bus", "hostlink.cli_exit", "hostlink.cli_types", "hostlink.output_file")
-#: Which of the project's own packages a room may import.
+#: Which of the project's own packages a package may import.
 MAY_IMPORT = {
     "hostlink/wire": ("hostlink.wire",),
     "hostlink/web": ("hostlink.web",),
@@ -124,7 +124,7 @@ def test_geometry_knows_no_stage() -> None:
 
 
 def test_each_stage_can_be_imported_first() -> None:
-    """No order of imports may be the only one that works."""
+    """Imports must work in any order."""
     for stage in (*STAGES, "geometry.motion_field", "geometry.lattice"):
         subprocess.run([sys.executable, "-c", f"import edge.{stage}"], check=True, cwd=ROOT)
 

@@ -1,4 +1,4 @@
-"""The kernels come from the build that the environment asks for, and each is listed once."""
+"""The kernels come from the build that the environment selects, and each is listed once."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_a_kernel_comes_from_the_chosen_build(name: str) -> None:
 
 
 def test_every_module_that_uses_cython_is_in_the_table() -> None:
-    """One that is not would run uncompiled, and need Cython where it runs."""
+    """A kernel missing in the table would run uncompiled, and need Cython at run time."""
     using = {
         ".".join(path.relative_to(ROOT).with_suffix("").parts)
         for package in ("edge", "hostlink", "calib")

@@ -1,4 +1,4 @@
-"""Recorded frames through the whole chain and back: what the host decodes is what the edge computed."""
+"""Recorded frames through the whole chain and back: the host decodes what the edge computed."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ def send(
         writer = LogWriter(log) if log is not None else None
         if writer is not None:
             host.on_raw(lambda message, _: writer.write(message))
-        app = Loop(source, [memory], Calibration.load(calibration))
+        loop = Loop(source, [memory], Calibration.load(calibration))
         sink = open_sink(edge_address, node=NODE)
         assert isinstance(sink, CanSink | SerialSink)
-        app.sinks.append(Node(sink, LoopDevice(app, "T1"), node=NODE))
-        app.run()
+        loop.sinks.append(Node(sink, LoopDevice(loop, "T1"), node=NODE))
+        loop.run()
         sink.drain(SOON_S)
         arrived.wait(SOON_S)
         sink.close()
@@ -65,7 +65,7 @@ def send(
 
 
 def check(computed: dict[int, State], received: dict[int, State]) -> None:
-    """Received equals computed within the wire's resolution, nothing lost, nothing invented."""
+    """Received equals computed within the wire's resolution, no sample lost or added."""
     assert computed.keys() == received.keys()
     for number, state in computed.items():
         assert same(received[number], on_wire(state)), number
@@ -77,7 +77,7 @@ def check(computed: dict[int, State], received: dict[int, State]) -> None:
 
 @pytest.fixture
 def pressed(data_dir: Path) -> tuple[Path, Path]:
-    """A recording that has everything, and its calibration."""
+    """A recording with all kinds of values, and its calibration."""
     return data_dir / "press_shear.mcap", data_dir / RECORDINGS["press_shear"]
 
 

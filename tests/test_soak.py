@@ -19,7 +19,7 @@ SECONDS = 14.0  # each kind of camera fault once or more
 def test_the_promises_hold() -> None:
     outcome = soak(SECONDS, seed=11, rate_hz=50.0, endings_every_s=0.0, brisk=True)
     tell(outcome, Console(width=120))
-    # How late something was on a machine that does other things too is told, not judged, here.
+    # Delays depend on the machine's load: they are printed here, not asserted.
     late = ("announced after", "still announced", "link back after")
     broken = [words for words in outcome.violations if not any(part in words for part in late)]
     assert not broken

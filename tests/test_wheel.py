@@ -31,7 +31,9 @@ print(edge.pipeline.__file__, float(areas[0]))
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
-    for old in (ROOT / "build").glob("lib*"):  # setuptools would take what has left the source
+    for old in (ROOT / "build").glob(
+        "lib*"
+    ):  # setuptools would include files that were removed from the source
         shutil.rmtree(old)
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps"]
     subprocess.run([*command, "-w", str(folder), "."], cwd=ROOT, check=True, timeout=900)
@@ -56,7 +58,7 @@ def test_the_wheel_runs_without_a_compiler(wheel: Path, tmp_path: Path) -> None:
     installer = [sys.executable, "-m", "pip", "--quiet", "--python", str(python), "install", "--no-deps"]
     environment = {"PATH": str(python.parent), "CC": "false", "HOME": str(tmp_path)}
     subprocess.run([*installer, str(wheel)], check=True, env=os.environ | environment, timeout=300)
-    # What it depends on comes from here; this project itself, which is not in these folders, does not.
+    # Dependencies come from these folders; the project itself is not in them.
     own = [p for p in sys.path if p.endswith(("site-packages", "dist-packages"))]
     (packages / "dependencies.pth").write_text("\n".join(own) + "\n")
     said = subprocess.check_output([python, "-c", PROGRAM], cwd=tmp_path, env=environment, text=True)

@@ -1,7 +1,7 @@
 """Benchmarks and long checks: `python -m tests.bench [COMMAND]`.
 
-Each command lives in a module of its own that is imported when it is called. A new one is a line in
-`COMMANDS`: name, module, what it does. Its module has a click command named `command`. Called with
+Each command is a module that is imported when it is called. A new one is a line in `COMMANDS`: name, module,
+description. Its module has a click command named `command`. Called with
 options only, the group runs `DEFAULT`.
 """
 
@@ -14,7 +14,7 @@ import click
 COMMANDS = {
     "identity": ("tests.bench.identity", "Pin identity after a jump, on real and simulated frames."),
     "instructions": ("tests.bench.instructions", "Instructions and cache misses of a frame, counted."),
-    "paced": ("tests.bench.paced", "The running app at 240 frames/s: latency, memory, losses."),
+    "paced": ("tests.bench.paced", "The running program at 240 frames/s: latency, memory, losses."),
     "speed": ("tests.bench.speed", "Time per frame and stage, against reference and floor (default)."),
     "real": ("tests.bench.real", "Errors on the published recordings, five splits and a learning curve."),
     "videos": ("tests.bench.videos", "Identities held through the published videos."),
@@ -22,7 +22,7 @@ COMMANDS = {
     "link": ("tests.bench.link", "Fingers on one bus: losses and latency."),
     "viewers": ("tests.bench.viewers", "Viewers of the live page: what they cost the loop."),
     "wire": ("tests.bench.wire", "Coding of frames: processor time of one."),
-    "soak": ("tests.bench.soak", "The app under a random schedule of all faults, and its promises."),
+    "soak": ("tests.bench.soak", "The program under a random schedule of all faults, and its promises."),
     "stability": ("tests.bench.stability", "Hard cases of the geometry against exact arithmetic."),
 }
 DEFAULT = "speed"

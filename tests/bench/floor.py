@@ -1,4 +1,4 @@
-"""The least that window centroids can cost: the time to read the windows' pixels once."""
+"""Lower bound of the time of window centroids: reading the windows' pixels once."""
 
 from __future__ import annotations
 

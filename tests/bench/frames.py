@@ -1,4 +1,4 @@
-"""Frames to measure on: simulated, rendered once, the same for all that are compared."""
+"""Frames for measurements: simulated, rendered once, the same for all methods compared."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def scene(
 
     radius_px  of the outermost pins' circle; 0: the tip fills the image
     """
-    thin = min(1.0, math.sqrt(331 / pins))  # more pins than usual must be thinner to stand apart
+    thin = min(1.0, math.sqrt(331 / pins))  # more than 331 pins must be thinner to be separate
     tip = Tip(n_pins=pins, pin_radius_mm=0.6 * thin)
     camera = Camera(tip=tip, size_px=size_px, pins_radius_px=radius_px)
     simulator = Simulator(camera, seed=1, rate_hz=240.0)
@@ -33,12 +33,14 @@ def scene(
 
 
 def back_and_forth(frames: list[Frame], n: int) -> list[Frame]:
-    """The frames up and down again, without a jump anywhere, until there are n."""
+    """The frames forwards and backwards, without a jump, until there are n."""
     return list(islice(cycle(frames + frames[-2:0:-1]), n))
 
 
 def calibration_of(frames: list[Frame]) -> Calibration:
-    """The bundled calibration's models on this tip, whatever its camera. Right in time, not in value."""
+    """The bundled calibration's models on this tip, whatever its camera. Its times are right, its values are
+    not.
+    """
     rest = take_rest([frame.image for frame in frames[:REST_FRAMES]])
     bundled = Calibration.load(Path(__file__).parents[1] / "data" / "rings331_ball.json")
     return Calibration(msgspec.structs.replace(bundled.content, sensor=sensor_of(rest, "bench")))

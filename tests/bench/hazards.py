@@ -1,14 +1,15 @@
-"""What goes wrong in front of a camera, rendered and sent through every stage from pixels to contacts.
+"""Optical disturbances, rendered and sent through every stage from pixels to contacts.
 
-A sphere presses, is held and shears, on 127 and 331 pins; each hazard spoils the images of the same press.
-Counted against the simulator's truth:
+A sphere presses, is held and shears, on 127 and 331 pins; each hazard disturbs the images of the same press.
+Compared with the simulator's truth:
 
-swapped   pins tracked at another pin's place in a frame whose identities are called sure
+swapped   pins tracked at another pin's place in a frame whose identities are trusted
 place     distance of the strongest contact from the true place, mm
-depth     error of the displacement, mm; both as calibrated on random presses of the same tip in clean light
+depth     error of the displacement, mm; both with a calibration on random presses of the same tip in clean
+          light
 touches   frames of an untouched tip that raise a contact
 
-A hazard holds with no pin swapped, no touch raised, and errors within 1.5 of the clean ones.
+A hazard passes with no pin swapped, no touch raised, and errors within 1.5 of the clean ones.
 """
 
 from __future__ import annotations
@@ -37,19 +38,19 @@ from edge.types import Array, Feature, Frame, Image, Tracks
 RESULTS = Path(__file__).parent / "results"
 RATE_HZ = 60.0
 TARE_N, DOWN_N, HOLD_N, SHEAR_N = 8, 20, 6, 12
-SPOILED_FROM = TARE_N + 4  # the tip is known and followed when things go wrong
+SPOILED_FROM = TARE_N + 4  # disturbances begin when the tip is known and followed
 DARK = (20, 32)  # frames without light, or behind a hand: a fifth of a second here
 BALL = ToolPose(Tool("sphere", radius_mm=3.0), x_mm=3.0, y_mm=-2.0)
 LOOK = Look(rim=120.0, leds=4)
 TIMES_CLEAN = 1.5
-# Where the clean error is next to nothing this is enough: a tenth of the project's aims (0.1 mm).
+# If the clean error is close to zero this is enough: a tenth of the project's aims (0.1 mm).
 LEAST_MM = 0.01
 CALIBRATION_FRAMES = 150
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What one frame looks like: light, and share of the frame's time that the shutter is open."""
+    """Appearance of one frame: light, and share of the frame's time that the shutter is open."""
 
     look: Look
     exposure: float = 0.0
@@ -207,7 +208,7 @@ def play(camera: Camera, spoil: Spoil, seed: int, touched: bool) -> tuple[list[I
 def swaps(tracks: Tracks, rest_xy: Array, start_xy: Array, xy: Array) -> int:
     """Pins tracked nearer to another pin's true place than to their own.
 
-    rest_xy, start_xy  (n, 2), (m, 2): rest frame as tared, and the true pins then: who is who
+    rest_xy, start_xy  (n, 2), (m, 2): rest frame as tared, and the true pins then: gives the identities
     """
     own = np.hypot(*(rest_xy[:, None] - start_xy).transpose(2, 0, 1)).argmin(1)
     now = np.hypot(*(tracks.xy_img[tracks.seen][:, None] - xy).transpose(2, 0, 1)).argmin(1)
@@ -247,7 +248,7 @@ def measure(camera: Camera, calibration: Calibration | None, name: str, seed: in
 
 
 def outcomes(n_pins: int, seed: int) -> Iterator[Outcome]:
-    """The clean press first; the others held against it."""
+    """The clean press first; the others are compared with it."""
     camera = Camera(tip=Tip(n_pins=n_pins))
     calibration, _ = calibrate_simulated(
         Simulator(camera, LOOK, seed), BALL.tool, n_frames=CALIBRATION_FRAMES, seed=seed
@@ -271,7 +272,7 @@ def outcomes(n_pins: int, seed: int) -> Iterator[Outcome]:
     help="Folder for hazards.json.  [default: tests/bench/results]",
 )
 def command(seed: int, out: Path) -> None:
-    """Exit code 1 where a hazard does not hold."""
+    """Exit code 1 if a hazard does not pass."""
     console = Console()
     got = [o for n in (127, 331) for o in track(outcomes(n, seed), f"{n} pins", total=len(HAZARDS))]
     table = Table("tip", "hazard", "frames", "unsure", "swapped", "place mm", "depth mm", "touches", "holds")

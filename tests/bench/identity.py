@@ -69,7 +69,7 @@ HAZARDS = (
 
 
 def neighbours(rest_xy: Array) -> list[Array]:
-    """Delaunay neighbours of each pin, all of them: the measure knows nothing of the tracker's own."""
+    """All Delaunay neighbours of each pin, independent of the tracker's."""
     start, index = Delaunay(rest_xy).vertex_neighbor_vertices
     return [index[start[i] : start[i + 1]] for i in range(len(rest_xy))]
 
@@ -190,7 +190,7 @@ def random_contact(rng: np.random.Generator) -> ToolPose:
 
 
 def spoil(xy: Array, hazard: Hazard, reach_px: float, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Blobs (m, 2) as a detector would see the pins, and which pin each is: -1 none or two."""
+    """Blobs (m, 2) as a detector would give them, and the pin of each: -1 none or two."""
     owner = np.arange(len(xy))
     blob = xy + rng.normal(0, 0.05, xy.shape)
     keep = rng.random(len(xy)) >= hazard.dropped
@@ -264,7 +264,7 @@ def simulated(n_pins: int, frames: int, seed: int) -> Iterator[Outcome]:
 
 
 def judge(tracks: Tracks, blob: Array, owner: Array) -> tuple[int, int, int]:
-    """Pins with another pin's blob, pins with a blob that is no pin, pins missed though a blob is theirs."""
+    """Pins with another pin's blob, pins with a false blob, pins missed although they have one."""
     index = {tuple(xy): int(k) for xy, k in zip(blob, owner, strict=True)}
     got = [index[tuple(xy)] if seen else None for xy, seen in zip(tracks.xy_img, tracks.seen, strict=True)]
     swapped = sum(k is not None and k >= 0 and k != i for i, k in enumerate(got))
@@ -287,7 +287,7 @@ def judge(tracks: Tracks, blob: Array, owner: Array) -> tuple[int, int, int]:
     help="Folder for identity.json.  [default: tests/bench/results]",
 )
 def command(every: int, frames: int, seed: int, pictures: Path | None, out: Path) -> None:
-    """Exit code 1 where a wrong match has a high confidence."""
+    """Exit code 1 if a wrong match has a high confidence."""
     console = Console()
     report: dict[str, object] = {}
     folder = REAL / "tactip331_binary"

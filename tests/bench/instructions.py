@@ -1,12 +1,12 @@
 """Instructions and cache misses of a frame, counted: `python -m tests.bench instructions [--json]`.
 
-Time depends on the machine and on what else it does; the number of instructions does not. Valgrind's
+Time depends on the machine and its load; the number of instructions does not. Valgrind's
 cachegrind (Debian package valgrind) runs the same recording twice, once longer, with the caches of a small
-board; the difference, per frame, has no start of the program in it.
+board; the difference per frame excludes the start of the program.
 
 Rules
 - Frames are rendered beforehand and read from a file; garbage collection is off; one thread.
-- What a compiled kernel does is found by its symbol, whose name Cython makes of the module's.
+- A compiled kernel is identified by its symbol, which Cython derives from the module's name.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ROOT = Path(__file__).resolve().parents[2]
 RESULTS = Path(__file__).parent / "results"
 #: First-level instruction and data caches and the last level of a small board: bytes, ways, bytes of a line.
 CACHES = ("--I1=49152,12,64", "--D1=32768,8,64", "--LL=1048576,16,64")
-#: Scene of the simulator, frames until those that count, what is asked for.
+#: Scene of the simulator, frames before those that count, demand.
 VARIANTS = {
     "contact": ("press", 10, "pipeline"),
     "no_contact": ("nothing", 0, "pipeline"),
@@ -45,7 +45,7 @@ TOP = 25  # functions in the table
 
 @dataclass(frozen=True)
 class Counts:
-    """What one frame takes.
+    """The cost of one frame.
 
     instructions, ll_misses  of everything
     functions                (stage, function) -> instructions
@@ -56,7 +56,7 @@ class Counts:
     functions: dict[tuple[str, str], float]
 
     def stages(self) -> dict[str, float]:
-        """Instructions of each stage; `interpreter, libraries` is what no kernel does itself."""
+        """Instructions of each stage; `interpreter, libraries` is everything outside of kernels."""
         total: Counter[str] = Counter()
         for (stage, _), n in self.functions.items():
             total[stage] += n
@@ -66,7 +66,7 @@ class Counts:
 def count(kind: str, frames: Path, folder: Path) -> Counts:
     """Count one kind of work (see `instructions_child`) on a recording."""
     lengths = LENGTHS[kind]
-    _run([], kind, frames, 1)  # leaves compiled Python behind, for both runs alike
+    _run([], kind, frames, 1)  # writes the compiled Python files for both runs
     runs = []
     for n in lengths:
         out = folder / f"cachegrind.{kind}.{n}"
@@ -99,7 +99,7 @@ def _run(before: list[str], kind: str, frames: Path, n: int) -> None:
 
 
 def _read(path: Path) -> tuple[Counter[str], int]:
-    """Instructions of each function, and last-level misses of all."""
+    """Instructions of each function, and all last-level misses."""
     functions: Counter[str] = Counter()
     events: list[str] = []
     misses = 0

@@ -1,7 +1,7 @@
 """What `tests.bench.instructions` counts: `python -m tests.bench.instructions_child KIND FRAMES N`.
 
-KIND is `pipeline`, `grasp` (displacement and shear alone) or `reference`; FRAMES an .npz of images, the first
-of the untouched tip, `contact` where those that count begin; N how many of them are processed, up and down.
+KIND is `pipeline`, `grasp` (displacement and shear only) or `reference`; FRAMES an .npz of images, the first
+of the untouched tip, `contact` the begin of those that count; N how many of them are processed, up and down.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Fingers on one bus, for as long as asked: what is lost, and how late samples come.
+"""Fingers on one bus: losses, and latency of samples.
 
     python -m tests.bench link --seconds 600 --fingers 5 --rate 250 --bus virtual --bus udp
 
 Latency is from just before `send` to the callback of the host's client, on one clock. UDP's sender is a
 process of its own, as a finger is; the virtual bus exists within one process only. The rate counts as
-reached when every tick was served; a tick that came late is sent late, never left out.
+reached when every tick was served; a late tick is sent late, never skipped.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from hostlink.wire import Contact, State
 
 PORT = 43_999
 BUSES = {"virtual": "virtual:bench", "udp": f"udp:239.0.0.5?port={PORT}"}
-SETTLE_S = 0.5  # at the most, after the last sample, for what is still on its way
+SETTLE_S = 0.5  # longest wait after the last sample, for samples under way
 
 
 def sample(number: int) -> State:
@@ -47,7 +47,7 @@ def sample(number: int) -> State:
 
 
 def feed(address: str, fingers: int, rate_hz: float, seconds: float, report: list[int] | None = None) -> None:
-    """Send as that many fingers; puts (sent, dropped) into `report`, or on stdout as JSON."""
+    """Send as that many fingers; put (sent, dropped) into `report`, or on stdout as JSON."""
     option = "&" if "?" in address else "?"
     sinks = [open_sink(f"{address}{option}node={k + 1}") for k in range(fingers)]
     assert all(isinstance(sink, CanFdSink) for sink in sinks)
@@ -95,7 +95,7 @@ def measure(bus: str, fingers: int, rate_hz: float, seconds: float) -> dict[str,
         sent_n, dropped_n = report
         awaited_n = sent_n
         if len(late_us) < sent_n:
-            arrived.wait(SETTLE_S)  # what has not come by then is lost
+            arrived.wait(SETTLE_S)  # samples that have not arrived by then are lost
         counted = list(hand.statistics.values())
     p50, p99, p999 = np.percentile(late_us, (50, 99, 99.9))
     return {
@@ -131,7 +131,7 @@ def _feed_there(address: str, fingers: int, rate_hz: float, seconds: float, shar
 def command(
     seconds: float, fingers: int, rate: float, buses: tuple[str, ...], json_file: Path | None
 ) -> None:  # fmt: skip
-    """Fingers on one bus: what is lost, and how late samples come. Exit code 1: something was lost."""
+    """Fingers on one bus: losses, and latency of samples. Exit code 1: something was lost."""
     rows = [measure(bus, fingers, rate, seconds) for bus in buses or sorted(BUSES)]
     table = Table("", *(str(row["bus"]) for row in rows))
     for name in list(rows[0])[1:]:

@@ -1,12 +1,12 @@
-"""The running app at a camera's rate for minutes: how late, how heavy, what is lost.
+"""The running program at a camera's rate for minutes: latency, memory, losses.
 
     python -m tests.bench paced --minutes 10
     python -m tests.bench paced --minutes 1 --busy    with the other core (or all of them) kept busy
 
-A process of its own runs the app as `python -m edge run` composes it: paced source, calibration, all
+A separate process runs the loop as `python -m edge run` composes it: paced source, calibration, all
 features but the surface, CANopen node, virtual CAN FD bus, and a listener on that bus. Latency is from the
 moment the frame was due to after the bus has taken the sample, so that the pacing thread's own wake-up is
-part of it. The images lie in memory (their size is told): a camera would have a few buffers.
+included. The images are in memory (their size is reported): a camera would have a few buffers.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ HERE = Path(__file__).parent
 def run_app(
     seconds: float, rate_hz: float = 240.0, every_s: float = 0.0, name: str = "press", realtime: bool = False
 ) -> dict[str, Any]:
-    """Run the app in a process of its own; what `paced_child` reports."""
+    """Run the loop in its own process; returns the report of `paced_child`."""
     frames = scene(name)
     images = np.stack([frame.image for frame in frames])
     touched = images[REST_FRAMES:]
@@ -69,7 +69,7 @@ def _burn() -> None:
 @click.option("--realtime", is_flag=True, help="Scheduled as by deploy/realtime.conf (needs root).")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
 def command(minutes: float, rate: float, busy: bool, realtime: bool, as_json: bool) -> None:
-    """The running app at a camera's rate. Exit code 1: a frame that the app accepted was lost."""
+    """The running program at a camera's rate. Exit code 1: a frame that it accepted was lost."""
     burner = multiprocessing.get_context("spawn").Process(target=_burn, daemon=True) if busy else None
     if burner is not None:
         burner.start()

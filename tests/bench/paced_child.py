@@ -1,4 +1,4 @@
-"""The process that `paced` and `speed` measure: the running app, and nothing that only a benchmark needs.
+"""The process that `paced` and `speed` measure: the running loop, and as little else as possible.
 
     python -m tests.bench.paced_child '{"frames": "frames.npy", "seconds": 60, ...}'
 
@@ -39,7 +39,7 @@ LISTEN_S = 0.05
 
 
 class Images:
-    """Images of a file, in order: the rest frames once at the start, then on and on without them."""
+    """Images of a file, in order: the rest frames once at the start, then repeatedly without them."""
 
     live = False
     polarity = Polarity.FOUND
@@ -60,17 +60,17 @@ class Images:
             yield Frame(self._images[at], round(k * 1e9 / self.rate_hz), k, Clock.HOST)
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Nothing to close."""
 
 
 class Meter:
-    """A last sink: how old each sample is when all others have taken it, from the tare on."""
+    """A last sink: age of each sample when all others have taken it, from the tare on."""
 
     name = "meter"
     up = True
 
-    def __init__(self, size: int, app: Loop) -> None:
-        self._app = app
+    def __init__(self, size: int, loop: Loop) -> None:
+        self._loop = loop
         self.tare_dropped_n = 0
         self.tare_n = 0
         self.age_us = np.zeros(size, dtype=np.float32)
@@ -84,10 +84,10 @@ class Meter:
         return SinkCounters(sent=self.n)
 
     def send(self, state: State) -> bool:
-        if self._app.last is None:  # no rest frame yet
+        if self._loop.last is None:  # no rest frame yet
             self.first_s = self.first_s or time.monotonic()
             self.cpu_s, self.since_s = time.process_time(), time.monotonic()
-            self.tare_dropped_n = self._app.source.dropped_n
+            self.tare_dropped_n = self._loop.source.dropped_n
             self.tare_n += 1
             return True
         if self.n < len(self.age_us):
@@ -99,11 +99,11 @@ class Meter:
         return True
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Nothing to close."""
 
 
 class Listener:
-    """Everything that arrives on the bus: counted, and looked through for gaps."""
+    """Counts all that arrives on the bus, and the gaps in it."""
 
     def __init__(self) -> None:
         import can
@@ -140,7 +140,7 @@ class Listener:
 
 
 def weight() -> dict[str, float]:
-    """Resident memory of this process, MB, and what it is made of."""
+    """Resident memory of this process, MB, and its parts."""
     out = {}
     for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
         name, _, rest = line.partition(":")
@@ -178,27 +178,27 @@ class Weights:
 
 
 def main(options: dict[str, Any]) -> dict[str, Any]:
-    """Run, and say what was measured."""
-    if options.get("realtime"):  # as deploy/realtime.conf has it
+    """Run, and report the measurements."""
+    if options.get("realtime"):  # as in deploy/realtime.conf
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(40))
     rate_hz, seconds = float(options.get("rate_hz", 240.0)), float(options["seconds"])
     images = np.load(options["frames"])
     n = round(seconds * rate_hz) + options["rest_n"]
     source = Paced(Images(images, options["rest_n"], rate_hz, n), rate_hz)
-    app = Loop(source, [], Calibration.load(options["calibration"]))
+    loop = Loop(source, [], Calibration.load(options["calibration"]))
     listener = Listener()
     sink = open_sink(BUS)
-    node = Node(sink, LoopDevice(app, "bench"))
-    meter = Meter(n, app)
-    app.sinks += [node, meter]
+    node = Node(sink, LoopDevice(loop, "bench"))
+    meter = Meter(n, loop)
+    loop.sinks += [node, meter]
     weights = Weights(meter, options.get("every_s"), rate_hz)
-    statistics = app.run()
+    statistics = loop.run()
     ended_s, cpu_s = time.monotonic(), time.process_time()
     weights.close()
     heavy = weight()
     node.close()
     listener.close()
-    age_us = meter.age_us[1 : meter.n]  # the first came while the tare's waste was dropped
+    age_us = meter.age_us[1 : meter.n]  # the first one was delayed by freeing the tare's memory
     p50, p99, p999 = np.percentile(age_us, (50, 99, 99.9))
     return {
         "seconds": ended_s - meter.since_s,

@@ -1,4 +1,4 @@
-"""Pictures of the speed: growth with pins and with pixels."""
+"""Plots of the time per frame over pins and over pixels."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COLOURS = ("#3b6fb6", "#e08a3c", "#5a9e5a", "#b04a5a")
 
 
 def growth_plots(grown: dict[str, list[dict[str, Any]]], folder: Path) -> list[Path]:
-    """One picture with a panel for each way to grow."""
+    """One picture with a panel for pins and one for pixels."""
     figure, axes = plt.subplots(1, len(grown), figsize=(4.2 * len(grown), 3.6), sharey=False)
     for axis, (name, rows) in zip(axes, grown.items(), strict=True):
         over_pins = name == "pins"

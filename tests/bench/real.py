@@ -1,8 +1,8 @@
 """`python -m tests.bench real`: fit on part of the published recordings, evaluate on the rest.
 
 Five random splits of 480 frames to fit and 120 to evaluate, and a learning curve: the same 120 with only
-50, 100, 200 frames to fit. Printed, and written as Markdown and CSV. Frames are looked at once; the splits
-only choose among what was seen in them.
+50, 100, 200 frames to fit. Printed, and written as Markdown and CSV. Frames are processed once; the splits
+only select among the results.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SIZES = (50, 100, 200, 480)
 RESULTS = Path(__file__).parent / "results"
 REAL = Path(__file__).resolve().parents[3] / "shared" / "real"
 
-#: What is reported: column, and where it stands in the object that `calib evaluate` prints.
+#: What is reported: column, and its place in the object that `calib evaluate` prints.
 COLUMNS: dict[str, tuple[str, int | None]] = {
     "depth mm": ("displacement_mae_mm", None),
     "tilt x deg": ("tilt_mae_deg", 0),
@@ -44,7 +44,7 @@ NETWORK = (0.148, 1.27, 1.45, 1.22, 1.19, 25.9, 13.8, 1.60, None)
 
 
 def split(rest: Rest, targets: Targets, seen: Extract, train: Index, test: Index) -> dict[str, Any]:
-    """Errors on the test rows of a calibration that saw the training rows only."""
+    """Errors on the test rows of a calibration fitted to the training rows only."""
     calibration, _ = fit(rest, targets.rows(train), seen.rows(train), mm_per_px=None)
     return evaluate(calibration, targets.rows(test), seen.rows(test))
 

@@ -1,13 +1,13 @@
-"""The paper as it reads, with the libraries that are at hand: the oracle and the baseline of every ratio.
+"""The paper's method implemented directly with common libraries: the oracle and the baseline of every ratio.
 
     image -> cv2.SimpleBlobDetector -> nearest rest pin -> scipy.spatial.Voronoi with artificial points
           -> scipy griddata cubic on a grid -> skimage.morphology.local_maxima, volume, mean shear
 
 Rules
-- Straightforward, not crippled: detector parameters suit the tip, nothing is computed twice, boundary and
-  rest areas are made once. One thread.
-- Identities by nearest rest pin while the motion since the last frame is below half a pitch, which is what
-  tracking in the paper does; it does not survive a jump and is not asked to.
+- Straightforward, but not handicapped: detector parameters suit the tip, nothing is computed twice, boundary
+  and rest areas are made once. One thread.
+- Identities by nearest rest pin while the motion since the last frame is below half a pitch, like the
+  tracking in the paper; it does not survive a jump.
 Source  Cramphorn, Lloyd, Lepora 2018, section "Methods".
 """
 
@@ -25,13 +25,13 @@ from skimage.morphology import local_maxima
 from edge.types import Array, Mask
 
 GRID = 64
-#: Maxima below this relative area change are no contacts.
+#: Maxima below this relative area change do not count as contacts.
 THRESHOLD = 0.05
 
 
 @dataclass(frozen=True)
 class Result:
-    """What the paper reads from one frame.
+    """The paper's results for one frame.
 
     xy_img       (n, 2) px, row i is rest pin i; NaN where the detector missed it
     area_px2     (n,) bounded Voronoi cells
@@ -102,7 +102,7 @@ class Reference:
 
     rest          (h, w) uint8, the untouched tip
     pin_radius_px of a pin's disc
-    rest_img      (n, 2) px: which pins there are; None: those that the detector finds on `rest`
+    rest_img      (n, 2) px: the pins; None: those that the detector finds on `rest`
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class Reference:
         self._last = self.rest_img
 
     def step(self, image: NDArray[np.uint8]) -> Result:
-        """Everything, from one image."""
+        """All results from one image."""
         return self.features(self.follow(find_pins(self.detector, image)))
 
     def follow(self, blobs: Array) -> Array:

@@ -1,8 +1,8 @@
-"""The app under a random schedule of all faults, and its promises: `make soak SECONDS=3600`.
+"""The program under a random schedule of all faults, checked against its promises: `make soak SECONDS=3600`.
 
     simulated tip -> Paced -> FaultySource -> Loop -> Node -> faulty bus -> host library
                                                ^ FaultyBoard: temperature, storage
-    beside it, again and again: a process of its own that is ended by SIGTERM, and one that is killed while a
+    meanwhile, repeatedly: a separate process that is ended by SIGTERM, and one that is killed while a
     host writes settings and calibrations into it
 
 Promises
@@ -10,21 +10,21 @@ Promises
 - each fault is announced within 0.1 s (one of a link: from the first sample that it did not take) and cleared
   within 1 s after its end
 - no wrong sample leaves unflagged: displacement and shear are those of an undisturbed run, or a status bit
-  says that they may not be used; and what the host decodes is what was sent
+  forbids their use; and the host decodes what was sent
 - the link delivers within 1 s after its fault
 - memory is flat: the median of the last third is that of the second, give or take `FLAT_MB`
 - hostile viewers of the live page, all the time, cost its process a bounded memory, and an honest one still
   gets its pictures
 - SIGTERM ends cleanly within 1 s; after kill -9, at any moment of an upload too, settings and calibration are
-  the ones last acknowledged or those under way, whole, and the next start uses them
+  those last acknowledged or those being written, complete, and the next start uses them
 
-Not known, and therefore not promised: a frozen image is known as such after 45 ms.
+Not promised: a frozen image can be recognised only after 45 ms.
 
-What the checker remembers lies in memory that it takes at the start: what grows is the app's.
+The checker's records are in memory allocated at the start: any growth is the program's.
 
-A second process measures by how much this machine's own load holds processes up: that much is allowed on top,
-and the worst delays with and without it stand in the table. A beat within this process tells how late a
-thread here is woken; it stands beside the table and excuses nothing.
+A second process measures how long this machine's own load delays processes: so much is allowed on top,
+and the table has the worst delays with and without it. A heartbeat within this process shows how late a
+thread here is woken; it is printed below the table and excuses nothing.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ VALUES = ("displacement_mm", "shear_x_mm", "shear_y_mm")
 
 
 class Times(Sequence[float]):
-    """A list of numbers in memory that is there from the start, as far as `most` of them need it."""
+    """A list of numbers in memory allocated at the start, for `most` of them."""
 
     def __init__(self, most: float) -> None:
         self._values = array("d", [0.0]) * round(most)
@@ -150,7 +150,7 @@ class Times(Sequence[float]):
 
 
 class Metronome:
-    """How long this machine does not let a process run: gaps in the beat of one that does nothing else."""
+    """How long this machine delays a process: gaps in the heartbeat of one that does nothing else."""
 
     BEAT_S, GAP_S = 0.005, 0.015
     CODE = (
@@ -186,7 +186,7 @@ class Metronome:
 
 
 class Heartbeat:
-    """How late a thread of this process is woken that does nothing else: the machine, and the interpreter."""
+    """How late an idle thread of this process is woken: by the machine, and the interpreter."""
 
     BEAT_S = 0.02
 
@@ -210,19 +210,19 @@ class Heartbeat:
 
 @dataclass
 class Row:
-    """What became of one kind of fault. Delays in ms; `net`: without what the machine held up."""
+    """Result for one kind of fault. Delays in ms; `net`: without delays of the machine."""
 
     injected: int = 0
     announced: int = 0
     cleared: int = 0
-    unseen: int = 0  # could not be seen: nothing to be sent within the episode
+    unseen: int = 0  # not observable: no sample within the episode
     announce_ms: list[float] = field(default_factory=list)
     announce_net_ms: list[float] = field(default_factory=list)
     clear_ms: list[float] = field(default_factory=list)
 
 
 def middle_and_worst(delays_ms: Sequence[float]) -> tuple[str, str]:
-    """Median and maximum, as the tables have them."""
+    """Median and maximum, for the tables."""
     return (f"{np.median(delays_ms):.0f}", f"{max(delays_ms):.0f}") if delays_ms else ("", "")
 
 
@@ -263,7 +263,7 @@ def undisturbed(scene: SceneSource, calibration: Calibration) -> np.ndarray:
 
 
 class Soak:
-    """One finger in this process, failing."""
+    """One finger in this process, with faults."""
 
     def __init__(self, outcome: Outcome, rate_hz: float, brisk: bool = False) -> None:
         self.outcome = outcome
@@ -287,18 +287,18 @@ class Soak:
         self.registry = FaultRegistry()
         self.registry.listeners.append(self.on_fault)
         monitor = BoardMonitor(self.registry, self.board.temperature, [self.board.storage])
-        self.app = Loop(self.source, [], self.calibration, faults=self.registry, board=monitor)
+        self.loop = Loop(self.source, [], self.calibration, faults=self.registry, board=monitor)
         address = parse_address(f"virtual:soak{outcome.seed}")
         self.refused_s = Times(outcome.seconds * 2 * rate_hz)
         opener = faulty_medium(
             open_bus(address), self.rows["link"], self.clock, outcome.seed, self.refused_s.append
         )
         self.node = Node(
-            CanFdSink(str(address), opener, NODE), LoopDevice(self.app, "soak"), SettingsFile(), NODE
+            CanFdSink(str(address), opener, NODE), LoopDevice(self.loop, "soak"), SettingsFile(), NODE
         )
         self.registry.listeners.append(self.node.report)
-        self.app.sinks.append(self.node)
-        self.app.result_callbacks.append(self.on_result)
+        self.loop.sinks.append(self.node)
+        self.loop.result_callbacks.append(self.on_result)
         self.host = connect(str(address))
         self.host.on_sample(self.on_sample)
 
@@ -306,7 +306,7 @@ class Soak:
         self.arrivals_s = Times(outcome.seconds * 2 * rate_hz)
         self.sent: dict[int, State] = {}
         self.error: BaseException | None = None
-        self.page = WorkerClient(self.app, WorkerConfig(parse_listen("127.0.0.1:0")))
+        self.page = WorkerClient(self.loop, WorkerConfig(parse_listen("127.0.0.1:0")))
         self.page_mb = 0.0
         self.thread = threading.Thread(target=self.run, name="loop")
 
@@ -315,7 +315,7 @@ class Soak:
 
     def run(self) -> None:
         try:
-            self.app.run()
+            self.loop.run()
         except BaseException as error:  # noqa: BLE001  (the first promise: it is reported as broken)
             self.error = error
 
@@ -362,16 +362,16 @@ class Soak:
         self.arrivals_s.append(self.clock())
         self.outcome.counts["samples received"] += 1
         sent = self.sent.get(sample.state.sample)
-        if sent is None:  # not yet entered (the watcher runs after the sink), or a beat without an image
+        if sent is None:  # not yet entered (the watcher runs after the sink), or a keepalive without an image
             return
         a, b = sample.state.displacement_mm, sent.displacement_mm
         if a == a and abs(a - b) > 0.01:
             self.outcome.fail(f"host decoded {a:.3f} mm where {b:.3f} mm was sent")
 
-    # ---- judging ----------------------------------------------------------------------------------
+    # ---- evaluation ----------------------------------------------------------------------------------
 
     def judge(self, done_s: float) -> None:
-        """Every episode that has ended long enough ago, against what was announced."""
+        """Check every episode that has ended long enough ago against the announcements."""
         outcome = self.outcome
         for row, episodes in self.rows.items():
             for e in episodes:
@@ -386,7 +386,7 @@ class Soak:
 
     def judge_announced(self, e: Episode, entry: Row) -> None:
         since_s = e.start_s
-        if e.kind in LINK:  # nobody can know before something is to be sent
+        if e.kind in LINK:  # it cannot be observed before a sample is sent
             i = bisect_left(self.refused_s, e.start_s)
             if i == len(self.refused_s) or self.refused_s[i] > e.end_s - ANNOUNCED_S:
                 entry.unseen += 1
@@ -395,7 +395,7 @@ class Soak:
         at_s = self.announced_at(e)
         if at_s is None:
             held_s = self.metronome.held_up_s(self.at(since_s), self.at(e.end_s))
-            if e.end_s - since_s - held_s < ANNOUNCED_S:  # over before this machine had time for it
+            if e.end_s - since_s - held_s < ANNOUNCED_S:  # over before this machine could run the check
                 entry.unseen += 1
                 return
             self.outcome.fail(f"{e.kind} at {e.start_s:.2f} s for {e.length_s:.2f} s: not announced")
@@ -420,7 +420,7 @@ class Soak:
         return self.started_s + clock_s
 
     def announced_at(self, e: Episode) -> float | None:
-        """When the first of the expected faults was there; it may have been there before."""
+        """When the first of the expected faults was active; it may have been so before."""
         for code in EXPECTED[e.kind]:
             if self.active_at(code, e.start_s):
                 return e.start_s
@@ -431,7 +431,7 @@ class Soak:
         return min(times, default=None)
 
     def cleared_at(self, e: Episode) -> float | None:
-        """When, after its end, none of the expected faults was there."""
+        """When, after its end, none of the expected faults was active."""
         held_s = self.metronome.held_up_s(self.at(e.end_s), self.at(e.end_s + CLEARED_S))
         latest = e.end_s
         for code in EXPECTED[e.kind]:
@@ -471,10 +471,10 @@ class Soak:
         while self.started_s is None and time.monotonic() < end:
             self.thread.join(0.05)
         if self.started_s is None:
-            raise RuntimeError(f"the app does not start: {self.error or self.registry.active}")
+            raise RuntimeError(f"the loop does not start: {self.error or self.registry.active}")
 
     def look(self) -> None:
-        """How large the page's process is."""
+        """Memory of the page's process."""
         assert self.page.process is not None
         if self.page.process.poll() is not None:
             self.outcome.fail("the page's process has ended")
@@ -482,7 +482,7 @@ class Soak:
         self.page_mb = max(self.page_mb, rss_mb(self.page.process.pid))
 
     def judge_page(self, attack: HostileViewers) -> None:
-        """After the attack: one honest viewer, and what the hostile ones cost."""
+        """After the attack: one honest viewer, and the cost of the hostile ones."""
         self.outcome.counts.update({f"attacks on the page: {name}": n for name, n in attack.counts.items()})
         self.outcome.counts["viewers cut off"] = self.page.page.cut_off_n
         self.outcome.counts["page's process, MB at most"] = round(self.page_mb)
@@ -496,7 +496,7 @@ class Soak:
             self.outcome.counts["pictures of an honest viewer"] = seen_n
 
     def finish(self) -> None:
-        self.app.stop()
+        self.loop.stop()
         self.thread.join(5.0)
         done_s = self.clock()
         if self.thread.is_alive():
@@ -513,10 +513,10 @@ class Soak:
         self.outcome.machine_held_up_ms = 1e3 * self.metronome.worst_s
         late_ms = self.heartbeat.late_ms
         self.outcome.heartbeat_late_ms = (float(np.quantile(late_ms, 0.999)), max(late_ms))
-        self.outcome.statistics = asdict(self.app.statistics())
+        self.outcome.statistics = asdict(self.loop.statistics())
 
     def close(self) -> None:
-        self.app.stop()
+        self.loop.stop()
         self.page.close()
         self.host.close()
         self.node.close()
@@ -535,7 +535,7 @@ def _free_port() -> int:
 
 
 class Process:
-    """The app as a process, on a bus that another process can read."""
+    """The program as a process, on a bus that another process can read."""
 
     def __init__(self, folder: Path) -> None:
         self.address = f"udp:239.255.43.21?port={_free_port()}&ttl=0&node={NODE}"
@@ -554,7 +554,7 @@ class Process:
         )  # fmt: skip
 
     def end(self, number: int, patience_s: float = 10.0) -> tuple[int, float, str]:
-        """Send a signal: exit status, seconds that the end took, what was said."""
+        """Send a signal: exit status, seconds until the end, output."""
         assert self.process is not None
         assert self.process.stderr is not None
         handle = os.pidfd_open(self.process.pid)  # Popen.wait looks every 50 ms only
@@ -574,13 +574,13 @@ class Process:
 
 def end_cleanly(outcome: Outcome, random: Random, metronome: Metronome, folder: Path) -> None:
     """SIGTERM at a random moment while samples flow."""
-    app = Process(folder)
-    app.start()
-    with connect(app.address) as host:
+    loop = Process(folder)
+    loop.start()
+    with connect(loop.address) as host:
         next(host.samples(timeout_s=60.0))
         time.sleep(random.uniform(0.0, 0.5))  # the moment is what is random here
         began_s = time.monotonic()
-        code, took_s, words = app.end(signal.SIGTERM)
+        code, took_s, words = loop.end(signal.SIGTERM)
     net_s = took_s - metronome.held_up_s(began_s, began_s + took_s)
     outcome.sigterm_s.append(round(took_s, 3))
     if code != 0 or net_s > ENDED_S:
@@ -588,15 +588,15 @@ def end_cleanly(outcome: Outcome, random: Random, metronome: Metronome, folder: 
 
 
 def kill_while_writing(outcome: Outcome, random: Random, folder: Path) -> None:
-    """kill -9 while a host writes: what was acknowledged is there afterwards."""
-    app = Process(folder)
-    app.start()
+    """kill -9 while a host writes: acknowledged values are there afterwards."""
+    loop = Process(folder)
+    loop.start()
     acknowledged: list[float] = []
     tried = 0.0
-    with connect(app.address) as host:
+    with connect(loop.address) as host:
         next(host.samples(timeout_s=60.0))
         finger = host.finger(NODE)
-        timer = threading.Timer(random.uniform(0.02, 1.0), lambda: app.end(signal.SIGKILL))
+        timer = threading.Timer(random.uniform(0.02, 1.0), lambda: loop.end(signal.SIGKILL))
         try:
             while timer.is_alive() or not acknowledged:
                 tried = float(random.randrange(10, 200))
@@ -624,31 +624,31 @@ def _calibrations() -> tuple[bytes, bytes]:
 
 
 def _being_written(folder: Path) -> bool:
-    """Whether there is a calibration besides the one that counts."""
+    """Whether there is a calibration beside the one in use."""
     return bool(find_unfinished(folder / "calibration.json"))
 
 
 def kill_while_uploading(outcome: Outcome, random: Random, folder: Path, at_the_write: bool) -> None:
-    """kill -9 while a host uploads a calibration: the old one or the new one is there, whole, and is used.
+    """kill -9 while a host uploads a calibration: the old or the new one is there, complete, and is used.
 
     at_the_write  kill when the file is being written; else at any moment of the upload
     """
     old, new = _calibrations()
     (folder / "calibration.json").write_bytes(old)
-    app = Process(folder)
-    app.start()
+    loop = Process(folder)
+    loop.start()
     acknowledged = False
     ended = threading.Event()
 
     def killer() -> None:
-        # An upload of this size takes some 6 s; nothing tells of the write but the folder.
+        # An upload of this size takes some 6 s; the write is visible only in the folder.
         patience_s = 30.0 if at_the_write else random.uniform(0.0, 9.0)
         end_s = time.monotonic() + patience_s
         while time.monotonic() < end_s and not (at_the_write and (_being_written(folder) or ended.is_set())):
             ended.wait(0.001 if at_the_write else patience_s)
-        app.end(signal.SIGKILL)
+        loop.end(signal.SIGKILL)
 
-    with connect(app.address) as host:
+    with connect(loop.address) as host:
         next(host.samples(timeout_s=60.0))
         thread = threading.Thread(target=killer, name="killer")
         thread.start()
@@ -700,10 +700,13 @@ def _hostile_calibrations() -> list[bytes]:
 
 def attack(outcome: Outcome, random: Random, folder: Path) -> None:
     """Junk datagrams, a flood of requests, hostile uploads: samples go on, and nothing is replaced."""
-    app = Process(folder)
-    app.start()
+    loop = Process(folder)
+    loop.start()
     over = threading.Event()
-    group, port = parse_address(app.address).channel, int(app.address.partition("port=")[2].partition("&")[0])
+    group, port = (
+        parse_address(loop.address).channel,
+        int(loop.address.partition("port=")[2].partition("&")[0]),
+    )
     requests = CanIds().of(Kind.SDO_REQUEST, NODE)
 
     def flood() -> None:
@@ -714,7 +717,7 @@ def attack(outcome: Outcome, random: Random, folder: Path) -> None:
                 bus.send(can.Message(arbitration_id=requests, data=data, is_extended_id=False))
                 bus._multicast.send(random.randbytes(20))
 
-    with connect(app.address) as host:
+    with connect(loop.address) as host:
         next(host.samples(timeout_s=60.0))
         finger = host.finger(NODE)
         before = finger.info().calibration_id
@@ -732,7 +735,7 @@ def attack(outcome: Outcome, random: Random, folder: Path) -> None:
             over.set()
             thread.join()
         outcome.counts["samples while the bus was flooded"] += n
-        if n < FLOODED_SHARE * FLOOD_S * 60.0:  # at the host: its link bears the same flood
+        if n < FLOODED_SHARE * FLOOD_S * 60.0:  # at the host: its link receives the same flood
             outcome.fail(f"a flooded bus: {n / FLOOD_S:.0f} of 60 samples a second")
         for data in _hostile_calibrations():
             try:
@@ -744,11 +747,11 @@ def attack(outcome: Outcome, random: Random, folder: Path) -> None:
         next(host.samples(timeout_s=10.0))
         if finger.info().calibration_id != before:
             outcome.fail("hostile uploads: another calibration is in use")
-    app.end(signal.SIGTERM)
+    loop.end(signal.SIGTERM)
 
 
 def one_round(seed: int) -> Outcome:
-    """Each kind of end. In a process of its own: a host at work must not slow the finger that is judged."""
+    """Each kind of end. In its own process: a working host must not slow the finger under test."""
     outcome, random = Outcome(0.0, seed), Random(seed)
     metronome = Metronome()
     try:
@@ -788,9 +791,9 @@ def soak(
     endings_every_s: float = 120.0,
     brisk: bool = False,
 ) -> Outcome:
-    """Run, judge, and tell.
+    """Run, check, and report.
 
-    endings_every_s  0 leaves the processes that end out
+    endings_every_s  0: without the processes that end
     brisk            short episodes and pauses: as many faults in less than half of the time
     """
     cv2.setNumThreads(1)
@@ -858,7 +861,7 @@ def tell(outcome: Outcome, console: Console) -> None:
 @click.option("--rate", "rate_hz", default=60.0, show_default=True, help="Frames a second.")
 @click.option("--out", type=click.Path(path_type=Path), default=RESULTS, help="Folder of soak.md.")
 def command(seconds: float, seed: int, rate_hz: float, out: Path) -> None:
-    """The app under a random schedule of all faults, and its promises."""
+    """The program under a random schedule of all faults, checked against its promises."""
     outcome = soak(seconds, seed, rate_hz)
     tell(outcome, Console(width=120))
     out.mkdir(parents=True, exist_ok=True)

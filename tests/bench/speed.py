@@ -1,19 +1,19 @@
-"""Time per frame, stage by stage: against the paper's method as it reads, and against the floor.
+"""Time per frame, stage by stage: against the paper's method implemented directly, and against the floor.
 
     python -m tests.bench            tables, and plots into tests/bench/results
     python -m tests.bench --json     one JSON object on stdout, nothing else
-    python -m tests.bench --quick    without the growth with pins and pixels
+    python -m tests.bench --quick    without the scaling over pins and pixels
 
 Rules
-- Pipeline and reference see the same frames in one process on one thread, in turn: eight frames the one,
-  the same eight the other. So both meet the same load of the machine, and the pipeline meets a cache that
-  the reference has used, as a camera's frame finds it. The ratio is that of the medians. The clock of the
-  pair is the thread's own time on the processor: what other programs take is in no one's account. All other
-  times are the wall's.
-- A frame is everything from image to calibrated values, all features; packing is a stage of its own.
-- The floor: every pixel of every pin's window read once, where it lies, by compiled code (`floor.c`).
-- Allocations are what `tracemalloc` sees of one frame's Python and NumPy objects, at their peak; and what
-  is left after many frames, which is growth.
+- Pipeline and reference see the same frames in one process on one thread, alternating in blocks of eight
+  frames. So both have the same load of the machine, and the pipeline has a cache that
+  the reference has used, like after a camera's frame. The ratio is that of the medians. The clock of the
+  pair is the thread's own processor time, so other programs do not count. All other
+  times are wall-clock times.
+- A frame is everything from image to calibrated values, all features; packing is a separate stage.
+- The floor: every pixel of every pin's window read once, in place, by compiled code (`floor.c`).
+- Allocations are those that `tracemalloc` counts of one frame's Python and NumPy objects, at their peak; and
+  those that remain after many frames.
 """
 
 from __future__ import annotations
@@ -48,21 +48,21 @@ __all__ = ["command"]
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results"
-BLOCK = 8  # frames in turn
+BLOCK = 8  # frames of each in turn
 WARM = 24  # frames before anything is counted
 PINS = (61, 127, 331, 1027)  # whole rings; 1027 is the next one to 1000
 SIZES = ((320, 240), (640, 480), (1280, 800))
 NARROW = 0.38 * 240  # px, a tip that fits the smallest image
-#: What people ask for: nothing touching, a grasp controller, everything.
+#: Typical demands: untouched, a grasp controller, everything.
 GRASP = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
-#: The same demand with nothing to look at, and with a contact.
+#: The same demand without and with a contact.
 FREE, FULL = "nothing touches, all (a viewer watches)", "contact, all (a viewer watches)"
 
 Series = dict[str, list[float]]
 
 
 def on_processor(into: list[float], work: Callable[..., Any], *given: Any) -> Any:
-    """The work's answer; this thread's time on the processor is appended, microseconds."""
+    """The result; this thread's processor time is appended, microseconds."""
     begun = time.thread_time_ns()
     answer = work(*given)
     into.append((time.thread_time_ns() - begun) / 1e3)
@@ -76,7 +76,7 @@ def spread(us: list[float]) -> dict[str, float]:
 
 
 def timed(into: list[float], work: Callable[..., Any], *given: Any, **named: Any) -> Any:
-    """The work's answer; its time is appended, microseconds."""
+    """The result; its time is appended, microseconds."""
     begun = time.perf_counter_ns()
     answer = work(*given, **named)
     into.append((time.perf_counter_ns() - begun) / 1e3)
@@ -95,7 +95,7 @@ def started(
 
 
 def back_again(frames: list[Frame]) -> list[Frame]:
-    """From the last frame back to the first that counts, and to the last again: no jump anywhere."""
+    """From the last frame back to the first that counts, and to the last again: without a jump."""
     return frames[-2 : WARM - 1 : -1] + frames[WARM + 1 :]
 
 
@@ -139,12 +139,12 @@ def stages(frames: list[Frame], pipeline: Pipeline, rounds: int) -> Series:
 
 
 def packed(result: Result) -> bytes:
-    """As it goes onto the bus."""
+    """Pack a sample for the bus."""
     return pack_state(to_state(result, sample=1, status=Status(0), capture_time_us=1), 1)
 
 
 def whole(frames: list[Frame], pipeline: Pipeline, rounds: int) -> list[float]:
-    """Frame after frame with the garbage collector as the app has it."""
+    """Frame after frame with the garbage collection of the loop."""
     us: list[float] = []
     gc.collect()
     gc.freeze()
@@ -160,9 +160,9 @@ def whole(frames: list[Frame], pipeline: Pipeline, rounds: int) -> list[float]:
 
 
 def demands(frames: list[Frame], calibration: Calibration, rounds: int) -> Series:
-    """Only what the scene needs: frames by what touches and what is asked for."""
-    lead = frames[: REST_FRAMES + 8]  # down to where the contact is well developed
-    touching = lead + back_and_forth(frames[len(lead) :], 3 * WARM)
+    """Time of a frame by contact and demand."""
+    approach = frames[: REST_FRAMES + 8]  # down to where the contact is well developed
+    touching = approach + back_and_forth(frames[len(approach) :], 3 * WARM)
     nothing = back_and_forth(frames[:REST_FRAMES], len(touching))
     cases = {
         name: (run, started(run, calibration, demand))
@@ -174,14 +174,14 @@ def demands(frames: list[Frame], calibration: Calibration, rounds: int) -> Serie
         )
     }
     out: Series = {name: [] for name in cases}
-    for _ in range(rounds):  # in turn, so that what else the machine does meets all of them
+    for _ in range(rounds):  # in turn, so that the machine's other load affects all alike
         for name, (run, pipeline) in cases.items():
             out[name] += whole(run, pipeline, 1)
     return out
 
 
 def allocations(frames: list[Frame], pipeline: Pipeline) -> dict[str, float]:
-    """Peak of one frame, and what stays after many."""
+    """Peak of one frame, and what remains after many."""
     run = back_again(frames)
     tracemalloc.start()
     try:
@@ -207,7 +207,7 @@ def allocations(frames: list[Frame], pipeline: Pipeline) -> dict[str, float]:
 
 
 def growth(rounds: int) -> dict[str, list[dict[str, Any]]]:
-    """Time per frame over pins, and over pixels with the tip kept as it is and with the tip grown."""
+    """Time per frame over pins, and over pixels with a tip of constant size and of growing size."""
     cases: dict[str, list[tuple[str, int, tuple[int, int], float]]] = {
         "pins": [("pins", n, (640, 480), 0.0) for n in PINS],
         "pixels, same tip": [("size", 331, size, NARROW) for size in SIZES],
@@ -234,14 +234,14 @@ def growth(rounds: int) -> dict[str, list[dict[str, Any]]]:
 
 
 def plot(grown: dict[str, list[dict[str, Any]]], folder: Path) -> list[Path]:
-    """Growth as pictures."""
+    """The scaling as plots."""
     from tests.bench.plots import growth_plots
 
     return growth_plots(grown, folder)
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Everything, as it goes into the JSON."""
+    """All results, for the JSON."""
     cv2.setNumThreads(1)
     frames = scene("press-shear" if quick else "tour")
     calibration = calibration_of(frames)
@@ -294,7 +294,7 @@ def show(report: dict[str, Any]) -> None:
         ("faster than the reference", f"{report['ratio_331']:.0f} times"),
         ("window centroids over the floor", f"{report['pins_over_floor']:.1f} times"),
         ("frame without contact over full one", f"{report['no_contact_share']:.0%}"),
-        ("memory of the running app", f"{report['rss_mb']:.0f} MB"),
+        ("memory of the running program", f"{report['rss_mb']:.0f} MB"),
         ("start to first sample", f"{report['startup_s']:.2f} s"),
         ("allocated at the peak of a frame", f"{memory['peak_kb']:.0f} kB"),
         ("left over by a frame", f"{memory['growth_bytes_per_frame']:.1f} bytes"),

@@ -1,7 +1,7 @@
 """Numerical-stability report: every hard case of the tessellation, its error, its bound, a verdict.
 
-The truth is rational arithmetic (`tests.support.exact`), a triangulation from nothing, or what must not
-change at all. Everything comes from seeds; the table is the same on every run, the cost is not.
+The truth is rational arithmetic (`tests.support.exact`), a triangulation from scratch, or an invariance.
+Everything comes from seeds; the table is the same on every run, the times are not.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ def tips() -> Iterator[Row]:
 
 
 def lost_pins(seeds: int) -> Iterator[Row]:
-    """Pins that blink out: at rest nothing changes, under load the neighbours hardly notice."""
+    """Pins that blink: at rest nothing changes, under load the neighbours hardly notice."""
     for name, make in TIPS.items():
         rest = make()
         now = pressed(rest)
@@ -272,7 +272,7 @@ def write(rows: list[Row], costs: list[tuple[str, float]], folder: Path) -> None
     help="Folder for stability.md and stability.csv.  [default: tests/bench/results]",
 )
 def command(n_walks: int, seeds: int, out: Path) -> None:
-    """Exit code 1 where a case fails."""
+    """Exit code 1 if a case fails."""
     console = Console()
     rows: list[Row] = []
     for part in (

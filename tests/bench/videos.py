@@ -1,11 +1,11 @@
-"""Pins held through the published videos: identities, distances, jumps, unsure frames, direction of shear.
+"""Pins held through the published videos: identities, distances, jumps, untrusted frames, direction of shear.
 
-No video has a truth. Counted is what must be so if identities hold: played forwards and backwards every pin
-ends where it began; two tracks never come nearer than half a pitch (or what they keep at rest, where that is
+The videos have no truth. Necessary conditions are counted: played forwards and backwards every pin
+ends where it began; two tracks never come nearer than half a pitch (or their limit at rest, if that is
 less); a pin never leaps against its neighbours from one frame to the next.
 
-The names `north` and `west` are where the tip is dragged. Both videos begin loaded or moving, so a direction
-needs the untouched tip: the pose that most frames show, found in a first pass.
+`north` and `west` are the directions in which the tip is dragged. Both videos begin loaded or moving, so a
+direction needs the untouched tip: the pose of most frames, found in a first pass.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from tests.bench.identity import REAL, RESULTS, picture
 
 NAMES = ("Movement4", "north", "west", "flatSkin")
 STRIDES = (1, 2, 4, 8)
-TARE_FRAMES = 8  # as the configuration has it
+TARE_FRAMES = 8  # the configuration's default
 LEAP = 0.5  # steps to the next pin, against the neighbours, from one frame to the next
-STRONG = 0.1  # share of the frames with the largest shear that say where it points
+STRONG = 0.1  # share of the frames with the largest shear that give its direction
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,13 @@ class Play:
     """One way through one video.
 
     n_rest       pins of the rest frame
-    held         pins seen in the sure frames: median and worst
-    unsure       frames whose identities were in unsure
+    held         pins seen in the trusted frames: median and worst
+    unsure       frames whose identities were not trusted
     searched     frames that were searched as a whole
     nearest      least distance of two tracks, in pitches
     leaps        pins that moved against their neighbours by more than LEAP steps in one frame
-    left         there and back: pins that ended more than a third of a pitch from where they began
+    left         after playing there and back: pins that ended more than a third of a pitch from where they
+                 began
     """
 
     video: str
@@ -127,7 +128,7 @@ def untouched(images: Sequence[Image]) -> Rest:
 
 
 def shear(rest: Rest, tracks: list[Tracks]) -> Array:
-    """(k, 2) px, mean motion of the pins in each sure frame."""
+    """(k, 2) px, mean motion of the pins in each trusted frame."""
     sure = [t for t in tracks if t.confidence >= Tracks.LOW_CONFIDENCE]
     return np.array([np.nanmean(t.xy_img - rest.xy_img, axis=0) for t in sure])
 
@@ -148,7 +149,7 @@ def direction(motion: Array) -> tuple[float, float]:
     help="Folder for videos.json.  [default: tests/bench/results]",
 )
 def command(pictures: Path | None, out: Path) -> None:
-    """Exit code 1 where Movement4 does not end where it began."""
+    """Exit code 1 if Movement4 does not end where it began."""
     console = Console()
     plays: list[Play] = []
     pointing: dict[str, dict[str, tuple[float, float]]] = {}

@@ -1,17 +1,17 @@
-"""What viewers of the live page cost the loop: its compute time with and without them, in one run.
+"""The cost of viewers of the live page for the loop: its compute time with and without them, in one run.
 
     python -m tests.bench viewers --seconds 10 --rounds 3
 
-One process runs the app at a camera's rate, its page is served by the second process (`edge.worker`), and the
-viewers are a third one, as browsers are. Phases alternate with phases where nobody watches, round after
-round, so that what else the machine does falls on all alike. Times are from taking a frame in hand: to the
-sample's hand-over, and to the end of the turn (with what is copied for viewers or recorder). Loads are
+One process runs the loop at a camera's rate, its page is served by the second process (`edge.worker`), and
+the viewers are a third one, like browsers. Phases alternate with phases where nobody watches, round after
+round, so that the machine's other load affects all alike. Times are from the start of work on a frame: to the
+sample's hand-over, and to the end of the turn (with copying for viewers or recorder). Loads are
 processor time of the two processes; memory is their resident sets, the loop's after a collection.
 
     nobody       the page is served, no viewer
     one, two     viewers with the camera's image
     crowd        as many as the page takes (16)
-    coming       100 open, look at 5 packets and close, over the phase; one more never reads
+    coming       100 open, read 5 packets and close, over the phase; one more never reads
     recording    nobody watches; images and values are recorded without loss
 """
 
@@ -48,7 +48,7 @@ from tests.bench.frames import scene
 
 PHASES = {"nobody": 0, "one": 1, "two": 2, "crowd": WebLimits().viewers_n, "coming": -100, "recording": 0}
 TOKEN = "bench-token"
-IDLE_S = 60.0  # a viewer that has left is noticed long before
+IDLE_S = 60.0  # longer than it takes to notice that a viewer left
 
 
 class _Frames:
@@ -82,7 +82,7 @@ async def _look(session: Any, url: str, until_s: float, packets_max: int = 0) ->
 
 
 async def _watch(url: str, viewers_n: int, seconds: float) -> int:
-    """Be so many viewers; how many packets they got. Negative: come and go, and one never reads."""
+    """Act as so many viewers; returns the packets received. Negative: they come and go, one never reads."""
     import aiohttp
 
     until_s = time.monotonic() + seconds
@@ -112,7 +112,7 @@ def _cpu_s(pid: int) -> float:
 
 
 async def _press(url: str, token: str, button: str) -> None:
-    """Press a button of the page, and wait for what comes of it."""
+    """Run a command of the page, and wait for its answer."""
     import aiohttp
 
     async with aiohttp.ClientSession() as session, session.ws_connect(url, max_msg_size=0) as socket:
@@ -128,7 +128,7 @@ async def _press(url: str, token: str, button: str) -> None:
 
 
 def _be_watched(url: str, viewers_n: int, seconds: float, begin: Callable[[], None]) -> int:
-    """Have another process be the viewers; `begin` is called when it is up and nothing watches yet."""
+    """Run the viewers in another process; `begin` is called when it is up and nobody watches yet."""
     command = [sys.executable, "-m", "tests.bench.viewers", "--watch", url, str(viewers_n)]
     with subprocess.Popen(
         [*command, "--seconds", str(seconds)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -143,7 +143,7 @@ def _be_watched(url: str, viewers_n: int, seconds: float, begin: Callable[[], No
 
 
 class _Meter:
-    """Times of the loop's turns, and of when nothing but the loop runs."""
+    """Times of the loop's turns."""
 
     def __init__(self, loop: Loop, worker: WorkerClient) -> None:
         self.loop, self.worker = loop, worker
@@ -171,12 +171,12 @@ class _Meter:
             self._idle.set()
 
     def begin(self) -> None:
-        """What was timed before does not count."""
+        """Discard the times measured before."""
         self.sent_us.clear()
         self.turn_us.clear()
 
     def wait_until_idle(self) -> None:
-        """Until a turn ends that has a rest frame, and that nobody watches or records."""
+        """Wait for a turn with a rest frame and without viewers or recording."""
         self._idle.clear()
         if not self._idle.wait(IDLE_S):
             raise RuntimeError(f"the loop is watched or recorded for {IDLE_S:g} s after the last viewer left")
@@ -184,7 +184,7 @@ class _Meter:
 
 @dataclass(slots=True)
 class _Phase:
-    """What was measured in a phase, over all rounds.
+    """The measurements of a phase, over all rounds.
 
     skipped_n      frames that the loop did not take; lost_n: messages that were not recorded
     cpu_s, rss_mb  of the loop's process and of the worker
@@ -200,7 +200,7 @@ class _Phase:
     rss_mb: tuple[float, float] = (0.0, 0.0)
 
     def row(self, viewers_n: int, watched_s: float) -> dict[str, float]:
-        """Its figures; viewers were there for so long."""
+        """The figures of a phase of this length."""
         p50, p99, p999 = np.percentile(self.sent_us, (50, 99, 99.9))
         packets_hz = self.packets_n / viewers_n / watched_s if viewers_n > 0 else 0.0
         return {
@@ -219,7 +219,7 @@ class _Phase:
 
 
 def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> dict[str, Any]:
-    """Run all phases, with the processor shared as the app shares it.
+    """Run all phases, with the processor shared like in operation.
 
     Returns  per phase the loop's compute quantiles, packets and memory
     """
@@ -304,7 +304,7 @@ def command(
     json_file: Path | None,
     watch: tuple[str, str] | None,
 ) -> None:
-    """What viewers of the live page cost the loop."""
+    """The cost of viewers of the live page for the loop."""
     if watch is not None:
         import aiohttp  # noqa: F401  (so that its loading is over before the measurement begins)
 

@@ -1,4 +1,4 @@
-"""What coding costs: processor time of one frame each way, best of several runs over random samples."""
+"""The cost of coding: processor time of one frame each way, best of several runs over random samples."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RESULTS = Path(__file__).parent / "results"
 
 
 def cost_us(work: Callable[[Any], object], inputs: Iterable[Any], runs: int) -> float:
-    """Least processor time of one call over the runs, us."""
+    """Smallest processor time of one call over the runs, us."""
     inputs = list(inputs)
     best = float("inf")
     for _ in range(runs):

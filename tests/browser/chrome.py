@@ -7,8 +7,8 @@
         page.requests, page.sockets, page.errors
 
 Rules
-- One thread reads what the browser says; who waits, waits on a condition.
-- The browser starts with an empty profile, and nothing of its own goes out: its background services are
+- One thread reads the browser's messages; waiting is on a condition.
+- The browser starts with an empty profile, and makes no connections of its own: its background services are
   switched off, and names other than this machine's are not resolved.
 """
 
@@ -55,7 +55,7 @@ FLAGS = (
 
 
 def chromium() -> str | None:
-    """The browser's path; None: there is none."""
+    """The browser's path; None: not installed."""
     return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 
@@ -106,7 +106,7 @@ class Chrome:
     def call(
         self, method: str, params: Any = None, session: str | None = None, timeout_s: float = SOON_S
     ) -> Any:
-        """Ask the browser for something and wait for its answer."""
+        """Send a command to the browser and wait for its answer."""
         with self._changed:
             self._next += 1
             number = self._next
@@ -140,7 +140,7 @@ class Chrome:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """End the browser and forget its profile."""
+        """End the browser and delete its profile."""
         self._process.terminate()
         try:
             self._process.wait(SOON_S)
@@ -201,7 +201,7 @@ class Page:
         return answer["result"].get("value")
 
     def until(self, condition: str, timeout_s: float = SOON_S) -> None:
-        """Wait until an expression holds; looked at with every picture that the page draws."""
+        """Wait until an expression holds; tested with every picture that the page draws."""
         wait = (
             f"new Promise(done => {{ const end = Date.now() + {timeout_s * 1e3};"
             f"const look = () => {{ let ok = false; try {{ ok = {condition} }} catch {{}}"
@@ -211,7 +211,7 @@ class Page:
         assert held, f"never within {timeout_s:g} s: {condition}; {self.about()}"
 
     def about(self) -> str:
-        """What a person would read."""
+        """The visible text."""
         return f"errors {self.errors}; page says: " + str(self.evaluate("document.body.innerText"))[:600]
 
     def press(self, key: str) -> None:

@@ -1,4 +1,4 @@
-"""One browser for all tests of pages; they are skipped where there is none."""
+"""One browser for all tests of pages; they are skipped if there is none."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Make the pictures of the pages again: `python -m tests.browser.pictures [FOLDER]`.
 
-What they show is the bundled recordings, played back and forth, and a hand of simulated samples. Latencies
-and rates are this machine's, so let it be idle. In full colour: 256 leave steps in colour bar and image.
+They show the bundled recordings, played back and forth, and a hand of simulated samples. Latencies
+and rates are this machine's, so it should be idle. In full colour: 256 colours leave steps in colour bar and
+image.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ SIZE_MAX = 350_000
 
 
 def save(page: Page, path: Path) -> None:
-    """The page as it stands."""
+    """The current page."""
     raw = page.screenshot(path).read_bytes()
     with Image.open(io.BytesIO(raw)) as shot:
         shot.convert("RGB").save(path, optimize=True)
@@ -87,7 +88,7 @@ def edge_pages(chrome: Chrome, folder: Path) -> None:
         page.until("document.getElementById('felt_about').textContent.includes('2 contacts')")
         page.wait_s(0.5)
         save(page, folder / "page_safe_colours.png")
-        page.press("c")  # kept by the browser: back for the others
+        page.press("c")  # the browser keeps it: restore it for the others
         phone.wait_s(0.5)
         save(phone, folder / "page_phone.png")
         page.close()

@@ -1,4 +1,4 @@
-"""The finger's page in a real browser: what a person would see, looked at in pixels and words."""
+"""The finger's page in a real browser: checked by its pixels and text."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.support.viewing import TOKEN, Live
 from tests.support.waiting import SOON_S
 
 PRESSED = -1
-PRELOADED = 14  # 1.5 mm: a tare takes it if told to; pressed deeper, pins stand as on another tip
+PRELOADED = 14  # 1.5 mm: a forced tare accepts it; pressed deeper, the pins look like another tip's
 LIVE = "document.body.dataset.state === 'live'"
 STATE = "document.getElementById('state').textContent"
 
@@ -82,8 +82,8 @@ def orange(image: np.ndarray) -> np.ndarray:
 
 
 def on_canvas(live: Live, xy_img: Any, width: int) -> np.ndarray:
-    """Where a place of the image lies on the canvas: the square round the pins, with two pitches of air."""
-    pipeline = live.app.pipeline
+    """Place of the image on the canvas, which shows the square round the pins with two pitches of margin."""
+    pipeline = live.loop.pipeline
     assert pipeline is not None
     rest = pipeline.rest
     low, high = rest.xy_img.min(axis=0), rest.xy_img.max(axis=0)
@@ -177,19 +177,19 @@ def test_tare_works_and_shows(live: Live, page: Page) -> None:
     pressed = red(pixels(page)).sum()
     page.press("t")
     shown(page, "something touches the tip")
-    tares_n = live.app.tares_n
+    tares_n = live.loop.tares_n
     page.click("#toast button")  # tare anyway: then the pressed tip is the rest
     shown(page, "rest frame taken")
-    assert live.app.tares_n == tares_n + 1
+    assert live.loop.tares_n == tares_n + 1
     shown(page, "untouched")
     page.until("!document.getElementById('felt_about').textContent.includes('contact')")
-    # What the forced tare could not see (pins under the indenter) is all that may still look pressed.
+    # Only pins hidden at the forced tare (under the indenter) may still look pressed.
     live.until(lambda: bool(red(pixels(page)).sum() < 0.3 * pressed), "cells that are no longer pressed")
     live.show(0)
-    live.app.request_tare().done.result(20)
-    live.until(lambda: live.app.tares_n == tares_n + 2, "the rest frame of the untouched tip")
+    live.loop.request_tare().done.result(20)
+    live.until(lambda: live.loop.tares_n == tares_n + 2, "the rest frame of the untouched tip")
     page.until("document.getElementById('toast').hidden")
-    page.press("t")  # nothing touches: no question is asked
+    page.press("t")  # untouched: no confirmation is needed
     shown(page, "rest frame taken")
     live.show(PRESSED)
     shown(page, "1 contact")
@@ -211,11 +211,11 @@ def test_read_only_without_the_token(live: Live, chrome: Chrome) -> None:
     page = chrome.open(live.url.partition("#")[0])
     page.until(LIVE)
     assert page.evaluate("document.getElementById('tare').disabled")
-    tares_n = live.app.tares_n
+    tares_n = live.loop.tares_n
     page.press("t")
     page.click("#tare")
     page.until("document.getElementById('tare').title.includes('token')")
-    assert live.app.tares_n == tares_n
+    assert live.loop.tares_n == tares_n
     page.close()
     wrong = chrome.open(live.url.replace(TOKEN, "not-the-token"))
     shown(wrong, "the token is missing or wrong")
@@ -273,9 +273,9 @@ def test_no_connection_leaves_this_machine(live: Live, page: Page) -> None:
 def test_a_second_viewer_does_not_slow_the_loop(
     live: Live, page: Page, chrome: Chrome, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The measured ratio is printed; asserted is that both are served."""
+    """The measured ratio is printed; the test asserts that both are served."""
     compute_us: list[float] = []
-    live.app.result_callbacks.append(lambda result, state: compute_us.append(state.latency_us))
+    live.loop.result_callbacks.append(lambda result, state: compute_us.append(state.latency_us))
 
     def quantiles() -> np.ndarray:
         compute_us.clear()
@@ -291,7 +291,7 @@ def test_a_second_viewer_does_not_slow_the_loop(
     second.until("Number(document.body.dataset.packets) > 60")
     assert live.worker.page.viewers_n == 2
     second.close()
-    live.app.result_callbacks.pop()
+    live.loop.result_callbacks.pop()
     live.until(lambda: live.worker.page.viewers_n == 1, "the second has left")
     with capsys.disabled():
         print(
@@ -335,7 +335,7 @@ class Replay:
 
 
 def until_red(page: Page) -> None:
-    """Picture by picture, until the recording has come to where the tip is pressed."""
+    """Wait until the recording shows the pressed tip."""
     end_s = time.monotonic() + SOON_S
     while not red(pixels(page)).any():
         assert time.monotonic() < end_s, f"no red; {page.about()}"

@@ -25,9 +25,9 @@ FINGERS = (1, 2, 3, 5)  # the ring finger is missing
 
 
 class Hand:
-    """Fingers that send, each pressed as deep as its number says in tenths of a millimetre and more.
+    """Fingers that send, each pressed by its number in tenths of a millimetre or more.
 
-    moving  instead pressed and let go, over and over, one after the other
+    moving  instead pressed and released repeatedly, one after the other
     """
 
     def __init__(self, moving: bool = False, fingers: tuple[int, ...] = FINGERS, bus: str = BUS) -> None:
@@ -127,7 +127,7 @@ def test_fingers_lie_as_a_hand(page: Page) -> None:
 
 
 def test_one_finger_has_its_charts_beside_it_on_one_screen(chrome: Chrome) -> None:
-    bus = f"udp:239.0.0.8?port={41_000 + os.getpid() % 20_000}"  # the others' hand is heard on its port
+    bus = f"udp:239.0.0.8?port={41_000 + os.getpid() % 20_000}"  # the other tests use its port
     with ExitStack() as stack:
         stack.callback(Hand(fingers=(2,), bus=bus).close)
         connection = stack.enter_context(hostlink.connect(bus))
@@ -149,7 +149,7 @@ def test_one_finger_has_its_charts_beside_it_on_one_screen(chrome: Chrome) -> No
 
 
 def test_no_shear_is_no_arrow(page: Page) -> None:
-    """Counted in black pixels of a drawing of its own."""
+    """Counts the black pixels of a separate drawing."""
     ink = (
         "import('./kit.js').then(({ arrow }) => { const c = document.createElement('canvas');"
         "const g = c.getContext('2d'); arrow(g, 50, 50, 50 + LENGTH, 50, 4, 'black', 'white');"

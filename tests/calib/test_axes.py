@@ -1,4 +1,4 @@
-"""Axes of rigs: all eight ways in which they can lie in the image, and frames that do not tell."""
+"""Axes of rigs: all eight orientations in the image, and frames that leave it open."""
 
 from __future__ import annotations
 

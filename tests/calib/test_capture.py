@@ -40,7 +40,7 @@ def simulated(first_sequence: int) -> Rig:
 
 
 class Breaking(SimulatedRig):
-    """Its cable is pulled after so many frames."""
+    """A camera whose cable is pulled after so many frames."""
 
     left = 0
 
@@ -138,7 +138,7 @@ def test_a_truncated_recording_is_resumed_from_its_last_complete_step(tmp_path: 
     with pytest.raises(RigError):
         capture(breaking_after(7), PLAN, path)
     data = path.read_bytes()
-    path.write_bytes(data[: int(len(data) * 0.6)])  # what a killed process leaves
+    path.write_bytes(data[: int(len(data) * 0.6)])  # like after a kill
     before = progress_of(path, PLAN).frames
     assert before < 7
     assert capture(simulated, PLAN, path, resume=True) == 9 - before

@@ -100,7 +100,7 @@ def test_a_frame_without_a_value_is_counted_and_not_averaged(
 def test_a_pressed_frame_that_reads_untouched_is_counted_with_its_zeros(calibration: Calibration) -> None:
     extract, values = make(50, seed=8)
     values["displacement_mm"] = np.where(np.arange(50) < 10, 0.0, 2.0)
-    touched = np.arange(50) >= 13  # ten are untouched indeed, three are not
+    touched = np.arange(50) >= 13  # ten are really untouched, three are not
     report = evaluate(calibration, targets(values), replace(extract, in_contact=touched))
     assert report["n_read_untouched"] == 3
     read, _ = predict(calibration, replace(extract, in_contact=touched))

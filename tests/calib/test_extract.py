@@ -1,4 +1,4 @@
-"""Many frames: the same bits wherever they are computed; captures; the commands from end to end."""
+"""Many frames: identical results wherever they are computed; captures; the commands from end to end."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Here(Executor):
-    """Runs the work in this process, so that the oracle needs no other."""
+    """Runs the work in this process, so that the oracle needs no second one."""
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
         future: Future[Any] = Future()
@@ -219,7 +219,7 @@ except KeyboardInterrupt:
 
 
 def test_an_interrupt_while_processes_start_prints_nothing() -> None:
-    """A terminal sends Ctrl-C to all of them; none may print where it was."""
+    """A terminal sends Ctrl-C to all of them; none may print a traceback."""
     done = subprocess.run(
         [sys.executable, "-c", INTERRUPTED],
         capture_output=True,
@@ -318,7 +318,7 @@ def test_a_capture_that_has_only_rest_frames_or_none(recording: Path, tmp_path: 
 
 @pytest.mark.real
 def test_published_frames(real_dir: Path, tmp_path: Path) -> None:
-    """A sample: 90 frames fit, 30 judge. The full run is `python -m tests.bench real`."""
+    """A sample: 90 frames fitted, 30 held out. The full run is `python -m tests.bench real`."""
     where = real_dir / "tactip331_binary"
     lines = (where / "targets.csv").read_text().splitlines()
     train, test = tmp_path / "train.csv", tmp_path / "test.csv"

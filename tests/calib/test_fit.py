@@ -144,7 +144,7 @@ def test_the_scale_comes_from_known_places() -> None:
     rng = np.random.default_rng(0)
     place = 8.0 * (rng.uniform(-1, 1, 60) + 1j * rng.uniform(-1, 1, 60))
     contact = extract.contact.copy()
-    turned = place * np.exp(0.3j)  # a rig whose axes are turned against the image's
+    turned = place * np.exp(0.3j)  # a rig whose axes are rotated against the image's
     contact[:] = 0.2
     contact[:, 0] = turned / 0.12 / REST.pattern.tip_radius_px
     values |= {"contact_x_mm": place.real, "contact_y_mm": place.imag}
@@ -217,7 +217,7 @@ def test_one_bad_column_does_not_affect_the_others() -> None:
 
 
 def test_a_faint_mode_that_explains_everything_is_not_trusted() -> None:
-    """Exact but as small as a pin's noise, against a little off and large: in use the second is better."""
+    """Exact but tiny as a pin's noise, against slightly off and large: with noise the second is better."""
 
     def frames(seed: int) -> tuple[Extract, Array]:
         extract, _ = make(300, seed=seed)

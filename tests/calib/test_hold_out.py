@@ -1,4 +1,4 @@
-"""Held-out frames: drawn by pose, the same for a seed, and not seen by the fit that they judge."""
+"""Held-out frames: drawn by pose, the same for a seed, and not used by the fit that they evaluate."""
 
 from __future__ import annotations
 

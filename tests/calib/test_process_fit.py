@@ -1,4 +1,4 @@
-"""Processes: the law is found, sigma follows the noise, and what lost pins do is learnt."""
+"""Processes: the law is found, sigma follows the noise, and the effect of lost pins is learnt."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The likelihood: its gradient, and that its kernel is as symmetric as it says."""
+"""The likelihood: its gradient, and the symmetry of its kernel."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_rotated_and_mirrored_data_are_equally_likely(symmetry: Symmetry) -> Non
     def value(x: np.ndarray, y: np.ndarray) -> float:
         return Likelihood(x, SPINS, y, symmetry, asymmetric=False)(logs)[0]
 
-    t = 2 * np.pi / 8  # of one row alone: the kernel cannot tell
+    t = 2 * np.pi / 8  # of one row alone: the kernel must not change
     turned_x, turned_y = x.copy(), y.copy()
     turned_x[3] *= np.exp(1j * SPINS * t)
     if symmetry is Symmetry.TURNING:

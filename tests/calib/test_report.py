@@ -1,4 +1,4 @@
-"""The report: alternatives measured against truth, a page that holds what it shows."""
+"""The report: alternatives measured against truth, a complete page."""
 
 from __future__ import annotations
 

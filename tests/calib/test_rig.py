@@ -71,7 +71,7 @@ def stage_at() -> Iterator[StageAt]:
 
 
 def quiet(text: str) -> None:
-    """Nobody is asked."""
+    """No questions are expected."""
 
 
 def rig_on(config: StageFile) -> GcodeRig:
@@ -282,7 +282,7 @@ def test_every_new_place_is_reached_over_a_clear_tip_and_pressed_before_sheared(
     rig.move(Pose(depth_mm=2.0, shear_x_mm=1.0))
     assert fake.moves[-2:] == [{"X": 0.0, "Y": 0.0, "Z": -2.0}, {"X": 1.0, "Y": 0.0, "Z": -2.0}]
     fake.moves.clear()
-    rig.move(Pose(depth_mm=2.0, shear_y_mm=1.0))  # another direction: off the tip in between
+    rig.move(Pose(depth_mm=2.0, shear_y_mm=1.0))  # another direction: lifts off in between
     assert max(move["Z"] for move in fake.moves) == 5.0
     assert fake.moves[-2] == {"X": 0.0, "Y": 0.0, "Z": -2.0}
     fake.moves.clear()
@@ -307,7 +307,7 @@ def test_deeper_and_further_poses_need_no_lifting(
         rig.move(pose)
     assert [move["Z"] for move in fake.moves] == [-1.1, -3.0, -3.0, -3.0]
     fake.moves.clear()
-    rig.move(Pose(depth_mm=2.0))  # back: friction would remember
+    rig.move(Pose(depth_mm=2.0))  # back: would depend on the history of friction
     assert max(move["Z"] for move in fake.moves) == 5.0
     assert rig.frame().sequence == 1
     rig.close()

@@ -1,4 +1,4 @@
-"""Tables of truth: read as they are meant, every mistake one line with file, row and column."""
+"""Tables of truth: read correctly, every mistake one line with file, row and column."""
 
 from __future__ import annotations
 

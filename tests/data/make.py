@@ -1,7 +1,7 @@
 """Make the bundled recordings again: `python tests/data/make.py [FOLDER]`.
 
-Small images and a quiet sensor keep them under 5 MB in all; they are lossless. The table below is all
-there is to them: same table, same code, same pixels.
+Small images and a quiet sensor keep them under 5 MB in all; they are lossless. The table below defines them
+completely: same table, same code, same pixels.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _QUIET = Look(read_noise=0.4, shot_noise=0.008)
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """A recording: which tip sees which scene, how."""
+    """A recording: tip, scene and camera."""
 
     scene: str
     tip: Tip

@@ -1,4 +1,4 @@
-"""The files of `deploy/`: judged by systemd, by shellcheck, and by what the program takes."""
+"""The files of `deploy/`: checked by systemd, by shellcheck, and against the program's options."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def run(*command: str | Path, **environment: str) -> subprocess.CompletedProcess
 
 @pytest.fixture
 def unit(tmp_path: Path) -> Path:
-    """The unit with a program that is here, and an instance of it."""
+    """The unit with an existing program, and an instance of it."""
     text = (DEPLOY / UNIT).read_text().replace("/opt/voronoi-touch/current/bin/python", sys.executable)
     (tmp_path / UNIT).write_text(text)
     instance = tmp_path / UNIT.replace("@", "@index")
@@ -107,7 +107,7 @@ def test_shellcheck(path: Path) -> None:
 
 
 def test_the_example_has_every_key_and_no_other() -> None:
-    """With its default each, and a comment on each: the example is the reference."""
+    """Each with its default and a comment: the example is the reference."""
     text = (DEPLOY / "edge.toml").read_text()
     table = tomllib.loads(text)
     config = Config()
@@ -245,7 +245,7 @@ def test_a_release_that_does_not_run_is_not_used(tmp_path: Path, wheel_dir: Path
 def test_a_release_is_readable_by_all_and_writable_by_its_owner(
     tmp_path: Path, wheel_dir: Path, mask: int
 ) -> None:
-    """Whatever umask root has: the service has another user, and so have the board's other users."""
+    """With any umask of root: the service and other users of the board must read it."""
     before = os.umask(mask)
     try:
         board = Board(tmp_path / "root", wheel_dir)
@@ -308,7 +308,7 @@ def test_a_checkout_is_unchanged_and_its_constraints_hold(tmp_path: Path) -> Non
 
 
 def test_the_wheel_workflow_names_existing_files() -> None:
-    """Not a download of a package that no index has."""
+    """Must not download a package that no index has."""
     done = run("sh", DEPLOY / "install.sh", "--help")
     assert "pip wheel -w DIR -c constraints.txt '.[edge]'" in done.stdout
     assert "pip download" not in done.stdout

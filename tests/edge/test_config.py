@@ -65,7 +65,7 @@ def test_a_mistake_is_one_line_with_file_and_key(tmp_path: Path, text: str, expe
 
 
 def test_every_key_names_its_values(tmp_path: Path) -> None:
-    """A datetime is right for none of them."""
+    """No key accepts a datetime."""
     for section in Config.__struct_fields__:
         for key in getattr(Config(), section).__struct_fields__:
             path = tmp_path / "edge.toml"

@@ -1,4 +1,4 @@
-"""Hazards rendered through the whole chain, short: identities, and no touch where nothing touches."""
+"""Hazards rendered through the whole chain, short: identities, and no touch on an untouched tip."""
 
 from __future__ import annotations
 
@@ -22,4 +22,4 @@ def test_no_pin_is_swapped_and_no_false_touch(hazard: str) -> None:
     outcome = measure(Camera(tip=Tip(n_pins=127), size_px=(320, 240)), None, hazard, seed=3)
     assert outcome.swapped == 0
     assert outcome.touches == 0
-    assert outcome.unsure <= 14  # the dark itself, and what it takes to look again
+    assert outcome.unsure <= 14  # the dark frames, and the search after them

@@ -1,14 +1,14 @@
-"""Fuzz target. Invariant: whatever comes, the decoders deliver only samples that were put in, and never raise
+"""Fuzz target. Invariant: for any input, the decoders deliver only samples that were put in, and never raise
 anything but VersionMismatch.
 
     python tests/fuzz/fuzz_decoder.py -max_total_time=60     coverage-guided, with atheris (x86-64)
     python tests/fuzz/fuzz_decoder.py --random 100000        random input, without atheris
 
 The input is read as a script: a byte chooses what comes next (a good frame, the input's own bytes, a good
-frame with bytes exchanged), so that the fuzzer reaches behind the CRCs. A damaged frame counts as put in
-when its E2E check holds: that is what the CRC's residual error is (WIRE.md), and no decoder could tell. For
+frame with bytes exchanged), so that the fuzzer reaches the code behind the CRCs. A damaged frame counts as
+put in if its E2E check holds: that is the CRC's residual error (WIRE.md), which no decoder can detect. For
 the same reason 8-byte parts made of the input's own bytes, and parts with any content and a right CRC, go to
-a node whose samples are not judged.
+a node whose samples are not checked.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Script:
 
 
 def forged_part(script: Script) -> tuple[int, bytes]:
-    """A classic part with a right CRC and any content: the fuzzer gets at the reassembly behind it."""
+    """A classic part with a right CRC and any content: it reaches the reassembly."""
     part = PARTS[script.byte() % len(PARTS)]
     frame = bytearray(script.take(8))
     if part.page is not None:
@@ -67,7 +67,7 @@ def forged_part(script: Script) -> tuple[int, bytes]:
 
 
 def run(data: bytes) -> None:
-    """One input. Raises AssertionError where the invariant does not hold."""
+    """One input. Raises AssertionError: the invariant does not hold."""
     script, can, serial = Script(data), CanDecoder(), SerialDecoder(1)
     allowed: set[str] = set()
     events: list[Event] = []

@@ -1,7 +1,7 @@
 """Wrong arguments for every kernel: `python -m tests.fuzz.fuzz_kernels [--seconds S] [--seed N]`.
 
 A short scene is played through the pipeline with every class and function of every kernel (the table in
-setup.py) recorded: real constructors' arguments, real calls. Each is then made again with something wrong in
+setup.py) recorded: real constructors' arguments, real calls. Each is then repeated with one error in
 it: an array's shape, type or layout, NaN, infinities, huge and negative numbers, nothing at all, an index out
 of range.
 
@@ -35,7 +35,7 @@ kernels.install()
 # The last: no array at all, and one that must be writable.
 REFUSALS = (ValueError, TypeError, OverflowError, AttributeError, BufferError)
 OUT_OF_BOUNDS = (
-    "Out of bounds on buffer access"  # of the checked build: in the others memory would be reached
+    "Out of bounds on buffer access"  # raised by the checked build; the others would access the memory
 )
 SAMPLES = 4  # recorded calls of each function
 RETRIES = 3  # calls of each object with one wrong argument each
@@ -48,7 +48,7 @@ Call = tuple[tuple[Any, ...], dict[str, Any]]
 
 @dataclasses.dataclass
 class Recorded:
-    """What the scene did with one class or function.
+    """Recorded use of one class or function.
 
     made   arguments that it was made (or, a function, called) with
     calls  method -> arguments, with the number of the object's constructor in `made`
@@ -59,7 +59,7 @@ class Recorded:
 
 
 def frozen(value: Any) -> Any:
-    """A copy that what happens later does not change; kernels' own objects stay themselves."""
+    """A copy that later changes do not affect; kernels' own objects are not copied."""
     if isinstance(value, np.ndarray):
         return value.copy()
     if isinstance(value, tuple | list) and not hasattr(value, "_fields"):
@@ -179,7 +179,7 @@ def play() -> None:
 
 
 def wrong_array(rng: random.Random, array: NDArray[Any]) -> Any:
-    """One array with something wrong in it, or another thing altogether."""
+    """One array with an error in it, or another kind of object."""
     flat = array.copy().reshape(-1)
     kind = rng.randrange(8)
     if kind == 0 and flat.size:  # a value
@@ -214,7 +214,7 @@ def wrong_array(rng: random.Random, array: NDArray[Any]) -> Any:
 
 
 def wrong(rng: random.Random, value: Any) -> Any:
-    """A value of the same kind with something wrong in it."""
+    """A value of the same kind with an error in it."""
     if isinstance(value, np.ndarray):
         return wrong_array(rng, value)
     if isinstance(value, bool):
@@ -263,7 +263,7 @@ def wrong_call(rng: random.Random, call: Call) -> Call:
 
 
 class Fuzzer:
-    """Makes recorded calls again, with something wrong in them."""
+    """Repeats recorded calls with errors in them."""
 
     def __init__(self, records: dict[Any, Recorded], seed: int) -> None:
         self.records = {item: record for item, record in records.items() if record.made}
@@ -286,7 +286,7 @@ class Fuzzer:
             if not calls:
                 continue
             number, call = self.rng.choice(calls)
-            if made is not None:  # with something wrong, and yet taken
+            if made is not None:  # with an error, and yet accepted
                 self._try(f"{name}.{method}", getattr(made, method), call)
             args, kwargs = record.made[number]
             one = item(*frozen(args), **kwargs)
@@ -306,7 +306,7 @@ class Fuzzer:
             self.refusals += 1
         except Exception as error:  # noqa: BLE001  (that is what is looked for)
             if isinstance(error, LookupError) and OUT_OF_BOUNDS not in str(error):
-                self.refusals += 1  # NumPy's own, or a name that is not there
+                self.refusals += 1  # NumPy's own, or an unknown name
             else:
                 self.failures.setdefault(f"{name}: {type(error).__name__}: {error}", _short(call))
         return None
@@ -353,7 +353,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _plain(name: str) -> bool:
-    """Whether a name is a record of values, which has nothing to refuse."""
+    """Whether a name is a record of values, which refuses nothing."""
     module, _, item = name.rpartition(".")
     cls = getattr(importlib.import_module(module), item, None)
     return dataclasses.is_dataclass(cls) or hasattr(cls, "_fields")

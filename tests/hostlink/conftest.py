@@ -1,4 +1,4 @@
-"""How long the generative tests go on: a little in `make test`, FUZZ_ROUNDS times as long in `make fuzz`."""
+"""Number of rounds of the generative tests: few in `make test`, FUZZ_ROUNDS times as long in `make fuzz`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Programs end with an exit code and at most one line, whatever becomes of stdout."""
+"""Programs end with an exit code and at most one line, for any failure of stdout."""
 
 from __future__ import annotations
 

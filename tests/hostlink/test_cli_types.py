@@ -1,4 +1,4 @@
-"""NaN and infinity are never a number on a command line, and what is right is said in plain words."""
+"""NaN and infinity are refused on a command line, and the message gives a right value."""
 
 from __future__ import annotations
 

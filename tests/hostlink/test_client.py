@@ -45,7 +45,7 @@ ROUNDING_S = 2e-6  # of the wire's microseconds, and of floats
 
 
 class Application:
-    """What a node serves in these tests."""
+    """The application of a node in these tests."""
 
     def __init__(self, serial: str) -> None:
         self.serial, self.touched, self.calibration = serial, False, b""
@@ -53,7 +53,7 @@ class Application:
         self.no_calibration = ""  # why none is taken
         self.requests_n = 0
         self.outcome = RestFrameOutcome(RestFrameState.ACCEPTED)  # of the next requests
-        self.busy_for_n = 0  # how often it is asked before it is known
+        self.busy_for_n = 0  # number of polls before it is known
 
     def describe(self) -> Mapping[str, int | float | str | bytes]:
         return {"serial_number": self.serial, "software_version": "0.1", "hardware_version": "test"}
@@ -108,7 +108,7 @@ def make_node(address: str) -> tuple[Node, Application]:
 
 
 class Pty:
-    """Two ends of a serial line, at paths that outlive it; bytes are carried by a thread."""
+    """Two ends of a serial line, at paths that stay the same; bytes are carried by a thread."""
 
     def __init__(self, directory: Path) -> None:
         self.paths = (directory / "edge", directory / "host")
@@ -178,25 +178,27 @@ Pair = tuple[Node, Application, hostlink.Connection]
 
 def test_samples_come_as_they_were_sent(pair: Pair) -> None:
     node, _, hand = pair
-    heard: list[hostlink.Sample] = []
-    hand.on_sample(heard.append)
+    received: list[hostlink.Sample] = []
+    hand.on_sample(received.append)
     sent = []
     for k in range(100):
         sent.append(state(k))
         assert node.send(sent[-1])
         if k % 4 == 3:
             node.drain(SOON_S)
-    until(lambda: len(heard) == 100, "all samples")
-    assert [unpack_state(pack_state(s.state, 0)) for s in heard] == [
+    until(lambda: len(received) == 100, "all samples")
+    assert [unpack_state(pack_state(s.state, 0)) for s in received] == [
         unpack_state(pack_state(s, 0)) for s in sent
     ]
     statistics = hand.finger().statistics
     assert statistics.received_n == 100
     assert statistics.lost_n == statistics.corrupt_n == statistics.duplicate_n == 0
-    for sample, original in zip(heard, sent, strict=True):
+    for sample, original in zip(received, sent, strict=True):
         taken_s = original.capture_time_us * 1e-6  # both ends share this machine's clock
         off_s = sample.host_time_s - taken_s
-        transit_s = sample.arrival_s - taken_s - original.latency_us * 1e-6  # however long this machine took
+        transit_s = (
+            sample.arrival_s - taken_s - original.latency_us * 1e-6
+        )  # any delay of this machine included
         assert -sample.host_error_s - ROUNDING_S <= off_s <= sample.host_error_s + transit_s + ROUNDING_S
 
 
@@ -315,11 +317,11 @@ def test_five_fingers_on_one_bus(request: pytest.FixtureRequest, kind: str) -> N
     bus = f"virtual:{request.node.name}?" if kind == "virtual" else f"udp:239.0.0.6?port={port}&"
     nodes = [make_node(f"{bus}node={k}") for k in range(1, 6)]
     with hostlink.connect(bus.rstrip("?&")) as hand:
-        heard: list[tuple[int, int]] = []
-        hand.on_sample(lambda s: heard.append((s.finger, s.state.sample)))
+        received: list[tuple[int, int]] = []
+        hand.on_sample(lambda s: received.append((s.finger, s.state.sample)))
 
         def has(n: int) -> bool:
-            return len(heard) >= n
+            return len(received) >= n
 
         for k in range(250):
             for node, _ in nodes:
@@ -327,8 +329,8 @@ def test_five_fingers_on_one_bus(request: pytest.FixtureRequest, kind: str) -> N
                 assert node.send(state(k))
                 node.drain(SOON_S)
             until(partial(has, 5 * (k - 10)), "the reader keeps up")
-        until(lambda: len(heard) == 1250, "all")
-        assert sorted(heard) == sorted((f, k) for f in range(1, 6) for k in range(250))
+        until(lambda: len(received) == 1250, "all")
+        assert sorted(received) == sorted((f, k) for f in range(1, 6) for k in range(250))
         assert sum(s.lost_n for s in hand.statistics.values()) == 0
         assert hand.finger(4).info().serial_number == "VT-4"
         with pytest.raises(hostlink.UsageError, match="name one"):
@@ -340,21 +342,21 @@ def test_five_fingers_on_one_bus(request: pytest.FixtureRequest, kind: str) -> N
 def test_line_lost_and_back(tmp_path: Path) -> None:
     pty = Pty(tmp_path)
     node, _ = make_node(f"serial:{pty.paths[0]}")
-    heard: list[hostlink.Sample] = []
+    received: list[hostlink.Sample] = []
     with hostlink.connect(f"serial:{pty.paths[1]}") as hand:
-        hand.on_sample(heard.append)
+        hand.on_sample(received.append)
         assert node.send(state(0))
-        until(lambda: len(heard) == 1, "the first")
+        until(lambda: len(received) == 1, "the first")
         pty.close()
         until(lambda: not node.send(state(1)) and not node.up and not hand.up, "both ends notice")
         pty.open()
         until(lambda: node.up and hand.up, "both ends are back")
         assert node.send(state(50))
-        until(lambda: len(heard) == 2, "the next")
+        until(lambda: len(received) == 2, "the next")
         assert hand.reconnects == 1
     node.close()
-    assert heard[1].state.sample == 50
-    assert heard[1].lost_n > 0  # a gap, nothing old
+    assert received[1].state.sample == 50
+    assert received[1].lost_n > 0  # a gap, nothing old
 
 
 def test_other_version_is_one_error_with_both_names(
@@ -565,24 +567,24 @@ def test_a_failing_callback_does_not_affect_others(request: pytest.FixtureReques
 
     bus = f"virtual:{request.node.name}"
     node, _ = make_node(f"{bus}?node=1")
-    heard: list[hostlink.Sample] = []
+    received: list[hostlink.Sample] = []
     with hostlink.connect(bus) as hand:
         hand.on_sample(fail)
-        end = hand.on_sample(heard.append)
+        end = hand.on_sample(received.append)
         node.send(state(0))
-        until(lambda: heard, "the sample")
+        until(lambda: received, "the sample")
         end()
         node.send(state(1))
         until(lambda: (s := hand.latest(1, None)) is not None and s.state.sample == 1, "the next")
     node.close()
-    assert len(heard) == 1
+    assert len(received) == 1
 
 
 def test_a_failing_tap_is_removed_and_the_link_goes_on(request: pytest.FixtureRequest) -> None:
     bus = f"virtual:{request.node.name}"
     node, _ = make_node(f"{bus}?node=1")
     called: list[float] = []
-    heard: list[object] = []
+    received: list[object] = []
 
     def bad(data: object, arrival_s: float) -> None:
         called.append(arrival_s)
@@ -590,15 +592,15 @@ def test_a_failing_tap_is_removed_and_the_link_goes_on(request: pytest.FixtureRe
 
     with hostlink.connect(bus) as hand:
         end = hand.on_raw(bad)
-        hand.on_raw(lambda data, _: heard.append(data))
+        hand.on_raw(lambda data, _: received.append(data))
         node.send(state(0))
         until(lambda: hand.latest(1, None) is not None, "the sample")
         node.send(state(1))
         until(lambda: (s := hand.latest(1, None)) is not None and s.state.sample == 1, "the next")
-        end()  # it is off already, and that is no error
+        end()  # it has ended already, which is no error
     node.close()
     assert len(called) == 1
-    assert len(heard) > 1
+    assert len(received) > 1
 
 
 @pytest.mark.parametrize(
@@ -626,7 +628,7 @@ def test_detail_stream_when_asked_for(pair: Pair) -> None:
     frames: list[DetailFrame] = []
     hand.on_detail(frames.append)
     if isinstance(node.sink, CanClassicSink):
-        assert not node.send_detail(1, rows)  # classic CAN has no room for it
+        assert not node.send_detail(1, rows)  # not on classic CAN
         return
     until(lambda: node.send_detail(7, rows), "the link is free")
     until(lambda: frames, "the frame")

@@ -1,4 +1,4 @@
-"""The clock map against simulated clocks: the true time lies inside of the bound, and the bound is small."""
+"""The clock map against simulated clocks: the true time lies within the bound, and the bound is small."""
 
 from __future__ import annotations
 
@@ -96,7 +96,9 @@ def test_without_a_message_there_is_no_host_time() -> None:
 
 
 class SteppingWorld:
-    """A sensor and a host whose clocks can be changed; `sample` gives a sample to the map and judges it."""
+    """A sensor and a host whose clocks can be changed; `sample` gives a sample to the map and checks its
+    error.
+    """
 
     LATENCY_US = 3000.0
 
@@ -135,7 +137,7 @@ class SteppingWorld:
         self.device_ahead_s += by_s
 
     def sleep(self, minutes: float) -> None:
-        """The host sleeps: its clock stands still, the device's goes on."""
+        """The host is suspended: its clock stands still, the device's goes on."""
         self.device_ahead_s += minutes * 60
 
 
@@ -208,7 +210,7 @@ def test_any_sequence_of_clock_events(clock_rounds: int) -> None:
     """Reboots, steps, sleeps and pauses in any order, for many seeds.
 
     Steps back are larger than the spacing of samples, steps forward larger than a sample may be late: others
-    cannot be seen by one sample, and have to be announced (CLOCK_STEP).
+    are not visible in one sample, and have to be announced (CLOCK_STEP).
     """
     for seed in range(clock_rounds):
         world = SteppingWorld(seed, rate_hz=240.0)

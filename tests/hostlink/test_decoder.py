@@ -42,7 +42,7 @@ FRAMES = 100_000
 
 
 def as_seen(state: State) -> State:
-    """The state as the other end sees it."""
+    """The state as decoded at the other end."""
     return wire.unpack_state(pack_state(state, 0))
 
 
@@ -124,7 +124,7 @@ def test_misuse_raises() -> None:
 
 
 def deliver(decoder: CanDecoder, samples: list[tuple[int, int]]) -> list[int]:
-    """Gives the decoder (sample number, counter) pairs; the sample numbers delivered."""
+    """Give the decoder (sample number, counter) pairs; returns the sample numbers delivered."""
     events = [e for s, c in samples for e in decoder.receive(0x181, pack_state(State(sample=s), c))]
     return [e.state.sample for e in events if isinstance(e, Sample)]
 
@@ -189,7 +189,7 @@ def test_old_frames_replayed_are_not_delivered() -> None:
     (after,) = decoder.receive(0x181, frames[1500])
     assert isinstance(after, Sample)
     assert after.state.sample == 1500
-    for i in range(1501, 1600):  # each new one followed by two old ones, for long
+    for i in range(1501, 1600):  # each new one followed by two old ones, many times
         assert decoder.receive(0x181, frames[i]) != []
         for old in (frames[i - 1000], frames[i - 999]):
             assert not any(isinstance(e, Sample) for e in decoder.receive(0x181, old))
@@ -349,7 +349,7 @@ def test_bad_fd_memory() -> None:
 
 
 def test_bad_classic_bus() -> None:
-    """100,000 classic parts on a bus whose CRC-15 discards what it finds; swaps, drops and repetitions."""
+    """100,000 classic parts on a bus whose CRC-15 discards damaged ones; swaps, drops and repetitions."""
     rng, ledger, decoder, link = Random(3), Ledger(), CanDecoder(), ClassicLink()
     pool = [as_seen(random_state(rng, i)) for i in range(500)]
     waiting: list[tuple[int, bytes]] = []
@@ -461,7 +461,7 @@ def test_any_valid_parts_in_any_order_are_samples_or_are_counted(classic_rounds:
     assert refused_n > 5 * classic_rounds, "samples were completed, and refused by their check"
 
 
-# --- when it was, on the host's clock ---
+# --- times on the host's clock ---
 
 
 def sent_at(decoder: CanDecoder, i: int, host_s: float, device_s: float, status: int = 0) -> Sample:
@@ -489,7 +489,7 @@ def test_samples_carry_their_time_on_the_clock_of_their_arrival() -> None:
 
 @pytest.mark.parametrize("how", ["boot-up", "status bit", "emergency"])
 def test_announced_step_begins_the_clock_anew(how: str) -> None:
-    """A step too small to show by itself: 1 ms."""
+    """A step too small to be detected: 1 ms."""
     decoder = CanDecoder()
     for i in range(300):
         sent_at(decoder, i, 1000 + i / 240, 77 + i / 240)

@@ -1,4 +1,4 @@
-"""slcan adapters over ptys, classic and FD; addresses; what `import hostlink` leaves alone."""
+"""slcan adapters over ptys, classic and FD; addresses; modules that `import hostlink` does not load."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.support.waiting import SOON_S, until
 
 
 class Adapters:
-    """Two slcan adapters on one imagined bus: what one is told to send, the other reports.
+    """Two slcan adapters on one imagined bus: what one sends, the other receives.
 
     Speaks what python-can's slcan does: S, Y, O, C; t (classic), d and b (FD without, with rate switch).
     """

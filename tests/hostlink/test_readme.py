@@ -1,4 +1,4 @@
-"""README's code is what people paste: it is compiled and run as it stands, and obeys WIRE.md's rules."""
+"""README's code is compiled and run unchanged, and obeys WIRE.md's rules."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_python_control_loop_moves_on_valid_live_samples_alone(
 
     def send() -> None:
         k = 0
-        while not application.tares:  # heard, so that it can be asked
+        while not application.tares:  # its messages arrive, so that it can be queried
             node.send(sample(k, moving.displacement_mm))
             k += 1
             time.sleep(0.005)

@@ -183,7 +183,7 @@ def test_lines_of_other_tools_are_read(tmp_path: Path, line: str) -> None:
 
 
 def blf_of(container: bytes, says: int | None = None) -> bytes:
-    """A file with one container; what its header says of its length may be a lie."""
+    """A file with one container; the length in its header may be wrong."""
     body = struct.pack("<H6xL4x", 2, 0) + container
     size = 16 + len(body) if says is None else says
     return (
@@ -238,7 +238,7 @@ def peak_below(n_bytes: int) -> Iterator[None]:
 
 @pytest.mark.parametrize("suffix", [".log", ".blf", ".serial"])
 def test_random_damage_is_read_up_to_or_refused(tmp_path: Path, suffix: str) -> None:
-    """Every file that chance makes of a good one gives events, then at most one LinkError."""
+    """Randomly changed files give events, then at most one LinkError."""
     path, dice = tmp_path / f"a{suffix}", Random(16)
     if suffix == ".serial":
         with SerialWriter(path) as serial:

@@ -1,4 +1,4 @@
-"""Samples as a table: every way out holds the same values, and each value is where its name says."""
+"""Samples as a table: every format holds the same values, each under its name."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def samples_of(path: Path) -> list[Sample]:
 
 
 def value_of(sample: Sample, name: str) -> float:
-    """By another way than the table's: the attribute that the column's name says."""
+    """Independent of the table: the attribute of the column's name."""
     if name.startswith("contact") and name[7].isdigit():
         i = int(name[7])
         there = i < len(sample.state.contacts)
@@ -144,7 +144,7 @@ def test_mistakes_write_nothing(
 
 
 def test_without_the_extra_it_is_one_line(log: Path) -> None:
-    """As where the package is installed alone: the libraries cannot be imported."""
+    """Like an installation without extras: the libraries cannot be imported."""
     program = (
         "import sys; sys.modules.update(dict.fromkeys(['numpy', 'pandas', 'pyarrow', 'pyarrow.parquet']));"
         "from hostlink.commands.cli import main; main(sys.argv[1:])"
@@ -157,5 +157,5 @@ def test_without_the_extra_it_is_one_line(log: Path) -> None:
     assert 'pip install "voronoi-touch[data]"' in refused.stderr
     assert not out.exists()
     written = log.with_suffix(".csv")
-    subprocess.run([*command, "--csv", str(written)], check=True, capture_output=True)  # which needs none
+    subprocess.run([*command, "--csv", str(written)], check=True, capture_output=True)  # needs no library
     assert written.exists()

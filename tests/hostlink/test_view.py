@@ -1,4 +1,4 @@
-"""The host page's packets: what came over the link, per finger, and what may be asked through it."""
+"""The host page's packets: samples of each finger, and viewers' commands."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Setup:
                         contacts=(Contact(1.0, -2.0, 0.5),),
                     )
                 )
-            time.sleep(0.002)  # as a finger does: one sample a frame
+            time.sleep(0.002)  # like a finger: one sample a frame
 
     def close(self) -> None:
         self.view.close()
@@ -95,7 +95,7 @@ async def packets(socket: Any, enough: Callable[[dict[str, Any]], object]) -> li
 
 
 def test_every_sample_of_every_finger(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hand, "OVERLAP_S", SOON_S)  # a packet may be as late as it likes
+    monkeypatch.setattr(hand, "OVERLAP_S", SOON_S)  # a packet may be arbitrarily late
     monkeypatch.setattr(Board, "STALE_S", SOON_S)
 
     async def look(socket: Any, hello: dict[str, Any]) -> list[dict[str, Any]]:

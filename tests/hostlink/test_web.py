@@ -1,4 +1,4 @@
-"""The server under both live pages: what viewers cost it, and what strangers cannot make it cost."""
+"""The server under both live pages: cost of viewers, and limits for other clients."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Served:
             self._changed.notify_all()
 
     def until(self, condition: Callable[[], bool], what: str) -> None:
-        """Wait until something holds; looked at with every packet, and otherwise now and then."""
+        """Wait until something holds; tested with every packet, and otherwise from time to time."""
         end_s = time.monotonic() + SOON_S
         with self._changed:
             while not condition():
@@ -77,7 +77,7 @@ class Served:
         return raw
 
     def ask(self, request: str) -> bytes:
-        """What comes back for a request, to its end."""
+        """The complete answer to a request."""
         with self.connect() as raw:
             raw.sendall(request.replace("\n", "\r\n").encode("latin-1"))
             return read_all(raw)
@@ -106,7 +106,7 @@ def served() -> Iterator[Served]:
 
 
 def never_reads(served: Served) -> socket.socket:
-    """A viewer that asks for everything and reads nothing."""
+    """A viewer that requests everything and reads nothing."""
     raw = socket.socket()
     raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     raw.settimeout(SOON_S)
@@ -117,7 +117,7 @@ def never_reads(served: Served) -> socket.socket:
 
 
 def read_all(raw: socket.socket) -> bytes:
-    """To the end, however it comes."""
+    """Read to the end of the connection."""
     got = bytearray()
     with contextlib.suppress(ConnectionResetError):
         while data := raw.recv(1 << 16):
@@ -126,7 +126,7 @@ def read_all(raw: socket.socket) -> bytes:
 
 
 async def visit(session: aiohttp.ClientSession, url: str, packets_n: int) -> int:
-    """Come, look at some packets, go; how many were seen."""
+    """Connect, read some packets, leave; returns their number."""
     async with session.ws_connect(url) as connection:
         await connection.send_json({"want": ["image"]})
         got_n = 0
@@ -154,7 +154,7 @@ def test_a_viewer_that_never_reads_is_disconnected() -> None:
 
 
 def test_a_viewer_that_acknowledges_nothing_is_disconnected() -> None:
-    """Talking is no sign of life: only what it has got counts."""
+    """Messages are no sign of life: only acknowledged packets count."""
     with serving(limits=WebLimits(patience_s=0.3)) as served, never_reads(served) as raw:
         with contextlib.suppress(ConnectionError):
             while served.server.cut_off_n == 0:
@@ -165,7 +165,7 @@ def test_a_viewer_that_acknowledges_nothing_is_disconnected() -> None:
 
 
 def test_a_viewer_that_reads_no_answers_is_disconnected() -> None:
-    """Each answer waits for its reader: a viewer has a few of them open, and not millions."""
+    """Answers wait for their reader: a viewer may have a few of them open, not millions."""
     limits = WebLimits(patience_s=SOON_S, messages_per_s=1 << 30)
     with serving(limits=limits, packet=bytes(4)) as served, never_reads(served) as raw:
         served.until(lambda: served.server.viewers_n == 1, "it is there")
@@ -208,7 +208,7 @@ def test_a_hundred_viewers_come_and_go(served: Served) -> None:
         async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as session:
             return await asyncio.gather(*(visit(session, served.url, 3) for _ in range(viewers_n)))
 
-    asyncio.run(wave(LIMITS.viewers_n))  # what is made once, is made
+    asyncio.run(wave(LIMITS.viewers_n))  # everything that is made once is made
     served.until(lambda: server.viewers_n == 0, "all have left")
     with never_reads(served):
         served.until(lambda: server.viewers_n == 1, "one that never reads is there")
@@ -229,14 +229,14 @@ def test_a_hundred_viewers_come_and_go(served: Served) -> None:
     served.until(lambda: server.viewers_n == 0, "the last one has left")
 
 
-# ---- strangers ----------------------------------------------------------------------------------------
+# ---- other clients ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("said", ["", "G", "GET / HTTP/1.1\r\nHost: "])
 def test_half_open_requests_do_not_block_others(
     served: Served, said: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Many times more than there are places for: a viewer comes in all the same."""
+    """Many times more than there are places for: a viewer is still admitted."""
     with contextlib.ExitStack() as stack:
         for _ in range(5 * LIMITS.connections_n):
             raw = stack.enter_context(served.connect())
@@ -247,7 +247,7 @@ def test_half_open_requests_do_not_block_others(
 
 
 def test_half_open_sockets_do_not_count_as_viewers(served: Served) -> None:
-    """A place is taken by who has said what it wants, not by who has only come."""
+    """Only a viewer that has sent its request takes a place."""
     with contextlib.ExitStack() as stack:
         for _ in range(2 * LIMITS.viewers_n):
             raw = stack.enter_context(served.connect())
@@ -350,7 +350,7 @@ def test_any_wrong_token_is_refused(token: str) -> None:
 def test_random_requests_and_messages_get_an_answer_and_leave_no_trace(
     served: Served, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Requests and messages changed at random: each is answered or closed, none is an error of ours (500)."""
+    """Requests and messages changed at random: each is answered or closed, none is an error (500)."""
     dice = random.Random(14)
     here = f"127.0.0.1:{served.server.port}"
     seeds = [

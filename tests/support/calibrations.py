@@ -1,4 +1,4 @@
-"""A small valid calibration file as plain data, to be used and to be damaged."""
+"""A small valid calibration file as plain data, to use and to damage."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ _CONTENT: dict[str, Any] = {
 
 
 def calibration_content() -> dict[str, Any]:
-    """The file as JSON has it; the caller's own."""
+    """The file as JSON data; a new copy."""
     return copy.deepcopy(_CONTENT)
 
 
@@ -73,7 +73,7 @@ def damaged(*path: str | int, value: Any) -> dict[str, Any]:
 
 
 def parsed(table: dict[str, Any]) -> Calibration:
-    """The file as the program has it. Raises CalibrationError."""
+    """The file decoded by the program. Raises CalibrationError."""
     return Calibration.parse(msgspec.json.encode(table), "cal.json")
 
 

@@ -1,4 +1,4 @@
-"""What must hold of cells, as numbers; shared by the tests and the stability report."""
+"""Numerical checks of cells; shared by the tests and the stability report."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def points_of(cells: Cells) -> Points:
 
 
 def fresh_areas(tessellator: Tessellator) -> Points:
-    """Areas of the last frame's points from a triangulation made from nothing."""
+    """Areas of the last frame's points from a triangulation made from scratch."""
     n, b = len(tessellator.rest_area_px2), tessellator._n_boundary
     areas = np.empty(n)
     Mesh(n, b, len(tessellator._points) - n - b).update(tessellator._points, areas)
@@ -108,12 +108,12 @@ def _length(vectors: Points) -> Points:
 
 @dataclass
 class Walks:
-    """What random walks came to."""
+    """Results of random walks."""
 
     walks: int
     steps: int
     flips: int  # of the kept triangulation
-    builds: int  # triangulations from nothing on the kept side; one a walk is the start
+    builds: int  # triangulations from scratch on the kept side; one a walk is the start
     worst_difference: float  # kept against fresh, relative
     worst_share: float  # change of an area over what the motion explains
 

@@ -1,6 +1,6 @@
-"""Bad media, seeded: what happens to frames between the sensor and the decoder.
+"""Bad media, seeded: disturbances of frames between the sensor and the decoder.
 
-`Ledger` knows what was sent, checks each delivered sample against it, and balances the books at the end:
+`Ledger` records what was sent, checks each delivered sample against it, and counts at the end:
 every sample sent between the first and the last delivered is delivered, lost or out of order.
 """
 
@@ -24,7 +24,7 @@ class Ledger:
     delivered: list[int] = field(default_factory=list)
 
     def send(self, state: State) -> int:
-        """Notes a sample as the other end will see it."""
+        """Note a sample as decoded at the other end."""
         self.sent[len(self.sent)] = state
         return len(self.sent) - 1
 
@@ -71,7 +71,8 @@ def _crc15(bits: list[int]) -> int:
 class ClassicLink:
     """CAN's own CRC-15 under the classic parts: 64 data bits and 15 CRC bits that may flip.
 
-    Header bits are left intact; stuffing is left out (a flip that upsets it is found by more than the CRC).
+    Header bits are left intact; stuffing is not modelled (a flip that affects it is found by more than the
+    CRC).
     """
 
     def __init__(self) -> None:

@@ -1,6 +1,6 @@
 """Voronoi cells in exact rational arithmetic: the oracle for `edge.cells`.
 
-Nothing of the code under test is used, no triangulation either: a cell is a square clipped by the
+It uses nothing of the code under test, and no triangulation: a cell is a square clipped by the
 bisector to every other point. Coordinates are integers (doubles times a power of two), a line is three
 integers, a corner the cross product of two lines; nothing is rounded.
 """
@@ -21,7 +21,7 @@ Corner = tuple[int, int, int]  # x, y, w > 0: the place (x / w, y / w)
 def cell_areas(points: NDArray[np.float64], n_pins: int) -> list[Fraction]:
     """Exact areas of the cells of the first `n_pins` points.
 
-    points   (n, 2) float64, taken as the numbers that they are; the cells must be bounded by them
+    points   (n, 2) float64, taken as exact numbers; the cells must be bounded by them
     Returns  in square units; points at the same place share their cell's area in equal parts
     """
     whole, unit = _as_integers(points)
@@ -91,7 +91,7 @@ def _meet(a: Line, b: Line) -> Corner:
 
 
 def _clip(lines: list[Line], corners: list[Corner], cut: Line) -> tuple[list[Line], list[Corner]]:
-    """The part of a convex polygon on the good side of `cut`. corners[k] = lines[k] meets lines[k + 1]."""
+    """Part of a convex polygon on the positive side of `cut`. corners[k] = lines[k] meets lines[k + 1]."""
     outside = [cut[0] * x + cut[1] * y + cut[2] * w < 0 for x, y, w in corners]
     if not any(outside):
         return lines, corners

@@ -1,4 +1,4 @@
-"""A stage on a pty that answers as GRBL 1.1 or Marlin do; enough of them to test the other end.
+"""A stage on a pty that answers like GRBL 1.1 or Marlin, as far as tests need it.
 
 Behaviour taken from GRBL v1.1 (interface, alarm and error codes): Ctrl-X resets and prints the banner,
 with homing enabled it starts locked (ALARM state, G-code answers `error:9`), `$H` homes, a target beyond
@@ -23,9 +23,9 @@ WORD = re.compile(r"([A-Z])([-+]?[0-9.]+)")
 
 class FakeStage:
     """travel  (lowest, highest) of X, Y and Z, mm: the soft limits
-    boots   opening the port resets the board, as on most; else it is awake already
+    boots   opening the port resets the board, as on most; else it has booted already
 
-    The pty runs in packet mode, which tells of the flush with which a port is opened.
+    The pty runs in packet mode, which reports the flush at the opening of a port.
     """
 
     def __init__(
@@ -51,18 +51,18 @@ class FakeStage:
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def _say(self, text: str) -> None:
+    def _send_line(self, text: str) -> None:
         os.write(self._mine, text.encode() + b"\r\n")
 
     def _banner(self) -> None:
         if self.dialect == "marlin":
-            self._say("start")
-            self._say("echo:Marlin 2.1.2")
+            self._send_line("start")
+            self._send_line("echo:Marlin 2.1.2")
             return
         self.locked = True
-        self._say("")
-        self._say("Grbl 1.1h ['$' for help]")
-        self._say("[MSG:'$H'|'$X' to unlock]")
+        self._send_line("")
+        self._send_line("Grbl 1.1h ['$' for help]")
+        self._send_line("[MSG:'$H'|'$X' to unlock]")
 
     def _run(self) -> None:
         pending = b""
@@ -98,40 +98,40 @@ class FakeStage:
             return
         if line in ("$H", "G28"):
             if self.homing_fails:
-                self._say("ALARM:9")
+                self._send_line("ALARM:9")
                 return
             self.locked = False
-            self._say("ok")
+            self._send_line("ok")
         elif self.locked and self.dialect == "grbl":
-            self._say("error:9")
+            self._send_line("error:9")
         elif line.startswith("G1"):
             self._move({k: float(v) for k, v in WORD.findall(line) if k in "XYZA"})
         elif re.match(r"G21|G90|G4 P", line) or (line == "M400" and self.dialect == "marlin"):
-            self._say("ok")
+            self._send_line("ok")
         elif line == "M115" and self.dialect == "marlin":
-            self._say("FIRMWARE_NAME:Marlin 2.1.2 SOURCE_CODE_URL:github.com/MarlinFirmware/Marlin")
-            self._say("ok")
+            self._send_line("FIRMWARE_NAME:Marlin 2.1.2 SOURCE_CODE_URL:github.com/MarlinFirmware/Marlin")
+            self._send_line("ok")
         elif self.dialect == "marlin":
-            self._say(f'echo:Unknown command: "{line}"')
-            self._say("ok")
+            self._send_line(f'echo:Unknown command: "{line}"')
+            self._send_line("ok")
         else:
-            self._say("error:20")
+            self._send_line("error:20")
 
     def _move(self, target: dict[str, float]) -> None:
         low, high = self.travel
         if self.dialect == "grbl" and any(not low <= v <= high for k, v in target.items() if k != "A"):
             self.locked = True
-            self._say("ALARM:2")
-            self._say("[MSG:Reset to continue]")
+            self._send_line("ALARM:2")
+            self._send_line("[MSG:Reset to continue]")
             return
         if self.dialect == "marlin":
-            self._say("echo:busy: processing")
+            self._send_line("echo:busy: processing")
         self._at |= target
         self.moves.append(dict(self._at))
-        self._say("ok")
+        self._send_line("ok")
 
     def close(self) -> None:
-        """The thread ends first: a number that is closed under it may be the next fake's before it reads."""
+        """The thread ends first: a descriptor closed under it may be reused before it reads."""
         os.close(self._end)
         self._thread.join()
         for descriptor in (self._ended, self._theirs, self._mine):

@@ -1,15 +1,15 @@
-"""Faults on purpose: cameras and links that fail on a schedule, so that what the app promises can be tested.
+"""Fault injection: cameras and links that fail on a schedule, to test the program's promises.
 
     schedule(seed, seconds) -> [Episode(kind, start_s, length_s)]
     FaultySource(source, episodes)      a live source whose camera fails in these ways
-    faulty_medium(open_medium, episodes)    what opens a bus whose link fails in these ways: for the sinks
+    faulty_medium(open_medium, episodes)    opens a bus whose link fails in these ways: for the sinks
     FaultyBoard(episodes)               temperature and storage
 
 Rules
-- A fault is made where the hardware would make it, below everything that is meant to notice: the faulty
-  camera's images pass the same watch for frozen and black ones as a real camera's.
-- Everything follows from the seed and the clock that is given: the same seed is the same schedule.
-- An episode says what it is to be announced as (`EXPECTED`); whoever checks promises reads it there.
+- A fault is injected where the hardware would cause it, below everything that is meant to detect it: the
+  faulty camera's images pass the same check for frozen and black ones as a real camera's.
+- Everything follows from the seed and the given clock: the same seed gives the same schedule.
+- `EXPECTED` lists the faults that must be announced for an episode; checks of promises use it.
 - A fault ends with its episode, by itself.
 """
 
@@ -45,7 +45,7 @@ __all__ = [
 ]
 
 F = FaultCode
-#: What each kind of fault must be announced as: any one of these codes; none: it need not be announced.
+#: Codes of which one must be announced for each kind of fault; none: it need not be announced.
 EXPECTED: dict[str, frozenset[FaultCode]] = {
     # camera
     "lost": frozenset({F.CAMERA_LOST}),
@@ -65,7 +65,7 @@ EXPECTED: dict[str, frozenset[FaultCode]] = {
     "down": frozenset({F.LINK_DOWN}),
     "full": frozenset({F.LINK_DOWN}),
     "bus off": frozenset({F.BUS_OFF}),
-    "noise": frozenset(),  # bits that flip on the way: the receiver's checks must catch them
+    "noise": frozenset(),  # bits that flip on the way: the receiver's checks must detect them
     # board
     "hot": frozenset({F.OVER_TEMPERATURE}),
     "disk": frozenset({F.DISK_FULL}),
@@ -77,7 +77,7 @@ CAMERA = (
 LINK = ("down", "full", "bus off", "noise")
 BOARD = ("hot", "disk")
 
-LENGTH_S = (0.3, 1.5)  # of an episode: three times what may pass until it is announced, and more
+LENGTH_S = (0.3, 1.5)  # of an episode: at least three times the limit for its announcement
 PAUSE_S = (0.5, 2.0)  # between two episodes of one row
 SHIFT_PX = (0.2, -0.15)  # in pitches of a tip with 331 pins at 320 px: 2.4 px
 BLUR_PX = 4.0
@@ -140,7 +140,7 @@ class _Row:
         self.clock = clock
 
     def now(self) -> str:
-        """Its kind, or "" where all is well."""
+        """Its kind, or "" if there is none."""
         now = self.clock()
         i = bisect_right(self._starts, now) - 1
         return self._episodes[i].kind if i >= 0 and now < self._episodes[i].end_s else ""
@@ -152,7 +152,7 @@ class FaultySource(ThreadedSource):
     source    a live source; closed with this one
     episodes  kinds out of `CAMERA`
     clock     seconds; the schedule's
-    kinds     what was done to the newest images, by sequence number; "" nothing
+    kinds     faults of the newest images, by sequence number; "" none
     """
 
     def __init__(
@@ -195,7 +195,7 @@ class FaultySource(ThreadedSource):
                 self._offer(seen)
 
     def _see(self, kind: str, frame: Frame) -> Frame | None:
-        """What comes through; None: nothing."""
+        """The frame that arrives; None: none."""
         if kind != "freeze":
             self._frozen = None
         if kind == "clock":
@@ -236,7 +236,7 @@ def _noisy(image: Any, random: Any) -> Any:
 
 
 def _covered(image: Any, random: Any) -> Any:
-    """Something hangs before the lens and leaves a fifth of the view."""
+    """An object before the lens leaves a fifth of the view."""
     out = image.copy()
     out[:, image.shape[1] // 5 :] = int(np.median(image))
     noise = random.integers(0, 3, out.shape, dtype=np.uint8)
@@ -257,7 +257,7 @@ _PICTURES: dict[str, Callable[[Any, Any], Any]] = {
 
 
 class FaultyMedium:
-    """A bus or line that fails; made anew by every opening, the row goes on."""
+    """A bus or line that fails; made anew by every opening, while the schedule goes on."""
 
     def __init__(self, medium: Medium, row: _Row, random: Random, refused: Callable[[float], None]) -> None:
         self._medium, self._row, self._random, self._refused = medium, row, random, refused
@@ -285,7 +285,7 @@ class FaultyMedium:
 
 
 def _flipped(item: Any, random: Random) -> Any:
-    """The message or the bytes, with one bit turned, every second time."""
+    """The message or the bytes, with one bit flipped, every second time."""
     if random.random() < 0.5:
         return item
     data = bytearray(item if isinstance(item, bytes) else item.data)
@@ -305,10 +305,10 @@ def faulty_medium(
     seed: int = 0,
     refused: Callable[[float], None] = lambda at_s: None,
 ) -> Callable[[], FaultyMedium]:
-    """What opens a medium that fails; for the constructors of the sinks.
+    """A function that opens a failing medium; for the constructors of the sinks.
 
     episodes   kinds out of `LINK`
-    refused    gets the times at which something was not sent: before that nobody could know
+    refused    gets the times at which something was not sent: before, the fault is not observable
     """
     row, random = _Row(episodes, clock), Random(seed)
 
@@ -321,7 +321,7 @@ def faulty_medium(
 
 
 class FaultyBoard:
-    """The board's vital signs, failing.
+    """Temperature and storage of a failing board.
 
     episodes  kinds out of `BOARD`
     """

@@ -91,7 +91,7 @@ def push(rest: Rest, at: tuple[float, float], width: float, height: float) -> Ar
 
 
 def plane(rest: Rest, radius: float, height: float, soft: float) -> Array:
-    """A flat contact: cells grow in a ring of this radius. Radial motion with slope only there."""
+    """A flat contact: areas increase in a ring of this radius. Radial motion with slope only there."""
     d = rest.xy_img - CENTRE
     r = np.hypot(*d.T)
     # Divergence of a radial field f(r) is f' + f/r; f = height r^3 / radius^2 inside, falling outside.

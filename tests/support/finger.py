@@ -1,4 +1,4 @@
-"""A finger's loop with a camera under the test's thumb: frame by frame, on a clock of the test's."""
+"""A finger's loop with a camera controlled by the test: frame by frame, on the test's clock."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Camera:
         self.waiting.release()
 
     def peek(self) -> None:
-        """No image waits."""
+        """There is no image."""
 
     def close(self) -> None:
         self.ended = True

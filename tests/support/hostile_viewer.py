@@ -1,4 +1,4 @@
-"""Visitors of a live page that mean harm, again and again; and one that only wants to look.
+"""Hostile viewers of a live page, repeatedly; and an honest one.
 
 with HostileViewers(port, seed) as attack:
     ...
@@ -20,13 +20,13 @@ import aiohttp
 __all__ = ["HostileViewers", "look", "message_frame", "upgrade_request"]
 
 HALF_OPEN_N = 100  # more than there are places for
-PATIENCE_S = 2.0  # an attack goes on for so long at most
+PATIENCE_S = 2.0  # longest duration of an attack
 PAUSE_S = 0.1
 NONSENSE = ("[" * 2000, '{"got": 1e400}', '{"want": [[]]}', '{"do": 5}', "null", '{"a":' * 600)
 
 
 def upgrade_request(port: int) -> bytes:
-    """What opens a WebSocket."""
+    """The request that opens a WebSocket."""
     return (
         f"GET /live HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
         "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
@@ -41,7 +41,7 @@ def message_frame(text: str, opcode: int = 1) -> bytes:
 
 
 async def look(url: str, packets_n: int = 2) -> int:
-    """An honest viewer: come, look at some packets, go; how many were seen."""
+    """An honest viewer: connects, reads some packets, leaves; returns their number."""
     async with aiohttp.ClientSession() as session, session.ws_connect(url) as connection:
         await connection.send_json({"want": ["image"]})
         got_n = 0
@@ -55,7 +55,7 @@ async def look(url: str, packets_n: int = 2) -> int:
 
 
 class HostileViewers:
-    """Attacks a page from a thread of its own, from its start to its end.
+    """Attacks a page from its own thread, from start to end.
 
     counts  attacks by name
     """
@@ -81,7 +81,7 @@ class HostileViewers:
         while not self._over.wait(PAUSE_S):
             attack = self._random.choice(attacks)
             self.counts[attack.__name__.lstrip("_")] += 1
-            with contextlib.suppress(OSError):  # cut off, as it should be
+            with contextlib.suppress(OSError):  # disconnected, as expected
                 attack()
 
     def _connect(self) -> socket.socket:

@@ -1,4 +1,4 @@
-"""Images as the code under test takes them, from OpenCV's functions, which say less of their type."""
+"""Images with the types of the code under test, from OpenCV's functions, whose types are wider."""
 
 from __future__ import annotations
 

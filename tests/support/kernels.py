@@ -1,6 +1,6 @@
 """Which build of the kernels the tests run: $VORONOI_TOUCH_KERNELS.
 
-release      what pip has put beside the sources; if nothing is said
+release      built by pip beside the sources; the default
 checked      build/checked, sanitized build/sanitized: made by `python setup.py build_ext --variant NAME`
 python       uncompiled
 """
@@ -68,7 +68,7 @@ class KernelFinder(MetaPathFinder):
 
 
 def install() -> None:
-    """Make this process run the build that the environment asks for."""
+    """Make this process use the build that the environment selects."""
     variant = os.environ.get(VARIABLE, "release")
     finder = KernelFinder(variant)
     early = sorted(finder.compiled & sys.modules.keys())

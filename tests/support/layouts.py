@@ -64,7 +64,7 @@ def pressed(xy: Points, depth_px: float = 6.0) -> Points:
 
 
 def moved(xy: Points, angle: float = 0.0, scale: float = 1.0, shift: float = 0.0) -> Points:
-    """Turned about the tip's centre by `angle` rad, then scaled about the origin, then shifted."""
+    """Rotated about the tip's centre by `angle` rad, then scaled about the origin, then shifted."""
     c, s = np.cos(angle), np.sin(angle)
     now: Points = scale * ((xy - CENTRE) @ np.array([[c, s], [-s, c]]) + CENTRE) + shift
     return now
@@ -84,7 +84,7 @@ def tracks_of(xy: Points) -> Tracks:
     return Tracks(xy, np.where(seen, 0.05, np.nan), seen, 1.0)
 
 
-# ---- sets for the mesh alone: pins inside of the unit disc, and what bounds them
+# ---- sets for the mesh alone: pins inside of the unit disc, and the points that bound them
 
 
 def _random(rng: np.random.Generator) -> Points:

@@ -42,7 +42,7 @@ def draw(
 
 
 def expose(image: Array, noise: float, rng: np.random.Generator, bits: int = 8) -> Image:
-    """What the sensor makes of it: noise, rounding, clipping."""
+    """The sensor's image: noise, rounding, clipping."""
     noisy = np.rint(image + rng.normal(0.0, noise, image.shape)) if noise else np.rint(image)
     levels = np.clip(noisy, 0, 2**bits - 1)
     return levels.astype(np.uint8) if bits == 8 else levels.astype(np.uint16)
@@ -57,7 +57,7 @@ def known_rest(
     pitch_px: float,
     size: tuple[int, int],
 ) -> Rest:
-    """The rest of a tip that is known, without looking at an image."""
+    """The rest frame of a known tip, without detection."""
     n = len(xy_img)
     pattern = PinPattern(
         pin_radius_px=radius_px,
@@ -75,7 +75,7 @@ def known_rest(
 
 
 def cramer_rao_px(radius_px: float, blur_px: float, light: float, noise: float) -> float:
-    """Least sigma of one coordinate that an unbiased estimator of this disc's place can have."""
+    """Smallest possible sigma of one coordinate for an unbiased estimator of this disc's place."""
     step = 0.01
     right = draw((81, 81), np.array([[40 + step, 40.0]]), radius_px, blur_px, light, 0.0)
     left = draw((81, 81), np.array([[40 - step, 40.0]]), radius_px, blur_px, light, 0.0)

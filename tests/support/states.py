@@ -14,7 +14,7 @@ MEASURED = tuple(f for f in FIELDS if not f.plain)
 
 
 def same(a: State, b: State) -> bool:
-    """Equal, with NaN equal to NaN (dataclass equality says no)."""
+    """Equal, with NaN equal to NaN (unlike dataclass equality)."""
     return repr(a) == repr(b)
 
 

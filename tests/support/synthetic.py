@@ -1,4 +1,4 @@
-"""Frames that are numbers only: modes of motion with a known law behind the truth."""
+"""Synthetic frames: modes of motion with a known law for the truth."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def make(n: int, seed: int = 0, noise: float = 0.0) -> tuple[Extract, dict[str, 
 
 
 def of_inputs(inputs: Complex) -> Extract:
-    """What an edge would hand over with these inputs: sure of everything, no contact."""
+    """The edge's result with these inputs: identities trusted, no contact."""
     n = len(inputs)
     return Extract(
         inputs=inputs,

@@ -1,9 +1,9 @@
-"""A running app with its live page, under a test's thumb: which frame is seen is the test's to say.
+"""A running loop with its live page; the test chooses the frame that is shown.
 
 with Live(data_dir / "press.mcap") as live:
     live.show(0); live.show(-1)      # untouched, pressed; shown again and again, 60 times a second
-    live.hold(); live.go_on()        # the camera stalls, and comes back
-    live.url, live.app, live.worker
+    live.hold(); live.go_on()        # the camera stalls, and recovers
+    live.url, live.loop, live.worker
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ RATE_HZ = 60.0
 
 
 class Stepper(ThreadedSource):
-    """One frame of a recording, again and again, until another one is chosen; the way there is not jumped."""
+    """One frame of a recording, again and again, until another one is chosen; intermediate frames are not
+    skipped.
+    """
 
     def __init__(self, path: Path, rate_hz: float = RATE_HZ) -> None:
         super().__init__(path.name)
@@ -57,10 +59,10 @@ class Stepper(ThreadedSource):
 
 
 class Live:
-    """The app in a thread of its own, and its page.
+    """The loop in its own thread, and its page.
 
     token     of the page; None: read-only
-    options   of the app
+    options   of the loop
     """
 
     def __init__(
@@ -76,36 +78,36 @@ class Live:
     ) -> None:
         self.recordings = recordings
         self.source = Stepper(recording, rate_hz)
-        self.app = Loop(
+        self.loop = Loop(
             self.source, [], Calibration.load(calibration) if calibration is not None else None, **options
         )
         listen = parse_listen(f"127.0.0.1:{port}", token)
         self.worker = WorkerClient(
-            self.app, WorkerConfig(listen, record, recordings=recordings, tip={"serial": "T-1"})
+            self.loop, WorkerConfig(listen, record, recordings=recordings, tip={"serial": "T-1"})
         )
         self._changed = threading.Condition()
-        self.app.tick_callbacks.append(self._told)
-        self._thread = threading.Thread(target=self.app.run)
+        self.loop.tick_callbacks.append(self._on_tick)
+        self._thread = threading.Thread(target=self.loop.run)
 
     @property
     def url(self) -> str:
         return self.worker.url
 
-    def _told(self) -> None:
+    def _on_tick(self) -> None:
         with self._changed:
             self._changed.notify_all()
 
     def until(self, condition: Any, what: str) -> None:
-        """Wait until something holds, looked at with every turn of the loop."""
+        """Wait until something holds, tested with every turn of the loop."""
         with self._changed:
             assert self._changed.wait_for(condition, SOON_S), f"never: {what}"
 
     def show(self, frame: int) -> None:
-        """From now on this frame of the recording; returns when it was measured."""
+        """Show this frame of the recording from now on; returns when it was measured."""
         self.source.aim = frame % len(self.source.frames)
-        wanted, last = self.source.frames[frame].truth, self.app.last
+        wanted, last = self.source.frames[frame].truth, self.loop.last
         self.until(
-            lambda: self.app.last is not last and self.app.last and self.app.last.frame.truth is wanted,
+            lambda: self.loop.last is not last and self.loop.last and self.loop.last.frame.truth is wanted,
             f"frame {frame} measured",
         )
 
@@ -118,13 +120,13 @@ class Live:
     def __enter__(self) -> Self:
         self.worker.start()
         self._thread.start()
-        self.until(lambda: self.app.last is not None, "a first result")
+        self.until(lambda: self.loop.last is not None, "a first result")
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.worker.close()
-        self.app.stop()
+        self.loop.stop()
         self.source.close()
         self._thread.join()

@@ -1,6 +1,6 @@
-"""Waiting for what another thread or process does, on a machine that may be busy with other work.
+"""Waiting for another thread or process, on a machine that may be busy with other work.
 
-What comes at all comes in milliseconds: SOON_S only ends a test that fails.
+Normally the condition holds within milliseconds: SOON_S only ends a test that fails.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ LOOK_S = 0.005
 
 
 def until(condition: Callable[[], object], what: str = "what was waited for") -> None:
-    """Wait until something holds, looked at now and then."""
+    """Wait until something holds, tested from time to time."""
     end_s = time.monotonic() + SOON_S
     while not condition():
         assert time.monotonic() < end_s, f"never: {what}"
@@ -23,7 +23,7 @@ def until(condition: Callable[[], object], what: str = "what was waited for") ->
 
 
 def size_of(path: Path) -> int:
-    """Bytes in a file, 0 while there is none: it may be renamed or removed by who writes it."""
+    """Bytes in a file, 0 while there is none: its writer may rename or remove it."""
     try:
         return path.stat().st_size
     except FileNotFoundError:

@@ -53,7 +53,7 @@ def plain(value: Any) -> Any:
 
 
 def vectors() -> dict[str, Any]:
-    """What the file holds."""
+    """The contents of the file."""
     return {
         "version": VERSION,
         "schema": f"0x{SCHEMA_HASH:08X}",

@@ -1,1 +1,1 @@
-"""Methods of `edge` in plain NumPy, written for reading, slow: oracles."""
+"""Methods of `edge` in plain NumPy, readable and slow: oracles."""

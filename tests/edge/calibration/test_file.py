@@ -109,7 +109,7 @@ def _two_groups() -> dict[str, Any]:
     return calibration_content()["sensor"] | {"rest_xy_px": pins, "tip_radius_px": 196.0}
 
 
-#: Files that took a finger out, or would have: all parse as JSON and have the right keys.
+#: Files that stopped a finger, or could have: all parse as JSON and have the right keys.
 HOSTILE = {
     "empty terms and a long one": (
         damaged("models", 1, "terms", value=[[]] * 14_999 + [["shear"] * 15_000]),
@@ -293,7 +293,7 @@ _OTHERS: list[Any] = [None, True, "", "shear", "c00*", "x" * 2000, [], {}, [[]],
 
 
 def _nudge(value: Any, rng: random.Random) -> Any:
-    """The same with one number a little different."""
+    """The same file with one number slightly different."""
     if isinstance(value, list) and value:
         k = rng.randrange(len(value))
         return [*value[:k], _nudge(value[k], rng), *value[k + 1 :]]
@@ -361,7 +361,7 @@ def test_any_file_is_refused_in_one_line_or_gives_bounded_values(seed: int) -> N
 
 
 def test_the_largest_file_that_is_accepted_runs_in_bounded_memory() -> None:
-    """Every limit reached at once: what a frame takes then is what a finger must be able to bear."""
+    """Every limit reached at once: a finger must be able to run it."""
     names = [name for name in FRAME_INPUTS if name != "volume"]
     rng = random.Random(1)
     content = calibration_content()

@@ -1,4 +1,4 @@
-"""What models depend on: the same for the same touch, whatever the camera's resolution."""
+"""Inputs of models: the same for the same touch at any resolution of the camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The models of a calibration: values, ranges, sigmas, and what no model gives."""
+"""The models of a calibration: values, ranges, sigmas, and values without a model."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_old_files_give_the_same_values(data_dir: Path, tip: str) -> None:
     assert calibration.content_id == old["content_id"]
     for row in old["rows"]:
         frame = _complex(row["frame"])
-        added = np.full(len(FRAME_INPUTS) - len(frame), np.nan)  # inputs that files of then know nothing of
+        added = np.full(len(FRAME_INPUTS) - len(frame), np.nan)  # inputs that files of that time do not have
         found = list(calibration.frame_values(np.append(frame, added)))
         assert [(name, beyond) for name, _, _, beyond in found] == [(r[0], r[3]) for r in row["values"]]
         np.testing.assert_allclose(

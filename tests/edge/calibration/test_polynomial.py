@@ -1,4 +1,4 @@
-"""The kernel of curves and polynomials: as NumPy has it, and what it refuses."""
+"""The kernel of curves and polynomials: against NumPy, and what it refuses."""
 
 from __future__ import annotations
 

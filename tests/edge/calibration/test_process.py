@@ -1,4 +1,6 @@
-"""The kernel of processes: against plain products and sums; what is not wanted, not known, or too far."""
+"""The kernel of processes: against plain products and sums; outputs not wanted, inputs not known, or out of
+range.
+"""
 
 from __future__ import annotations
 
@@ -111,7 +113,7 @@ def test_features_not_in_demand_are_none_and_change_nothing() -> None:
 def test_more_lost_pins_than_the_fit_has_tried_give_no_value() -> None:
     found = _run(MODELS, _frame(gap=2.5))
     assert np.isnan(found[:3, 0]).all()
-    assert np.isfinite(found[3, 0])  # its fit knows nothing of lost pins
+    assert np.isfinite(found[3, 0])  # its fit has no model of lost pins
     assert np.isnan(_run(MODELS, _frame(gap=math.nan))[:3, 0]).all()
 
 

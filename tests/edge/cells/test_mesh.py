@@ -55,7 +55,7 @@ def test_small_steps_are_followed_by_flips_alone() -> None:
     rng = np.random.default_rng(3)
     pins = HARD_SETS["random"](rng)
     mesh = Mesh(len(pins), 40)
-    for turn in np.linspace(0, 2, 400):  # inner pins turn against outer ones: everything must flip
+    for turn in np.linspace(0, 2, 400):  # inner pins rotate against outer ones: everything must flip
         angle = turn * (np.hypot(*pins.T) < 0.5)
         c, s = np.cos(angle), np.sin(angle)
         x, y = pins.T
@@ -90,7 +90,7 @@ frames = st.lists(st.lists(grid_point, min_size=9, max_size=9), min_size=2, max_
 def test_degenerate_motion_stays_exact(
     frames: list[list[tuple[int, int]]], exponent: int, shift: float
 ) -> None:
-    """Whatever pins do, each frame's areas are those of rational arithmetic."""
+    """For any motion of the pins, each frame's areas are those of rational arithmetic."""
     mesh = Mesh(9, 24)
     for frame in frames:
         points = bounded(np.array(frame, dtype=float) / 6, 24) * 2.0**exponent + shift
@@ -184,7 +184,7 @@ def test_strided_arrays_are_refused_not_misread() -> None:
 
 @pytest.mark.compiled  # uncompiled, a thread keeps the interpreter for longer
 def test_two_threads_never_share_a_mesh() -> None:
-    """A mesh at work refuses a second caller, and what the first one gets is right."""
+    """A mesh in use refuses a second caller, and the first one's result is right."""
     rng = np.random.default_rng(5)
     n = 4000  # a build takes milliseconds, with the interpreter free to run the other thread
     mesh = Mesh(n, 40)

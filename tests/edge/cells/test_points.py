@@ -1,4 +1,4 @@
-"""The points of a frame: what they are made of, and what is refused."""
+"""The points of a frame: their parts, and what is refused."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def test_boundary_bridges_gaps_between_spokes() -> None:
     "stray", [[(0.0, 0.0)], [(0.0, 0.0), (2.0, 0.0)], [(0.0, 0.0), (2.0, 0.0), (1.0, 2.0)]]
 )
 def test_stray_pins_get_a_boundary_of_their_own(stray: list[tuple[float, float]]) -> None:
-    """A reflection far outside that the rest frame took for a pin must not spoil anything."""
+    """A reflection far outside that the rest frame took for a pin must not disturb the cells."""
     rest = np.concatenate([hexagonal(4), CENTRE + PITCH_PX * (np.array(stray) + np.array([20.0, 3.0]))])
     alone, together = Tessellator(rest_of(hexagonal(4))), Tessellator(rest_of(rest))
     assert np.isfinite(together.rest_area_px2).all()
@@ -139,7 +139,7 @@ def test_scale_of_the_image_does_not_matter(tip: str, scale: float) -> None:
 @given(angle=st.floats(-3.1, 3.1), shift=st.floats(-1e6, 1e6), scale=st.floats(0.1, 10))
 @settings(max_examples=10)
 def test_a_moved_image_has_moved_cells(tip: str, angle: float, shift: float, scale: float) -> None:
-    """Rest and load turned, shifted and scaled alike: areas follow. 1e6 px off costs 1e-10 px a point."""
+    """Rest and load rotated, shifted and scaled alike: areas follow. 1e6 px off costs 1e-10 px a point."""
     rest = TIPS[tip]()
     plain = cells_of(rest, pressed(rest))
     other = cells_of(moved(rest, angle, scale, shift), moved(pressed(rest), angle, scale, shift))
@@ -153,7 +153,7 @@ def test_a_moved_image_has_moved_cells(tip: str, angle: float, shift: float, sca
 def test_a_moved_tip_changes_areas_by_its_scale_only(
     tip: str, angle: float, shift: float, scale: float
 ) -> None:
-    """Against the resting tip: the boundary goes along with the rim."""
+    """Compared with the tip at rest: the boundary moves with the rim."""
     rest = TIPS[tip]()
     cells = cells_of(rest, moved(rest, angle, scale, shift))
     assert worst_relative(cells.area_px2, cells.rest_area_px2 * scale**2) <= 1e-10
@@ -188,7 +188,7 @@ def test_random_walks_agree_with_fresh_triangulations_without_jumps() -> None:
     assert walks.flips > 500
     jumps = random_walks(10, 10, 6.0, seed=2, explain=False)
     assert jumps.worst_difference <= 1e-12
-    assert jumps.builds > 10  # this is the other way through the code
+    assert jumps.builds > 10  # this tests the rebuilding branch
     large = random_walks(20, 30, 2.0, seed=1, explain=False)
     assert large.worst_difference <= 1e-12
     assert large.builds <= 40  # of 600 frames; 78 where triangles that turned over were not repaired
@@ -272,7 +272,7 @@ def test_a_lost_pin_follows_an_affine_motion_exactly() -> None:
 
 
 def test_rows_of_lost_pins_are_not_read() -> None:
-    """A tracker may leave a stale place where `seen` says no."""
+    """A tracker may leave a stale place where `seen` is false."""
     rest = hexagonal(4)
     tracks = tracks_of(np.where((np.arange(len(rest)) == 7)[:, None], np.nan, rest))
     stale = tracks.xy_img.copy()
@@ -315,7 +315,7 @@ def test_too_few_pins_in_view_are_refused(seen: list[int]) -> None:
     tessellator = Tessellator(rest_of(rest))
     with pytest.raises(DegenerateLayout, match="seen pins"):
         tessellator.cells(tracks_of(now))
-    assert np.isfinite(tessellator.cells(tracks_of(rest)).area_px2).all()  # and it goes on afterwards
+    assert np.isfinite(tessellator.cells(tracks_of(rest)).area_px2).all()  # and it works again afterwards
 
 
 def test_collapsed_pins_are_refused_while_tracking() -> None:

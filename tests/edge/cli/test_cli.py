@@ -118,7 +118,7 @@ def test_a_recording_that_ends_within_its_tare_is_reported(
 def test_images_that_pass_during_the_tare_are_reported(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, data_dir: Path
 ) -> None:
-    """A search takes longer than 40 images do at a hundred times their rate."""
+    """A search takes longer than 40 images at a hundred times their rate."""
     assert run(monkeypatch, "replay", data_dir / "press_shear.mcap", "--speed", "100", "-q") == 0
     (said,) = [record.getMessage() for record in caplog.records if record.name == "edge"]
     assert "while the rest frame was being taken" in said
@@ -314,7 +314,7 @@ def edge(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[
 
 
 def with_a_small_disk(n_bytes: int) -> Callable[[], None]:
-    """No file of the process may grow beyond this: as on a full disk, but for the number of the error."""
+    """No file of the process may grow beyond this: like on a full disk, except for the error number."""
 
     def limit() -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -332,7 +332,7 @@ def test_a_video_that_does_not_fit_on_the_disk_is_one_line_and_no_file(
     assert done.returncode == 1
     *noise, said = done.stderr.strip().splitlines()
     assert said == f"error: {tmp_path}/a{suffix}: cannot be written: No space left on device"
-    assert all("codec id" in line for line in noise)  # OpenCV's word about a tag, printed past its log
+    assert all("codec id" in line for line in noise)  # OpenCV's message about a tag, which bypasses its log
     assert list(tmp_path.iterdir()) == []
 
 
@@ -384,7 +384,7 @@ def test_closing_stdout_ends_the_replay(data_dir: Path, more: list[str]) -> None
         process.stdout.close()
         said = process.stderr.read()
         assert process.wait(SOON_S) == 0
-    # where the recording begins again the pins jump, which is told
+    # where the recording begins again the pins jump, which is reported
     assert all(line.startswith("WARNING edge.runtime") for line in said.splitlines()), said
 
 

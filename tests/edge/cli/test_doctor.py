@@ -1,4 +1,4 @@
-"""The doctor finds what is wrong and says what to do, in each case that a user meets."""
+"""The doctor finds each problem that a user can have, and gives advice."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ UP: dict[str, Any] = {
 
 
 class Well(Machine):
-    """A machine on which all is well; a test changes one thing."""
+    """A machine without problems; a test changes one thing."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -58,7 +58,7 @@ class Well(Machine):
 
 
 class Camera:
-    """A camera that shows what it is given, at 100 frames/s."""
+    """A camera that shows the given images, at 100 frames/s."""
 
     polarity = Polarity.FOUND
     name, size_px, rate_hz, live, dropped_n = "camera v4l2:0", (320, 320), 100.0, True, 0
@@ -80,7 +80,7 @@ class Camera:
         return Frame(image, self._n * self._period_ns, self._n, Clock.HOST)
 
     def peek(self) -> None:
-        """No image waits."""
+        """There is no image."""
 
     def close(self) -> None:
         self.closed = True
@@ -132,7 +132,7 @@ Look = Callable[..., dict[str, Line]]
 
 
 def bad(found: dict[str, Line]) -> dict[str, str]:
-    """Topics that are not ok; each of them says what to do."""
+    """Topics that are not ok; each of them has advice."""
     assert all(line.advice for line in found.values() if line.level != "ok")
     return {topic: line.level for topic, line in found.items() if line.level != "ok"}
 
@@ -151,7 +151,7 @@ def test_no_camera(look: Look) -> None:
     found = look(camera=SourceError("source v4l2:0: no such camera; cameras here: none"))
     assert bad(found) == {"camera": "fail"}
     assert "no such camera" in found["camera"].words
-    assert not {"light", "pins", "focus"} & set(found)  # what cannot be judged is not guessed
+    assert not {"light", "pins", "focus"} & set(found)  # topics that cannot be checked are not guessed
 
 
 def test_a_camera_without_images(look: Look, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -260,7 +260,7 @@ def test_a_folder_that_cannot_be_written(look: Look) -> None:
 
 
 def test_the_machine_itself(tmp_path: Path) -> None:
-    """What is faked above is asked in earnest here, as far as any machine has it."""
+    """The facts faked above, read from the real machine where it has them."""
     cpu = tmp_path / "sys/devices/system/cpu/cpu0/cpufreq"
     cpu.mkdir(parents=True)
     (cpu / "scaling_governor").write_text("ondemand\n")

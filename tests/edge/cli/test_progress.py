@@ -1,4 +1,4 @@
-"""A terminal sees that something goes on; a file and a script see nothing of it."""
+"""Progress is shown on a terminal, and not in a file or a script."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def on_a_terminal(command: list[str]) -> str:
     ):
         os.close(slave)
         seen = b""
-        with suppress(OSError):  # Linux says so when the last one that had the terminal has closed it
+        with suppress(OSError):  # Linux raises it when the last user of the terminal has closed it
             while data := os.read(master, 65536):
                 seen += data
     os.close(master)

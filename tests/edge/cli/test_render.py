@@ -1,4 +1,4 @@
-"""`edge render`: the video holds the recording, frame by frame, as the pipeline saw it."""
+"""`edge render`: the video holds the recording, frame by frame, with the pipeline's results."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ def test_every_frame_is_in_the_video(data_dir: Path, tmp_path: Path) -> None:
     frames = frames_of(tmp_path / "a.mkv")
     assert (made.frames_n, made.unidentified_n, made.pins_n, made.rate_hz) == (len(recorded), 0, 331, 25)
     assert len(frames) == len(recorded)
-    felt = [frame[:320, :320] for frame in frames]  # the left panel
-    assert red_n(felt[0]) == 0
-    assert red_n(felt[-1]) > 200
-    # The right panel is the camera's own image: as it was recorded, but for the rings and the scale.
+    touch_panels = [frame[:320, :320] for frame in frames]  # the left panel
+    assert red_n(touch_panels[0]) == 0
+    assert red_n(touch_panels[-1]) > 200
+    # The right panel is the camera's own image: as recorded, except for the rings and the scale.
     camera = cv2.cvtColor(frames[-1][:320, 324 : 324 + 320], cv2.COLOR_BGR2GRAY)
     rest = take_rest([frame.image for frame in recorded[:8]])
     view = View.of(rest.xy_img, rest.pattern.pitch_px, 320)

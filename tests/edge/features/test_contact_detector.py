@@ -1,4 +1,4 @@
-"""The contact detector against the same decisions in NumPy; what it learns and refuses is in test_extract
+"""The contact detector against the same decisions in NumPy; learning and refusals are in test_extract
 too.
 """
 
@@ -80,7 +80,7 @@ def test_without_areas_pins_that_move_against_each_other_decide() -> None:
     xy += push(rest, (0.0, 0.0), 60.0, 0.02)
     assert ContactDetector(rest).by_motion(xy, 0.05)
     xy[:124] = np.nan
-    assert not ContactDetector(rest).by_motion(xy, 0.05)  # three pins say nothing
+    assert not ContactDetector(rest).by_motion(xy, 0.05)  # three pins are not enough
 
 
 def test_sizes_that_do_not_fit_are_refused() -> None:

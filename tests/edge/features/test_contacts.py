@@ -137,7 +137,7 @@ def test_nothing_above_the_threshold_is_no_contact() -> None:
 
 @pytest.mark.compiled
 def test_a_single_touch_stays_one_with_poorly_seen_pins() -> None:
-    """A noise that no sigma tells of, with outliers, as pins behind glare have it."""
+    """Noise that sigma does not show, with outliers, like that of pins behind glare."""
     rest = tip(127)
     rng = np.random.default_rng(9)
     for seed in range(20):

@@ -103,7 +103,7 @@ def test_untouched_frames_with_blinking_pins_never_touch() -> None:
 @pytest.mark.parametrize("pins", [127, 331])
 @pytest.mark.parametrize("with_cells", [True, False])
 def test_a_reflection_that_shifts_pins_is_no_contact(pins: int, with_cells: bool) -> None:
-    """One pin, or two neighbours towards the light between them; a touch beside it is still felt."""
+    """One pin, or two neighbours towards the light between them; a touch beside it is still detected."""
     rest = tip(pins)
     made, light = extractor(rest), extractor(rest)
     rng = np.random.default_rng(6)
@@ -124,7 +124,7 @@ def test_a_reflection_that_shifts_pins_is_no_contact(pins: int, with_cells: bool
 
 @pytest.mark.parametrize("actual", [0.03, 0.12])
 def test_detector_learns_the_noise(actual: float) -> None:
-    """Pins say 0.05 px; the truth is less or more. Afterwards no false touch, and no deafness."""
+    """The pins' sigma is 0.05 px; the true noise is less or more. Afterwards no false and no missed touch."""
     rest = tip(127)
     made = extractor(rest)
     rng = np.random.default_rng(2)
@@ -171,7 +171,7 @@ def test_a_third_of_the_pins_lost_changes_little() -> None:
 
 
 def test_a_probe_under_lost_pins_is_detected() -> None:
-    """The cells that grow are those of the lost pins; the seen ones round them have only moved."""
+    """Only the cells of lost pins are larger; the seen ones round them have only moved."""
     rest = tip(127)
     xy = rest.xy_img + push(rest, (0.0, 0.0), 0.7 * rest.pattern.pitch_px, 0.2)
     seen = np.ones(127, dtype=np.bool_)
@@ -198,7 +198,7 @@ def test_without_seen_pins_there_is_no_second_contact() -> None:
         contacts = extractor(rest).extract(tracks, cells, ALL).contacts
         assert contacts is not None
         assert len(contacts) == found
-    # If that is all there is, it is better than nothing.
+    # If it is the only one, it is kept.
     xy = rest.xy_img + push(rest, places[1], 1.5 * pitch, 0.15)
     tracks, cells = frame(rest, xy, from_second < 2.6 * pitch)
     contacts = extractor(rest).extract(tracks, replace(cells, whole_px2=areas(xy, rest)), ALL).contacts
@@ -234,7 +234,7 @@ def test_agrees_with_the_papers_method(pins: int) -> None:
         assert got.volume_px2 is not None
         assert got.contacts is not None
         assert got.shear_px is not None
-        # The paper integrates over the skin as it is now: larger by the growth itself.
+        # The paper integrates over the skin as it is now: larger by the area change itself.
         change = got.area_change
         stretched = float((np.maximum(change, 0.0) * (1.0 + change)).sum() / np.maximum(change, 0.0).sum())
         assert got.volume_px2 * stretched == pytest.approx(oracle.volume_px2, rel=0.06)
@@ -272,6 +272,6 @@ def test_real_flat_contacts_are_one_contact_each(real_dir: Path) -> None:
         got = made.extract(tracks, tessellator.cells(tracks), ALL)
         assert got.contacts is not None
         assert len(got.contacts) == 1, name
-        # It lies where the pins' cells have grown most.
+        # It lies where the area change is largest.
         pin = int(np.nanargmax(got.area_change))
         assert np.hypot(*(got.contacts[0].xy_img - tracks.xy_img[pin])) < 5.0 * rest.pattern.pitch_px, name

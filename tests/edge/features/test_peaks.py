@@ -92,7 +92,7 @@ def test_peaks_are_connected_where_no_valley_goes_below_the_level() -> None:
 
 
 def test_no_level_lets_a_search_leave_the_grid() -> None:
-    """The border is -inf: at a level of -inf it was walked on, beyond the memory of the grid."""
+    """The border is -inf: at a level of -inf the search ran over it, beyond the memory of the grid."""
     inside = np.ones((3, 4), bool)
     finder = PeakFinder(inside)
     finder.set_field(np.array([3, 0, 0, 2, 0, 0, 0, 0, 1, 0, 0, 1.5], np.float32))

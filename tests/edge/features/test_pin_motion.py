@@ -13,7 +13,7 @@ from tests.support.fields import CENTRE, make_rest, tip
 
 
 def turned(xy: Array, angle: float, about: Array) -> Array:
-    """Motion of a rigid turn from x towards y."""
+    """Motion of a rigid rotation from x towards y."""
     c, s = np.cos(angle), np.sin(angle)
     return (xy - about) @ np.array([[c, s], [-s, c]]) + about - xy
 
@@ -39,7 +39,7 @@ def test_torsion_is_the_angle_of_a_rigid_turn_wherever_it_is(angle: float) -> No
     xy = rest.xy_img
     motion = turned(xy, angle, CENTRE + np.array([80.0, -20.0])) + np.array([7.0, -11.0])
     pins = np.flatnonzero(np.hypot(*(xy - CENTRE - [30.0, 10.0]).T) < 60.0).astype(np.int32)
-    motion[pins[3]] = np.nan  # a lost pin says nothing
+    motion[pins[3]] = np.nan  # a lost pin does not count
     assert PinMotion(rest).torsion(motion, pins) == pytest.approx(angle, abs=1e-12)
 
 

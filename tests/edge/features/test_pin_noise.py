@@ -1,4 +1,4 @@
-"""Noise of a pin as its neighbours show it."""
+"""Noise of a pin, measured from its neighbours."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Products in 16-bit integers: how far they are off, and that no sum overflows."""
+"""Products in 16-bit integers: their error, and that no sum overflows."""
 
 from __future__ import annotations
 

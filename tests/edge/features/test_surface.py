@@ -20,7 +20,7 @@ def bump(xy: Array, at: Array, width: float) -> Array:
 
 
 def divergence(surface: Surface, xy: Array) -> Array:
-    """At all points: where nothing has grown, all are active."""
+    """At all points: without area changes all are active."""
     surface.field.find(np.zeros(len(xy)), xy)
     return np.array(surface.field.divergence)
 
@@ -91,7 +91,7 @@ def test_the_field_is_a_blend_near_increased_areas() -> None:
     near = np.hypot(*(surface.points_img[:, None] - grown).transpose(2, 0, 1)).min(axis=1)
     near = near <= rest.pattern.pitch_px
     whole = surface.field.whole_surface(change), divergence(surface, xy)
-    field.find(np.ones(331), xy)  # the frame before leaves nothing behind
+    field.find(np.ones(331), xy)  # the result does not depend on the frame before
     field.find(change, xy)
     np.testing.assert_array_equal(np.asarray(field.active)[: field.n_active], np.flatnonzero(near))
     assert 0 < field.n_active < len(near) // 2

@@ -1,4 +1,4 @@
-"""Whatever comes over the bus or the line: the node lives, answers, and holds nothing but valid values."""
+"""Any input from the bus or the line: the node survives, answers, and holds only valid values."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FEW = settings(
 
 
 class Wire:
-    """A medium that takes everything, and says nothing."""
+    """A medium that accepts everything, and receives nothing."""
 
     instant, bus_off = False, False
 
@@ -43,7 +43,7 @@ class Wire:
         return None
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Nothing to close."""
 
 
 @contextmanager
@@ -69,7 +69,7 @@ def on_serial() -> Iterator[tuple[Node, Finger, Wire]]:
 
 
 def check_values(node: Node, finger: Finger) -> None:
-    """Everything that can be set lies within its limits; nothing unusable was taken."""
+    """All settings are within their limits; no unusable value was accepted."""
     for row in OBJECTS:
         if row.stored and row.type != "domain" and row.low is not None and row.high is not None:
             assert row.low <= getattr(node._settings.values, row.name) <= row.high, row.name
@@ -102,7 +102,7 @@ def test_can(on_can: tuple[Node, Finger, Wire], messages: list[tuple[int, bytes]
         message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
         node.sink.on_message(message)  # type: ignore[misc]
     check_values(node, finger)
-    # A master starts it again, whatever it was told; then it answers as ever.
+    # A master restarts it after any commands; then it answers as before.
     node.sink.on_message(can.Message(arbitration_id=0, data=bytes((1, NODE)), is_extended_id=False))  # type: ignore[misc]
     assert node.drain(SOON_S)
     wire.items.clear()

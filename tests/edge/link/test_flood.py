@@ -1,4 +1,4 @@
-"""A bus full of junk costs no sample: it is read no faster than the loop can bear, and opens nothing anew."""
+"""A flooded bus loses no sample: reading is throttled, and the medium is not reopened."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_a_failed_bus_is_not_counted_as_junk(cause: Exception | None) -> None:
 
 @pytest.mark.parametrize("cost_s", [20e-6, 100e-6, 1e-3])
 def test_a_reader_that_never_waits_is_throttled_to_its_share(cost_s: float) -> None:
-    """Simulated: messages without end, each of which costs the reader so much."""
+    """Simulated: endless messages, each with this processor time."""
     now_s = cpu_s = 0.0
     budget = ReadBudget(cpu_s, now_s)
     while now_s < 50 * PARAMS.read_window_s:

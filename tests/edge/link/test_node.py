@@ -1,4 +1,4 @@
-"""The node as others see it: `canopen`'s RemoteNode on a virtual bus, serial requests, and what persists."""
+"""The node from outside: `canopen`'s RemoteNode on a virtual bus, serial requests, and what persists."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ NODE = 5
 
 
 class Finger:
-    """An application: what the node asked of it."""
+    """An application that records the node's calls."""
 
     def __init__(self) -> None:
         self.touched = False
@@ -116,7 +116,7 @@ class Bench:
         self.listener = can.Bus(interface="virtual", channel=channel)
         self.finger = Finger()
         self.network = canopen.Network()
-        self.network.NOTIFIER_CYCLE = 0.02  # how long disconnecting waits for it
+        self.network.NOTIFIER_CYCLE = 0.02  # disconnecting waits for it so long
         self.network.connect(interface="virtual", channel=channel)
         self.remote = self.add_node(object_dictionary())
         self.open()
@@ -156,7 +156,7 @@ class Bench:
         return found
 
     def send(self, state: State) -> bool:
-        """Send a sample, and wait until it has left: a heartbeat may hold the link up."""
+        """Send a sample, and wait until it has left: a heartbeat may delay it."""
         sent = self.node.send(state)
         assert self.node.drain(SOON_S)
         return sent
@@ -214,7 +214,7 @@ def test_every_readable_object_answers(bench: Bench) -> None:
 
 
 def test_remote_node_with_the_shipped_eds(bench: Bench) -> None:
-    """A third party knows us by the EDS alone."""
+    """A third party needs only the EDS."""
     eds = files("hostlink") / "eds" / "voronoi_touch.eds"
     remote = bench.add_node(str(eds))
     assert remote.sdo[0x2000][3].raw == "VT-0042"
@@ -268,7 +268,7 @@ def test_the_node_gives_the_reason_of_a_refusal(bench: Bench) -> None:
             bench.write(name, value)
         assert bench.read("refusal") == words
     bench.write("tare", 2)
-    with refused(Abort.NO_DATA):  # nothing is left to say
+    with refused(Abort.NO_DATA):  # there is no reason any more
         bench.read("refusal")
 
 
@@ -286,7 +286,7 @@ def test_segment_without_a_transfer_is_aborted(bench: Bench, command: int) -> No
     bench.network.send_message(0x600 + NODE, bytes((command,)) + bytes(7))
     (answer,) = bench.messages(0x580 + NODE, 1)
     assert answer[0] == 0x80
-    bench.remote.sdo.responses.get(timeout=SOON_S)  # the client heard it too, and would take it for its own
+    bench.remote.sdo.responses.get(timeout=SOON_S)  # the client received it too, and would take it as its own
     assert bench.read("divider") == 1
 
 
@@ -382,7 +382,7 @@ def test_sync_sends_the_newest_sample_once(bench: Bench) -> None:
 def test_faults_and_their_clearing(bench: Bench) -> None:
     bench.node.report(FaultCode.OVERLOAD, True)
     bench.node.report(FaultCode.OVER_TEMPERATURE, True)
-    bench.node.report(FaultCode.OVERLOAD, True)  # said again: no news
+    bench.node.report(FaultCode.OVERLOAD, True)  # reported again: no second emergency
     bench.node.report(FaultCode.OVERLOAD, False)
     bench.node.report(FaultCode.OVER_TEMPERATURE, False)
     overload, hot, cooler, fine = (unpack_emergency(d) for d in bench.messages(0x80 + NODE, 4))
@@ -545,5 +545,5 @@ def test_access_outside_of_the_table_is_refused(line: Line) -> None:
     with pytest.raises(Aborted):
         line.node.objects.read(0, 0)
     frame = line.sink.frame(Message.REQUEST, b"\1", 0)
-    line.sink.post(frame)  # too short for a request: ignored, and the next one is heard
+    line.sink.post(frame)  # too short for a request: ignored, and the next one is handled
     assert line.ask(line.request(Op.READ, "divider"), 1).data == b"\1\0"

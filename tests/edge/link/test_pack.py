@@ -1,4 +1,4 @@
-"""Results as samples: nothing known is lost, nothing unknown is invented."""
+"""Results as samples: known values are kept, unknown ones are NaN."""
 
 from __future__ import annotations
 

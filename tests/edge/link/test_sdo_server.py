@@ -1,4 +1,4 @@
-"""One SDO transfer at a time, whose state is its own: no frame of another one gets into a value."""
+"""One SDO transfer at a time, with its own state: no frame of another one gets into a value."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CONTENT = {LONG: bytes(range(100)), OTHER: b"a serial number", SHORT: b"\1\2"}
 
 
 class Objects:
-    """What was written, and three values to read."""
+    """Records writes, and has three values to read."""
 
     refusal = ""
 
@@ -57,7 +57,7 @@ def segment(toggle: int, part: bytes, last: bool = False) -> bytes:
 
 
 def code(answer: bytes) -> int:
-    """Of an abort; 0: it is none."""
+    """Code of an abort; 0: not an abort."""
     return int.from_bytes(answer[4:], "little") if answer[0] == 0x80 else 0
 
 
@@ -65,7 +65,7 @@ def test_a_stray_download_segment_after_a_read_writes_nothing(bench: Bench) -> N
     bench.ask(head(0x40, LONG))
     assert code(bench.ask(segment(0, b"{}", last=True)))
     assert bench.objects.written == []
-    assert code(bench.ask(bytes((0x60,)))) == Abort.TOGGLE  # it has ended the read
+    assert code(bench.ask(bytes((0x60,)))) == Abort.TOGGLE  # the read has ended
 
 
 def test_after_an_abort_the_last_segment_applies_nothing(bench: Bench) -> None:

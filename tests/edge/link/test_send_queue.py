@@ -1,4 +1,4 @@
-"""Order of what waits for a link, and since when nothing has left it."""
+"""Order of the items in a link's queue, and detection of stalls."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from edge.link.stall_watch import StallWatch
 
 
 def taken(queue: SendQueue, now_s: float = 0.0) -> list[object]:
-    """All that is due, most urgent first."""
+    """All items that are due, most urgent first."""
     items: list[object] = []
     while (some := queue.take(now_s)) is not None:
         items += some

@@ -1,4 +1,4 @@
-"""Sinks: what leaves, what is dropped and counted when the medium fails, and that the loop never waits."""
+"""Sinks: sending, dropping and counting when the medium fails, without blocking the loop."""
 
 from __future__ import annotations
 
@@ -214,7 +214,7 @@ def test_a_stall_is_reported_without_further_samples(flaky: Flaky, fd_sink: CanF
     told: list[frozenset[FaultCode]] = []
     fd_sink.on_faults = lambda: told.append(fd_sink.faults)
     flaky.fail(errno.ENOBUFS)
-    fd_sink.post_can(0x85, bytes(8))  # an emergency will do: the buffer is no less full for it
+    fd_sink.post_can(0x85, bytes(8))  # an emergency: the buffer stays as full
     until(lambda: told[-1:] == [frozenset({FaultCode.LINK_DOWN})], "told of the stall")
     flaky.fail(None)
     fd_sink.post_can(0x85, bytes(8))
@@ -256,7 +256,7 @@ def test_bus_off_is_reported_and_cleared(channel: str, fd_sink: CanFdSink) -> No
 def test_a_reader_woken_for_an_error_that_a_writer_got_does_not_block(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The kernel says once that an interface is down; whoever reads after that must not hold the link."""
+    """The kernel reports once that an interface is down; a reader after that must not block the link."""
     ours, theirs = socket.socketpair()
 
     class Woken:
@@ -267,12 +267,10 @@ def test_a_reader_woken_for_an_error_that_a_writer_got_does_not_block(
             return ours.fileno()
 
         def recv(self, timeout_s: float) -> can.Message | None:
-            return capture_message(ours)  # as after a select that said there was something
+            return capture_message(ours)  # like after a select that reported a message
 
     monkeypatch.setattr(can, "Bus", Woken)
-    late = threading.Timer(
-        SOON_S, theirs.close
-    )  # ends the wait of a reader that does wait, with another error
+    late = threading.Timer(SOON_S, theirs.close)  # ends the wait of a blocking reader with another error
     with ours, theirs:
         medium = open_bus(parse_address("can:can0"))()
         late.start()
@@ -290,7 +288,7 @@ def test_bus_off_of_an_interface_of_the_kernel_lasts_until_its_carrier_is_back(
     with can.Bus(interface="virtual", channel=channel) as host:
         host.send(can.Message(is_error_frame=True, arbitration_id=0x40))
         until(lambda: sink.faults == {FaultCode.BUS_OFF}, "bus-off")
-        assert not sink.send(state(0))  # the kernel would take it, and throw it away
+        assert not sink.send(state(0))  # the kernel would take it, and discard it
         assert sink.faults == {FaultCode.BUS_OFF}
         carrier.write_text("1\n")
         until(lambda: sink.send(state(1)), "carrier")
@@ -335,7 +333,7 @@ def test_a_blocked_medium_does_not_block_the_loop(channel: str) -> None:
     with can.Bus(interface="virtual", channel=channel) as host:
         assert flaky.bus is not None
         flaky.bus.hang.clear()
-        results = [sink.send(state(k)) for k in range(100)]  # would never end, were it to wait
+        results = [sink.send(state(k)) for k in range(100)]  # would never end if it waited
         until(lambda: not sink.up, "a write that does not end is a lost link")
         flaky.bus.hang.set()
         assert sink.drain(SOON_S)
@@ -399,7 +397,7 @@ def test_a_message_that_breaks_its_handler_does_not_stop_reading(channel: str, f
 
 
 class Pty:
-    """The other end of a serial line, at a path that outlives it."""
+    """The other end of a serial line, at a path that stays the same."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -491,7 +489,7 @@ def test_line_that_nobody_reads_is_full_not_fatal(pty: Pty) -> None:
     sink = open_sink(f"serial:{pty.path}")
     numbers = count()
     until(lambda: sink.send(state(next(numbers))) and sink.counters.dropped, "the buffer is full")
-    oldest = next(numbers) - 2000  # a pty holds 4 kB, 60 frames; what lay in it was thrown away
+    oldest = next(numbers) - 2000  # a pty holds 4 kB, 60 frames; its contents were discarded
     seen: list[int] = []
 
     def newest_arrives() -> bool:

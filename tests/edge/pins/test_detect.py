@@ -1,4 +1,4 @@
-"""Full-frame detection: what is found, what is refused, on rendered and on real images."""
+"""Full-frame detection: on rendered and on real images."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_finds_every_pin_and_nothing_else(tip: tuple[float, ...]) -> None:
 
 
 def test_glare_rim_specks_vignetting_and_gain_are_no_pins() -> None:
-    """A tip as cameras show it: bright rim, LED spots on it, specks, dark corners; then half the light."""
+    """A realistic image of a tip: bright rim, LED spots on it, specks, dark corners; then half the light."""
     rng = np.random.default_rng(2)
     truth = hexagon(6, 26.0, (320.0, 240.0))
     clean = draw((640, 480), truth, 6.0, 1.0, 110.0, 30.0)
@@ -68,7 +68,7 @@ def test_glare_rim_specks_vignetting_and_gain_are_no_pins() -> None:
 
 def test_thresholded_image_with_merged_pins_and_specks() -> None:
     truth = hexagon(6, 24.0, (220.0, 220.0))
-    truth[60] += 0.52 * (truth[61] - truth[60])  # the two melt into one white blob
+    truth[60] += 0.52 * (truth[61] - truth[60])  # the two merge into one white blob
     clean = draw((440, 440), truth, 6.0, 0.7, 200.0, 20.0)
     rng = np.random.default_rng(3)
     image = ((clean > 110) * 255).astype(np.uint8)
@@ -136,7 +136,7 @@ def test_rest_has_the_same_rows_whatever_the_noise() -> None:
 
 
 def test_rest_is_taken_from_the_images_in_which_nothing_moves() -> None:
-    """Dark first images, a tip that is still being let go, then five of it at rest."""
+    """Dark first images, a tip that is still being released, then five of it at rest."""
     truth = hexagon(6, 26.0, (320.0, 240.0))
     rng = np.random.default_rng(4)
     images = [np.zeros((480, 640), np.uint8)] * 2
@@ -150,7 +150,7 @@ def test_rest_is_taken_from_the_images_in_which_nothing_moves() -> None:
 
 
 def test_a_reflection_on_a_pin_gives_no_second_pin() -> None:
-    """A small bright spot on the edge of a large pin answers at a scale of its own."""
+    """A small bright spot on the edge of a large pin gives a maximum at its own scale."""
     truth = hexagon(6, 32.0, (320.0, 240.0))
     image = draw((640, 480), truth, 9.0, 1.0, 90.0, 30.0)
     spot = truth[40] + np.array([7.0, 0.0])
@@ -163,7 +163,7 @@ def test_a_reflection_on_a_pin_gives_no_second_pin() -> None:
 
 @pytest.mark.parametrize("radius", [6.0, 9.0])
 def test_pins_that_a_round_frame_cuts_are_found_by_their_arc(radius: float) -> None:
-    """The tip moves behind the housing's rim: slivers of its outermost pins are left, and an arc of glare."""
+    """The tip moves behind the housing's rim: slivers of outermost pins are visible, and an arc of glare."""
     pitch, side = 3.4 * radius, 54 * radius
     rng = np.random.default_rng(6)
     truth = hexagon(6, pitch, (side / 2, side / 2))
@@ -237,7 +237,7 @@ def test_real_videos_give_a_rest_frame_that_can_be_followed(
 
 
 def dark_pins(glints: bool) -> Image:
-    """Dark discs on a bright skin, each with a small reflection on it, as on a tip of another maker."""
+    """Dark discs on a bright skin, each with a small reflection on it, like on a tip of another maker."""
     truth = hexagon(4, 34.0, (200.0, 200.0))
     picture = 200.0 - draw((400, 400), truth, 9.0, 1.0, 150, 0)
     if glints:

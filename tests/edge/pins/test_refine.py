@@ -60,7 +60,7 @@ def test_agrees_with_the_plain_fit(
     apart = np.hypot(*(pins.xy_img - oracle).T) / pins.sigma_px
     assert (
         np.median(apart) < 0.35
-    )  # templates at 4 x 4 phases and 5 % steps of radius, slope where it is sure
+    )  # templates at 4 x 4 phases and 5 % steps of radius, slope where it is significant
     assert apart.max() < 2.5
 
 
@@ -81,7 +81,7 @@ def test_noise_is_near_the_bound_and_matches_sigma(
         normal.append(errors[-1] / pins.sigma_px[:, None])
     spread = np.std(errors)
     assert not np.isnan(spread)  # nothing lost
-    # 1.2 where pins have room; small crowded ones have few pixels of ground to know its level from
+    # 1.2 for well separated pins; small crowded ones have few pixels of background
     assert spread < (1.25 if radius > 5 else 1.6) * cramer_rao_px(radius, blur, light, noise)
     assert 0.6 < np.std(normal) < 1.25
     assert np.abs(np.mean(errors, axis=(0, 1))).max() < 0.01

@@ -1,4 +1,4 @@
-"""Recordings made to do harm, and those that chance made: counted, bounded, never a traceback."""
+"""Malicious and randomly damaged recordings: faults are counted, memory is bounded, no traceback."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from edge.recording.topics import proto
 from edge.types import Frame
 from tests.edge.sources.test_image_header import png_of
 
-MEMORY_MAX = 48 << 20  # beyond what was there before; the files are below 1 MiB
+MEMORY_MAX = 48 << 20  # in addition to that used before; the files are below 1 MiB
 
 
 @contextmanager
@@ -60,14 +60,14 @@ def write(
                 schema = writer.register_schema(name, "jsonschema" if text else "protobuf", b"{}")
                 channels[topic, name] = writer.register_channel(topic, encoding, schema)
             data = message.encode() if text else message.SerializeToString()
-            ns = n // 2 * 1_000_000 + 1  # what stands before an image is about it
+            ns = n // 2 * 1_000_000 + 1  # data before an image belong to it
             writer.add_message(channels[topic, name], ns, data, ns, n)
         writer.finish()
     return path
 
 
 def read_everything(path: Path) -> int:
-    """All readers over a file; images that came out. SourceError is the only exception there may be."""
+    """Run all readers on a file; returns the images. SourceError is the only exception allowed."""
     images_n = 0
     for read in (read_attachments, read_metadata, lambda p: list(read_messages(p))):
         with suppress(SourceError):
@@ -143,7 +143,7 @@ def test_a_picture_of_another_size_is_not_decoded(tmp_path: Path) -> None:
 
 
 def chunk_at(data: bytes) -> int:
-    """Where the first chunk record begins."""
+    """Begin of the first chunk record."""
     at = 8
     while data[at] != 6:
         at += 9 + struct.unpack_from("<Q", data, at + 1)[0]
@@ -186,7 +186,7 @@ def test_a_wrong_chunk_index_loses_that_chunk_only(tmp_path: Path, offset: int) 
 
 
 def mutations(dice: random.Random, data: bytes) -> bytes:
-    """Bits turned, lengths exchanged for others, pieces cut out, doubled or exchanged."""
+    """Bits flipped, lengths replaced, pieces removed, doubled or exchanged."""
     changed = bytearray(data)
     lengths = [0, 1, 8, 0x7F, 0xFF, 1 << 16, (1 << 31) - 1, 1 << 31, 1 << 33, 1 << 62, (1 << 64) - 1]
     for _ in range(dice.choice([1, 1, 2, 5, 20])):
@@ -229,7 +229,7 @@ def seeds(folder: Path) -> list[bytes]:
 
 
 def crc_repaired(data: bytes) -> bytes:
-    """The chunks' checksums as their contents have them, so that changes get past the first check."""
+    """Correct the chunks' checksums, so that changes pass the first check."""
     changed = bytearray(data)
     at = 8
     while at + 9 <= len(changed):
@@ -245,7 +245,7 @@ def crc_repaired(data: bytes) -> bytes:
 
 @pytest.mark.parametrize("repair", [bytes, crc_repaired], ids=["as changed", "checksums put right"])
 def test_random_files_are_read_or_refused(tmp_path: Path, repair: Callable[[bytes], bytes]) -> None:
-    """Every file that chance makes of a good one: no exception but SourceError, no memory to speak of."""
+    """Randomly changed files: no exception but SourceError, little memory."""
     dice = random.Random(15)
     good = seeds(tmp_path)
     path = tmp_path / "changed.mcap"

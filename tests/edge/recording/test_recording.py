@@ -1,4 +1,4 @@
-"""Recordings: what goes in comes out, and damage costs no more than the damaged chunk."""
+"""Recordings are read back exactly, and damage loses only the damaged chunk."""
 
 from __future__ import annotations
 
@@ -304,7 +304,7 @@ def test_damage_to_one_chunk_loses_that_chunk_only(long_recording: tuple[Path, l
 
 @pytest.mark.parametrize("seed", range(20))
 def test_random_damage_never_raises(tmp_path: Path, seed: int) -> None:
-    """Whatever is flipped or cut: frames come out or one SourceError, nothing else."""
+    """Any flipped or cut bytes give frames or one SourceError, nothing else."""
     path = tmp_path / "a.mcap"
     write(path, frames_of(20), compression=["none", "lz4", "zstd"][seed % 3])
     rng = np.random.default_rng(seed)
@@ -354,7 +354,7 @@ def test_killed_writer_leaves_all_complete_chunks(tmp_path: Path) -> None:
 
 
 def test_an_idle_recording_is_on_disk_without_being_closed(tmp_path: Path) -> None:
-    """A slow trickle of small messages reaches the file by age, not only by size."""
+    """Few small messages reach the file by age, not only by size."""
     path = tmp_path / "idle.mcap"
     recorder = Recorder(path)
     closed = threading.Event()
@@ -377,7 +377,7 @@ def test_an_idle_recording_is_on_disk_without_being_closed(tmp_path: Path) -> No
 
 
 def test_a_second_at_240_frames_a_second_loses_nothing(tmp_path: Path) -> None:
-    """Raw 640x480 frames, all at once: there is room for them, however slow the disk is."""
+    """Raw 640x480 frames, all at once: they fit the queue, with any disk."""
     image = frames_of(1, size=(640, 480))[0].image
     with Recorder(tmp_path / "fast.mcap", buffer_mb=100.0) as recorder:
         for n in range(240):
@@ -389,7 +389,7 @@ def test_a_second_at_240_frames_a_second_loses_nothing(tmp_path: Path) -> None:
 
 
 def test_a_slow_disk_drops_messages_and_reports_it(tmp_path: Path) -> None:
-    """The queue is bounded; the call returns; the gap stands in the file as a warning."""
+    """The queue is bounded; the call returns; the file has a warning for the gap."""
     path = tmp_path / "slow.mcap"
     recorder = Recorder(path, buffer_mb=1.0)
     gate = threading.Event()
@@ -423,7 +423,7 @@ def test_a_disk_that_is_full_from_the_start_is_one_line() -> None:
 
 def test_a_disk_that_fills_up_while_recording(tmp_path: Path) -> None:
     class Full:
-        """A file that has room for one chunk."""
+        """A file that holds one chunk."""
 
         def __init__(self, file: Any) -> None:
             self.file, self.left = file, 400_000
@@ -490,7 +490,7 @@ def test_no_images_on_the_topic_asked_for(tmp_path: Path) -> None:
 
 
 def test_colour_images_of_another_tool_become_grey(tmp_path: Path) -> None:
-    """No /camera/frame messages: log time and a running number stand in."""
+    """No /camera/frame messages: log time and a running number are used."""
     from mcap_protobuf.writer import Writer
 
     rows = np.zeros((6, 40), np.uint8)  # 8 px of three bytes and 16 bytes of padding

@@ -1,4 +1,4 @@
-"""What a finger keeps in its state folder, and what it clears away there."""
+"""Files in a finger's state folder, and the removal of leftovers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from edge.runtime.calibration_store import CalibrationStore
 from tests.support.waiting import SOON_S
 
-#: Killed as by a loss of power, when the new content is on the disk and the name does not point to it yet.
+#: Killed, like by a loss of power, when the new content is on the disk and the name does not point to it yet.
 CUT_OFF = """
 import os, signal, sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Slow drift: learnt only while surely untouched, bounded, reported, reversible."""
+"""Slow drift: learnt only while certainly untouched, bounded, reported, reversible."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def tracks(xy: Array, lost: int = 0) -> Tracks:
 def rest_for(
     drift: Drift, xy: Array, seconds: float, start_ns: int = 0, quiet: bool = True, lost: int = 0
 ) -> int:
-    """Hold the pins there; the time at the end."""
+    """Keep the pins there; returns the time at the end."""
     now = start_ns
     for _ in range(round(seconds * 1e9 / STEP_NS)):
         now += STEP_NS

@@ -1,4 +1,4 @@
-"""Faults on purpose are the faults that they say they are."""
+"""Injected faults have the effect of their kind."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_every_camera_link_and_board_fault_of_the_table_can_be_made() -> None:
 
 
 class Manual(ThreadedSource):
-    """Frames one by one, when the test says so."""
+    """Frames one by one, released by the test."""
 
     def __init__(self) -> None:
         super().__init__("manual")
@@ -80,7 +80,7 @@ class Manual(ThreadedSource):
 
 
 class Bench:
-    """A faulty source on a clock that stands where the test puts it."""
+    """A faulty source on a clock that the test sets."""
 
     def __init__(self, kind: str) -> None:
         self.now_s = 0.0
@@ -88,7 +88,7 @@ class Bench:
         self.source = FaultySource(self.manual, [Episode(kind, 1.0, 1.0)], lambda: self.now_s, seed=1)
 
     def next(self, now_s: float, patience_s: float = 5.0) -> tuple[Frame, Frame | None]:
-        """(what the world shows, what comes through)."""
+        """(true image, image received)."""
         self.now_s = now_s
         shown = self.manual.show()
         return shown, self.source.read(patience_s)
@@ -152,7 +152,7 @@ def test_a_clock_steps_once_and_stays(bench: Bench) -> None:
 
 
 class Wire:
-    """A medium that takes everything."""
+    """A medium that accepts everything."""
 
     instant, bus_off = True, False
 

@@ -1,4 +1,4 @@
-"""What is wrong now, the board's vital signs, and the service manager."""
+"""Active faults, the board monitor, and the service manager."""
 
 from __future__ import annotations
 
@@ -166,14 +166,14 @@ def test_the_board_monitor_checks_until_closed() -> None:
 
 @pytest.fixture
 def manager(tmp_path: Path) -> socket.socket:
-    """What systemd listens on."""
+    """The socket that systemd listens on."""
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     listener.bind(str(tmp_path / "notify"))
     listener.setblocking(False)
     return listener
 
 
-def heard(manager: socket.socket) -> list[str]:
+def received(manager: socket.socket) -> list[str]:
     messages = []
     while True:
         try:
@@ -183,28 +183,28 @@ def heard(manager: socket.socket) -> list[str]:
 
 
 def test_ready_once_then_the_watchdog_while_images_flow(manager: socket.socket) -> None:
-    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "4"})  # fed every us
-    assert heard(manager) == []  # not ready before the first image
+    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "4"})  # notified every us
+    assert received(manager) == []  # not ready before the first image
     for _ in range(3):
         notifier.frame()
-    assert heard(manager) == ["READY=1", "WATCHDOG=1", "WATCHDOG=1", "WATCHDOG=1"]
+    assert received(manager) == ["READY=1", "WATCHDOG=1", "WATCHDOG=1", "WATCHDOG=1"]
     notifier.stopping()
     notifier.close()
     notifier.frame()
-    assert heard(manager) == ["STOPPING=1"]
+    assert received(manager) == ["STOPPING=1"]
 
 
 def test_the_watchdog_is_notified_no_more_often_than_required(manager: socket.socket) -> None:
     notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "60000000"})
     for _ in range(100):
         notifier.frame()
-    assert heard(manager) == ["READY=1", "WATCHDOG=1"]
+    assert received(manager) == ["READY=1", "WATCHDOG=1"]
 
 
 def test_another_process_s_watchdog_is_ignored(manager: socket.socket) -> None:
     environment = {"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "4", "WATCHDOG_PID": "1"}
     Notifier(environment).frame()
-    assert heard(manager) == ["READY=1"]
+    assert received(manager) == ["READY=1"]
 
 
 def test_abstract_names() -> None:

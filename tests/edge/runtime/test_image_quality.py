@@ -1,4 +1,4 @@
-"""What is measured of images and motions is what NumPy gives."""
+"""Measurements of images and motions agree with NumPy."""
 
 from __future__ import annotations
 

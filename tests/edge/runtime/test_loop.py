@@ -1,4 +1,4 @@
-"""The loop and its faults: each row of the table seen, announced, cleared; values only where they hold."""
+"""The loop and its faults: each row of the table seen, announced, cleared; values only while valid."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def finger(frames: list[Frame], calibration: Calibration) -> Finger:
 
 
 def measured(state: State) -> bool:
-    """Whether there is any value that somebody could control on."""
+    """Whether there is any value that a controller could use."""
     return not math.isnan(state.displacement_mm) or state.contact_n > 0
 
 
@@ -103,7 +103,7 @@ def test_a_camera_knocked_under_a_touch_is_distinguished_from_shear(finger: Fing
     shifted = _PICTURES["shift"](finger.frames[k].image, None)
     for _ in range(2):
         assert finger.see(shifted).status & ~Status.SATURATED == Status.TOUCHED | Status.CAMERA_MOVED
-    state = finger.see(finger.frames[k].image)  # and put back
+    state = finger.see(finger.frames[k].image)  # and moved back
     assert state.status == Status.TOUCHED
 
 
@@ -152,7 +152,7 @@ def test_image_faults_are_announced_with_their_image_and_cleared(
 
 @pytest.mark.parametrize("kind", ["black", "bright", "cover", "blur"])
 def test_a_touch_that_is_hidden_is_never_reported_as_none(finger: Finger, kind: str) -> None:
-    """The first image of a fault already: no value without a bit that says not to use it."""
+    """From the first image of a fault on: no value without a bit that forbids its use."""
     random = np.random.default_rng(0)
     pressed = finger.frames[25].image
     finger.see(pressed)
@@ -222,7 +222,7 @@ def test_skipped_frames_are_flagged_in_the_next_sample(finger: Finger) -> None:
     finger.camera.dropped_n = 2  # taken from the queue by newer ones
     assert Status.FRAMES_DROPPED in finger.see(rest).status
     assert finger.loop.statistics().lost_by_camera_n == 3
-    finger.camera.dropped_n = 4  # these leave a gap in the numbers, and count once
+    finger.camera.dropped_n = 4  # these make a gap in the numbers, and count once
     assert Status.FRAMES_DROPPED in finger.see(rest, skip=4).status
     assert finger.loop.statistics().lost_by_camera_n == 3
 
@@ -263,16 +263,16 @@ def test_heat_and_disk_reach_the_samples(frames: list[Frame], calibration: Calib
     now: dict[str, Any] = {"degc": 91.0, "disk": "no space left"}
     monitor = BoardMonitor(registry, lambda: now["degc"], [lambda: now["disk"]])
     camera, sink, k = Camera(), MemorySink(), 0
-    app = Loop(camera, [sink], calibration, faults=registry, board=monitor, clock_ns=lambda: k * PERIOD_NS)
+    loop = Loop(camera, [sink], calibration, faults=registry, board=monitor, clock_ns=lambda: k * PERIOD_NS)
     monitor.check()
     for k in range(9):
-        state = app.step(Frame(frames[k % 8].image, k * PERIOD_NS, k, Clock.DEVICE))
+        state = loop.step(Frame(frames[k % 8].image, k * PERIOD_NS, k, Clock.DEVICE))
     assert state.status == Status.OVER_TEMPERATURE | Status.STORAGE_FAULT
     assert state.temperature_degc == 91.0
     now.update(degc=40.0, disk="")
     monitor.check()
     k = 9
-    assert app.step(Frame(frames[7].image, k * PERIOD_NS, k, Clock.DEVICE)).status == Status(0)
+    assert loop.step(Frame(frames[7].image, k * PERIOD_NS, k, Clock.DEVICE)).status == Status(0)
 
 
 def test_brightness_of_a_waiting_image_is_reported_during_a_search(finger: Finger) -> None:
@@ -289,11 +289,12 @@ def test_brightness_of_a_waiting_image_is_reported_during_a_search(finger: Finge
     assert finger.faults == set()
 
 
-# ---- the loop lives ------------------------------------------------------------------------------------
+# ---- the loop stays alive
+# ------------------------------------------------------------------------------------
 
 
-def in_thread(app: Loop) -> threading.Thread:
-    thread = threading.Thread(target=app.run)
+def in_thread(loop: Loop) -> threading.Thread:
+    thread = threading.Thread(target=loop.run)
     thread.start()
     return thread
 
@@ -451,17 +452,19 @@ def test_the_service_manager_gets_ready_watchdog_and_stopping(data_dir: Path, tm
         manager.bind(str(tmp_path / "notify"))
         manager.settimeout(SOON_S)
         messages = iter(lambda: manager.recv(1000), b"")
-        heard = (message for message in messages if not message.startswith(b"STATUS="))  # faults, in words
+        received = (
+            message for message in messages if not message.startswith(b"STATUS=")
+        )  # without status texts
         environment = {**os.environ, "NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "400000"}
         command = [sys.executable, "-m", "edge", "replay", str(data_dir / "press.mcap"), "--loop", "--json"]
         with subprocess.Popen(
             [*command, "--sink", "memory:"], env=environment, stdout=subprocess.PIPE, text=True
         ) as process:
-            assert next(heard) == b"READY=1"
-            assert next(heard) == b"WATCHDOG=1"
-            assert next(heard) == b"WATCHDOG=1"  # a tenth of a second later: images flow
+            assert next(received) == b"READY=1"
+            assert next(received) == b"WATCHDOG=1"
+            assert next(received) == b"WATCHDOG=1"  # a tenth of a second later: images flow
             process.send_signal(signal.SIGTERM)
-            assert next(message for message in heard if message != b"WATCHDOG=1") == b"STOPPING=1"
+            assert next(message for message in received if message != b"WATCHDOG=1") == b"STOPPING=1"
             out, _ = process.communicate(timeout=SOON_S)
     assert process.returncode == 0
     assert json.loads(out.splitlines()[-1])["frames_n"] > 0

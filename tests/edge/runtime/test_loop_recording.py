@@ -1,4 +1,4 @@
-"""A recording of a running app: what the bus carried, valid for other readers, whole up to a cut."""
+"""A recording of a running loop: the bus's samples, valid for other readers, complete up to a cut."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from hostlink.wire import unpack_state
 
 @pytest.fixture(scope="module")
 def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Sample]]:
-    """A recording, and what a host on the bus decoded meanwhile."""
+    """A recording, and the samples decoded by a host on the bus."""
     path = tmp_path_factory.mktemp("recorded") / "a.mcap"
     heard: list[Sample] = []
     decoder = CanDecoder()
     with can.Bus("recorded", interface="virtual", receive_own_messages=False) as bus:
         sink = open_sink("virtual:recorded")
-        app = Loop(
+        loop = Loop(
             open_source(str(data_dir / "press.mcap")),
             [sink],
             Calibration.load(data_dir / "rings331_ball.json"),
         )
         with Recorder(path, rate_hz=60) as recorder:
-            app.session.recorder = FrameRecorder(recorder)
-            app.run()
+            loop.session.recorder = FrameRecorder(recorder)
+            loop.run()
         sink.close()
         while (message := bus.recv(0.5)) is not None:
             events = decoder.receive(message.arbitration_id, bytes(message.data), message.timestamp)

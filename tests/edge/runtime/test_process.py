@@ -1,4 +1,4 @@
-"""A process ends with its status and all that it had to say, though a thread of it never returns."""
+"""A process ends with its status and complete output, even if one of its threads never returns."""
 
 from __future__ import annotations
 

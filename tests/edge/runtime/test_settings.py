@@ -1,4 +1,4 @@
-"""NodeSettings survive a restart, or say that they do not; no file takes the finger out."""
+"""Settings survive a restart, or report that they do not; no file stops the finger."""
 
 from __future__ import annotations
 

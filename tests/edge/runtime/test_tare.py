@@ -1,4 +1,4 @@
-"""A rest frame is taken only of an untouched tip, and whoever asked is told what became of it."""
+"""A rest frame is taken only of an untouched tip, and each request gets its outcome."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def finger(frames: list[Frame], calibration: Calibration) -> Finger:
 
 
 def changed(calibration: Calibration, **sensor: object) -> Calibration:
-    """The same with other values in its table [sensor]."""
+    """The same calibration with other values in its table [sensor]."""
     table = json.loads(calibration.encoded)
     table["sensor"].update(sensor)
     return Calibration.parse(json.dumps(table).encode(), "test")
@@ -59,7 +59,7 @@ def images(frames: list[Frame], k: int) -> list[Image]:
     return [np.clip(np.rint(image), 0, 255).astype(np.uint8) for image in noisy]
 
 
-# ---- judging ----------------------------------------------------------------------------------------------
+# ---- checks ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("k", [10, 25])
@@ -102,7 +102,7 @@ def test_a_slightly_moved_camera_is_no_touch(
 
 @pytest.mark.parametrize("k", [10, 14])
 def test_a_touch_that_begins_meanwhile_is_unsteady(frames: list[Frame], k: int) -> None:
-    """Known without a frame of reference, though few pins move so far."""
+    """Detected without a reference, though few pins move so far."""
     with pytest.raises(TareRefused) as refused:
         take_rest_frame([frame.image for frame in frames[k - 6 : k + 2]])
     assert refused.value.reason is RestFrameReason.UNSTEADY
@@ -136,7 +136,8 @@ def test_half_of_the_pins_covered_are_too_few(frames: list[Frame]) -> None:
     assert refused.value.reason is RestFrameReason.TOO_FEW_PINS
 
 
-# ---- asking -----------------------------------------------------------------------------------------------
+# ---- requests
+# -----------------------------------------------------------------------------------------------
 
 
 def test_an_accepted_rest_frame_is_used(finger: Finger) -> None:
@@ -179,7 +180,7 @@ def test_a_forced_rest_frame_reports_its_fault_and_is_flagged(finger: Finger) ->
     outcome = request.done.result(0)
     assert (outcome.state, outcome.reason) == (FORCED, RestFrameReason.TOUCHED)
     assert Status.TARE_FAULT in state.status
-    # The frame that was forced is no measure of what is untouched.
+    # The forced frame is no reference for an untouched tip.
     again = finger.loop.request_tare()
     for _ in range(8):
         finger.see(finger.frames[7].image)
@@ -216,7 +217,7 @@ def test_without_images_it_is_refused(finger: Finger) -> None:
     finger.camera.condition = "lost"
     finger.now_ns += 500_000_000
     finger.loop._keep_alive()
-    assert not request.done.done()  # a hiccup
+    assert not request.done.done()  # a short interruption
     finger.now_ns += 600_000_000
     finger.loop._keep_alive()
     outcome = request.done.result(0)
@@ -320,7 +321,7 @@ def test_start_up_falls_back_to_the_last_good_file(calibration: Calibration, tmp
     store.path.write_bytes(second.encoded[: len(second.encoded) // 2])
     assert store.load().content_id == calibration.content_id  # type: ignore[union-attr]
     third = changed(calibration, serial="third")
-    store.replace(third)  # what could not be read does not take the good one's place
+    store.replace(third)  # an unreadable file does not replace the good one
     store.path.write_bytes(b"{")
     assert store.load().content_id == calibration.content_id  # type: ignore[union-attr]
     store.previous.write_bytes(b"{")
@@ -333,7 +334,7 @@ def test_start_up_falls_back_to_the_last_good_file(calibration: Calibration, tmp
 def test_on_a_mostly_touched_recording_no_wrong_tare_is_accepted(
     frames: list[Frame], calibration: Calibration
 ) -> None:
-    """Asked at any time: what is accepted gives the same depth as before, all else is refused."""
+    """Requested at any time: an accepted rest frame gives the same depth, all others are refused."""
     finger = Finger(frames, calibration)
 
     def depth_mm() -> float:
@@ -376,7 +377,7 @@ def test_samples_go_on_while_a_rest_frame_is_checked(
     assert begun.wait(SOON_S)
     while measured.acquire(blocking=False):
         pass
-    for _ in range(3):  # results, though the new rest frame is not there yet
+    for _ in range(3):  # results, although the new rest frame is not ready
         assert measured.acquire(timeout=SOON_S)
     assert finger.loop.tare_outcome.state is RestFrameState.BUSY
     go_on.set()

@@ -1,4 +1,4 @@
-"""Whose pins are these? A calibration is for one tip, all of it."""
+"""A calibration belongs to one tip, with all its pins."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_another_image_size_is_refused(hexagonal: Rest) -> None:
 
 @pytest.mark.parametrize("known_n", [20, 60, 110])
 def test_a_file_with_some_of_the_tips_pins_is_refused(hexagonal: Rest, known_n: int) -> None:
-    """Every pin that it has is found, at its place, but it knows nothing of the others."""
+    """All its pins are found at their places, but others are missing in it."""
     from_centre = np.hypot(*(hexagonal.xy_img - hexagonal.pattern.centre_img).T)
     some = tip_of(only(hexagonal, np.argsort(from_centre)[:known_n]))
     with pytest.raises(CalibrationError, match=r"calibration has \d+ pins, the camera sees 127|another tip"):

@@ -1,4 +1,4 @@
-"""Sizes from headers: the same as what is decoded, and never a large image for a few bytes."""
+"""Sizes from headers: the same as decoded, and never a large image for a few bytes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SHAPES = [(48, 64), (1, 300), (301, 7)]
 
 
 def png_of(width: int, height: int) -> bytes:
-    """A PNG that says so, with the pixels of nothing."""
+    """A PNG with this size in its header, and no pixels."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))

@@ -150,11 +150,11 @@ def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
 
 
 def test_depthai_recordings_keep_pixels_gaps_and_the_modules_times(dai: Any, tmp_path: Path) -> None:
-    """RecordVideo spends its first ten frames on finding the rate; what it wrote comes back exactly."""
+    """RecordVideo spends its first ten frames on finding the rate; its file is read back exactly."""
     steps = [n + 3 * (n > 30) for n in range(50)]
 
     def gate(n: int) -> None:
-        time.sleep(0.002)  # the recorder's queue drops what comes faster than it writes
+        time.sleep(0.002)  # the recorder's queue drops frames that come faster than it writes
 
     video, metadata = tmp_path / "a.avi", tmp_path / "a.mcap"
     with dai.Pipeline(createImplicitDevice=False) as pipeline:
@@ -167,7 +167,7 @@ def test_depthai_recordings_keep_pixels_gaps_and_the_modules_times(dai: Any, tmp
         pipeline.start()
         for _ in steps:
             assert after.get(timedelta(seconds=SOON_S)) is not None
-        time.sleep(0.1)  # the recorder offers nothing that says when it has written what it took
+        time.sleep(0.1)  # the recorder has no event for the end of writing
         pipeline.stop()
         pipeline.wait()
     source = oak.OakSource(oak.replay_output(video, 0.0, metadata), HOST, own_clock=True)
@@ -270,7 +270,7 @@ def test_the_camera_is_asked_for_what_was_set(dai: Any) -> None:
 
 
 class FakeModule:
-    """depthai as far as OakSource uses it, with a module that can be unplugged."""
+    """The part of depthai that OakSource uses, with a module that can be unplugged."""
 
     class MessageQueue:
         class QueueException(Exception):

@@ -1,4 +1,4 @@
-"""Sources: what a specification opens, what a bad one says, and how a replay keeps time."""
+"""Sources: specifications, errors of bad ones, and the timing of a replay."""
 
 from __future__ import annotations
 
@@ -192,7 +192,7 @@ def test_files_that_are_not_images_are_refused(
     with pytest.raises(SourceError, match=r"not an image|damaged") as caught:
         open_source(str(tmp_path / name))
     assert name in str(caught.value)
-    assert capfd.readouterr().err == ""  # OpenCV's own words stay out of it
+    assert capfd.readouterr().err == ""  # OpenCV's own messages are suppressed
 
 
 def test_one_image(tmp_path: Path) -> None:
@@ -291,7 +291,7 @@ def test_published_stills_open(real_dir: Path) -> None:
 
 
 class Scripted(ThreadedSource):
-    """Gives a frame whenever the test says so."""
+    """Gives a frame when the test releases it."""
 
     def __init__(self) -> None:
         super().__init__("scripted")
@@ -387,7 +387,7 @@ def test_watch_sees_frozen_and_black() -> None:
 
 
 class Clocked:
-    """A clock that only waiting moves on, so that a replay's timing can be tested exactly."""
+    """A clock that only waiting advances, so that a replay's timing can be tested exactly."""
 
     def __init__(self, paced: Paced) -> None:
         self.now_ns = 1_000
@@ -398,7 +398,7 @@ class Clocked:
         def wait(timeout_s: float | None = None) -> bool:
             assert timeout_s is not None
             self.waits.append(timeout_s)
-            self.now_ns += round(timeout_s * 1e9) + 300_000  # wakes 0.3 ms late, as a kernel does
+            self.now_ns += round(timeout_s * 1e9) + 300_000  # wakes 0.3 ms late, like a kernel
             return real_wait(0)
 
         closing.wait = wait  # type: ignore[method-assign]
@@ -485,7 +485,7 @@ def test_closing_ends_a_replay_at_once() -> None:
     paced = Paced(Listed([0, 3_600_000_000_000], 1.0))
     paced.start()
     assert paced.read(SOON_S) is not None
-    paced.close()  # joins the thread, which would else wait for an hour
+    paced.close()  # joins the thread, which would otherwise wait for an hour
     assert not paced._thread.is_alive()
     assert paced.source.closed  # type: ignore[attr-defined]
 

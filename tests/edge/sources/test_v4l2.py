@@ -1,4 +1,4 @@
-"""V4L2 cameras on a fake capture: formats, times, loss and return, settings that do not take."""
+"""V4L2 cameras on a fake capture: formats, times, loss and return, settings that have no effect."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def grey_image(n: int, bits: int = 8) -> np.ndarray[Any, Any]:
 
 
 def encode(fourcc: str, n: int) -> np.ndarray[Any, Any]:
-    """Bytes of frame n as OpenCV hands them over without conversion."""
+    """Bytes of frame n as OpenCV gives them without conversion."""
     if fourcc == "GREY":
         return grey_image(n)
     if fourcc == "MJPG":
@@ -40,7 +40,7 @@ def encode(fourcc: str, n: int) -> np.ndarray[Any, Any]:
 class FakeCapture:
     """cv2.VideoCapture over a camera that exists in the test alone.
 
-    Time is the camera's: each grab moves the clock on by a period. `script` says what happens at a grab:
+    Time is the camera's: each grab moves the clock on by a period. `script` lists what happens at each grab:
     "ok", "skip" (a frame never came), "freeze", "black", "damage", "lost".
     """
 
@@ -68,7 +68,7 @@ class FakeCapture:
         ):
             return False
         if prop in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT) and self.camera.fixed_size:
-            return True  # the driver says yes and keeps its own
+            return True  # the driver reports success and keeps its own
         self.values[prop] = self.camera.clamp.get(prop, value)
         return True
 
@@ -360,7 +360,7 @@ def test_a_camera_that_gives_no_frames() -> None:
 
 
 class Mute(FakeCapture):
-    """Opens, and then nothing comes."""
+    """Opens, but gives no frames."""
 
     def grab(self) -> bool:
         return False
@@ -371,7 +371,7 @@ class Mute(FakeCapture):
 
 @pytest.fixture
 def machine(tmp_path: Path) -> tuple[Path, Path]:
-    """/sys and /dev of a machine with two cameras; the first has a metadata node besides."""
+    """/sys and /dev of a machine with two cameras; the first has a metadata node too."""
     sys_root, dev_root = tmp_path / "sys", tmp_path / "dev"
     (dev_root / "v4l/by-id").mkdir(parents=True)
     for number, index, usb, serial in ((0, 0, "1-1", "AB12"), (1, 1, "1-1", "AB12"), (10, 0, "1-2", "")):

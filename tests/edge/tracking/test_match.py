@@ -22,7 +22,7 @@ def pins(rings: int = 3) -> Array:
 
 
 def table_of(blobs: Array) -> Index:
-    """The nearest blob to each pixel, by search."""
+    """The nearest blob to each pixel, by exhaustive search."""
     grid = np.indices((SIDE, SIDE))[::-1].reshape(2, -1, 1)
     nearest = ((grid - blobs.T[:, None]) ** 2).sum(0).argmin(1)
     return nearest.reshape(SIDE, SIDE).astype(np.int32)

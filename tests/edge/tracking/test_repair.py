@@ -41,7 +41,9 @@ def test_slipped_rows_get_their_own_blobs_back() -> None:
 
 
 def test_without_its_blob_a_pin_does_not_keep_another_s() -> None:
-    """Of three rows one has lost a blob: counts do not agree, and what does not fit is lost, not the rest."""
+    """Of three rows one has lost a blob: counts do not agree, and pins that do not fit are lost, not the
+    others.
+    """
     tip, now, blob, good = inconsistent(3)
     gone = np.flatnonzero(~good)[-1]
     owner = np.delete(np.arange(N), gone)

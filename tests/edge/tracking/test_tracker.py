@@ -1,4 +1,4 @@
-"""Identity of pins: after a jump, from frame to frame, and when it cannot be known."""
+"""Identity of pins: after a jump, from frame to frame, and when it cannot be determined."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def rest_at(xy: Array) -> Rest:
 def rings(count: int) -> Array:
     """Concentric rings of 6k pins, as dome tips have them: 6 make 127 pins, 10 make 331.
 
-    Turned by one pin in each ring, all but the innermost fits itself: the slip that looks tidiest.
+    Rotated by one pin in each ring, all but the innermost fit themselves: the most regular wrong match.
     """
     xy = [np.zeros((1, 2))]
     for k in range(1, count + 1):
@@ -76,7 +76,7 @@ def pressed(xy: Array, rng: np.random.Generator) -> Array:
 
 
 def spoiled(xy: Array, dropped: float, false: int, rng: np.random.Generator) -> Array:
-    """Pins in any order, some of them missing, and blobs that are none."""
+    """Pins in any order, some of them missing, and false blobs."""
     reach = np.hypot(*(xy - xy.mean(0)).T).max() + 10
     angle, far = rng.uniform(0, 2 * np.pi, false), reach * np.sqrt(rng.random(false))
     extra = xy.mean(0) + far[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -84,7 +84,7 @@ def spoiled(xy: Array, dropped: float, false: int, rng: np.random.Generator) -> 
 
 
 def swapped(tracks: Tracks, truth: Array) -> int:
-    """Pins that got the blob of another one, or a blob that is none and far from their place."""
+    """Pins that got the blob of another one, or a false blob far from their place."""
     off = np.hypot(*(tracks.xy_img - truth).T)
     return int(np.sum(off[tracks.seen] > PITCH_PX / 2))
 
@@ -123,7 +123,7 @@ def test_beside_an_inconsistent_place_a_pin_is_lost_but_not_swapped() -> None:
     """Sharp tools that press and drag by millimetres from one frame to the next."""
     camera, rest = identity.simulated_rest(127)
     rng = np.random.default_rng(9)
-    kinds = [h for h in identity.HAZARDS if not h.merged]  # of merged ones nobody knows whose the blob is
+    kinds = [h for h in identity.HAZARDS if not h.merged]  # the owner of a merged blob is not known
     trusted = 0
     for _ in range(6):
         now = camera.project(deform(camera.tip, (identity.random_contact(rng),)).tips_mm)
@@ -138,7 +138,7 @@ def test_beside_an_inconsistent_place_a_pin_is_lost_but_not_swapped() -> None:
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_a_wrong_match_has_low_confidence(layout: str) -> None:
-    """Half of the pins and more missing, up to half of the tip hidden: often nobody can know."""
+    """Half of the pins and more missing, up to half of the tip hidden: often it cannot be determined."""
     rng = np.random.default_rng(3)
     xy = LAYOUTS[layout]
     for k in range(12):
@@ -151,7 +151,7 @@ def test_a_wrong_match_has_low_confidence(layout: str) -> None:
 
 
 def test_a_search_ends_after_a_bounded_number_of_matches(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With half of the pins missing no match is certain, and all that is left is to try once more."""
+    """With half of the pins missing no match is certain, so only further tries are possible."""
     grown: list[Match] = []
     grow = Identifier._grow
 
@@ -169,7 +169,7 @@ def test_a_search_ends_after_a_bounded_number_of_matches(monkeypatch: pytest.Mon
 
 
 def test_a_lattice_that_may_have_slipped_by_a_step_has_low_confidence() -> None:
-    """A row is hidden, and the others fit where they are and one step on: nobody can know."""
+    """A row is hidden, and the others fit where they are and one step on: it cannot be determined."""
     xy = LAYOUTS["square144"]
     part = xy[xy[:, 0] > xy[:, 0].min() + 1]
     for shift in (0.0, -PITCH_PX / 2, -PITCH_PX):
@@ -194,9 +194,9 @@ def test_blobs_that_are_not_this_tip_are_not_identified(blobs: int) -> None:
 def test_far_rotated_rings_are_right_or_of_low_confidence(
     count: int, turn_deg: float, shift_px: float
 ) -> None:
-    """Rings turned by one pin each fit themselves: skin held at its rim, its middle twisted and dragged.
+    """Rings rotated by one pin each fit themselves: skin held at its rim, its middle twisted and dragged.
 
-    The limit stands with it: of 6 rings turned by 35 degrees and more nearly all pins fit one pin on.
+    The limit is tested too: of 6 rings rotated by 35 degrees and more nearly all pins fit one pin on.
     """
     rest = rings(count)
     out = rest - rest.mean(0)
@@ -325,7 +325,7 @@ def test_a_search_that_finds_fewer_pins_keeps_the_followed_ones() -> None:
 
 
 def test_a_pin_that_blinks_at_a_contacts_edge_comes_back_to_its_place() -> None:
-    """It stands well off its neighbours' map, further than a pin without a past may."""
+    """It stands well off its neighbours' map, further than a pin without a history may."""
     xy = LAYOUTS["hexagonal127"]
     tracker = held(xy)
     pin = 30

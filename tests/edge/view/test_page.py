@@ -1,4 +1,4 @@
-"""The live page's protocol: who may see and do what, what a packet holds, what viewers cost."""
+"""The live page's protocol: permissions, contents of packets, cost of viewers."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Viewer:
             return packet
 
     async def meanwhile(self, work: Callable[[], None]) -> None:
-        """Do what takes its time, and go on reading: a viewer that does not is cut off."""
+        """Do slow work and go on reading: a viewer that does not is disconnected."""
         doing = asyncio.create_task(asyncio.to_thread(work))
         while not doing.done():
             await self.packet()
@@ -93,7 +93,7 @@ def unpack(data: bytes) -> dict[str, Any]:
 def watch(
     live: Live, then: Callable[[Viewer], Awaitable[Any]], token: str = "", want: tuple[str, ...] = ()
 ) -> Any:
-    """Open a viewer, and run what is to be done with it."""
+    """Open a viewer, and run a test with it."""
 
     async def run() -> Any:
         async with aiohttp.ClientSession() as session, session.ws_connect(live_url(live)) as socket:
@@ -208,10 +208,10 @@ def test_without_the_token_a_viewer_may_only_watch(live: Live) -> None:
         assert not (await viewer.do("record"))["ok"]
         assert not (await viewer.do("rm -rf"))["ok"]
 
-    tares_n = live.app.tares_n
+    tares_n = live.loop.tares_n
     watch(live, look)
-    assert live.app.tares_n == tares_n
-    assert live.app.session.recorder is None
+    assert live.loop.tares_n == tares_n
+    assert live.loop.session.recorder is None
 
 
 @pytest.mark.parametrize("first", ['{"token": "wrong-token"}', "[]", "null", "no JSON", '{"want": 3}'])
@@ -241,9 +241,9 @@ def test_a_packet_holds_what_the_loop_measured(live: Live) -> None:
             lambda p: p.get("touched") and "change" in p["arrays"] and p["sequence"] in results
         )
 
-    live.app.result_callbacks.append(keep)
+    live.loop.result_callbacks.append(keep)
     packet = watch(live, look, want=("image",))
-    live.app.result_callbacks.remove(keep)
+    live.loop.result_callbacks.remove(keep)
     result = results[packet["sequence"]]
     assert result.features is not None
     assert result.cells is not None
@@ -300,7 +300,7 @@ def test_charts_get_every_sample_once(live: Live) -> None:
 
 
 def test_features_not_in_demand_are_neither_computed_nor_sent(live: Live) -> None:
-    pipeline = live.app.pipeline
+    pipeline = live.loop.pipeline
     assert pipeline is not None
 
     async def plain(viewer: Viewer) -> None:
@@ -326,10 +326,10 @@ def test_features_not_in_demand_are_neither_computed_nor_sent(live: Live) -> Non
 
 def test_faults_have_readable_messages(live: Live) -> None:
     async def look(viewer: Viewer) -> None:
-        live.app.faults.report(FaultCode.OVER_TEMPERATURE, True, "71 degC, the limit is 70")
+        live.loop.faults.report(FaultCode.OVER_TEMPERATURE, True, "71 degC, the limit is 70")
         packet = await viewer.until(lambda p: p["faults"])
         assert ["board or camera too warm", "71 degC, the limit is 70"] in packet["faults"]
-        live.app.faults.report(FaultCode.OVER_TEMPERATURE, False)
+        live.loop.faults.report(FaultCode.OVER_TEMPERATURE, False)
         await viewer.until(lambda p: not p["faults"])
 
     watch(live, look)
@@ -387,8 +387,8 @@ def test_record_loses_nothing(live: Live) -> None:
     assert sequences == list(range(sequences[0], sequences[0] + len(frames))) or dropped_n
     samples = [m["sequence"] for _, _, m in read_messages(path, ["/bus/sample"])]
     assert samples == sequences
-    assert live.app.calibration is not None
-    assert read_attachments(path)["calibration.json"] == live.app.calibration.encoded
+    assert live.loop.calibration is not None
+    assert read_attachments(path)["calibration.json"] == live.loop.calibration.encoded
 
 
 def test_an_unwritable_folder_is_reported(live: Live) -> None:
@@ -405,14 +405,14 @@ def test_an_unwritable_folder_is_reported(live: Live) -> None:
         away.rename(folder)
     assert not answer["ok"]
     assert "give another folder" in answer["words"]
-    assert live.app.session.recorder is None
+    assert live.loop.session.recorder is None
 
 
-# ---- what viewers cost --------------------------------------------------------------------------------
+# ---- cost of viewers --------------------------------------------------------------------------------
 
 
 async def visit(session: aiohttp.ClientSession, url: str, known: set[asyncio.Task[bool] | None]) -> bool:
-    """Come, and stay until all know whether there is room for them; whether there was."""
+    """Connect, and stay until all were admitted or refused; returns whether this one was admitted."""
     async with session.ws_connect(url) as socket:
         await socket.send_json({"want": ["image"]})
         got_n = 0

@@ -1,4 +1,4 @@
-"""Pictures: the right colour in the right place, marks where the data say, files that open."""
+"""Pictures: the right colour in the right place, marks in the right place, files that open."""
 
 from __future__ import annotations
 
@@ -104,11 +104,11 @@ def test_overlays_are_transparent_where_nothing_changed() -> None:
     assert grown == (PAPER.compressed[2] / 255, PAPER.compressed[1] / 255, PAPER.compressed[0] / 255, 0.7)
 
 
-# -- what was felt -----------------------------------------------------------------------------------
+# -- the touch -----------------------------------------------------------------------------------
 
 
 def test_equal_changes_look_equal_to_both_sides() -> None:
-    """In lightness, which grey print keeps."""
+    """In lightness, which remains in grey print."""
     shares = np.linspace(0.01, 0.5, 30)
 
     def lightness(change: Array) -> Array:
@@ -197,7 +197,7 @@ def test_without_features_only_the_pins_are_drawn(scene: tuple[View, Array, Trac
     assert at(canvas, view, xy[3] + 7.0) == PAPER.paper
 
 
-# -- what the camera saw ----------------------------------------------------------------------------
+# -- the camera image ----------------------------------------------------------------------------
 
 
 def test_the_camera_panel_shows_the_same_place(scene: tuple[View, Array, Tracks]) -> None:

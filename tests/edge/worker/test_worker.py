@@ -1,4 +1,4 @@
-"""The second process: nothing is lost on the way to it, it may die or hang, and it outlives nobody."""
+"""The second process: no message to it is lost, it may die or hang, and it ends with the loop."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Both:
 @settings(max_examples=60)
 @given(st.data())
 def test_messages_arrive_in_order_and_complete(data: st.DataObject) -> None:
-    """Whatever the sizes, and however far the reader is behind."""
+    """For any sizes and any lag of the reader."""
     sizes = st.lists(st.integers(0, 1500), max_size=3)
     with Both(4096) as both:
         under_way: list[tuple[int, list[np.ndarray]]] = []
@@ -133,9 +133,9 @@ def test_after_the_worker_s_death_the_page_is_served_again(live: Live) -> None:
     assert process is not None
     process.kill()
     live.until(lambda: live.worker.recording.fault, "it is noticed")
-    assert "process ended" in live.app.session.trouble()
-    frames_n = live.app.statistics().frames_n
-    live.until(lambda: live.app.statistics().frames_n > frames_n + 20, "the loop goes on")
+    assert "process ended" in live.loop.session.trouble()
+    frames_n = live.loop.statistics().frames_n
+    live.until(lambda: live.loop.statistics().frames_n > frames_n + 20, "the loop goes on")
     live.until(lambda: live.worker.process is not process, "there is another one")
     live.until(lambda: live.worker.connected, "it is ready")
     assert get(live.url) == page
@@ -149,12 +149,12 @@ def test_a_blocked_recorder_is_a_slow_disk_and_the_gap_is_recorded(live: Live) -
     process.send_signal(signal.SIGSTOP)
     try:
         live.until(lambda: live.worker.recording.dropped_n, "the memory is full")
-        assert "too slow" in live.app.session.trouble()
+        assert "too slow" in live.loop.session.trouble()
     finally:
         process.send_signal(signal.SIGCONT)
     live.until(lambda: live.worker.recording.unreported_n == 0, "it goes on")
     lost_n = live.worker.recording.lost_n
-    live.app.post(lambda: setattr(live.app.session, "recorder", None)).result(SOON_S)
+    live.loop.post(lambda: setattr(live.loop.session, "recorder", None)).result(SOON_S)
     live.worker.close()
     assert live.worker.recording.dropped_n == lost_n
     path = live.recordings / "all.mcap"
@@ -208,7 +208,7 @@ def test_the_worker_ends_with_the_loop_and_completes_its_file(
 
 
 def test_faults_are_lines_of_the_recording(live: Live) -> None:
-    live.app.faults.report(FaultCode.OVER_TEMPERATURE, True, "too warm for a test")
+    live.loop.faults.report(FaultCode.OVER_TEMPERATURE, True, "too warm for a test")
     live.worker.close()
     texts = [m.message for _, _, m in read_messages(live.recordings / "all.mcap", ["/events"])]
     assert any("OVER_TEMPERATURE on: too warm for a test" in text for text in texts)
@@ -221,7 +221,7 @@ def test_the_worker_has_lower_priority_than_the_loop(live: Live) -> None:
 
 
 def test_the_worker_leaves_real_time_and_the_loop_s_core_to_the_loop() -> None:
-    """As under deploy/realtime.conf; where this may not be tried, it is skipped."""
+    """As under deploy/realtime.conf; skipped if that is not permitted."""
     code = (
         "import os, sys\n"
         "mine = min(os.sched_getaffinity(0))\n"

@@ -1,4 +1,4 @@
-"""Bus load: figures known from elsewhere, and advice that holds."""
+"""Bus load: published figures, and advice that holds."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def test_frame_times_with_worst_case_stuffing() -> None:
 
 
 def test_classic_stuffing_against_a_bitwise_count() -> None:
-    """The worst payload, stuffed bit by bit, is never longer than the formula says."""
+    """The worst payload, stuffed bit by bit, is never longer than by the formula."""
     for n in range(9):
         stuffable = 34 + 8 * n
         bits, run, out, level = [i // 4 % 2 for i in range(stuffable)], 0, 0, -1

@@ -1,4 +1,4 @@
-"""The commands: what they print, and that every mistake is one line and exit code 2."""
+"""The commands: their output, and that every mistake is one line and exit code 2."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def run(*arguments: str) -> int:
 
 
 def until_enough(command: Callable[[str], bool]) -> None:
-    """Run a command for more and more seconds: how much comes in, this machine's load decides."""
+    """Run a command for more and more seconds: how much arrives depends on this machine's load."""
     assert any(command(seconds) for seconds in ("0.3", "3", "30"))
 
 

@@ -1,4 +1,4 @@
-"""What the monitor shows: arrows, lines, tables, rates."""
+"""The monitor's output: arrows, lines, tables, rates."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_silence_is_reported() -> None:
 
 
 def test_problems_of_a_finger_are_listed_below_the_table(request: pytest.FixtureRequest) -> None:
-    """Another version, and two senders with one number, beside a finger that is well."""
+    """Another version, and two senders with one number, beside a finger in order."""
     channel = request.node.name
     with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
         heard: list[hostlink.Sample] = []

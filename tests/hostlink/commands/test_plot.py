@@ -1,4 +1,4 @@
-"""Plots of recordings: what is read is what was sent, and the picture shows it with units."""
+"""Plots of recordings: the samples read are those sent, and the picture has units."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def mostly_usable(rng: Random, i: int) -> State:
 
 
 def disturbed(rng: Random, parts: list[tuple[int, bytes]]) -> list[tuple[int, bytes]]:
-    """What a bad bus makes of them: lost, damaged, repeated and swapped ones."""
+    """Samples after a bad bus: lost, damaged, repeated and swapped ones."""
     out: list[tuple[int, bytes]] = []
     for tpdo, data in parts:
         luck = rng.random()
@@ -247,7 +247,7 @@ def test_receiver_follows_a_bus(program: Path, classic: bool) -> None:
             state = None
         commands += [f"can {can_id:x} {data.hex()} {i * 4}" for can_id, data in frames]
         commands += [f"can 182 {pack_state(State(displacement_mm=9.0), i).hex()} {i * 4}", f"look {i * 4}"]
-        if state is not None:  # else the one before is still the newest
+        if state is not None:  # otherwise the one before is still the newest
             expected.append(usable_mm(unpack_state(pack_state(state, i))))
         else:
             expected.append(expected[-1])
@@ -261,7 +261,7 @@ def test_receiver_follows_a_bus(program: Path, classic: bool) -> None:
 
 
 class Controller:
-    """The C program as a controller that runs; time is the test's."""
+    """The C program as a running controller; the test sets the time."""
 
     def __init__(self, program: Path, forward: Callable[[str, bytes], None]) -> None:
         self._process = subprocess.Popen(
@@ -271,7 +271,7 @@ class Controller:
         self.now_ms = 0
 
     def tell(self, command: str) -> int:
-        """Give it a command and carry what it sends; the tare's outcome."""
+        """Give it a command and transmit what it sends; returns the tare's outcome."""
         stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None
         assert stdout is not None
@@ -302,7 +302,7 @@ OUTCOMES = [
 
 
 def answers(controller: Controller, receive: Callable[[], str | None]) -> int:
-    """Let them talk until the tare is over. An idle turn is 60 ms on the controller's clock."""
+    """Exchange messages until the tare is over. An idle turn is 60 ms on the controller's clock."""
     outcome = controller.tell("tare")
     for _ in range(2000):
         if outcome != BUSY:

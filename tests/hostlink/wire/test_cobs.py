@@ -1,4 +1,4 @@
-"""COBS: published examples, and that what was encoded comes back without a zero."""
+"""COBS: published examples, and round trips without zero bytes."""
 
 from __future__ import annotations
 

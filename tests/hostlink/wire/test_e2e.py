@@ -1,4 +1,4 @@
-"""E2E protection against published vectors, and what it can and cannot find."""
+"""E2E protection against published vectors, and the errors that it can and cannot find."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_counter_15_is_never_valid() -> None:
 
 
 def test_all_triple_flips_of_64_bytes_are_found() -> None:
-    """Counted exactly, from the syndromes; the residual of four is what WIRE.md says."""
+    """Counted exactly, from the syndromes; the residual of four is that of WIRE.md."""
     share = undetected_p5()
     assert share[1] == share[2] == share[3] == 0
     assert share[4] == pytest.approx(2**-15, rel=0.05)

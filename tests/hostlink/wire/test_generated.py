@@ -1,4 +1,4 @@
-"""The generated files are fresh, and others' tools read from them what our decoder reads."""
+"""The generated files are fresh, and other tools decode with them what our decoder decodes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def database(name: str) -> cantools.database.can.Database:
 
 
 def flat(state: State) -> dict[str, object]:
-    """The state by the names of the wire's layout; invalid as the DBC names it."""
+    """The state by the names of the wire's layout; invalid values as named in the DBC."""
     values: dict[str, object] = {}
     for f in LAYOUT:
         if f.contact:
@@ -172,7 +172,7 @@ def c_float(raw: int, scale: float) -> str:
 
 
 def agrees(name: str, raw: int, bits: str, value: float, width: int) -> None:
-    """C's raw value is the one that the Python value has, and its float is that value as a float."""
+    """C's raw value is that of the Python value, and its float is that value as a float."""
     f = field_named(name)
     if value != value:
         assert raw == f.raw_nan(width), name

@@ -1,4 +1,4 @@
-"""What an end of the wire says when it does not open."""
+"""Errors of an end of the wire that cannot be opened."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hostlink.wire.open_errors import ADVICE, cannot_open
 
 
 def wrapped(number: int) -> can.CanError:
-    """As python-can has it for a serial adapter."""
+    """python-can's error for a serial adapter."""
     error = can.exceptions.CanInitializationError("could not open port")
     error.__cause__ = serial.SerialException(number, "could not open port")
     return error

@@ -1,4 +1,4 @@
-"""Golden frames, both ways: a change of a single bit on the wire is seen here."""
+"""Golden frames, both ways: they detect a change of a single bit on the wire."""
 
 from __future__ import annotations
 
