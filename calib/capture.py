@@ -16,7 +16,6 @@ Rules
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -27,6 +26,7 @@ from calib.protocols import Plan, Step
 from calib.rig.base import Pose, Rig
 from edge.recording import TOPICS, Recorder, RecordingSource, read_messages, read_metadata
 from edge.types import Frame
+from hostlink.output_file import writing
 
 # column of the table: field of the pose
 POSE_COLUMNS = {
@@ -111,6 +111,8 @@ def capture(
     if existing and not resume:
         raise CaptureError(f"{path}: exists; continue it with --resume, or give another name")
     _refuse_other_table(path.with_suffix(".csv"), resume)
+    if resume and not existing:
+        raise CaptureError(f"{path}: there is no recording to continue; leave --resume out to begin one")
     done = progress_of(path, plan)
     if done.steps == len(plan.steps):
         write_table(path, plan)
@@ -176,7 +178,7 @@ def _refuse_other_table(table: Path, resume: bool) -> None:
 
 
 def write_table(path: Path, plan: Plan) -> Path:
-    """Write the table of a capture from its recordings; atomically."""
+    """Write the table of a capture from its recordings. Raises OutputError."""
     rows: dict[int, list[dict[str, Any]]] = {}
     for part in parts(path):
         in_part: dict[int, list[dict[str, Any]]] = {}
@@ -185,15 +187,14 @@ def write_table(path: Path, plan: Plan) -> Path:
             in_part.setdefault(truth["step"], []).append(row)
         rows |= {k: v for k, v in in_part.items() if len(v) >= plan.steps[k].frames}
     table = path.with_suffix(".csv")
-    fresh = table.with_suffix(".csv.part")
-    with fresh.open("w", newline="", encoding="utf-8") as file:
+    with (
+        writing(table, overwrite=True) as unfinished,
+        unfinished.open("w", newline="", encoding="utf-8") as file,
+    ):
         writer = csv.DictWriter(file, COLUMNS, restval="")
         writer.writeheader()
         for step in sorted(rows):
             writer.writerows(rows[step])
-        file.flush()
-        os.fsync(file.fileno())
-    fresh.replace(table)
     return table
 
 

@@ -225,7 +225,7 @@ def demo(data: Path, out: Path, console: Console, overwrite: bool = False) -> No
         if not (data / f"{name}.mcap").is_file():
             raise TableError(f"{data}: no {name}.mcap in it; give --data the bundled recordings")
     calibrations = {name: Calibration.load(data / file) for name, file in RECORDINGS.items()}
-    _check_folder(out, overwrite)
+    _check_folder(data, out, overwrite)
     table = Table(
         title="What the host decoded, against the simulator's truth",
         box=box.SIMPLE_HEAD,
@@ -258,8 +258,10 @@ def demo(data: Path, out: Path, console: Console, overwrite: bool = False) -> No
     console.print(f"Pictures: {out}/*.png")
 
 
-def _check_folder(out: Path, overwrite: bool) -> None:
+def _check_folder(data: Path, out: Path, overwrite: bool) -> None:
     """Make the folder for the pictures. Raises OutputError: not possible, or pictures are there already."""
+    if out.resolve() == data.resolve():
+        raise OutputError(f"{out}: the recordings are there; give another folder to --out")
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

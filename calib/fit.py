@@ -129,8 +129,8 @@ def fit(
                 choices.append(result)
     if not choices:
         nothing = (
-            f"{targets.where}: no column varies by more than {PARAMS.variation_min} over rows 2 to "
-            f"{len(targets) + 1}; nothing could be fitted"
+            f"{targets.where}: no column varies by more than {PARAMS.variation_min} over its "
+            f"{len(targets)} frames; nothing could be fitted"
         )
         raise FitError(refused[0] if refused else nothing)
     order = [group.outputs for group in GROUPS]
@@ -164,15 +164,23 @@ def _checked(sensor: Sensor, mm_per_px: float | None, models: list[Model], data:
 
 
 def _usable_frames(targets: Targets, extract: Extract) -> Mask:
-    """(frames,) bool: identities certain, touched, inputs computed. Raises FitError: too few."""
-    usable: Mask = (
-        extract.sure & extract.in_contact & np.isfinite(extract.inputs[:, FRAME_INPUTS.index("c00")])
-    )
+    """(frames,) bool: identities certain, touched, inputs computed. Raises FitError: too few, and why."""
+    reasons = {
+        "pins not told apart": ~extract.sure,
+        "nothing touches": ~extract.in_contact,
+        "motion not computed": ~np.isfinite(extract.inputs[:, FRAME_INPUTS.index("c00")]),
+    }
+    usable: Mask = np.ones(len(targets), dtype=np.bool_)
+    why = []
+    for words, bad in reasons.items():
+        new = np.flatnonzero(usable & bad)
+        usable[new] = False
+        if len(new):
+            why.append(f"{words} in {len(new)} (first: {targets.frames[new[0]].name})")
     if usable.sum() < PARAMS.rows_min:
-        bad = ", ".join(targets.frames[i].name for i in np.flatnonzero(~usable)[:5])
         raise FitError(
-            f"{targets.where}: {int(usable.sum())} usable frames, at least {PARAMS.rows_min} are needed"
-            + (f"; not usable: {bad}" if bad else "")
+            f"{targets.where}: {int(usable.sum())} of {len(targets)} frames can be used, at least "
+            f"{PARAMS.rows_min} are needed" + "".join(f"; {words}" for words in why)
         )
     return usable
 

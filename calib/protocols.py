@@ -25,10 +25,10 @@ from __future__ import annotations
 import hashlib
 import itertools
 import math
-import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -36,8 +36,10 @@ import numpy as np
 from calib.errors import ProtocolError
 from calib.rig.base import CLEAR, Pose
 from calib.sim.mechanics import Tool
+from calib.toml_file import load_toml
 
 SHEAR_DEPTH_MM = 3.0  # paper: "pressing the sensor into a flat level object approximately 3 mm"
+STEPS_MAX = 100_000  # at a pose in 2 s a rig would be at it for two days
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,28 +161,31 @@ def load_protocol(spec: str) -> Plan:
     if path.suffix != ".toml":
         raise ProtocolError(f"protocol {spec!r} is unknown; one of {', '.join(PROTOCOLS)}, FILE.toml")
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-        return _plan(msgspec.convert(table, _File), path.stem)
-    except OSError as error:
-        raise ProtocolError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, msgspec.ValidationError) as error:
+        _, file = load_toml(path, _File)
+        return _plan(file, path.stem)
+    except ValueError as error:
         raise ProtocolError(f"{path}: {error}") from None
 
 
+#: Millimetres or degrees: a tip is smaller than either.
+_Value = Annotated[float, msgspec.Meta(ge=-360, le=360)]
+_Count = Annotated[int, msgspec.Meta(ge=0, le=10_000)]
+
+
 class _Range(msgspec.Struct, forbid_unknown_fields=True, rename={"start": "from"}):
-    start: float
-    to: float
-    by: float
+    start: _Value
+    to: _Value
+    by: _Value
 
 
-_Values = float | list[float] | _Range
+_Values = _Value | list[_Value] | _Range
 
 
 class _ToolTable(msgspec.Struct, forbid_unknown_fields=True):
     kind: str = "flat"
-    radius_mm: float = 3.0
-    angle_deg: float = 0.0
-    distance_mm: float = 8.0
+    radius_mm: _Value = 3.0
+    angle_deg: _Value = 0.0
+    distance_mm: _Value = 8.0
 
     def tool(self) -> Tool:
         return Tool(self.kind, self.radius_mm, self.angle_deg, self.distance_mm)
@@ -195,7 +200,7 @@ class _StepTable(msgspec.Struct, forbid_unknown_fields=True):
     shear_x_mm: _Values = 0.0
     shear_y_mm: _Values = 0.0
     twist_deg: _Values = 0.0
-    frames: int | None = None
+    frames: _Count | None = None
     tool: _ToolTable | None = None
     lift: bool = False
 
@@ -203,8 +208,8 @@ class _StepTable(msgspec.Struct, forbid_unknown_fields=True):
 class _File(msgspec.Struct, forbid_unknown_fields=True):
     step: list[_StepTable]
     name: str = ""
-    rest_frames: int = 10
-    frames: int = 10
+    rest_frames: _Count = 10
+    frames: _Count = 10
     tool: _ToolTable = msgspec.field(default_factory=_ToolTable)
 
 
@@ -219,9 +224,10 @@ def _plan(file: _File, stem: str) -> Plan:
     for i, table in enumerate(file.step, 1):
         tool = table.tool.tool() if table.tool else default_tool
         frames = file.frames if table.frames is None else table.frames
-        if frames < 0:
-            raise ValueError(f"step {i}: frames = {frames}; must be >= 0")
-        for values in itertools.product(*(_listed(getattr(table, axis), i, axis) for axis in axes)):
+        listed = [_listed(getattr(table, axis), i, axis) for axis in axes]
+        if len(steps) + math.prod(map(len, listed)) > STEPS_MAX:
+            raise ValueError(f"step {i}: makes more than {STEPS_MAX} poses in all; give fewer values")
+        for values in itertools.product(*listed):
             pose = Pose(*values)
             if table.lift:
                 steps.append(Step(Pose(x_mm=pose.x_mm, y_mm=pose.y_mm, depth_mm=CLEAR.depth_mm), tool, 0))
@@ -229,12 +235,13 @@ def _plan(file: _File, stem: str) -> Plan:
     return Plan(file.name or stem, tuple(steps))
 
 
-def _listed(values: _Values, step: int, axis: str) -> Iterator[float]:
+def _listed(values: _Values, step: int, axis: str) -> list[float]:
     if isinstance(values, _Range):
-        n = math.floor((values.to - values.start) / values.by + 1e-9) if values.by else -1
-        if n < 0:
+        n = (values.to - values.start) / values.by + 1e-9 if values.by else -1.0
+        if not 0 <= n < STEPS_MAX:
             raise ValueError(
-                f"step {step}: {axis} from {values.start} to {values.to} by {values.by} never arrives"
+                f"step {step}: {axis} from {values.start} to {values.to} by {values.by} "
+                + ("never arrives" if n < 0 else f"makes more than {STEPS_MAX} poses")
             )
-        return iter([round(values.start + k * values.by, 9) for k in range(n + 1)])
-    return iter(values if isinstance(values, list) else [values])
+        return [round(values.start + k * values.by, 9) for k in range(math.floor(n) + 1)]
+    return values if isinstance(values, list) else [values]

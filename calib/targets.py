@@ -102,7 +102,7 @@ class Targets:
 def read_targets(table: str | Path, folder: str | Path) -> Targets:
     """Read a table; every frame must be in `folder`.
 
-    Raises  TableError: one line with file, row and column
+    Raises  TableError: one message with file, line and column
     """
     table, folder = Path(table), Path(folder)
     try:
@@ -125,10 +125,10 @@ def read_targets(table: str | Path, folder: str | Path) -> Targets:
     columns: dict[str, list[float]] = {name: [] for name in known}
     seen: dict[str, int] = {}
     for row in reader:
-        at = f"{table}: row {reader.line_num}"
+        at = f"{table}: line {reader.line_num}"
         image = row[_IMAGE] or ""
         if image in seen:
-            raise TableError(f"{at}: {image} is in row {seen[image]} already")
+            raise TableError(f"{at}: {image} is in line {seen[image]} already")
         seen[image] = reader.line_num
         path = folder / image
         if not path.is_file():

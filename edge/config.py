@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -111,15 +110,11 @@ def load_config(path: str | Path | None) -> Config:
         return Config()
     path = Path(path)
     try:
-        table = tomllib.loads(limits.read_bounded(path, limits.CONFIG_BYTES).decode())
+        table = limits.read_toml(path)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
     except limits.BadContent as error:
         raise ConfigError(f"{path}: not a configuration: {error}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not TOML: {error}") from None
-    except RecursionError:
-        raise ConfigError(f"{path}: not a configuration: lists and tables are nested too deeply") from None
     return check_config(table, str(path))
 
 

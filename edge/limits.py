@@ -15,8 +15,9 @@ Rules
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 
@@ -34,10 +35,12 @@ __all__ = [
     "Number",
     "Pixels",
     "check_nesting",
+    "check_numbers",
     "decode_json",
     "explain",
     "quote",
     "read_bounded",
+    "read_toml",
 ]
 
 CALIBRATION_BYTES = 2 << 20  # a 1000-pin tip with every model takes about 0.5 MB
@@ -53,7 +56,8 @@ PINS_MAX = 2048  # six times the densest tip in use
 T = TypeVar("T")
 
 #: Any number of a file that has no narrower range.
-Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]
+NUMBER_MAX = 1e15
+Number = Annotated[float, msgspec.Meta(ge=-NUMBER_MAX, le=NUMBER_MAX)]
 #: A place or a length in an image; a place may lie slightly outside of it.
 Pixels = Annotated[float, msgspec.Meta(ge=-IMAGE_SIDE_PX, le=2 * IMAGE_SIDE_PX)]
 ImageSide = Annotated[int, msgspec.Meta(ge=16, le=IMAGE_SIDE_PX)]
@@ -91,6 +95,29 @@ def decode_json(raw: bytes, kind: type[T]) -> T:
         raise BadContent(f"no JSON: byte {error.start} is not UTF-8 text") from None
     except RecursionError:
         raise BadContent("lists and tables are nested too deeply") from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """A TOML file's table. Raises BadContent; OSError: it cannot be read."""
+    raw = read_bounded(path, CONFIG_BYTES)
+    try:
+        return tomllib.loads(raw.decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise BadContent(f"not TOML: {error}") from None
+    except RecursionError:
+        raise BadContent("lists and tables are nested too deeply") from None
+
+
+def check_numbers(value: object, place: str = "") -> None:
+    """Raises BadContent: a number that is not finite or beyond `Number`; for types that do not say so."""
+    if isinstance(value, dict):
+        for name, below in value.items():
+            check_numbers(below, f"{place}.{name}" if place else name)
+    elif isinstance(value, list):
+        for k, below in enumerate(value):
+            check_numbers(below, f"{place}[{k}]")
+    elif isinstance(value, int | float) and not -NUMBER_MAX <= value <= NUMBER_MAX:
+        raise BadContent(f"{place} = {value:g}: give a finite number, at most {NUMBER_MAX:g}")
 
 
 def check_nesting(raw: bytes) -> None:
@@ -142,8 +169,8 @@ def explain(message: str) -> str:
 
 def _what(message: str) -> str:
     if m := _LENGTH.match(message):
-        unit = "characters" if m["kind"] == "str" else "items"
-        return f"must have {_AMOUNT[m['op']].format(m['n'])} {unit}"
+        unit = "character" if m["kind"] == "str" else "item"
+        return f"must have {_AMOUNT[m['op']].format(m['n'])} {unit}{'s' * (m['n'] != '1')}"
     if m := _RANGE.match(message):
         return f"{_COMPARED[m['op']]} {float(m['limit']):g}"
     if m := _KIND.match(message):

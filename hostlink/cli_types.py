@@ -1,17 +1,18 @@
-"""Numbers on a command line, for all three programs: NaN and infinity are refused.
+"""Numbers on a command line, for all three programs: as they are given, and as they are said.
 
-@click.option("--seconds", type=FiniteFloat(min=0, min_open=True))
+@click.option("--seconds", type=FiniteFloat(min=0, min_open=True))      # NaN and infinity are no numbers
 @click.option("--finger", type=WholeNumber(1, 127))
+click.echo(counted(1, "sample"))                                        # 1 sample; 2 samples
 """
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, isnan
 from typing import Any
 
 import click
 
-__all__ = ["FiniteFloat", "WholeNumber"]
+__all__ = ["FiniteFloat", "WholeNumber", "counted"]
 
 
 class FiniteFloat(click.FloatRange):
@@ -22,10 +23,11 @@ class FiniteFloat(click.FloatRange):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         try:
             number = float(value)
-        except (TypeError, ValueError):
-            number = float("nan")
-        if not isfinite(number):
+        except (TypeError, ValueError, OverflowError):
             self.fail(f"{value!r} is not a number; give {_what('a number', self)}", param, ctx)
+        if not isfinite(number):
+            what = "a number" if isnan(number) else "finite"
+            self.fail(f"{value!r} is not {what}; give {_what('a number', self)}", param, ctx)
         return float(super().convert(number, param, ctx))
 
 
@@ -40,6 +42,11 @@ class WholeNumber(click.IntRange):
         except (TypeError, ValueError, OverflowError):
             self.fail(f"{value!r} is not a whole number; give {_what('a whole number', self)}", param, ctx)
         return int(super().convert(number, param, ctx))
+
+
+def counted(n: int, noun: str) -> str:
+    """`1 sample`, `2 samples`."""
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
 def _what(kind: str, limits: click.FloatRange | click.IntRange) -> str:

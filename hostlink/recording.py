@@ -66,6 +66,8 @@ def check_suffix(path: Path | str, allowed: tuple[str, ...] = (*CAN_SUFFIXES, SE
     """The path, if its format keeps everything. Raises LogError: it does not, or it is unknown."""
     path = Path(path)
     suffix = path.suffix.lower()
+    if path.is_dir():
+        raise LogError(f"{path}: is a folder; give a file that ends in {' or '.join(allowed)}")
     if suffix not in allowed:
         reason = REFUSED.get(suffix, "unknown format" if suffix else "no suffix")
         raise LogError(f"{path}: {reason}; use {' or '.join(allowed)}")
@@ -151,7 +153,8 @@ def read_log(path: Path | str) -> Iterator[can.Message]:
             yield _with_time(message, round(message.timestamp, 6))
             read_n += 1
     except (ValueError, LookupError, OverflowError, struct.error, zlib.error, OSError) as error:
-        raise LogError(f"{path}: damaged after {read_n} messages: {_why(error)}") from None
+        messages = "message" if read_n == 1 else "messages"
+        raise LogError(f"{path}: damaged after {read_n} {messages}: {_why(error)}") from None
 
 
 def _read_candump(path: Path) -> Iterator[can.Message]:

@@ -12,6 +12,7 @@ from calib.capture import capture, progress_of
 from calib.errors import CaptureError
 from calib.protocols import PROTOCOLS, Step, load_protocol
 from calib.rig import Rig, ask_here, open_rig
+from hostlink.cli_types import counted
 
 
 @click.command(name="capture")
@@ -43,6 +44,7 @@ def capture_command(rig: str, protocol: str, output: Path, camera: str, resume: 
     plan = load_protocol(protocol)
     if output.suffix != ".mcap":
         raise CaptureError(f"--output {output}: give a name that ends in .mcap")
+
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     bar = Progress(*columns, console=Console(stderr=True))
     task = bar.add_task(plan.name, total=plan.n_frames)
@@ -67,4 +69,8 @@ def capture_command(rig: str, protocol: str, output: Path, camera: str, resume: 
     finally:
         if bar.live.is_started:
             bar.stop()
-    click.echo(f"{output}: {taken} frames of protocol {plan.name}; table {output.with_suffix('.csv')}")
+    now = "" if taken == plan.n_frames else f" ({taken or 'none'} of them now)"
+    click.echo(
+        f"{output}: complete, {counted(plan.n_frames, 'frame')} of protocol {plan.name}{now}; "
+        f"table {output.with_suffix('.csv')}"
+    )

@@ -42,15 +42,16 @@ def open_rig(
     if kind == "gcode" and rest:
         from calib.rig.gcode import GcodeRig
         from calib.rig.stage import GcodeStage, load_stage
+        from edge.errors import SourceError
         from edge.sources import open_source
 
-        config = load_stage(rest)
-        source = open_source(camera)
+        stage = GcodeStage(load_stage(rest))
         try:
-            return GcodeRig(GcodeStage(config), source, ask)
-        except RigError:
-            source.close()
+            source = open_source(camera)
+        except SourceError:
+            stage.close()
             raise
+        return GcodeRig(stage, source, ask)
     if spec == "manual":
         from calib.rig.manual import ManualRig
         from edge.sources import open_source

@@ -7,15 +7,15 @@ Rules
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-
-import msgspec
 
 from calib.errors import RigError
 from calib.rig.base import Pose
 from calib.sim import Camera, Look, Simulator, Tip, Tool, ToolPose
+from calib.toml_file import load_toml
+from edge.limits import PINS_MAX, PINS_MIN
+from edge.sources.image_header import check_size
 from edge.types import Frame
 
 
@@ -51,14 +51,14 @@ def load_simulation(path: Path | None) -> Simulation:
     if path is None:
         return Simulation()
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-        known = msgspec.convert(table, Simulation)
+        table, known = load_toml(path, Simulation)
         _refuse_unknown(table, known)
+        if not PINS_MIN <= known.tip.n_pins <= PINS_MAX:
+            raise ValueError(f"tip: n_pins = {known.tip.n_pins}; give {PINS_MIN} to {PINS_MAX}")
+        check_size(*known.camera.size_px)
         known.simulator()
         return known
-    except OSError as error:
-        raise RigError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, msgspec.ValidationError) as error:
+    except ValueError as error:
         raise RigError(f"{path}: {error}") from None
 
 

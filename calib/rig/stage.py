@@ -16,15 +16,16 @@ Sources  GRBL v1.1 interface and its error and alarm code tables; Marlin G28, M4
 from __future__ import annotations
 
 import time
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import serial
 
 from calib.errors import RigError
+from calib.toml_file import load_toml
+from edge.limits import Number
 
 # GRBL v1.1, the codes that a calibration can meet.
 GRBL_ERRORS = {
@@ -70,25 +71,28 @@ DIALECTS = {
 }
 
 
+Seconds = Annotated[float, msgspec.Meta(ge=0.01, le=3600)]
+
+
 class AxisTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """One axis of the stage, in its own coordinates (mm; degrees for a rotary one)."""
 
-    at: float = 0.0
+    at: Number = 0.0
     sign: float = 1.0
-    min: float = -1e9
-    max: float = 1e9
+    min: Number = -1e9
+    max: Number = 1e9
 
 
 class StageTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     port: str
-    baud: int = 115200
+    baud: Annotated[int, msgspec.Meta(ge=1200, le=12_000_000)] = 115200
     dialect: str = "grbl"
     home: bool = True
-    feed_mm_min: float = 300.0
-    clear_mm: float = 5.0
-    dome_radius_mm: float = 20.0
-    answer_s: float = 60.0  # a homing cycle across a desktop stage takes half of this
-    boot_s: float = 3.0  # an Arduino's boot loader takes 2 s
+    feed_mm_min: Annotated[float, msgspec.Meta(ge=0.1, le=1e5)] = 300.0
+    clear_mm: Annotated[float, msgspec.Meta(ge=0.1, le=1000)] = 5.0
+    dome_radius_mm: Annotated[float, msgspec.Meta(ge=0.1, le=1000)] = 20.0
+    answer_s: Seconds = 60.0  # a homing cycle across a desktop stage takes half of this
+    boot_s: Seconds = 3.0  # an Arduino's boot loader takes 2 s
 
 
 class StageFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -104,16 +108,16 @@ def load_stage(spec: str) -> StageFile:
         return StageFile(stage=StageTable(port=spec))
     path = Path(spec)
     try:
-        known = msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), StageFile)
-    except OSError as error:
-        raise RigError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, msgspec.ValidationError) as error:
+        _, known = load_toml(path, StageFile)
+    except ValueError as error:
         raise RigError(f"{path}: {error}") from None
     if known.stage.dialect not in DIALECTS:
         raise RigError(f"{path}: dialect {known.stage.dialect!r} is unknown; one of {', '.join(DIALECTS)}")
     for letter in known.axes:
         if letter not in ("X", "Y", "Z", "A"):
             raise RigError(f"{path}: axes.{letter} is unknown; one of X, Y, Z, A")
+        if abs(known.axes[letter].sign) != 1:
+            raise RigError(f"{path}: axes.{letter}.sign = {known.axes[letter].sign:g}; give 1 or -1")
     return known
 
 

@@ -22,6 +22,7 @@ import numpy as np
 
 from edge.calibration.file import Curve, Polynomial
 from edge.calibration.inputs import term_columns
+from edge.types import Array
 
 if cython.compiled:
     from cython.cimports.libc.math import isnan, sqrt
@@ -71,7 +72,7 @@ class ModelKernel:
         knots: list[tuple[float, float]] = []
         columns: list[list[int]] = []
         weights: list[tuple[float, float]] = []
-        spread: list[list[float]] = []
+        spread = np.zeros((0, 2 * ROWS))
         for model in models:
             if isinstance(model, Curve):
                 curve_inputs.append(_curve_input(model, inputs))
@@ -81,7 +82,7 @@ class ModelKernel:
                 curve_inputs.append(-1)
                 columns += _columns_of(model, inputs)
                 weights += model.weights
-                spread += _rows_by_four(model)
+                spread = np.concatenate([spread, _rows_by_four(model)])
                 outputs += [(*valid, s) for valid, s in zip(model.valid, model.sigma, strict=True)]
             first.append((len(outputs), len(knots), len(columns), len(spread)))
         self.n_outputs = len(outputs)
@@ -92,7 +93,7 @@ class ModelKernel:
         self._first_factor = np.cumsum([0, *map(len, columns)], dtype=np.intp)
         self._columns = np.array([column for term in columns for column in term], np.int32)
         self._weights = np.array(weights, np.float64).reshape(-1, 2)
-        self._spread = np.array(spread, np.float64).reshape(-1, 2 * ROWS)
+        self._spread = spread
         self._low, self._high, self._sigma = np.array(outputs, np.float64).reshape(-1, 3).T.copy()
         self._row = np.zeros((2 * len(inputs), 2))
         self._terms = np.zeros((np.diff(begins[2]).max(initial=1), 2))
@@ -234,13 +235,12 @@ def _add_squares_of_four(
     return total + (d * d + id_ * id_)
 
 
-def _rows_by_four(model: Polynomial) -> list[list[float]]:
+def _rows_by_four(model: Polynomial) -> Array:
     """A factor's rows, four at a time and filled up with zeros, as `_add_squares_of_four` takes them."""
     n = len(model.terms)
     padding = [[(0.0, 0.0)] * n] * ((ROWS - len(model.spread) % ROWS) % ROWS)
     rows = np.array([*model.spread, *padding], np.float64).reshape(-1, ROWS, n, 2)
-    by_four: list[list[float]] = rows.transpose(0, 2, 3, 1).reshape(-1, 2 * ROWS).tolist()
-    return by_four
+    return np.ascontiguousarray(rows.transpose(0, 2, 3, 1).reshape(-1, 2 * ROWS))
 
 
 def _curve_input(model: Curve, inputs: Sequence[str]) -> int:

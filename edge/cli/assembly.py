@@ -69,9 +69,10 @@ def make_loop(
     store = None if state_dir is None else CalibrationStore(state_dir)
     if store is not None:
         store.clear_leftovers()
-    calibration = None if calibration_path or store is None else store.load()
-    if calibration is None:
-        calibration = load_calibration(calibration_path or config.calibration.file or None)
+    stored = [] if calibration_path or store is None else store.load()
+    calibration = (
+        stored[0] if stored else load_calibration(calibration_path or config.calibration.file or None)
+    )
     registry = FaultRegistry()
     monitor = BoardMonitor(registry, hot_degc=config.limits.temperature_degc)
     notifier = Notifier()
@@ -90,6 +91,7 @@ def make_loop(
         board=monitor,
         notifier=notifier,
     )
+    loop.measurement.fallbacks = tuple(stored[1:])
     registry.listeners.append(FaultLog(registry, notifier.status))
     device = LoopDevice(loop, config.sensor.serial, store)
     settings = _settings(config, state_dir)

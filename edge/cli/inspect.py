@@ -70,6 +70,9 @@ def _pictures(images: Sequence[Path], folder: Path, overwrite: bool) -> dict[Pat
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--overlay {folder}: {error.strerror}; give a folder that can be made") from None
+    for path in images:  # they would be images of the folder from then on
+        if path.parent.resolve() == folder.resolve():
+            raise InputError(f"--overlay {folder}: {path.name} is there too; give another folder")
     chosen: dict[Path, Path] = {}
     for path in dict.fromkeys(images):
         picture = folder / f"{path.stem}_pins.png"

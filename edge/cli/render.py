@@ -36,7 +36,7 @@ from edge.types import Feature, FrameSource, Reading
 from edge.view.palette import PAPER, SAFE
 from edge.view.panels import View, picture
 from edge.view.video import CODECS, write_video
-from hostlink.cli_types import FiniteFloat, WholeNumber
+from hostlink.cli_types import FiniteFloat, WholeNumber, counted
 from hostlink.output_file import check_output, writing
 
 if TYPE_CHECKING:
@@ -93,7 +93,8 @@ def render(
         click.echo(json_line(asdict(made)))
     elif not quiet:
         click.echo(
-            f"{out}: {made.frames_n} frames at {made.rate_hz:g} Hz, {made.unidentified_n} without values"
+            f"{out}: {counted(made.frames_n, 'frame')} at {made.rate_hz:g} Hz, "
+            f"{made.unidentified_n} without values"
         )
 
 

@@ -14,6 +14,7 @@ from edge.cli.options import LoopOptions, SpeedFactor, loop_options
 from edge.cli.progress import counting, waiting
 from edge.cli.summary import Summary, damage_of, json_line, print_summary
 from edge.errors import InputError
+from hostlink.cli_types import counted
 
 if TYPE_CHECKING:
     from edge.pipeline import Result
@@ -131,8 +132,9 @@ def _lost_to_tare(loop: Loop, tare_n: int, skipped_n: int | None) -> str:
     way_out = "--loop plays it on, --speed max takes every image" if paced else "replay a longer one"
     if loop.last is None:
         return (
-            f"ended while the rest frame was being taken ({tare_n} images and a search), no values; {way_out}"
+            f"ended while the rest frame was being taken ({counted(tare_n, 'image')} and a search), "
+            f"no values; {way_out}"
         )
     if skipped_n:
-        return f"{skipped_n} images passed while the rest frame was being taken; {way_out}"
+        return f"{counted(skipped_n, 'image')} passed while the rest frame was being taken; {way_out}"
     return ""

@@ -1,7 +1,7 @@
 """The calibration that a host has uploaded, on disk: the one in use, and the last good one beside it.
 
-A file is stored only after it was tried on the tip, and replaced atomically. If it cannot be read at a start
-(a damaged disk, a file of an older release), the finger still starts, with the previous file.
+A file is stored only after it was tried on the tip, and replaced atomically. If it cannot be used at a start
+(a damaged disk, a file of an older release, another tip since), the finger starts with the previous file.
 """
 
 from __future__ import annotations
@@ -30,20 +30,17 @@ class CalibrationStore:
         self.path = directory / "calibration.json"
         self.previous = directory / "calibration.previous.json"
 
-    def load(self) -> Calibration | None:
-        """The newest file that can be used; None: there is none."""
+    def load(self) -> list[Calibration]:
+        """The files that can be read, the newest first: what a start tries in turn."""
+        found = []
         for path in (self.path, self.previous):
             if not path.is_file():
                 continue
             try:
-                calibration = Calibration.load(path)
+                found.append(Calibration.load(path))
             except CalibrationError as error:
-                log.error("stored calibration: %s; using the one before, if there is one", error)
-                continue
-            if path is self.previous:
-                log.warning("%s: used instead; upload the calibration of this tip again", path)
-            return calibration
-        return None
+                log.error("stored calibration: %s; upload the calibration of this tip again", error)
+        return found
 
     def replace(self, calibration: Calibration) -> None:
         """Store a calibration that was tried; the one before is kept.

@@ -19,7 +19,7 @@ from edge.runtime.drift import LIMIT_PX, Drift
 from edge.runtime.fault_detector import LOAD_PITCHES, NO_CALIBRATION, FaultDetector
 from edge.runtime.fault_registry import FaultRegistry
 from edge.runtime.statistics import StatisticsCollector
-from edge.runtime.tare import PARAMS, TareParams, TareRefused, take_rest_frame
+from edge.runtime.tare import PARAMS, RestFrame, TareParams, TareRefused, take_rest_frame
 from edge.runtime.tare_state import Prepared, TareRequest, TareState
 from edge.types import Feature, Frame, FrameSource, Reading, Rest
 from hostlink.output_file import OutputError
@@ -56,6 +56,7 @@ class Measurement:
     """Rest frame, calibration and stages of one finger.
 
     calibration  in use; None: values that need one are invalid
+    fallbacks    calibrations that the first rest frame is tried with where `calibration` is another tip's
     pipeline     the computing stages; None: there is no rest frame yet
     drift        learnt since the rest frame was taken
     last         the last result
@@ -73,6 +74,7 @@ class Measurement:
         counters: StatisticsCollector,
     ) -> None:
         self.calibration = calibration
+        self.fallbacks: Sequence[Calibration] = ()
         self.pipeline: Pipeline | None = None
         self.drift: Drift | None = None
         self.last: Result | None = None
@@ -220,21 +222,39 @@ class Measurement:
         May run in another thread. Raises TareRefused; OSError, OutputError: not stored
         """
         calibration = request.calibration or self.calibration
-        params = replace(self._config.tare, polarity=self._source.polarity)
-        live = self._source.live
-        if not live:  # only a live tip can be asked to keep still
-            params = replace(params, steady_px=np.inf)
-        rest_frame = take_rest_frame(
-            [frame.image for frame in frames],
-            params,
-            calibration,
-            self._reference,
-            force=request.force or not live,
-        )
+        try:
+            rest_frame = self._take_rest_frame(frames, calibration, request.force)
+        except TareRefused as error:
+            is_start = self.pipeline is None and request.calibration is None
+            if not is_start or error.reason is not RestFrameReason.OTHER_TIP:
+                raise
+            calibration, rest_frame = self._fall_back(frames, error)
         pipeline = Pipeline(rest_frame.rest, calibration)
         if request.store is not None:
             request.store()
         return Prepared(rest_frame, pipeline, frames[-1])
+
+    def _take_rest_frame(
+        self, frames: Sequence[Frame], calibration: Calibration | None, force: bool = False
+    ) -> RestFrame:
+        """Raises TareRefused."""
+        params = replace(self._config.tare, polarity=self._source.polarity)
+        live = self._source.live
+        if not live:  # only a live tip can be asked to keep still
+            params = replace(params, steady_px=np.inf)
+        images = [frame.image for frame in frames]
+        return take_rest_frame(images, params, calibration, self._reference, force=force or not live)
+
+    def _fall_back(self, frames: Sequence[Frame], error: TareRefused) -> tuple[Calibration, RestFrame]:
+        """A calibration of this tip, where the first choice was another's. Raises TareRefused: none is."""
+        for calibration in self.fallbacks:
+            try:
+                rest_frame = self._take_rest_frame(frames, calibration)
+            except TareRefused:
+                continue
+            log.warning("%s; using the calibration stored before, %08x", error, calibration.content_id)
+            return calibration, rest_frame
+        raise error
 
     def _accept_tare(self, prepared: Prepared) -> None:
         """Use this rest frame and its calibration from now on."""
@@ -259,9 +279,8 @@ class Measurement:
             kind = CalibrationError if error.reason is RestFrameReason.OTHER_TIP else SourceError
             raise kind(f"{self._source.name}: {error}")
         self._faults.report(FaultCode.TARE_IMPLAUSIBLE, True, str(error))
-        if self.pipeline is None and self.tare.request is None:
-            foreign = error.reason is RestFrameReason.OTHER_TIP
-            self._faults.report(FaultCode.CALIBRATION_FOREIGN, foreign, str(error))
+        if self.pipeline is None and self.tare.request is None and error.reason is RestFrameReason.OTHER_TIP:
+            self._faults.report(FaultCode.CALIBRATION_FOREIGN, True, str(error))  # until one is accepted
         self.tare.finish(RestFrameState.REFUSED, error.reason, str(error))
         if self.pipeline is None:
             self.tare.restart()

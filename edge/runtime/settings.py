@@ -15,6 +15,7 @@ from typing import Any
 
 import msgspec
 
+from edge import limits
 from hostlink.output_file import OutputError, writing
 from hostlink.wire import OBJECTS
 
@@ -23,7 +24,6 @@ __all__ = ["NodeSettings", "SettingsFile"]
 log = logging.getLogger(__name__)
 
 SHOWN_S = 1.0  # how long a failed write is reported as a storage fault
-MAX_BYTES = 4096  # ten times what is ever written
 RATE_MIN_HZ = 0.01  # slower rates are mistakes: 1e-45 Hz would never send
 
 _STORED = {o.name: o for o in OBJECTS if o.stored and o.type != "domain"}
@@ -65,14 +65,11 @@ class SettingsFile:
         if self._path is None or not self._path.exists():
             return self._defaults
         try:
-            with self._path.open("rb") as file:
-                raw = file.read(MAX_BYTES + 1)
-            if len(raw) > MAX_BYTES:
-                raise ValueError(f"longer than {MAX_BYTES} bytes")
-            table = msgspec.json.decode(raw, type=dict[str, int | float])
+            raw = limits.read_bounded(self._path, limits.SETTINGS_BYTES)
+            table = limits.decode_json(raw, dict[str, int | float])
             values: dict[str, Any] = {name: checked(name, value) for name, value in table.items()}
             return replace(self._defaults, **values)
-        except (OSError, ValueError, KeyError, RecursionError) as error:
+        except (OSError, ValueError) as error:
             log.warning("%s: settings cannot be used (%s); starting with defaults", self._path, error)
             return self._defaults
 
@@ -112,8 +109,10 @@ class SettingsFile:
 
 
 def checked(name: str, value: float) -> float:
-    """The value, if this setting may have it. Raises KeyError: no such setting; ValueError"""
-    obj = _STORED[name]
+    """The value, if this setting may have it. Raises ValueError: it may not, or there is no such setting."""
+    obj = _STORED.get(name)
+    if obj is None:
+        raise ValueError(f"no setting is called {limits.quote(name)}; known: {', '.join(_STORED)}")
     if isinstance(value, bool) or (obj.type != "real32" and not isinstance(value, int)):
         raise ValueError(f"{name} is {value!r}, not a whole number")
     if obj.low is not None and obj.high is not None and not obj.low <= value <= obj.high:

@@ -69,8 +69,12 @@ def _read_image(path: Path) -> Image:
     """Raises ValueError: not an image."""
     try:
         data = np.fromfile(path, np.uint8)
+    except IsADirectoryError:
+        raise ValueError("is a folder; give the images in it, one by one") from None
+    except FileNotFoundError:
+        raise ValueError("no such file") from None
     except OSError as error:
-        raise ValueError(f"{error.strerror}; {_GIVE}") from error
+        raise ValueError(f"cannot be read: {error.strerror}") from None
     try:
         check_image_header(data.data)
     except ValueError as error:

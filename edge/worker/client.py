@@ -17,6 +17,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -243,14 +244,17 @@ class WorkerClient:
                         self.page = message
                     case RecordingReport():
                         self.recording.report = message
+                    case Ask(what="tare"):  # takes seconds, and reports and wishes come meanwhile
+                        threading.Thread(target=self._answer, args=(control, message), daemon=True).start()
                     case Ask():
-                        answer = Answer(message.number, self._do(message))
-                        try:
-                            control.send(pickle.dumps(answer))
-                        except OSError:
-                            break
+                        self._answer(control, message)
         if not self._closing:
             self._on_worker_exit()
+
+    def _answer(self, control: socket.socket, ask: Ask) -> None:
+        answer = Answer(ask.number, self._do(ask))
+        with suppress(OSError):  # the worker has ended: the next `_receive` says so
+            control.send(pickle.dumps(answer))
 
     def _on_wants(self, wants: frozenset[str] | None) -> None:
         """Have only those features computed that are shown."""

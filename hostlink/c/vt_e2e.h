@@ -53,7 +53,7 @@ extern "C" {
 #define VT_STATUS_IMAGE_FAULT            0x0020u        /* image too dark, too bright or out of focus */
 #define VT_STATUS_PINS_LOST              0x0040u        /* too few pins are seen */
 #define VT_STATUS_TRACKER_LOST           0x0080u        /* which pin is which is not known */
-#define VT_STATUS_TARE_FAULT             0x0100u        /* no plausible rest frame */
+#define VT_STATUS_TARE_FAULT             0x0100u        /* the last rest frame was refused, or forced although implausible */
 #define VT_STATUS_CAMERA_MOVED           0x0200u        /* the camera sits differently than at the last tare */
 #define VT_STATUS_FRAMES_DROPPED         0x0400u        /* images were skipped since the last sample */
 #define VT_STATUS_LINK_FAULT             0x0800u        /* samples were lost in sending since the last one sent */
@@ -72,7 +72,7 @@ extern "C" {
 #define VT_FAULT_TRACKER_LOST            8u             /* pins are seen but which is which is not known */
 #define VT_FAULT_CALIBRATION_MISSING     9u             /* no calibration file */
 #define VT_FAULT_CALIBRATION_FOREIGN     10u            /* the calibration belongs to another tip */
-#define VT_FAULT_TARE_IMPLAUSIBLE        11u            /* the rest frame shows a touched tip or too few pins */
+#define VT_FAULT_TARE_IMPLAUSIBLE        11u            /* the last rest frame shows a touched tip or too few pins */
 #define VT_FAULT_OVERLOAD                12u            /* pressed or sheared beyond the tip's limit */
 #define VT_FAULT_LINK_DOWN               13u            /* bus or serial line refused frames */
 #define VT_FAULT_BUS_OFF                 14u            /* CAN controller went bus-off and recovered */

@@ -7,12 +7,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import click
+from click.core import ParameterSource
 
-from hostlink.cli_types import FiniteFloat, WholeNumber
+from hostlink.cli_types import FiniteFloat, WholeNumber, counted
 from hostlink.client import Finger, connect
 from hostlink.commands.busload import LIMIT, Load, plan
 from hostlink.errors import ObjectAborted, UsageError
-from hostlink.wire import OBJECTS, Abort, RestFrameState, object_named, pack_value
+from hostlink.wire import OBJECTS, Abort, Object, RestFrameState, object_named, pack_value
 from hostlink.wire.objects import REST_FRAME_REASONS
 
 finger_option = click.option(
@@ -34,7 +35,16 @@ def info(address: str, finger: int | None, as_json: bool) -> None:
         return
     for name, value in values.items():
         shown = f"0x{answer.schema_hash:08x}" if name == "schema_hash" else _shown(value)
-        click.echo(f"{name:<18} {shown} {object_named(name).unit}".rstrip())
+        unit = f"{object_named(name).unit}{_UNLIMITED.get((name, value), '')}"
+        click.echo(f"{name:<18} {shown} {unit}".rstrip())
+
+
+#: What a value means that does not speak for itself.
+_UNLIMITED: dict[tuple[str, object], str] = {
+    ("rate_hz", 0.0): ": no limit, a sample for each image",
+    ("detail_divider", 0): ": off",
+    ("heartbeat_ms", 0): ": off",
+}
 
 
 def _shown(value: int | float | str | bytes) -> str:
@@ -102,7 +112,7 @@ def set_object(address: str, name: str, value: str, finger: int | None) -> None:
     try:
         number = float(value) if obj.type == "real32" else int(value, 0)
     except ValueError:
-        raise UsageError(f"{name} takes a number ({obj.type}), not {value!r}") from None
+        raise UsageError(f"{name} takes {_range_of(obj)}, not {value!r}") from None
     try:
         pack_value(obj, number)
     except ValueError as error:  # before a bus is opened for it
@@ -115,6 +125,14 @@ def set_object(address: str, name: str, value: str, finger: int | None) -> None:
         stored = not obj.stored or _stores_settings(asked)
     until = "" if stored else " (until the finger restarts: it has no folder to store settings in)"
     click.echo(f"finger {asked.node}: {name} = {shown} {obj.unit}".rstrip() + until)
+
+
+def _range_of(obj: Object) -> str:
+    """What numbers an object takes, in words."""
+    kind = "a number" if obj.type == "real32" else "a whole number"
+    if obj.low is None or obj.high is None:
+        return kind
+    return f"{kind} from {obj.low:g} to {obj.high:g}{' ' * bool(obj.unit)}{obj.unit}"
 
 
 def _stores_settings(finger: Finger) -> bool:
@@ -144,10 +162,18 @@ def _stores_settings(finger: Finger) -> bool:
 )
 @click.option("--classic", is_flag=True, help="Classic CAN: parts of 8 bytes.")
 @click.option("--baud", type=WholeNumber(9_600, 12_000_000), help="A serial line instead of a bus.")
+@click.pass_context
 def busload(
-    fingers: int, rate_hz: float, bitrate: int, dbitrate: int, classic: bool, baud: int | None
-) -> None:  # fmt: skip
+    ctx: click.Context,
+    fingers: int,
+    rate_hz: float,
+    bitrate: int,
+    dbitrate: int,
+    classic: bool,
+    baud: int | None,
+) -> None:
     """How full a bus gets, with worst-case stuffing. What cannot fit is refused, with what would."""
+    _refuse_of_another_link(ctx, "--baud" if baud is not None else "--classic" if classic else "")
     if baud is not None:
         load = plan("serial", fingers, rate_hz, baud)
     elif classic:
@@ -164,6 +190,17 @@ def busload(
     click.echo(_sentence(load))
 
 
+#: What each kind of link has no use for.
+_NOT_OF = {"--baud": ("classic", "bitrate", "dbitrate"), "--classic": ("dbitrate",)}
+
+
+def _refuse_of_another_link(ctx: click.Context, kind: str) -> None:
+    """Raises UsageError: an option was given that this kind of link would leave unused."""
+    for name in _NOT_OF.get(kind, ()):
+        if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            raise UsageError(f"--{name} does not go with {kind}: leave one of them out")
+
+
 def _sentence(load: Load) -> str:
     where = {
         "fd": f"CAN FD {load.bitrate / 1e6:g}/{(load.dbitrate or 0) / 1e6:g} Mbit/s",
@@ -172,6 +209,6 @@ def _sentence(load: Load) -> str:
     }[load.kind]
     each = " each, a line for each," if load.kind == "serial" and load.fingers > 1 else ""
     return (
-        f"{where}: {load.fingers} finger{'s' * (load.fingers > 1)} at {load.rate_hz:g} Hz{each} "
-        f"take {load.share:.1%} ({load.sample_s * 1e6:.0f} us a sample at worst)"
+        f"{where}: {counted(load.fingers, 'finger')} at {load.rate_hz:g} Hz{each} "
+        f"take{'s' * (load.fingers == 1)} {load.share:.1%} ({load.sample_s * 1e6:.0f} us a sample at worst)"
     )

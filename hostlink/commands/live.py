@@ -18,7 +18,7 @@ from typing import Any
 
 import click
 
-from hostlink.cli_types import FiniteFloat, WholeNumber
+from hostlink.cli_types import FiniteFloat, WholeNumber, counted
 from hostlink.client import Connection, connect
 from hostlink.commands.monitor import Board, line, screen
 from hostlink.decoder import SERIAL_NODE, CanDecoder, Event, Sample, SerialDecoder
@@ -61,6 +61,8 @@ def monitor(address: str, seconds: float | None, plain: bool) -> None:
                 _print_lines(board, end_s, address)
             else:
                 _show_table(hand, board, end_s)
+            if not hand.fingers:  # only with --seconds: there is no other end
+                raise LinkTimeout(f"{address}: no finger was heard for {seconds:g} s")
 
 
 def _print_lines(board: Board, end_s: float | None, address: str) -> None:
@@ -116,8 +118,8 @@ def record(address: str, file: Path, seconds: float | None, overwrite: bool) -> 
         raise WriteError(f"{path}: cannot be written: {why}; the recording ends there") from None
     finally:
         signal.signal(signal.SIGTERM, before)
-    what = "frames" if place.is_can else "chunks"
-    click.echo(f"{path}: {written_n} {what}, {samples_n} samples", err=True)
+    what = "frame" if place.is_can else "chunk"
+    click.echo(f"{path}: {counted(written_n, what)}, {counted(samples_n, 'sample')}", err=True)
     if not written_n:
         raise LinkTimeout(f"{address}: nothing came in")
 
@@ -245,7 +247,7 @@ def _nothing_found(decoder: CanDecoder | SerialDecoder, finger: int | None) -> s
         return f"no sample of finger {finger}; it holds those of {', '.join(map(str, found))}"
     damaged_n = sum(s.corrupt_n for s in decoder.statistics.values())
     others_n = getattr(decoder, "unknown_n", 0)
-    return f"no sample of a fingertip; {damaged_n} damaged frames, {others_n} of other devices"
+    return f"no sample of a fingertip; {counted(damaged_n, 'damaged frame')}, {others_n} of other devices"
 
 
 def _json(event: Sample) -> str:

@@ -21,7 +21,7 @@ from typing import Any
 
 import click
 
-from hostlink.cli_types import WholeNumber
+from hostlink.cli_types import WholeNumber, counted
 from hostlink.decoder import Sample
 from hostlink.errors import LogError, UsageError
 from hostlink.output_file import check_output, writing
@@ -277,12 +277,12 @@ def plot(
 
     FILE is a recording of a bus (.log, .blf), of a serial line (.serial) or of the edge (.mcap).
     """
-    out = check_output(out or file.with_suffix(".png"), PICTURES, inputs=(file,), overwrite=overwrite)
     series = _only(read_series(file), fingers, file)
+    out = check_output(out or file.with_suffix(".png"), PICTURES, inputs=(file,), overwrite=overwrite)
     with writing(out, overwrite) as unfinished:
         panels = draw(series, unfinished, file.name)
     samples_n = {node: one.samples_n for node, one in series.items()}
     if as_json:
         click.echo(json.dumps({"out": str(out), "panels": panels, "samples": samples_n}))
     elif not quiet:
-        click.echo(f"{out}: {', '.join(panels)}; {sum(samples_n.values())} samples")
+        click.echo(f"{out}: {', '.join(panels)}; {counted(sum(samples_n.values()), 'sample')}")

@@ -88,7 +88,7 @@ def parse_listen(text: str, token: str | None = None) -> Listen:
     if token == "auto":
         token = secrets.token_urlsafe(16)
     elif token is not None and len(token) < TOKEN_MIN:
-        raise WebError(f"token: {len(token)} characters; give at least {TOKEN_MIN}, or auto")
+        raise WebError(f"token: shorter than {TOKEN_MIN} characters; give a longer one, or auto")
     if not is_loopback(host):
         _check_host(text, host)
     if not is_loopback(host) and not token:

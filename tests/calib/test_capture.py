@@ -173,10 +173,10 @@ def test_command_captures_and_resumes(tmp_path: Path) -> None:
     options = ["capture", "--rig", f"sim:{simulation}", "--protocol", str(protocol), "-o", str(out)]
     done = CliRunner().invoke(cli, options, catch_exceptions=False)
     assert done.exit_code == 0
-    assert "4 frames of protocol tiny" in done.output
+    assert "out.mcap: complete, 4 frames of protocol tiny; table" in done.output
     assert len(rows_of(out)) == 4
     again = CliRunner().invoke(cli, [*options, "--resume"], catch_exceptions=False)
-    assert "0 frames" in again.output
+    assert "out.mcap: complete, 4 frames of protocol tiny (none of them now); table" in again.output
 
 
 @pytest.mark.parametrize(("change", "word"), [

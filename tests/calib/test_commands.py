@@ -28,8 +28,12 @@ from calib.extract import executor
         ("fit {data}/press.mcap -o {out}/tip.json --mm-per-px 1e300", "is not in the range"),
         (
             "fit {data}/press.mcap -o {out}/tip.json --mm-per-px inf",
-            "'inf' is not a number; give",
+            "'inf' is not finite; give",
         ),
+        ("capture --rig sim --protocol surface -o {out}/c.mcap --resume", "leave --resume out to begin one"),
+        ("capture --rig gcode:/dev/absent --protocol surface -o {out}/c.mcap", "stage /dev/absent: "),
+        ("fit {data}/README.md.mcap -o {out}/tip.json", "README.md.mcap: no such recording"),
+        ("demo --data {data} --out {data}", "the recordings are there; give another folder"),
         ("fit {data}/press.mcap -o {out}/tip.json --hold-out nan", "'nan' is not a number; give"),
         ("fit {data}/press.mcap -o {out}/tip.json --hold-out 1", "is not in the range"),
         ("fit {data}/press.mcap -o {out}/tip.json --workers 0", "is not in the range"),

@@ -168,21 +168,26 @@ def refused(values: dict[str, Array], n: int | None = None) -> str:
 def test_too_few_rows() -> None:
     _, values = make(9)
     text = refused(values)
-    assert "9 usable frames, at least 12 are needed" in text
+    assert text == "table.csv: 9 of 9 frames can be used, at least 12 are needed"
 
 
-def test_frames_that_cannot_be_used_are_named() -> None:
+def test_why_frames_cannot_be_used_is_told() -> None:
     extract, values = make(20)
-    sure = np.zeros(20, dtype=np.bool_)
+    sure, touched = np.zeros(20, dtype=np.bool_), np.ones(20, dtype=np.bool_)
     sure[:5] = True
-    with pytest.raises(FitError, match=r"5 usable frames.*not usable: image_5\.png, image_6\.png"):
-        fit(REST, targets(values), replace(extract, sure=sure), mm_per_px=None)
+    touched[2:10] = False
+    with pytest.raises(FitError) as caught:
+        fit(REST, targets(values), replace(extract, sure=sure, in_contact=touched), mm_per_px=None)
+    assert str(caught.value) == (
+        "table.csv: 2 of 20 frames can be used, at least 12 are needed; pins not told apart in 15 "
+        "(first: image_5.png); nothing touches in 3 (first: image_2.png)"
+    )
 
 
 def test_no_spread() -> None:
     text = refused({"displacement_mm": np.full(40, 2.0)})
     assert "no column varies" in text
-    assert "rows 2 to 41" in text
+    assert "over its 40 frames" in text
 
 
 def test_shuffled_labels() -> None:

@@ -108,6 +108,12 @@ def test_file_takes_every_combination_of_lists_and_ranges(tmp_path: Path) -> Non
     ("rest_frames = 0\n[[step]]\ndepth_mm = 1", "rest_frames"),
     ("[[step]]\nframes = -1", "frames"),
     ("not toml", "="),
+    ("[[step]]\ndepth_mm = nan", r"step\[0\].depth_mm = nan: give a finite number"),
+    ("[[step]]\ndepth_mm = 1e300", r"step\[0\].depth_mm = 1e\+300: give a finite number"),
+    ("[[step]]\ndepth_mm = [1, 1e9]", "must be at most 360"),
+    ("[[step]]\ndepth_mm = {from=0, to=1, by=1e-12}", "makes more than 100000 poses"),
+    ("[[step]]\n" + "\n".join(f"{a} = {{from=0, to=99, by=1}}" for a in ("x_mm", "y_mm", "depth_mm")),
+     "step 1: makes more than 100000 poses in all"),
 ])  # fmt: skip
 def test_wrong_file_is_one_line_with_the_key(tmp_path: Path, text: str, word: str) -> None:
     path = tmp_path / "p.toml"

@@ -123,6 +123,9 @@ def test_simulation_file_sets_tip_camera_and_look(tmp_path: Path) -> None:
     ("[tip]\nskin_mm = -1", ["skin_mm"]),
     ("[tip]\nrim_deg = 95", ["rim_deg"]),
     ("[tip]\nn_pins = 100", ["91"]),
+    ("[tip]\nn_pins = 3997", ["n_pins = 3997; give 12 to 2048"]),
+    ("[tip]\nskin_mm = nan", ["tip.skin_mm = nan: give a finite number"]),
+    ("[camera]\nsize_px = [100000, 100000]", ["100000x100000 pixels are too many"]),
     ("[tip]\ncamera_distance_mm = 5", ["camera_distance_mm"]),
     ("seed = 'x'", ["seed"]),
     ("seed", ["="]),
@@ -264,7 +267,10 @@ def test_no_such_port_is_one_line() -> None:
     ("[stage]\nport='a'\nspeed=3", "speed"),
     ("[stage]\nport='a'\ndialect='klipper'", "marlin"),
     ("[stage]\nport='a'\n[axes.Q]\nat=1", "axes.Q"),
-    ("[stage]\nbaud=1", "port"),
+    ("[stage]\nbaud=9600", "port"),
+    ("[stage]\nport='a'\nfeed_mm_min=inf", "stage.feed_mm_min = inf: give a finite number"),
+    ("[stage]\nport='a'\nclear_mm=-5", "stage.clear_mm: must be at least 0.1"),
+    ("[stage]\nport='a'\n[axes.X]\nsign=2", "axes.X.sign = 2; give 1 or -1"),
 ])  # fmt: skip
 def test_wrong_stage_file_names_the_key(tmp_path: Path, text: str, word: str) -> None:
     path = tmp_path / "stage.toml"

@@ -1,4 +1,4 @@
-"""Tables of truth: read correctly, every mistake one line with file, row and column."""
+"""Tables of truth: read correctly, every mistake one line with file, line and column."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ def test_a_byte_order_mark_is_not_part_of_a_name(tmp_path: Path) -> None:
         ("image,pose_z\na.png,1\n", "no column sensor_image"),
         ("sensor_image,colour\na.png,red\n", "none of the columns pose_z"),
         ("sensor_image,pose_z\n", "no rows"),
-        ("sensor_image,pose_z\na.png,deep\n", "row 2, column pose_z: 'deep' is not a number"),
-        ("sensor_image,pose_z\na.png,1\nb.png,nan\n", "row 3, column pose_z: nan is not a finite number"),
-        ("sensor_image,pose_z\na.png,inf\n", "row 2, column pose_z: inf is not a finite number"),
-        ("sensor_image,pose_z\na.png\n", "row 2, column pose_z: '' is not a number"),
-        ("sensor_image,pose_z\na.png,1\nc.png,1\n", "row 3: no frame c.png"),
-        ("sensor_image,pose_z\n,1\n", "row 2: no frame (empty)"),
-        ("sensor_image,pose_z\na.png,1\nb.png,1\na.png,2\n", "row 4: a.png is in row 2 already"),
+        ("sensor_image,pose_z\na.png,deep\n", "line 2, column pose_z: 'deep' is not a number"),
+        ("sensor_image,pose_z\na.png,1\nb.png,nan\n", "line 3, column pose_z: nan is not a finite number"),
+        ("sensor_image,pose_z\na.png,inf\n", "line 2, column pose_z: inf is not a finite number"),
+        ("sensor_image,pose_z\na.png\n", "line 2, column pose_z: '' is not a number"),
+        ("sensor_image,pose_z\na.png,1\nc.png,1\n", "line 3: no frame c.png"),
+        ("sensor_image,pose_z\n,1\n", "line 2: no frame (empty)"),
+        ("sensor_image,pose_z\na.png,1\nb.png,1\na.png,2\n", "line 4: a.png is in line 2 already"),
     ],
 )
 def test_mistakes_are_one_line_with_row_and_column(tmp_path: Path, text: str, expected: str) -> None:
@@ -119,7 +119,7 @@ def test_joined_tables_keep_the_values_of_their_parts() -> None:
 def test_numbers_that_no_fingertip_gives_and_columns_that_nobody_reads(tmp_path: Path) -> None:
     (tmp_path / "a.png").touch()
     table = write(tmp_path, "sensor_image,pose_z,posez\na.png,1e300,1\n")
-    with pytest.raises(TableError, match=r"row 2, column pose_z: 1e\+300 mm is not possible"):
+    with pytest.raises(TableError, match=r"line 2, column pose_z: 1e\+300 mm is not possible"):
         read_targets(table, tmp_path)
     table = write(tmp_path, "sensor_image,pose_z\na.png,0.0025\n")  # metres
     with pytest.raises(TableError, match=r"pose_z never exceeds 0\.05 mm; its unit is mm"):

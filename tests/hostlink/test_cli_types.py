@@ -5,13 +5,23 @@ from __future__ import annotations
 import click
 import pytest
 
-from hostlink.cli_types import FiniteFloat, WholeNumber
+from hostlink.cli_types import FiniteFloat, WholeNumber, counted
 
 
-@pytest.mark.parametrize("text", ["nan", "NaN", "inf", "-inf", "1e999", "abc", "", "0x10"])
-def test_non_finite_numbers_are_refused(text: str) -> None:
+@pytest.mark.parametrize("text", ["nan", "NaN", "abc", "", "0x10"])
+def test_non_numbers_are_refused(text: str) -> None:
     with pytest.raises(click.BadParameter, match="is not a number; give a number above 0"):
         FiniteFloat(min=0, min_open=True).convert(text, None, None)
+
+
+@pytest.mark.parametrize("text", ["inf", "-inf", "1e999"])
+def test_non_finite_numbers_are_refused(text: str) -> None:
+    with pytest.raises(click.BadParameter, match="is not finite; give a number above 0"):
+        FiniteFloat(min=0, min_open=True).convert(text, None, None)
+
+
+def test_one_of_a_thing_is_singular() -> None:
+    assert [counted(n, "frame") for n in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
 
 
 @pytest.mark.parametrize("text", ["nan", "inf", "1.5", "abc", "1e3"])

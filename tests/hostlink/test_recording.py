@@ -89,7 +89,7 @@ def test_missing_unwritable_and_damaged(tmp_path: Path) -> None:
         LogWriter(tmp_path / "none" / "bus.log")
     for name, text in (("a.log", "(1.0) can0 181#00\nnonsense\n"), ("b.blf", "nonsense" * 100)):
         (tmp_path / name).write_text(text)
-        with pytest.raises(LogError, match=r"damaged after [01] messages"):
+        with pytest.raises(LogError, match=r"damaged after (0 messages|1 message):"):
             list(read_log(tmp_path / name))
 
 
@@ -163,7 +163,7 @@ def test_a_line_of_another_form_is_reported_as_damage(tmp_path: Path, line: str)
     path.write_text(f"(1.0) can0 181#00\n{line}\n")
     messages = read_log(path)
     assert next(messages).data == b"\0"
-    with pytest.raises(LogError, match=r"after 1 messages: line 2 is not one that candump -L writes: '"):
+    with pytest.raises(LogError, match=r"after 1 message: line 2 is not one that candump -L writes: '"):
         next(messages)
 
 

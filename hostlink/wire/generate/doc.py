@@ -397,6 +397,10 @@ def _rest_frame() -> list[str]:
         "",
         "The rest frame and the calibration before stay in use, together, until new ones are accepted.",
         "",
+        "After a rest frame that was refused or forced, `TARE_FAULT` is set until one is accepted. The values",
+        "are then those of the rest frame in use; the bit forbids control all the same, for whoever asked for",
+        "another one had a reason to. A request that is refused at once, with an abort code, sets no bit.",
+        "",
         *_table(
             ("`rest_frame_state`", "name", "meaning"),
             [(state.value, state.name, text) for state, text in REST_FRAME_STATES.items()],

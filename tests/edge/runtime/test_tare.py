@@ -313,19 +313,62 @@ def test_an_upload_that_cannot_be_stored_changes_nothing(
 
 def test_start_up_falls_back_to_the_last_good_file(calibration: Calibration, tmp_path: Path) -> None:
     store = CalibrationStore(tmp_path)
-    assert store.load() is None
+    assert not store.load()
     second = changed(calibration, serial="second")
     store.replace(calibration)
     store.replace(second)
-    assert CalibrationStore(tmp_path).load().content_id == second.content_id  # type: ignore[union-attr]
+    ids = [stored.content_id for stored in CalibrationStore(tmp_path).load()]
+    assert ids == [second.content_id, calibration.content_id]
     store.path.write_bytes(second.encoded[: len(second.encoded) // 2])
-    assert store.load().content_id == calibration.content_id  # type: ignore[union-attr]
+    assert [stored.content_id for stored in store.load()] == [calibration.content_id]
     third = changed(calibration, serial="third")
     store.replace(third)  # an unreadable file does not replace the good one
     store.path.write_bytes(b"{")
-    assert store.load().content_id == calibration.content_id  # type: ignore[union-attr]
+    assert [stored.content_id for stored in store.load()] == [calibration.content_id]
     store.previous.write_bytes(b"{")
-    assert store.load() is None
+    assert not store.load()
+
+
+def test_a_start_with_another_tips_file_falls_back_to_the_one_before(
+    frames: list[Frame], calibration: Calibration, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The tip was exchanged back: the newest file fits it no more, the one before does."""
+    foreign = changed(calibration, rest_xy_px=calibration.content.sensor.rest_xy_px[:280])
+    finger = Finger([], foreign)
+    finger.loop.measurement.fallbacks = (foreign, calibration)
+    for k in range(8):
+        finger.see(frames[k].image)
+    assert finger.loop.calibration is calibration
+    assert finger.loop.tare_outcome.state is RestFrameState.UNKNOWN  # nobody asked
+    assert not finger.faults
+    assert f"using the calibration stored before, {calibration.content_id:08x}" in caplog.text
+    assert finger.see(frames[25].image).displacement_mm == pytest.approx(3.0, abs=0.3)
+
+
+def test_a_touch_at_the_start_is_no_reason_to_fall_back(
+    frames: list[Frame], calibration: Calibration
+) -> None:
+    finger = Finger([], calibration)
+    finger.loop.measurement.fallbacks = (changed(calibration, serial="before"),)
+    for _ in range(8):
+        finger.see(frames[20].image)
+    assert finger.loop.pipeline is None
+    for k in range(8):
+        finger.see(frames[k].image)
+    assert finger.loop.calibration is calibration
+
+
+def test_a_foreign_calibration_is_told_once_until_a_rest_frame_is_accepted(
+    frames: list[Frame], calibration: Calibration
+) -> None:
+    """Whatever else the images show meanwhile."""
+    foreign = changed(calibration, rest_xy_px=calibration.content.sensor.rest_xy_px[:280])
+    finger = Finger(frames, foreign)
+    for shown in ([frames[20].image] * 8, [np.zeros((320, 320), np.uint8)] * 8, images(frames, 0)) * 2:
+        for image in shown:
+            finger.see(image)
+        assert FaultCode.CALIBRATION_FOREIGN in finger.faults
+    assert finger.registry.appeared[FaultCode.CALIBRATION_FOREIGN] == 1
 
 
 # ---- a loop that goes on meanwhile ------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import re
 import signal
 import subprocess
@@ -21,8 +22,12 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from edge.recording import RecordingSource, read_messages
-from edge.worker.shared_memory import Inbox, Outbox
+from edge.sources import open_source
+from edge.worker.client import WorkerClient, WorkerConfig
+from edge.worker.messages import Answer, Ask
+from edge.worker.shared_memory import Inbox, Outbox, pair
 from hostlink.wire import FaultCode
+from tests.support.finger import Finger
 from tests.support.viewing import Live
 from tests.support.waiting import SOON_S, size_of
 
@@ -239,3 +244,24 @@ def test_the_worker_leaves_real_time_and_the_loop_s_core_to_the_loop() -> None:
     if done.returncode == 77:
         pytest.skip("needs the right to real-time scheduling, and two processors")
     assert done.returncode == 0, done.stderr
+
+
+def test_a_tare_that_a_viewer_waits_for_keeps_nobody_else_waiting(data_dir: Path) -> None:
+    """No image comes, so the tare has no outcome; what is asked meanwhile is answered all the same."""
+    frames = list(open_source(str(data_dir / "two_contacts.mcap")))
+    finger = Finger(frames, None)
+    client = WorkerClient(finger.loop, WorkerConfig())
+    ours, theirs = pair()
+    theirs.settimeout(SOON_S)
+    thread = threading.Thread(target=client._receive_loop, args=(ours, []))
+    thread.start()
+    theirs.send(pickle.dumps(Ask(1, "tare")))
+    theirs.send(pickle.dumps(Ask(2, "tare")))
+    busy = pickle.loads(theirs.recv(4096))  # whichever came later
+    assert "already" in busy.refused
+    for frame in frames[:8]:
+        finger.see(frame.image)
+    assert pickle.loads(theirs.recv(4096)) == Answer(3 - busy.number, "")
+    client._closing = True
+    theirs.close()
+    thread.join()

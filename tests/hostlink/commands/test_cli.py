@@ -99,6 +99,11 @@ def record(address: str, file: Path, samples_n: int = 11) -> None:
         ("record serial:/dev/nosuch x.log", "a serial line as .serial"),
         ("decode /nosuch.log", "no such file"),
         ("decode x", "no suffix"),
+        ("decode .", "is a folder; give a file that ends in .log or .blf or .serial"),
+        ("set can:can0 divider 1e9", "divider takes a whole number from 1 to 1000, not '1e9'"),
+        ("busload --baud 921600 --classic", "--classic does not go with --baud: leave one of them out"),
+        ("busload --baud 921600 --bitrate 500000", "--bitrate does not go with --baud"),
+        ("busload --classic --dbitrate 500000", "--dbitrate does not go with --classic"),
         ("info serial:/dev/nosuch", "/dev/nosuch"),
         ("tare can:can0 --finger 200", "200"),
         ("set can:can0 colour 5", "no object 'colour'; what can be set: "),
@@ -138,7 +143,11 @@ def test_help_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize(
     ("arguments", "share"),
-    [("--fingers 5", "21.2%"), ("--classic --rate 100", "16.2%"), ("--baud 921600", "19.5%")],
+    [
+        ("--fingers 5", "5 fingers at 250 Hz take 21.2%"),
+        ("--classic --rate 100", "1 finger at 100 Hz takes 16.2%"),
+        ("--baud 921600", "19.5%"),
+    ],
 )
 def test_busload_that_fits(arguments: str, share: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("busload", *arguments.split()) == 0
@@ -167,11 +176,20 @@ def test_monitor_prints_lines_without_a_terminal(
     )
 
 
+def test_monitor_of_a_silent_bus_is_no_success(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("monitor", "virtual:silent", "--seconds", "0.2") == 1
+    out, err = capsys.readouterr()
+    assert out == "virtual:silent: nothing heard yet\n"
+    assert err == "error: virtual:silent: no finger was heard for 0.2 s\n"
+
+
 def test_info_tare_set(finger: Application, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("info", HOST, "--json") == 0
     assert json.loads(capsys.readouterr().out)["serial_number"] == finger.serial
     assert run("info", HOST) == 0
-    assert finger.serial in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert finger.serial in shown
+    assert "rate_hz            0 Hz: no limit, a sample for each image\n" in shown
     assert run("tare", HOST) == 0
     finger.touched = True
     assert run("tare", HOST, "--finger", "6") == 1

@@ -197,3 +197,15 @@ def test_picture_and_recording_that_exist_are_kept(
     assert run("plot", str(tmp_path / "a.log"), "--overwrite") == 0
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.log", "a.png"]
+
+
+def test_an_empty_recording_is_told_before_a_picture_that_exists(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "empty.log").write_text("")
+    (tmp_path / "empty.png").write_text("mine")
+    with pytest.raises(SystemExit) as end:
+        main(["plot", str(tmp_path / "empty.log")])
+    assert end.value.code == 2
+    assert "empty.log: holds no samples" in capsys.readouterr().err
+    assert (tmp_path / "empty.png").read_text() == "mine"
