@@ -56,8 +56,8 @@ def evaluate(calibration: Calibration, targets: Targets, extract: Extract) -> di
     everything = np.ones(len(targets), dtype=np.bool_)
     return {
         "n_frames": len(targets),
-        "n_refused": int((~extract.sure).sum()),
-        "n_read_untouched": int((extract.sure & ~extract.in_contact & pressed(targets)).sum()),
+        "n_refused": int((~extract.trusted).sum()),
+        "n_read_untouched": int((extract.trusted & ~extract.in_contact & pressed(targets)).sum()),
         "n_without_value": {
             name: int((np.isfinite(truth) & ~np.isfinite(values[name])).sum())
             for name, truth in targets.values.items()
@@ -65,7 +65,7 @@ def evaluate(calibration: Calibration, targets: Targets, extract: Extract) -> di
         },
         **_errors(values, sigmas, targets, everything),
         "frame_time_us_median": round(float(np.median(extract.time_us)), 1),
-        "accepted": _errors(values, sigmas, targets, extract.sure),
+        "accepted": _errors(values, sigmas, targets, extract.trusted),
     }
 
 

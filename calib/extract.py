@@ -65,7 +65,7 @@ class Extract:
     contact: Complex
     confidence: Array
     seen_n: Array
-    sure: Mask
+    trusted: Mask
     in_contact: Mask
     counts: Index
     angle_rad: Array
@@ -94,11 +94,11 @@ def measure(pipeline: Pipeline, image: Image, without: Pipeline | None = None) -
     pipeline.forget()
     began = time.perf_counter()
     try:
-        result = pipeline.process(Frame(image, 0, 0), even_unsure=True)
+        result = pipeline.process(Frame(image, 0, 0), even_untrusted=True)
         for _ in range(REPEATS - 1):
             if result.tracks.confidence < result.tracks.LOW_CONFIDENCE or result.tracks.seen.all():
                 break
-            again = pipeline.process(Frame(image, 0, 0), even_unsure=True)
+            again = pipeline.process(Frame(image, 0, 0), even_untrusted=True)
             if again.tracks.n_seen <= result.tracks.n_seen:
                 break
             result = again
@@ -114,7 +114,7 @@ def measure(pipeline: Pipeline, image: Image, without: Pipeline | None = None) -
         contact = contact_inputs(features.contacts[0], features, pattern)
         angle = features.contacts[0].orientation_rad
     inputs = frame_inputs(features, pattern)
-    sure = tracks.confidence >= tracks.LOW_CONFIDENCE
+    trusted = tracks.confidence >= tracks.LOW_CONFIDENCE
     count = len(features.contacts or ())
     lossy = _NO_LOSSES
     if without is not None and features.in_contact:
@@ -124,7 +124,7 @@ def measure(pipeline: Pipeline, image: Image, without: Pipeline | None = None) -
         contact,
         tracks.confidence,
         tracks.n_seen,
-        sure,
+        trusted,
         features.in_contact,
         count,
         angle,

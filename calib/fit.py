@@ -166,7 +166,7 @@ def _checked(sensor: Sensor, mm_per_px: float | None, models: list[Model], data:
 def _usable_frames(targets: Targets, extract: Extract) -> Mask:
     """(frames,) bool: identities certain, touched, inputs computed. Raises FitError: too few, and why."""
     reasons = {
-        "pins not told apart": ~extract.sure,
+        "pins not identified": ~extract.trusted,
         "nothing touches": ~extract.in_contact,
         "motion not computed": ~np.isfinite(extract.inputs[:, FRAME_INPUTS.index("c00")]),
     }
@@ -194,7 +194,7 @@ def _scale(targets: Targets, extract: Extract, rest: Rest) -> float | None:
         return None
     true = targets.values["contact_x_mm"] + 1j * targets.values["contact_y_mm"]
     seen = extract.contact[:, 0] * rest.pattern.tip_radius_px
-    rows = extract.sure & np.isfinite(true) & np.isfinite(seen)
+    rows = extract.trusted & np.isfinite(true) & np.isfinite(seen)
     if rows.sum() < PARAMS.rows_min or np.ptp(np.abs(true[rows])) < PARAMS.variation_min:
         return None
     true, seen = true[rows] - true[rows].mean(), seen[rows] - seen[rows].mean()

@@ -46,7 +46,7 @@ class Symmetry(Enum):
 class LikelihoodParams:
     """Evidence: docs/tuning.md, "process"."""
 
-    turns: int = 8  # in the mean: spins that differ by so many are not told apart while settings are fitted
+    turns: int = 8  # in the mean: spins that differ by so many count as equal while settings are fitted
     rows_first: int = 200  # for each of the starts
     steps_first: int = 40
     rows: int = 480  # for the best of them; more change the settings by less than their own uncertainty

@@ -62,17 +62,17 @@ class Pipeline:
         still = Tracks(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_), 1.0)
         self._extractor = FeatureExtractor(rest, self._tessellator.cells(still).rest_area_px2)
 
-    def process(self, frame: Frame, drift: Drift | None = None, *, even_unsure: bool = False) -> Result:
+    def process(self, frame: Frame, drift: Drift | None = None, *, even_untrusted: bool = False) -> Result:
         """Compute everything in demand from one frame.
 
-        drift        subtracted from the pins' places before anything is computed from them
-        even_unsure  values from identities that are not trusted too: for statistics of what a refusal avoids
+        drift           subtracted from the pins' places before anything is computed from them
+        even_untrusted  give values for identities that are not trusted too: for statistics
         """
         if self.demand is not self._asked:
             self._asked = self.demand
             self._needed = self.demand if self.calibration is None else self.calibration.needed(self.demand)
         tracks, searched = self._locate(frame.image)
-        if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_unsure and tracks.n_seen >= 3):
+        if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         try:
             cells = self._tessellator.cells(tracks) if self._needed & OF_CELLS else None

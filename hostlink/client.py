@@ -171,14 +171,14 @@ class Connection:
         return self.samples()
 
     async def __aiter__(self) -> AsyncIterator[Sample]:
-        loop, news = asyncio.get_running_loop(), asyncio.Event()
-        subscription = self._subscribe(lambda: _wake(loop, news))
+        loop, arrived = asyncio.get_running_loop(), asyncio.Event()
+        subscription = self._subscribe(lambda: _wake(loop, arrived))
         try:
             while True:
                 sample = subscription.take()
                 if sample is None:
-                    await news.wait()
-                    news.clear()
+                    await arrived.wait()
+                    arrived.clear()
                 else:
                     yield sample
         except End:
@@ -272,7 +272,7 @@ class Connection:
             self._handle(event)
 
     def _handle(self, event: Event) -> None:
-        finger = self._heard(event.node)
+        finger = self._sender(event.node)
         if isinstance(event, Sample):
             self._deliver(finger, event)
         elif isinstance(event, SdoFrame) and isinstance(finger.objects, SdoObjects):
@@ -306,13 +306,13 @@ class Connection:
                 log.exception("callback for finger %d", sample.finger)
 
     def _mismatch(self, error: VersionMismatch) -> None:
-        self._heard(error.node).mismatch = error
+        self._sender(error.node).mismatch = error
         log.error("%s: %s", self.address, error)
         if self._mismatched() is not None:
             for subscription in list(self._subscriptions):
                 subscription.put(error=error)
 
-    def _heard(self, node: int) -> Finger:
+    def _sender(self, node: int) -> Finger:
         """The finger that a message came from."""
         finger = self._fingers.get(node)
         if finger is not None:
@@ -385,9 +385,9 @@ def _call(callbacks: list[Any], *what: Any) -> None:
                 callbacks.remove(callback)
 
 
-def _wake(loop: asyncio.AbstractEventLoop, news: asyncio.Event) -> None:
+def _wake(loop: asyncio.AbstractEventLoop, arrived: asyncio.Event) -> None:
     with suppress(RuntimeError):  # the loop was closed: there is no reader any more
-        loop.call_soon_threadsafe(news.set)
+        loop.call_soon_threadsafe(arrived.set)
 
 
 def _add(callbacks: list[Any], callback: Any) -> Callable[[], None]:

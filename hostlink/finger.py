@@ -39,7 +39,7 @@ __all__ = ["STALE_S", "Finger", "Info", "RestFrameOutcome"]
 Value = int | float | str | bytes
 
 #: Abort codes whose reason object `refusal` explains.
-_IN_WORDS = frozenset({Abort.VALUE_RANGE, Abort.NOT_NOW, Abort.NOT_STORED, Abort.LENGTH})
+_EXPLAINED = frozenset({Abort.VALUE_RANGE, Abort.NOT_NOW, Abort.NOT_STORED, Abort.LENGTH})
 _REASONS = frozenset(RestFrameReason)
 _NOT_THERE = frozenset({Abort.NO_OBJECT, Abort.NO_SUB})  # an older release
 STALE_S = 0.1  # default age above which `latest` gives nothing
@@ -153,7 +153,7 @@ class Finger:
     def _explained(self, error: ObjectAborted) -> ObjectAborted:
         """The same error with the node's own reason, if it gives one."""
         try:
-            words = self.get("refusal") if error.code in _IN_WORDS else ""
+            words = self.get("refusal") if error.code in _EXPLAINED else ""
         except LinkError:  # an older release has no such object
             words = ""
         return ObjectAborted(error.index, error.sub, error.code, str(words) or error.reason, error.name)
@@ -203,7 +203,7 @@ class Finger:
                 reason, words = self._reason(), str(self.get("rest_frame_words"))
                 newest_n = int(self.get("rest_frame_request_n"))
                 if newest_n == request_n:
-                    return self._judged(what, RestFrameOutcome(state, reason, words))
+                    return self._accepted(what, RestFrameOutcome(state, reason, words))
                 if (newest_n - request_n) & 0xFFFF > 0x8000:
                     raise LinkError(f"the finger restarted during the {what}; ask again")
                 request_n = newest_n  # another host made a later request: its outcome counts
@@ -218,7 +218,7 @@ class Finger:
         number = int(self.get("rest_frame_reason"))
         return RestFrameReason(number) if number in _REASONS else RestFrameReason.OTHER  # of a newer release
 
-    def _judged(self, what: str, frame: RestFrameOutcome) -> RestFrameOutcome:
+    def _accepted(self, what: str, frame: RestFrameOutcome) -> RestFrameOutcome:
         if frame.state is not RestFrameState.REFUSED:
             return frame
         words = frame.words.removeprefix("tare: ") or REST_FRAME_REASONS[frame.reason]

@@ -56,20 +56,20 @@ def functions(path: Path) -> list[ast.FunctionDef | ast.AsyncFunctionDef]:
     return [node for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
 
 
-def room_of(path: Path) -> str:
+def package_of(path: Path) -> str:
     relative = path.relative_to(ROOT).as_posix()
-    return next(room for room in MAY_IMPORT if relative.startswith(room + "/"))
+    return next(package for package in MAY_IMPORT if relative.startswith(package + "/"))
 
 
-SOURCES = sorted(path for room in ("edge", "hostlink", "calib") for path in (ROOT / room).rglob("*.py"))
+SOURCES = sorted(path for package in ("edge", "hostlink", "calib") for path in (ROOT / package).rglob("*.py"))
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_packages_import_only_what_they_may(path: Path) -> None:
-    room = room_of(path)
+    package = package_of(path)
     for name in imports(path):
         if name.split(".")[0] in PACKAGES:
-            allowed = MAY_IMPORT[room]
+            allowed = MAY_IMPORT[package]
             assert any(name == a or name.startswith(a + ".") for a in allowed), f"{path} imports {name}"
 
 

@@ -113,9 +113,9 @@ def test_serial(pressed: tuple[Path, Path]) -> None:
 
 @pytest.mark.parametrize("name", RECORDINGS)
 def test_every_bundled_recording_over_both_links(data_dir: Path, name: str) -> None:
-    heard = play(data_dir / f"{name}.mcap", Calibration.load(data_dir / RECORDINGS[name]))
-    assert heard.sent.keys() == heard.can.keys() == heard.serial.keys()
-    for number, state in heard.sent.items():
-        assert same(heard.can[number], on_wire(state))
-        assert same(heard.serial[number], on_wire(state))
-    assert heard.last.tracks.n_seen == len(heard.last.tracks.seen)
+    received = play(data_dir / f"{name}.mcap", Calibration.load(data_dir / RECORDINGS[name]))
+    assert received.sent.keys() == received.can.keys() == received.serial.keys()
+    for number, state in received.sent.items():
+        assert same(received.can[number], on_wire(state))
+        assert same(received.serial[number], on_wire(state))
+    assert received.last.tracks.n_seen == len(received.last.tracks.seen)

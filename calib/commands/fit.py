@@ -71,10 +71,10 @@ def fit_command(
     check_output(output, (".json",), given.inputs, overwrite)
     data = given.open()
     targets, extract = data.targets, given.extract(data)
-    judged = None
+    held_out_errors = None
     with executor(given.dask, given.workers) as pool, progress_bar(given.quiet) as bar:
         if hold_out is not None:
-            judged = evaluate_held_out(
+            held_out_errors = evaluate_held_out(
                 data.rest, targets, extract, hold_out, seed, prefer=Prefer(prefer), pool=pool
             )
         task = bar.add_task("models", total=len(groups_of(targets)))
@@ -94,11 +94,13 @@ def fit_command(
         unfinished.write_bytes(calibration.encoded)
     if as_json:
         fitted = {"output": str(output), "models": [_row(c) for c in choices]}
-        click.echo(json.dumps(fitted if judged is None else fitted | {"held_out": judged}))
+        click.echo(json.dumps(fitted if held_out_errors is None else fitted | {"held_out": held_out_errors}))
         return
     _print(choices, output)
-    if judged is not None:
-        print_report(judged, f"a fit to the other frames, on held-out ones ({hold_out:g}, seed {seed})")
+    if held_out_errors is not None:
+        print_report(
+            held_out_errors, f"a fit to the other frames, on held-out ones ({hold_out:g}, seed {seed})"
+        )
         click.echo(f"{output} is fitted to all frames.")
 
 

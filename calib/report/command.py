@@ -178,8 +178,8 @@ def _study(
     values, _ = predict(calibration, probes.extract.rows(first))
     read = np.column_stack([values["contact_x_mm"], values["contact_y_mm"]])
     rows += study.places(probes.data.rest, spots, probes.data.targets.rows(first), read)
-    judged = published or seen["surface"]
-    rows += study.shear_models(judged.data.rest, judged.data.targets, judged.extract)
+    shown = published or seen["surface"]
+    rows += study.shear_models(shown.data.rest, shown.data.targets, shown.extract)
     plots.trade(out / "trade.png", rows)
     section.text(
         "Each step's alternatives on the same frames; the star is what is in use. The line joins what "
@@ -222,6 +222,6 @@ def _results(rest: Any, frames: list[Frame]) -> list[Result]:
     for frame in frames:
         pipeline.forget()
         for _ in range(REPEATS):  # a jump, then repeated: as in `calib.extract.measure`
-            result = pipeline.process(frame, even_unsure=True)
+            result = pipeline.process(frame, even_untrusted=True)
         results.append(result)
     return results

@@ -266,26 +266,26 @@ def slips(page: ReportPage, slipped: list[slip.Slipped]) -> list[Check]:
     section.text(
         f"A tool pressed {slip.DEPTH_MM:g} mm deep is dragged {slip.WAY_MM:g} mm in a second at "
         "several frictions, until it creeps (slides in part, from the contact's rim inwards) and then "
-        "glides. Slip counts as felt at a probability over one half. Gliding moves no pin: no camera behind "
-        "the skin sees it. What is felt is the creep before it: "
-        f"{every.felt_percent:.0f} % of its frames; the speed read there is the skin's own motion against "
-        f"itself, {every.read_mm_s:.2f} mm/s where the tool runs at {every.true_mm_s:.2f} mm/s over the "
-        "contact in the mean."
+        "glides. Slip counts as detected at a probability over one half. Gliding moves no pin: no camera "
+        "behind the skin sees it. What is detected is the creep before it: "
+        f"{every.detected_percent:.0f} % of its frames; the speed read there is the skin's own motion "
+        f"against itself, {every.read_mm_s:.2f} mm/s where the tool runs at {every.true_mm_s:.2f} mm/s over "
+        "the contact in the mean."
     )
     rows = []
     for one, seen in zip(slip.DRAGS, slipped, strict=True):
         o = slip.outcome(seen)
-        numbers = (o.false_percent, o.felt_percent, o.glide_percent, 100.0 * o.felt_from)
+        numbers = (o.false_percent, o.detected_percent, o.glide_percent, 100.0 * o.detected_from)
         speeds = (o.true_mm_s, o.read_mm_s)
         cells = [f"{v:.0f}" for v in numbers] + [f"{v:.2f}" for v in speeds]
         cells = ["-" if cell == "nan" else cell for cell in cells]
         rows.append((one.tool.kind, f"{one.friction:g}", *cells))
     section.table(
-        ("tool", "friction", "felt while it sticks, %", "while it creeps, %", "while it glides, %",
-         "first felt when so much slides, %", "tool over skin, mm/s", "read, mm/s"),
+        ("tool", "friction", "detected while it sticks, %", "while it creeps, %", "while it glides, %",
+         "first detected when so much slides, %", "tool over skin, mm/s", "read, mm/s"),
         rows,
     )  # fmt: skip
-    return [Check("slip felt while the contact sticks", 1.0, every.false_percent, "%")]
+    return [Check("slip detected while the contact sticks", 1.0, every.false_percent, "%")]
 
 
 def real(page: ReportPage, out: Path, published: Seen) -> None:

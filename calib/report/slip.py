@@ -113,30 +113,30 @@ class Outcome:
     """Result of one or several drags. NaN if there was no such frame.
 
     false_percent   of the frames that stick: slip called probable
-    felt_percent    of the frames that creep
+    detected_percent    of the frames that creep
     glide_percent   of the frames that glide
-    felt_from       share of the contact that slid when slip was first detected
-    true_mm_s, read_mm_s  mean speeds over the frames that creep and were felt
+    detected_from       share of the contact that slid when slip was first detected
+    true_mm_s, read_mm_s  mean speeds over the frames that creep and were detected
     """
 
     false_percent: float
-    felt_percent: float
+    detected_percent: float
     glide_percent: float
-    felt_from: float
+    detected_from: float
     true_mm_s: float
     read_mm_s: float
 
 
 def outcome(seen: Slipped) -> Outcome:
     """Result of one drag."""
-    felt = seen.probability > PROBABLE
+    detected = seen.probability > PROBABLE
     creeps = (seen.share >= STICKS) & (seen.share <= GLIDES)
-    both = felt & creeps
+    both = detected & creeps
     return Outcome(
-        100.0 * _mean(felt[seen.share < STICKS]),
-        100.0 * _mean(felt[creeps]),
-        100.0 * _mean(felt[seen.share > GLIDES]),
-        float(seen.share[felt][0]) if felt.any() else math.nan,
+        100.0 * _mean(detected[seen.share < STICKS]),
+        100.0 * _mean(detected[creeps]),
+        100.0 * _mean(detected[seen.share > GLIDES]),
+        float(seen.share[detected][0]) if detected.any() else math.nan,
         _mean(seen.true_mm_s[both]),
         _mean(seen.read_mm_s[both]),
     )

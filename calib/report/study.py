@@ -265,7 +265,7 @@ def places(rest: Rest, results: Sequence[Result], targets: Targets, calibrated: 
 def shear_models(rest: Rest, targets: Targets, seen: Extract) -> list[Row]:
     """Shear from the mean motion, the paper's, against modes of degree 1..5; held-out direction error."""
     true = targets.values["shear_x_mm"] + 1j * targets.values["shear_y_mm"]
-    use = seen.sure & np.isfinite(seen.inputs).all(axis=1)
+    use = seen.trusted & np.isfinite(seen.inputs).all(axis=1)
     inputs, true = seen.inputs[use], true[use]
     poses = np.column_stack([values[use] for values in targets.values.values()])
     large = np.abs(true) > 1.5

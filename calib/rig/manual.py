@@ -10,7 +10,7 @@ from calib.sim.mechanics import Tool
 from edge.types import Frame, FrameSource
 
 # Text for each field of a pose, in the order of execution.
-_WORDS = (
+_INSTRUCTIONS = (
     ("x_mm", "x {:+.2f} mm"),
     ("y_mm", "y {:+.2f} mm"),
     ("tilt_x_deg", "tilt about x {:+.1f} deg"),
@@ -35,8 +35,8 @@ def describe_tool(tool: Tool) -> str:
 def describe_pose(pose: Pose) -> str:
     if pose.depth_mm <= 0:
         return "take the tool off the tip"
-    said = [text.format(getattr(pose, name)) for name, text in _WORDS if getattr(pose, name)]
-    return ", ".join(said)
+    instructions = [text.format(getattr(pose, name)) for name, text in _INSTRUCTIONS if getattr(pose, name)]
+    return ", ".join(instructions)
 
 
 class ManualRig:

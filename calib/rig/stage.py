@@ -6,7 +6,7 @@
 
 Rules
 - One line is out at a time: send, wait for `ok`. `error:N`, `ALARM:N`, `Error:` and silence are RigError,
-  with GRBL's own words for the number.
+  with GRBL's own text for the number.
 - A move is complete when the dialect's synchronising command is answered, not when the move itself is.
 - Nothing is sent that leaves the configured travel: the limits are checked here first, because not every
   controller has its own switched on.
@@ -219,7 +219,7 @@ class GcodeStage:
 
         Raises  RigError: out of travel (nothing is sent then), or the stage's own fault
         """
-        words = []
+        parts = []
         for letter, value in mm.items():
             axis = self._axes[letter]
             where = axis.at + axis.sign * value
@@ -228,8 +228,8 @@ class GcodeStage:
                     f"stage: {letter} = {where:.3f} is out of its travel {axis.min:g}..{axis.max:g}; "
                     f"check axes.{letter} or the protocol"
                 )
-            words.append(f"{letter}{where:.4f}")
-        self.command(f"G1 {' '.join(words)} F{self.config.stage.feed_mm_min:g}")
+            parts.append(f"{letter}{where:.4f}")
+        self.command(f"G1 {' '.join(parts)} F{self.config.stage.feed_mm_min:g}")
         self.command(self._dialect.sync)
 
     def close(self) -> None:

@@ -54,14 +54,14 @@ LABELS = {
 def damage_of(source: FrameSource) -> str:
     """Message on the unreadable part of a recording; known once it has been read. Empty: none."""
     recorded = getattr(source, "source", source)  # of a paced one
-    found = {_WORDS.get(what, what): n for what, n in getattr(recorded, "faults", {}).items() if n}
+    found = {_DAMAGE.get(what, what): n for what, n in getattr(recorded, "faults", {}).items() if n}
     if not found:
         return ""
     listed = ", ".join(what if n == 1 else f"{what} {n} times" for what, n in found.items())
     return f"not whole ({listed}); what could be read was taken, copy or record it again for the rest"
 
 
-_WORDS = {"truncated": "cut off at its end"}
+_DAMAGE = {"truncated": "cut off at its end"}
 
 
 class Summary:

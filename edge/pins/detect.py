@@ -183,7 +183,7 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
 def _in_view(pins: Pins, size_px: tuple[int, int]) -> Pins:
     """Without those that the image's border halves: the least motion outwards takes them out of view."""
     free_space = np.minimum(pins.xy_img, np.array(size_px) - 1.0 - pins.xy_img).min(axis=1)
-    kept = free_space >= PARAMS.rest_room_radii * pins.radius_px
+    kept = free_space >= PARAMS.rest_gap_radii * pins.radius_px
     return Pins(pins.xy_img[kept], pins.sigma_px[kept], pins.radius_px[kept], pins.brightness[kept])
 
 

@@ -57,7 +57,7 @@ class PinParams:
     cut_sigma_min_px: float = 0.25
     cut_sigma_min_radii: float = 0.05
     # --- rest frame
-    rest_room_radii: float = 0.5  # from a pin's centre to the image's border, pin radii
+    rest_gap_radii: float = 0.5  # from a pin's centre to the image's border, pin radii
     steady_radii: float = 0.1  # images are of one place where four of five pins moved less than this
     steady_sigmas: float = 4.0
     steady_share_min: float = 0.6  # of the pins that two images must share to be compared

@@ -172,15 +172,15 @@ class FaultDetector:
     def pins(self, frame: Frame, tracks: Tracks, features: Features | None) -> bool:
         """Whether pins are seen and identified. False: no values may be sent for this frame."""
         assert self._pins is not None
-        unsure = features is None
-        self._registry.report(FaultCode.TRACKER_LOST, unsure, "pins cannot be told apart")
+        untrusted = features is None
+        self._registry.report(FaultCode.TRACKER_LOST, untrusted, "pins cannot be identified")
         missing = self._pins.problem(tracks)
         self._registry.report(FaultCode.PINS_LOST, bool(missing), missing)
-        if unsure or self._pins.needs_focus_check(tracks):
+        if untrusted or self._pins.needs_focus_check(tracks):
             self._image.check_focus(frame)
             blurred = self._image.blurred
             self._registry.report(FaultCode.IMAGE_BLURRED, bool(blurred), blurred)
-        return not (unsure or missing)
+        return not (untrusted or missing)
 
     def load(self, features: Features | None) -> None:
         """Whether the pins moved beyond the load limit."""

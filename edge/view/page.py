@@ -7,8 +7,8 @@
 Rules
 - Charts show every sample, not only those whose picture was drawn: `recent` holds the samples since the last
   packet, and is bounded.
-- Without a new result there are packets still, `BEAT_HZ` a second: with the camera's image if there is one
-  (to aim and to focus before pins are found), and with the faults.
+- Without a new result packets are still sent, `KEEPALIVE_HZ` a second: with the camera's image if there is
+  one (to aim and to focus before pins are found), and with the faults.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from hostlink.wire import State
 __all__ = ["LivePage"]
 
 RECENT = 256  # samples between two packets: 8 at 240 frames/s; a viewer that was slow loses the older ones
-BEAT_HZ = 4.0
+KEEPALIVE_HZ = 4.0
 STALE_S = 0.5  # without a result for this long, the camera's image is shown alone
 OVERLAP_S = 0.3  # charts' rows are sent this long
 RATE_S = 0.5  # the rate is counted over this time
@@ -138,7 +138,7 @@ class LivePage:
     def _make(self, wants: frozenset[str]) -> bytes | None:
         now_s = time.monotonic()
         seen_n, last_s = self._made.get(wants, (-1, 0.0))
-        if not self._about or (self._seen_n == seen_n and now_s - last_s < 1 / BEAT_HZ):
+        if not self._about or (self._seen_n == seen_n and now_s - last_s < 1 / KEEPALIVE_HZ):
             return None
         self._made[wants] = (self._seen_n, now_s)
         self._take_rows(now_s)

@@ -183,11 +183,11 @@ class Worker:
 
     # ---- commands of viewers, in worker threads -----------------------------------------------------
 
-    def _tare(self, said: Mapping[str, Any]) -> str:
-        self._ask("tare", bool(said.get("force")))
+    def _tare(self, fields: Mapping[str, Any]) -> str:
+        self._ask("tare", bool(fields.get("force")))
         return "a new rest frame is in use"
 
-    def _record(self, said: Mapping[str, Any]) -> str:
+    def _record(self, fields: Mapping[str, Any]) -> str:
         with self._switching:
             return (
                 self._begin_recording() if self._recording is None else self._end_recording(self._recording)

@@ -137,12 +137,12 @@ class HandView:
 
     # ---- worker threads -----------------------------------------------------------------------------
 
-    def _tare(self, said: Mapping[str, Any]) -> str:
-        node = said.get("finger")
+    def _tare(self, fields: Mapping[str, Any]) -> str:
+        node = fields.get("finger")
         if type(node) is not int or node not in self._connection.fingers:
             raise CommandRefused("no such finger was heard")
         try:
-            self._connection.fingers[node].tare(bool(said.get("force")))
+            self._connection.fingers[node].tare(bool(fields.get("force")))
         except LinkError as error:
             raise CommandRefused(f"finger {node}: {error}") from None
         return f"finger {node}: the new rest frame is in use"

@@ -259,14 +259,16 @@ class PageServer:
         Raises ValueError: any other message
         """
         try:
-            said = parse_message(await asyncio.wait_for(viewer.socket.receive_str(), self.limits.patience_s))
+            fields = parse_message(
+                await asyncio.wait_for(viewer.socket.receive_str(), self.limits.patience_s)
+            )
         except (TypeError, TimeoutError):  # binary, or nothing
             return False
-        token = said.get("token") or ""
+        token = fields.get("token") or ""
         if not isinstance(token, str):
             return False
         expected = self.listen.token
-        viewer.wants = wishes_in(said, self._wishes)
+        viewer.wants = wishes_in(fields, self._wishes)
         viewer.may_command = bool(expected) and compare_digest(token.encode(), expected.encode())
         if token and not viewer.may_command:
             await asyncio.sleep(self.limits.wrong_token_s)
@@ -308,12 +310,12 @@ class PageServer:
     def _handle_message(self, viewer: Viewer, text: str) -> bool:
         """Handle one message of a viewer. False: it is invalid, and the viewer is disconnected."""
         try:
-            said = parse_message(text)
-            if "got" in said:
-                viewer.acknowledge(said["got"], time.monotonic())
-            if "want" in said:
-                viewer.wants = wishes_in(said, self._wishes)
-            name = said.get("do", "")
+            fields = parse_message(text)
+            if "got" in fields:
+                viewer.acknowledge(fields["got"], time.monotonic())
+            if "want" in fields:
+                viewer.wants = wishes_in(fields, self._wishes)
+            name = fields.get("do", "")
             if not isinstance(name, str):
                 raise ValueError("'do' is not the name of a command")
         except ValueError as error:
@@ -322,12 +324,12 @@ class PageServer:
         if name and len(viewer.doing) >= self.limits.commands_n:
             self._drop(viewer, f"more than {self.limits.commands_n} commands without reading the answers")
         elif name:  # not awaited: a command may take longer than `patience_s`
-            task = asyncio.create_task(self._do(viewer, name, said))
+            task = asyncio.create_task(self._do(viewer, name, fields))
             viewer.doing.add(task)
             task.add_done_callback(viewer.doing.discard)
         return True
 
-    async def _do(self, viewer: Viewer, name: str, said: Mapping[str, Any]) -> None:
+    async def _do(self, viewer: Viewer, name: str, fields: Mapping[str, Any]) -> None:
         """Run a command if the viewer may, and send it the outcome."""
         ok, command = False, self._commands.get(name)
         if command is None:
@@ -336,7 +338,7 @@ class PageServer:
             words = "read-only: open the page with its token"
         else:
             try:
-                words, ok = await asyncio.to_thread(command, said), True
+                words, ok = await asyncio.to_thread(command, fields), True
             except CommandRefused as error:
                 words = str(error)
             except Exception as error:  # noqa: BLE001  (logged, and the page goes on)

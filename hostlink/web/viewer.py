@@ -73,12 +73,12 @@ class Viewer:
 def parse_message(text: str) -> Mapping[str, Any]:
     """A viewer's message. Raises ValueError: not a JSON object, nested too deeply, NaN or infinity in it."""
     try:
-        said = json.loads(text, parse_constant=_refuse, parse_float=_finite)
+        fields = json.loads(text, parse_constant=_refuse, parse_float=_finite)
     except RecursionError:
         raise ValueError("nested too deeply") from None
-    if not isinstance(said, dict):
+    if not isinstance(fields, dict):
         raise ValueError("not an object")
-    return said
+    return fields
 
 
 def _refuse(constant: str) -> NoReturn:
@@ -92,9 +92,9 @@ def _finite(text: str) -> float:
     return value
 
 
-def wishes_in(said: Mapping[str, Any], known: frozenset[str]) -> frozenset[str]:
+def wishes_in(fields: Mapping[str, Any], known: frozenset[str]) -> frozenset[str]:
     """The names that a viewer requests, of those known. Raises ValueError: not a list of names."""
-    wanted = said.get("want", [])
+    wanted = fields.get("want", [])
     if not isinstance(wanted, list) or not all(isinstance(name, str) for name in wanted):
         raise ValueError("'want' is not a list of names")
     return known.intersection(wanted)

@@ -247,7 +247,7 @@ def simulated(n_pins: int, frames: int, seed: int) -> Iterator[Outcome]:
             began = time.process_time()
             tracks = tracker.identify(_pins(blob))
             spent = (time.process_time() - began) * 1e3 / frames
-            swapped, false, missed = judge(tracks, blob, owner)
+            swapped, false, missed = evaluate(tracks, blob, owner)
             wrong = swapped > 0.1 * tracks.n_seen
             trusted = tracks.confidence >= Tracks.LOW_CONFIDENCE
             total = replace(
@@ -263,7 +263,7 @@ def simulated(n_pins: int, frames: int, seed: int) -> Iterator[Outcome]:
         yield total
 
 
-def judge(tracks: Tracks, blob: Array, owner: Array) -> tuple[int, int, int]:
+def evaluate(tracks: Tracks, blob: Array, owner: Array) -> tuple[int, int, int]:
     """Pins with another pin's blob, pins with a false blob, pins missed although they have one."""
     index = {tuple(xy): int(k) for xy, k in zip(blob, owner, strict=True)}
     got = [index[tuple(xy)] if seen else None for xy, seen in zip(tracks.xy_img, tracks.seen, strict=True)]

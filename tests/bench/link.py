@@ -69,15 +69,15 @@ def measure(bus: str, fingers: int, rate_hz: float, seconds: float) -> dict[str,
     late_us: list[float] = []
     address = BUSES[bus]
 
-    def hear(heard: hostlink.Sample) -> None:
+    def receive(received: hostlink.Sample) -> None:
         now_us = time.monotonic_ns() // 1000
-        late_us.append((now_us - heard.state.capture_time_us) % 2**32)
+        late_us.append((now_us - received.state.capture_time_us) % 2**32)
         if len(late_us) >= awaited_n:
             arrived.set()
 
     arrived, awaited_n = threading.Event(), sys.maxsize
     with hostlink.connect(address) as hand:
-        hand.on_sample(hear)
+        hand.on_sample(receive)
         if bus == "virtual":
             report: list[int] = []
             sender = threading.Thread(target=feed, args=(address, fingers, rate_hz, seconds, report))
@@ -87,7 +87,7 @@ def measure(bus: str, fingers: int, rate_hz: float, seconds: float) -> dict[str,
             manager = multiprocessing.get_context("spawn").Manager()
             shared = manager.list()
             child = multiprocessing.get_context("spawn").Process(
-                target=_feed_there, args=(address, fingers, rate_hz, seconds, shared)
+                target=_start_feeding, args=(address, fingers, rate_hz, seconds, shared)
             )
             child.start()
             child.join()
@@ -116,7 +116,7 @@ def measure(bus: str, fingers: int, rate_hz: float, seconds: float) -> dict[str,
     }
 
 
-def _feed_there(address: str, fingers: int, rate_hz: float, seconds: float, shared: list[int]) -> None:
+def _start_feeding(address: str, fingers: int, rate_hz: float, seconds: float, shared: list[int]) -> None:
     report: list[int] = []
     feed(address, fingers, rate_hz, seconds, report)
     shared.extend(report)

@@ -10,16 +10,16 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-__all__ = ["growth_plots"]
+__all__ = ["scaling_plots"]
 
 STAGES = ("pins", "track", "tessellate", "features")
 COLOURS = ("#3b6fb6", "#e08a3c", "#5a9e5a", "#b04a5a")
 
 
-def growth_plots(grown: dict[str, list[dict[str, Any]]], folder: Path) -> list[Path]:
+def scaling_plots(scaling: dict[str, list[dict[str, Any]]], folder: Path) -> list[Path]:
     """One picture with a panel for pins and one for pixels."""
-    figure, axes = plt.subplots(1, len(grown), figsize=(4.2 * len(grown), 3.6), sharey=False)
-    for axis, (name, rows) in zip(axes, grown.items(), strict=True):
+    figure, axes = plt.subplots(1, len(scaling), figsize=(4.2 * len(scaling), 3.6), sharey=False)
+    for axis, (name, rows) in zip(axes, scaling.items(), strict=True):
         over_pins = name == "pins"
         x = [row["pins_found"] if over_pins else row["size_px"][0] * row["size_px"][1] / 1e3 for row in rows]
         below = [0.0] * len(rows)

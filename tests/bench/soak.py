@@ -152,7 +152,7 @@ class Times(Sequence[float]):
 class Metronome:
     """How long this machine delays a process: gaps in the heartbeat of one that does nothing else."""
 
-    BEAT_S, GAP_S = 0.005, 0.015
+    HEARTBEAT_S, GAP_S = 0.005, 0.015
     CODE = (
         "import sys,time\nlast=time.monotonic()\nwhile True:\n time.sleep(0.005); now=time.monotonic()\n"
         " if now-last>0.015: print(last,now,flush=True)\n last=now"
@@ -168,7 +168,7 @@ class Metronome:
         assert self._process.stdout
         for line in self._process.stdout:
             start, end = map(float, line.split())
-            self._gaps.append(end - start - self.BEAT_S)
+            self._gaps.append(end - start - self.HEARTBEAT_S)
             self._ends.append(end)
 
     def held_up_s(self, start_s: float, end_s: float) -> float:
@@ -188,20 +188,20 @@ class Metronome:
 class Heartbeat:
     """How late an idle thread of this process is woken: by the machine, and the interpreter."""
 
-    BEAT_S = 0.02
+    HEARTBEAT_S = 0.02
 
     def __init__(self, seconds: float) -> None:
-        self.late_ms = Times(seconds / self.BEAT_S)
+        self.late_ms = Times(seconds / self.HEARTBEAT_S)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="heartbeat", daemon=True)
         self._thread.start()
 
     def _run(self) -> None:
-        due_s = time.monotonic() + self.BEAT_S
+        due_s = time.monotonic() + self.HEARTBEAT_S
         while not self._closing.wait(max(0.0, due_s - time.monotonic())):
             now_s = time.monotonic()
             self.late_ms.append(1e3 * (now_s - due_s))
-            due_s = now_s + self.BEAT_S
+            due_s = now_s + self.HEARTBEAT_S
 
     def close(self) -> None:
         self._closing.set()
@@ -370,7 +370,7 @@ class Soak:
 
     # ---- evaluation ----------------------------------------------------------------------------------
 
-    def judge(self, done_s: float) -> None:
+    def check(self, done_s: float) -> None:
         """Check every episode that has ended long enough ago against the announcements."""
         outcome = self.outcome
         for row, episodes in self.rows.items():
@@ -380,11 +380,11 @@ class Soak:
                 entry = outcome.rows[e.kind]
                 entry.injected += 1
                 if EXPECTED[e.kind]:
-                    self.judge_announced(e, entry)
+                    self.check_announced(e, entry)
                 if row == "link":
-                    self.judge_link(e)
+                    self.check_link(e)
 
-    def judge_announced(self, e: Episode, entry: Row) -> None:
+    def check_announced(self, e: Episode, entry: Row) -> None:
         since_s = e.start_s
         if e.kind in LINK:  # it cannot be observed before a sample is sent
             i = bisect_left(self.refused_s, e.start_s)
@@ -452,7 +452,7 @@ class Soak:
                 state = active
         return state
 
-    def judge_link(self, e: Episode) -> None:
+    def check_link(self, e: Episode) -> None:
         i = bisect_left(self.arrivals_s, e.end_s)
         back_s = self.arrivals_s[i] - e.end_s if i < len(self.arrivals_s) else float("inf")
         held_s = self.metronome.held_up_s(self.at(e.end_s), self.at(e.end_s + BACK_S))
@@ -481,7 +481,7 @@ class Soak:
             return
         self.page_mb = max(self.page_mb, rss_mb(self.page.process.pid))
 
-    def judge_page(self, attack: HostileViewers) -> None:
+    def check_page(self, attack: HostileViewers) -> None:
         """After the attack: one honest viewer, and the cost of the hostile ones."""
         self.outcome.counts.update({f"attacks on the page: {name}": n for name, n in attack.counts.items()})
         self.outcome.counts["viewers cut off"] = self.page.page.cut_off_n
@@ -503,13 +503,13 @@ class Soak:
             self.outcome.fail("the loop does not end")
         if self.error is not None:
             self.outcome.fail(f"the loop died: {self.error!r}")
-        self.judge(done_s)
+        self.check(done_s)
         memory = self.outcome.memory_mb
         if len(memory) >= 30:
             third = len(memory) // 3
-            grown = float(np.median(memory[-third:]) - np.median(memory[third : 2 * third]))
-            if grown > FLAT_MB:
-                self.outcome.fail(f"memory grew by {grown:.1f} MB from the second third to the last")
+            growth = float(np.median(memory[-third:]) - np.median(memory[third : 2 * third]))
+            if growth > FLAT_MB:
+                self.outcome.fail(f"memory grew by {growth:.1f} MB from the second third to the last")
         self.outcome.machine_held_up_ms = 1e3 * self.metronome.worst_s
         late_ms = self.heartbeat.late_ms
         self.outcome.heartbeat_late_ms = (float(np.quantile(late_ms, 0.999)), max(late_ms))
@@ -813,7 +813,7 @@ def soak(
                 run.thread.join(1.0)
                 outcome.memory_mb.append(round(rss_mb(), 1))
                 run.look()
-        run.judge_page(attack)
+        run.check_page(attack)
         over.set()
         if endings_every_s:
             endings.join(180.0)
@@ -830,9 +830,9 @@ def tell(outcome: Outcome, console: Console) -> None:
                  "announce ms", "worst", "less machine", "clear ms", "worst"):  # fmt: skip
         table.add_column(name, justify="left" if name == "fault" else "right", no_wrap=True)
     for kind, row in sorted(outcome.rows.items()):
-        told = bool(EXPECTED[kind])
+        known = bool(EXPECTED[kind])
         table.add_row(
-            kind, str(row.injected), str(row.announced) if told else "-", str(row.cleared) if told else "-",
+            kind, str(row.injected), str(row.announced) if known else "-", str(row.cleared) if known else "-",
             str(row.unseen or ""), *middle_and_worst(row.announce_ms),
             middle_and_worst(row.announce_net_ms)[1], *middle_and_worst(row.clear_ms),
         )  # fmt: skip
@@ -848,8 +848,8 @@ def tell(outcome: Outcome, console: Console) -> None:
         )
     console.print(f"SIGTERM to end, s: {', '.join(map(str, outcome.sigterm_s)) or 'not tried'}")
     console.print(f"longest time the machine ran nothing of one process: {outcome.machine_held_up_ms:.0f} ms")
-    usual_ms, worst_ms = outcome.heartbeat_late_ms
-    console.print(f"threads of this process woken late, ms: 99.9 % {usual_ms:.0f}, worst {worst_ms:.0f}")
+    typical_ms, worst_ms = outcome.heartbeat_late_ms
+    console.print(f"threads of this process woken late, ms: 99.9 % {typical_ms:.0f}, worst {worst_ms:.0f}")
     for words in outcome.violations[:50]:
         console.print(f"VIOLATION {words}", style="red")
     console.print(f"{len(outcome.violations)} violations")

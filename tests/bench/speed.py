@@ -233,11 +233,11 @@ def growth(rounds: int) -> dict[str, list[dict[str, Any]]]:
     return out
 
 
-def plot(grown: dict[str, list[dict[str, Any]]], folder: Path) -> list[Path]:
+def plot(scaling: dict[str, list[dict[str, Any]]], folder: Path) -> list[Path]:
     """The scaling as plots."""
-    from tests.bench.plots import growth_plots
+    from tests.bench.plots import scaling_plots
 
-    return growth_plots(grown, folder)
+    return scaling_plots(scaling, folder)
 
 
 def measure(quick: bool) -> dict[str, Any]:
@@ -301,9 +301,9 @@ def show(report: dict[str, Any]) -> None:
         ("load of the machine", f"{report['load']:.1f}"),
     ):
         console.print(f"{name:38s} {value}")
-    for name, grown in report.get("growth", {}).items():
+    for name, scaling in report.get("growth", {}).items():
         table = Table(f"growth with {name}", "size", "whole us", "pins", "track", "tessellate", "features")
-        for row in grown:
+        for row in scaling:
             cells = (f"{row[f'{s}_us']:,.0f}" for s in ("whole", "pins", "track", "tessellate", "features"))
             table.add_row(str(row["pins_found"]), "x".join(map(str, row["size_px"])), *cells)
         console.print(table)

@@ -85,7 +85,7 @@ def run(images: Sequence[Image], rest: Rest) -> tuple[list[Tracks], int]:
     return out, searched
 
 
-def judge(video: str, way: str, rest: Rest, tracks: list[Tracks], searched: int, back: bool) -> Play:
+def evaluate(video: str, way: str, rest: Rest, tracks: list[Tracks], searched: int, back: bool) -> Play:
     tip = TrackedTip.of(rest)
     pitch = rest.pattern.pitch_px
     sure = [t for t in tracks if t.confidence >= Tracks.LOW_CONFIDENCE]
@@ -157,18 +157,18 @@ def command(pictures: Path | None, out: Path) -> None:
         images = read(name)
         rest = take_rest(images[:TARE_FRAMES])
         tracks, searched = run(images, rest)
-        plays.append(judge(name, "start to end", rest, tracks, searched, back=False))
+        plays.append(evaluate(name, "start to end", rest, tracks, searched, back=False))
         if pictures is not None:
             _draw(pictures, name, images, rest, tracks)
         if name == "Movement4":
             for stride in STRIDES:
                 there = images[::stride]
                 both = run([*there, *there[::-1]], rest)
-                plays.append(judge(name, f"there and back, every {stride}", rest, *both, back=True))
+                plays.append(evaluate(name, f"there and back, every {stride}", rest, *both, back=True))
         if name in ("north", "west"):
             calm = untouched(images)
             at_ease, searched = run(images, calm)
-            plays.append(judge(name, "tare where it is untouched", calm, at_ease, searched, back=False))
+            plays.append(evaluate(name, "tare where it is untouched", calm, at_ease, searched, back=False))
             pointing[name] = {
                 "first frames": direction(shear(rest, tracks)),
                 "untouched": direction(shear(calm, at_ease)),

@@ -66,9 +66,9 @@ def test_refused_frames_are_counted_and_stay_in_the_errors(calibration: Calibrat
     extract, values = make(100, seed=7)
     values["displacement_mm"] = values["displacement_mm"].copy()
     values["displacement_mm"][:10] += 3.0
-    sure = extract.sure.copy()
-    sure[:10] = False
-    report = evaluate(calibration, targets(values), replace(extract, sure=sure))
+    trusted = extract.trusted.copy()
+    trusted[:10] = False
+    report = evaluate(calibration, targets(values), replace(extract, trusted=trusted))
     assert report["n_refused"] == 10
     assert report["displacement_mae_mm"] > 0.25
     assert report["accepted"]["displacement_mae_mm"] < 0.05
@@ -78,10 +78,10 @@ def test_a_frame_without_a_value_is_counted_and_not_averaged(
     calibration: Calibration,
 ) -> None:
     extract, values = make(50, seed=8)
-    inputs, sure, touched = extract.inputs.copy(), extract.sure.copy(), extract.in_contact.copy()
+    inputs, trusted, touched = extract.inputs.copy(), extract.trusted.copy(), extract.in_contact.copy()
     inputs[3] = np.nan
-    sure[3] = touched[3] = False
-    without = replace(extract, inputs=inputs, sure=sure, in_contact=touched)
+    trusted[3] = touched[3] = False
+    without = replace(extract, inputs=inputs, trusted=trusted, in_contact=touched)
     report = evaluate(calibration, targets(values), without)
     assert report["n_without_value"]["displacement_mm"] == 1
     assert report["n_refused"] == 1

@@ -176,10 +176,10 @@ def test_fit_is_evaluated_on_held_out_frames(recording: Path, tmp_path: Path) ->
     assert "is fitted to all frames" in out
     run("fit", recording, "-o", plain, "--workers", "1", "-q")
     assert Calibration.load(path).content.models == Calibration.load(plain).content.models
-    told = run(
+    reported = run(
         "fit", recording, "-o", path, "--overwrite", "--workers", "1", "-q", "--json", "--hold-out", "0.25"
     )
-    assert json.loads(told)["held_out"]["n_frames"] == 9
+    assert json.loads(reported)["held_out"]["n_frames"] == 9
 
 
 @pytest.mark.parametrize(

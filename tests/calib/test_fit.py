@@ -128,11 +128,11 @@ def test_untouched_and_uncertain_frames_are_not_fitted() -> None:
     spoilt = {name: column.copy() for name, column in values.items()}
     for column in spoilt.values():
         column[:20] = 1e3
-    sure, touched = extract.sure.copy(), extract.in_contact.copy()
-    sure[:10] = False
+    trusted, touched = extract.trusted.copy(), extract.in_contact.copy()
+    trusted[:10] = False
     touched[10:20] = False
     calibration, _ = fit(
-        REST, targets(spoilt), replace(extract, sure=sure, in_contact=touched), mm_per_px=None
+        REST, targets(spoilt), replace(extract, trusted=trusted, in_contact=touched), mm_per_px=None
     )
     assert calibration.content.data.n_frames == 80
     read, _ = predict(calibration, extract)
@@ -173,13 +173,13 @@ def test_too_few_rows() -> None:
 
 def test_why_frames_cannot_be_used_is_told() -> None:
     extract, values = make(20)
-    sure, touched = np.zeros(20, dtype=np.bool_), np.ones(20, dtype=np.bool_)
-    sure[:5] = True
+    trusted, touched = np.zeros(20, dtype=np.bool_), np.ones(20, dtype=np.bool_)
+    trusted[:5] = True
     touched[2:10] = False
     with pytest.raises(FitError) as caught:
-        fit(REST, targets(values), replace(extract, sure=sure, in_contact=touched), mm_per_px=None)
+        fit(REST, targets(values), replace(extract, trusted=trusted, in_contact=touched), mm_per_px=None)
     assert str(caught.value) == (
-        "table.csv: 2 of 20 frames can be used, at least 12 are needed; pins not told apart in 15 "
+        "table.csv: 2 of 20 frames can be used, at least 12 are needed; pins not identified in 15 "
         "(first: image_5.png); nothing touches in 3 (first: image_2.png)"
     )
 
@@ -214,10 +214,10 @@ def test_depth_that_rises_and_falls_with_the_volume_gets_no_curve() -> None:
 def test_one_bad_column_does_not_affect_the_others() -> None:
     extract, values = make(200)
     values["torsion_deg"] = np.random.default_rng(0).permutation(values["torsion_deg"])
-    told: list[str] = []
-    calibration, _ = fit(REST, targets(values), extract, mm_per_px=None, on_refused=told.append)
-    assert len(told) == 1
-    assert "torsion_deg" in told[0]
+    reported: list[str] = []
+    calibration, _ = fit(REST, targets(values), extract, mm_per_px=None, on_refused=reported.append)
+    assert len(reported) == 1
+    assert "torsion_deg" in reported[0]
     assert calibration.outputs == {"displacement_mm", "shear_x_mm", "shear_y_mm"}
 
 

@@ -27,10 +27,10 @@ def test_the_errors_are_those_of_frames_that_were_not_fitted() -> None:
     table = targets(values)
     held = held_out_rows(table, 0.2, seed=3)
     report = evaluate_held_out(REST, table, extract, 0.2, seed=3)
-    kept, judged = np.flatnonzero(~held), np.flatnonzero(held)
+    kept, held_out = np.flatnonzero(~held), np.flatnonzero(held)
     calibration, _ = fit(REST, table.rows(kept), extract.rows(kept), mm_per_px=None)
     assert calibration.content.data.n_frames == 160
-    assert report == evaluate(calibration, table.rows(judged), extract.rows(judged))
+    assert report == evaluate(calibration, table.rows(held_out), extract.rows(held_out))
     assert report["n_frames"] == 40
     assert report["displacement_mae_mm"] < 0.05
 

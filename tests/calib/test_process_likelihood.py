@@ -56,6 +56,6 @@ def test_irrelevant_inputs_lose_their_weight() -> None:
     x, _ = _data(80)
     y = x[:, 0] + 0.5 * x[:, 2] * x[:, 0].conj()
     settings = fit_settings(x, SPINS, np.ones(4), y, Symmetry.TURNING, asymmetric=False)
-    told, silent = settings.weight[[0, 2]], settings.weight[[1, 3]]
-    assert silent.max() < 0.2 * told.min()
+    reported, silent = settings.weight[[0, 2]], settings.weight[[1, 3]]
+    assert silent.max() < 0.2 * reported.min()
     assert settings.noise < 0.01

@@ -33,7 +33,7 @@ def pressed() -> tuple[Rest, list[Frame], list[Result]]:
     rest = tare([simulator.frame().image for _ in range(3)], np.inf)
     pipeline = Pipeline(rest)
     frames = [simulator.frame((ToolPose(Tool("flat"), depth_mm=float(d)),)) for d in DEPTHS]
-    return rest, frames, [pipeline.process(frame, even_unsure=True) for frame in frames]
+    return rest, frames, [pipeline.process(frame, even_untrusted=True) for frame in frames]
 
 
 def test_windows_are_close_to_the_truth_and_marked(pressed: tuple[Rest, list[Frame], list[Result]]) -> None:
@@ -142,12 +142,12 @@ def test_slip_is_evaluated_against_the_true_motion() -> None:
     )
     got = slip.outcome(slip.join([seen, seen]))
     assert got.false_percent == 50.0
-    assert got.felt_percent == pytest.approx(200.0 / 3.0)
+    assert got.detected_percent == pytest.approx(200.0 / 3.0)
     assert got.glide_percent == 0.0
     assert (got.true_mm_s, got.read_mm_s) == (pytest.approx(1.5), pytest.approx(0.6))
-    assert slip.outcome(seen).felt_from == 0.0
+    assert slip.outcome(seen).detected_from == 0.0
     silent = slip.Slipped(seen.share, seen.true_mm_s, seen.read_mm_s, np.zeros(7))
-    assert np.isnan(slip.outcome(silent).felt_from)
+    assert np.isnan(slip.outcome(silent).detected_from)
 
 
 def test_a_drag_creeps_before_it_glides() -> None:
@@ -158,4 +158,4 @@ def test_a_drag_creeps_before_it_glides() -> None:
     assert seen.share[-1] > slip.GLIDES
     assert seen.true_mm_s[-1] == pytest.approx(slip.WAY_MM, rel=0.05)  # all of it: 3 mm in a second
     assert slip.outcome(seen).false_percent == 0.0
-    assert slip.outcome(seen).felt_percent > 0.0
+    assert slip.outcome(seen).detected_percent > 0.0

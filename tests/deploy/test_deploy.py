@@ -90,9 +90,9 @@ def test_the_page_is_served_only_with_the_drop_in() -> None:
     assert (DEPLOY / UNIT).read_text().count(" $EDGE_OPTIONS\n") == 1
     command = run_command
     assert command.make_context("run", options_in("view.conf")).params["view_here"] is True
-    told = re.findall(r"EDGE_OPTIONS=(--[^,\n\"]*)", (DEPLOY / "view.conf").read_text())
-    assert len(told) == 3
-    for options in told:
+    reported = re.findall(r"EDGE_OPTIONS=(--[^,\n\"]*)", (DEPLOY / "view.conf").read_text())
+    assert len(reported) == 3
+    for options in reported:
         assert command.make_context("run", shlex.split(options))
         assert "--view-token" not in options, "a command line is seen by all users of the board"
     assert f"{TOKEN_VARIABLE}=" in (DEPLOY / "view.conf").read_text()

@@ -214,9 +214,9 @@ def test_two_senders_with_the_same_number_are_reported(lead: int) -> None:
         for state in pair
     ]
     decoder = CanDecoder()
-    (told,) = second_senders(decoder, frames)
-    assert told.node == 3
-    assert isnan(told.arrival_s)
+    (reported,) = second_senders(decoder, frames)
+    assert reported.node == 3
+    assert isnan(reported.arrival_s)
     assert decoder.statistics[3].second_sender_n > 50
 
 

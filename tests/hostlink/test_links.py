@@ -73,25 +73,25 @@ def adapters(tmp_path: Path) -> Iterator[Adapters]:
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "reported"),
     [("bitrate=1000000", ["S8"]), ("fd=1&bitrate=1000000&dbitrate=5000000", ["S8", "Y5"])],
 )
-def test_slcan_carries_samples_and_objects(adapters: Adapters, options: str, told: list[str]) -> None:
+def test_slcan_carries_samples_and_objects(adapters: Adapters, options: str, reported: list[str]) -> None:
     edge, host = (f"slcan:{path}?{options}" for path in adapters.paths)
     node, application = make_node(f"{edge}&node=9")
-    heard: list[hostlink.Sample] = []
+    received: list[hostlink.Sample] = []
     with hostlink.connect(host) as hand:
-        hand.on_sample(heard.append)
+        hand.on_sample(received.append)
         sent = [state(k) for k in range(30)]
         for s in sent:
             assert node.send(s)
             assert node.drain(SOON_S)
-        until(lambda: len(heard) == 30, "all samples")
-        assert [h.state for h in heard] == [unpack_state(pack_state(s, 0)) for s in sent]
+        until(lambda: len(received) == 30, "all samples")
+        assert [h.state for h in received] == [unpack_state(pack_state(s, 0)) for s in sent]
         assert hand.finger(9).info().serial_number == application.serial
     node.close()
     for commands in adapters.commands:
-        assert [c for c in commands if c[:1] in ("S", "Y")] == told
+        assert [c for c in commands if c[:1] in ("S", "Y")] == reported
 
 
 @pytest.mark.parametrize(

@@ -49,13 +49,13 @@ class Served:
         )
 
     def _make(self, wants: frozenset[str]) -> bytes:
-        self._told()
+        self._notified()
         return self._packet
 
     def _tare(self, said: Mapping[str, Any]) -> str:
         return "taken"
 
-    def _told(self) -> None:
+    def _notified(self) -> None:
         with self._changed:
             self._changed.notify_all()
 

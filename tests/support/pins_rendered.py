@@ -22,7 +22,12 @@ def hexagon(rings: int, pitch_px: float, centre: tuple[float, float]) -> Array:
 
 
 def draw(
-    size_px: tuple[int, int], xy_img: Array, radius_px: float, blur_px: float, light: float, ground: float
+    size_px: tuple[int, int],
+    xy_img: Array,
+    radius_px: float,
+    blur_px: float,
+    brightness: float,
+    ground: float,
 ) -> Array:
     """(h, w) float64 grey levels without noise."""
     width, height = size_px
@@ -37,7 +42,7 @@ def draw(
             for dx in SUB:
                 r = np.hypot(columns[None, :] + dx - x, rows[:, None] + dy - y)
                 disc += 0.5 * erfc((r - radius_px) / (np.sqrt(2.0) * blur_px))
-        image[np.ix_(rows, columns)] += light * disc / len(SUB) ** 2
+        image[np.ix_(rows, columns)] += brightness * disc / len(SUB) ** 2
     return image
 
 
@@ -52,7 +57,7 @@ def known_rest(
     xy_img: Array,
     radius_px: float,
     blur_px: float,
-    light: float,
+    brightness: float,
     noise: float,
     pitch_px: float,
     size: tuple[int, int],
@@ -65,19 +70,19 @@ def known_rest(
         centre_img=xy_img.mean(axis=0),
         tip_radius_px=float(np.ptp(xy_img[:, 0]) / 2 + radius_px),
         background=0.0,
-        brightness=light,
+        brightness=brightness,
         noise=noise,
         size_px=size,
         edge_px=float(np.hypot(blur_px, 12**-0.5)),  # a pixel is a box of one pixel: variance 1/12
     )
-    pins = Pins(xy_img, np.full(n, 0.05), np.full(n, radius_px), np.full(n, light))
+    pins = Pins(xy_img, np.full(n, 0.05), np.full(n, radius_px), np.full(n, brightness))
     return Rest(pins, pattern)
 
 
-def cramer_rao_px(radius_px: float, blur_px: float, light: float, noise: float) -> float:
+def cramer_rao_px(radius_px: float, blur_px: float, brightness: float, noise: float) -> float:
     """Smallest possible sigma of one coordinate for an unbiased estimator of this disc's place."""
     step = 0.01
-    right = draw((81, 81), np.array([[40 + step, 40.0]]), radius_px, blur_px, light, 0.0)
-    left = draw((81, 81), np.array([[40 - step, 40.0]]), radius_px, blur_px, light, 0.0)
+    right = draw((81, 81), np.array([[40 + step, 40.0]]), radius_px, blur_px, brightness, 0.0)
+    left = draw((81, 81), np.array([[40 - step, 40.0]]), radius_px, blur_px, brightness, 0.0)
     slope = (right - left) / (2 * step)
     return float(np.hypot(noise, 12**-0.5) / np.sqrt((slope**2).sum()))

@@ -49,7 +49,7 @@ def of_inputs(inputs: Complex) -> Extract:
         contact=np.full((n, len(CONTACT_INPUTS)), np.nan, dtype=np.complex128),
         confidence=np.ones(n),
         seen_n=np.full(n, len(REST)),
-        sure=np.ones(n, dtype=np.bool_),
+        trusted=np.ones(n, dtype=np.bool_),
         in_contact=np.ones(n, dtype=np.bool_),
         counts=np.zeros(n, dtype=np.int32),
         angle_rad=np.full(n, np.nan),

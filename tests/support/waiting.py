@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 SOON_S = 60.0
-LOOK_S = 0.005
+POLL_S = 0.005
 
 
 def until(condition: Callable[[], object], what: str = "what was waited for") -> None:
@@ -19,7 +19,7 @@ def until(condition: Callable[[], object], what: str = "what was waited for") ->
     end_s = time.monotonic() + SOON_S
     while not condition():
         assert time.monotonic() < end_s, f"never: {what}"
-        threading.Event().wait(LOOK_S)
+        threading.Event().wait(POLL_S)
 
 
 def size_of(path: Path) -> int:

@@ -301,7 +301,7 @@ function showWords(packet) {
   const faults = packet.faults.map(([meaning, words]) => (words && words !== meaning ? `${meaning}: ${words}` : meaning));
   if (packet.recording?.fault) faults.push(`recording ended: ${packet.recording.fault}`);
   if (packet.recording?.dropped_n) faults.push(`recording: ${packet.recording.dropped_n} messages lost, the disk is too slow`);
-  if (packet.sure === false) faults.push("pins cannot be told apart: values are withheld");
+  if (packet.sure === false) faults.push("pins cannot be identified: values are withheld");
   const list = $("faults");
   if (list.dataset.shown !== faults.join("\n")) {
     list.dataset.shown = faults.join("\n");

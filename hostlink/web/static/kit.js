@@ -148,7 +148,7 @@ const INK = "#1b1f24";
 const MUTED = "#59626d";
 const GRID = "#e3e6ea";
 export const SERIES = ["#0060a8", "#c24a00", "#007a5a"]; // dark shades of Okabe and Ito's blue, vermilion, green
-const DASHES = [[], [6, 3], [2, 2]]; // told apart without colour too
+const DASHES = [[], [6, 3], [2, 2]]; // distinguishable without colour too
 
 /** A strip chart: the last `seconds` of a few series over time, with axes. Values may be null or NaN: a gap. */
 export class Chart {

@@ -283,9 +283,9 @@ def test_on_the_command_line(data_dir: Path) -> None:
     arguments = ["doctor", "--source", str(data_dir / "press.mcap"), "--sink", "virtual:doctor", "--json"]
     arguments += ["--calibration", str(data_dir / "rings331_ball.json")]
     done = CliRunner().invoke(cli, arguments)
-    told = json.loads(done.stdout)
-    assert done.exit_code == (told["worst"] == "fail")
-    levels = {line["topic"]: line["level"] for line in told["lines"]}
+    reported = json.loads(done.stdout)
+    assert done.exit_code == (reported["worst"] == "fail")
+    levels = {line["topic"]: line["level"] for line in reported["lines"]}
     assert levels["pins"] == levels["calibration"] == levels["link"] == "ok"
     done = CliRunner().invoke(cli, ["doctor", "--source", "nothing.mcap"])
     assert done.exit_code == 1

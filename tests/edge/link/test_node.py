@@ -452,12 +452,12 @@ class Line:
         self.sink = SerialSink("loop", open_line(parse_address("serial:loop://")))
         self.finger = Finger()
         self.node = Node(self.sink, self.finger)
-        self.heard: list[tuple[Message, int, bytes]] = []
+        self.received: list[tuple[Message, int, bytes]] = []
         port = self.sink.on_frame
         assert port is not None
 
         def both(kind: Message, counter: int, body: bytes) -> None:
-            self.heard.append((kind, counter, body))
+            self.received.append((kind, counter, body))
             port(kind, counter, body)
 
         self.sink.on_frame = both
@@ -471,7 +471,7 @@ class Line:
         return ObjectReply.unpack(body)
 
     def replies(self) -> list[tuple[int, bytes]]:
-        return [(counter, body) for kind, counter, body in self.heard if kind is Message.REPLY]
+        return [(counter, body) for kind, counter, body in self.received if kind is Message.REPLY]
 
     def request(self, op: Op, name: str, offset: int = 0, total: int = 0, data: bytes = b"") -> ObjectRequest:
         row = object_named(name)
@@ -535,9 +535,9 @@ def test_serial_nmt_sync_emergency_heartbeat(line: Line) -> None:
     until(lambda: line.node.counters.sent == 1, "sent by SYNC")
     line.node.report(FaultCode.OVERLOAD, True)
     line.node.objects.write(0x1017, 0, b"\x0a\0")
-    kinds = lambda: {kind for kind, _, _ in line.heard}  # noqa: E731
+    kinds = lambda: {kind for kind, _, _ in line.received}  # noqa: E731
     until(lambda: {Message.EMERGENCY, Message.HEARTBEAT} <= kinds(), "emergency and heartbeat")
-    emergency = next(body for kind, _, body in line.heard if kind is Message.EMERGENCY)
+    emergency = next(body for kind, _, body in line.received if kind is Message.EMERGENCY)
     assert unpack_emergency(emergency)[0] == 0x9002
 
 

@@ -211,38 +211,38 @@ def test_full_buffer_drops_and_keeps_the_bus(flaky: Flaky, fd_sink: CanFdSink) -
 
 
 def test_a_stall_is_reported_without_further_samples(flaky: Flaky, fd_sink: CanFdSink) -> None:
-    told: list[frozenset[FaultCode]] = []
-    fd_sink.on_faults = lambda: told.append(fd_sink.faults)
+    reported: list[frozenset[FaultCode]] = []
+    fd_sink.on_faults = lambda: reported.append(fd_sink.faults)
     flaky.fail(errno.ENOBUFS)
     fd_sink.post_can(0x85, bytes(8))  # an emergency: the buffer stays as full
-    until(lambda: told[-1:] == [frozenset({FaultCode.LINK_DOWN})], "told of the stall")
+    until(lambda: reported[-1:] == [frozenset({FaultCode.LINK_DOWN})], "the stall to be reported")
     flaky.fail(None)
     fd_sink.post_can(0x85, bytes(8))
-    until(lambda: told[-1:] == [frozenset()], "told of its end")
+    until(lambda: reported[-1:] == [frozenset()], "its end to be reported")
 
 
 def test_a_blocked_write_is_reported_while_it_blocks(channel: str) -> None:
     flaky = Flaky(channel, instant=False)
     sink = CanFdSink("slow", flaky)
-    told: list[frozenset[FaultCode]] = []
-    sink.on_faults = lambda: told.append(sink.faults)
+    reported: list[frozenset[FaultCode]] = []
+    sink.on_faults = lambda: reported.append(sink.faults)
     assert flaky.bus is not None
     flaky.bus.hang.clear()
     assert sink.send(state(0))
-    until(lambda: told[-1:] == [frozenset({FaultCode.LINK_DOWN})], "told of the write that hangs")
+    until(lambda: reported[-1:] == [frozenset({FaultCode.LINK_DOWN})], "the blocked write to be reported")
     flaky.bus.hang.set()
-    until(lambda: told[-1:] == [frozenset()], "told of its end")
+    until(lambda: reported[-1:] == [frozenset()], "its end to be reported")
     sink.close()
 
 
 def test_bus_off_is_reported_by_the_link(channel: str, fd_sink: CanFdSink) -> None:
-    told: list[frozenset[FaultCode]] = []
-    fd_sink.on_faults = lambda: told.append(fd_sink.faults)
+    reported: list[frozenset[FaultCode]] = []
+    fd_sink.on_faults = lambda: reported.append(fd_sink.faults)
     with can.Bus(interface="virtual", channel=channel) as host:
         host.send(can.Message(is_error_frame=True, arbitration_id=0x40))
-        until(lambda: told[-1:] == [frozenset({FaultCode.BUS_OFF})], "told of bus-off")
+        until(lambda: reported[-1:] == [frozenset({FaultCode.BUS_OFF})], "bus-off to be reported")
         assert fd_sink.send(state(1))
-        until(lambda: told[-1:] == [frozenset()], "told of its end")
+        until(lambda: reported[-1:] == [frozenset()], "its end to be reported")
 
 
 def test_bus_off_is_reported_and_cleared(channel: str, fd_sink: CanFdSink) -> None:
@@ -371,8 +371,8 @@ def test_answers_overtake_samples_and_detail_waits(channel: str) -> None:
 
 def test_heartbeat_series_goes_on_and_ends(channel: str, fd_sink: CanFdSink) -> None:
     with can.Bus(interface="virtual", channel=channel) as host:
-        beat = can.Message(arbitration_id=0x701, data=b"\5", is_extended_id=False)
-        fd_sink.every(1, 0.01, lambda: beat)
+        heartbeat = can.Message(arbitration_id=0x701, data=b"\5", is_extended_id=False)
+        fd_sink.every(1, 0.01, lambda: heartbeat)
         assert all(host.recv(SOON_S) for _ in range(3))
         fd_sink.every(1, 0.0, None)
         fd_sink.drain(SOON_S)
@@ -382,18 +382,18 @@ def test_heartbeat_series_goes_on_and_ends(channel: str, fd_sink: CanFdSink) -> 
 
 
 def test_a_message_that_breaks_its_handler_does_not_stop_reading(channel: str, fd_sink: CanFdSink) -> None:
-    heard: list[int] = []
+    received: list[int] = []
 
     def handler(message: can.Message) -> None:
         if not message.data:
             raise KeyError("broken")
-        heard.append(message.data[0])
+        received.append(message.data[0])
 
     fd_sink.on_message = handler
     with can.Bus(interface="virtual", channel=channel) as host:
         host.send(can.Message(arbitration_id=1))
         host.send(can.Message(arbitration_id=1, data=b"\7"))
-        until(lambda: heard == [7], "the second message")
+        until(lambda: received == [7], "the second message")
 
 
 class Pty:
@@ -509,11 +509,11 @@ def test_line_that_nobody_reads_is_full_not_fatal(pty: Pty) -> None:
 
 def test_loop_url_receives_its_own_bytes() -> None:
     sink = SerialSink("loop", open_line(parse_address("serial:loop://")))
-    heard: list[tuple[Message, int, bytes]] = []
-    sink.on_frame = lambda *frame: heard.append(frame)
+    received: list[tuple[Message, int, bytes]] = []
+    sink.on_frame = lambda *frame: received.append(frame)
     sink.post(b"\0noise\0")
     sink.post_frame(Message.NMT, b"\1", 9)
-    until(lambda: heard == [(Message.NMT, 9, b"\1")], "the frame")
+    until(lambda: received == [(Message.NMT, 9, b"\1")], "the frame")
     assert sink.corrupt_n == 1
     assert pack_message(Message.NMT, b"\1", 9)
     sink.close()

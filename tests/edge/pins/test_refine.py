@@ -13,7 +13,7 @@ from tests.support.pins_rendered import cramer_rao_px, draw, expose, hexagon, kn
 pytestmark = pytest.mark.kernels
 
 SIZE = (300, 300)
-# radius, blur, light, ground, noise
+# radius, blur, brightness, ground, noise
 DISCS = [
     (2.8, 0.6, 90, 60, 2),
     (3.0, 1.2, 60, 110, 2),
@@ -45,14 +45,14 @@ def fitted(image: Image, start: Array, radius: float, edge: float, support: floa
     return np.array([x, y])
 
 
-@pytest.mark.parametrize(("radius", "blur", "light", "ground", "noise"), DISCS)
+@pytest.mark.parametrize(("radius", "blur", "brightness", "ground", "noise"), DISCS)
 def test_agrees_with_the_plain_fit(
-    radius: float, blur: float, light: float, ground: float, noise: float
+    radius: float, blur: float, brightness: float, ground: float, noise: float
 ) -> None:
     pitch = 3.8 * radius
     truth = hexagon(3, pitch, (150.0, 150.0))
-    rest = known_rest(truth, radius, blur, light, noise, pitch, SIZE)
-    image = expose(draw(SIZE, truth, radius, blur, light, ground), noise, np.random.default_rng(1))
+    rest = known_rest(truth, radius, blur, brightness, noise, pitch, SIZE)
+    image = expose(draw(SIZE, truth, radius, blur, brightness, ground), noise, np.random.default_rng(1))
     pins = CentroidRefiner(rest).refine(image, truth)
     edge = rest.pattern.edge_px
     support = min(radius + 3 * edge + 0.5, 0.85 * pitch - radius - 1.5 * edge)
@@ -64,14 +64,14 @@ def test_agrees_with_the_plain_fit(
     assert apart.max() < 2.5
 
 
-@pytest.mark.parametrize(("radius", "blur", "light", "ground", "noise"), DISCS)
+@pytest.mark.parametrize(("radius", "blur", "brightness", "ground", "noise"), DISCS)
 def test_noise_is_near_the_bound_and_matches_sigma(
-    radius: float, blur: float, light: float, ground: float, noise: float
+    radius: float, blur: float, brightness: float, ground: float, noise: float
 ) -> None:
     pitch = 3.8 * radius
     truth = hexagon(3, pitch, (150.0, 150.0))
-    clean = draw(SIZE, truth, radius, blur, light, ground)
-    refiner = CentroidRefiner(known_rest(truth, radius, blur, light, noise, pitch, SIZE))
+    clean = draw(SIZE, truth, radius, blur, brightness, ground)
+    refiner = CentroidRefiner(known_rest(truth, radius, blur, brightness, noise, pitch, SIZE))
     rng = np.random.default_rng(2)
     errors, normal = [], []
     for _ in range(40):
@@ -82,7 +82,7 @@ def test_noise_is_near_the_bound_and_matches_sigma(
     spread = np.std(errors)
     assert not np.isnan(spread)  # nothing lost
     # 1.2 for well separated pins; small crowded ones have few pixels of background
-    assert spread < (1.25 if radius > 5 else 1.6) * cramer_rao_px(radius, blur, light, noise)
+    assert spread < (1.25 if radius > 5 else 1.6) * cramer_rao_px(radius, blur, brightness, noise)
     assert 0.6 < np.std(normal) < 1.25
     assert np.abs(np.mean(errors, axis=(0, 1))).max() < 0.01
 

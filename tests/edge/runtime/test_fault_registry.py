@@ -18,12 +18,12 @@ from tests.support.waiting import SOON_S
 
 def test_each_fault_is_announced_once_when_it_appears_and_clears() -> None:
     registry = FaultRegistry()
-    told: list[tuple[FaultCode, bool, str]] = []
-    registry.listeners.append(lambda *what: told.append(what))
+    reported: list[tuple[FaultCode, bool, str]] = []
+    registry.listeners.append(lambda *what: reported.append(what))
     for active in (True, True, False, False, True):
         registry.report(FaultCode.CAMERA_LOST, active, "gone")
     lost = FaultCode.CAMERA_LOST
-    assert told == [(lost, True, "gone"), (lost, False, "gone"), (lost, True, "gone")]
+    assert reported == [(lost, True, "gone"), (lost, False, "gone"), (lost, True, "gone")]
     assert registry.appeared[lost] == 2
 
 
@@ -117,12 +117,12 @@ def test_the_hottest_readable_zone_counts(tmp_path: Path) -> None:
 def test_heat_is_reported_and_cleared_with_hysteresis() -> None:
     registry, degc = FaultRegistry(), [0.0]
     monitor = BoardMonitor(registry, lambda: degc[0])
-    told = []
+    reported = []
     for value in (79.0, 80.0, 78.0, 75.0, 74.9, 79.9, math.nan):
         degc[0] = value
         monitor.check()
-        told.append(FaultCode.OVER_TEMPERATURE in registry.active)
-    assert told == [False, True, True, True, False, False, False]
+        reported.append(FaultCode.OVER_TEMPERATURE in registry.active)
+    assert reported == [False, True, True, True, False, False, False]
 
 
 def test_a_storage_fault_is_reported_with_its_message() -> None:
@@ -136,7 +136,7 @@ def test_a_storage_fault_is_reported_with_its_message() -> None:
     assert not registry.active
 
 
-def test_room(tmp_path: Path) -> None:
+def test_free_space(tmp_path: Path) -> None:
     assert free_space_problem(tmp_path) == ""
     assert "needed" in free_space_problem(tmp_path, 1 << 60)
     assert "No such file" in free_space_problem(tmp_path / "no")

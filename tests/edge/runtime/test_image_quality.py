@@ -92,9 +92,9 @@ def test_overexposure_counts_only_pixels_not_saturated_at_rest(at_rest: float, b
         image[: round(480 * share)] = 255
         return Frame(image, 0, 0)
 
-    judge = ImageQuality()
-    judge.learn(rest_of(np.array([[320.0, 200.0], [340.0, 200.0], [330.0, 220.0]])), frame(at_rest))
-    judge.check(frame(at_rest))
-    assert not judge.bright
-    judge.check(frame(bright))
-    assert "full scale" in judge.bright
+    quality = ImageQuality()
+    quality.learn(rest_of(np.array([[320.0, 200.0], [340.0, 200.0], [330.0, 220.0]])), frame(at_rest))
+    quality.check(frame(at_rest))
+    assert not quality.bright
+    quality.check(frame(bright))
+    assert "full scale" in quality.bright

@@ -380,15 +380,15 @@ def test_a_smaller_image_in_mid_stream_is_reported_and_loses_one_frame(finger: F
 
 
 def test_a_failing_viewer_is_disconnected(finger: Finger) -> None:
-    told: list[int] = []
+    reported: list[int] = []
 
     def bad(result: object, state: State) -> None:
         raise RuntimeError("of its own making")
 
-    finger.loop.result_callbacks += [bad, lambda result, state: told.append(state.sample)]
+    finger.loop.result_callbacks += [bad, lambda result, state: reported.append(state.sample)]
     finger.see(finger.frames[7].image)
     finger.see(finger.frames[7].image)
-    assert len(told) == 2
+    assert len(reported) == 2
     assert bad not in finger.loop.result_callbacks
 
 

@@ -25,7 +25,7 @@ from hostlink.wire import unpack_state
 def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Sample]]:
     """A recording, and the samples decoded by a host on the bus."""
     path = tmp_path_factory.mktemp("recorded") / "a.mcap"
-    heard: list[Sample] = []
+    received: list[Sample] = []
     decoder = CanDecoder()
     with can.Bus("recorded", interface="virtual", receive_own_messages=False) as bus:
         sink = open_sink("virtual:recorded")
@@ -40,17 +40,17 @@ def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
         sink.close()
         while (message := bus.recv(0.5)) is not None:
             events = decoder.receive(message.arbitration_id, bytes(message.data), message.timestamp)
-            heard += [event for event in events if isinstance(event, Sample)]
+            received += [event for event in events if isinstance(event, Sample)]
     assert recorder.fault is None
     assert recorder.dropped_n == recorder.refused_n == 0
-    return path, heard
+    return path, received
 
 
 def test_the_recording_holds_the_samples_of_the_bus(recorded: tuple[Path, list[Sample]]) -> None:
-    path, heard = recorded
+    path, received = recorded
     samples = [message for _, _, message in read_messages(path, ["/bus/sample"])]
-    assert len(samples) == len(heard) == 26
-    for written, sent in zip(samples, heard, strict=True):
+    assert len(samples) == len(received) == 26
+    for written, sent in zip(samples, received, strict=True):
         assert unpack_state(bytes.fromhex(written["payload"])).sample == sent.state.sample
         values = json.loads(json.dumps(written["values"]))
         for name in ("sample", "status", "capture_time_us", "displacement_mm", "shear_x_mm", "contact_n"):

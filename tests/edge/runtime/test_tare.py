@@ -410,12 +410,12 @@ def test_samples_go_on_while_a_rest_frame_is_checked(
     assert measured.acquire(timeout=SOON_S)
     begun, go_on = threading.Event(), threading.Event()
 
-    def judged(*arguments: Any, **options: Any) -> RestFrame:
+    def checked(*arguments: Any, **options: Any) -> RestFrame:
         begun.set()
         assert go_on.wait(SOON_S)
         return take_rest_frame(*arguments, **options)
 
-    monkeypatch.setattr(measurement, "take_rest_frame", judged)
+    monkeypatch.setattr(measurement, "take_rest_frame", checked)
     request = finger.loop.request_tare(force=True)
     assert begun.wait(SOON_S)
     while measured.acquire(blocking=False):
