@@ -25,7 +25,7 @@ from calib.protocols import PROTOCOLS, Plan, Step
 from calib.report import plots, sections, slip, study
 from calib.report.page import ReportPage, write_page
 from calib.report.pairs import pairs
-from calib.report.sections import Check, Seen
+from calib.report.sections import Requirement, Seen
 from calib.rig.base import CLEAR, Pose
 from calib.rig.simulated import SimulatedRig, Simulation, load_simulation
 from calib.sim import Tool
@@ -116,7 +116,7 @@ def make_report(
     seen: dict[str, Seen],
     slipped: list[slip.Slipped],
     published: Seen | None,
-) -> tuple[list[Check], list[study.Row]]:
+) -> tuple[list[Requirement], list[study.Row]]:
     """Write the page, its pictures and tables."""
     page, checks = ReportPage("Calibration report"), []
     summary = page.section("What must hold, and what was measured")

@@ -21,7 +21,7 @@ from calib.report.page import ReportPage, Section, model_table
 from calib.report.pairs import RESOLVED, resolvable_mm, shares
 from edge.calibration import Calibration
 
-__all__ = ["Check", "Seen", "contacts", "paper", "real", "slips", "tilted"]
+__all__ = ["Requirement", "Seen", "contacts", "paper", "real", "slips", "tilted"]
 
 Rows = NDArray[np.intp]
 HELD_OUT = 0.2  # share of random poses that the fit does not see
@@ -31,7 +31,7 @@ NETWORK = (
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class Requirement:
     """A limit, and the measured value."""
 
     what: str
@@ -73,7 +73,7 @@ def _every(n: int, first: int) -> Rows:
     return np.arange(first, n, 2)
 
 
-def paper(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Check]:
+def paper(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Requirement]:
     """Displacement, shear and direction as the paper does them: every second frame is fitted."""
     section = page.section("The paper's protocols")
     press, shear, round_ = seen["displacement"], seen["shear"], seen["direction"]
@@ -110,10 +110,10 @@ def paper(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Check]:
     section.picture(out / "directions.png", "true and read directions")
     model_table(section, choices)
     return [
-        Check("direction of shear, mean (36 directions)", 1.0, mean, "deg"),
-        Check("displacement, 0..5 mm", 0.03, on_press["displacement_mae_mm"], "mm"),
-        Check("shear magnitude, 0..2 mm along x", 0.03, on_shear["shear_magnitude_mae_mm"], "mm"),
-        Check("shear magnitude, 2 mm all round", 0.03, on_round["shear_magnitude_mae_mm"], "mm"),
+        Requirement("direction of shear, mean (36 directions)", 1.0, mean, "deg"),
+        Requirement("displacement, 0..5 mm", 0.03, on_press["displacement_mae_mm"], "mm"),
+        Requirement("shear magnitude, 0..2 mm along x", 0.03, on_shear["shear_magnitude_mae_mm"], "mm"),
+        Requirement("shear magnitude, 2 mm all round", 0.03, on_round["shear_magnitude_mae_mm"], "mm"),
     ]
 
 
@@ -123,7 +123,7 @@ def _split(n: int) -> tuple[Rows, Rows]:
     return order[held:], order[:held]
 
 
-def tilted(page: ReportPage, surface: Seen) -> list[Check]:
+def tilted(page: ReportPage, surface: Seen) -> list[Requirement]:
     section = page.section("Tilted and off-centre contact")
     train, test = _split(len(surface.data))
     calibration, choices = surface.fit(train)
@@ -150,14 +150,14 @@ def tilted(page: ReportPage, surface: Seen) -> list[Check]:
     model_table(section, choices)
     flat_one = float((surface.extract.counts == 1).mean()) * 100.0
     return [
-        Check(
+        Requirement(
             "direction of shear, tilt to 15 deg, off centre", 3.0, result["shear_direction_mean_deg"], "deg"
         ),
-        Check("flat contacts found as one", 99.0, flat_one, "%", at_least=True),
+        Requirement("flat contacts found as one", 99.0, flat_one, "%", at_least=True),
     ]
 
 
-def contacts(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Check]:
+def contacts(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Requirement]:
     section = page.section("Contact places")
     calibration, choices = seen["contacts"].fit()
     checks = [
@@ -171,7 +171,7 @@ def contacts(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Check]:
 
 def _single_probes(
     section: Section, out: Path, probes: Seen, calibration: Calibration, choices: Sequence[Choice]
-) -> list[Check]:
+) -> list[Requirement]:
     place = next(c for c in choices if c.outputs[0] == "contact_x_mm")
     values = probes.data.targets.values
     true = values["contact_x_mm"] + 1j * values["contact_y_mm"]
@@ -187,14 +187,14 @@ def _single_probes(
     off_mm = float(np.abs(place.held_out - true[used]).mean())
     single = probes.extract.counts[_column(probes, "tool") == "sphere"]
     return [
-        Check("place of a single contact, mean over the tip", 0.2, off_mm, "mm"),
-        Check("single probes found as one", 99.0, _percent(single == 1), "%", at_least=True),
+        Requirement("place of a single contact, mean over the tip", 0.2, off_mm, "mm"),
+        Requirement("single probes found as one", 99.0, _percent(single == 1), "%", at_least=True),
     ]
 
 
 def _pairs_of_probes(
     section: Section, out: Path, pairs: Seen, probes: Seen, calibration: Calibration
-) -> list[Check]:
+) -> list[Requirement]:
     apart_mm = _column(pairs, "tool_distance_mm").astype(float)
     counts = pairs.extract.counts
     found = shares(apart_mm, counts)
@@ -215,28 +215,28 @@ def _pairs_of_probes(
     more = np.concatenate([probes.extract.counts, counts]) > 2
     return [
         *(
-            Check(f"probes {gap:g} mm apart found as two", 99.0, _percent(n == 2), "%", at_least=True)
+            Requirement(f"probes {gap:g} mm apart found as two", 99.0, _percent(n == 2), "%", at_least=True)
             for gap, n in at_gap.items()
         ),
-        Check(
+        Requirement(
             "random pairs 4 mm apart and more found as two",
             RESOLVED,
             _percent(counts[apart_mm >= 4.0] == 2),
             "%",
             at_least=True,
         ),
-        Check(
+        Requirement(
             "random pairs 2 mm apart found as one",
             RESOLVED,
             _percent(counts[apart_mm == 2.0] == 1),
             "%",
             at_least=True,
         ),
-        Check("a third contact beside two probes", 0.0, _percent(more), "%"),
+        Requirement("a third contact beside two probes", 0.0, _percent(more), "%"),
     ]
 
 
-def _bars(section: Section, bars: Seen) -> list[Check]:
+def _bars(section: Section, bars: Seen) -> list[Requirement]:
     angle_deg = _column(bars, "tool_angle_deg").astype(float)
     off_deg = np.abs((np.degrees(bars.extract.angle_rad) - angle_deg + 90.0) % 180.0 - 90.0)
     section.text(
@@ -244,7 +244,7 @@ def _bars(section: Section, bars: Seen) -> list[Check]:
         f"{np.nanmean(off_deg):.2f} deg in the mean, {np.nanmax(off_deg):.2f} at the most; "
         f"{_percent(bars.extract.counts == 1):.0f} % found as one contact."
     )
-    return [Check("direction of a long contact, mean", 3.0, float(np.nanmean(off_deg)), "deg")]
+    return [Requirement("direction of a long contact, mean", 3.0, float(np.nanmean(off_deg)), "deg")]
 
 
 def _column(seen: Seen, name: str) -> NDArray[np.str_]:
@@ -260,7 +260,7 @@ def _pitch_mm(calibration: Calibration, seen: Seen) -> float:
     return (calibration.mm_per_px or math.nan) * seen.data.rest.pattern.pitch_px
 
 
-def slips(page: ReportPage, slipped: list[slip.Slipped]) -> list[Check]:
+def slips(page: ReportPage, slipped: list[slip.Slipped]) -> list[Requirement]:
     section = page.section("Slip")
     every = slip.outcome(slip.join(slipped))
     section.text(
@@ -285,7 +285,7 @@ def slips(page: ReportPage, slipped: list[slip.Slipped]) -> list[Check]:
          "first detected when so much slides, %", "tool over skin, mm/s", "read, mm/s"),
         rows,
     )  # fmt: skip
-    return [Check("slip detected while the contact sticks", 1.0, every.false_percent, "%")]
+    return [Requirement("slip detected while the contact sticks", 1.0, every.false_percent, "%")]
 
 
 def real(page: ReportPage, out: Path, published: Seen) -> None:

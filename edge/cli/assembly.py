@@ -58,8 +58,10 @@ def make_loop(
 ) -> Loop:
     """The loop with everything that the options request; the stack closes it all."""
     from edge.link.device import LoopDevice
-    from edge.runtime.board_monitor import BoardMonitor, free_space_problem
+    from edge.runtime.board_monitor import BoardMonitor, BoardParams, free_space_problem
     from edge.runtime.calibration_store import CalibrationStore
+    from edge.runtime.drift import DriftParams
+    from edge.runtime.fault_detector import FaultParams
     from edge.runtime.fault_registry import FaultLog, FaultRegistry
     from edge.runtime.loop import Loop, LoopConfig
     from edge.runtime.systemd import Notifier
@@ -74,7 +76,7 @@ def make_loop(
         stored[0] if stored else load_calibration(calibration_path or config.calibration.file or None)
     )
     registry = FaultRegistry()
-    monitor = BoardMonitor(registry, hot_degc=config.limits.temperature_degc)
+    monitor = BoardMonitor(registry, params=BoardParams(hot_degc=config.limits.temperature_degc))
     notifier = Notifier()
     stack.callback(notifier.close)
     loop = Loop(
@@ -84,8 +86,8 @@ def make_loop(
         LoopConfig(
             demand=frozenset(config.features.demand),
             tare=TareParams(frames_n=config.tare.frames_n, steady_px=config.tare.steady_px),
-            drift_px=config.tare.drift_px,
-            load_pitches=config.limits.load_pitches,
+            drift=DriftParams(limit_px=config.tare.drift_px),
+            limits=FaultParams(load_pitches=config.limits.load_pitches),
         ),
         faults=registry,
         board=monitor,

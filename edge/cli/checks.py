@@ -19,8 +19,9 @@ from edge.config import Config
 from edge.errors import CalibrationError, NoPins, SinkError
 from edge.link.sinks import open_sink
 from edge.pins import take_rest
-from edge.runtime.board_monitor import FREE_SPACE_BYTES, HOT_DEGC
-from edge.runtime.image_quality import DARK, FULL, level_of
+from edge.runtime.board_monitor import PARAMS as BOARD
+from edge.runtime.image_quality import PARAMS as IMAGE
+from edge.runtime.image_quality import level_of
 from edge.runtime.tip_match import in_order_of
 from edge.types import Frame, FrameSource, LiveSource, Polarity, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
@@ -126,9 +127,9 @@ def _brightness(frames: Sequence[Frame]) -> Line:
     levels = np.array([level_of(f.image, f.bits) for f in frames])
     level, full = levels.mean(axis=0)
     finding = f"mean level {level:.1%} of full scale, {full:.1%} of the image at full scale"
-    if level < DARK:
+    if level < IMAGE.dark_level:
         return Line("light", "fail", finding, "dark: is the LED lit? raise [source] exposure_us or gain")
-    if full > FULL:
+    if full > IMAGE.saturated_share:
         return Line("light", "fail", finding, "overexposed: lower [source] exposure_us, keep stray light out")
     if level < LIMITS.dim:
         return Line("light", "warn", finding, "dim: raise [source] exposure_us, then gain")
@@ -325,7 +326,7 @@ def processor(machine: Machine) -> list[Line]:
     lines = [Line("processor", "warn" if slow else "ok", finding, advice)]
     degc = machine.temperature_degc()
     if not math.isnan(degc):
-        hot = degc >= HOT_DEGC
+        hot = degc >= BOARD.hot_degc
         lines.append(
             Line("temperature", "warn" if hot else "ok", f"{degc:.0f} degC", "cool the board" if hot else "")
         )
@@ -355,7 +356,7 @@ def disk(config: Config, rate_hz: float, machine: Machine) -> list[Line]:
     folder = Path(config.state.directory or ".")
     try:
         free = machine.free_bytes(folder)
-        if free < FREE_SPACE_BYTES + WRITE_BYTES:
+        if free < BOARD.free_space_bytes + WRITE_BYTES:
             return [Line("disk", "fail", f"{folder}: {free >> 20} MiB left", "free some space")]
         seconds = machine.write_s(folder, WRITE_BYTES)
     except OSError as error:

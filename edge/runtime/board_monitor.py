@@ -10,18 +10,28 @@ import os
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
 
+from edge.runtime.checks import Check, run_checks
 from edge.runtime.fault_registry import FaultRegistry
 from hostlink.wire import FaultCode
 
-__all__ = ["FREE_SPACE_BYTES", "HOT_DEGC", "BoardMonitor", "Thermometer", "free_space_problem"]
+__all__ = ["PARAMS", "BoardMonitor", "BoardParams", "Thermometer", "free_space_problem"]
 
-PERIOD_S = 0.04  # with a check's own time, within the 0.1 s in which a fault is announced
-HOT_DEGC = 80.0  # a Raspberry Pi begins to throttle here (maker's documentation, "frequency management")
-COOLER_K = 5.0  # the fault clears at so much below
-FREE_SPACE_BYTES = 8 << 20  # below this a calibration (at most 8 MiB) could not be replaced any more
+
+@dataclass(frozen=True, slots=True)
+class BoardParams:
+    """Parameters by name; evidence in docs/tuning.md."""
+
+    period_s: float = 0.04  # between checks
+    hot_degc: float = 80.0  # the board is too hot
+    cooler_k: float = 5.0  # ... until it is cooler by so much
+    free_space_bytes: int = 8 << 20  # below which a calibration could not be replaced any more
+
+
+PARAMS = BoardParams()
 
 
 class Thermometer:
@@ -43,7 +53,7 @@ class Thermometer:
         return hottest
 
 
-def free_space_problem(directory: Path, least_bytes: int = FREE_SPACE_BYTES) -> str:
+def free_space_problem(directory: Path, least_bytes: int = PARAMS.free_space_bytes) -> str:
     """Empty, or why nothing can be stored in this folder."""
     try:
         stat = os.statvfs(directory)
@@ -68,16 +78,17 @@ class BoardMonitor:
         registry: FaultRegistry,
         thermometer: Callable[[], float] | None = None,
         storage: Sequence[Callable[[], str]] = (),
-        hot_degc: float = HOT_DEGC,
-        period_s: float = PERIOD_S,
+        params: BoardParams = PARAMS,
     ) -> None:
         self._registry = registry
         self._thermometer = thermometer or Thermometer()
         self.storage = list(storage)
         self.checks: list[Callable[[], None]] = []
-        self._hot_degc = hot_degc
-        self._period_s = period_s
-        self._hot = False
+        self._params = params
+        cool_degc = params.hot_degc - params.cooler_k
+        self._temperature = Check(
+            FaultCode.OVER_TEMPERATURE, "degc", params.hot_degc, cool_degc, "degC", "{degc:.0f} degC"
+        )
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board monitor", daemon=True)
         self.temperature_degc = nan
@@ -89,10 +100,8 @@ class BoardMonitor:
 
     def check(self) -> None:
         """Check everything once."""
-        now = self.temperature_degc = self._thermometer()
-        # Comparison with NaN is false: without a sensor nothing is reported as hot.
-        self._hot = now >= self._hot_degc - (COOLER_K if self._hot else 0.0)
-        self._registry.report(FaultCode.OVER_TEMPERATURE, self._hot, f"{now:.0f} degC")
+        self.temperature_degc = self._thermometer()
+        run_checks([self._temperature], {"degc": self.temperature_degc}, self._registry)
         problems = "; ".join(filter(None, (problem() for problem in self.storage)))
         self._registry.report(FaultCode.DISK_FULL, bool(problems), problems)
         for check in self.checks:
@@ -102,8 +111,8 @@ class BoardMonitor:
         """End the thread."""
         self._closing.set()
         if self._thread.is_alive():
-            self._thread.join(self._period_s + 0.5)
+            self._thread.join(self._params.period_s + 0.5)
 
     def _run(self) -> None:
-        while not self._closing.wait(self._period_s):
+        while not self._closing.wait(self._params.period_s):
             self.check()

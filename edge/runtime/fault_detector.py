@@ -8,51 +8,75 @@ raises a fault also clears it. The message is composed only when a fault appears
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from edge.pipeline import Result
+from edge.runtime.checks import Check, run_checks
 from edge.runtime.fault_registry import FaultRegistry
-from edge.runtime.image_quality import ImageQuality, common_step_px, median_offset_px
+from edge.runtime.image_quality import ImageQuality, common_step_px, image_checks, median_offset_px
 from edge.runtime.measures import count_longer
 from edge.runtime.pin_visibility import PinVisibility
 from edge.types import Array, Features, Frame, FrameSource, LiveSource, Rest, Tracks
-from hostlink.wire import FaultCode, Status
+from hostlink.wire import FaultCode as F
+from hostlink.wire import Status
 
-__all__ = ["LOAD_PITCHES", "NO_CALIBRATION", "SEARCH_NS", "FaultDetector"]
+__all__ = ["NO_CALIBRATION", "FaultDetector", "FaultParams"]
 
-#: A frame that takes longer is one whose pins are being searched for; TRACKER_LOST is reported before they
-#: are found.
-SEARCH_NS = 30_000_000
-#: The capture clock may differ from ours by this much from one image to the next; more is a step. A process
-#: that was not scheduled for a while shows less.
-STEP_NS = 500_000_000
-#: After this long without a new image, and this many of the camera's periods, the motion of the pins is
-#: unknown: they are searched for as from rest. When they were followed over 1500 simulated gaps of up to 3 s,
-#: some were wrong in 6, with high confidence (0.4..0.6 mm); when searched, in none, and no frame was without
-#: values.
-GAP_S, GAP_PERIODS = 0.1, 4.0
-#: If untouched pins are further off than this, in pitches, the camera moved; within half of it the fault
-#: clears. 1.5 px at a pitch of 19 px: five times the largest drift.
-MOVED_PITCHES = 0.08
-#: If 5 % of a tip's pins move further than this, in pitches, the load is beyond what the tip stands. Within
-#: the published range of the 331-pin tip (5 mm deep, 5 mm of shear) they move by up to 1.3.
-LOAD_PITCHES = 1.6
-OVERLOAD_SHARE = 0.05
+
+@dataclass(frozen=True, slots=True)
+class FaultParams:
+    """Parameters by name; evidence in docs/tuning.md."""
+
+    search_s: float = 0.03  # a frame that takes longer is one whose pins are being searched for
+    clock_step_s: float = 0.5  # between the capture clock and ours, from one image to the next
+    gap_s: float = 0.1  # without a new image, after which the pins are searched for as from rest
+    gap_periods: float = 4.0  # the same in periods of the camera; the longer counts
+    moved_raise_pitches: float = 0.08  # by which all pins of an untouched tip are off: the camera moved
+    moved_clear_pitches: float = 0.04
+    drifted_share: float = 0.1  # of the pins whose drift is at its limit
+    load_pitches: float = 1.6  # motion of a pin beyond which it counts as overloaded
+    overload_share: float = 0.05  # of such pins
+
+
+PARAMS = FaultParams()
 NO_CALIBRATION = "no calibration file was given"
+
+
+def fault_checks(p: FaultParams = PARAMS) -> tuple[Check, ...]:
+    """Of the images' clock, of load and of place."""
+    moved = "the pins stand {off_px:.1f} px off the rest frame, all alike; tare"
+    return (
+        Check(
+            F.CLOCK_STEP, "clock_off_s", p.clock_step_s, p.clock_step_s, "s",
+            "images' clock jumped by {clock_jump_s:+.3f} s",
+        ),
+        Check(F.CLOCK_STEP, "clock_back_s", 1e-9, 1e-9, "s", "images' clock jumped by {clock_jump_s:+.3f} s"),
+        Check(
+            F.OVERLOAD, "far_share", p.overload_share, p.overload_share, "of the pins",
+            "{far_n} pins moved by more than {limit_px:.0f} px",
+        ),
+        Check(
+            F.CAMERA_MOVED, "off_pitches", p.moved_raise_pitches, p.moved_clear_pitches, "pitches", moved
+        ),
+        Check(F.CAMERA_MOVED, "drifted_share", p.drifted_share, p.drifted_share, "of the pins", moved),
+    )  # fmt: skip
+
+
 _CAMERA = {
-    "lost": FaultCode.CAMERA_LOST,
-    "stalled": FaultCode.CAMERA_STALLED,
-    "frozen": FaultCode.CAMERA_STALLED,
-    "black": FaultCode.IMAGE_DARK,
+    "lost": F.CAMERA_LOST,
+    "stalled": F.CAMERA_STALLED,
+    "frozen": F.CAMERA_STALLED,
+    "black": F.IMAGE_DARK,
 }
 #: Faults that a new rest frame clears.
 _OF_THE_REST = (
-    FaultCode.TARE_IMPLAUSIBLE,
-    FaultCode.CALIBRATION_FOREIGN,
-    FaultCode.CAMERA_MOVED,
-    FaultCode.TRACKER_LOST,
-    FaultCode.PINS_LOST,
+    F.TARE_IMPLAUSIBLE,
+    F.CALIBRATION_FOREIGN,
+    F.CAMERA_MOVED,
+    F.TRACKER_LOST,
+    F.PINS_LOST,
 )
 #: Faults under which no drift is learnt.
 _NOT_QUIET = (
@@ -65,7 +89,6 @@ class FaultDetector:
 
     source        reports the condition of its camera
     registry      receives the faults
-    load_pitches  motion of the pins beyond which the tip is overloaded
     clock_ns      the host's monotonic clock
     """
 
@@ -73,12 +96,13 @@ class FaultDetector:
         self,
         source: FrameSource,
         registry: FaultRegistry,
-        load_pitches: float,
         clock_ns: Callable[[], int],
+        params: FaultParams = PARAMS,
     ) -> None:
         self._source, self._registry, self._clock_ns = source, registry, clock_ns
         self._live = source if isinstance(source, LiveSource) else None
-        self._load_pitches = load_pitches
+        self._params = params
+        self._checks = (*image_checks(), *fault_checks(params))
         self._image = ImageQuality()
         self._pins: PinVisibility | None = None
         self._pitch_px = 0.0
@@ -109,13 +133,13 @@ class FaultDetector:
         self._image.learn(rest, frame)
         for code in _OF_THE_REST:
             self._registry.report(code, False)
-        self._registry.report(FaultCode.CALIBRATION_MISSING, not calibrated, NO_CALIBRATION)
+        self._registry.report(F.CALIBRATION_MISSING, not calibrated, NO_CALIBRATION)
 
     def camera(self) -> None:
         """Report the condition that the source gives for its camera."""
         condition = "frozen" if self.frozen else self._live.condition if self._live else ""
         now = _CAMERA.get(condition)
-        for code in (FaultCode.CAMERA_LOST, FaultCode.CAMERA_STALLED):
+        for code in (F.CAMERA_LOST, F.CAMERA_STALLED):
             self._registry.report(code, code is now, lambda: f"{self._source.name}: {condition}")
 
     def order(self, frame: Frame, now_ns: int) -> None:
@@ -132,37 +156,39 @@ class FaultDetector:
         # A recording is read at our own pace: only a step back counts.
         live = self._source.live
         off_ns = step_ns - (now_ns - before_ns) if live else min(step_ns, 0)
-        stepped = abs(off_ns) > STEP_NS or (live and step_ns < 0)
-        self._registry.report(
-            FaultCode.CLOCK_STEP, stepped, lambda: f"images' clock jumped by {off_ns / 1e9:+.3f} s"
-        )
+        back_ns = max(0, -step_ns) if live else 0
+        self._check(clock_off_s=abs(off_ns) / 1e9, clock_back_s=back_ns / 1e9, clock_jump_s=off_ns / 1e9)
+        stepped = self._registry.holds(F.CLOCK_STEP)
         period_s = 1.0 / self._source.rate_hz if self._source.rate_hz else 0.0
         passed_ns = now_ns - before_ns if stepped else step_ns
-        self.after_gap |= passed_ns > max(GAP_S, GAP_PERIODS * period_s) * 1e9
+        self.after_gap |= passed_ns > max(self._params.gap_s, self._params.gap_periods * period_s) * 1e9
         self.gaps_n += max(0, frame.sequence - before.sequence - 1)
 
     def image(self, frame: Frame) -> None:
         """Brightness and focus."""
-        quality, registry = self._image, self._registry
-        quality.check(frame)
         black = self._live is not None and self._live.frame_condition == "black"
-        registry.report(FaultCode.IMAGE_DARK, black or bool(quality.dark), quality.dark or "black")
-        registry.report(FaultCode.IMAGE_BRIGHT, bool(quality.bright), quality.bright)
-        registry.report(FaultCode.IMAGE_BLURRED, bool(quality.blurred), quality.blurred)
+        self._check(**self._image.brightness(frame), black=float(black))
+        self._check_focus(frame)
+
+    def _check_focus(self, frame: Frame, now: bool = False) -> None:
+        """Nothing is said of the focus where brightness explains what is seen."""
+        if not (self._registry.holds(F.IMAGE_DARK) or self._registry.holds(F.IMAGE_BRIGHT)):
+            self._image.measure_focus(frame, now)
+        self._check(sharpness=self._image.sharpness)
+
+    def _check(self, **measured: float) -> None:
+        run_checks(self._checks, measured, self._registry)
 
     def slow(self, begun_ns: int | None) -> None:
         """Whether the current frame takes long, and the brightness of the next one. For another thread.
 
         begun_ns  when work on it began, our clock; None: there is none, or it need not be timed
         """
-        if begun_ns is not None and self._clock_ns() - begun_ns >= SEARCH_NS:
-            self._registry.report(FaultCode.TRACKER_LOST, True, "the pins are being searched for")
+        if begun_ns is not None and self._clock_ns() - begun_ns >= self._params.search_s * 1e9:
+            self._registry.report(F.TRACKER_LOST, True, "the pins are being searched for")
             waiting = self._live.peek() if self._live is not None else None
             if waiting is not None:  # report its brightness without waiting for the search
-                dark, bright = self._image.brightness_problems(waiting)
-                for code, reason in ((FaultCode.IMAGE_DARK, dark), (FaultCode.IMAGE_BRIGHT, bright)):
-                    if reason:
-                        self._registry.report(code, True, reason)
+                run_checks(self._checks, self._image.brightness(waiting), self._registry, clear=False)
 
     def impossible(self, tracks: Tracks) -> bool:
         """Whether pins moved further than skin can: the pattern was matched to itself rotated."""
@@ -173,55 +199,44 @@ class FaultDetector:
         """Whether pins are seen and identified. False: no values may be sent for this frame."""
         assert self._pins is not None
         untrusted = features is None
-        self._registry.report(FaultCode.TRACKER_LOST, untrusted, "pins cannot be identified")
+        self._registry.report(F.TRACKER_LOST, untrusted, "pins cannot be identified")
         missing = self._pins.problem(tracks)
-        self._registry.report(FaultCode.PINS_LOST, bool(missing), missing)
+        self._registry.report(F.PINS_LOST, bool(missing), missing)
         if untrusted or self._pins.needs_focus_check(tracks):
-            self._image.check_focus(frame)
-            blurred = self._image.blurred
-            self._registry.report(FaultCode.IMAGE_BLURRED, bool(blurred), blurred)
+            self._check_focus(frame, now=True)
         return not (untrusted or missing)
 
     def load(self, features: Features | None) -> None:
         """Whether the pins moved beyond the load limit."""
         if features is None or not features.in_contact:
-            self._registry.report(FaultCode.OVERLOAD, False)
+            self._registry.report(F.OVERLOAD, False)
             return
-        limit_px = self._load_pitches * self._pitch_px
-        motion_px = features.displacement_px
-        far_n = count_longer(motion_px, limit_px)  # a lost pin does not count
-        over = far_n > OVERLOAD_SHARE * len(motion_px)
-        self._registry.report(
-            FaultCode.OVERLOAD, over, lambda: f"{far_n} pins moved by more than {limit_px:.0f} px"
-        )
+        limit_px = self._params.load_pitches * self._pitch_px
+        far_n = count_longer(features.displacement_px, limit_px)  # a lost pin does not count
+        self._check(far_share=far_n / len(features.displacement_px), far_n=far_n, limit_px=limit_px)
 
-    def place(self, motion_px: Array, in_contact: bool, drifted: bool) -> None:
+    def place(self, motion_px: Array, in_contact: bool, drifted_share: float) -> None:
         """Whether the camera is where it was when the rest frame was taken.
 
         An untouched tip shows that by the places of its pins; under a touch, the step common to all pins
         shows a knock.
 
-        motion_px  (n, 2) since rest; NaN where lost
-        drifted    the learnt drift is at its limit
+        motion_px      (n, 2) since rest; NaN where lost
+        drifted_share  of the pins whose learnt drift is at its limit
         """
         before_px, self._motion_px = self._motion_px, motion_px
-        held = Status.CAMERA_MOVED in self._registry.status
-        limit_px = MOVED_PITCHES * self._pitch_px
+        limit_px = self._params.moved_raise_pitches * self._pitch_px
         if in_contact:
             step_px = common_step_px(motion_px - before_px, limit_px)
             if step_px is None:
                 return
             self._offset_px = self._offset_px + step_px
-            by_px, drifted = float(np.hypot(*self._offset_px)), False
+            off_px, drifted_share = float(np.hypot(*self._offset_px)), 0.0
         else:
-            by_px = median_offset_px(motion_px)
-            off = held or by_px > limit_px
+            off_px = median_offset_px(motion_px)
+            off = self._registry.holds(F.CAMERA_MOVED) or off_px > limit_px
             self._offset_px = np.nanmedian(motion_px, axis=0) if off else np.zeros(2)
-        self._registry.report(
-            FaultCode.CAMERA_MOVED,
-            by_px > limit_px * (0.5 if held else 1.0) or drifted,
-            lambda: f"the pins stand {by_px:.1f} px off the rest frame, all alike; tare",
-        )
+        self._check(off_pitches=off_px / self._pitch_px, off_px=off_px, drifted_share=drifted_share)
 
     def status(self, result: Result | None, skipped_n: int) -> Status:
         """The sample's status bits.

@@ -60,6 +60,10 @@ class FaultRegistry:
             for notify in self.listeners:
                 notify(code, active, message)
 
+    def holds(self, code: FaultCode) -> bool:
+        """Whether this fault holds now."""
+        return code in self._active
+
     @property
     def active(self) -> dict[FaultCode, str]:
         """Faults that hold now, each with its reason."""

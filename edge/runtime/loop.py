@@ -11,7 +11,7 @@ Rules
   - A frame whose pins cannot be identified is sent with its status bits and without values, never skipped:
 the host must see that the finger is alive but has no values.
   - Without images the loop wakes all the same: faults are announced within 0.1 s, and samples without values
-are sent every `KEEPALIVE_S`. Signals and commands only set a flag; the loop acts on it within that time.
+are sent every `keepalive_s`. Signals and commands only set a flag; the loop acts on it within that time.
   - The garbage collector runs at fixed times: objects of the start-up are frozen, a frame makes no cycles,
 and once a minute, after a sample has left, garbage of other threads is collected.
 """
@@ -24,6 +24,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from dataclasses import dataclass
 from math import nan
 from threading import Event
 from types import TracebackType
@@ -49,12 +50,20 @@ __all__ = ["Loop", "LoopConfig", "ResultCallback"]
 log = logging.getLogger(__name__)
 T = TypeVar("T")
 
-DRAIN_S = 1.0  # how long a recording waits for a blocked link
-WAIT_S = 0.02  # longest wait for an image before faults and commands are handled
-KEEPALIVE_S = 0.05  # samples without images: "the slow rate" of the fault table
-NO_IMAGES_S = 1.0  # a requested tare is refused after so long without images
-LATE_NS = 2_000_000_000  # an image older than this, or from the future, is stamped by another clock than ours
-GARBAGE_S = 60.0  # between collections of other threads' cycles (viewers, requests)
+
+@dataclass(frozen=True, slots=True)
+class LoopParams:
+    """Parameters by name; evidence in docs/tuning.md."""
+
+    drain_s: float = 1.0  # how long a recording waits for a blocked link
+    wait_s: float = 0.02  # longest wait for an image before faults and commands are handled
+    keepalive_s: float = 0.05  # samples without images: "the slow rate" of the fault table
+    no_images_s: float = 1.0  # a requested tare is refused after so long without images
+    late_s: float = 2.0  # an image older than this, or from the future, is stamped by another clock than ours
+    garbage_s: float = 60.0  # between collections of other threads' cycles (viewers, requests)
+
+
+PARAMS = LoopParams()
 
 #: Called with each result and its sample: viewer, detail stream, summary. Must return at once.
 ResultCallback = Callable[[Result, State], None]
@@ -94,7 +103,7 @@ class Loop:
         self.frame: Frame | None = None  # the newest, with or without a result
         config = config or LoopConfig()
         self._counters = StatisticsCollector()
-        self._detector = FaultDetector(source, self.faults, config.load_pitches, clock_ns)
+        self._detector = FaultDetector(source, self.faults, clock_ns, config.limits)
         self.measurement = Measurement(
             source, calibration, config, self.faults, self._detector, self._counters
         )
@@ -241,7 +250,7 @@ class Loop:
             yield from source
             return
         while True:
-            frame = source.read(WAIT_S)
+            frame = source.read(PARAMS.wait_s)
             if frame is None and source.ended:
                 return
             yield frame
@@ -256,10 +265,10 @@ class Loop:
             return  # a slow camera: not late yet
         if self.faults.status == status_before and now_ns < self._keepalive_due_ns:
             return
-        self._keepalive_due_ns = now_ns + round(KEEPALIVE_S * 1e9)
+        self._keepalive_due_ns = now_ns + round(PARAMS.keepalive_s * 1e9)
         self._counters.counts.keepalives_n += 1
         frame, since_ns = self._detector.last or (None, now_ns)
-        if now_ns - since_ns > NO_IMAGES_S * 1e9:
+        if now_ns - since_ns > PARAMS.no_images_s * 1e9:
             self.measurement.no_images()
         # On the camera's clock, like all samples: its last time plus the time since.
         capture_ns = frame.capture_ns + now_ns - since_ns if frame else now_ns
@@ -280,7 +289,10 @@ class Loop:
         self._frame_begun_ns = None
         computed_ns = self._clock_ns()
         # A recorded or foreign clock cannot be subtracted from ours: latency then counts from the hand-over.
-        ours = frame.clock in (Clock.HOST, Clock.DRIVER) and 0 <= begun_ns - frame.capture_ns < LATE_NS
+        ours = (
+            frame.clock in (Clock.HOST, Clock.DRIVER)
+            and 0 <= begun_ns - frame.capture_ns < PARAMS.late_s * 1e9
+        )
         since_ns = frame.capture_ns if ours else begun_ns
         state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)
         self._counters.latency_us.add((self._clock_ns() - since_ns) / 1e3)
@@ -315,7 +327,7 @@ class Loop:
         self._sample += 1
         for sink in self.sinks:
             if not self.source.live:  # a recording is sent as fast as the link takes it, without loss
-                sink.drain(DRAIN_S)
+                sink.drain(PARAMS.drain_s)
             counts.sent_n += sink.send(state)
         return state
 
@@ -348,7 +360,7 @@ class _GarbageCollection:
     """Garbage collection at fixed times: off while the loop runs, except in `collect_if_due`."""
 
     def __init__(self, clock_ns: Callable[[], int]) -> None:
-        self._due_ns = clock_ns() + round(GARBAGE_S * 1e9)
+        self._due_ns = clock_ns() + round(PARAMS.garbage_s * 1e9)
         self._was_enabled = True
 
     def __enter__(self) -> Self:
@@ -368,5 +380,5 @@ class _GarbageCollection:
     def collect_if_due(self, now_ns: int) -> None:
         """Collect garbage of other threads, after the sample has left; frozen objects are skipped."""
         if now_ns > self._due_ns:
-            self._due_ns = now_ns + round(GARBAGE_S * 1e9)
+            self._due_ns = now_ns + round(PARAMS.garbage_s * 1e9)
             gc.collect()

@@ -15,8 +15,10 @@ import numpy as np
 from edge.calibration import Calibration
 from edge.errors import CalibrationError, EdgeError, SourceError
 from edge.pipeline import Pipeline, Result
-from edge.runtime.drift import LIMIT_PX, Drift
-from edge.runtime.fault_detector import LOAD_PITCHES, NO_CALIBRATION, FaultDetector
+from edge.runtime.drift import PARAMS as DRIFT
+from edge.runtime.drift import Drift, DriftParams
+from edge.runtime.fault_detector import NO_CALIBRATION, FaultDetector, FaultParams
+from edge.runtime.fault_detector import PARAMS as FAULTS
 from edge.runtime.fault_registry import FaultRegistry
 from edge.runtime.statistics import StatisticsCollector
 from edge.runtime.tare import PARAMS, RestFrame, TareParams, TareRefused, take_rest_frame
@@ -40,16 +42,16 @@ class _SizeChanged(EdgeError):
 class LoopConfig:
     """What is computed, and limits; `edge.config` is the user's side of it.
 
-    demand        features that are computed
-    tare          how the rest frame is taken and checked
-    drift_px      largest drift of a pin that is subtracted from the measurement; 0: none
-    load_pitches  motion of the pins beyond which the tip is overloaded
+    demand  features that are computed
+    tare    how the rest frame is taken and checked
+    drift   how slow drift is learnt
+    limits  beyond which a fault is raised
     """
 
     demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}
     tare: TareParams = PARAMS
-    drift_px: float = LIMIT_PX
-    load_pitches: float = LOAD_PITCHES
+    drift: DriftParams = DRIFT
+    limits: FaultParams = FAULTS
 
 
 class Measurement:
@@ -183,9 +185,7 @@ class Measurement:
         drift = self.drift
         untouched = features is not None and not features.in_contact
         if features is not None:
-            detector.place(
-                features.displacement_px, features.in_contact, drift is not None and drift.at_limit
-            )
+            detector.place(features.displacement_px, features.in_contact, drift.limit_share if drift else 0.0)
         if drift is not None:
             drift.learn(tracks, frame.capture_ns, untouched and detector.quiet)
         return result
@@ -261,7 +261,7 @@ class Measurement:
         found, self.pipeline = prepared.rest_frame, prepared.pipeline
         self.calibration = self.pipeline.calibration
         self._set_demand()
-        self.drift = Drift(found.rest, self._config.drift_px)
+        self.drift = Drift(found.rest, self._config.drift)
         self.tares_n += 1
         self._detector.learn(found.rest, prepared.frame, self.calibration is not None)
         if found.reason is RestFrameReason.NONE:

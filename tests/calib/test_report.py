@@ -15,7 +15,7 @@ from calib.report import plots, slip, study
 from calib.report.command import edges
 from calib.report.page import ReportPage, model_table, write_page
 from calib.report.pairs import pairs, resolvable_mm, shares
-from calib.report.sections import Check
+from calib.report.sections import Requirement
 from calib.rig.simulated import Simulation
 from calib.sim import Camera, Simulator, Tip, Tool, ToolPose
 from edge.pipeline import Pipeline, Result
@@ -98,10 +98,10 @@ def test_the_trade_s_picture_is_drawn(tmp_path: Path) -> None:
 
 
 def test_checks_compare_with_their_side_of_the_limit() -> None:
-    assert Check("error", 1.0, 0.5, "mm").holds
-    assert not Check("error", 1.0, 1.5, "mm").holds
-    assert not Check("error", 1.0, float("nan"), "mm").holds
-    assert Check("share", 99.0, 100.0, "%", at_least=True).holds
+    assert Requirement("error", 1.0, 0.5, "mm").holds
+    assert not Requirement("error", 1.0, 1.5, "mm").holds
+    assert not Requirement("error", 1.0, float("nan"), "mm").holds
+    assert Requirement("share", 99.0, 100.0, "%", at_least=True).holds
 
 
 def test_bars_lie_in_every_direction() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from edge.runtime.drift import GAP_S, UNTOUCHED_S, Drift
+from edge.runtime.drift import PARAMS, Drift, DriftParams
 from edge.types import Array, PinPattern, Pins, Rest, Tracks
 
 STEP_NS = 100_000_000
@@ -40,13 +40,13 @@ def rest_for(
 
 
 def test_drift_is_subtracted_with_the_time_constant(rest: Rest) -> None:
-    drift = Drift(rest, limit_px=0.5, time_s=10.0)
+    drift = Drift(rest, DriftParams(limit_px=0.5, time_s=10.0))
     moved = rest.xy_img + np.array([0.2, -0.1])
-    rest_for(drift, moved, UNTOUCHED_S + 10.0)
+    rest_for(drift, moved, PARAMS.untouched_s + 10.0)
     left = drift.correct(tracks(moved)).xy_img - rest.xy_img
     np.testing.assert_allclose(left, np.tile([0.2, -0.1], (len(rest), 1)) * np.exp(-1.0), rtol=0.03)
     assert drift.offset_px == pytest.approx(0.2 * (1 - np.exp(-1.0)), rel=0.03)
-    assert not drift.at_limit
+    assert drift.limit_share < 0.1
 
 
 def test_the_same_tracks_as_long_as_nothing_is_learnt(rest: Rest) -> None:
@@ -61,49 +61,49 @@ def test_the_same_tracks_as_long_as_nothing_is_learnt(rest: Rest) -> None:
         (False, 0, 0.2, 60.0),  # touched, or a fault
         (True, 8, 0.2, 60.0),  # pins missing
         (True, 0, 2.0, 60.0),  # a light touch, or a camera that moved
-        (True, 0, 0.2, UNTOUCHED_S - 0.5),  # not for long enough
+        (True, 0, 0.2, PARAMS.untouched_s - 0.5),  # not for long enough
     ],
 )
 def test_drift_is_learnt_only_while_certainly_untouched(
     rest: Rest, quiet: bool, lost: int, away: float, seconds: float
 ) -> None:
-    drift = Drift(rest, limit_px=0.3, time_s=1.0)
+    drift = Drift(rest, DriftParams(limit_px=0.3, time_s=1.0))
     rest_for(drift, rest.xy_img + np.array([away, 0.0]), seconds, quiet=quiet, lost=lost)
     assert drift.offset_px == 0.0
 
 
 def test_a_touch_restarts_the_waiting_time(rest: Rest) -> None:
-    drift = Drift(rest, time_s=1.0)
+    drift = Drift(rest, DriftParams(time_s=1.0))
     now = 0
     for _ in range(5):
-        now = rest_for(drift, rest.xy_img + 0.1, UNTOUCHED_S - 0.5, now)
+        now = rest_for(drift, rest.xy_img + 0.1, PARAMS.untouched_s - 0.5, now)
         drift.learn(tracks(rest.xy_img + 0.1), now + STEP_NS, False)
     assert drift.offset_px == 0.0
 
 
 def test_a_pause_does_not_count_as_time_at_rest(rest: Rest) -> None:
-    drift = Drift(rest, time_s=1.0)
+    drift = Drift(rest, DriftParams(time_s=1.0))
     for k in range(20):
-        drift.learn(tracks(rest.xy_img + 0.1), round(k * (GAP_S + 1.0) * 1e9), True)
+        drift.learn(tracks(rest.xy_img + 0.1), round(k * (PARAMS.gap_s + 1.0) * 1e9), True)
     assert drift.offset_px == 0.0
 
 
 def test_no_offset_ever_exceeds_the_limit(rest: Rest) -> None:
-    drift = Drift(rest, limit_px=0.3, time_s=0.1)
+    drift = Drift(rest, DriftParams(limit_px=0.3, time_s=0.1))
     random = default_rng(1)
     now = 0
     for _ in range(40):
         now = rest_for(drift, rest.xy_img + random.uniform(-1.2, 1.2, 2), 6.0, now)
         assert drift.offset_px <= 0.3
     rest_for(drift, rest.xy_img + np.array([0.9, 0.0]), 10.0, now)
-    assert drift.at_limit
+    assert drift.limit_share >= 0.1
 
 
 def test_drift_learning_can_be_switched_off_and_undone(rest: Rest) -> None:
-    off = Drift(rest, limit_px=0.0, time_s=0.1)
+    off = Drift(rest, DriftParams(limit_px=0.0, time_s=0.1))
     rest_for(off, rest.xy_img + 0.1, 30.0)
     assert off.offset_px == 0.0
-    drift = Drift(rest, time_s=0.1)
+    drift = Drift(rest, DriftParams(time_s=0.1))
     rest_for(drift, rest.xy_img + 0.1, 30.0)
     assert drift.offset_px == pytest.approx(0.1)
     drift.forget()
@@ -112,7 +112,7 @@ def test_drift_learning_can_be_switched_off_and_undone(rest: Rest) -> None:
 
 
 def test_a_lost_pin_keeps_its_residual(rest: Rest) -> None:
-    drift = Drift(rest, time_s=0.1)
+    drift = Drift(rest, DriftParams(time_s=0.1))
     now = rest_for(drift, rest.xy_img + 0.1, 30.0)
     rest_for(drift, rest.xy_img - 0.1, 30.0, now, lost=1)
     shifted = drift.correct(tracks(rest.xy_img)).xy_img - rest.xy_img

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from edge.runtime.board_monitor import BoardMonitor, Thermometer, free_space_problem
+from edge.runtime.board_monitor import BoardMonitor, BoardParams, Thermometer, free_space_problem
 from edge.runtime.fault_registry import FaultLog, FaultRegistry
 from edge.runtime.systemd import Notifier
 from hostlink.wire import FAULTS, FaultCode, Status
@@ -151,7 +151,7 @@ def test_the_board_monitor_checks_until_closed() -> None:
             again.set()
         return 20.0
 
-    monitor = BoardMonitor(FaultRegistry(), read, period_s=0.001)
+    monitor = BoardMonitor(FaultRegistry(), read, params=BoardParams(period_s=0.001))
     monitor.start()
     assert again.wait(SOON_S)
     monitor.close()

@@ -5,9 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.runtime.image_quality import ImageQuality, common_step_px, level_of, median_offset_px
+from edge.runtime.checks import run_checks
+from edge.runtime.fault_registry import FaultRegistry
+from edge.runtime.image_quality import (
+    ImageQuality,
+    common_step_px,
+    image_checks,
+    level_of,
+    median_offset_px,
+)
 from edge.runtime.measures import FocusWindows, count_apart, count_longer, sample_levels
 from edge.types import Frame, Image
+from hostlink.wire import FaultCode
 from tests.support.layouts import rest_of
 
 pytestmark = pytest.mark.kernels
@@ -92,9 +101,9 @@ def test_overexposure_counts_only_pixels_not_saturated_at_rest(at_rest: float, b
         image[: round(480 * share)] = 255
         return Frame(image, 0, 0)
 
-    quality = ImageQuality()
+    quality, registry = ImageQuality(), FaultRegistry()
     quality.learn(rest_of(np.array([[320.0, 200.0], [340.0, 200.0], [330.0, 220.0]])), frame(at_rest))
-    quality.check(frame(at_rest))
-    assert not quality.bright
-    quality.check(frame(bright))
-    assert "full scale" in quality.bright
+    run_checks(image_checks(), quality.brightness(frame(at_rest)), registry)
+    assert not registry.holds(FaultCode.IMAGE_BRIGHT)
+    run_checks(image_checks(), quality.brightness(frame(bright)), registry)
+    assert "full scale" in registry.active[FaultCode.IMAGE_BRIGHT]

@@ -23,8 +23,10 @@ import pytest
 from edge.calibration import Calibration
 from edge.link.sinks import MemorySink
 from edge.runtime.board_monitor import BoardMonitor
+from edge.runtime.drift import DriftParams
+from edge.runtime.fault_detector import FaultParams
 from edge.runtime.fault_registry import FaultRegistry
-from edge.runtime.loop import KEEPALIVE_S, Loop
+from edge.runtime.loop import PARAMS, Loop
 from edge.sources import open_source
 from edge.types import Clock, Frame, Image
 from hostlink.wire import FAULTS, FaultCode, RestFrameState, State, Status
@@ -228,7 +230,7 @@ def test_skipped_frames_are_flagged_in_the_next_sample(finger: Finger) -> None:
 
 
 def test_overload(frames: list[Frame], calibration: Calibration) -> None:
-    finger = Finger(frames, calibration, load_pitches=0.05)
+    finger = Finger(frames, calibration, limits=FaultParams(load_pitches=0.05))
     assert Status.OVERLOAD in finger.see(frames[25].image).status
     assert finger.faults == {FaultCode.OVERLOAD}
     finger.see(frames[7].image)
@@ -318,7 +320,7 @@ def test_without_images_samples_go_on_with_the_reason(awake: Finger) -> None:
     assert all(Status.CAMERA_FAULT in s.status and not measured(s) for s in beats)
     assert [s.sample for s in beats] == list(range(beats[0].sample, beats[0].sample + len(beats)))
     steps_us = np.diff([s.capture_time_us for s in beats])
-    assert steps_us.min() >= 0.9e6 * KEEPALIVE_S  # the slow rate, on the camera's clock
+    assert steps_us.min() >= 0.9e6 * PARAMS.keepalive_s  # the slow rate, on the camera's clock
     assert beats[0].capture_time_us >= finger.n * PERIOD_NS // 1000
 
 
@@ -425,7 +427,7 @@ def test_a_failing_recorder_ends_only_the_recording(finger: Finger) -> None:
 
 
 def test_drift_is_learnt_at_rest_and_can_be_forgotten(frames: list[Frame], calibration: Calibration) -> None:
-    finger = Finger(frames, calibration, drift_px=0.3)
+    finger = Finger(frames, calibration, drift=DriftParams(limit_px=0.3))
     rest = frames[7].image
     moved = cv2.warpAffine(
         rest, np.array([[1.0, 0, 0.25], [0, 1.0, 0]]), (320, 320), borderMode=cv2.BORDER_REPLICATE
