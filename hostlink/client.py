@@ -26,7 +26,7 @@ from typing import Any
 
 from hostlink.clock import ClockMap
 from hostlink.decoder import SERIAL_NODE, CanDecoder, SerialDecoder
-from hostlink.errors import ConnectError, LinkDown, LinkTimeout, ObjectAborted, UsageError, VersionMismatch
+from hostlink.errors import ConnectError, LinkDown, LinkTimeout, UsageError, VersionMismatch, WireError
 from hostlink.events import (
     DetailFrame,
     Emergency,
@@ -63,8 +63,8 @@ class Connection:
         self.address = address
         self._ids = ids or CanIds()
         self._changed = threading.Condition()
-        self._fingers: dict[int, Finger] = {}  # those with messages received
-        self._asked: dict[int, Finger] = {}  # those requested, without a message yet
+        self._fingers: dict[int, Finger] = {}  # those that sent what only a fingertip sends
+        self._others: dict[int, Finger] = {}  # those heard or asked that have not: any CANopen device
         self._subscriptions: list[Subscription] = []
         self._callbacks: list[Callable[[Sample], None]] = []
         self._raw: list[Callable[[Any, float], None]] = []
@@ -82,6 +82,11 @@ class Connection:
         """The fingers heard so far, by node number."""
         return dict(self._fingers)
 
+    @property
+    def silent_nodes(self) -> Mapping[int, Finger]:
+        """Nodes with a heartbeat and no sample, by number: fingers that are stopped, or other devices."""
+        return {node: other for node, other in self._others.copy().items() if other.state_nmt is not None}
+
     def finger(self, node: int | None = None, timeout_s: float = FINGER_S) -> Finger:
         """A finger by node number, or the only one there is.
 
@@ -98,19 +103,33 @@ class Connection:
             )
         end_s = time.monotonic() + timeout_s
         if node not in self._fingers and timeout_s > 0:
-            asked = self._ask_for(node)
-            with suppress(LinkTimeout, LinkDown, ObjectAborted):  # any answer will do, and none may come
-                asked.get("wire_version")
+            self._ask(node)
         with self._changed:
             self._changed.wait_for(lambda: node in self._fingers, max(0.0, end_s - time.monotonic()))
-            self._asked.pop(node, None)
             if node in self._fingers:
                 return self._fingers[node]
         raise LinkTimeout(f"{self.address}: finger {node} was not heard; {self._who_is_there()}")
 
+    def _ask(self, node: int) -> None:
+        """Query a node without samples: an answer makes it a finger. Raises UsageError: no such number."""
+        with suppress(
+            LinkTimeout, LinkDown, WireError
+        ):  # none may come, and other devices have no such object
+            self._other(node).get("wire_version")
+            self._sender(node)
+
     def _only_finger(self, timeout_s: float) -> Finger:
-        with self._changed:
-            self._changed.wait_for(lambda: self._fingers, timeout_s)
+        end_s, asked = time.monotonic() + timeout_s, set[int]()
+
+        def new() -> set[int]:
+            return self.silent_nodes.keys() - asked
+
+        while not self._fingers and (left_s := end_s - time.monotonic()) > 0:
+            with self._changed:
+                self._changed.wait_for(lambda: self._fingers or new(), left_s)
+            for node in () if self._fingers else new():
+                asked.add(node)
+                self._ask(node)
         if len(self._fingers) == 1:
             return next(iter(self._fingers.values()))
         if self._fingers:
@@ -272,7 +291,9 @@ class Connection:
             self._handle(event)
 
     def _handle(self, event: Event) -> None:
-        finger = self._sender(event.node)
+        # On a bus, any CANopen device has heartbeats, emergencies and SDO.
+        anyone = self._is_can and isinstance(event, Heartbeat | Emergency | SdoFrame)
+        finger = self._other(event.node) if anyone else self._sender(event.node)
         if isinstance(event, Sample):
             self._deliver(finger, event)
         elif isinstance(event, SdoFrame) and isinstance(finger.objects, SdoObjects):
@@ -280,9 +301,7 @@ class Connection:
         elif isinstance(event, ObjectAnswer) and isinstance(finger.objects, SerialObjects):
             finger.objects.answer(event.counter, event.reply)
         elif isinstance(event, Heartbeat):
-            finger.state_nmt = event.state
-            if event.state == 0:  # boot-up: earlier faults are cleared
-                finger.faults.clear()
+            self._note_state(finger, event.state)
         elif isinstance(event, Emergency):
             finger.take_emergency(event)
         elif isinstance(event, DetailFrame):
@@ -294,6 +313,14 @@ class Connection:
                 self.address,
                 event.node,
             )
+
+    def _note_state(self, finger: Finger, state: int) -> None:
+        is_new, finger.state_nmt = finger.state_nmt is None, state
+        if state == 0:  # boot-up: earlier faults are cleared
+            finger.faults.clear()
+        if is_new:
+            with self._changed:
+                self._changed.notify_all()
 
     def _deliver(self, finger: Finger, sample: Sample) -> None:
         finger.newest, finger.mismatch = sample, None
@@ -318,17 +345,17 @@ class Connection:
         if finger is not None:
             return finger
         with self._changed:
-            asked = self._asked.pop(node) if node in self._asked else None
-            finger = self._fingers[node] = asked or self._make_finger(node)
+            finger = self._fingers.get(node) or self._others.pop(node, None) or self._make_finger(node)
+            self._fingers[node] = finger
             self._changed.notify_all()
         return finger
 
-    def _ask_for(self, node: int) -> Finger:
-        """A finger that may exist, to query it. Raises UsageError: no such number."""
+    def _other(self, node: int) -> Finger:
+        """A node that may be a finger. Raises UsageError: no such number."""
         with self._changed:
-            known = self._fingers.get(node) or self._asked.get(node)
+            known = self._fingers.get(node) or self._others.get(node)
             if known is None:
-                known = self._asked[node] = self._make_finger(node)
+                known = self._others[node] = self._make_finger(node)
             return known
 
     def _make_finger(self, node: int) -> Finger:

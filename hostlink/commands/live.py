@@ -61,7 +61,7 @@ def monitor(address: str, seconds: float | None, plain: bool) -> None:
                 _print_lines(board, end_s, address)
             else:
                 _show_table(hand, board, end_s)
-            if not hand.fingers:  # only with --seconds: there is no other end
+            if not hand.fingers and not hand.silent_nodes:  # only with --seconds: there is no other end
                 raise LinkTimeout(f"{address}: no finger was heard for {seconds:g} s")
 
 

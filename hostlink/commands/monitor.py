@@ -69,11 +69,12 @@ class Board:
         self._looked_s = time.monotonic()
 
     def rows(self) -> list[FingerRow]:
-        """A row for each finger heard so far."""
+        """A row for each finger heard so far, and for each node with a heartbeat alone."""
         now_s = time.monotonic()
         passed_s, self._looked_s = max(now_s - self._looked_s, 1e-3), now_s
         rows = []
-        for node, finger in sorted(self._connection.fingers.items()):
+        heard = {**self._connection.silent_nodes, **self._connection.fingers}
+        for node, finger in sorted(heard.items()):
             sample = None if finger.mismatch is not None else finger.latest(self.STALE_S)
             s = finger.statistics
             fresh_n = s.received_n - self._counts.get(node, 0)
@@ -180,6 +181,8 @@ def _problem(finger: Finger, state: State | None, up: bool) -> str:
         problems.append("two senders use this number; give each fingertip its own (?node=)")
     if finger.state_nmt in NMT:
         problems.append(NMT[finger.state_nmt])
+    elif finger.state_nmt is not None and finger.newest is None and finger.mismatch is None:
+        problems.append("a heartbeat alone: perhaps no fingertip")
     if state is not None:
         problems += [s.meaning for s in STATUS if s.bit in state.status and s.bit is not Status.TOUCHED]
     return "; ".join(problems)

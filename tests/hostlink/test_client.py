@@ -23,9 +23,10 @@ from edge.link.node import Node, RequestRefused
 from edge.link.sinks import CanClassicSink, CanSink, SerialSink, open_sink
 from edge.runtime.settings import SettingsFile
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, objects
+from hostlink.commands.monitor import Board
 from hostlink.decoder import DetailFrame
 from hostlink.subscription import QUEUE
-from hostlink.wire import FaultCode, State, pack_state, unpack_state
+from hostlink.wire import CanIds, FaultCode, Kind, State, pack_state, unpack_state
 from hostlink.wire.e2e import protect_p5
 from hostlink.wire.fields import DATA_ID
 from tests.support.waiting import SOON_S, until
@@ -482,6 +483,49 @@ def test_requesting_an_absent_finger_creates_none(request: pytest.FixtureRequest
         assert set(hand.fingers) == {1}
         assert set(hand.statistics) == {1}
         assert hand.finger().node == 1
+
+
+def test_another_canopen_device_is_no_finger(request: pytest.FixtureRequest) -> None:
+    """It has a heartbeat and an SDO server, and neither makes it a fingertip."""
+    channel = request.node.name
+    ids = CanIds()
+
+    def answer(message: can.Message) -> None:
+        if message.arbitration_id == ids.of(Kind.SDO_REQUEST, 5):
+            abort = b"\x80" + bytes(message.data[1:4]) + (0x06020000).to_bytes(4, "little")
+            send(ids.of(Kind.SDO_RESPONSE, 5), abort)
+
+    with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
+
+        def send(can_id: int, data: bytes) -> None:
+            bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+
+        notifier = can.Notifier(bus, [answer], timeout=0.1)
+        send(ids.of(Kind.HEARTBEAT, 5), b"\x05")
+        until(lambda: 5 in hand.silent_nodes, "its heartbeat is heard")
+        assert hand.fingers == {}
+        for node in (None, 5):
+            with pytest.raises(hostlink.LinkTimeout):
+                hand.finger(node, timeout_s=0.3)
+        row = Board(hand).rows()[0]
+        assert (row.finger, row.problem) == (5, "a heartbeat alone: perhaps no fingertip")
+        send_state(bus, 3, 0)
+        assert hand.finger().node == 3
+        assert set(hand.fingers) == {3}
+        notifier.stop()
+
+
+def test_a_stopped_finger_with_a_heartbeat_is_found(request: pytest.FixtureRequest) -> None:
+    bus = f"virtual:{request.node.name}"
+    node, application = make_node(f"{bus}?node=4")
+    with hostlink.connect(bus) as hand:
+        hand.finger(4).set("heartbeat_ms", 20)
+        hand.nmt(128)
+        until(lambda: node.state == "PRE-OPERATIONAL", "it sends no samples")
+    with hostlink.connect(bus) as hand:
+        assert hand.finger().info().serial_number == application.serial
+        assert set(hand.fingers) == {4}
+    node.close()
 
 
 def test_a_stopped_finger_without_heartbeat_can_be_queried_by_number(request: pytest.FixtureRequest) -> None:

@@ -160,3 +160,15 @@ def test_c_receive_interrupt_drops_old_invalid_and_replayed_samples(tmp_path: Pa
     ]
     assert isnan(float(rows[1][0]))
     assert int(rows[-1][1]) == 2, "frames 10 and 11 never came"
+
+
+@pytest.mark.parametrize(
+    "page", sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("deploy/*.md")])
+)
+def test_addresses_in_commands_are_quoted(page: Path) -> None:
+    """zsh takes a bare `?` for a pattern of file names, every shell a bare `&` for the end of a command."""
+    text = page.read_text(encoding="utf-8")
+    commands = [line for line in text.splitlines() if re.match(r"( {4}|\$ ).*[a-z]:\S", line)]
+    for line in commands:
+        bare = re.sub(r"'[^']*'|\"[^\"]*\"|#.*", "", line)
+        assert not re.search(r":\S*[?&]", bare), line
