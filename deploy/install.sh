@@ -73,7 +73,7 @@ account=voronoi-touch
 
 [ -n "$root" ] || [ "$(id -u)" = 0 ] || fail "must be root: sudo $0"
 
-# Whether a running system is to be told, and not an image of one.
+# Whether a running system is to be notified, and not an image of one.
 running() { [ -z "$root" ] && [ -d /run/systemd/system ]; }
 fingers() { for file in "$etc"/*.toml; do [ ! -e "$file" ] || basename "$file" .toml; done; }
 # The release that a link names, "" where there is none.

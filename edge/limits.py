@@ -109,7 +109,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def check_numbers(value: object, place: str = "") -> None:
-    """Raises BadContent: a number that is not finite or beyond `Number`; for types that do not say so."""
+    """Raises BadContent: a number that is not finite or beyond `Number`; for types without such limits."""
     if isinstance(value, dict):
         for name, below in value.items():
             check_numbers(below, f"{place}.{name}" if place else name)

@@ -44,8 +44,8 @@ def open_can_bus(address: Address) -> tuple[can.BusABC, PortLock | None]:
             )
         bus = can.Bus(**arguments)
         if address.interface == "socketcan":
-            # An interface that goes down says so once, to the reader or to a writer: a reader that was woken
-            # for it after the writer was told would wait for ever.
+            # An interface that goes down reports it once, to the reader or to a writer: a reader that was
+            # woken for it after the writer got it would wait for ever.
             os.set_blocking(bus.fileno(), False)
     except BaseException:
         if lock is not None:

@@ -19,7 +19,7 @@ import click
 
 from hostlink.output_file import OutputError, WriteError
 
-__all__ = ["complain", "program_name", "run_command"]
+__all__ = ["print_error", "program_name", "run_command"]
 
 Kinds = tuple[type[Exception], ...]
 
@@ -55,13 +55,13 @@ def run_command(
         click.echo(error.format_message(), err=True)
         return 2
     except click.ClickException as error:
-        return complain(_click_message(error))
+        return print_error(_click_message(error))
     except WriteError as error:
-        return complain(str(error), 1)
+        return print_error(str(error), 1)
     except wrong as error:
-        return complain(str(error))
+        return print_error(str(error))
     except failures as error:
-        return complain(str(error), 1)
+        return print_error(str(error), 1)
     except (KeyboardInterrupt, click.Abort):
         return 130
     except BrokenPipeError:
@@ -74,17 +74,17 @@ def run_command(
         if error.errno not in _STDOUT_FULL or error.filename is not None:
             raise
         _stdout_ended()
-        return complain(f"stdout: cannot be written: {error.strerror}", 1)
+        return print_error(f"stdout: cannot be written: {error.strerror}", 1)
     return code if isinstance(code, int) else 0
 
 
 def _stdout_ended() -> int:
-    """Stdout is closed: drop its buffer, so that the interpreter does not complain."""
+    """Stdout is closed: drop its buffer, so that the interpreter prints no error."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     return 0
 
 
-def complain(message: str, code: int = 2) -> int:
+def print_error(message: str, code: int = 2) -> int:
     """One line on stderr; the exit code."""
     click.echo("error: " + " ".join(message.split()), err=True)
     return code

@@ -61,8 +61,8 @@ def test_the_wheel_runs_without_a_compiler(wheel: Path, tmp_path: Path) -> None:
     # Dependencies come from these folders; the project itself is not in them.
     own = [p for p in sys.path if p.endswith(("site-packages", "dist-packages"))]
     (packages / "dependencies.pth").write_text("\n".join(own) + "\n")
-    said = subprocess.check_output([python, "-c", PROGRAM], cwd=tmp_path, env=environment, text=True)
-    file, area = said.split()
+    output = subprocess.check_output([python, "-c", PROGRAM], cwd=tmp_path, env=environment, text=True)
+    file, area = output.split()
     assert Path(file).is_relative_to(packages)
     assert float(area) == 2.0
     program = [str(python.parent / "voronoi-touch-edge"), "--version"]

@@ -1,7 +1,7 @@
-"""A CAN adapter on a serial line that can be told to go bus-off; runs on the emulated board.
+"""A CAN adapter on a serial line that goes bus-off on command; runs on the emulated board.
 
 The kernel's slcan driver sits on one end of a pseudo terminal, this on the other. What the driver sends are
-frames as text (`t1818...`); what it is told by `sb256256` is that its controller is bus-off, with both error
+frames as text (`t1818...`); `sb256256` tells it that its controller is bus-off, with both error
 counters at 256. From there on everything is the kernel's own: state, carrier, error frame, statistics. QEMU's
 CAN controllers have no error counters, and so can never come to that state.
 

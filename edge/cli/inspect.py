@@ -11,7 +11,7 @@ import click
 
 from edge.cli.options import overwrite_option
 from edge.errors import EdgeError, InputError
-from hostlink.cli_exit import complain
+from hostlink.cli_exit import print_error
 from hostlink.output_file import check_output, writing
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def inspect(images: Sequence[Path], as_json: bool, overlay: Path | None, overwri
         except EdgeError as error:
             failed = True
             message = str(error) if str(path) in str(error) else f"{path}: {error}"
-            complain(message)
+            print_error(message)
             entry["error"] = message
         else:
             entry["n_pins"] = len(pins)

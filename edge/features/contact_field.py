@@ -161,7 +161,7 @@ class ContactField:
             self._is_active[p] = False
         for i in range(self._n):
             most = max(most, self.area_change[i])
-        if most > 0.0:  # else nothing has grown, and all are looked at
+        if most > 0.0:  # otherwise no area has increased, and all are taken
             level = self._active_rel * most
         for i in range(self._n):
             if self.area_change[i] > level:

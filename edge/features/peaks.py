@@ -100,7 +100,7 @@ class PeakFinder:
         self.n_peaks = 0
         for p in range(self.place.shape[0]):
             h = self.grid[self.place[p]]
-            # The height first: most points lie below the noise, and need no look at their neighbours.
+            # The height first: most points lie below the noise, and their neighbours need not be read.
             if h > max(noise[p] * noise_factor, least) and self._is_maximum(self.place[p]):
                 self._insert(p, h)
         return self.n_peaks

@@ -22,7 +22,7 @@ class LinkParams:
     control_n: int = 256  # answers
 
     # --- reading
-    read_s: float = 0.05  # how soon a reader lets go of a failed medium
+    read_s: float = 0.05  # how soon a reader leaves a failed medium
     read_rel: float = 0.3  # of a processor that reading may take
     read_window_s: float = 0.2  # over which that share is taken
     read_pause_s: float = 0.005  # shorter pauses cost more than they save

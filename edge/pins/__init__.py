@@ -7,7 +7,7 @@
 
 Rules
 - Nothing is configured: size, spacing and brightness come from the image.
-- Detection (`blobs`, `pattern`, `partial`, `detect`) may look at every pixel; `refine` reads windows only.
+- Detection (`blobs`, `pattern`, `partial`, `detect`) may read every pixel; `refine` reads windows only.
   Both end in the same estimator (`centroids`), so a pin has one position whichever way it was found.
 """
 

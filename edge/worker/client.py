@@ -253,7 +253,7 @@ class WorkerClient:
 
     def _answer(self, control: socket.socket, ask: Ask) -> None:
         answer = Answer(ask.number, self._do(ask))
-        with suppress(OSError):  # the worker has ended: the next `_receive` says so
+        with suppress(OSError):  # the worker has ended: the next `_receive` reports it
             control.send(pickle.dumps(answer))
 
     def _on_wants(self, wants: frozenset[str] | None) -> None:

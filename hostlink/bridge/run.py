@@ -1,4 +1,4 @@
-"""The bridge's loop: samples and diagnoses of a hand to its outlets, until it is told to stop.
+"""The bridge's loop: samples and diagnoses of a hand to its outlets, until it is stopped.
 
 Rules
 - The link's thread only puts into a queue. When an outlet is slower than the hand, the oldest sample goes,
@@ -45,7 +45,7 @@ class Outlet(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of everything."""
+        """Close everything."""
         ...
 
 

@@ -66,12 +66,12 @@ class Board:
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._counts: dict[int, int] = {}
-        self._looked_s = time.monotonic()
+        self._updated_s = time.monotonic()
 
     def rows(self) -> list[FingerRow]:
         """A row for each finger heard so far, and for each node with a heartbeat alone."""
         now_s = time.monotonic()
-        passed_s, self._looked_s = max(now_s - self._looked_s, 1e-3), now_s
+        passed_s, self._updated_s = max(now_s - self._updated_s, 1e-3), now_s
         rows = []
         heard = {**self._connection.silent_nodes, **self._connection.fingers}
         for node, finger in sorted(heard.items()):

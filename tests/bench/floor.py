@@ -40,8 +40,8 @@ class Floor:
         self._rows = 2 * half + 1
         self._columns = min(-(-self._rows // 8) * 8, 32)
         corner = np.rint(pipeline.rest.xy_img).astype(np.int32) - half
-        room = np.array(pipeline.rest.pattern.size_px) - [self._columns, self._rows]
-        self._corner = np.clip(corner, 0, room).astype(np.int32)
+        margin = np.array(pipeline.rest.pattern.size_px) - [self._columns, self._rows]
+        self._corner = np.clip(corner, 0, margin).astype(np.int32)
         self._read = _library().read_windows
 
     def read(self, image: np.ndarray) -> int:

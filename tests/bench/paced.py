@@ -28,12 +28,12 @@ from rich.table import Table
 
 from tests.bench.frames import REST_FRAMES, calibration_of, scene
 
-__all__ = ["command", "run_app"]
+__all__ = ["command", "run_child"]
 
 HERE = Path(__file__).parent
 
 
-def run_app(
+def run_child(
     seconds: float, rate_hz: float = 240.0, every_s: float = 0.0, name: str = "press", realtime: bool = False
 ) -> dict[str, Any]:
     """Run the loop in its own process; returns the report of `paced_child`."""
@@ -75,7 +75,7 @@ def command(minutes: float, rate: float, busy: bool, realtime: bool, as_json: bo
         burner.start()
     load = [os.getloadavg()[0]]
     try:
-        report = run_app(
+        report = run_child(
             60.0 * minutes, rate, 0.0 if as_json else max(1.0, minutes * 60.0 / 20.0), realtime=realtime
         )
     finally:

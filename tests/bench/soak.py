@@ -774,7 +774,7 @@ def _endings(outcome: Outcome, every_s: float, until: threading.Event) -> None:
         for n in count():
             try:
                 done = pool.submit(one_round, 1000 * outcome.seed + n).result()
-            except Exception as error:  # noqa: BLE001  (a promise that could not be looked at is broken)
+            except Exception as error:  # noqa: BLE001  (a promise that could not be checked is broken)
                 outcome.fail(f"processes that are ended, round {n}: {error!r}")
             else:
                 outcome.counts.update(done.counts)

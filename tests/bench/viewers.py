@@ -121,9 +121,9 @@ async def _press(url: str, token: str, button: str) -> None:
         await socket.send_json({"do": button})
         async for message in socket:
             if message.type is message.type.TEXT:
-                said = json.loads(message.data)
-                if not said["ok"]:
-                    raise RuntimeError(said["words"])
+                output = json.loads(message.data)
+                if not output["ok"]:
+                    raise RuntimeError(output["words"])
                 return
 
 

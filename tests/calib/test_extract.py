@@ -68,7 +68,7 @@ def seen_here(recording: Path) -> Extract:
 
 
 def assert_same(a: Extract, b: Extract) -> None:
-    for name in ("inputs", "contact", "confidence", "seen_n", "sure", "in_contact", "counts", "angle_rad"):
+    for name in ("inputs", "contact", "confidence", "seen_n", "trusted", "in_contact", "counts", "angle_rad"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
 
 
@@ -299,8 +299,8 @@ def test_a_frame_of_another_size_is_named(recording: Path, tmp_path: Path) -> No
     table, frames, rest = images_of(recording, tmp_path)
     image = cv2.imread(str(frames / "7.png"), cv2.IMREAD_GRAYSCALE)
     cv2.imwrite(str(frames / "7.png"), image[:-10])
-    said = r"7\.png: .* both must come from the same camera"
-    with pytest.raises(TableError, match=said) as caught, executor(workers=1) as pool:
+    output = r"7\.png: .* both must come from the same camera"
+    with pytest.raises(TableError, match=output) as caught, executor(workers=1) as pool:
         open_dataset([table], frames, rest).extract(pool)
     assert "\n" not in str(caught.value)
 

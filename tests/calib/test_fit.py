@@ -171,7 +171,7 @@ def test_too_few_rows() -> None:
     assert text == "table.csv: 9 of 9 frames can be used, at least 12 are needed"
 
 
-def test_why_frames_cannot_be_used_is_told() -> None:
+def test_the_reasons_of_unusable_frames_are_reported() -> None:
     extract, values = make(20)
     trusted, touched = np.zeros(20, dtype=np.bool_), np.ones(20, dtype=np.bool_)
     trusted[:5] = True

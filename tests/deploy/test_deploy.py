@@ -347,8 +347,8 @@ def test_mistakes_are_one_line(options: list[str], words: str) -> None:
 def test_mistakes_with_the_bus_are_one_line(words: list[str], expected: str) -> None:
     done = run("sh", DEPLOY / "can-up.sh", *words)
     assert done.returncode == 2
-    (said,) = done.stderr.splitlines()
-    assert expected in said
+    (output,) = done.stderr.splitlines()
+    assert expected in output
 
 
 @pytest.mark.parametrize("script", ["install.sh", "can-up.sh"])

@@ -201,12 +201,12 @@ def second_senders(decoder: CanDecoder, frames: list[tuple[int, bytes]]) -> list
     return [e for e in events if isinstance(e, SecondSender)]
 
 
-@pytest.mark.parametrize("lead", [0, 1, 10, 63, 500, 20_000, 40_000])
-def test_two_senders_with_the_same_number_are_reported(lead: int) -> None:
+@pytest.mark.parametrize("ahead", [0, 1, 10, 63, 500, 20_000, 40_000])
+def test_two_senders_with_the_same_number_are_reported(ahead: int) -> None:
     """Two boards that were started together, and two that were not."""
     first = [State(sample=i, capture_time_us=5_000_000 + i * 4167) for i in range(300)]
     second = [
-        State(sample=i + lead & 0xFFFF, capture_time_us=5_020_000 + i * 4170 + lead * 4) for i in range(300)
+        State(sample=i + ahead & 0xFFFF, capture_time_us=5_020_000 + i * 4170 + ahead * 4) for i in range(300)
     ]
     frames = [
         (0x183, pack_state(state, i))

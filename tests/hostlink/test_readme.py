@@ -75,8 +75,8 @@ def test_python_control_loop_moves_on_valid_live_samples_alone(
         exec(patiently(code("Python: a control loop", "python").replace("can:can0", bus)), {})
     sender.join()
     node.close()
-    said = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
-    changes = [speed for i, speed in enumerate(said) if i == 0 or said[i - 1] != speed]
+    output = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    changes = [speed for i, speed in enumerate(output) if i == 0 or output[i - 1] != speed]
     assert [c for c in changes if c != "+0.400"] == ["+0.600", "+0.000", "+0.600", "-0.400", "+0.000"]
 
 

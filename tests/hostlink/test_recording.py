@@ -182,10 +182,10 @@ def test_lines_of_other_tools_are_read(tmp_path: Path, line: str) -> None:
     assert len(list(read_log(path))) == 1
 
 
-def blf_of(container: bytes, says: int | None = None) -> bytes:
+def blf_of(container: bytes, stated: int | None = None) -> bytes:
     """A file with one container; the length in its header may be wrong."""
     body = struct.pack("<H6xL4x", 2, 0) + container
-    size = 16 + len(body) if says is None else says
+    size = 16 + len(body) if stated is None else stated
     return (
         b"LOGG"
         + struct.pack("<L", 144)
@@ -195,10 +195,10 @@ def blf_of(container: bytes, says: int | None = None) -> bytes:
     )
 
 
-@pytest.mark.parametrize("says", [0, 15, 20, 1 << 30, (1 << 32) - 1])
-def test_a_false_blf_length_allocates_no_memory(tmp_path: Path, says: int) -> None:
+@pytest.mark.parametrize("stated", [0, 15, 20, 1 << 30, (1 << 32) - 1])
+def test_a_false_blf_length_allocates_no_memory(tmp_path: Path, stated: int) -> None:
     path = tmp_path / "a.blf"
-    path.write_bytes(blf_of(zlib.compress(b"LOBJ" + bytes(60)), says))
+    path.write_bytes(blf_of(zlib.compress(b"LOBJ" + bytes(60)), stated))
     with peak_below(4 << 20), pytest.raises(LogError, match=r"damaged after 0 messages: .* at byte 144"):
         list(read_log(path))
 

@@ -171,9 +171,9 @@ def test_mistakes_are_one_line(
     with pytest.raises(SystemExit) as caught:
         main(["view", BUS, *arguments])
     assert caught.value.code == 2
-    said = capsys.readouterr().err
-    assert words in said
-    assert len(said.strip().splitlines()) == 1
+    fields = capsys.readouterr().err
+    assert words in fields
+    assert len(fields.strip().splitlines()) == 1
 
 
 def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:

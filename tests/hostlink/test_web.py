@@ -52,7 +52,7 @@ class Served:
         self._notified()
         return self._packet
 
-    def _tare(self, said: Mapping[str, Any]) -> str:
+    def _tare(self, fields: Mapping[str, Any]) -> str:
         return "taken"
 
     def _notified(self) -> None:
@@ -232,15 +232,15 @@ def test_a_hundred_viewers_come_and_go(served: Served) -> None:
 # ---- other clients ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("said", ["", "G", "GET / HTTP/1.1\r\nHost: "])
+@pytest.mark.parametrize("fields", ["", "G", "GET / HTTP/1.1\r\nHost: "])
 def test_half_open_requests_do_not_block_others(
-    served: Served, said: str, caplog: pytest.LogCaptureFixture
+    served: Served, fields: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Many times more than there are places for: a viewer is still admitted."""
     with contextlib.ExitStack() as stack:
         for _ in range(5 * LIMITS.connections_n):
             raw = stack.enter_context(served.connect())
-            raw.sendall(said.encode())
+            raw.sendall(fields.encode())
         assert asyncio.run(look(served.url)) == 2
         assert served.server.connections_n <= LIMITS.connections_n
     assert sum(len(record.getMessage()) for record in caplog.records) < 10_000

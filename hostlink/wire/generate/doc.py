@@ -37,7 +37,7 @@ _WHY: Final = (
     ("NaN is one raw value", "an invalid value cannot be mistaken for zero. The DBC names it `invalid`, and "
      "the C codec's `_is_in_range` is false for it"),
     ("Saturation", "a value that wraps reverses its sign; one at the range's end is wrong in size only, and a "
-     "status bit says so"),
+     "status bit marks it"),
     ("CRC and counter first", "E2E profile 5 has them there, and the first four bytes never move, so that "
      "every version can tell the version of every other"),
     ("The data id is a hash of the tables", "a frame of another layout has a wrong CRC: it cannot be decoded by "

@@ -256,9 +256,9 @@ def test_lost_pins_are_where_a_press_pushes_them() -> None:
     true = cells_of(rest, now)
     assert true.whole_px2 is None
     off = (cells.whole_px2 - true.area_px2)[lost] / true.rest_area_px2[lost]
-    grown = (true.area_px2 / true.rest_area_px2 - 1.0)[lost]
+    enlarged = (true.area_px2 / true.rest_area_px2 - 1.0)[lost]
     assert np.sqrt(np.mean(error)) < 0.1
-    assert np.sqrt(np.mean(off**2)) < 0.3 * np.sqrt(np.mean(grown**2))
+    assert np.sqrt(np.mean(off**2)) < 0.3 * np.sqrt(np.mean(enlarged**2))
 
 
 def test_a_lost_pin_follows_an_affine_motion_exactly() -> None:

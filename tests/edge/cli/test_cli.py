@@ -110,9 +110,11 @@ def test_a_recording_that_ends_within_its_tare_is_reported(
     way_out: str,
 ) -> None:
     assert run(monkeypatch, "replay", tip_image, "--speed", speed, "-q") == 0
-    (said,) = [record.getMessage() for record in caplog.records if record.name == "edge"]
-    assert said.startswith(f"{tip_image}: ended while the rest frame was being taken (8 images and a search)")
-    assert way_out in said
+    (output,) = [record.getMessage() for record in caplog.records if record.name == "edge"]
+    assert output.startswith(
+        f"{tip_image}: ended while the rest frame was being taken (8 images and a search)"
+    )
+    assert way_out in output
 
 
 def test_images_that_pass_during_the_tare_are_reported(
@@ -120,9 +122,9 @@ def test_images_that_pass_during_the_tare_are_reported(
 ) -> None:
     """A search takes longer than 40 images at a hundred times their rate."""
     assert run(monkeypatch, "replay", data_dir / "press_shear.mcap", "--speed", "100", "-q") == 0
-    (said,) = [record.getMessage() for record in caplog.records if record.name == "edge"]
-    assert "while the rest frame was being taken" in said
-    assert "--loop" in said
+    (output,) = [record.getMessage() for record in caplog.records if record.name == "edge"]
+    assert "while the rest frame was being taken" in output
+    assert "--loop" in output
 
 
 def test_a_truncated_recording_is_reported_and_replayed(
@@ -139,11 +141,11 @@ def test_a_truncated_recording_is_reported_and_replayed(
     os.truncate(tmp_path / "cut.mcap", (tmp_path / "cut.mcap").stat().st_size * 2 // 3)
     assert run(monkeypatch, "replay", tmp_path / "cut.mcap", "--speed", "max", "--json") == 0
     assert 8 < json.loads(capsys.readouterr().out)["frames_n"] < 120
-    said = f"{tmp_path}/cut.mcap: not whole (cut off at its end); what could be read was taken"
-    assert said in caplog.text
+    output = f"{tmp_path}/cut.mcap: not whole (cut off at its end); what could be read was taken"
+    assert output in caplog.text
     caplog.clear()
     assert run(monkeypatch, "render", tmp_path / "cut.mcap", "-o", tmp_path / "a.mkv", "-q") == 0
-    assert said in caplog.text
+    assert output in caplog.text
 
 
 def test_without_a_sink_a_warning_is_logged(
@@ -333,8 +335,8 @@ def test_a_video_that_does_not_fit_on_the_disk_is_one_line_and_no_file(
     arguments = ("render", data_dir / "press_shear.mcap", "-o", tmp_path / f"a{suffix}", "--height", "240")
     done = edge(*arguments, preexec_fn=with_a_small_disk(60_000))
     assert done.returncode == 1
-    *noise, said = done.stderr.strip().splitlines()
-    assert said == f"error: {tmp_path}/a{suffix}: cannot be written: No space left on device"
+    *noise, output = done.stderr.strip().splitlines()
+    assert output == f"error: {tmp_path}/a{suffix}: cannot be written: No space left on device"
     assert all("codec id" in line for line in noise)  # OpenCV's message about a tag, which bypasses its log
     assert list(tmp_path.iterdir()) == []
 
@@ -368,9 +370,9 @@ def test_ctrl_c_leaves_no_part_of_a_video(data_dir: Path, tmp_path: Path) -> Non
         assert process.poll() is None
         process.send_signal(signal.SIGINT)
         assert process.stderr is not None
-        said = process.stderr.read()
+        output = process.stderr.read()
         assert process.wait() == 130
-    assert said.strip() == ""
+    assert output.strip() == ""
     assert list(out.iterdir()) == []
 
 
@@ -385,10 +387,10 @@ def test_closing_stdout_ends_the_replay(data_dir: Path, more: list[str]) -> None
         assert process.stderr is not None
         assert "contact_n" in json.loads(process.stdout.readline())
         process.stdout.close()
-        said = process.stderr.read()
+        output = process.stderr.read()
         assert process.wait(SOON_S) == 0
     # where the recording begins again the pins jump, which is reported
-    assert all(line.startswith("WARNING edge.runtime") for line in said.splitlines()), said
+    assert all(line.startswith("WARNING edge.runtime") for line in output.splitlines()), output
 
 
 @pytest.mark.parametrize("samples", [["--samples", "-q"], ["--json"], []], ids=["samples", "json", "table"])
@@ -423,7 +425,7 @@ def test_a_picture_with_pins_is_replaced_only_if_asked_for(tip_image: Path, tmp_
 
 
 @pytest.mark.parametrize("missing", ["numpy", "cv2"])
-def test_without_the_edge_extra_a_command_says_what_to_install(tmp_path: Path, missing: str) -> None:
+def test_without_the_edge_extra_a_command_names_the_package(tmp_path: Path, missing: str) -> None:
     code = (
         f"import sys; sys.modules[{missing!r}] = None; sys.argv = ['edge', *sys.argv[1:]]\n"
         "from edge.__main__ import main; main()"
@@ -434,8 +436,8 @@ def test_without_the_edge_extra_a_command_says_what_to_install(tmp_path: Path, m
             capture_output=True, text=True, timeout=SOON_S, check=False, cwd=tmp_path,
         )  # fmt: skip
         assert done.returncode == 2, done.stderr
-        (said,) = done.stderr.splitlines()
-        assert said.endswith("install voronoi-touch[edge]")
+        (output,) = done.stderr.splitlines()
+        assert output.endswith("install voronoi-touch[edge]")
 
 
 def test_the_version_is_printed() -> None:

@@ -78,9 +78,9 @@ class TestSlip:
         frames = list(RecordingSource(data_dir / f"{recording}.mcap"))
         pipeline = Pipeline(tare([f.image for f in frames[:8]], np.inf), demand=frozenset({Feature.SLIP}))
         features = [pipeline.process(f).features for f in frames]
-        felt = [f.slip_probability for f in features if f is not None and f.in_contact]
-        assert len(felt) > 10
-        assert max(p for p in felt if p is not None) < 0.5
+        detected = [f.slip_probability for f in features if f is not None and f.in_contact]
+        assert len(detected) > 10
+        assert max(p for p in detected if p is not None) < 0.5
 
     @pytest.mark.parametrize(("friction", "slips"), [(10.0, False), (0.5, True)])
     def test_simulated_drag(self, friction: float, slips: bool) -> None:

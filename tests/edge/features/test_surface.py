@@ -87,8 +87,8 @@ def test_the_field_is_a_blend_near_increased_areas() -> None:
     surface, field = Surface(rest), Surface(rest).field
     xy = rest.xy_img + push(rest, (20.0, -30.0), 40.0, 0.1)
     change = 0.3 * bump(rest.xy_img, CENTRE + np.array([20.0, -30.0]), 40.0)
-    grown = rest.xy_img[change > 0.1 * change.max()]
-    near = np.hypot(*(surface.points_img[:, None] - grown).transpose(2, 0, 1)).min(axis=1)
+    area_change = rest.xy_img[change > 0.1 * change.max()]
+    near = np.hypot(*(surface.points_img[:, None] - area_change).transpose(2, 0, 1)).min(axis=1)
     near = near <= rest.pattern.pitch_px
     whole = surface.field.whole_surface(change), divergence(surface, xy)
     field.find(np.ones(331), xy)  # the result does not depend on the frame before

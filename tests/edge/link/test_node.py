@@ -404,10 +404,10 @@ def test_lost_link_is_a_fault_and_a_bit(bench: Bench) -> None:
     assert failed is not None
     sink._lose(failed, OSError("unplugged"))
     assert not bench.node.send(state(1))
-    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: True}, "told")
+    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: True}, "the fault to be reported")
     until(lambda: bench.node.send(state(2)), "back")
     assert bench.node.send(state(3))
-    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: False}, "told")
+    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: False}, "the fault to be reported")
     first, second = (unpack_state(d) for d in bench.messages(0x180 + NODE, 2))
     assert (first.sample, second.sample) == (2, 3)
     assert first.status == Status.LINK_FAULT

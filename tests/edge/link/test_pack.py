@@ -57,9 +57,9 @@ def test_more_contacts_than_fit_are_counted() -> None:
 
 
 def test_bits_that_follow_from_the_result() -> None:
-    unsure = Reading({}, {}, np.empty((0, 3)), frozenset({"displacement_mm"}), calibrated=False)
+    untrusted = Reading({}, {}, np.empty((0, 3)), frozenset({"displacement_mm"}), calibrated=False)
     state = to_state(
-        Measured(tracks(confidence=0.1), unsure), sample=0, status=Status.NOT_LIVE, capture_time_us=0
+        Measured(tracks(confidence=0.1), untrusted), sample=0, status=Status.NOT_LIVE, capture_time_us=0
     )
     assert state.status == Status.NOT_LIVE | Status.UNCALIBRATED | Status.SATURATED | Status.TRACKER_LOST
     assert isnan(state.displacement_mm)

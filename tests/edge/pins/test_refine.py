@@ -117,7 +117,7 @@ def test_gain_of_two_is_followed(gain: float) -> None:
     assert np.abs(pins.xy_img - truth).max() < 0.1
 
 
-def test_missing_and_covered_pins_are_lost_and_half_hidden_ones_less_sure() -> None:
+def test_missing_and_covered_pins_are_lost_and_half_hidden_ones_less_certain() -> None:
     truth = hexagon(3, 22.0, (150.0, 150.0))
     shown = np.delete(truth, 5, axis=0)
     clean = draw(SIZE, shown, 6.0, 0.9, 120, 30)

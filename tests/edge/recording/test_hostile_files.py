@@ -151,16 +151,16 @@ def chunk_at(data: bytes) -> int:
 
 
 @pytest.mark.parametrize("compression", ["lz4", "zstd"])
-@pytest.mark.parametrize("says", [1000, 100 << 20, 1 << 40])
+@pytest.mark.parametrize("stated", [1000, 100 << 20, 1 << 40])
 def test_a_chunk_that_unpacks_endlessly_counts_as_damaged(
-    tmp_path: Path, compression: str, says: int
+    tmp_path: Path, compression: str, stated: int
 ) -> None:
     packer: Any = LZ4FrameCompressor() if compression == "lz4" else zstandard.ZstdCompressor().compressobj()
     parts = [packer.begin()] if compression == "lz4" else []
     parts += [packer.compress(bytes(1 << 20)) for _ in range(256)]
     builder = RecordBuilder()
     Header("", "").write(builder)
-    Chunk(compression, b"".join([*parts, packer.flush()]), 0, 0, 0, says).write(builder)
+    Chunk(compression, b"".join([*parts, packer.flush()]), 0, 0, 0, stated).write(builder)
     path = tmp_path / "a.mcap"
     path.write_bytes(b"\x89MCAP0\r\n" + builder.end())
     tracemalloc.start()
@@ -170,7 +170,7 @@ def test_a_chunk_that_unpacks_endlessly_counts_as_damaged(
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert peak < MEMORY_MAX + 2 * (says if says < UNPACKED_MAX else 0)  # lz4 doubles as it grows
+    assert peak < MEMORY_MAX + 2 * (stated if stated < UNPACKED_MAX else 0)  # lz4 doubles as it grows
 
 
 @pytest.mark.parametrize("offset", [0, 3, 1 << 20, 1 << 40, (1 << 63) + 5, (1 << 64) - 1])

@@ -465,7 +465,7 @@ def test_an_unwritable_folder_is_a_warning(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "says"),
+    ("content", "stated"),
     [
         (None, "No such file"),
         (b"", "not an MCAP file"),
@@ -473,11 +473,11 @@ def test_an_unwritable_folder_is_a_warning(tmp_path: Path) -> None:
         (b"\x89MCAP0\r\n", "cut off before its first whole image; copy or record it again"),
     ],
 )
-def test_bad_files_are_one_line(tmp_path: Path, content: bytes | None, says: str) -> None:
+def test_bad_files_are_one_line(tmp_path: Path, content: bytes | None, stated: str) -> None:
     path = tmp_path / "bad.mcap"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(SourceError, match=says) as caught:
+    with pytest.raises(SourceError, match=stated) as caught:
         RecordingSource(path)
     assert "\n" not in str(caught.value)
     assert "bad.mcap" in str(caught.value)

@@ -63,12 +63,12 @@ def measured(state: State) -> bool:
 )  # once wrong by 0.4 mm and more
 def test_noise_over_a_contact_gives_no_wrong_value(finger: Finger, seed: int) -> None:
     for frame in finger.frames[8:]:
-        sure = finger.see(frame.image)
+        trusted = finger.see(frame.image)
     noisy: Image = _PICTURES["corrupt"](finger.frames[-1].image, np.random.default_rng(seed))
     state = finger.see(noisy)
     if not state.status & (Status.PINS_LOST | Status.TRACKER_LOST):
-        assert state.displacement_mm == pytest.approx(sure.displacement_mm, abs=0.4)
-        assert state.shear_x_mm == pytest.approx(sure.shear_x_mm, abs=0.4)
+        assert state.displacement_mm == pytest.approx(trusted.displacement_mm, abs=0.4)
+        assert state.shear_x_mm == pytest.approx(trusted.shear_x_mm, abs=0.4)
 
 
 def test_pins_are_searched_for_after_a_gap(finger: Finger) -> None:
@@ -158,10 +158,10 @@ def test_a_touch_that_is_hidden_is_never_reported_as_none(finger: Finger, kind: 
     random = np.random.default_rng(0)
     pressed = finger.frames[25].image
     finger.see(pressed)
-    unsure = Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST
+    untrusted = Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST
     for _ in range(3):
         state = finger.see(_PICTURES[kind](pressed, random))
-        if not state.status & unsure:
+        if not state.status & untrusted:
             assert state.displacement_mm == pytest.approx(3.0, abs=0.4)
 
 

@@ -23,7 +23,7 @@ run_and_exit(main)
 
 
 @pytest.mark.parametrize(
-    ("end", "status", "said"),
+    ("end", "status", "output"),
     [
         ("return", 0, ""),
         ("sys.exit()", 0, ""),
@@ -32,7 +32,7 @@ run_and_exit(main)
         ("sys.exit('why')", 1, "why\n"),
     ],
 )
-def test_exit_status_and_last_output(end: str, status: int, said: str) -> None:
+def test_exit_status_and_last_output(end: str, status: int, output: str) -> None:
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM.format(end=end, work="threading.Event().wait")],
         capture_output=True,
@@ -40,7 +40,7 @@ def test_exit_status_and_last_output(end: str, status: int, said: str) -> None:
         timeout=SOON_S,
         check=False,
     )
-    assert (done.returncode, done.stdout, done.stderr) == (status, "last words", said)
+    assert (done.returncode, done.stdout, done.stderr) == (status, "last words", output)
 
 
 def test_an_exception_is_not_hidden() -> None:

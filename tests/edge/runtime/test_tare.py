@@ -358,7 +358,7 @@ def test_a_touch_at_the_start_is_no_reason_to_fall_back(
     assert finger.loop.calibration is calibration
 
 
-def test_a_foreign_calibration_is_told_once_until_a_rest_frame_is_accepted(
+def test_a_foreign_calibration_is_reported_once_until_a_rest_frame_is_accepted(
     frames: list[Frame], calibration: Calibration
 ) -> None:
     """Whatever else the images show meanwhile."""

@@ -199,15 +199,15 @@ def test_no_module_is_one_clear_line(dai: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("spec", "says"),
+    ("spec", "stated"),
     [
         ("oak:?socket=CAM_Q", "no socket 'CAM_Q'"),
         ("oak:?clock=x", "no clock 'x'"),
         ("oak:?fps=3", "unknown key 'fps'"),
     ],
 )
-def test_bad_keys(dai: Any, spec: str, says: str) -> None:
-    with pytest.raises(SourceError, match=says):
+def test_bad_keys(dai: Any, spec: str, stated: str) -> None:
+    with pytest.raises(SourceError, match=stated):
         open_source(spec)
 
 

@@ -85,7 +85,7 @@ def test_keys_win_over_settings() -> None:
 
 
 @pytest.mark.parametrize(
-    ("spec", "says"),
+    ("spec", "stated"),
     [
         ("nowhere.mcap", "no such file"),
         ("nowhere/", "no such file"),
@@ -102,8 +102,8 @@ def test_keys_win_over_settings() -> None:
         ("images:nowhere", "no such file"),
     ],
 )
-def test_bad_specifications_are_one_line(spec: str, says: str) -> None:
-    with pytest.raises(SourceError, match=says) as caught:
+def test_bad_specifications_are_one_line(spec: str, stated: str) -> None:
+    with pytest.raises(SourceError, match=stated) as caught:
         open_source(spec)
     assert "\n" not in str(caught.value)
 

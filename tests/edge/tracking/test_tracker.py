@@ -152,20 +152,20 @@ def test_a_wrong_match_has_low_confidence(layout: str) -> None:
 
 def test_a_search_ends_after_a_bounded_number_of_matches(monkeypatch: pytest.MonkeyPatch) -> None:
     """With half of the pins missing no match is certain, so only further tries are possible."""
-    grown: list[Match] = []
+    regions: list[Match] = []
     grow = Identifier._grow
 
     def counted(*args: Any) -> Match:
-        grown.append(grow(*args))
-        return grown[-1]
+        regions.append(grow(*args))
+        return regions[-1]
 
     monkeypatch.setattr(Identifier, "_grow", counted)
     rng = np.random.default_rng(11)
     xy = LAYOUTS["rings331"]
     for _ in range(4):
-        grown.clear()
+        regions.clear()
         Tracker(rest_at(xy)).identify(pins_at(spoiled(pressed(xy, rng), 0.5, 50, rng)))
-        assert 4 < len(grown) <= TrackingParams().regions_max + 1
+        assert 4 < len(regions) <= TrackingParams().regions_max + 1
 
 
 def test_a_lattice_that_may_have_slipped_by_a_step_has_low_confidence() -> None:
@@ -400,7 +400,7 @@ def test_movement4_there_and_back_ends_where_it_began(real_dir: Path, step: int)
     close = Lattice(rest.xy_img, rest.pattern.pitch_px)
     refiner, tracker = CentroidRefiner(rest), Tracker(rest)
     there = frames[::step]
-    seen_n, unsure = [], 0
+    seen_n, untrusted = [], 0
     tracks = tracker.identify(detect(frames[0], rest.pattern))
     for image in there + there[::-1]:
         predicted = tracker.predict()
@@ -409,7 +409,7 @@ def test_movement4_there_and_back_ends_where_it_began(real_dir: Path, step: int)
         if predicted is None or tracks.confidence < Tracks.LOW_CONFIDENCE:
             tracks = tracker.identify(detect(image, rest.pattern))
         if tracks.confidence < Tracks.LOW_CONFIDENCE:
-            unsure += 1
+            untrusted += 1
             continue
         seen_n.append(tracks.n_seen)
         gap = np.hypot(*(tracks.xy_img[close.pairs[:, 0]] - tracks.xy_img[close.pairs[:, 1]]).T)
@@ -418,4 +418,4 @@ def test_movement4_there_and_back_ends_where_it_began(real_dir: Path, step: int)
     assert off.max() < 0.3 * rest.pattern.pitch_px
     assert tracks.n_seen > 0.9 * len(rest)
     assert np.median(seen_n) > 0.7 * len(rest)
-    assert unsure <= 2
+    assert untrusted <= 2

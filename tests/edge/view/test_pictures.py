@@ -99,9 +99,9 @@ def test_the_safe_palette_is_distinguishable_without_red_and_green() -> None:
 
 
 def test_overlays_are_transparent_where_nothing_changed() -> None:
-    (nothing, grown) = cell_rgba(np.array([0.0, 0.5]))
+    (nothing, enlarged) = cell_rgba(np.array([0.0, 0.5]))
     assert nothing[3] == 0.0
-    assert grown == (PAPER.compressed[2] / 255, PAPER.compressed[1] / 255, PAPER.compressed[0] / 255, 0.7)
+    assert enlarged == (PAPER.compressed[2] / 255, PAPER.compressed[1] / 255, PAPER.compressed[0] / 255, 0.7)
 
 
 # -- the touch -----------------------------------------------------------------------------------

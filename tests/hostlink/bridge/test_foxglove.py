@@ -216,7 +216,7 @@ def test_parameters_are_read_and_set(hand: Hand) -> None:
     assert hand.connection.finger(1).get("rate_hz") == 0.0
 
 
-def test_others_may_look_and_no_more(hand: Hand) -> None:
+def test_others_may_only_watch(hand: Hand) -> None:
     outlet = FoxgloveOutlet(Listen("0.0.0.0", 0))
     hand.bridge(outlet)
 
@@ -285,7 +285,7 @@ def test_a_taken_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     outlet.close()
 
 
-def test_the_command_records_and_says_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_records_and_prints_the_path(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     hand = Hand("fox-command", (2,), state)
     path = tmp_path / "hand.mcap"
     arguments = ("bridge", "virtual:fox-command", "--foxglove", "--listen", "127.0.0.1:0", "--seconds", "2")

@@ -252,9 +252,9 @@ def test_record_counts_what_the_file_holds(
     for n in (1, 11):
         file = tmp_path / f"{n}.log"
         record(HOST, file, n)
-        said = capsys.readouterr().err
+        output = capsys.readouterr().err
         assert run("decode", str(file)) == 0
-        assert said.endswith(f" {len(capsys.readouterr().out.splitlines())} samples\n")
+        assert output.endswith(f" {len(capsys.readouterr().out.splitlines())} samples\n")
 
 
 def test_record_keeps_an_earlier_recording(
@@ -349,10 +349,10 @@ def test_record_a_serial_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     file = tmp_path / "press.serial"
     record(f"serial:{pty.paths[1]}", file)
     feed.close()
-    said = capsys.readouterr().err
+    output = capsys.readouterr().err
     assert run("decode", str(file), "--finger", "1") == 0, "as monitor and info call it"
     rows = [json.loads(text) for text in capsys.readouterr().out.splitlines()]
-    assert said.endswith(f" {len(rows)} samples\n")
+    assert output.endswith(f" {len(rows)} samples\n")
     assert {r["finger"] for r in rows} == {1}
     assert not any(isnan(r["displacement_mm"]) for r in rows)
     named = tmp_path / "named.serial"

@@ -88,15 +88,15 @@ def test_the_table_fits_80_columns() -> None:
 
 
 def test_silence_is_reported() -> None:
-    assert shown([]).splitlines() == ["can:can0", "nothing heard yet"]
+    assert shown([]).splitlines() == ["can:can0", "nothing received yet"]
 
 
 def test_problems_of_a_finger_are_listed_below_the_table(request: pytest.FixtureRequest) -> None:
     """Another version, and two senders with one number, beside a finger in order."""
     channel = request.node.name
     with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
-        heard: list[hostlink.Sample] = []
-        hand.on_sample(heard.append)
+        received: list[hostlink.Sample] = []
+        hand.on_sample(received.append)
 
         def send(node: int, data: bytes) -> None:
             bus.send(can.Message(arbitration_id=0x180 + node, data=data, is_fd=True, is_extended_id=False))
@@ -109,7 +109,7 @@ def test_problems_of_a_finger_are_listed_below_the_table(request: pytest.Fixture
             for start in (0, 5000):
                 send(3, pack_state(State(sample=start + k, capture_time_us=(start + k) * 4000), k))
             send(1, pack_state(State(sample=k), k))
-        until(lambda: any(s.finger == 1 and s.state.sample == 19 for s in heard), "the last one")
+        until(lambda: any(s.finger == 1 and s.state.sample == 19 for s in received), "the last one")
         text = " ".join(shown(Board(hand).rows()).split())
     assert "finger 2: finger 2 speaks wire version 9" in text
     assert "finger 3: two senders use this number; give each fingertip its own (?node=)" in text
@@ -121,12 +121,12 @@ def test_board_counts_between_updates(request: pytest.FixtureRequest) -> None:
     with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
         board = Board(hand)
         assert board.rows() == []
-        heard: list[hostlink.Sample] = []
-        hand.on_sample(heard.append)
+        received: list[hostlink.Sample] = []
+        hand.on_sample(received.append)
         for k in (0, 1, 3):
             data = pack_state(State(sample=k, status=Status.OVERLOAD | Status.TOUCHED), k)
             bus.send(can.Message(arbitration_id=0x184, data=data, is_fd=True, is_extended_id=False))
-        until(lambda: len(heard) == 3, "all three")
+        until(lambda: len(received) == 3, "all three")
         (first,) = board.rows()
         assert (first.finger, first.received_n, first.lost_n) == (4, 3, 1)
         assert first.rate_hz > 0

@@ -139,9 +139,9 @@ def run(*arguments: str) -> int:
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_bus(tmp_path / "a.log", (1, 4))
     assert run("plot", str(tmp_path / "a.log"), "--json", "--finger", "4") == 0
-    said = json.loads(capsys.readouterr().out)
-    assert said["samples"] == {"4": 100}
-    assert Path(said["out"]) == tmp_path / "a.png"
+    output = json.loads(capsys.readouterr().out)
+    assert output["samples"] == {"4": 100}
+    assert Path(output["out"]) == tmp_path / "a.png"
     assert (tmp_path / "a.png").is_file()
     assert run("plot", str(tmp_path / "a.log"), "-o", str(tmp_path / "b.pdf"), "-q") == 0
     assert capsys.readouterr().out == ""
@@ -174,9 +174,9 @@ def test_mistakes_are_one_line(
     write_edge(tmp_path / "cut.mcap")
     os.truncate(tmp_path / "cut.mcap", 500)
     assert run("plot", *arguments) == 2
-    said = capsys.readouterr().err
-    assert words in said
-    assert len(said.strip().splitlines()) == 1
+    output = capsys.readouterr().err
+    assert words in output
+    assert len(output.strip().splitlines()) == 1
 
 
 def test_an_unknown_state_is_reported_as_such(tmp_path: Path) -> None:
@@ -199,7 +199,7 @@ def test_picture_and_recording_that_exist_are_kept(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.log", "a.png"]
 
 
-def test_an_empty_recording_is_told_before_a_picture_that_exists(
+def test_an_empty_recording_is_reported_before_an_existing_picture(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "empty.log").write_text("")
