@@ -100,7 +100,7 @@ def command(folder: Path, out: Path, workers: int | None) -> None:
         "# Published recordings of a 331-pin tip, held-out frames\n\n"
         f"`python -m tests.bench real`: mean absolute errors on {HELD_OUT} random frames of {len(targets)}, "
         f"models fitted to {SIZES[-1]} others (or fewer). Errors over all frames, refused ones too "
-        f"({int((~seen.sure).sum())} of {len(targets)} are refused). Direction: shear over 1.5 mm.\n\n"
+        f"({int((~seen.trusted).sum())} of {len(targets)} are refused). Direction: shear over 1.5 mm.\n\n"
         f"{table(rows)}\n"
     )
     click.echo(text)

@@ -78,7 +78,7 @@ def test_processes_give_the_same_bits(recording: Path, seen_here: Extract, worke
     with executor(workers=workers) as pool:
         seen = open_dataset([recording], None, None).extract(pool, done.append)
     assert_same(seen, seen_here)
-    assert sum(done) == len(seen.sure) == 36
+    assert sum(done) == len(seen.trusted) == 36
 
 
 def test_a_cluster_gives_identical_results(recording: Path, seen_here: Extract) -> None:
@@ -102,7 +102,7 @@ def test_no_cluster_at_the_address_is_one_line(monkeypatch: pytest.MonkeyPatch) 
 
 def test_the_image_follows_the_pose(recording: Path, seen_here: Extract) -> None:
     targets = open_dataset([recording], None, None).targets
-    assert seen_here.sure.all()
+    assert seen_here.trusted.all()
     assert seen_here.in_contact.all()
     assert (seen_here.counts == 1).mean() > 0.9
     volume, depth = seen_here.inputs[:, 0].real, targets.values["displacement_mm"]

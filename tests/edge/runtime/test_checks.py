@@ -36,7 +36,7 @@ def test_any_row_of_a_fault_holds_it_and_the_first_gives_the_reason() -> None:
     assert held_after({"level": 0.1, "black": 1.0}) == [{DARK: "level 10%"}]
 
 
-def test_what_is_not_measured_is_left_as_it_is() -> None:
+def test_checks_without_a_measurement_stay_unchanged() -> None:
     assert held_after({"full": 0.9}, {"level": 0.9}, {"full": 0.1}) == [{BRIGHT: "full 90%"}] * 2 + [{}]
 
 

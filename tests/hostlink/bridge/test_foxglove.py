@@ -75,16 +75,16 @@ class Viewer:
                 _, call, size = struct.unpack_from("<III", data, 1)
                 self.answers[call] = data[13 + size :]
             return
-        said = json.loads(message.data)
-        match said["op"]:
+        output = json.loads(message.data)
+        match output["op"]:
             case "serverInfo":
-                self.info = said
+                self.info = output
             case "advertise":
-                self.channels |= {c["topic"]: c for c in said["channels"]}
+                self.channels |= {c["topic"]: c for c in output["channels"]}
             case "advertiseServices":
-                self.services |= {s["name"]: s for s in said["services"]}
+                self.services |= {s["name"]: s for s in output["services"]}
             case "parameterValues":
-                self.parameters[said.get("id", "")] = said["parameters"]
+                self.parameters[output.get("id", "")] = output["parameters"]
 
     async def subscribe(self, topic: str) -> None:
         await self.until(lambda: topic in self.channels, topic)
