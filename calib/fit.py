@@ -431,7 +431,7 @@ def _as_candidate(process: FittedProcess, y: Complex) -> Candidate:
 
 def _process(problem: _Problem, i: int, fitted: FittedProcess) -> Process:
     """The process in the file's form."""
-    noise = fitted.noise
+    noise, across = fitted.noise, fitted.across
     return Process(
         outputs=list(problem.groups[i].outputs),
         terms=fitted.terms,
@@ -443,6 +443,8 @@ def _process(problem: _Problem, i: int, fitted: FittedProcess) -> Process:
         noise_terms=noise.terms,
         noise_weights=[rounded(float(w)) for w in noise.weights],
         noise_range=(rounded(noise.low), rounded(noise.high)),
+        across_weights=[] if across is None else [rounded(float(w)) for w in across.weights],
+        across_range=(0.0, 0.0) if across is None else (rounded(across.low), rounded(across.high)),
         lost=fitted.lost,
     )
 

@@ -6,12 +6,14 @@ parity; each has a prior variance that follows from the kernel's weights. Most i
 products whose prior variance is far below the noise are left out: some ten to some hundred are left. With
 those it is Bayesian linear regression, exactly.
 
-The noise differs from frame to frame (a light contact slips and tells less): its logarithm is a polynomial in
-what no turn changes, fitted to the errors on held-out frames over what the weights leave open.
+How wrong it is, it is asked of frames that it has not seen: the frames are split into groups, settings are
+fitted without each, and all that is said of errors rests on these. (The errors of settings that have seen
+every frame are too small, by a third with a hundred frames.)
 
-Those errors are too small, because the settings have seen every frame. So the frames are split into groups,
-settings are fitted without each, and sigma is widened until it covers the errors of the group left out as
-often as it should: sigma as the edge computes it, from a few rows of the covariance.
+The noise differs from frame to frame (a light contact slips and tells less), and along the value's direction
+from across it. Its logarithm is a polynomial in what no turn changes, the likeliest for those errors. Judged
+by a noise that has not seen their group either, they say how much wider or narrower sigma has to be to cover
+as many of them as it should.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ from scipy.optimize import minimize
 from calib.process_likelihood import Settings, Symmetry, fit_settings
 from edge.calibration.file import TERMS_MAX, Lost
 from edge.calibration.inputs import evaluate_terms, term_columns
-from edge.types import Array, Complex, Index
+from edge.types import Array, Complex, Index, Mask
 
 __all__ = ["INPUTS", "FittedProcess", "Input", "ProcessParams", "fit_process"]
 
@@ -57,6 +59,12 @@ INPUTS = (
     Input("peak", 0, 1, real=True),
     Input("size", 0, 1, real=True),
 )
+#: What the effect of lost pins may depend on: how much of them is not known, the load, and how far on the
+#: contact's side, or ahead of the shear, they are.
+LOST_TERMS: list[list[str]] = [
+    ["gap"], ["volume"], ["size"], ["p", "p*"], ["c00", "c00*"], ["gap_place", "gap_place*"],
+    ["gap_place", "p*"], ["gap_place", "c00*"], ["gap", "gap_place", "p*"], ["volume", "gap_place", "p*"],
+]  # fmt: skip
 #: What the noise may depend on: load, shear, place.
 NOISE_TERMS: tuple[list[str], ...] = (
     ["volume"], ["volume", "volume"], ["c00", "c00*"], ["p", "p*"], ["c00", "c00*", "volume"],
@@ -73,13 +81,14 @@ class ProcessParams:
     apart: float = 0.1  # share of inputs that go their own ways in what the rows must hold
     noise_prior: float = 0.5  # weight of squared coefficients of the noise's logarithm
     constant: float = 0.1  # prior deviation of the constant, in units of the output's own
-    one_sigma: float = 0.6827
-    losses_min: int = 50  # frames with pins taken away: fewer do not tell three numbers
-    groups_max: int = 4  # that settings are fitted without
-    rows_cross: int = 480  # with half as many frames, or more, two groups: time
+    losses_min: int = 50  # frames with pins taken away: fewer do not tell what losses do
+    groups_min: int = 3  # that settings are fitted without
+    rows_groups: int = 1440  # frames of all groups' fits together that are worth their time, with more groups
     far: float = 4.0  # times the largest of held-out frames: twice their sigma
 
 
+#: Shares of Gaussian errors within one and within two sigma.
+WITHIN = ((1.0, 0.6827), (2.0, 0.9545))
 PARAMS = ProcessParams()
 
 
@@ -92,9 +101,11 @@ class FittedProcess:
     factor         (rows, terms) complex128, L over sigma
     sigma          (1 or 2,)
     far            largest |L psi|^2 that is no extrapolation
-    noise          over sigma^2
+    noise          over sigma^2; of two outputs along the value
+    across         the same across the value; None: one output
     lost           what lost pins add to the variance, over sigma^2; None: not tried
-    held_out       (n,) complex128, prediction of each row by weights that have not seen its fold
+    held_out       (n,) complex128, prediction of each row by settings that have not seen its group, and
+                   weights that have not seen its fold
     """
 
     terms: list[list[str]]
@@ -103,6 +114,7 @@ class FittedProcess:
     sigma: Array
     far: float
     noise: NoiseModel
+    across: NoiseModel | None
     lost: Lost | None
     held_out: Complex
 
@@ -133,41 +145,45 @@ def fit_process(
     prior = partial(_prior, names=names, symmetry=symmetry, all_round=all_round)
     features, settings = prior(inputs, target=target)
     posterior = _posterior(features, inputs, moved, target, settings.noise)
-    held_out, learnt = posterior.held_out(fold)
-    error = held_out - target
-    noise_model = _fit_noise(inputs, names, np.abs(error) ** 2, learnt)
     factor = posterior.factor()
-    claimed = learnt / noise_model.level * posterior.share_held(features.rows(inputs), factor)
-    expected = np.sqrt(noise_model.variance(inputs, names) + claimed)
-    sigma = np.array([_one_sigma(part / expected) for part in _parts(error, symmetry)])
-    unseen = _cross_fitted(partial(prior, start=settings.start), inputs, moved, target, fold) - target
-    parts = zip(_parts(unseen, symmetry), sigma, strict=True)
-    sigma *= unit * max(1.0, _one_sigma(np.array([part / expected / one for part, one in parts])))
+    group = fold % _n_groups(fold)
+    unseen, learnt = _held_out(partial(prior, start=settings.start), inputs, moved, target, fold, group)
+    learnt *= posterior.share_held(features.rows(inputs), factor)
+    if features.turning:  # the variance of a complex weight is that of its two parts together
+        factor, learnt = factor / math.sqrt(2.0), learnt / 2.0
+    errors = _Errors(inputs, names, unseen, target, learnt, symmetry, all_round=all_round)
+    along, across, level = errors.noise(np.ones(len(y), dtype=np.bool_))
+    scale = _scale(errors.standardised(group))
+    over = math.sqrt(level * float((scale**2).mean()))
+    rows = lossy.reshape(-1, len(names))
+    change = (features.rows(rows) @ posterior.weights).reshape(lossy.shape[:2])
+    change = change - (features.rows(inputs) @ posterior.weights)[:, None]
     weights = features.of_terms(posterior.weights[None])[0] * unit
-    change = (features.rows(lossy.reshape(-1, len(names))) @ posterior.weights).reshape(lossy.shape[:2])
-    change = (
-        (change - (features.rows(inputs) @ posterior.weights)[:, None]) * unit / np.sqrt((sigma**2).sum())
-    )
     weights[0] += mean
     return FittedProcess(
         terms=features.terms,
         weights=weights,
-        factor=features.of_terms(factor / math.sqrt(noise_model.level)),
-        sigma=np.maximum(sigma, 1e-6),
-        far=PARAMS.far * float(learnt.max()) / noise_model.level,
-        noise=noise_model,
-        lost=_fit_lost(lossy.reshape(-1, len(names)), names, np.abs(change.ravel()) ** 2),
-        held_out=held_out * unit + mean,
+        factor=features.of_terms(factor / math.sqrt(level)),
+        sigma=np.maximum(scale * unit * math.sqrt(level), 1e-6),
+        far=PARAMS.far * float(learnt.max()) / level,
+        noise=along,
+        across=across,
+        lost=_fit_lost(rows, names, change.ravel() / over, turning=features.turning),
+        held_out=unseen * unit + mean,
     )
 
 
-def _parts(y: Complex, symmetry: Symmetry) -> list[Array]:
-    """What is an output of its own."""
-    return [y.real, y.imag] if symmetry is Symmetry.TURNING else [y.real]
+def _n_groups(fold: Index) -> int:
+    """As many as are worth their time: settings from few frames depend on each of them."""
+    folds = int(fold.max()) + 1
+    return min(folds, max(PARAMS.groups_min, PARAMS.rows_groups // len(fold)))
 
 
-def _one_sigma(errors: Array) -> float:
-    return float(np.quantile(np.abs(errors), PARAMS.one_sigma))
+def _scale(standardised: Sequence[Array]) -> Array:
+    """What sigma of each part must be multiplied by to cover as many errors as it should."""
+    return np.array(
+        [np.mean([np.quantile(np.abs(z), share) / k for k, share in WITHIN]) for z in standardised]
+    )
 
 
 def _posterior(
@@ -178,26 +194,87 @@ def _posterior(
     return _Posterior(design, _mean_square(design, off), target if features.turning else target.real, noise)
 
 
-def _cross_fitted(
+def _held_out(
     prior: Callable[..., tuple[_Features, Settings]],
     inputs: Complex,
     moved: Sequence[Complex],
     target: Complex,
     fold: Index,
-) -> Complex:
-    """(n,) prediction of each row: settings have not seen its group, weights not its fold.
+    group: Index,
+) -> tuple[Complex, Array]:
+    """(n,) prediction of each row, and what the weights leave open of it.
 
-    Weights that have not seen the group either would err more than the edge's, which all rows decide.
+    Settings have not seen its group, weights not its fold. Weights that have not seen the group either would
+    err more than the edge's, which all rows decide.
     """
-    predicted = np.empty_like(target)
-    n_groups = min(PARAMS.groups_max, max(2, PARAMS.rows_cross // len(target)), int(fold.max()) + 1)
-    for group in range(n_groups):
-        unseen = fold % n_groups == group
+    predicted, learnt = np.empty_like(target), np.empty(len(target))
+    for k in range(int(group.max()) + 1):
+        unseen = group == k
         features, settings = prior(inputs[~unseen], target=target[~unseen])
-        predicted[unseen] = _posterior(features, inputs, moved, target, settings.noise).held_out(fold)[0][
-            unseen
-        ]
-    return predicted
+        found, left = _posterior(features, inputs, moved, target, settings.noise).held_out(fold)
+        predicted[unseen], learnt[unseen] = found[unseen], left[unseen]
+    return predicted, learnt
+
+
+class _Errors:
+    """Errors of predictions of unseen frames, and the noise that explains them.
+
+    predicted, target  (n,) complex128
+    learnt             (n,) variance of the prediction that the weights leave open
+    symmetry           turning: two outputs, whose errors are looked at along the prediction and across it
+    all_round          False: the data went one way only, and say nothing of errors across it
+    """
+
+    def __init__(
+        self,
+        inputs: Complex,
+        names: Sequence[str],
+        predicted: Complex,
+        target: Complex,
+        learnt: Array,
+        symmetry: Symmetry,
+        *,
+        all_round: bool,
+    ) -> None:
+        self._inputs, self._names, self._learnt = inputs, names, learnt
+        self._turning, self._all_round = symmetry is Symmetry.TURNING, all_round
+        self._error = predicted - target
+        length = np.abs(predicted)
+        self._direction = np.where(length > 0, predicted / np.where(length > 0, length, 1.0), 1.0)
+
+    def noise(self, rows: Mask) -> tuple[NoiseModel, NoiseModel | None, float]:
+        """Of one output; or of two along the value, and across it. Then their level: its typical variance."""
+        fitted = partial(_fit_noise, self._inputs[rows], self._names, learnt=self._learnt[rows])
+        if not self._turning or not self._all_round:
+            one = fitted(squares=np.abs(self._error[rows]) ** 2)
+            return one.over(one.level), None, one.level
+        error = (self._error * self._direction.conj())[rows]
+        along, across = fitted(squares=error.real**2), fitted(squares=error.imag**2)
+        level = (along.level + across.level) / 2.0
+        return along.over(level), across.over(level), level
+
+    def standardised(self, group: Index) -> list[Array]:
+        """Errors of each output over their deviation, by a noise that has not seen their group."""
+        parts = [np.empty(len(group)) for _ in range(1 + self._turning)]
+        for k in range(int(group.max()) + 1):
+            rows = group == k
+            for part, found in zip(parts, self._over(rows, *self.noise(~rows)), strict=True):
+                part[rows] = found
+        return parts
+
+    def _over(
+        self, rows: Mask, along: NoiseModel, across: NoiseModel | None, level: float
+    ) -> Iterator[Array]:
+        inputs, error, learnt = self._inputs[rows], self._error[rows], self._learnt[rows]
+        one = level * along.variance(inputs, self._names)
+        if across is None:
+            for _ in range(1 + self._turning):
+                yield np.abs(error) / np.sqrt(learnt + one)
+            return
+        other = level * across.variance(inputs, self._names)
+        share = self._direction[rows].real ** 2
+        yield error.real / np.sqrt(learnt + share * one + (1.0 - share) * other)
+        yield error.imag / np.sqrt(learnt + share * other + (1.0 - share) * one)
 
 
 def _mean_square(design: Complex, off: Sequence[Complex]) -> Complex:
@@ -383,30 +460,29 @@ class _Posterior:
         return np.minimum(held, 1.0)
 
 
-def _fit_lost(lossy: Complex, names: Sequence[str], squares: Array) -> Lost | None:
-    """Likeliest for changes with these squares, over sigma^2, that the loss of pins brought about."""
+def _fit_lost(lossy: Complex, names: Sequence[str], change: Complex, *, turning: bool) -> Lost | None:
+    """Likeliest for these changes of the value, over sigma, that the loss of pins brought about."""
     gap, volume = lossy[:, names.index("gap")].real, lossy[:, names.index("volume")].real
-    known = np.isfinite(squares) & (gap > 0) & (volume > 0)
+    known = np.isfinite(change) & (gap > 0) & (volume > 0)
     if known.sum() < PARAMS.losses_min:
         return None
-    squares, logs = squares[known], np.log([gap[known], volume[known]])
-    design = np.vstack([np.ones(len(squares)), logs]).T
-
-    def cost(b: Array) -> tuple[float, Array]:
-        log_variance = np.clip(design @ b, -60.0, 60.0)
-        ratio = squares * np.exp(-log_variance)
-        return float((log_variance + ratio).sum()), design.T @ (1.0 - ratio)
-
-    start = np.array([math.log(float(squares.mean())), 0.0, 0.0])
-    scale, gap_power, volume_power = minimize(cost, start, jac=True, method="L-BFGS-B").x.tolist()
-    return Lost(scale, gap_power, volume_power, float(gap[known].max()))
+    lossy, gap, volume = lossy[known], gap[known], volume[known]
+    parts = [change[known].real, change[known].imag] if turning else [change[known].real]
+    psi = evaluate_terms(lossy, term_columns(LOST_TERMS, names)).real
+    design = np.column_stack([np.ones(len(gap)), np.log(gap), np.log(volume), psi])
+    fitted = _fit_log_variance(design, np.mean(np.square(parts), axis=0), np.zeros(len(gap)))
+    # Few losses do much, most do little: no Gaussian, so that sigma is what covers as many as it should.
+    deviation = np.exp(0.5 * (design @ fitted))
+    scale, gap_power, volume_power, *weights = fitted.tolist()
+    scale += 2.0 * math.log(float(np.mean(_scale([np.concatenate([part / deviation for part in parts])]))))
+    return Lost(scale, gap_power, volume_power, float(gap.max()), LOST_TERMS, weights)
 
 
 @dataclass(frozen=True, slots=True)
 class NoiseModel:
-    """Logarithm of the noise's variance over its level: a polynomial within the range that the data showed.
+    """Logarithm of the noise's variance: a polynomial within the range that the data showed.
 
-    level  geometric mean of the variance, in units of the outputs' own
+    level  geometric mean of the variance, in the same unit
     """
 
     terms: list[list[str]]
@@ -416,35 +492,49 @@ class NoiseModel:
     level: float
 
     def variance(self, inputs: Complex, names: Sequence[str]) -> Array:
-        """(n,) over the level."""
+        """(n,)"""
         psi = evaluate_terms(inputs, term_columns(self.terms, names)).real
         return np.exp(np.clip(psi @ self.weights, self.low, self.high))
+
+    def over(self, level: float) -> NoiseModel:
+        """The same in units of this variance."""
+        log, weights = math.log(level), self.weights.copy()
+        weights[0] -= log
+        return NoiseModel(self.terms, weights, self.low - log, self.high - log, self.level / level)
 
 
 def _fit_noise(inputs: Complex, names: Sequence[str], squares: Array, learnt: Array) -> NoiseModel:
     """Likeliest for errors with these squares, of which the weights explain `learnt`."""
     terms = [[], *NOISE_TERMS]
     psi = evaluate_terms(inputs, term_columns(terms, names)).real
-    scale = psi.std(axis=0)
-    scale[0] = 1.0
-    terms = [term for term, size in zip(terms, scale, strict=True) if size > 0]
-    psi, scale = psi[:, scale > 0], scale[scale > 0]
-    centre = np.append(0.0, psi[:, 1:].mean(axis=0))
-    unit = (psi - centre) / scale
+    weights = _fit_log_variance(psi, squares, learnt)
+    logs = psi @ weights
+    low, high = float(logs.min()), float(logs.max())
+    return NoiseModel(terms, weights, low, high, math.exp(float(logs.mean())))
+
+
+def _fit_log_variance(design: Array, squares: Array, known: Array) -> Array:
+    """Weights b that make errors with these squares likeliest: variance = exp(design b) + known.
+
+    design   (n, k), the first column 1
+    Returns  (k,); 0 for a column that is the same in all rows
+    """
+    centre, scale = design.mean(axis=0), design.std(axis=0)
+    varies = scale > 0
+    unit = np.where(varies, (design - centre) / np.where(varies, scale, 1.0), 0.0)
+    unit[:, 0] = 1.0
 
     def cost(b: Array) -> tuple[float, Array]:
         noise = np.exp(np.clip(unit @ b, -60.0, 60.0))
-        total = noise + learnt
+        total = noise + known
         slope = unit.T @ ((1.0 / total - squares / total**2) * noise)
         slope[1:] += 2.0 * PARAMS.noise_prior * b[1:]
         penalty = PARAMS.noise_prior * float(b[1:] @ b[1:])
         return float((np.log(total) + squares / total).sum()) + penalty, slope
 
-    start = np.zeros(len(terms))
+    start = np.zeros(design.shape[1])
     start[0] = math.log(max(float(squares.mean()), 1e-300))
     b = minimize(cost, start, jac=True, method="L-BFGS-B").x
-    logs = unit @ b
-    level = float(logs.mean())
-    weights = b / scale
-    weights[0] = b[0] - float((b[1:] * centre[1:] / scale[1:]).sum()) - level
-    return NoiseModel(terms, weights, float(logs.min()) - level, float(logs.max()) - level, math.exp(level))
+    weights: Array = np.where(varies, b / np.where(varies, scale, 1.0), 0.0)
+    weights[0] = b[0] - float((weights[1:] * centre[1:]).sum())
+    return weights

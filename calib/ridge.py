@@ -54,7 +54,14 @@ def input_noise(inputs: Complex, coefficient: float) -> Complex:
     shape = (PARAMS.noise_draws, *inputs.shape, 2)
     pairs = np.random.default_rng(0).standard_normal(shape) * (coefficient / np.sqrt(2))
     noise: Complex = pairs.view(np.complex128)[..., 0]
-    for name in ("volume", "p", "peak", "size", "gap"):  # made of all cells: their noise is not the modes'
+    for name in (
+        "volume",
+        "p",
+        "peak",
+        "size",
+        "gap",
+        "gap_place",
+    ):  # not the modes' noise
         noise[..., FRAME_INPUTS.index(name)] = 0.0
     noise[..., FRAME_INPUTS.index("shear")] = noise[..., FRAME_INPUTS.index("c00")]
     return noise

@@ -243,6 +243,7 @@ class Cells:
                    None: no pin is lost
     gap            mean over all pins of the variance of a lost pin's predicted place, in units of the
                    variance of the motion about an affine one; 0: none is lost
+    gap_img        (2,) px; mean rest place of the lost pins, weighted by that variance; None: none is lost
     """
 
     area_px2: Array
@@ -252,6 +253,7 @@ class Cells:
     boundary_img: Array
     whole_px2: Array | None = None
     gap: float = 0.0
+    gap_img: Array | None = None
 
 
 class Feature(StrEnum):
@@ -308,6 +310,7 @@ class Features:
     slip_px         float, rms motion within the contact since the last frame that a load does not explain
     slip_probability 0..1, that there was any such motion beyond the noise
     gap             as `Cells.gap`; NaN: pins are lost, and there are no cells to estimate it from
+    gap_img         as `Cells.gap_img`; None too if there are no cells
     """
 
     area_change: Array
@@ -323,6 +326,7 @@ class Features:
     slip_px: float | None = None
     slip_probability: float | None = None
     gap: float = 0.0
+    gap_img: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)

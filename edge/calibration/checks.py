@@ -113,14 +113,23 @@ def _check_process(model: Process, where: str) -> None:
     _check_terms(model.noise_terms, FRAME_INPUTS, f"{where}.noise_terms")
     factor = [(f"factor[{r}]", row) for r, row in enumerate(model.factor)]
     _check_rows([("weights", model.weights), *factor], len(model.terms), where)
-    if len(model.noise_weights) != len(model.noise_terms):
-        raise BadContent(
-            f"{where}.noise_weights: {len(model.noise_weights)} numbers for {len(model.noise_terms)} "
-            "noise_terms; give one for each"
-        )
-    if model.noise_range[0] > model.noise_range[1]:
-        raise BadContent(f"{where}.noise_range: give [low, high]")
+    _check_weights(model.noise_weights, model.noise_terms, f"{where}.noise_weights")
+    if model.across_weights:
+        _check_weights(model.across_weights, model.noise_terms, f"{where}.across_weights")
+        if len(model.outputs) != 2:
+            raise BadContent(f"{where}.across_weights: one output has no direction; leave them away")
+    for name, (low, high) in (("noise", model.noise_range), ("across", model.across_range)):
+        if low > high:
+            raise BadContent(f"{where}.{name}_range: give [low, high]")
+    if model.lost is not None:
+        _check_terms(model.lost.terms, FRAME_INPUTS, f"{where}.lost.terms")
+        _check_weights(model.lost.weights, model.lost.terms, f"{where}.lost.weights")
     _check_outputs_of(model, where)
+
+
+def _check_weights(weights: Sequence[float], terms: Sequence[object], where: str) -> None:
+    if len(weights) != len(terms):
+        raise BadContent(f"{where}: {len(weights)} numbers for {len(terms)} terms; give one for each")
 
 
 def _check_terms(terms: Sequence[Sequence[str]], inputs: Sequence[str], where: str) -> None:

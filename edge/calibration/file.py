@@ -101,17 +101,20 @@ class Polynomial(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="m
 
 
 class Lost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Variance that lost pins add to a value: exp(scale) gap^gap_power volume^volume_power.
+    """Variance that lost pins add to a value: exp(h) gap^gap_power volume^volume_power.
 
     In units of the model's sigma^2; `gap` and `volume` are inputs of the frame.
 
-    gap_max  largest gap that the fit tried: beyond it the value is NaN
+    scale, terms, weights  h is scale plus the real part of the terms' sum with these weights
+    gap_max                largest gap that the fit tried: beyond it the value is NaN
     """
 
     scale: Exponent
     gap_power: Exponent
     volume_power: Exponent
     gap_max: Annotated[float, msgspec.Meta(gt=0, le=1e6)]
+    terms: Annotated[list[Term], msgspec.Meta(max_length=NOISE_TERMS_MAX)] = []
+    weights: Annotated[list[Number], msgspec.Meta(max_length=NOISE_TERMS_MAX)] = []
 
 
 class Process(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="process"):
@@ -125,6 +128,8 @@ class Process(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="proc
     noise_terms    as terms; the logarithm of the noise's variance, in units of sigma^2, is the real part of
     noise_weights  their sum with these weights
     noise_range    [low, high] of that logarithm in the data
+    across_weights, across_range  the same for the noise across the direction of a value with two outputs, the
+                   others are then for the noise along it; empty: it is the same in all directions
     lost           None: the effect of lost pins is not known
     valid, sigma   as of a polynomial
     """
@@ -139,6 +144,8 @@ class Process(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="proc
     noise_terms: Annotated[list[Term], msgspec.Meta(max_length=NOISE_TERMS_MAX)] = []
     noise_weights: Annotated[list[Number], msgspec.Meta(max_length=NOISE_TERMS_MAX)] = []
     noise_range: tuple[Exponent, Exponent] = (0.0, 0.0)
+    across_weights: Annotated[list[Number], msgspec.Meta(max_length=NOISE_TERMS_MAX)] = []
+    across_range: tuple[Exponent, Exponent] = (0.0, 0.0)
     lost: Lost | None = None
 
 

@@ -14,14 +14,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from edge.types import Complex, ContactRegion, Features, PinPattern
+from edge.types import Array, Complex, ContactRegion, Features, PinPattern
 
 MODES = tuple(f"c{a}{d - a}" for d in range(6) for a in range(d, -1, -1))  # as `edge.features.modes` has them
 
 #: Inputs made of a frame's features; the order is that of `frame_inputs`. `volume` is real, `shear` the
 #: plain mean of the pins' motion, `c_ab` the modes of motion; `p`, `peak`, `size` are of the strongest
-#: contact, as below, all 0 if a touch is too weak for one; `gap` is real, the uncertainty due to lost pins.
-FRAME_INPUTS: tuple[str, ...] = ("volume", "shear", *MODES, "p", "peak", "size", "gap")
+#: contact, as below, all 0 if a touch is too weak for one; `gap` is real, the uncertainty due to lost pins,
+#: `gap_place` their mean place on the tip's unit disc, weighted by it, 0 if none is lost.
+FRAME_INPUTS: tuple[str, ...] = ("volume", "shear", *MODES, "p", "peak", "size", "gap", "gap_place")
 #: Inputs made of one contact: place on the tip's unit disc, height of the maximum, the frame's mean motion
 #: (a shear moves the maximum within the contact), and the root of the contact's area.
 CONTACT_INPUTS: tuple[str, ...] = ("p", "peak", "shear", "size")
@@ -30,7 +31,7 @@ CONTACT_INPUTS: tuple[str, ...] = ("p", "peak", "shear", "size")
 def frame_inputs(features: Features, pattern: PinPattern) -> Complex:
     """The inputs `FRAME_INPUTS` of one frame, NaN where a feature was not computed.
 
-    Returns  (27,) complex128, dimensionless
+    Returns  (28,) complex128, dimensionless
     """
     z = np.full(len(FRAME_INPUTS), np.nan, dtype=np.complex128)
     r = pattern.tip_radius_px
@@ -41,16 +42,23 @@ def frame_inputs(features: Features, pattern: PinPattern) -> Complex:
     if features.modes_px is not None:
         z[2 : 2 + len(MODES)] = features.modes_px / r
     if features.contacts is not None:
-        z[-4:-1] = _place_peak_size(features.contacts[0], pattern) if features.contacts else 0.0
-    z[-1] = features.gap
+        z[-5:-2] = _place_peak_size(features.contacts[0], pattern) if features.contacts else 0.0
+    z[-2] = features.gap
+    z[-1] = 0.0 if features.gap_img is None else _on_disc(features.gap_img, pattern)
     return z
 
 
 def _place_peak_size(contact: ContactRegion, pattern: PinPattern) -> tuple[complex, float, float]:
-    x, y = contact.xy_img.tolist()
+    size = math.sqrt(contact.area_px2) / pattern.tip_radius_px
+    return _on_disc(contact.xy_img, pattern), contact.peak, size
+
+
+def _on_disc(xy_img: Array, pattern: PinPattern) -> complex:
+    """A place on the tip's unit disc."""
+    x, y = xy_img.tolist()
     x0, y0 = pattern.centre_img.tolist()
     r = pattern.tip_radius_px
-    return complex((x - x0) / r, (y - y0) / r), contact.peak, math.sqrt(contact.area_px2) / r
+    return complex((x - x0) / r, (y - y0) / r)
 
 
 def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPattern) -> Complex:

@@ -9,7 +9,12 @@ for each term and a few rows of the covariance's root, instead of a kernel for e
     variance  = sigma^2 (noise + learnt + lost)
     noise     = exp(sum_k noise_weight_k Re psi'_k)              within the range seen in the data
     learnt    = |L psi|^2                                        the uncertainty of the weights
-    lost      = exp(scale) gap^gap_power volume^volume_power     the uncertainty due to lost pins
+    lost      = exp(scale + sum_k lost_weight_k Re psi"_k) gap^gap_power volume^volume_power
+                                                                 the uncertainty due to lost pins
+
+Two outputs are a vector with a different noise along its direction u and across it: when the contact slips,
+the length of a shear is less certain than its direction. The noise of x is then u_x^2 along + u_y^2 across,
+that of y u_y^2 along + u_x^2 across.
 
 Rules
 - Terms of all models share one tree: a product is its parent times one input.
@@ -42,6 +47,7 @@ else:
 FIELDS = cython.declare(cython.Py_ssize_t, 3)
 #: Rows of L are padded to whole blocks of so many, for vector instructions.
 BLOCK = 4
+LOST_MAX = cython.declare(cython.double, 100.0)  # of the logarithm: more is no number any more
 VOLUME_MIN = cython.declare(cython.double, 1e-6)  # of the tip's circle times its radius: no load at all
 
 
@@ -67,13 +73,16 @@ class ProcessKernel:
     _active: cython.int[::1]
     _needed: cython.uchar[::1]
     _wanted: cython.uchar[::1]
-    _first: cython.int[:, ::1]  # (models + 1, 3) first term, first noise term, first output
+    _first: cython.int[:, ::1]  # (models + 1, 4) first term, noise term, output, term of `lost`
     _node: cython.int[::1]  # of each term
     _weight: cython.double[:, ::1]
     _factor: cython.double[:, :, ::1]  # (terms, 2, width): real parts, imaginary parts
     _noise_node: cython.int[::1]
     _noise_weight: cython.double[::1]
-    # (models, 7) far, range of the noise's logarithm, scale, gap_power, volume_power, gap_max of `lost`
+    _across_weight: cython.double[::1]  # for the same terms
+    _lost_node: cython.int[::1]
+    _lost_weight: cython.double[::1]
+    # (models, 9) far, range of the noise's logarithm, and across; scale, gap_power, volume_power, gap_max
     _limits: cython.double[:, ::1]
     _valid: cython.double[:, ::1]  # (outputs, 3) low, high, sigma
     _re: cython.double[::1]  # products of the current frame
@@ -82,25 +91,31 @@ class ProcessKernel:
 
     def __init__(self, inputs: Sequence[str], models: Sequence[Process]) -> None:
         for model in models:
-            sizes = len(model.terms), len(model.noise_terms), len(model.outputs), len(model.outputs)
-            given = len(model.weights), len(model.noise_weights), len(model.valid), len(model.sigma)
-            if given != sizes:
-                raise ValueError(f"{sizes} weights, noise_weights, valid and sigma are wanted, not {given}")
+            _check_sizes(model)
         self.n_inputs, self.n_models = len(inputs), len(models)
         self._gap, self._volume = inputs.index("gap"), inputs.index("volume")
         tree = _Tree(inputs)
         nodes = [[tree.node(term) for term in model.terms] for model in models]
         noise = [[tree.node(term) for term in model.noise_terms] for model in models]
+        lost = [[tree.node(term) for term in (m.lost.terms if m.lost else ())] for m in models]
         self._parent, self._letter = np.array(tree.parents, np.int32), np.array(tree.letters, np.int32)
         self._n_nodes = len(tree.parents)
-        counts = [[len(n), len(e), len(m.outputs)] for n, e, m in zip(nodes, noise, models, strict=True)]
-        ends = np.cumsum(np.array([[0, 0, 0], *counts]), axis=0)
+        counts = [
+            [len(n), len(e), len(m.outputs), len(o)]
+            for n, e, m, o in zip(nodes, noise, models, lost, strict=True)
+        ]
+        ends = np.cumsum(np.array([[0, 0, 0, 0], *counts]), axis=0)
         self._first = ends.astype(np.int32)
         self.n_outputs = int(ends[-1, 2])
         self._node = np.array([n for part in nodes for n in part], np.int32)
         self._noise_node = np.array([n for part in noise for n in part], np.int32)
+        self._lost_node = np.array([n for part in lost for n in part], np.int32)
         self._weight = np.array([w for m in models for w in m.weights], np.float64).reshape(-1, 2)
         self._noise_weight = np.array([w for m in models for w in m.noise_weights], np.float64)
+        across = [w for m in models for w in (m.across_weights or m.noise_weights)]
+        self._across_weight = np.array(across, np.float64)
+        lost_weight = [w for m in models if m.lost for w in m.lost.weights]
+        self._lost_weight = np.array(lost_weight, np.float64)
         rows = max((len(model.factor) for model in models), default=0)
         self._width = BLOCK * ((rows + BLOCK - 1) // BLOCK)
         factor = np.zeros((int(ends[-1, 0]), 2, self._width))
@@ -108,7 +123,7 @@ class ProcessKernel:
             part = np.array(model.factor, np.float64).reshape(-1, len(model.terms), 2)
             factor[first[0] : first[0] + len(model.terms), :, : len(part)] = part.transpose(1, 2, 0)
         self._factor = factor
-        self._limits = np.array([_limits(m) for m in models], np.float64).reshape(-1, 7)
+        self._limits = np.array([_limits(m) for m in models], np.float64).reshape(-1, 9)
         self._valid = np.array(
             [(*v, s) for m in models for v, s in zip(m.valid, m.sigma, strict=True)], np.float64
         ).reshape(-1, 3)
@@ -167,6 +182,8 @@ class ProcessKernel:
                     self._needed[self._node[k]] = 1
                 for k in range(self._first[m, 1], self._first[m + 1, 1]):
                     self._needed[self._noise_node[k]] = 1
+                for k in range(self._first[m, 3], self._first[m + 1, 3]):
+                    self._needed[self._lost_node[k]] = 1
         for k in range(self._n_nodes - 1, 0, -1):
             if self._needed[k]:
                 self._needed[self._parent[k]] = 1
@@ -231,25 +248,35 @@ class ProcessKernel:
         learnt: cython.double = 0.0
         for j in range(width):
             learnt += self._sums[0, j] * self._sums[0, j] + self._sums[1, j] * self._sums[1, j]
-        variance: cython.double = learnt + self._noise(m) + self._lost(m, gap, volume)
+        spread: cython.double = learnt + self._lost(m, gap, volume)
+        along: cython.double = self._noise(m, self._noise_weight, 1)
         # Written so that a NaN is reported as out of range too.
         known: cython.bint = learnt <= self._limits[m, 0]
-        self._write(first, value_re, variance, known, out)
-        if two:
-            self._write(first + 1, value_im, variance, known, out)
+        if not two:
+            self._write(first, value_re, spread + along, known, out)
+            return
+        across: cython.double = self._noise(m, self._across_weight, 3)
+        square: cython.double = value_re * value_re + value_im * value_im
+        share: cython.double = 0.5  # of x in the direction
+        if square > 0.0:
+            share = value_re * value_re / square
+        self._write(first, value_re, spread + share * along + (1.0 - share) * across, known, out)
+        self._write(first + 1, value_im, spread + share * across + (1.0 - share) * along, known, out)
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _noise(self, m: cython.Py_ssize_t) -> cython.double:
-        """Variance of the noise, in units of sigma^2."""
+    def _noise(
+        self, m: cython.Py_ssize_t, weight: cython.double[::1], limit: cython.Py_ssize_t
+    ) -> cython.double:
+        """Variance of the noise, in units of sigma^2. limit: where its range stands."""
         h: cython.double = 0.0
         k: cython.Py_ssize_t
         for k in range(self._first[m, 1], self._first[m + 1, 1]):
-            h += self._noise_weight[k] * self._re[self._noise_node[k]]
-        if h < self._limits[m, 1]:
-            h = self._limits[m, 1]
-        if h > self._limits[m, 2]:
-            h = self._limits[m, 2]
+            h += weight[k] * self._re[self._noise_node[k]]
+        if h < self._limits[m, limit]:
+            h = self._limits[m, limit]
+        if h > self._limits[m, limit + 1]:
+            h = self._limits[m, limit + 1]
         return exp(h)
 
     @cython.cfunc
@@ -258,11 +285,16 @@ class ProcessKernel:
         """Variance from pins that are not seen, in units of sigma^2; NaN: more than the fit tried."""
         if gap <= 0.0:
             return 0.0
-        if not gap <= self._limits[m, 6]:
+        if not gap <= self._limits[m, 8]:
             return NAN
         if volume < VOLUME_MIN:
             volume = VOLUME_MIN
-        return exp(self._limits[m, 3] + self._limits[m, 4] * log(gap) + self._limits[m, 5] * log(volume))
+        h: cython.double = self._limits[m, 5]
+        k: cython.Py_ssize_t
+        for k in range(self._first[m, 3], self._first[m + 1, 3]):
+            h += self._lost_weight[k] * self._re[self._lost_node[k]]
+        h += self._limits[m, 6] * log(gap) + self._limits[m, 7] * log(volume)
+        return exp(min(h, LOST_MAX))
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -327,4 +359,19 @@ def _limits(model: Process) -> Array:
     known = (-np.inf, 0.0, 0.0, np.inf) if lost is None else (
         lost.scale, lost.gap_power, lost.volume_power, lost.gap_max
     )  # fmt: skip
-    return np.array([model.far, *model.noise_range, *known])
+    across = model.across_range if model.across_weights else model.noise_range
+    return np.array([model.far, *model.noise_range, *across, *known])
+
+
+def _check_sizes(model: Process) -> None:
+    """Raises ValueError: lists that belong together differ in length."""
+    noise, outputs = len(model.noise_terms), len(model.outputs)
+    sizes = len(model.terms), noise, noise if model.across_weights else 0, outputs, outputs
+    given = tuple(
+        len(part)
+        for part in (model.weights, model.noise_weights, model.across_weights, model.valid, model.sigma)
+    )
+    if given != sizes:
+        raise ValueError(f"{sizes} weights, noise, across, valid, sigma are wanted, not {given}")
+    if model.lost is not None and len(model.lost.weights) != len(model.lost.terms):
+        raise ValueError(f"{len(model.lost.terms)} weights of lost are wanted, not {len(model.lost.weights)}")

@@ -8,7 +8,7 @@ import numpy as np
 
 from edge.cells.boundary import make_boundary, make_fence, rim_motion
 from edge.cells.mesh import Mesh
-from edge.cells.missing import LostPins
+from edge.cells.missing import Gap, LostPins
 from edge.cells.params import PARAMS, CellsParams
 from edge.cells.points import FramePoints
 from edge.errors import DegenerateLayout
@@ -45,6 +45,7 @@ class Tessellator:
         self._rest_area_px2.flags.writeable = False
         self._collapsed_px2 = params.collapsed_rel * float(self._rest_area_px2.sum())
         self._gap = 0.0
+        self._gap_img: Array | None = None
         self._changes = -1
         self._triangles: Index = np.empty((0, 3), dtype=np.int32)
 
@@ -63,8 +64,7 @@ class Tessellator:
         n = len(self._rest_img)
         if self._lost.update(tracks.seen):
             self._frame_points.set_missing(*self._lost.gap)
-            # x and y of a pin: half of the sum over both is its variance along one axis.
-            self._gap = float(np.trace(self._lost.gap[2])) / (2 * n)
+            self._gap, self._gap_img = _size_and_place(self._lost.gap, self._rest_img)
         self._points = points = np.empty_like(self._points)
         self._frame_points.place(np.ascontiguousarray(tracks.xy_img), points)
         area = np.empty(n)
@@ -93,7 +93,19 @@ class Tessellator:
             boundary_img=points[n : n + self._n_boundary],
             whole_px2=whole,
             gap=self._gap,
+            gap_img=self._gap_img,
         )
+
+
+def _size_and_place(gap: Gap, rest_img: Array) -> tuple[float, Array | None]:
+    """`Cells.gap` and `Cells.gap_img`."""
+    lost, _, inverse = gap
+    if not len(lost):
+        return 0.0, None
+    # x and y of a pin: half of the sum over both is its variance along one axis.
+    variance = np.diag(inverse).reshape(-1, 2).sum(axis=1) / 2.0
+    total = float(variance.sum())
+    return total / len(rest_img), variance @ rest_img[lost] / total
 
 
 def _side_length(xy: Array) -> float:

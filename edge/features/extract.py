@@ -160,7 +160,8 @@ class FeatureExtractor:
         motion = self._motion_of(tracks, cells)
         area_change, whole_change = self._area_changes(cells, motion.filled)
         given: dict[str, Any] = {
-            "gap": cells.gap if cells is not None else 0.0 if tracks.seen.all() else math.nan
+            "gap": cells.gap if cells is not None else 0.0 if tracks.seen.all() else math.nan,
+            "gap_img": cells.gap_img if cells is not None else None,
         }
         if plan.shear:
             given["shear_px"] = np.array(motion.mean_px)

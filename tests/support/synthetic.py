@@ -28,7 +28,8 @@ def make(n: int, seed: int = 0, noise: float = 0.0) -> tuple[Extract, dict[str, 
     inputs.real, inputs.imag = 0.02 * rng.normal(size=shape), 0.02 * rng.normal(size=shape)
     for name in ("volume", "peak", "size"):
         inputs[:, FRAME_INPUTS.index(name)] = np.abs(inputs[:, FRAME_INPUTS.index(name)])
-    inputs[:, FRAME_INPUTS.index("gap")] = 0.0
+    for name in ("gap", "gap_place"):
+        inputs[:, FRAME_INPUTS.index(name)] = 0.0
     mode = {name: inputs[:, FRAME_INPUTS.index(name)] for name in MODES}
     shear = 50 * mode["c00"] - 400 * mode["c01"] * mode["c00"].conj() + (0.1 - 0.05j)
     depth = 3 + 40 * mode["c10"].real + 300 * np.abs(mode["c00"]) ** 2

@@ -42,11 +42,17 @@ def _process(outputs: list[str], n_terms: int, rows: int, seed: int, **other: An
         sigma=[0.5, 0.7][: len(outputs)],
         factor=[_pairs(n_terms, rng) for _ in range(rows)],
         **({"far": 1e12, "noise_terms": [[], ["volume"], ["a", "a*"]], "noise_weights": [0.1, -0.4, 0.2],
-            "noise_range": (-1.0, 1.0), "lost": Lost(-0.5, 1.5, 1.0, 2.0)} | other),
+            "noise_range": (-1.0, 1.0), "lost": Lost(-0.5, 1.5, 1.0, 2.0, [["b", "c*"], ["a"]], [0.3, -0.2]),
+            } | other),
     )  # fmt: skip
 
 
-MODELS = [_process(["x", "y"], 30, 7, 1), _process(["s"], 11, 4, 2), _process(["t"], 5, 0, 3, lost=None)]
+ACROSS: dict[str, Any] = {"across_weights": [-0.7, 0.1, 0.3], "across_range": (-2.0, 0.5)}
+MODELS = [
+    _process(["x", "y"], 30, 7, 1, **ACROSS),
+    _process(["s"], 11, 4, 2),
+    _process(["t"], 5, 0, 3, lost=None),
+]
 
 
 def _frame(gap: float = 0.0) -> Complex:
@@ -75,14 +81,30 @@ def _plainly(model: Process, z: Complex) -> list[tuple[float, float]]:
     rows = [complex(psi @ (np.array(r) @ (1, 1j))) for r in model.factor]
     two = len(model.outputs) == 2
     learnt = sum(abs(r) ** 2 if two else r.real**2 for r in rows)
-    h = float(products(model.noise_terms).real @ model.noise_weights)
-    variance = learnt + math.exp(min(max(h, model.noise_range[0]), model.noise_range[1]))
+    noise = products(model.noise_terms).real
+
+    def limited(weights: list[float], limits: tuple[float, float]) -> float:
+        return math.exp(min(max(float(noise @ weights), limits[0]), limits[1]))
+
+    along = across = limited(model.noise_weights, model.noise_range)
+    if model.across_weights:
+        across = limited(model.across_weights, model.across_range)
+    variance = learnt
     gap, volume = z[1].real, z[0].real
     if gap > 0 and model.lost is not None:
         lost = model.lost
-        variance += math.exp(lost.scale) * gap**lost.gap_power * volume**lost.volume_power
-    parts = [value.real, value.imag] if two else [value.real]
-    return [(part, s * math.sqrt(variance)) for part, s in zip(parts, model.sigma, strict=True)]
+        scale = math.exp(lost.scale + float(products(lost.terms).real @ lost.weights))
+        variance += scale * gap**lost.gap_power * volume**lost.volume_power
+    if not two:
+        return [(value.real, model.sigma[0] * math.sqrt(variance + along))]
+    # The covariance of the noise, turned from the value's direction into the axes.
+    u = value / abs(value)
+    turn = np.array([[u.real, -u.imag], [u.imag, u.real]])
+    noise_xy = np.diag(turn @ np.diag([along, across]) @ turn.T)
+    return [
+        (part, s * math.sqrt(variance + float(n)))
+        for part, s, n in zip([value.real, value.imag], model.sigma, noise_xy, strict=True)
+    ]
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.3])
@@ -150,11 +172,14 @@ def test_sizes_that_do_not_fit_are_refused() -> None:
             kernel.run(*arguments)
 
 
-@pytest.mark.parametrize("field", ["weights", "noise_weights", "valid", "sigma"])
+@pytest.mark.parametrize("field", ["weights", "noise_weights", "across_weights", "valid", "sigma"])
 def test_a_model_whose_parts_do_not_fit_is_refused(field: str) -> None:
     short = msgspec.structs.replace(MODELS[0], **{field: getattr(MODELS[0], field)[1:]})
     with pytest.raises(ValueError, match="are wanted"):
         ProcessKernel(INPUTS, [short, *MODELS[1:]])
+
+
+LOST = {"scale": 0.1, "gap_power": 1.0, "volume_power": 0.5, "gap_max": 2.0}
 
 
 def _with_process(**changes: Any) -> dict[str, Any]:
@@ -171,7 +196,7 @@ def _with_process(**changes: Any) -> dict[str, Any]:
         "noise_terms": [[], ["volume"]],
         "noise_weights": [0.1, -2.0],
         "noise_range": [-1.0, 1.0],
-        "lost": {"scale": 0.1, "gap_power": 1.0, "volume_power": 0.5, "gap_max": 2.0},
+        "lost": LOST,
     } | changes
     return table
 
@@ -185,13 +210,17 @@ def test_a_file_with_a_process_is_read() -> None:
     [
         ({"terms": [[], ["c00"], ["smell"]]}, "models[1].terms[2]: unknown input 'smell'"),
         ({"noise_terms": [["smell"], []]}, "models[1].noise_terms[0]: unknown input 'smell'"),
-        ({"noise_weights": [0.1]}, "models[1].noise_weights: 1 numbers for 2 noise_terms"),
+        ({"noise_weights": [0.1]}, "models[1].noise_weights: 1 numbers for 2 terms"),
         ({"noise_range": [1.0, -1.0]}, "models[1].noise_range: give [low, high]"),
         ({"factor": [[[1.0, 0.0]]]}, "models[1].factor[0]: 1 pairs of numbers for 3 terms"),
         ({"weights": [[1.0, 0.0]]}, "models[1].weights: 1 pairs of numbers for 3 terms"),
         ({"sigma": [0.1]}, "models[1].sigma: give one for each of 2 outputs"),
         ({"far": -1.0}, "models[1].far: must be at least 0"),
+        ({"across_weights": [0.1]}, "models[1].across_weights: 1 numbers for 2 terms"),
+        ({"across_range": [1.0, -1.0]}, "models[1].across_range: give [low, high]"),
         ({"lost": {"scale": 0.1}}, "models[1].lost: "),
+        ({"lost": LOST | {"terms": [["smell"]], "weights": [1.0]}}, "models[1].lost.terms[0]: unknown input"),
+        ({"lost": LOST | {"terms": [["gap"]]}}, "models[1].lost.weights: 0 numbers for 1 terms"),
         ({"outputs": ["contact_x_mm", "contact_y_mm"]}, "only values of a frame can have one"),
         ({"terms": [[]] * 513}, "models[1].terms: must have at most 512 items"),
     ],

@@ -225,6 +225,24 @@ def test_blinking_pins_add_no_more_than_the_noise_that_is_there() -> None:
     assert np.nanstd(blinking) <= 1.2 * np.std(whole)
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_gap_is_on_the_side_where_pins_are_lost_and_grows_with_them(side: float) -> None:
+    rest = hexagonal()
+    along = side * (rest[:, 0] - CENTRE[0])
+    tessellator = Tessellator(rest_of(rest))
+    few, many = (
+        tessellator.cells(tracks_of(np.where((along > np.quantile(along, 1 - share))[:, None], np.nan, rest)))
+        for share in (0.1, 0.4)
+    )
+    assert 0.0 < few.gap < many.gap
+    for cells in (few, many):
+        assert cells.gap_img is not None
+        assert side * (cells.gap_img[0] - CENTRE[0]) > 0.4 * along.max()
+    none = tessellator.cells(tracks_of(rest))
+    assert none.gap == 0.0
+    assert none.gap_img is None
+
+
 @pytest.mark.parametrize("tip", TIPS)
 def test_lost_pins_under_load_do_not_affect_their_neighbours(tip: str) -> None:
     rest = TIPS[tip]()
