@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from edge.pins.templates import templates_of
 from edge.pipeline import Pipeline
 
 __all__ = ["Floor"]
@@ -36,7 +37,8 @@ class Floor:
     """Reads the windows of one tip's pins at rest; windows that the image cuts are moved inside."""
 
     def __init__(self, pipeline: Pipeline) -> None:
-        half = int(pipeline._refiner._kinds[:, 0].max())
+        pattern, radius_px = pipeline.rest.pattern, float(pipeline.rest.pins.radius_px.max())
+        half = max(templates_of((radius_px,), pattern.edge_px, pattern.pitch_px).half)
         self._rows = 2 * half + 1
         self._columns = min(-(-self._rows // 8) * 8, 32)
         corner = np.rint(pipeline.rest.xy_img).astype(np.int32) - half

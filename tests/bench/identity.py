@@ -19,6 +19,7 @@ from pathlib import Path
 import click
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -139,7 +140,8 @@ def off_the_pose(jumps: list[Jump], folder: Path) -> Array:
     inverse = np.linalg.inv(basis.T @ basis + 1e-3 * np.eye(basis.shape[1]))
     leverage = np.einsum("ij,jk,ik->i", basis, inverse, basis)
     residual = moved - basis @ (inverse @ (basis.T @ moved))
-    return np.hypot(*(residual / (1 - leverage)[:, None]).T)
+    off: Array = np.hypot(*(residual / (1 - leverage)[:, None]).T)
+    return off
 
 
 def picture(image: Image, rest: Rest, tracks: Tracks, text: str) -> Image:
@@ -189,7 +191,9 @@ def random_contact(rng: np.random.Generator) -> ToolPose:
     )
 
 
-def spoil(xy: Array, hazard: Hazard, reach_px: float, rng: np.random.Generator) -> tuple[Array, Array]:
+def spoil(
+    xy: Array, hazard: Hazard, reach_px: float, rng: np.random.Generator
+) -> tuple[Array, NDArray[np.int_]]:
     """Blobs (m, 2) as a detector would give them, and the pin of each: -1 none or two."""
     owner = np.arange(len(xy))
     blob = xy + rng.normal(0, 0.05, xy.shape)
@@ -263,7 +267,7 @@ def simulated(n_pins: int, frames: int, seed: int) -> Iterator[Outcome]:
         yield total
 
 
-def evaluate(tracks: Tracks, blob: Array, owner: Array) -> tuple[int, int, int]:
+def evaluate(tracks: Tracks, blob: Array, owner: NDArray[np.int_]) -> tuple[int, int, int]:
     """Pins with another pin's blob, pins with a false blob, pins missed although they have one."""
     index = {tuple(xy): int(k) for xy, k in zip(blob, owner, strict=True)}
     got = [index[tuple(xy)] if seen else None for xy, seen in zip(tracks.xy_img, tracks.seen, strict=True)]

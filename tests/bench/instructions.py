@@ -16,7 +16,7 @@ import os
 import re
 import subprocess
 import sys
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,10 +57,10 @@ class Counts:
 
     def stages(self) -> dict[str, float]:
         """Instructions of each stage; `interpreter, libraries` is everything outside of kernels."""
-        total: Counter[str] = Counter()
+        total: defaultdict[str, float] = defaultdict(float)
         for (stage, _), n in self.functions.items():
             total[stage] += n
-        return dict(total.most_common())
+        return dict(sorted(total.items(), key=lambda item: -item[1]))
 
 
 def count(kind: str, frames: Path, folder: Path) -> Counts:
@@ -75,7 +75,7 @@ def count(kind: str, frames: Path, folder: Path) -> Counts:
         runs.append(_read(out))
     (before, before_misses), (after, after_misses) = runs
     per = lengths[1] - lengths[0]
-    functions: Counter[tuple[str, str]] = Counter()
+    functions: defaultdict[tuple[str, str], float] = defaultdict(float)
     for name in after.keys() | before.keys():
         functions[_stage_of(name)] += (after[name] - before[name]) / per
     return Counts(sum(functions.values()), (after_misses - before_misses) / per, dict(functions))
@@ -122,7 +122,8 @@ def _stage_of(symbol: str) -> tuple[str, str]:
     match = re.match(r"__pyx_[a-z]+_(?=4edge_)", symbol)
     if not match:
         return "interpreter, libraries", symbol
-    rest, parts = symbol[match.end() :], []
+    rest = symbol[match.end() :]
+    parts: list[str] = []
     while (piece := re.match(r"(\d+)", rest)) and len(parts) < 4:
         size = int(piece[1])
         parts.append(rest[piece.end() : piece.end() + size])

@@ -28,7 +28,7 @@ import numpy as np  # noqa: E402
 from edge.calibration import Calibration  # noqa: E402
 from edge.link.device import LoopDevice  # noqa: E402
 from edge.link.node import Node  # noqa: E402
-from edge.link.sinks import SinkCounters, open_sink  # noqa: E402
+from edge.link.sinks import CanSink, SinkCounters, open_sink  # noqa: E402
 from edge.runtime.loop import Loop  # noqa: E402
 from edge.sources.paced import Paced  # noqa: E402
 from edge.types import Clock, Frame, Polarity  # noqa: E402
@@ -188,6 +188,7 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
     loop = Loop(source, [], Calibration.load(options["calibration"]))
     listener = Listener()
     sink = open_sink(BUS)
+    assert isinstance(sink, CanSink)
     node = Node(sink, LoopDevice(loop, "bench"))
     meter = Meter(n, loop)
     loop.sinks += [node, meter]

@@ -17,12 +17,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import griddata
 from scipy.spatial import ConvexHull, Voronoi, cKDTree
 from skimage.morphology import local_maxima
 
-from edge.types import Array, Mask
+from edge.types import Array, Image, Mask
 
 GRID = 64
 #: Maxima below this relative area change do not count as contacts.
@@ -51,7 +50,7 @@ class Result:
 
 def make_detector(pin_radius_px: float) -> cv2.SimpleBlobDetector:
     """A detector of bright round blobs of about this radius."""
-    p = cv2.SimpleBlobDetector_Params()
+    p = cv2.SimpleBlobDetector.Params()
     p.filterByColor, p.blobColor = True, 255
     area = np.pi * pin_radius_px**2
     p.filterByArea, p.minArea, p.maxArea = True, 0.2 * area, 4.0 * area
@@ -61,10 +60,10 @@ def make_detector(pin_radius_px: float) -> cv2.SimpleBlobDetector:
     p.minThreshold, p.maxThreshold, p.thresholdStep = 40.0, 220.0, 20.0
     p.minRepeatability = 2
     p.minDistBetweenBlobs = pin_radius_px
-    return cv2.SimpleBlobDetector_create(p)
+    return cv2.SimpleBlobDetector.create(p)
 
 
-def find_pins(detector: cv2.SimpleBlobDetector, image: NDArray[np.uint8]) -> Array:
+def find_pins(detector: cv2.SimpleBlobDetector, image: Image) -> Array:
     """(n, 2) px, centres of the blobs, unordered."""
     return np.array([k.pt for k in detector.detect(image)], dtype=np.float64).reshape(-1, 2)
 
@@ -107,7 +106,7 @@ class Reference:
 
     def __init__(
         self,
-        rest: NDArray[np.uint8],
+        rest: Image,
         pin_radius_px: float,
         *,
         rest_img: Array | None = None,
@@ -125,7 +124,7 @@ class Reference:
         self._cell_px2 = float(np.prod((high - low) / (grid - 1)))
         self._last = self.rest_img
 
-    def step(self, image: NDArray[np.uint8]) -> Result:
+    def step(self, image: Image) -> Result:
         """All results from one image."""
         return self.features(self.follow(find_pins(self.detector, image)))
 

@@ -79,7 +79,7 @@ from edge.types import Feature
 from edge.worker import WorkerClient, WorkerConfig
 from hostlink import connect
 from hostlink.client import Sample
-from hostlink.errors import InputError, LinkError
+from hostlink.errors import LinkError, UsageError
 from hostlink.output_file import find_unfinished
 from hostlink.web import parse_listen
 from hostlink.wire import CanIds, FaultCode, Kind, State, Status
@@ -710,12 +710,16 @@ def attack(outcome: Outcome, random: Random, folder: Path) -> None:
     requests = CanIds().of(Kind.SDO_REQUEST, NODE)
 
     def flood() -> None:
-        with can.Bus(interface="udp_multicast", channel=group, port=port, hop_limit=0) as bus:
+        with (
+            can.Bus(interface="udp_multicast", channel=group, port=port, hop_limit=0) as bus,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as junk,
+        ):
+            junk.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
             while not over.wait(0.0005):
                 head = random.choice((0x00, 0x10, 0x20, 0x40, 0x60, 0x70, 0xC0))
                 data = bytes((head, 0x30, 0x20, 0, *random.randbytes(4)))
                 bus.send(can.Message(arbitration_id=requests, data=data, is_extended_id=False))
-                bus._multicast.send(random.randbytes(20))
+                junk.sendto(random.randbytes(20), (group, port))
 
     with connect(loop.address) as host:
         next(host.samples(timeout_s=60.0))
@@ -740,7 +744,7 @@ def attack(outcome: Outcome, random: Random, folder: Path) -> None:
         for data in _hostile_calibrations():
             try:
                 finger.upload_calibration(data)
-            except (LinkError, InputError):
+            except (LinkError, UsageError):
                 outcome.counts["hostile uploads refused"] += 1
             else:
                 outcome.fail(f"a hostile upload of {len(data)} bytes was accepted")

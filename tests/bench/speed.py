@@ -41,7 +41,7 @@ from edge.types import Feature, Frame
 from hostlink.wire import Status, pack_state
 from tests.bench.floor import Floor
 from tests.bench.frames import REST_FRAMES, back_and_forth, calibration_of, scene
-from tests.bench.paced import run_app
+from tests.bench.paced import run_child
 from tests.bench.reference import Reference
 
 __all__ = ["command"]
@@ -129,10 +129,10 @@ def stages(frames: list[Frame], pipeline: Pipeline, rounds: int) -> Series:
             pins = timed(times["pins"], pipeline._refiner.refine, frame.image, place)
             tracks = timed(times["track"], pipeline.tracker.follow, pins)
             cells = timed(times["tessellate"], pipeline._tessellator.cells, tracks)
-            extract, apply = pipeline._extractor.extract, pipeline.calibration and pipeline.calibration.apply
+            extract, calibration = pipeline._extractor.extract, pipeline.calibration
             features = timed(times["features"], extract, tracks, cells, pipeline.demand)
-            if apply is not None:
-                reading = timed(times["calibrate"], apply, features, pipeline.rest.pattern)
+            if calibration is not None:
+                reading = timed(times["calibrate"], calibration.apply, features, pipeline.rest.pattern)
                 timed(times["pack"], packed, Result(frame, tracks, cells, features, reading, False))
             timed(times["floor"], floor.read, frame.image)
     return {name: series for name, series in times.items() if series}
@@ -252,7 +252,7 @@ def measure(quick: bool) -> dict[str, Any]:
     by_demand = demands(scene("press"), calibration, 4 * rounds)
     frame_us, reference_us = (float(np.median(times[who])) for who in ("pipeline", "reference"))
     demand_us = {name: spread(us) for name, us in by_demand.items()}
-    running = run_app(2.0 if quick else 5.0)
+    running = run_child(2.0 if quick else 5.0)
     report: dict[str, Any] = {
         "ratio_331": reference_us / frame_us,
         "frame_us_331": frame_us,

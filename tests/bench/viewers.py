@@ -39,7 +39,7 @@ from rich.table import Table
 from edge.runtime.loop import Loop
 from edge.runtime.process import limit_threads
 from edge.sources import Paced
-from edge.types import Frame
+from edge.types import Frame, Polarity
 from edge.worker import WorkerClient, WorkerConfig
 from hostlink.web import parse_listen
 from hostlink.web.limits import WebLimits
@@ -55,6 +55,7 @@ class _Frames:
     """Frames in memory as a recording; loops without a jump."""
 
     live, dropped_n, name = False, 0, "bench"
+    polarity = Polarity.FOUND
 
     def __init__(self, rate_hz: float) -> None:
         frames = scene("press")

@@ -26,6 +26,7 @@ from calib.sim import Tip, Tool
 from edge.calibration import Calibration
 from edge.errors import SourceError
 from hostlink.output_file import OutputError
+from tests.support.images import read_grey
 from tests.support.waiting import SOON_S
 
 SMALL = Simulation(tip=Tip(127, "hex"), camera=CameraTable(size_px=(240, 240)))
@@ -199,10 +200,10 @@ def test_a_forbidden_output_is_refused_before_the_work(
     table.rename(tmp_path / "table.json")
     (tmp_path / "old.json").write_text("old")
     monkeypatch.setattr("calib.dataset.Dataset.extract", lambda *_: pytest.fail("the work was begun"))
-    place = [tmp_path / "table.json", "--frames", frames, "--rest", rest, "-q", "-o", tmp_path / output]
+    inputs: list[str | Path] = [tmp_path / "table.json", "--frames", frames, "--rest", rest]
     before = {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
     with pytest.raises(OutputError, match=expected):
-        run("fit", *place)
+        run("fit", *inputs, "-q", "-o", tmp_path / output)
     assert before == {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
 
 
@@ -297,7 +298,7 @@ def test_a_frame_that_is_no_image_is_named(recording: Path, tmp_path: Path) -> N
 
 def test_a_frame_of_another_size_is_named(recording: Path, tmp_path: Path) -> None:
     table, frames, rest = images_of(recording, tmp_path)
-    image = cv2.imread(str(frames / "7.png"), cv2.IMREAD_GRAYSCALE)
+    image = read_grey(frames / "7.png")
     cv2.imwrite(str(frames / "7.png"), image[:-10])
     output = r"7\.png: .* both must come from the same camera"
     with pytest.raises(TableError, match=output) as caught, executor(workers=1) as pool:

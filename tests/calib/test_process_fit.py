@@ -28,7 +28,8 @@ def _noise(inputs: Complex, seed: int) -> Complex:
     """Larger where the load is small."""
     rng = np.random.default_rng(seed)
     size = 0.3 * np.exp(-60.0 * inputs[:, 0].real)
-    noise: Complex = size * (rng.normal(size=len(inputs)) + 1j * rng.normal(size=len(inputs)))
+    noise = np.empty(len(inputs), complex)
+    noise.real, noise.imag = size * rng.normal(size=len(inputs)), size * rng.normal(size=len(inputs))
     return noise
 
 
@@ -36,7 +37,8 @@ def _stepped_noise(inputs: Complex, seed: int) -> Complex:
     """Ten times as large below a certain load."""
     rng = np.random.default_rng(seed)
     size = np.where(inputs[:, 0].real < 0.012, 0.3, 0.03)
-    noise: Complex = size * (rng.normal(size=len(inputs)) + 1j * rng.normal(size=len(inputs)))
+    noise = np.empty(len(inputs), complex)
+    noise.real, noise.imag = size * rng.normal(size=len(inputs)), size * rng.normal(size=len(inputs))
     return noise
 
 

@@ -144,7 +144,7 @@ def test_slip_is_evaluated_against_the_true_motion() -> None:
     assert got.false_percent == 50.0
     assert got.detected_percent == pytest.approx(200.0 / 3.0)
     assert got.glide_percent == 0.0
-    assert (got.true_mm_s, got.read_mm_s) == (pytest.approx(1.5), pytest.approx(0.6))
+    assert (got.true_mm_s, got.read_mm_s) == pytest.approx((1.5, 0.6))
     assert slip.outcome(seen).detected_from == 0.0
     silent = slip.Slipped(seen.share, seen.true_mm_s, seen.read_mm_s, np.zeros(7))
     assert np.isnan(slip.outcome(silent).detected_from)

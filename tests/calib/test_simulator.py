@@ -7,7 +7,6 @@ from dataclasses import replace
 from itertools import groupby, pairwise
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -25,6 +24,7 @@ from edge.sources import Options, open_source
 from edge.tracking import Tracker
 from edge.types import Array
 from tests.data import make
+from tests.support.images import read_grey
 
 CAMERA = Camera()
 SMALL = Camera(Tip(127, "hex", pin_radius_mm=0.8), size_px=(320, 240))
@@ -424,8 +424,8 @@ def test_bundled_recordings_start_untouched_and_are_small(data_dir: Path) -> Non
 def test_flat_press_moves_the_pins_as_on_a_published_frame(real_dir: Path) -> None:
     """2.8 mm deep, almost straight: outward motion by distance from the centre, in radii of the tip."""
     folder = real_dir / "tactip331_binary"
-    rest = take_rest([cv2.imread(str(folder / "rest.png"), cv2.IMREAD_GRAYSCALE)])
-    image = cv2.imread(str(folder / "frames" / "image_2687.png"), cv2.IMREAD_GRAYSCALE)
+    rest = take_rest([read_grey(folder / "rest.png")])
+    image = read_grey(folder / "frames" / "image_2687.png")
     tracks = Tracker(rest).identify(detect(image, rest.pattern))
     assert tracks.confidence > 0.5
 

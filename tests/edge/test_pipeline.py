@@ -188,7 +188,7 @@ def test_dark_dots_are_held_through_a_press_and_contact_shows_it(real_dir: Path)
 @pytest.mark.parametrize("name", ["Movement4", "flatSkin", "north", "west"])
 def test_an_inverted_video_gives_the_same_to_the_last_bit(real_dir: Path, name: str) -> None:
     images = grey_frames(real_dir / "video" / f"{name}.avi", 90)
-    inverted = [np.asarray(255 - image) for image in images]
+    inverted: list[Image] = [~image for image in images]
     a, b = Pipeline(take_rest(images[:TARE])), Pipeline(take_rest(inverted[:TARE]))
     assert not a.rest.pattern.dark
     assert b.rest.pattern.dark

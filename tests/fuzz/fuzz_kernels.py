@@ -122,7 +122,7 @@ class Recorder:
     def _wrap_class(self, cls: type) -> None:
         record, number = self.records[cls], self._number
         plain = dataclasses.is_dataclass(cls) or hasattr(cls, "_fields")
-        initialise = cls.__init__
+        initialise = cls.__init__  # type: ignore[misc]  # of this class, and wrapped for this class alone
 
         def init(this: Any, *args: Any, **kwargs: Any) -> None:
             number[id(this)] = this, len(record.made)

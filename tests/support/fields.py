@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import Voronoi
 
 from edge.types import Array, Cells, PinPattern, Pins, Rest, Tracks
@@ -56,7 +57,9 @@ def _rest_areas(xy: bytes, pitch: float) -> Array:
     return areas(points, make_rest(points, pitch))
 
 
-def frame(rest: Rest, xy: Array, lost: Array | None = None, sigma: float = 0.05) -> tuple[Tracks, Cells]:
+def frame(
+    rest: Rest, xy: Array, lost: NDArray[np.int64] | None = None, sigma: float = 0.05
+) -> tuple[Tracks, Cells]:
     """Tracks and cells of pins at xy; lost pins are tessellated where they are but reported as NaN."""
     seen = np.ones(len(xy), dtype=np.bool_)
     if lost is not None:

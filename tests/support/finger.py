@@ -26,6 +26,7 @@ class Camera:
     def __init__(self) -> None:
         self.ended = False
         self.waiting = threading.Semaphore(0)
+        self.waiting_frame: Frame | None = None
 
     def __iter__(self) -> Any:
         raise AssertionError("a live source is read, not iterated")
@@ -34,8 +35,9 @@ class Camera:
         """No image; does not wait, so that a test takes no longer than it must."""
         self.waiting.release()
 
-    def peek(self) -> None:
-        """There is no image."""
+    def peek(self) -> Frame | None:
+        """The image that waits."""
+        return self.waiting_frame
 
     def close(self) -> None:
         self.ended = True

@@ -106,7 +106,8 @@ def _line_of_pins() -> list[list[float]]:
 def _two_groups() -> dict[str, Any]:
     """A tip of which only two groups of pins are left, on either side."""
     pins = [[x + dx, y] for x, y in PINS for dx in (-150.0, 150.0)]
-    return calibration_content()["sensor"] | {"rest_xy_px": pins, "tip_radius_px": 196.0}
+    sensor: dict[str, Any] = calibration_content()["sensor"]
+    return sensor | {"rest_xy_px": pins, "tip_radius_px": 196.0}
 
 
 #: Files that stopped a finger, or could have: all parse as JSON and have the right keys.

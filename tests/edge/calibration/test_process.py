@@ -27,6 +27,15 @@ def _pairs(n: int, rng: np.random.Generator) -> list[tuple[float, float]]:
     return [(float(x), float(y)) for x, y in rng.normal(size=(n, 2))]
 
 
+USUAL: dict[str, Any] = {
+    "far": 1e12,
+    "noise_terms": [[], ["volume"], ["a", "a*"]],
+    "noise_weights": [0.1, -0.4, 0.2],
+    "noise_range": (-1.0, 1.0),
+    "lost": Lost(-0.5, 1.5, 1.0, 2.0, [["b", "c*"], ["a"]], [0.3, -0.2]),
+}
+
+
 def _process(outputs: list[str], n_terms: int, rows: int, seed: int, **other: Any) -> Process:
     rng = np.random.default_rng(seed)
     letters = ["a", "a*", "b", "b*", "c", "volume"]
@@ -41,10 +50,8 @@ def _process(outputs: list[str], n_terms: int, rows: int, seed: int, **other: An
         valid=[(-1e6, 1e6)] * len(outputs),
         sigma=[0.5, 0.7][: len(outputs)],
         factor=[_pairs(n_terms, rng) for _ in range(rows)],
-        **({"far": 1e12, "noise_terms": [[], ["volume"], ["a", "a*"]], "noise_weights": [0.1, -0.4, 0.2],
-            "noise_range": (-1.0, 1.0), "lost": Lost(-0.5, 1.5, 1.0, 2.0, [["b", "c*"], ["a"]], [0.3, -0.2]),
-            } | other),
-    )  # fmt: skip
+        **(USUAL | other),
+    )
 
 
 ACROSS: dict[str, Any] = {"across_weights": [-0.7, 0.1, 0.3], "across_range": (-2.0, 0.5)}

@@ -273,6 +273,7 @@ def test_lost_pins_are_where_a_press_pushes_them() -> None:
         assert np.isnan(cells.area_px2[lost]).all()
     true = cells_of(rest, now)
     assert true.whole_px2 is None
+    assert cells.whole_px2 is not None
     off = (cells.whole_px2 - true.area_px2)[lost] / true.rest_area_px2[lost]
     enlarged = (true.area_px2 / true.rest_area_px2 - 1.0)[lost]
     assert np.sqrt(np.mean(error)) < 0.1

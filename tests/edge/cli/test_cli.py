@@ -451,8 +451,13 @@ def test_a_token_can_be_kept_off_the_command_line(
 ) -> None:
     """From the environment or a file; and then it is the page's."""
     path = _text(tmp_path, "token", "from-a-file\nand more\n")
-    given = dict.fromkeys(field.name for field in fields(LoopOptions))
-    assert LoopOptions(**given | {"view_here": True, "view_token_file": path}).listen().token == "from-a-file"
+
+    def token(**options: Any) -> str | None:
+        given: dict[str, Any] = dict.fromkeys(field.name for field in fields(LoopOptions))
+        listen = LoopOptions(**given | options).listen()
+        return None if listen is None else listen.token
+
+    assert token(view_here=True, view_token_file=path) == "from-a-file"
     monkeypatch.setenv("VORONOI_TOUCH_VIEW_TOKEN", "from-the-environment")
-    assert LoopOptions(**given | {"view_here": True}).listen().token == "from-the-environment"
-    assert LoopOptions(**given).listen() is None
+    assert token(view_here=True) == "from-the-environment"
+    assert token() is None

@@ -6,9 +6,9 @@ import csv
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from edge.cells import Tessellator
 from edge.features import FeatureExtractor
@@ -18,6 +18,7 @@ from edge.tracking import Tracker
 from edge.types import Array, Cells, Feature, Features, Rest, Tracks
 from tests.bench.reference import Reference
 from tests.support.fields import CENTRE, areas, clamp, frame, push, tip
+from tests.support.images import read_grey
 
 pytestmark = [pytest.mark.kernels, pytest.mark.compiled]
 
@@ -30,7 +31,7 @@ def extractor(rest: Rest) -> FeatureExtractor:
 
 
 def noisy(
-    rest: Rest, motion: Array, rng: np.random.Generator, lost: Array | None = None
+    rest: Rest, motion: Array, rng: np.random.Generator, lost: NDArray[np.int64] | None = None
 ) -> tuple[Tracks, Cells]:
     return frame(rest, rest.xy_img + motion + rng.normal(0.0, 0.05, rest.xy_img.shape), lost)
 
@@ -260,14 +261,14 @@ def test_nothing_of_one_frame_is_overwritten_by_the_next() -> None:
 def test_real_flat_contacts_are_one_contact_each(real_dir: Path) -> None:
     """Every 24th of 600 published frames: one flat surface, tilted and sheared, each a jump from rest."""
     folder = real_dir / "tactip331_binary"
-    rest = take_rest([cv2.imread(str(folder / "rest.png"), cv2.IMREAD_GRAYSCALE)])
+    rest = take_rest([read_grey(folder / "rest.png")])
     tracker, tessellator = Tracker(rest), Tessellator(rest)
     still = Tracks(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_), 1.0)
     made = FeatureExtractor(rest, tessellator.cells(still).rest_area_px2)
     with (folder / "targets.csv").open() as file:
         names = [row["sensor_image"] for row in csv.DictReader(file)][::24]
     for name in names:
-        image = cv2.imread(str(next(folder.rglob(name))), cv2.IMREAD_GRAYSCALE)
+        image = read_grey(next(folder.rglob(name)))
         tracks = tracker.identify(detect(image, rest.pattern))
         got = made.extract(tracks, tessellator.cells(tracks), ALL)
         assert got.contacts is not None

@@ -15,7 +15,8 @@ from tests.support.fields import CENTRE, make_rest, tip
 def turned(xy: Array, angle: float, about: Array) -> Array:
     """Motion of a rigid rotation from x towards y."""
     c, s = np.cos(angle), np.sin(angle)
-    return (xy - about) @ np.array([[c, s], [-s, c]]) + about - xy
+    motion: Array = (xy - about) @ np.array([[c, s], [-s, c]]) + about - xy
+    return motion
 
 
 ALL = np.arange(331, dtype=np.int32)

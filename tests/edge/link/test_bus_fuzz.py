@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from edge.link import sdo_server
 from edge.link.node import Node
+from edge.link.ports import CanPort
 from edge.link.sinks import CanFdSink, SerialSink
 from edge.runtime.settings import SettingsFile
 from hostlink.wire import OBJECTS, CanIds, Kind, Message, encode_frame, pack_message
@@ -149,11 +150,13 @@ def test_an_endless_upload_is_refused(
     start = bytes((0x20,)) + row.index.to_bytes(2, "little") + bytes((row.sub,)) + bytes(4)
     wire.items.clear()
     node.sink.on_message(can.Message(arbitration_id=REQUEST, data=start, is_extended_id=False))  # type: ignore[misc]
+    port = node._port
+    assert isinstance(port, CanPort)
     longest = 0
     for k in range(1000):
         data = bytes(((k % 2) << 4,)) + b"{segmen"
         node.sink.on_message(can.Message(arbitration_id=REQUEST, data=data, is_extended_id=False))  # type: ignore[misc]
-        longest = max(longest, node._port.sdo.held_bytes)
+        longest = max(longest, port.sdo.held_bytes)
     assert longest <= 707
     assert node.drain(SOON_S)
     assert any(m.data[0] == 0x80 for m in wire.items)

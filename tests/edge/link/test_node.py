@@ -535,8 +535,8 @@ def test_serial_nmt_sync_emergency_heartbeat(line: Line) -> None:
     until(lambda: line.node.counters.sent == 1, "sent by SYNC")
     line.node.report(FaultCode.OVERLOAD, True)
     line.node.objects.write(0x1017, 0, b"\x0a\0")
-    kinds = lambda: {kind for kind, _, _ in line.received}  # noqa: E731
-    until(lambda: {Message.EMERGENCY, Message.HEARTBEAT} <= kinds(), "emergency and heartbeat")
+    both = {Message.EMERGENCY, Message.HEARTBEAT}
+    until(lambda: both <= {kind for kind, _, _ in line.received}, "emergency and heartbeat")
     emergency = next(body for kind, _, body in line.received if kind is Message.EMERGENCY)
     assert unpack_emergency(emergency)[0] == 0x9002
 

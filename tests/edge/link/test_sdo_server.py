@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -136,15 +138,16 @@ steps = st.one_of(
 
 @settings(max_examples=300)
 @given(st.lists(steps, max_size=40))
-def test_any_frames_write_only_the_data_of_one_transfer(sequence: list[tuple[object, ...]]) -> None:
+def test_any_frames_write_only_the_data_of_one_transfer(sequence: list[tuple[Any, ...]]) -> None:
     """A long value is written only as the segments since the start of a download of that object."""
-    bench, segments, start = Bench(), b"", None
+    bench, segments = Bench(), b""
+    start: tuple[int, int] | None = None
     for step in sequence:
         n = len(bench.objects.written)
         if len(step) == 3:
             toggle, part, last = step
             assert isinstance(part, bytes)
-            answer = bench.ask(segment(int(toggle), part, bool(last)))  # type: ignore[call-overload]
+            answer = bench.ask(segment(int(toggle), part, bool(last)))
             segments += part
             for what, data in bench.objects.written[n:]:
                 assert start == what
@@ -153,7 +156,7 @@ def test_any_frames_write_only_the_data_of_one_transfer(sequence: list[tuple[obj
                 start, segments = None, b""
         elif len(step) == 2:
             command, what = step
-            answer = bench.ask(head(command, what))  # type: ignore[arg-type]
+            answer = bench.ask(head(command, what))
             if command in (0x20, 0x21) and not code(answer):
                 start, segments = what, b""
             elif command == 0x80 and what == start:
@@ -162,7 +165,7 @@ def test_any_frames_write_only_the_data_of_one_transfer(sequence: list[tuple[obj
                 assert command == 0x22
                 assert data == bytes(4)
         else:
-            if code(bench.ask(bytes(step))):  # type: ignore[arg-type]
+            if code(bench.ask(bytes(step))):
                 start, segments = None, b""
             assert len(bench.objects.written) == n
         assert bench.server.held_bytes <= 1 << 10

@@ -463,7 +463,7 @@ def test_pty_closed_and_reopened(pty: Pty) -> None:
     sink.close()
 
 
-def test_a_sample_that_hits_a_lost_link_is_dropped(pty: Pty) -> None:
+def test_a_sample_that_hits_a_lost_link_is_dropped(pty: Pty, monkeypatch: pytest.MonkeyPatch) -> None:
     sink = open_sink(f"serial:{pty.path}")
     assert isinstance(sink, SerialSink)
     assert sink.send(state(0))
@@ -476,9 +476,9 @@ def test_a_sample_that_hits_a_lost_link_is_dropped(pty: Pty) -> None:
         until(lambda: sink._medium.current is None, "the loss is noticed")
         return encode(sample, counter)
 
-    sink.encode = lose_meanwhile  # type: ignore[method-assign]
-    assert not sink.send(state(1))
-    sink.encode = encode  # type: ignore[method-assign]
+    with monkeypatch.context() as patch:
+        patch.setattr(sink, "encode", lose_meanwhile)
+        assert not sink.send(state(1))
     pty.open()
     until(lambda: sink.send(state(2)), "the line is back")
     assert unpack_state(pty.frames(1)[0][1]).sample == 2

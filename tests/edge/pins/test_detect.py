@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from edge.errors import NoPins
 from edge.pins import CentroidRefiner, detect, inspect_image, learn_pattern, take_rest
 from edge.types import Array, Image, Pins, Polarity
+from tests.support.images import grey, read_grey
 from tests.support.pins_rendered import draw, expose, hexagon
 
 
@@ -82,8 +83,8 @@ def test_thresholded_image_with_merged_pins_and_specks() -> None:
 
 def test_colour_is_taken_as_grey() -> None:
     truth = hexagon(6, 24.0, (220.0, 220.0))
-    grey = expose(draw((440, 440), truth, 6.0, 0.9, 120.0, 40.0), 2.0, np.random.default_rng(4))
-    assert len(inspect_image(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))) == len(truth)
+    image = expose(draw((440, 440), truth, 6.0, 0.9, 120.0, 40.0), 2.0, np.random.default_rng(4))
+    assert len(inspect_image(grey(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)))) == len(truth)
 
 
 def textures() -> dict[str, Image]:
@@ -139,7 +140,7 @@ def test_rest_is_taken_from_the_images_in_which_nothing_moves() -> None:
     """Dark first images, a tip that is still being released, then five of it at rest."""
     truth = hexagon(6, 26.0, (320.0, 240.0))
     rng = np.random.default_rng(4)
-    images = [np.zeros((480, 640), np.uint8)] * 2
+    images: list[Image] = [np.zeros((480, 640), np.uint8)] * 2
     calm = draw((640, 480), truth, 6.0, 1.0, 110.0, 30.0)
     for shift in (9, 5, 2, 0, 0, 0, 0, 0):
         images.append(expose(np.roll(calm, shift, axis=1), 2.0, rng))
@@ -196,7 +197,7 @@ def test_pins_that_a_round_frame_cuts_are_found_by_their_arc(radius: float) -> N
 @pytest.mark.real
 def test_real_grey_stills_show_331_pins_and_nothing_outside(real_dir: Path) -> None:
     files = sorted((real_dir / "tactip331_gray" / "frames").glob("*.png"))
-    images = [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in files[::5]]
+    images = [read_grey(file) for file in files[::5]]
     pattern = learn_pattern(images[0])
     for image in images:
         for pins in (detect(image, pattern), detect(image)):
@@ -208,11 +209,11 @@ def test_real_grey_stills_show_331_pins_and_nothing_outside(real_dir: Path) -> N
 @pytest.mark.real
 def test_real_thresholded_stills(real_dir: Path) -> None:
     folder = real_dir / "tactip331_binary"
-    rest = take_rest([cv2.imread(str(folder / "rest.png"), cv2.IMREAD_GRAYSCALE)])
+    rest = take_rest([read_grey(folder / "rest.png")])
     assert len(rest) == 331
     counts = []
     for file in sorted((folder / "frames").glob("*.png"))[::40]:
-        counts.append(len(detect(cv2.imread(str(file), cv2.IMREAD_GRAYSCALE), rest.pattern)))
+        counts.append(len(detect(read_grey(file), rest.pattern)))
     assert max(counts) <= 331
     assert np.median(counts) == 331
     assert min(counts) >= 325  # some frames push pins out of the picture
@@ -227,7 +228,7 @@ def test_real_videos_give_a_rest_frame_that_can_be_followed(
     real_dir: Path, name: str, count: tuple[int, int]
 ) -> None:
     video = cv2.VideoCapture(str(real_dir / "video" / f"{name}.avi"))
-    images = [cv2.cvtColor(video.read()[1], cv2.COLOR_BGR2GRAY) for _ in range(3)]
+    images = [grey(cv2.cvtColor(video.read()[1], cv2.COLOR_BGR2GRAY)) for _ in range(3)]
     rest = take_rest(images)
     assert count[0] <= len(rest) <= count[1]
     pins = CentroidRefiner(rest).refine(images[0], rest.xy_img)
@@ -271,7 +272,7 @@ def test_the_inverted_image_gives_the_same_to_the_last_bit(bits: int, left_px: f
     full = 2**bits - 1
     clean = draw((440, 440), truth, 6.0, 0.9, 0.5 * full, 0.15 * full)
     images = [expose(clean, full / 128, rng, bits) for _ in range(3)]
-    inverted = [np.asarray(np.iinfo(image.dtype).max - image) for image in images]
+    inverted: list[Image] = [~image for image in images]
     rest, other = take_rest(images), take_rest(inverted)
     assert (rest.pattern.dark, other.pattern.dark) == (False, True)
     assert same_pins(rest.pins, other.pins)

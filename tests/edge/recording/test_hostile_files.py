@@ -177,7 +177,7 @@ def test_a_chunk_that_unpacks_endlessly_counts_as_damaged(
 def test_a_wrong_chunk_index_loses_that_chunk_only(tmp_path: Path, offset: int) -> None:
     path = write(tmp_path / "a.mcap", *[("/camera/image", good_image(n)) for n in range(4)])
     data = bytearray(path.read_bytes())
-    at = data.rindex(struct.pack("<Q", chunk_at(data)))  # in the chunk's index
+    at = data.rindex(struct.pack("<Q", chunk_at(bytes(data))))  # in the chunk's index
     data[at : at + 8] = struct.pack("<Q", offset)
     path.write_bytes(data)
     source = RecordingSource(path)

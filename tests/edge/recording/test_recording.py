@@ -36,10 +36,13 @@ def frames_of(
 ) -> list[Frame]:
     """Noise images with gaps in the sequence and uneven times."""
     rng = np.random.default_rng(7)
-    dtype = np.uint8 if bits == 8 else np.uint16
     return [
         Frame(
-            image=rng.integers(0, 1 << bits, (size[1], size[0]), dtype=dtype),
+            image=(
+                rng.integers(0, 256, (size[1], size[0]), np.uint8)
+                if bits == 8
+                else rng.integers(0, 1 << bits, (size[1], size[0]), np.uint16)
+            ),
             capture_ns=123_456_789_012_345 + i * STEP_NS + i % 3,
             sequence=(1 << 33) + i + (5 if i >= 4 else 0),  # more than MCAP's own counter holds, and a gap
             clock=clock,
@@ -388,7 +391,7 @@ def test_a_second_at_240_frames_a_second_loses_nothing(tmp_path: Path) -> None:
     assert got == list(range(240))
 
 
-def test_a_slow_disk_drops_messages_and_reports_it(tmp_path: Path) -> None:
+def test_a_slow_disk_drops_messages_and_reports_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The queue is bounded; the call returns; the file has a warning for the gap."""
     path = tmp_path / "slow.mcap"
     recorder = Recorder(path, buffer_mb=1.0)
@@ -399,7 +402,7 @@ def test_a_slow_disk_drops_messages_and_reports_it(tmp_path: Path) -> None:
         gate.wait()
         add(*arguments)
 
-    recorder._writer.add = slow  # type: ignore[method-assign]
+    monkeypatch.setattr(recorder._writer, "add", slow)
     frames = frames_of(20, size=(640, 480))
     taken = [recorder.frame(frame) for frame in frames]
     assert recorder.dropped_n > 0

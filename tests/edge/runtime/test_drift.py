@@ -14,7 +14,7 @@ STEP_NS = 100_000_000
 
 @pytest.fixture
 def rest() -> Rest:
-    x, y = np.meshgrid(np.arange(6), np.arange(6))
+    x, y = np.meshgrid(np.arange(6.0), np.arange(6.0))
     xy = 100.0 + 20.0 * np.column_stack([x.ravel(), y.ravel()])
     n = len(xy)
     pins = Pins(xy, np.full(n, 0.05), np.full(n, 4.0), np.full(n, 100.0))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import queue
 from collections.abc import Iterator
-from itertools import pairwise
+from functools import partial
+from itertools import pairwise, repeat
 from typing import Any
 
 import numpy as np
@@ -217,7 +218,9 @@ def test_random_is_not_shared() -> None:
     made = []
     for _ in range(2):
         wire = Wire()
-        medium = faulty_medium(lambda w=wire: w, [Episode("noise", 0.0, 1.0)], lambda: 0.5, seed=9)()
+        medium = faulty_medium(
+            partial(next, repeat(wire)), [Episode("noise", 0.0, 1.0)], lambda: 0.5, seed=9
+        )()
         for _ in range(20):
             medium.write(bytes(8))
         made.append(wire.items)

@@ -62,7 +62,7 @@ def test_lengths_are_numpy_s(n: int, lost: int) -> None:
 @pytest.mark.parametrize("side", [7, 20, 21])
 def test_windows_are_numpy_s(kind: type, top: int, side: int) -> None:
     rng = np.random.default_rng(side)
-    image = rng.integers(0, top, (120, 160)).astype(kind)
+    image: Image = rng.integers(0, top, (120, 160)).astype(kind)
     image[40:80, 40:90] = 7  # flat
     corners = rng.integers(0, 120 - side, (32, 2)).astype(np.int32)
     corners[0] = (160 - side, 120 - side)

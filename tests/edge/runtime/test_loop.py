@@ -32,6 +32,7 @@ from edge.types import Clock, Frame, Image
 from hostlink.wire import FAULTS, FaultCode, RestFrameState, State, Status
 from tests.support.fault_injection import _PICTURES
 from tests.support.finger import PERIOD_NS, Camera, Finger
+from tests.support.images import grey
 from tests.support.waiting import SOON_S, until
 
 STATUS = {fault.code: fault.status for fault in FAULTS}
@@ -253,7 +254,7 @@ def test_no_calibration_is_a_fault_until_there_is_one(frames: list[Frame], calib
 def test_a_foreign_calibration_is_refused_with_a_message(
     frames: list[Frame], calibration: Calibration
 ) -> None:
-    turned = [replace(f, image=np.ascontiguousarray(cv2.resize(f.image, (400, 400)))) for f in frames[:8]]
+    turned = [replace(f, image=grey(cv2.resize(f.image, (400, 400)))) for f in frames[:8]]
     finger = Finger(turned, calibration)
     assert FaultCode.CALIBRATION_FOREIGN in finger.faults
     assert "320x320" in finger.registry.active[FaultCode.CALIBRATION_FOREIGN]
@@ -280,7 +281,7 @@ def test_heat_and_disk_reach_the_samples(frames: list[Frame], calibration: Calib
 def test_brightness_of_a_waiting_image_is_reported_during_a_search(finger: Finger) -> None:
     finger.see(finger.frames[9].image)
     dark = Frame(np.zeros_like(finger.frames[9].image), finger.now_ns, finger.n + 1, Clock.DEVICE)
-    finger.camera.peek = lambda: dark  # type: ignore[attr-defined]
+    finger.camera.waiting_frame = dark
     begun_ns = finger.now_ns
     finger.loop._detector.slow(begun_ns)  # it does not take long yet
     assert finger.faults == set()
@@ -371,7 +372,7 @@ def test_no_image_ends_the_loop(finger: Finger, image: Image) -> None:
 
 
 def test_a_smaller_image_in_mid_stream_is_reported_and_loses_one_frame(finger: Finger) -> None:
-    smaller = np.ascontiguousarray(finger.frames[7].image[:160, :160])
+    smaller: Image = finger.frames[7].image[:160, :160].copy()
     for _ in range(5):
         assert not measured(finger.see(smaller))
     assert "160x160 px, the rest frame 320x320" in finger.registry.active[FaultCode.TRACKER_LOST]
@@ -433,7 +434,7 @@ def test_drift_is_learnt_at_rest_and_can_be_forgotten(frames: list[Frame], calib
         rest, np.array([[1.0, 0, 0.25], [0, 1.0, 0]]), (320, 320), borderMode=cv2.BORDER_REPLICATE
     )
     for _ in range(1000):  # 10 s at 100 frames/s
-        finger.see(moved)
+        finger.see(grey(moved))
     assert 0.005 < finger.loop.statistics().drift_px <= 0.3
     finger.loop.forget_drift()
     assert finger.loop.statistics().drift_px == 0.0
@@ -441,7 +442,7 @@ def test_drift_is_learnt_at_rest_and_can_be_forgotten(frames: list[Frame], calib
 
 def test_missing_data_is_reported(frames: list[Frame], calibration: Calibration) -> None:
     finger = Finger(frames, calibration)
-    finger.camera.recorded = True  # type: ignore[attr-defined]
+    finger.camera.recorded = True
     assert Status.NOT_LIVE in finger.see(frames[7].image).status
 
 

@@ -24,6 +24,7 @@ from edge.sources import Paced, open_source
 from edge.types import Frame, Image
 from hostlink.wire import FaultCode, RestFrameReason, RestFrameState, Status
 from tests.support.finger import Finger
+from tests.support.images import grey
 from tests.support.waiting import SOON_S
 
 ACCEPTED, REFUSED, FORCED = RestFrameState.ACCEPTED, RestFrameState.REFUSED, RestFrameState.FORCED
@@ -65,11 +66,12 @@ def images(frames: list[Frame], k: int) -> list[Image]:
 @pytest.mark.parametrize("k", [10, 25])
 def test_a_steady_touch_is_no_rest_frame(frames: list[Frame], calibration: Calibration, k: int) -> None:
     reference = take_rest(images(frames, 0))
-    for known in ({"calibration": calibration}, {"reference": reference}):
+    knowns: tuple[dict[str, Any], ...] = ({"calibration": calibration}, {"reference": reference})
+    for known in knowns:
         with pytest.raises(TareRefused, match="something touches the tip") as refused:
-            take_rest_frame(images(frames, k), **known)  # type: ignore[arg-type]
+            take_rest_frame(images(frames, k), **known)
         assert refused.value.reason is RestFrameReason.TOUCHED
-        forced = take_rest_frame(images(frames, k), force=True, **known)  # type: ignore[arg-type]
+        forced = take_rest_frame(images(frames, k), force=True, **known)
         assert forced.reason is RestFrameReason.TOUCHED
         assert "touches" in forced.message
 
@@ -93,9 +95,9 @@ def test_a_slightly_moved_camera_is_no_touch(
     leaning = np.eye(3)
     leaning[2, 0] = tilt
     way = back @ leaning @ there @ turn
-    moved = [cv2.warpPerspective(image, way, (320, 320)) for image in images(frames, 0)]
+    moved = [grey(cv2.warpPerspective(image, way, (320, 320))) for image in images(frames, 0)]
     assert take_rest_frame(moved, calibration=calibration).reason is RestFrameReason.NONE
-    touched = [cv2.warpPerspective(image, way, (320, 320)) for image in images(frames, 12)]
+    touched = [grey(cv2.warpPerspective(image, way, (320, 320))) for image in images(frames, 12)]
     with pytest.raises(TareRefused, match="something touches"):
         take_rest_frame(touched, calibration=calibration)
 

@@ -37,10 +37,12 @@ def noise(n: int) -> np.ndarray[Any, Any]:
     return np.random.default_rng(n).integers(0, 256, (SIZE[1], SIZE[0]), dtype=np.uint8)
 
 
-def frames_output(dai: Any, steps: list[int], gate: Callable[[int], None] = lambda n: None) -> oak.MakeOutput:
+def frames_output(
+    dai: Any, steps: list[int], gate: Callable[[int], object] = lambda n: None
+) -> oak.MakeOutput:
     """A host node that emits frames with these sequence numbers, then closes its pipeline's queues."""
 
-    class Node(dai.node.ThreadedHostNode):  # type: ignore[misc,name-defined]
+    class Node(dai.node.ThreadedHostNode):  # type: ignore[misc]
         def __init__(self) -> None:
             super().__init__()
             self.out = self.createOutput("out")

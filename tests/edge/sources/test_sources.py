@@ -395,10 +395,10 @@ class Clocked:
         closing = paced._closing
         real_wait = closing.wait
 
-        def wait(timeout_s: float | None = None) -> bool:
-            assert timeout_s is not None
-            self.waits.append(timeout_s)
-            self.now_ns += round(timeout_s * 1e9) + 300_000  # wakes 0.3 ms late, like a kernel
+        def wait(timeout: float | None = None) -> bool:
+            assert timeout is not None
+            self.waits.append(timeout)
+            self.now_ns += round(timeout * 1e9) + 300_000  # wakes 0.3 ms late, like a kernel
             return real_wait(0)
 
         closing.wait = wait  # type: ignore[method-assign]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -74,16 +72,14 @@ def test_motion_of_another_number_of_pins_is_refused(motion_n: int) -> None:
 @pytest.mark.parametrize("pin", [-1, 37, 2**31 - 1])
 def test_a_neighbour_that_does_not_exist_is_refused(pin: int) -> None:
     _, lattice, _ = tip()
-    near = lattice.near.copy()
-    near[5, 3] = pin
-    wrong = SimpleNamespace(near=near, weight=lattice.weight, offset=lattice.offset)
+    lattice.near[5, 3] = pin
     with pytest.raises(ValueError, match="neighbours of 0 to 36"):
-        LocalAffine(wrong, 0.05)
+        LocalAffine(lattice, 0.05)
 
 
 def test_weights_of_another_size_are_refused() -> None:
-    _, lattice, _ = tip()
-    for weight, offset in ((lattice.weight[:, 1:], lattice.offset), (lattice.weight, lattice.offset[1:])):
-        wrong = SimpleNamespace(near=lattice.near, weight=weight, offset=offset)
+    for name, cut in (("weight", np.s_[:, 1:]), ("offset", np.s_[1:])):
+        _, lattice, _ = tip()
+        setattr(lattice, name, getattr(lattice, name)[cut])
         with pytest.raises(ValueError, match=r"weight \(37, 18\)"):
-            LocalAffine(wrong, 0.05)
+            LocalAffine(lattice, 0.05)

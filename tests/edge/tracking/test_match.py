@@ -25,7 +25,8 @@ def table_of(blobs: Array) -> Index:
     """The nearest blob to each pixel, by exhaustive search."""
     grid = np.indices((SIDE, SIDE))[::-1].reshape(2, -1, 1)
     nearest = ((grid - blobs.T[:, None]) ** 2).sum(0).argmin(1)
-    return nearest.reshape(SIDE, SIDE).astype(np.int32)
+    table: Index = nearest.reshape(SIDE, SIDE).astype(np.int32)
+    return table
 
 
 def raster(blobs: Array) -> NearestBlob:

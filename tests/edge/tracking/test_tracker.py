@@ -132,7 +132,7 @@ def test_beside_an_inconsistent_place_a_pin_is_lost_but_not_swapped() -> None:
             tracks = Tracker(rest).identify(pins_at(blobs))
             if tracks.confidence >= Tracks.LOW_CONFIDENCE:
                 trusted += 1
-                assert identity.judge(tracks, blobs, owner)[0] == 0, hazard.name
+                assert identity.evaluate(tracks, blobs, owner)[0] == 0, hazard.name
     assert trusted >= 15
 
 

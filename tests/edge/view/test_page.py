@@ -46,6 +46,7 @@ class Viewer:
         self.socket = socket
         self.got_n = 0
         self.hello: dict[str, Any] = {}
+        self.answer: dict[str, Any] = {}
 
     async def packet(self) -> dict[str, Any]:
         """The next packet, as the page unpacks it; answers on the way wait."""
@@ -73,7 +74,7 @@ class Viewer:
         await doing
 
     async def do(self, name: str, **more: Any) -> dict[str, Any]:
-        self.answer: dict[str, Any] = {}
+        self.answer = {}
         await self.socket.send_json({"do": name, **more})
         await self.until(lambda _: self.answer)
         return self.answer
@@ -276,7 +277,8 @@ def circumcentre(corners: np.ndarray) -> np.ndarray:
     a, u, v = corners[0], corners[1] - corners[0], corners[2] - corners[0]
     cross = 2 * (u[0] * v[1] - u[1] * v[0])
     u2, v2 = u @ u, v @ v
-    return a + np.array([v[1] * u2 - u[1] * v2, u[0] * v2 - v[0] * u2]) / cross
+    centre: np.ndarray = a + np.array([v[1] * u2 - u[1] * v2, u[0] * v2 - v[0] * u2]) / cross
+    return centre
 
 
 def test_charts_get_every_sample_once(live: Live) -> None:
