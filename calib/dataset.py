@@ -1,6 +1,7 @@
 """Frames with known truth, wherever they are: a table beside a folder of images, or captures.
 
-    TARGETS.csv --frames DIR --rest IMAGE      one table, one folder, one image of the untouched tip
+    TARGETS.csv --frames DIR [--rest IMAGE]    one table, one folder, one image of the untouched tip;
+                                               without it the least deformed of the frames
     A.mcap [B.mcap ...]                        captures of `calib capture`: their own rest frames and tables
 
 A data set is a list of parts, each with its own rest frame: the camera may have moved between two captures,
@@ -22,6 +23,7 @@ from calib.targets import Targets, join, read_targets, targets_of_capture
 from edge.calibration import Calibration
 from edge.errors import CalibrationError, NoPins
 from edge.pins import take_rest
+from edge.runtime.rest_choice import aligned, choose_rest
 from edge.runtime.tip_match import in_order_of
 from edge.sources import read_image
 from edge.types import Image, Rest
@@ -30,6 +32,7 @@ __all__ = ["Dataset", "RestGroup", "open_dataset"]
 
 RECORDING = ".mcap"
 RESTS_MAX = 10  # images of the untouched tip that are averaged
+CANDIDATES_MAX = 256  # frames of which the least deformed is chosen: 80 MB at 640x480, a minute of one core
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +50,13 @@ class RestGroup:
 
 @dataclass(frozen=True, slots=True)
 class Dataset:
-    """Everything to fit to, or to evaluate on."""
+    """Everything to fit to, or to evaluate on.
+
+    rest_message  how the rest frame was chosen from the frames; "": it was given
+    """
 
     parts: tuple[RestGroup, ...]
+    rest_message: str = ""
 
     @property
     def rest(self) -> Rest:
@@ -67,14 +74,14 @@ class Dataset:
         return sum(len(part.targets) for part in self.parts)
 
     def seen_by(self, calibration: Calibration) -> Dataset:
-        """The same data with the rest pins in the calibration's order.
+        """The same data with the rest pins in the calibration's order; a chosen rest frame is replaced by them.
 
         Raises  CalibrationError: the frames show another tip
         """
+        seen = aligned if self.rest_message else in_order_of
         return Dataset(
-            tuple(
-                RestGroup(in_order_of(calibration, p.rest), p.targets, p.frames, p.rows) for p in self.parts
-            )
+            tuple(RestGroup(seen(calibration, p.rest), p.targets, p.frames, p.rows) for p in self.parts),
+            self.rest_message,
         )
 
     def extract(self, pool: Executor, on_done: Callable[[int], None] = lambda n: None) -> Extract:
@@ -99,12 +106,25 @@ def open_dataset(tables: Sequence[Path], folder: Path | None, rest_image: Path |
         return Dataset(parts)
     if len(tables) > 1:
         raise TableError(f"{tables[1]}: one table at a time; only captures ({RECORDING}) can be joined")
-    if folder is None or rest_image is None:
-        missing = "--frames" if folder is None else "--rest"
-        raise TableError(f"{tables[0]}: {missing} is missing; a table needs --frames DIR and --rest IMAGE")
+    if folder is None:
+        raise TableError(f"{tables[0]}: --frames is missing; a table needs --frames DIR, and --rest IMAGE")
     targets = read_targets(tables[0], folder)
+    if rest_image is None or str(rest_image) == "auto":
+        return _without_rest(tables[0], targets)
     rest = _rest([read_image(rest_image)], rest_image)
     return Dataset((RestGroup(rest, targets, lambda: targets.frames),))
+
+
+def _without_rest(table: Path, targets: Targets) -> Dataset:
+    """With the least deformed of the table's frames as rest frame."""
+    frames = targets.frames
+    paths = [frames[k] for k in range(0, len(frames), max(1, -(-len(frames) // CANDIDATES_MAX)))]
+    try:
+        choice = choose_rest([read_image(path) for path in paths])
+    except NoPins as error:
+        raise TableError(f"{table}: {error}; give --rest an image of the untouched tip") from None
+    message = f"{paths[choice.index].name}: {choice.message}"
+    return Dataset((RestGroup(choice.rest, targets, lambda: targets.frames),), message)
 
 
 def _capture(path: Path) -> RestGroup:

@@ -29,7 +29,13 @@ _WORKERS: list[Callable[[Any], Any]] = [
 _FRAMES: list[Callable[[Any], Any]] = [
     click.argument("tables", metavar="TABLE...", nargs=-1, required=True, type=PATH),
     click.option("--frames", "folder", type=PATH, help="Folder of the frames that TARGETS.csv names."),
-    click.option("--rest", "rest_image", type=PATH, help="Image of the untouched tip, for TARGETS.csv."),
+    click.option(
+        "--rest",
+        "rest_image",
+        type=PATH,
+        metavar="IMAGE|auto",
+        help="Image of the untouched tip, for TARGETS.csv; default: the least deformed frame.",
+    ),
     *_WORKERS,
     click.option("-q", "--quiet", is_flag=True, help="No progress bar."),
 ]
@@ -66,11 +72,14 @@ class Frames:
     def inputs(self) -> list[Path]:
         """The input files, without the frames themselves."""
         beside = [path.with_suffix(".csv") for path in self.tables if path.suffix == ".mcap"]
-        return [*self.tables, *beside, *([self.rest_image] if self.rest_image else [])]
+        rest = [self.rest_image] if self.rest_image and str(self.rest_image) != "auto" else []
+        return [*self.tables, *beside, *rest]
 
     def open(self) -> Dataset:
         """Raises TableError, CaptureError. Unknown columns of the table are reported on stderr."""
         data = open_dataset(self.tables, self.folder, self.rest_image)
+        if data.rest_message:
+            click.echo(f"rest frame: {data.rest_message}", err=True)
         if data.targets.unread:
             columns = ", ".join(data.targets.unread)
             click.echo(f"columns ignored: {columns}; known are {', '.join(COLUMNS)}", err=True)

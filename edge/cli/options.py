@@ -26,6 +26,7 @@ __all__ = [
     "config_option",
     "loop_options",
     "overwrite_option",
+    "rest_option",
     "sink_option",
     "source_option",
 ]
@@ -158,6 +159,26 @@ def add_options(command: Command, options: Iterable[Callable[[Command], Command]
     for option in reversed(list(options)):
         command = option(command)
     return command
+
+
+class RestFrom(click.ParamType[str]):
+    """The number of an image, "auto" or "none"; stays text."""
+
+    name = "rest"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value in ("auto", "none") or (str(value).isdecimal() and len(value) < 10):
+            return value
+        self.fail(f"{value!r} is no image; give its number, from 0, or auto, or none", param, ctx)
+
+
+rest_option = click.option(
+    "--rest",
+    type=RestFrom(),
+    metavar="FRAME|auto|none",
+    help="Rest frame: an image's number, from 0; auto finds the least deformed image; none takes the "
+    "calibration's rest pins. Default: the first images.",
+)
 
 
 class SpeedFactor(FiniteFloat):

@@ -25,11 +25,12 @@ from numpy.typing import NDArray
 from edge.calibration import Calibration
 from edge.cells import cell_polygons
 from edge.cli.assembly import load_calibration
-from edge.cli.options import calibration_option, overwrite_option
+from edge.cli.options import calibration_option, overwrite_option, rest_option
 from edge.cli.progress import bar
 from edge.cli.summary import damage_of, json_line
 from edge.errors import NoPins, SourceError
 from edge.pipeline import Pipeline, Result
+from edge.runtime.rest_choice import GivenRest, rest_of_source
 from edge.runtime.tare import TareParams, tare
 from edge.sources import open_source
 from edge.types import Feature, FrameSource, Reading
@@ -64,6 +65,7 @@ DRAWN = frozenset(Feature) - {Feature.SURFACE}
 )
 @click.option("--rate", "rate_hz", type=FiniteFloat(1, 240), help="Pictures a second; else as recorded.")
 @click.option("--height", type=WholeNumber(120, 2160), default=640, show_default=True, help="Of a panel, px.")
+@rest_option
 @overwrite_option
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress, no closing line.")
@@ -74,13 +76,14 @@ def render(
     palette: str,
     rate_hz: float | None,
     height: int,
+    rest: str | None,
     overwrite: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
     """Make a video of RECORDING: cells, contacts and shear beside the camera's image.
 
-    The first frames must show the untouched tip: they are the rest frame.
+    The first frames must show the untouched tip: they are the rest frame, unless --rest says another.
     """
     check_output(
         out, tuple(CODECS), [recording, *([calibration_path] if calibration_path else [])], overwrite
@@ -88,7 +91,7 @@ def render(
     style = Style(palette, rate_hz, height)
     calibration = load_calibration(calibration_path)
     with writing(out, overwrite) as unfinished:
-        made = render_recording(recording, unfinished, calibration, style, not (quiet or as_json))
+        made = render_recording(recording, unfinished, calibration, style, not (quiet or as_json), rest)
     if as_json:
         click.echo(json_line(asdict(made)))
     elif not quiet:
@@ -130,10 +133,12 @@ def render_recording(
     calibration: Calibration | None = None,
     style: Style | None = None,
     progress: bool = False,
+    rest: str | None = None,
 ) -> Made:
     """Write the video.
 
     progress  show a bar on stderr
+    rest      "auto", "none" or the number of an image; None: the rest frame is made of the first images
     Raises    SourceError: no such recording, or no pins in its first frames; SinkError: cannot be written;
               OSError: the disk is full; CalibrationError: of another tip
     """
@@ -141,7 +146,10 @@ def render_recording(
     with closing(source):
         if source.live:
             raise SourceError(f"source {recording}: is live; record it first, then render the recording")
-        made = _render(source, recording, out, calibration, style or Style(), progress)
+        given = None if rest is None else rest_of_source(source, rest, calibration)
+        if given is not None:
+            log.info("rest frame: %s", given.message)
+        made = _render(source, recording, out, calibration, style or Style(), progress, given)
     if damage := damage_of(source):
         log.warning("%s: %s", recording, damage)
     return made
@@ -154,13 +162,18 @@ def _render(
     calibration: Calibration | None,
     style: Style,
     progress: bool,
+    given: GivenRest | None,
 ) -> Made:
     frames = iter(source)
     first = list(islice(frames, TareParams().frames_n))
     if not first:
         raise SourceError(f"source {recording}: no images")
     try:
-        rest = tare([frame.image for frame in first], np.inf, calibration, source.polarity)
+        rest = (
+            given.rest
+            if given
+            else tare([frame.image for frame in first], np.inf, calibration, source.polarity)
+        )
     except NoPins as error:
         raise SourceError(f"source {recording}: {error}") from None
     mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from edge.cli.assembly import make_loop, start_worker
-from edge.cli.options import LoopOptions, SpeedFactor, loop_options
+from edge.cli.options import LoopOptions, SpeedFactor, loop_options, rest_option
 from edge.cli.progress import counting, waiting
 from edge.cli.summary import Summary, damage_of, json_line, print_summary
 from edge.errors import InputError
@@ -33,6 +33,7 @@ log = logging.getLogger("edge")
     help="1 as recorded, 2 twice as fast.",
 )  # fmt: skip
 @click.option("--loop", "again", is_flag=True, help="Start again when it ends, until stopped.")
+@rest_option
 @click.option("--samples", is_flag=True, help="Print every sample as a line of JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="No closing summary.")
 @click.option("--json", "as_json", is_flag=True, help="Print the closing summary as JSON.")
@@ -41,14 +42,15 @@ def replay(
     recording: str,
     speed: float | str,
     again: bool,
+    rest: str | None,
     samples: bool,
     quiet: bool,
     as_json: bool,
 ) -> None:
     """Send RECORDING (MCAP, video, folder of images) as if it were live.
 
-    The first frames must show the untouched tip: they are the rest frame. A closing summary lists the
-    pins that were seen, the shear in px and, with a calibration, the depth in mm.
+    The first frames must show the untouched tip: they are the rest frame, unless --rest says another. A
+    closing summary lists the pins that were seen, the shear in px and, with a calibration, the depth in mm.
     """
     if again and isinstance(speed, str):
         raise InputError("--loop: has no end at --speed max; give a factor")
@@ -60,6 +62,8 @@ def replay(
             source, total_n = _open(recording, speed, again)
             stack.callback(source.close)
             loop = make_loop(stack, source, config, options.sink_specs, options.calibration_path)
+            if rest is not None:
+                _use_rest(loop, recording, rest, quiet)
             url = start_worker(stack, loop, options, listen, config)
         if url:
             click.echo(f"live page: {url}", err=True)
@@ -74,6 +78,20 @@ def replay(
         for message in (damage_of(source), _lost_to_tare(loop, config.tare.frames_n, passed.skipped_n)):
             if message:
                 log.warning("%s: %s", recording, message)
+
+
+def _use_rest(loop: Loop, recording: str, how: str, quiet: bool) -> None:
+    """Raises SourceError, CalibrationError."""
+    from contextlib import closing
+
+    from edge.runtime.rest_choice import rest_of_source
+    from edge.sources import open_source
+
+    with closing(open_source(recording)) as source:
+        given = rest_of_source(source, how, loop.calibration)
+    loop.measurement.use_rest(given.rest, given.frame)
+    if not quiet:
+        click.echo(f"rest frame: {given.message}", err=True)
 
 
 def _open(recording: str, speed: float | str, again: bool) -> tuple[FrameSource, int]:

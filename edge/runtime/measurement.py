@@ -190,6 +190,11 @@ class Measurement:
             drift.learn(tracks, frame.capture_ns, untouched and detector.quiet)
         return result
 
+    def use_rest(self, rest: Rest, frame: Frame) -> None:
+        """Measure against this rest frame, taken from `frame`, instead of one from the first images."""
+        self.tare.frames = None
+        self._accept_tare(Prepared(RestFrame(rest), Pipeline(rest, self.calibration), frame))
+
     # ---- tare ---------------------------------------------------------------------------------------
 
     def _tare(self, frame: Frame) -> None:

@@ -248,7 +248,6 @@ def test_another_tip_s_frames_are_refused(recording: Path, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["{table}", "--frames", "{frames}"], "--rest is missing"),
         (["{table}", "--rest", "{rest}"], "--frames is missing"),
         (["{table}", "{table}", "--frames", "{frames}", "--rest", "{rest}"], "one table at a time"),
         (["{table}", "{capture}"], "not both"),

@@ -1,0 +1,276 @@
+"""A rest frame for a recording that need not begin untouched: its least deformed image.
+
+Idea
+- A touch stretches the cells under it, and where it is differs from image to image. So the low quantile of a
+  cell's area over many images is about its area untouched, even if no image is.
+- Each image is as deformed as its cells differ from that, relatively, root mean square. A shift or turn does
+  not change areas, and a zoom is taken off.
+- An untouched tip looks the same each time, a touch rarely does: where images show the same cells to within
+  the noise, the choice is among those that most agree with, and it is sure.
+- With a calibration its rest pins are taken, moved onto the chosen image by a shift, a turn and a zoom. The
+  half of the pins that fits best decides them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+
+from edge.calibration import Calibration
+from edge.cells import Tessellator
+from edge.errors import DegenerateLayout, NoPins, SourceError
+from edge.features.params import PARAMS as CONTACT
+from edge.pins import CentroidRefiner, detect, take_rest
+from edge.runtime.tip_match import match_rest
+from edge.tracking import Tracker
+from edge.types import Array, Frame, FrameSource, Image, Mask, Pins, Polarity, Rest, Tracks
+
+__all__ = ["GivenRest", "RestChoice", "RestChoiceParams", "aligned", "choose_rest", "rest_of_source"]
+
+
+@dataclass(frozen=True, slots=True)
+class RestChoiceParams:
+    """Parameters of the choice; evidence in docs/tuning.md.
+
+    images_n     images that are compared, at least, evenly over the recording; at most twice as many
+    area_low     quantile of a cell's area over the images that counts as untouched
+    agree_rel    an image may be chosen if so many others agree with it, of the largest number that do
+    seen_rel     ... and if so many pins are seen in it, of the median of those images
+    average_n    images next to the chosen one that are averaged, if the pins rest in them
+    steady_px    median motion of the pins below which they rest
+    """
+
+    images_n: int = 32
+    area_low: float = 0.25
+    agree_rel: float = 0.5
+    seen_rel: float = 0.9
+    average_n: int = 8
+    steady_px: float = 0.25
+
+
+PARAMS = RestChoiceParams()
+
+
+@dataclass(frozen=True, slots=True)
+class RestChoice:
+    """The image that shows the tip least deformed.
+
+    index            of the image, from 0
+    rest             rest frame made of it
+    deformation_rel  rms relative area change of its cells against those untouched
+    typical_rel      the same, median over the images
+    agree_n          other images, of `compared_n`, that show the same cells
+    """
+
+    index: int
+    rest: Rest
+    deformation_rel: float
+    typical_rel: float
+    agree_n: int
+    compared_n: int
+
+    @property
+    def sure(self) -> bool:
+        """Whether it shows the untouched tip, as far as a recording can say that."""
+        return self.agree_n > 0
+
+    @property
+    def message(self) -> str:
+        """For a person: how sure it is."""
+        found = (
+            f"the least deformed: its cells are {self.deformation_rel:.1%} off untouched ones, "
+            f"{self.typical_rel:.1%} in a typical image"
+        )
+        if self.sure:
+            return f"{found}; {self.agree_n} of {self.compared_n} others show the same: untouched"
+        return f"{found}; none of {self.compared_n} others shows the same: it may show a touch"
+
+
+def choose_rest(
+    images: Sequence[Image], polarity: Polarity = Polarity.FOUND, params: RestChoiceParams = PARAMS
+) -> RestChoice:
+    """The least deformed of some images, in any order.
+
+    Raises  NoPins: no image shows pins
+    """
+    start, rest = _first_with_pins(images, polarity)
+    found = _look(images, rest, params)
+    if not found.agrees[found.index, start]:  # what touched the tip there may have hidden pins
+        again = _look(images, take_rest([images[found.index]], polarity), params)
+        found = again if again.known_n >= found.known_n else found
+    return RestChoice(
+        found.index,
+        take_rest([images[found.index]], polarity),
+        float(found.deformation[found.index]),
+        float(np.nanmedian(found.deformation)),
+        int(found.agrees[found.index].sum()) - 1,
+        found.known_n - 1,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """What k images show, seen from one of them.
+
+    index        the least deformed one
+    deformation  (k,) NaN: pins not identified
+    agrees       (k, k) whether two show the same cells
+    """
+
+    index: int
+    deformation: Array
+    agrees: Mask
+
+    @property
+    def known_n(self) -> int:
+        return int(np.isfinite(self.deformation).sum())
+
+
+def _look(images: Sequence[Image], rest: Rest, params: RestChoiceParams) -> _Look:
+    area, sigma, seen = _cells(images, rest)
+    known = np.isfinite(sigma)
+    untouched = np.nanquantile(area[known], params.area_low, axis=0)
+    deformation = np.full(len(area), np.nan)
+    deformation[known] = _rms(area[known] - untouched)
+    agrees = np.zeros((len(area), len(area)), bool)
+    for k in np.flatnonzero(known):
+        noise = CONTACT.cell_noise * np.hypot(sigma[known], sigma[k]) / rest.pattern.pitch_px
+        agrees[k, known] = _rms(area[known] - area[k]) < CONTACT.noise_ratio_max * noise
+    agree_n = agrees.sum(axis=1)
+    candidates = known & (agree_n >= params.agree_rel * agree_n.max())
+    candidates &= seen >= params.seen_rel * np.median(seen[candidates])
+    return _Look(int(np.argmin(np.where(candidates, deformation, np.inf))), deformation, agrees)
+
+
+def _rms(change: Array) -> Array:
+    """(k,) of the rows, without NaN."""
+    return np.asarray(np.sqrt(np.nanmean(change**2, axis=1)))
+
+
+def _first_with_pins(images: Sequence[Image], polarity: Polarity) -> tuple[int, Rest]:
+    complaint = NoPins("no images; give a recording with images of the tip")
+    for index, image in enumerate(images):
+        try:
+            return index, take_rest([image], polarity)
+        except NoPins as error:
+            complaint = error
+    raise complaint
+
+
+def _cells(images: Sequence[Image], rest: Rest) -> tuple[Array, Array, Array]:
+    """(k, n) log cell areas, zoom taken off, NaN: not known; (k,) sigma, px; (k,) number of pins seen."""
+    tracker, tessellator = Tracker(rest), Tessellator(rest)
+    area = np.full((len(images), len(rest)), np.nan)
+    sigma = np.full(len(images), np.nan)
+    seen = np.zeros(len(images))
+    for k, image in enumerate(images):
+        tracks = tracker.identify(detect(image, rest.pattern))
+        if tracks.confidence < Tracks.LOW_CONFIDENCE:
+            continue
+        try:
+            log_area = np.log(tessellator.cells(tracks).area_px2)
+        except DegenerateLayout:
+            continue
+        area[k] = log_area - np.nanmedian(log_area)
+        sigma[k] = float(np.mean(tracks.sigma_px[tracks.seen]))
+        seen[k] = tracks.n_seen
+    return area, sigma, seen
+
+
+def aligned(calibration: Calibration, rest: Rest) -> Rest:
+    """The calibration's rest pins where this camera would see them; row i is pin i of the calibration.
+
+    rest    of an image that may show a touch
+    Raises  CalibrationError: another image size, another tip
+    """
+    made_with = calibration.rest
+    matched, tracks = match_rest(made_with, rest)
+    z, w = made_with.xy_img @ (1, 1j), tracks.xy_img @ (1, 1j)
+    design = np.column_stack([z, np.ones_like(z)])
+    best = tracks.seen
+    for _ in range(5):
+        similarity = np.linalg.lstsq(design[best], w[best], rcond=None)[0]
+        off = np.where(tracks.seen, np.abs(w - design @ similarity), np.inf)
+        best = off <= np.median(off[tracks.seen])
+    at = design @ similarity
+    xy = np.column_stack([at.real, at.imag])
+    pins = replace(matched.pins, xy_img=xy, sigma_px=made_with.pins.sigma_px)
+    return Rest(pins, matched.pattern)
+
+
+@dataclass(frozen=True, slots=True)
+class GivenRest:
+    """The rest frame of a recording, the frame it is taken from, and what to tell a person of it."""
+
+    rest: Rest
+    frame: Frame
+    message: str
+
+
+def rest_of_source(
+    source: FrameSource,
+    how: str,
+    calibration: Calibration | None = None,
+    params: RestChoiceParams = PARAMS,
+) -> GivenRest:
+    """The rest frame of a recording that is read twice.
+
+    how     "auto", "none" (the calibration's rest pins, moved), or the number of an image, from 0
+    Raises  SourceError: no such image, no pins in it; CalibrationError: another tip
+    """
+    if source.live:
+        raise SourceError(f"{source.name}: --rest is for recordings; leave a live tip untouched instead")
+    if how == "none" and calibration is None:
+        raise SourceError("--rest none: needs --calibration, which has the rest pins; or give --rest auto")
+    try:
+        if how in ("auto", "none"):
+            images, step = _thinned(source, params.images_n)
+            choice = choose_rest(images, source.polarity, params)
+            index = choice.index * step
+            message = f"image {index}: {choice.message}"
+        else:
+            index, message = int(how), f"image {how}"
+        rest, frame = _averaged(source, index, params)
+    except NoPins as error:
+        raise SourceError(f"{source.name}: --rest {how}: {error}") from None
+    if calibration is None:
+        return GivenRest(rest, frame, message)
+    moved = f"{message}; the calibration's rest pins are moved onto it"
+    return GivenRest(aligned(calibration, rest), frame, moved)
+
+
+def _thinned(source: FrameSource, least_n: int) -> tuple[list[Image], int]:
+    """Images evenly over a recording, `least_n` to twice as many, and the step between them."""
+    kept: list[Image] = []
+    step = 1
+    for n, frame in enumerate(source):
+        if n % step:
+            continue
+        kept.append(frame.image)
+        if len(kept) == 2 * least_n:
+            kept, step = kept[::2], 2 * step
+    return kept, step
+
+
+def _averaged(source: FrameSource, index: int, params: RestChoiceParams) -> tuple[Rest, Frame]:
+    """The rest frame of an image, and of those next to it in which the pins are where they are in it.
+
+    Raises  SourceError: no such image; NoPins
+    """
+    first = max(0, index - params.average_n // 2)
+    frames = list(islice(source, first, first + params.average_n))
+    if index - first >= len(frames):
+        raise SourceError(f"{source.name}: has no image {index}; give --rest a smaller number, or auto")
+    chosen = frames[index - first]
+    rest = take_rest([chosen.image], source.polarity)
+    refiner = CentroidRefiner(rest)
+
+    def rests(pins: Pins) -> bool:
+        motion = np.hypot(*(pins.xy_img - rest.xy_img).T)
+        return bool(np.nanmedian(motion) < params.steady_px)
+
+    steady = [f.image for f in frames if f is chosen or rests(refiner.refine(f.image, rest.xy_img))]
+    return take_rest(steady, source.polarity), chosen
