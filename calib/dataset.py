@@ -74,7 +74,7 @@ class Dataset:
         return sum(len(part.targets) for part in self.parts)
 
     def seen_by(self, calibration: Calibration) -> Dataset:
-        """The same data with the rest pins in the calibration's order; a chosen rest frame is replaced by them.
+        """The same data with the rest pins in the calibration's order, which replace a chosen rest frame.
 
         Raises  CalibrationError: the frames show another tip
         """

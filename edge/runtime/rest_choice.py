@@ -37,6 +37,7 @@ class RestChoiceParams:
 
     images_n     images that are compared, at least, evenly over the recording; at most twice as many
     area_low     quantile of a cell's area over the images that counts as untouched
+    agree_min_n  so many others that show the same cells as an image make it untouched
     agree_rel    an image may be chosen if so many others agree with it, of the largest number that do
     seen_rel     ... and if so many pins are seen in it, of the median of those images
     average_n    images next to the chosen one that are averaged, if the pins rest in them
@@ -44,7 +45,8 @@ class RestChoiceParams:
     """
 
     images_n: int = 32
-    area_low: float = 0.25
+    area_low: float = 0.1
+    agree_min_n: int = 3
     agree_rel: float = 0.5
     seen_rel: float = 0.9
     average_n: int = 8
@@ -75,7 +77,7 @@ class RestChoice:
     @property
     def sure(self) -> bool:
         """Whether it shows the untouched tip, as far as a recording can say that."""
-        return self.agree_n > 0
+        return self.agree_n >= PARAMS.agree_min_n
 
     @property
     def message(self) -> str:
@@ -86,7 +88,7 @@ class RestChoice:
         )
         if self.sure:
             return f"{found}; {self.agree_n} of {self.compared_n} others show the same: untouched"
-        return f"{found}; none of {self.compared_n} others shows the same: it may show a touch"
+        return f"{found}; {self.agree_n} of {self.compared_n} others show the same: it may show a touch"
 
 
 def choose_rest(
@@ -139,9 +141,11 @@ def _look(images: Sequence[Image], rest: Rest, params: RestChoiceParams) -> _Loo
     for k in np.flatnonzero(known):
         noise = CONTACT.cell_noise * np.hypot(sigma[known], sigma[k]) / rest.pattern.pitch_px
         agrees[k, known] = _rms(area[known] - area[k]) < CONTACT.noise_ratio_max * noise
-    agree_n = agrees.sum(axis=1)
-    candidates = known & (agree_n >= params.agree_rel * agree_n.max())
-    candidates &= seen >= params.seen_rel * np.median(seen[candidates])
+    agree_n = agrees.sum(axis=1) - 1
+    candidates = known
+    if agree_n.max() >= params.agree_min_n:
+        candidates = known & (agree_n >= params.agree_rel * agree_n.max())
+    candidates = candidates & (seen >= params.seen_rel * np.median(seen[candidates]))
     return _Look(int(np.argmin(np.where(candidates, deformation, np.inf))), deformation, agrees)
 
 

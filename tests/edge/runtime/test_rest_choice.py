@@ -11,12 +11,13 @@ from calib.sim.camera import Camera
 from calib.sim.mechanics import ToolPose
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
+from calib.targets import read_targets
 from edge.calibration import Calibration
 from edge.errors import NoPins, SourceError
 from edge.pins import take_rest
 from edge.runtime.rest_choice import aligned, choose_rest, rest_of_source
 from edge.runtime.tip_match import in_order_of
-from edge.sources import open_source
+from edge.sources import open_source, read_image
 from edge.types import Image, Rest
 
 TIP = Tip(n_pins=127, kind="hex")
@@ -28,11 +29,11 @@ def simulator() -> Simulator:
 
 
 def touches(depths_mm: np.ndarray) -> list[Image]:
-    """A flat surface at these depths, sheared anyhow."""
+    """A flat surface at these depths, tilted and sheared anyhow."""
     one = simulator()
     return [
-        one.frame((ToolPose(depth_mm=float(d), shear_x_mm=x, shear_y_mm=y),)).image
-        for d, (x, y) in zip(depths_mm, RNG.uniform(-1.0, 1.0, (len(depths_mm), 2)), strict=True)
+        one.frame((ToolPose(depth_mm=float(d), tilt_x_deg=15 * u, tilt_y_deg=15 * v, shear_x_mm=x),)).image
+        for d, (u, v, x) in zip(depths_mm, RNG.uniform(-1.0, 1.0, (len(depths_mm), 3)), strict=True)
     ]
 
 
@@ -88,13 +89,9 @@ def test_what_cannot_be_is_said_in_one_line(data_dir: Path, how: str, message: s
 
 @pytest.mark.real
 def test_real_tables_least_deformed_frame_is_a_shallow_one(real_dir: Path) -> None:
-    from calib.targets import read_targets
-
     folder = real_dir / "tactip331_binary"
     targets = read_targets(folder / "targets.csv", folder / "frames")
     some = list(range(0, 600, 10))
-
-    from edge.sources import read_image
 
     choice = choose_rest([read_image(targets.frames[k]) for k in some])
     depth = targets.values["displacement_mm"][some]
