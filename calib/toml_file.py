@@ -1,4 +1,4 @@
-"""TOML files of rigs and protocols: read under the limits of `edge.limits`, wrong ones told in one line."""
+"""TOML files of rigs and protocols: read under the limits of `edge.limits`, errors are one line."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ T = TypeVar("T")
 
 
 def load_toml(path: Path, kind: type[T]) -> tuple[dict[str, Any], T]:
-    """The file's table as it stands there, and as one of the given type.
+    """The file's table as read, and decoded as the given type.
 
-    Raises  ValueError: what is wrong, without the file's name
+    Raises  ValueError: the error, without the file's name
     """
     try:
         table = limits.read_toml(path)

@@ -3,7 +3,7 @@
     Frame -> pins -> track -> tessellate -> features -> calibrate -> Result
 
 While identities are held, only the windows round the predicted pins are read. On loss the whole frame is
-searched and the pins are identified anew, in the same frame. Only features in demand are computed, and a
+searched and the pins are identified again, in the same frame. Only features in demand are computed, and a
 frame whose identities are not trusted yields no values at all.
 """
 

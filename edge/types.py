@@ -1,10 +1,10 @@
-"""The types that flow between the stages; all that stages know of each other.
+"""The types that flow between the stages; stages share nothing else.
 
     FrameSource -> Frame -> [pins] Pins -> [track] Tracks -> [tessellate] Cells
                 -> [features] Features -> [calibration] Reading -> [pack] hostlink.wire.State
 
 Rules
-- Row i is pin i for ever, from the rest frame on. A lost pin is NaN and `seen[i] == False`, never a
+- Row i is always pin i, from the rest frame on. A lost pin is NaN and `seen[i] == False`, never a
   missing row. (`Pins` fresh from full-frame detection are unordered: they have no identity yet.)
 - Frames of reference are part of names. `xy_img`: px, x right, y down, pixel centres on integers.
   `xy_tip`: mm, same axes, origin on the tip's axis, z out of the skin. Images are `[row, col]`, points

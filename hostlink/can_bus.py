@@ -19,14 +19,14 @@ FD_SAMPLE_POINT = 80.0  # percent, both phases; CiA 601-3
 
 
 def open_can_bus(address: Address) -> tuple[can.BusABC, PortLock | None]:
-    """The bus, and the lock of its port where it is a serial-line adapter's; both are the caller's to close.
+    """The bus, and the lock of the port of a serial-line adapter; the caller closes both.
 
-    Raises  what python-can and its drivers raise: can.CanError, OSError, ValueError, TypeError; without a
+    Raises  the errors of python-can and its drivers: can.CanError, OSError, ValueError, TypeError; without a
             driver's own library ImportError, AttributeError, NameError
     """
     import can
 
-    # python-can logs what it also raises; without a handler that would be a second line on stderr.
+    # python-can also logs what it raises; without a handler that would be a second line on stderr.
     logging.getLogger("can").addHandler(logging.NullHandler())
     arguments = address.bus_arguments()
     # Locked before anything is sent to the adapter.

@@ -1,4 +1,4 @@
-"""Libraries that come with an extra of the package: imported when needed, refused in one line without."""
+"""Libraries of the package's extras: imported when needed; a missing one is one line."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["require"]
 
 
 def require(module: str, extra: str) -> Any:
-    """The module. Raises UsageError: it is not installed; which extra brings it."""
+    """The module. Raises UsageError: not installed; the message names the extra."""
     try:
         return import_module(module)
     except ImportError as error:

@@ -7,9 +7,10 @@
 Rules
 - Columns: `COLUMNS`, the same everywhere. Names carry units; frame of reference and sign: WIRE.md.
 - A value that is not valid is NaN; an empty cell in CSV, as pandas and spreadsheets read it.
-- `status` is a number: `frame[frame.status & int(hostlink.NO_CONTROL) == 0]` is what may move a hand.
+- `status` is a number: `frame[frame.status & int(hostlink.NO_CONTROL) == 0]` selects the rows that may move a
+hand.
 - Files are written piece by piece: a recording of hours needs no more memory than one of seconds.
-- A damaged recording is an error here; `decode --csv` or `--parquet` keeps what comes before the damage.
+- A damaged recording is an error here; `decode --csv` or `--parquet` keeps the samples before the damage.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ __all__ = ["COLUMNS", "Column", "row_of", "to_arrays", "to_pandas", "write_csv",
 Source = str | Path | Iterable[Event]
 Row = tuple[float, ...]
 
-ROWS_PER_PIECE: Final = 1 << 14  # 4 MB of columns: large enough that a Parquet row group compresses well
+ROWS_PER_PIECE: Final = 1 << 14  # 4 MB of columns: enough for a Parquet row group to compress well
 _DIGITS: Final = 6  # finer than the smallest step of any field, and the resolution of recorded times
 
 
@@ -112,7 +113,7 @@ def to_pandas(source: Source) -> pd.DataFrame:
 
 
 def write_csv(samples: Iterable[Sample], path: Path) -> int:
-    """Write a table with a line of names; the number of samples. Raises OSError."""
+    """Write a table with a line of names; returns the number of samples. Raises OSError."""
     written_n = 0
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -127,7 +128,7 @@ def write_csv(samples: Iterable[Sample], path: Path) -> int:
 
 
 def write_parquet(samples: Iterable[Sample], path: Path) -> int:
-    """Write a Parquet file, units and meanings as metadata of its columns; the number of samples.
+    """Write a Parquet file, units and meanings as metadata of its columns; returns the number of samples.
 
     Raises  UsageError: pyarrow is not installed; OSError
     """

@@ -1,4 +1,4 @@
-"""The report's sections: what was captured is fitted and judged; each gives what must hold."""
+"""The report's sections: captured data are fitted and evaluated; each section returns its checks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from edge.calibration import Calibration
 __all__ = ["Requirement", "Seen", "contacts", "paper", "real", "slips", "tilted"]
 
 Rows = NDArray[np.intp]
-HELD_OUT = 0.2  # share of random poses that the fit does not see
+HELD_OUT = 0.2  # share of random poses that is held out
 NETWORK = (
     "depth 0.148 mm, tilt 1.27 and 1.45 deg, shear 1.22 and 1.19 mm, torsion 1.60 deg, direction 25.9 deg"
 )
@@ -248,7 +248,7 @@ def _bars(section: Section, bars: Seen) -> list[Requirement]:
 
 
 def _column(seen: Seen, name: str) -> NDArray[np.str_]:
-    """A column of a capture's table, as it stands there."""
+    """A column of a capture's table, unchanged."""
     return np.array([row[name] for row in seen.data.rows])
 
 

@@ -25,7 +25,7 @@ Rules
   - Decisions are exact (`predicates`). So every flip lowers the lifted surface and the loop terminates;
     equality (cocircular) never flips.
   - Areas carry a running error bound; a cell whose bound exceeds AREA_TOLERANCE of its area is
-    summed again from exact weights, where each term is good to a few ulp whatever the input.
+    summed again from exact weights, where each term is good to a few ulp for any input.
   - Only differences of coordinates enter: no origin, no scale.
   - Points come in this order: pins, whose areas are wanted; boundary points, that bound their cells;
     fence points, that stand round the boundary. A cell that reaches the fence is not bounded; its
@@ -77,7 +77,7 @@ EXTENT_MAX = cython.declare(cython.double, 2.0**66)
 SNAP = cython.declare(cython.double, 2.0**-140)
 # Flips a triangle beyond which a new triangulation is cheaper.
 FLIPS_PER_TRIANGLE = cython.declare(cython.Py_ssize_t, 32)
-# Passes over the triangles that turned over, before the triangulation is made anew.
+# Passes over the triangles that turned over, before it is triangulated from scratch.
 REPAIR_PASSES = cython.declare(cython.Py_ssize_t, 8)
 
 # Outcomes of an update.

@@ -1,4 +1,4 @@
-"""Relative area change of every pin's cell, lost ones included, and the volume of what has grown.
+"""Relative area change of every pin's cell, lost ones included, and the volume of the compressed part.
 
     cells' areas --> area change --gaps filled--> of all n pins --> volume
 
@@ -89,7 +89,7 @@ class AreaChange:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _between(self, xy: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t) -> cython.double:
-        """Area change at pin i as the motion of its ring has it: the determinant of the gradient, less 1."""
+        """Area change at pin i by the motion of its ring: the determinant of the gradient, less 1."""
         j: cython.Py_ssize_t
         k: cython.Py_ssize_t
         x: cython.double

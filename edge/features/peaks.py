@@ -89,7 +89,7 @@ class PeakFinder:
         """Find the peaks above noise_factor times the noise at the point, and above `least`.
 
         noise    (k,) float32
-        Returns  number of peaks, PEAKS_MAX at the most
+        Returns  number of peaks, PEAKS_MAX at most
         Raises   ValueError: another number of points
         """
         if noise.shape[0] != self.place.shape[0]:
@@ -115,7 +115,7 @@ class PeakFinder:
         these.
 
         member   (k,) uint8; points (at least n,) int32, which of the k points
-        Returns  number of peaks, PEAKS_MAX at the most
+        Returns  number of peaks, PEAKS_MAX at most
         Raises   ValueError: sizes that do not fit, no such point
         """
         k: cython.Py_ssize_t = self.place.shape[0]

@@ -7,7 +7,7 @@ Rules
   lower one and by a multiple of the pins' noise there (topographic prominence, relative).
 - The region of a contact is what lies above a share of its peak and is nearest to one of its peaks. A share
   rather than a fixed height, so that the region does not grow with the depth alone.
-- Contacts are in the order of their highest peaks, CONTACTS_MAX at the most.
+- Contacts are in the order of their highest peaks, CONTACTS_MAX at most.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -349,7 +349,7 @@ class Regions:
         w: cython.double = self._sums[i, 0]
         x: cython.double = self._sums[i, 1] / w
         y: cython.double = self._sums[i, 2] / w
-        # 1/12: a grid point stands for a square of one step.
+        # 1/12: a grid point represents a square of one step.
         xx: cython.double = self._sums[i, 3] / w - x * x + 1.0 / 12.0
         xy: cython.double = self._sums[i, 4] / w - x * y
         yy: cython.double = self._sums[i, 5] / w - y * y + 1.0 / 12.0

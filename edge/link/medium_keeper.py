@@ -11,10 +11,10 @@ __all__ = ["MediumKeeper"]
 
 
 class MediumKeeper:
-    """Whoever calls a method holds the link's lock.
+    """Methods are called with the link's lock held.
 
     current  the open medium; None: lost
-    lost     it was lost, and nothing has left since: one that opens may still not take frames
+    lost     it was lost, and nothing was sent since: one that opens may still not take frames
 
     open_medium  opens the medium; raises MediumError with a line for the user
     retry_s      least time between two attempts
@@ -28,27 +28,27 @@ class MediumKeeper:
         self._tried_s = time.monotonic()
 
     def lose(self, medium: Medium) -> bool:
-        """This medium has failed; False: that was known."""
+        """Note that this medium has failed; False: known already."""
         if self.current is not medium:
             return False
         self.current, self._failed, self.lost = None, medium, True
         return True
 
     def take_failed(self) -> Medium | None:
-        """What must be closed before another one is opened."""
+        """The media to close before another one is opened."""
         failed, self._failed = self._failed, None
         return failed
 
     @property
     def pause_s(self) -> float:
-        """How long to wait before the next attempt.
+        """Time to wait before the next attempt.
 
         SocketCAN opens on an interface that is down, and fails at once: do not retry without a pause.
         """
         return max(0.0, self._tried_s + self._retry_s - time.monotonic())
 
     def try_open(self) -> Medium | None:
-        """Another medium, which is not in use yet; None: it cannot be opened now. Needs no lock."""
+        """Open another medium, not in use yet; None: not possible now. Needs no lock."""
         self._tried_s = time.monotonic()
         try:
             return self._open_medium()

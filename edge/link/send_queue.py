@@ -1,7 +1,7 @@
-"""What waits to be sent: answers and emergencies first, then samples, then detail, one item at a time.
+"""The queue of a link: answers and emergencies first, then samples, then detail, one item at a time.
 
-Detail is taken only when nothing else waits, and its items keep a distance: a sample cannot overtake what
-lies in the driver's queue, so there must never be more than one.
+Detail is taken only when nothing else waits, and its items keep a distance: a sample cannot overtake
+items in the driver's queue, so there must never be more than one.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ class _Periodic:
 
 
 class SendQueue:
-    """The items that wait. Whoever calls holds the link's lock.
+    """The items that wait. Methods are called with the link's lock held.
 
-    samples_n, control_n  how many samples and answers may wait; the oldest gives way
+    samples_n, control_n  samples and answers that may wait; the oldest is dropped
     """
 
     def __init__(self, samples_n: int, control_n: int) -> None:
@@ -54,7 +54,7 @@ class SendQueue:
         return not self.waiting and self._in_hand is None
 
     def put_sample(self, items: Sequence[Any]) -> bool:
-        """Add the items of a sample; False: an older sample had to give way."""
+        """Add the items of a sample; False: an older sample was dropped."""
         self._samples.append(items)
         kept = len(self._samples) <= self._samples_n
         if not kept:
@@ -77,7 +77,7 @@ class SendQueue:
             self._periodic[key] = _Periodic(period_s, make, now_s + period_s)
 
     def wait_s(self, now_s: float) -> float | None:
-        """How long until there is something to take; None: until something is put."""
+        """Time until there is an item to take; None: until one is put."""
         if self._samples or self._control:
             return 0.0
         due = [series.due_s for series in self._periodic.values()]
@@ -104,7 +104,7 @@ class SendQueue:
         return None
 
     def done(self, written: bool) -> dict[str, int]:
-        """What was taken has been written, or not; what that adds to `SinkCounters`."""
+        """Note that the items taken were written, or not; returns the changes of `SinkCounters`."""
         kind, self._in_hand = self._in_hand, None
         if kind == "sample":
             return {"sent": 1} if written else {"dropped": 1}
@@ -114,7 +114,7 @@ class SendQueue:
         return {"detail_sent": 1} if kind == "detail" and not self._detail else {}
 
     def clear(self) -> int:
-        """Drop all that waits; how many samples that were."""
+        """Drop all that waits; returns the number of samples."""
         samples_n = len(self._samples)
         self._samples.clear()
         self._control.clear()

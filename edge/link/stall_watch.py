@@ -1,6 +1,6 @@
-"""Since when a link has sent nothing, and a wake-up for whoever reports it.
+"""Detects that a link sends nothing, and wakes the thread that reports it.
 
-Whoever writes or drops reports it here. One thread sleeps in `wait` until something may have changed, or a
+Writes and drops are reported here. One thread sleeps in `wait` until something may have changed, or a
 stall has lasted so long that it is a fault. Times are `time.monotonic`.
 """
 
@@ -13,11 +13,11 @@ __all__ = ["StallWatch"]
 
 
 class StallWatch:
-    """stall_s  how long nothing may leave."""
+    """stall_s  longest time without a sent item."""
 
     def __init__(self, stall_s: float) -> None:
         self._stall_s = stall_s
-        self._refused_s: float | None = None  # since when nothing was taken
+        self._refused_s: float | None = None  # since when nothing was accepted
         self._write_s: float | None = None  # when the present write began
         self._slow_write_s: float | None = None  # begin of the last write that may block
         self._slow_write_watched = False
@@ -26,7 +26,7 @@ class StallWatch:
 
     @property
     def stalled(self) -> bool:
-        """Whether nothing has left for too long."""
+        """Whether nothing was sent for too long."""
         now_s = time.monotonic()
         return any(t is not None and now_s - t > self._stall_s for t in (self._refused_s, self._write_s))
 
@@ -36,7 +36,7 @@ class StallWatch:
         return self._write_s is not None
 
     def write_begins(self, may_block: bool) -> float:
-        """A write begins now; the time of it."""
+        """Note that a write begins now; returns the time."""
         began_s = self._write_s = time.monotonic()
         if may_block:
             self._slow_write_s = began_s
@@ -46,37 +46,37 @@ class StallWatch:
         return began_s
 
     def write_ends(self) -> None:
-        """However it ended."""
+        """Note that the write has ended, in any way."""
         self._write_s = None
 
     def left(self, began_s: float, recovered: bool) -> None:
-        """A write that began then has succeeded; recovered: a fault ends with it."""
+        """Note that a write that began then has succeeded; recovered: a fault ends with it."""
         recovered |= self._refused_s is not None or time.monotonic() - began_s > self._stall_s
         self._refused_s = None
         if recovered:
             self._changed.set()
 
     def refused(self, since_s: float) -> None:
-        """The medium has taken nothing since then."""
+        """Note that the medium has accepted nothing since then."""
         if self._refused_s is None:
             self._refused_s = since_s
         self._changed.set()
 
     def dropped(self) -> None:
-        """A sample was dropped."""
+        """Note that a sample was dropped."""
         if self._refused_s is None:
             self.refused(time.monotonic())
 
     def reopened(self) -> None:
-        """Refusals until now were those of the old medium."""
+        """Forget the refusals of the old medium."""
         self._refused_s = None
 
     def wake(self) -> None:
-        """Something else happened that may be a fault, or the end of one."""
+        """Wake the waiting thread: a fault may have begun or ended."""
         self._changed.set()
 
     def wait(self) -> None:
-        """Return when a fault of the link may have come or gone."""
+        """Return when a fault of the link may have appeared or cleared."""
         self._changed.wait(self._until_stalled_s())
         self._changed.clear()
         self._checked_s = time.monotonic()

@@ -412,7 +412,7 @@ class CentroidKernel:
         limit_y: cython.double = 4 * variance * n.ty2 * n.inv_det_y
         keep_x: cython.double = 1 - limit_x / (gx * gx) if gx * gx > limit_x else 0.0
         keep_y: cython.double = 1 - limit_y / (gy * gy) if gy * gy > limit_y else 0.0
-        # what a slope of the surroundings explains is no evidence against the disc
+        # variation that the slope of the surroundings explains does not count against the disc
         level_energy: cython.double = energy - gx * su - gy * sv
         ex = (s_tx - n.tx_u * gx * keep_x) * n.inv_tx2 * inverse
         ey = (s_ty - n.ty_v * gy * keep_y) * n.inv_ty2 * inverse

@@ -3,7 +3,7 @@
 Idea
 - Only a sliver of such a pin is visible. Its inner edge is still the pin's own, an arc of known radius; its
   outer edge is the border's. One circle of that radius fits the inner arc, and its middle is the pin's,
-  however much the border hides and whatever shape the border has.
+  for any shape of the border and any hidden part.
 
 Rules
 - Looked for outside of the pins that were found whole, next to them, and only where pins are missing.

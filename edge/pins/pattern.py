@@ -86,7 +86,7 @@ def fills_gap(spots: Spots, pins: Spots) -> Mask:
 def unevenness(spots: Spots) -> float:
     """How much neighbours differ: log scatter of size, of depth and of the nearest distance.
 
-    The weights separate the tips at hand best from textures.
+    The weights separate the known tips best from textures.
     """
     distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=PARAMS.neighbours + 1)
     values = (spots.radius_px, spots.depth, distance[:, 1])

@@ -1,4 +1,4 @@
-"""The rest frame: the untouched tip, from several images; row i defines pin i for ever after."""
+"""The rest frame: the untouched tip, from several images; row i defines pin i from then on."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND) -> R
         mean += grey
     average = cast(Image, np.rint(mean / len(greys)).astype(greys[0].dtype))
     pattern, pins = learn(average, Polarity.BRIGHT)
-    # The noise is that of a single image, as later frames have it, not that of the mean.
+    # The noise is that of a single image, like later frames, not that of the mean.
     pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])), dark=dark)
     order = np.lexsort((pins.xy_img[:, 0], np.rint(pins.xy_img[:, 1] / pattern.pitch_px)))
     pins = Pins(pins.xy_img[order], pins.sigma_px[order], pins.radius_px[order], pins.brightness[order])

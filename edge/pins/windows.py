@@ -28,7 +28,7 @@ def sums_of_bytes(
 ) -> None:
     """Sums over a window, relative to `level`, of I d, I tx, I ty, I, I u, I v, I^2 within the support.
 
-    at      where d, tx, ty of one phase stand in `templates`, n each
+    at      begin of d, tx, ty of one phase in `templates`, n each
     common  where the support, u and v stand
     """
     _sums(pixels[:n].astype(np.int64) - level, templates, at, common, n, sums)

@@ -1,4 +1,4 @@
-"""Faults that a measured number decides, as a table, and the lines that walk it."""
+"""A table of faults that follow from a measured number, and its evaluation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Check:
     measure  name of the number
     unit     of the number and of both limits
     reason   for the log; a format of the numbers measured
-    below    the number reaches a limit from above
+    below    the fault is below the limits
     """
 
     code: FaultCode

@@ -199,7 +199,7 @@ class Loop:
         return self.measurement.tares_n
 
     def forget_drift(self) -> None:
-        """Measure from the rest frame as it was taken, until drift is learnt anew."""
+        """Measure from the rest frame as it was taken, until drift is learnt again."""
         self.measurement.forget_drift()
 
     def set_demand(self, demand: frozenset[Feature]) -> None:

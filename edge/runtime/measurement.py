@@ -113,7 +113,7 @@ class Measurement:
             self.pipeline.demand = self.demand | self._shown
 
     def forget_drift(self) -> None:
-        """Measure from the rest frame as it was taken, until drift is learnt anew."""
+        """Measure from the rest frame as it was taken, until drift is learnt again."""
         if self.drift is not None:
             self.drift.forget()
 

@@ -154,7 +154,7 @@ class TareState:
         return job.result()
 
     def restart(self) -> None:
-        """Collect anew."""
+        """Restart collecting."""
         self.frames = []
 
     def finish(self, state: RestFrameState, reason: RestFrameReason, message: str) -> None:

@@ -59,7 +59,7 @@ class LocalAffine:
         self.ridge = ridge
 
     def predict(self, motion: Array, known: Mask) -> tuple[Array, Array, Array]:
-        """Motion of each pin as its known neighbours have it.
+        """Motion of each pin as predicted by its known neighbours.
 
         motion   (n, 2) float64, px; ignored where not known
         known    (n,) bool

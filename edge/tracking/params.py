@@ -72,7 +72,7 @@ class TrackingParams:
     clash_reach: float = (
         0.8  # pitches; an unassigned blob this near to an unmatched pin should have been its own
     )
-    free_space: float = 0.5  # pitches; an unassigned blob nearer to a matched one is no pin
+    free_space: float = 0.5  # pitches; an unassigned blob nearer to a matched one is not a pin
     cost_per_pitch: float = 3.0  # pins, for a root-mean-square motion of one local pitch
     cost_of_rotation: float = 40.0  # pins, for the square of a mean rotation of one pitch
     rotation_max: float = 0.15  # pitches; beyond, a lower deformation cost gives no margin
@@ -97,7 +97,7 @@ class TrackingParams:
     neighbours_few: float = 3.6  # with no more than these ...
     residual_few: float = 0.08  # ... a pin's residual may be no larger
     neighbours_of: float = 6.0
-    unassigned_reach: float = 1.3  # pitches; unassigned blobs that speak against a pin
+    unassigned_reach: float = 1.3  # pitches; unassigned blobs that count against a pin
     unassigned_by_chance: float = 2.0  # times the frame's mean, that do not
     crowded: float = 0.3  # pitches; an unassigned blob this near may be the pin as well
     # --- repair of inconsistent places

@@ -1,4 +1,4 @@
-"""What the stage knows of a tip: made once from the rest frame, shared by all parts of the stage."""
+"""The stage's model of a tip: made once from the rest frame, shared by all its parts."""
 
 from __future__ import annotations
 

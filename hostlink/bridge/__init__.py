@@ -3,6 +3,6 @@
     link thread --on_sample--> queue --> Outlet.publish          one thread, in order
                                Board --> Outlet.report           once a second
 
-Each outlet is a module and an extra of its own. What they share is in `run` and `values`: reading a hand,
-stamps, diagnoses, tare. A finger notices nothing of it: everything runs on the host.
+Each outlet is a separate module and extra. Common code is in `run` and `values`: reading a hand,
+stamps, diagnoses, tare. Everything runs on the host; fingers are not affected.
 """

@@ -8,10 +8,10 @@
     finger_1.rate_hz .. parameters: what can be set, by the names of WIRE.md
 
 Rules
-- The protocol knows no passwords: who can reach the server can look. Only on a loopback address can viewers
-  tare and set.
+- The protocol has no passwords: everybody who can reach the server may watch. Only on a loopback address may
+  viewers tare and set.
 - A message is made only while somebody watches its topic, or a file is written.
-- Lengths in metres, as 3D panels have them; the sample's own values keep their units, by name.
+- Lengths in metres, as in 3D panels; the sample's own values keep their units, by name.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ LAYOUT = Path(__file__).with_name("foxglove_layout.json")  # a view of five fing
 PARAMETERS = ("rate_hz", "divider", "features", "detail_divider")
 SPACING_M = 0.03  # between two tips
 _CONTACT_M = 0.002  # a contact is drawn so wide, and wider with its depth
-_LIFETIME_S = 0.5  # a finger that fell silent touches nothing
+_LIFETIME_S = 0.5  # no contact is shown for a silent finger
 _MM = 1e-3
 
 SAMPLE = {
@@ -92,7 +92,7 @@ _TRIGGERED = {"type": "object", "properties": {"success": {"type": "boolean"}, "
 class FoxgloveOutlet:
     """A server for viewers, and a recording where `record` names a file (which must not exist).
 
-    listen  where; on a loopback address viewers may tare and set
+    listen  address; on a loopback address viewers may tare and set
     Raises  UsageError: extra not installed, or the address is taken
     """
 
@@ -125,7 +125,7 @@ class FoxgloveOutlet:
 
     @property
     def url(self) -> str:
-        """What a viewer connects to."""
+        """The server that viewers connect to."""
         return f"ws://127.0.0.1:{self.server.port}"
 
     def _json_channel(self, topic: str, schema: dict[str, Any]) -> Any:
@@ -143,7 +143,7 @@ class FoxgloveOutlet:
             self.server.add_services([_tare_service(self._sdk, name, finger)])
 
     def publish(self, sample: Sample) -> None:
-        """Stamped with when the image was taken."""
+        """Publish it with the capture time of the image."""
         at_ns = stamp_ns(sample)
         channel, scene = self._samples[sample.finger], self._scenes[sample.finger]
         if channel.has_sinks():
@@ -158,7 +158,7 @@ class FoxgloveOutlet:
             scene.log(self._scene(sample.finger, sample.state, at_ns), log_time=at_ns)
 
     def report(self, diagnoses: Sequence[Diagnosis]) -> None:
-        """Diagnoses, and where the tips are drawn."""
+        """Publish diagnoses, and the places of the tips."""
         now_ns = time.time_ns()
         sec, nsec = divmod(now_ns, 1_000_000_000)
         status = [
@@ -213,7 +213,7 @@ class FoxgloveOutlet:
         return m.SceneUpdate(entities=[entity])
 
     def close(self) -> None:
-        """End the server; the file is whole."""
+        """End the server, and complete the file."""
         self.server.stop()
         if self._file is not None:
             self._file.close()
@@ -229,7 +229,7 @@ def _turn(m: Any, x: float = 1.0, y: float = 0.0, z: float = 0.0) -> Any:
     # half-way vector between the axis and the direction: q = (axis x direction, 1 + axis . direction)
     w, qy, qz = length + x, -z, y
     norm = hypot(w, qy, qz)
-    if norm == 0.0:  # the other way round
+    if norm == 0.0:  # opposite directions
         return m.Quaternion(x=0.0, y=0.0, z=1.0, w=0.0)
     return m.Quaternion(x=0.0, y=qy / norm, z=qz / norm, w=w / norm)
 
@@ -267,7 +267,9 @@ def _tare_service(sdk: Any, name: str, finger: Finger) -> Any:
 
 
 class _Parameters:
-    """What viewers read and set. Called from the server's threads; the fingers are asked, nothing is kept."""
+    """What viewers read and set. Called from the server's threads; values are read from the fingers each
+    time.
+    """
 
     def __init__(self, sdk: Any, fingers: dict[str, Finger]) -> None:
         self._sdk, self._fingers = sdk, fingers
@@ -281,7 +283,7 @@ class _Parameters:
     def on_set_parameters(
         self, _client: Any, parameters: Sequence[Any], _request_id: Any = None
     ) -> list[Any]:
-        """The values as they are afterwards: one that was refused is the one before."""
+        """The values afterwards; a refused one is unchanged."""
         with self._asking:
             for parameter in parameters:
                 self._write(parameter.name, parameter.get_value())

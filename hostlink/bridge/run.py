@@ -1,10 +1,10 @@
 """The bridge's loop: samples and diagnoses of a hand to its outlets, until it is stopped.
 
 Rules
-- The link's thread only puts into a queue. When an outlet is slower than the hand, the oldest sample goes,
-  and `left_out_n` counts it: a late sample is worth less than a new one.
-- A finger is announced when it is heard; that it is of another version is a diagnosis, no end.
-- What an outlet raises on purpose (a viewer or router that left) it handles itself.
+- The link's thread only puts into a queue. When an outlet is slower than the hand, the oldest sample is
+  dropped, and `left_out_n` counts it: a late sample is worth less than a new one.
+- A finger is announced with its first message; another version is reported as a diagnosis.
+- An outlet handles its own errors (a viewer or router that left).
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ REPORT_S = 1.0  # rate at which `diagnostic_updater` and its viewers expect diag
 
 
 class Outlet(Protocol):
-    """Where samples go. All from one thread."""
+    """Receives samples. All calls come from one thread."""
 
     def add_finger(self, finger: Finger) -> None:
-        """A finger was heard for the first time."""
+        """Add a finger, at its first message."""
         ...
 
     def publish(self, sample: Sample) -> None:
-        """A sample of a finger that was added."""
+        """Publish a sample of a finger that was added."""
         ...
 
     def report(self, diagnoses: Sequence[Diagnosis]) -> None:
-        """Of all fingers, once a second."""
+        """Publish the state of all fingers, once a second."""
         ...
 
     def close(self) -> None:
@@ -50,9 +50,9 @@ class Outlet(Protocol):
 
 
 class Bridge:
-    """Carries samples of a connection to outlets; `run` in one thread, `stop` from any.
+    """Passes samples of a connection to outlets; `run` in one thread, `stop` from any.
 
-    left_out_n  samples that went because the outlets were too slow
+    left_out_n  samples dropped because the outlets were too slow
     """
 
     def __init__(self, hand: Connection, outlets: Sequence[Outlet]) -> None:
@@ -64,7 +64,7 @@ class Bridge:
         self.left_out_n = 0
 
     def run(self, seconds: float | None = None) -> None:
-        """Until `stop`, or the time is up."""
+        """Run until `stop`, or the time is up."""
         end_s = None if seconds is None else time.monotonic() + seconds
         report_s = time.monotonic() + REPORT_S
         remove = self._hand.on_sample(self._put)
@@ -109,7 +109,7 @@ class Bridge:
         finger = self._hand.fingers[node]
         for outlet in self._outlets:
             outlet.add_finger(finger)
-        # Asked beside the samples: a finger that does not answer must not hold them up.
+        # In another thread: a finger that does not answer must not delay samples.
         threading.Thread(target=self._ask_serial_number, args=(finger,), daemon=True).start()
 
     def _ask_serial_number(self, finger: Finger) -> None:

@@ -1,4 +1,4 @@
-"""A sample as other programs want it: stamps on the host's wall clock, diagnoses, JSON."""
+"""A sample in the form of other programs: stamps on the host's wall clock, diagnoses, JSON."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _DIGITS = 6  # finer than the smallest step of any field
 
 
 class Level(IntEnum):
-    """Of `diagnostic_msgs/DiagnosticStatus`."""
+    """Levels of `diagnostic_msgs/DiagnosticStatus`."""
 
     OK = 0
     WARN = 1
@@ -41,18 +41,18 @@ class Diagnosis:
 
 
 def finger_name(node: int) -> str:
-    """How a finger is called in topics, frames of reference, services and parameters."""
+    """Name of a finger in topics, frames of reference, services and parameters."""
     return f"finger_{node}"
 
 
 def stamp_ns(sample: Sample) -> int:
-    """When the image was taken, ns since 1970 on the host's clock; now, where that is not known."""
+    """Capture time, ns since 1970 on the host's clock; the present if it is not known."""
     age_s = sample.age_s
     return time.time_ns() - (round(age_s * 1e9) if isfinite(age_s) else 0)
 
 
 def values_of(state: State) -> dict[str, Any]:
-    """The fields by name, as JSON has them: a value that is not valid is None, status bits are names."""
+    """The fields by name, as JSON types: an invalid value is None, status bits are names."""
     values: dict[str, Any] = {name: _plain(value) for name, value in asdict(state).items()}
     values["status"] = [bit.name for bit in Status if bit in state.status]
     return values
@@ -69,7 +69,7 @@ def _plain(value: Any) -> Any:
 
 
 def diagnose(row: FingerRow, finger: Finger, serial_number: str) -> Diagnosis:
-    """What the status bits, the faults and the link say of a finger."""
+    """State of a finger from the status bits, the faults and the link."""
     if row.state is None:
         level, message = Level.STALE, row.problem or "no samples"
     elif row.state.status & NO_CONTROL:
@@ -89,7 +89,7 @@ def diagnose(row: FingerRow, finger: Finger, serial_number: str) -> Diagnosis:
 
 
 def tare(finger: Finger, force: bool = False) -> tuple[bool, str]:
-    """Take a rest frame; whether it is in use now, and what to say."""
+    """Take a rest frame; returns whether it is in use now, and a message."""
     try:
         outcome = finger.tare(force)
     except LinkError as error:

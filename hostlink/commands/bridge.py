@@ -36,12 +36,12 @@ from hostlink.web import Listen, WebError, parse_listen
 def bridge(
     address: str, foxglove: bool, listen: str, record: Path | None, overwrite: bool, seconds: float | None
 ) -> None:
-    """Bring the fingers at ADDRESS to other programs."""
+    """Pass the samples of the fingers at ADDRESS to other programs."""
     if not foxglove:
         raise UsageError("bridge: where to? give --foxglove")
     path = None if record is None else check_output(record, (".mcap",), overwrite=overwrite)
     where = _listen(listen)
-    # `timeout` and systemd end a program so: as with Ctrl-C, what was recorded until then is the recording.
+    # `timeout` and systemd end a program with SIGTERM: as with Ctrl-C, the recording up to then is kept.
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with ExitStack() as stack:
@@ -53,7 +53,7 @@ def bridge(
             carrier = Bridge(stack.enter_context(connect(address)), outlets)
             try:
                 carrier.run(seconds)
-            except KeyboardInterrupt:  # how one ends it
+            except KeyboardInterrupt:  # the normal end
                 click.echo("", err=True)
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -63,7 +63,7 @@ def bridge(
 
 def _listen(text: str) -> Listen:
     try:
-        # No token is part of the protocol: `auto` stands for "others may look", they cannot do anything.
+        # The protocol has no token: `auto` means that others may watch, but give no commands.
         return parse_listen(text, "auto")
     except WebError as error:
         raise UsageError(str(error)) from None
@@ -73,7 +73,7 @@ def _foxglove(listen: Listen, file: Path | None) -> Outlet:
     from hostlink.bridge.foxglove import LAYOUT, FoxgloveOutlet
 
     if file is not None:
-        file.unlink()  # an empty one that `writing` made; the SDK makes its own
+        file.unlink()  # an empty one made by `writing`; the SDK creates its own
     outlet = FoxgloveOutlet(listen, file)
     click.echo(f"foxglove: {outlet.url}; layout to import: {LAYOUT}", err=True)
     return outlet

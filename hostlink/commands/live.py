@@ -73,7 +73,7 @@ def _print_lines(board: Board, end_s: float | None, address: str) -> None:
         for row in rows:
             click.echo(line(row))
         if not rows:
-            click.echo(f"{address}: nothing heard yet")
+            click.echo(f"{address}: nothing received yet")
         sys.stdout.flush()
 
 

@@ -69,12 +69,12 @@ class Board:
         self._updated_s = time.monotonic()
 
     def rows(self) -> list[FingerRow]:
-        """A row for each finger heard so far, and for each node with a heartbeat alone."""
+        """A row for each finger received so far, and for each node with a heartbeat alone."""
         now_s = time.monotonic()
         passed_s, self._updated_s = max(now_s - self._updated_s, 1e-3), now_s
         rows = []
-        heard = {**self._connection.silent_nodes, **self._connection.fingers}
-        for node, finger in sorted(heard.items()):
+        received = {**self._connection.silent_nodes, **self._connection.fingers}
+        for node, finger in sorted(received.items()):
             sample = None if finger.mismatch is not None else finger.latest(self.STALE_S)
             s = finger.statistics
             fresh_n = s.received_n - self._counts.get(node, 0)
@@ -126,7 +126,7 @@ def screen(rows: Sequence[FingerRow], title: str) -> Group:
     from rich.text import Text
 
     if not rows:
-        return Group(Text(title), Text("nothing heard yet"))
+        return Group(Text(title), Text("nothing received yet"))
     return Group(
         _table(rows, title), *(Text(f"finger {row.finger}: {row.problem}") for row in rows if row.problem)
     )

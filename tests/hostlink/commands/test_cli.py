@@ -179,7 +179,7 @@ def test_monitor_prints_lines_without_a_terminal(
 def test_monitor_of_a_silent_bus_is_no_success(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("monitor", "virtual:silent", "--seconds", "0.2") == 1
     out, err = capsys.readouterr()
-    assert out == "virtual:silent: nothing heard yet\n"
+    assert out == "virtual:silent: nothing received yet\n"
     assert err == "error: virtual:silent: no finger was heard for 0.2 s\n"
 
 
