@@ -24,6 +24,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
+from edge.geometry.thin_plate import thin_plate_at
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
 
@@ -191,23 +192,9 @@ def _places(tip: TrackedTip, unmatched: Mask) -> list[Index]:
 
 def _predicted(tip: TrackedTip, now: Array, known: Mask, pins: Index) -> Array:
     """(k, 2) px, the thin plate through the known pins' motion, read at `pins`."""
-    knots, at = tip.rest_xy[known] / tip.pitch_px, tip.rest_xy[pins] / tip.pitch_px
-    middle = knots.mean(0)
-    flat = np.column_stack([np.ones(len(knots)), knots - middle])
-    size = len(knots)
-    system = np.zeros((size + 3, size + 3))
-    system[:size, :size] = _plate(knots, knots) + tip.params.repair_ridge * np.eye(size)
-    system[:size, size:], system[size:, :size] = flat, flat.T
-    right = np.zeros((size + 3, 2))
-    right[:size] = now[known] - tip.rest_xy[known]
-    terms = np.linalg.solve(system, right)
-    reading = np.column_stack([_plate(at, knots), np.ones(len(at)), at - middle])
-    return np.asarray(tip.rest_xy[pins] + reading @ terms, np.float64)
-
-
-def _plate(a: Array, b: Array) -> Array:
-    square = cdist(a, b, "sqeuclidean")
-    return np.asarray(0.5 * square * np.log(np.maximum(square, 1e-12)), np.float64)
+    knots, points = tip.rest_xy[known] / tip.pitch_px, tip.rest_xy[pins] / tip.pitch_px
+    motion = now[known] - tip.rest_xy[known]
+    return tip.rest_xy[pins] + thin_plate_at(knots, motion, points, tip.params.repair_ridge)
 
 
 def _plausible(tip: TrackedTip, motion: Array, known: Mask, uncertain: Mask, complete: bool) -> bool:
