@@ -16,6 +16,7 @@ Rules
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -104,6 +105,30 @@ class FrameSource(Protocol):
     def __iter__(self) -> Iterator[Frame]: ...
 
     def close(self) -> None: ...
+
+
+@runtime_checkable
+class RecordedSource(FrameSource, Protocol):
+    """A source with an end.
+
+    frames_n  images in it; 0: not known before it has been read
+    faults    how often each kind of damage was met, in the last reading
+    """
+
+    faults: Counter[str]
+
+    @property
+    def frames_n(self) -> int: ...
+
+
+@runtime_checkable
+class AdjustableSource(FrameSource, Protocol):
+    """A camera with settings.
+
+    refused  settings that it did not take, in words
+    """
+
+    refused: list[str]
 
 
 @runtime_checkable

@@ -23,7 +23,7 @@ from edge.runtime.board_monitor import PARAMS as BOARD
 from edge.runtime.image_quality import PARAMS as IMAGE
 from edge.runtime.image_quality import level_of
 from edge.runtime.tip_match import in_order_of
-from edge.types import Frame, FrameSource, LiveSource, Polarity, Rest
+from edge.types import AdjustableSource, Frame, FrameSource, LiveSource, Polarity, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
 
 __all__ = [
@@ -102,10 +102,11 @@ def camera(source: FrameSource, frames: Sequence[Frame], seconds: float, config:
         ]
     width, height = source.size_px
     lines = [Line("camera", "ok", f"{source.name}, {width}x{height}")]
-    refused = getattr(source, "refused", [])
-    if refused:
+    if isinstance(source, AdjustableSource) and source.refused:
         lines.append(
-            Line("camera", "warn", "; ".join(refused), "set what the camera has: v4l2-ctl --list-ctrls")
+            Line(
+                "camera", "warn", "; ".join(source.refused), "set what the camera has: v4l2-ctl --list-ctrls"
+            )
         )
     if source.live and len(frames) > 1:
         steps_s = np.diff([f.capture_ns for f in frames]) / 1e9

@@ -33,7 +33,7 @@ from edge.pipeline import Pipeline, Result
 from edge.runtime.rest_choice import GivenRest, rest_of_source
 from edge.runtime.tare import TareParams, tare
 from edge.sources import open_source
-from edge.types import Feature, FrameSource, Reading
+from edge.types import Feature, FrameSource, Reading, RecordedSource
 from edge.view.palette import PAPER, SAFE
 from edge.view.panels import View, picture
 from edge.view.video import CODECS, write_video
@@ -198,8 +198,9 @@ def _render(
                 caption=caption(result),
             )
 
+    frames_n = source.frames_n if isinstance(source, RecordedSource) else 0
     with bar(progress) as shown:
-        task = shown.add_task(out.name, total=getattr(source, "frames_n", 0) or None)
+        task = shown.add_task(out.name, total=frames_n or None)
         drawn = (_counted(shown, task, one) for one in pictures())
         frames_n = write_video(drawn, out, rate_hz)
     return Made(frames_n, unidentified_n, len(rest), rate_hz)

@@ -97,9 +97,10 @@ def _use_rest(loop: Loop, recording: str, how: str, quiet: bool) -> None:
 def _open(recording: str, speed: float | str, again: bool) -> tuple[FrameSource, int]:
     """The source, and how many frames it has; 0: not known. Raises SourceError."""
     from edge.sources import Paced, open_source
+    from edge.types import RecordedSource
 
     source = open_source(recording)
-    total_n: int = getattr(source, "frames_n", 0)
+    total_n = source.frames_n if isinstance(source, RecordedSource) else 0
     return (source if isinstance(speed, str) else Paced(source, speed=speed, loop=again)), total_n
 
 

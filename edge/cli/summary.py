@@ -53,8 +53,13 @@ LABELS = {
 
 def damage_of(source: FrameSource) -> str:
     """Message on the unreadable part of a recording; known once it has been read. Empty: none."""
-    recorded = getattr(source, "source", source)  # of a paced one
-    found = {_DAMAGE.get(what, what): n for what, n in getattr(recorded, "faults", {}).items() if n}
+    from edge.sources import Paced
+    from edge.types import RecordedSource
+
+    recorded = source.source if isinstance(source, Paced) else source
+    if not isinstance(recorded, RecordedSource):
+        return ""
+    found = {_DAMAGE.get(what, what): n for what, n in recorded.faults.items() if n}
     if not found:
         return ""
     listed = ", ".join(what if n == 1 else f"{what} {n} times" for what, n in found.items())

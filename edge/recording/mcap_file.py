@@ -166,7 +166,7 @@ def _decompressed(chunk: Any) -> bytes:
     """Raises ValueError: its real size is not the stated one."""
     size = chunk.uncompressed_size
     if chunk.compression == "lz4":
-        from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
+        from lz4.frame import LZ4FrameDecompressor
 
         data: bytes = LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
     elif chunk.compression == "zstd":

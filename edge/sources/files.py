@@ -130,6 +130,11 @@ class FolderSource:
             raise SourceError(f"{where}: {error}") from error
         self.size_px = (width, height)
 
+    @property
+    def frames_n(self) -> int:
+        """Images of the folder."""
+        return len(self.paths)
+
     def __iter__(self) -> Iterator[Frame]:
         """Raises SourceError on the way if an image has another size: one tip has one camera."""
         self.faults = Counter()

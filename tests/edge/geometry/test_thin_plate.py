@@ -46,9 +46,9 @@ def test_spline_near_values_is_the_penalised_least_squares(ridge: float) -> None
         rng.normal(size=(40, 2)),
     )
 
-    def kernel(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    def kernel(a: Array, b: Array) -> Array:
         r2 = ((a[:, None] - b[None]) ** 2).sum(axis=2)
-        return 0.5 * r2 * np.log(np.maximum(r2, 1e-300))
+        return np.asarray(0.5 * r2 * np.log(np.maximum(r2, 1e-300)), np.float64)
 
     flat = np.column_stack([np.ones(40), knots])
     system = np.block([[kernel(knots, knots) + ridge * np.eye(40), flat], [flat.T, np.zeros((3, 3))]])

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import zstandard
-from lz4.frame import LZ4FrameCompressor  # type: ignore[import-untyped]
+from lz4.frame import LZ4FrameCompressor
 from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, Header
 from mcap.writer import CompressionType, Writer
