@@ -1,0 +1,128 @@
+"""Counts the named numbers that were chosen, by stage.
+
+Every field of a parameter class counts, and every constant of a module or class that is a number, unless it
+is on the list of those that nobody chose.
+
+    python -m tests.support.tuned_numbers          # the table; with a stage's name its numbers
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+#: Constants that nobody chose, by the reason. A file alone: all of its constants.
+NOT_TUNED: dict[str, frozenset[str]] = {
+    "codes and layouts of a protocol or format": frozenset({
+        "edge/calibration/file.py:VERSION", "edge/cli/checks.py:FD_MTU", "edge/link/media.py:CAN_ERR_BUSOFF",
+        "edge/link/media.py:CAN_ERR_RESTARTED", "edge/link/node.py:NMT_RESET_NODE",
+        "edge/link/node.py:NMT_RESET_COMMUNICATION", "edge/link/object_server.py:FORCE", "edge/link/ports.py",
+        "edge/link/sinks.py:NODE_DEFAULT", "edge/link/sinks.py:BITRATE", "edge/link/sinks.py:DBITRATE",
+        "edge/recording/messages.py:_PIXEL_CENTRE", "edge/recording/messages.py:_POINT",
+        "edge/recording/messages.py:_FILL_COLOR", "edge/sources/image_header.py",
+        "edge/sources/v4l2.py:_EXPOSURE_UNIT_US", "edge/sources/v4l2.py:_MANUAL",
+        "edge/sources/v4l2.py:_NO_FOCUS",
+    }),
+    "names of states and of places in an array": frozenset({
+        "edge/cells/mesh.py:DONE", "edge/cells/mesh.py:NOT_FINITE", "edge/cells/mesh.py:NO_EXTENT",
+        "edge/cells/mesh.py:NOT_BUILT", "edge/cells/predicates.py", "edge/calibration/polynomial.py:FIELDS",
+        "edge/calibration/polynomial.py:ROWS", "edge/calibration/process.py:FIELDS",
+        "edge/features/peaks.py:_UNKNOWN", "edge/features/peaks.py:_SLOPE", "edge/features/peaks.py:_TOP",
+        "edge/features/peaks.py:_PLATEAU", "edge/features/peaks.py:_REACHED",
+        "edge/features/regions.py:_NONE", "edge/features/modes.py:ROW", "edge/tracking/match.py:UNMATCHED",
+        "edge/tracking/match.py:SEED", "edge/tracking/outliers.py:UNKNOWN",
+        "edge/tracking/outliers.py:UNSUPPORTED",
+    }),
+    "mathematics": frozenset({
+        "edge/calibration/checks.py:_CELL_AREA", "edge/features/contact_detector.py:_MAD_TO_SIGMA",
+        "edge/features/pin_noise.py:_MAD_TO_SIGMA", "edge/tracking/outliers.py:SIGMA_OF_MAD",
+        "edge/features/pin_motion.py:_ELLIPSE", "edge/features/modes.py:MODE_POWERS",
+        "edge/features/slip.py:NO_SLIP", "edge/pins/blobs.py:_ANGLES", "edge/runtime/measurement.py:_NOTHING",
+        "edge/geometry/lattice.py:N_RING",
+        "edge/view/palette.py:_TO_CONES", "edge/view/palette.py:_TO_LAB",
+    }),
+    "rounding and the width of a number": frozenset({
+        "edge/cells/mesh.py:EPSILON", "edge/cells/mesh.py:SLIVER", "edge/cells/mesh.py:AREA_TOLERANCE",
+        "edge/cells/mesh.py:EXTENT_MIN", "edge/cells/mesh.py:EXTENT_MAX", "edge/cells/mesh.py:SNAP",
+        "edge/cells/boundary.py:ARC_MIN", "edge/cells/boundary.py:NEGLIGIBLE",
+        "edge/calibration/process.py:VOLUME_MIN", "edge/features/modes.py:INDEPENDENT_REL",
+        "edge/features/pin_motion.py:_RIDGE", "edge/features/pin_motion.py:_FLAT",
+        "edge/features/quantized_operator.py", "edge/features/regions.py:_VARIANCE_MIN",
+        "edge/geometry/lattice.py:RANK_TOLERANCE", "edge/geometry/layout.py",
+        "edge/tracking/affine.py:NO_NEIGHBOUR", "edge/recording/reader.py:_TIME_MAX_NS",
+        "edge/recording/reader.py:_SEQUENCE_MAX", "edge/view/panels.py:_SHIFT", "edge/view/panels.py:_ONE",
+    }),
+    "a processor's lanes and cache lines": frozenset({
+        "edge/calibration/process.py:BLOCK", "edge/features/modes.py:BLOCK", "edge/pins/templates.py:LANES",
+        "edge/pins/templates.py:BLOCK", "edge/worker/shared_memory.py:ALIGN",
+    }),
+}  # fmt: skip
+_EXEMPT = frozenset().union(*NOT_TUNED.values())
+_PARAMETERS = ("Params", "Limits")
+
+
+def _has_number(value: ast.expr) -> bool:
+    """Whether the number itself is written here; one that is computed from others is none of its own."""
+    leaves = [node for node in ast.walk(value) if isinstance(node, ast.Constant)]
+    numbers = [n for n in leaves if isinstance(n.value, int | float) and not isinstance(n.value, bool)]
+    return bool(numbers)
+
+
+def _assigned(node: ast.stmt) -> list[tuple[str, ast.expr]]:
+    if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.value is not None:
+        return [(node.target.id, node.value)]
+    if not isinstance(node, ast.Assign):
+        return []
+    pairs: list[tuple[str, ast.expr]] = []
+    for target in node.targets:
+        if isinstance(target, ast.Name):
+            pairs.append((target.id, node.value))
+        elif isinstance(target, ast.Tuple):
+            values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value] * len(target.elts)
+            pairs += [(t.id, v) for t, v in zip(target.elts, values, strict=True) if isinstance(t, ast.Name)]
+    return pairs
+
+
+def _is_constant(name: str) -> bool:
+    return name.lstrip("_").isupper()
+
+
+def numbers_of(path: Path) -> Iterator[str]:
+    """Names of the tuned numbers of a file."""
+    file = path.relative_to(ROOT).as_posix()
+    if file in _EXEMPT:
+        return
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        for name, value in _assigned(node):
+            if _is_constant(name) and _has_number(value) and f"{file}:{name}" not in _EXEMPT:
+                yield f"{file}:{name}"
+        if isinstance(node, ast.ClassDef):
+            parameters = node.name.endswith(_PARAMETERS)
+            for item in node.body:
+                for name, value in _assigned(item):
+                    if (parameters or _is_constant(name)) and _has_number(value):
+                        yield f"{file}:{node.name}.{name}"
+
+
+def tuned_numbers() -> dict[str, list[str]]:
+    """By stage: the folder below `edge`, or `edge` itself."""
+    found: dict[str, list[str]] = {}
+    for path in sorted((ROOT / "edge").rglob("*.py")):
+        stage = path.relative_to(ROOT / "edge").parts
+        found.setdefault(stage[0] if len(stage) > 1 else "edge", []).extend(numbers_of(path))
+    return found
+
+
+if __name__ == "__main__":
+    found = tuned_numbers()
+    for stage in sys.argv[1:]:
+        print(*found[stage], sep="\n")
+    if not sys.argv[1:]:
+        for stage, names in sorted(found.items(), key=lambda row: -len(row[1])):
+            print(f"{stage:12} {len(names):4}")
+        model = sum(len(found[stage]) for stage in ("pins", "tracking", "features", "runtime"))
+        print(f"{'all':12} {sum(map(len, found.values())):4}; pins, tracking, features, runtime: {model}")

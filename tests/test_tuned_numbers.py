@@ -1,0 +1,56 @@
+"""Chosen numbers are few, and each has its evidence in docs/tuning.md."""
+
+from __future__ import annotations
+
+import fnmatch
+import re
+from pathlib import Path
+
+from tests.support.tuned_numbers import NOT_TUNED, ROOT, tuned_numbers
+
+#: How many there may be. Lower it when there are fewer; a new number needs an old one to go.
+AT_MOST = {
+    "calibration": 20,
+    "cells": 11,
+    "cli": 15,
+    "edge": 10,
+    "features": 43,
+    "geometry": 9,
+    "link": 33,
+    "pins": 67,
+    "recording": 10,
+    "runtime": 78,
+    "sources": 22,
+    "tracking": 93,
+    "view": 21,
+    "worker": 16,
+}
+
+
+def test_there_are_no_more_chosen_numbers_than_before() -> None:
+    counted = {stage: len(names) for stage, names in tuned_numbers().items() if names}
+    print(counted)
+    more = {stage: n for stage, n in counted.items() if n > AT_MOST.get(stage, 0)}
+    assert not more, f"at most {AT_MOST}: replace a number, or use a model that needs none"
+
+
+def test_exemptions_name_what_exists() -> None:
+    for reason, names in NOT_TUNED.items():
+        for entry in names:
+            file, _, name = entry.partition(":")
+            text = (ROOT / file).read_text(encoding="utf-8")
+            assert re.search(rf"^.*\b{name}\b.*=", text, re.M), f"{entry} ({reason}) is gone"
+
+
+def test_every_parameter_has_its_evidence() -> None:
+    tuning = (Path(ROOT) / "docs" / "tuning.md").read_text(encoding="utf-8")
+    rows = {name for line in tuning.splitlines() for name in re.findall(r"`([^`]+)`", line)}
+    missing = [
+        entry
+        for names in tuned_numbers().values()
+        for entry in names
+        if "." in (field := entry.partition(":")[2])
+        and not any(fnmatch.fnmatch(field.split(".")[1], row) for row in rows)
+        and field.split(".")[0].endswith(("Params", "Limits"))
+    ]
+    assert not missing
