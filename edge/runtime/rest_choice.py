@@ -1,14 +1,14 @@
 """A rest frame for a recording that need not begin untouched: its least deformed image.
 
 Idea
-- A touch stretches the cells under it, and where it is differs from image to image. So the low quantile of a
+- A touch enlarges the cells under it, and its place differs from image to image. So the low quantile of a
   cell's area over many images is about its area untouched, even if no image is.
-- Each image is as deformed as its cells differ from that, relatively, root mean square. A shift or turn does
-  not change areas, and a zoom is taken off.
-- An untouched tip looks the same each time, a touch rarely does: where images show the same cells to within
-  the noise, the choice is among those that most agree with, and it is sure.
-- With a calibration its rest pins are taken, moved onto the chosen image by a shift, a turn and a zoom. The
-  half of the pins that fits best decides them.
+- Each image is as deformed as its cells differ from that, as a relative root mean square. A shift or rotation
+  does not change areas, and a zoom is removed.
+- An untouched tip looks the same each time, a touch rarely does: if images show the same cells to within
+  the noise, the one is chosen among those with which most agree, and it is trusted.
+- With a calibration its rest pins are taken, moved onto the chosen image by a shift, a rotation and a zoom.
+  The half of the pins that fits best decides them.
 """
 
 from __future__ import annotations
@@ -75,18 +75,18 @@ class RestChoice:
     compared_n: int
 
     @property
-    def sure(self) -> bool:
-        """Whether it shows the untouched tip, as far as a recording can say that."""
+    def trusted(self) -> bool:
+        """Whether it shows the untouched tip, as far as a recording can show it."""
         return self.agree_n >= PARAMS.agree_min_n
 
     @property
     def message(self) -> str:
-        """For a person: how sure it is."""
+        """A message for people: how certain it is."""
         found = (
             f"the least deformed: its cells are {self.deformation_rel:.1%} off untouched ones, "
             f"{self.typical_rel:.1%} in a typical image"
         )
-        if self.sure:
+        if self.trusted:
             return f"{found}; {self.agree_n} of {self.compared_n} others show the same: untouched"
         return f"{found}; {self.agree_n} of {self.compared_n} others show the same: it may show a touch"
 
@@ -100,7 +100,7 @@ def choose_rest(
     """
     start, rest = _first_with_pins(images, polarity)
     found = _look(images, rest, params)
-    if not found.agrees[found.index, start]:  # what touched the tip there may have hidden pins
+    if not found.agrees[found.index, start]:  # the touch in it may have hidden pins
         again = _look(images, take_rest([images[found.index]], polarity), params)
         found = again if again.known_n >= found.known_n else found
     return RestChoice(
@@ -115,7 +115,7 @@ def choose_rest(
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """What k images show, seen from one of them.
+    """Comparison of k images, relative to one of them.
 
     index        the least deformed one
     deformation  (k,) NaN: pins not identified
@@ -165,7 +165,7 @@ def _first_with_pins(images: Sequence[Image], polarity: Polarity) -> tuple[int, 
 
 
 def _cells(images: Sequence[Image], rest: Rest) -> tuple[Array, Array, Array]:
-    """(k, n) log cell areas, zoom taken off, NaN: not known; (k,) sigma, px; (k,) number of pins seen."""
+    """(k, n) log cell areas, zoom removed, NaN: not known; (k,) sigma, px; (k,) number of pins seen."""
     tracker, tessellator = Tracker(rest), Tessellator(rest)
     area = np.full((len(images), len(rest)), np.nan)
     sigma = np.full(len(images), np.nan)
@@ -207,7 +207,7 @@ def aligned(calibration: Calibration, rest: Rest) -> Rest:
 
 @dataclass(frozen=True, slots=True)
 class GivenRest:
-    """The rest frame of a recording, the frame it is taken from, and what to tell a person of it."""
+    """The rest frame of a recording, the frame it is taken from, and a message for people."""
 
     rest: Rest
     frame: Frame
@@ -260,7 +260,7 @@ def _thinned(source: FrameSource, least_n: int) -> tuple[list[Image], int]:
 
 
 def _averaged(source: FrameSource, index: int, params: RestChoiceParams) -> tuple[Rest, Frame]:
-    """The rest frame of an image, and of those next to it in which the pins are where they are in it.
+    """The rest frame of an image, and of those next to it in which the pins are at the same places.
 
     Raises  SourceError: no such image; NoPins
     """

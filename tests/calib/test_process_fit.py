@@ -90,8 +90,8 @@ def test_sigma_covers_fresh_frames_after_few_frames_and_with_noise_in_steps(seed
     assert 0.58 < _within(error, sigma) < 0.8
 
 
-def test_a_vector_whose_length_is_less_known_than_its_direction_says_so() -> None:
-    """As a contact that slips: how far it has been moved is open, not whereto."""
+def test_sigma_along_a_vector_is_larger_if_its_length_is_less_known() -> None:
+    """Like a slipping contact: the length of its shear is uncertain, the direction is not."""
     inputs, fresh = _inputs(250, 0), _inputs(400, 1)
 
     def seen(rows: Complex, seed: int) -> Complex:

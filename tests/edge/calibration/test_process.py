@@ -27,7 +27,7 @@ def _pairs(n: int, rng: np.random.Generator) -> list[tuple[float, float]]:
     return [(float(x), float(y)) for x, y in rng.normal(size=(n, 2))]
 
 
-USUAL: dict[str, Any] = {
+DEFAULTS: dict[str, Any] = {
     "far": 1e12,
     "noise_terms": [[], ["volume"], ["a", "a*"]],
     "noise_weights": [0.1, -0.4, 0.2],
@@ -50,7 +50,7 @@ def _process(outputs: list[str], n_terms: int, rows: int, seed: int, **other: An
         valid=[(-1e6, 1e6)] * len(outputs),
         sigma=[0.5, 0.7][: len(outputs)],
         factor=[_pairs(n_terms, rng) for _ in range(rows)],
-        **(USUAL | other),
+        **(DEFAULTS | other),
     )
 
 

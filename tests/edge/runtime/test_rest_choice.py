@@ -29,7 +29,7 @@ def simulator() -> Simulator:
 
 
 def touches(depths_mm: np.ndarray) -> list[Image]:
-    """A flat surface at these depths, tilted and sheared anyhow."""
+    """A flat surface at these depths, tilted and sheared at random."""
     one = simulator()
     return [
         one.frame((ToolPose(depth_mm=float(d), tilt_x_deg=15 * u, tilt_y_deg=15 * v, shear_x_mm=x),)).image
@@ -42,16 +42,16 @@ def test_the_untouched_images_are_found_behind_a_touch() -> None:
     resting = [simulator().frame().image for _ in range(4)]
     choice = choose_rest([*images, *resting, *images[::-1]])
     assert 8 <= choice.index < 12
-    assert choice.sure
+    assert choice.trusted
     assert choice.agree_n == 3
     assert "3 of 19 others" in choice.message
 
 
-def test_without_an_untouched_image_the_shallowest_is_taken_and_called_unsure() -> None:
+def test_without_an_untouched_image_the_shallowest_is_taken_and_marked_untrusted() -> None:
     depths = np.array([2.5, 3.0, 1.8, 2.2, 0.5, 2.8, 1.5, 2.0, 3.2, 2.6])
     choice = choose_rest(touches(depths))
     assert choice.index == 4
-    assert not choice.sure
+    assert not choice.trusted
     assert "may show a touch" in choice.message
 
 
@@ -82,7 +82,7 @@ def test_a_calibration_s_rest_pins_are_moved_onto_a_touched_image(data_dir: Path
 
 
 @pytest.mark.parametrize(("how", "message"), [("9999", "has no image 9999"), ("none", "needs --calibration")])
-def test_what_cannot_be_is_said_in_one_line(data_dir: Path, how: str, message: str) -> None:
+def test_impossible_choices_are_one_line(data_dir: Path, how: str, message: str) -> None:
     with pytest.raises(SourceError, match=message):
         rest_of(data_dir, how)
 
@@ -96,4 +96,4 @@ def test_real_tables_least_deformed_frame_is_a_shallow_one(real_dir: Path) -> No
     choice = choose_rest([read_image(targets.frames[k]) for k in some])
     depth = targets.values["displacement_mm"][some]
     assert depth[choice.index] <= np.quantile(depth, 0.15)
-    assert not choice.sure
+    assert not choice.trusted
