@@ -37,7 +37,7 @@ from edge.runtime.loop import Loop, LoopConfig
 from edge.sources import open_source
 from edge.types import Feature
 from edge.view.figures import figure, surface_figure
-from hostlink.output_file import OutputError, check_output
+from hostlink.output_file import OutputError, check_output, writing
 from hostlink.wire import State, pack_state, unpack_state
 
 __all__ = ["RECORDINGS", "Received", "demo", "play"]
@@ -281,8 +281,8 @@ def _pictures(received: Received, out: Path) -> None:
         return
     scale = received.calibration.mm_per_px or 0.0
     polygons = cell_polygons(result.cells)
-    figure(
-        out / f"{received.name}.png", result.frame, result.tracks, polygons, result.features, mm_per_px=scale
-    )
+    with writing(out / f"{received.name}.png", overwrite=True) as unfinished:
+        figure(unfinished, result.frame, result.tracks, polygons, result.features, mm_per_px=scale)
     if result.features.surface is not None:
-        surface_figure(out / f"{received.name}_surface.png", result.features, mm_per_px=scale)
+        with writing(out / f"{received.name}_surface.png", overwrite=True) as unfinished:
+            surface_figure(unfinished, result.features, mm_per_px=scale)

@@ -71,7 +71,9 @@ def run_command(
             raise
         return _stdout_ended()
     except OSError as error:
-        if error.errno not in _STDOUT_FULL or error.filename is not None:
+        if error.filename is not None:
+            return complain(f"{os.fsdecode(error.filename)}: {error.strerror}", 1)
+        if error.errno not in _STDOUT_FULL:
             raise
         _stdout_ended()
         return print_error(f"stdout: cannot be written: {error.strerror}", 1)

@@ -13,6 +13,7 @@ from calib.errors import CaptureError
 from calib.protocols import PROTOCOLS, Step, load_protocol
 from calib.rig import Rig, ask_here, open_rig
 from hostlink.cli_types import counted
+from hostlink.output_file import check_output
 
 
 @click.command(name="capture")
@@ -44,7 +45,8 @@ def capture_command(rig: str, protocol: str, output: Path, camera: str, resume: 
     plan = load_protocol(protocol)
     if output.suffix != ".mcap":
         raise CaptureError(f"--output {output}: give a name that ends in .mcap")
-
+    if not output.exists():
+        check_output(output, (".mcap",))
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     bar = Progress(*columns, console=Console(stderr=True))
     task = bar.add_task(plan.name, total=plan.n_frames)

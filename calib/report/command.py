@@ -4,7 +4,6 @@ hand, every design choice against its alternatives; one page, PNGs and CSVs.
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -23,7 +22,7 @@ from calib.evaluate import predict
 from calib.extract import DEMAND, REPEATS, executor
 from calib.protocols import PROTOCOLS, Plan, Step
 from calib.report import plots, sections, slip, study
-from calib.report.page import ReportPage, write_page
+from calib.report.page import ReportPage, write_page, write_table
 from calib.report.pairs import pairs
 from calib.report.sections import Requirement, Seen
 from calib.rig.base import CLEAR, Pose
@@ -87,7 +86,7 @@ def _captured(path: Path, plan: Plan, simulation: Simulation, bar: Progress) -> 
         lambda first: SimulatedRig(simulation, first),
         plan,
         path,
-        resume=True,
+        resume=path.exists(),
         on_frame=lambda step, done: bar.update(task, completed=done),
     )
 
@@ -147,10 +146,7 @@ def make_report(
         marked=[not c.holds for c in checks],
     )
     write_page(page, out / "index.html")
-    with (out / "checks.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(("what", "limit", "measured", "unit", "at_least"))
-        writer.writerows(astuple(check) for check in checks)
+    write_table(out / "checks.csv", ("what", "limit", "measured", "unit", "at_least"), map(astuple, checks))
     return checks, rows
 
 
@@ -195,12 +191,11 @@ def _study(
         marked=[r.chosen for r in rows],
         numbers_from=9,
     )
-    with (out / "trade.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(("step", "alternative", "time_us", "error", "unit", "in_use"))
-        writer.writerows(
-            (r.stage, r.choice, f"{r.time_us:.2f}", f"{r.error:.6g}", r.unit, int(r.chosen)) for r in rows
-        )
+    write_table(
+        out / "trade.csv",
+        ("step", "alternative", "time_us", "error", "unit", "in_use"),
+        ((r.stage, r.choice, f"{r.time_us:.2f}", f"{r.error:.6g}", r.unit, int(r.chosen)) for r in rows),
+    )
     return rows
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import csv
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
+from typing import Any
 
 from calib.fit import Choice
 from edge.calibration.file import Curve
+from hostlink.output_file import writing
 
 __all__ = ["ReportPage", "Section", "model_table", "write_page"]
 
@@ -112,9 +115,19 @@ def model_table(section: Section, choices: Sequence[Choice]) -> None:
 def write_page(page: ReportPage, path: Path) -> None:
     """Write the page."""
     body = "".join(f"<h2>{escape(s.title)}</h2>{''.join(s.parts)}" for s in page.sections)
-    path.write_text(
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{escape(page.title)}</title>'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style>'
-        f"<h1>{escape(page.title)}</h1>{body}</html>\n",
-        encoding="utf-8",
-    )
+    with writing(path, overwrite=True) as unfinished:
+        unfinished.write_text(
+            f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{escape(page.title)}</title>'
+            f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style>'
+            f"<h1>{escape(page.title)}</h1>{body}</html>\n",
+            encoding="utf-8",
+        )
+
+
+def write_table(path: Path, head: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Write a table of the report as CSV. Raises OutputError."""
+    with (
+        writing(path, overwrite=True) as unfinished,
+        unfinished.open("w", newline="", encoding="utf-8") as file,
+    ):
+        csv.writer(file).writerows([head, *rows])

@@ -12,6 +12,7 @@ import numpy as np
 
 from calib.report.study import Row
 from edge.types import Array, Complex, Mask
+from hostlink.output_file import writing
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
@@ -36,7 +37,8 @@ plt.rcParams.update(
 
 
 def _save(figure: Any, path: Path) -> Path:
-    figure.savefig(path, dpi=DPI, bbox_inches="tight")
+    with writing(path, overwrite=True) as unfinished:
+        figure.savefig(unfinished, dpi=DPI, bbox_inches="tight")
     plt.close(figure)
     return path
 

@@ -10,6 +10,7 @@ import pytest
 from calib.__main__ import main
 from calib.errors import TableError
 from calib.extract import executor
+from hostlink.output_file import WriteError
 
 
 @pytest.mark.parametrize(
@@ -89,3 +90,23 @@ def test_a_file_is_no_folder_for_a_report(
     assert end.value.code == 2
     assert capsys.readouterr().err.splitlines() == [f"error: {file}: is a file; give a folder"]
     assert file.read_text() == "mine"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux alone has a device that is always full")
+def test_a_disk_that_fills_during_the_pictures_leaves_none_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file's name and the reason, not those of stdout; and no half a picture."""
+    from matplotlib.figure import Figure
+
+    from calib.report import plots
+
+    def full(self: Figure, path: Path, **_: object) -> None:
+        with open("/dev/full", "wb", buffering=0) as file:
+            Path(path).write_bytes(b"half")
+            file.write(b"half")
+
+    monkeypatch.setattr(Figure, "savefig", full)
+    with pytest.raises(WriteError, match=r"trade\.png: cannot be written: No space left on device"):
+        plots._save(Figure(), tmp_path / "trade.png")
+    assert not list(tmp_path.iterdir())

@@ -4,6 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from contextlib import redirect_stderr
+from io import StringIO
+from pathlib import Path
+
+import click
+
+from hostlink.cli_exit import run_command
 
 PROGRAM = """
 import sys, click
@@ -38,6 +45,19 @@ def test_closing_stdout_is_no_error() -> None:
 def test_stdout_closed_before_the_first_flush_is_no_error() -> None:
     run = shell('"$PYTHON" -c "$COUNT" | true')
     assert (run.returncode, run.stderr) == (0, "")
+
+
+def test_a_file_that_fails_is_one_line(tmp_path: Path) -> None:
+    """Wherever it is met: the file's name and why."""
+    path = tmp_path / "gone" / "x"
+
+    @click.command()
+    def command() -> None:
+        path.write_text("")
+
+    with redirect_stderr(StringIO()) as said:
+        assert run_command(command, "command", (), arguments=[]) == 1
+    assert said.getvalue() == f"error: {path}: No such file or directory\n"
 
 
 def test_a_full_stdout_is_one_line() -> None:
