@@ -72,7 +72,7 @@ def run_command(
         return _stdout_ended()
     except OSError as error:
         if error.filename is not None:
-            return complain(f"{os.fsdecode(error.filename)}: {error.strerror}", 1)
+            return print_error(f"{os.fsdecode(error.filename)}: {error.strerror}", 1)
         if error.errno not in _STDOUT_FULL:
             raise
         _stdout_ended()
