@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from hostlink.bridge.run import Bridge, Outlet
-from hostlink.cli_types import FiniteFloat
+from hostlink.cli_types import FiniteFloat, WholeNumber
 from hostlink.client import connect
 from hostlink.errors import UsageError
 from hostlink.output_file import check_output, writing
@@ -31,14 +31,37 @@ from hostlink.web import Listen, WebError, parse_listen
 )
 @click.option("--overwrite", is_flag=True, help="Replace that file if it exists.")
 @click.option(
+    "--ros",
+    type=click.Choice(["humble", "jazzy", "kilted", "lyrical"]),
+    help="Publish to ROS 2 of this distribution, over rmw_zenoh.",
+)
+@click.option(
+    "--router", default="tcp/127.0.0.1:7447", show_default=True, help="With --ros: the Zenoh router to join."
+)
+@click.option(
+    "--domain", type=WholeNumber(0, 232), default=0, envvar="ROS_DOMAIN_ID", help="With --ros: domain id (0)."
+)
+@click.option("--namespace", default="", help="With --ros: before all names, e.g. /left_hand.")
+@click.option(
     "--seconds", type=FiniteFloat(min=0, min_open=True), help="Stop after this time; else at Ctrl-C."
 )
 def bridge(
-    address: str, foxglove: bool, listen: str, record: Path | None, overwrite: bool, seconds: float | None
+    address: str,
+    foxglove: bool,
+    listen: str,
+    record: Path | None,
+    overwrite: bool,
+    ros: str | None,
+    router: str,
+    domain: int,
+    namespace: str,
+    seconds: float | None,
 ) -> None:
-    """Pass the samples of the fingers at ADDRESS to other programs."""
-    if not foxglove:
-        raise UsageError("bridge: where to? give --foxglove")
+    """Pass the samples of the fingers at ADDRESS to ROS 2 (--ros jazzy), to viewers (--foxglove) or both."""
+    if not foxglove and ros is None:
+        raise UsageError("bridge: where to? give --foxglove, --ros DISTRIBUTION or both")
+    if record is not None and not foxglove:
+        raise UsageError("--record: the topics of --foxglove are what is recorded; give it too")
     path = None if record is None else check_output(record, (".mcap",), overwrite=overwrite)
     where = _listen(listen)
     # `timeout` and systemd end a program with SIGTERM: as with Ctrl-C, the recording up to then is kept.
@@ -47,9 +70,12 @@ def bridge(
         with ExitStack() as stack:
             file = stack.enter_context(nullcontext() if path is None else writing(path, overwrite))
             outlets: list[Outlet] = []
-            outlets.append(_foxglove(where, file))
-            for outlet in outlets:
-                stack.callback(outlet.close)
+            if foxglove:
+                outlets.append(_foxglove(where, file))
+                stack.callback(outlets[-1].close)
+            if ros is not None:
+                outlets.append(_ros(ros, router, domain, namespace))
+                stack.callback(outlets[-1].close)
             carrier = Bridge(stack.enter_context(connect(address)), outlets)
             try:
                 carrier.run(seconds)
@@ -76,4 +102,12 @@ def _foxglove(listen: Listen, file: Path | None) -> Outlet:
         file.unlink()  # an empty one made by `writing`; the SDK creates its own
     outlet = FoxgloveOutlet(listen, file)
     click.echo(f"foxglove: {outlet.url}; layout to import: {LAYOUT}", err=True)
+    return outlet
+
+
+def _ros(distribution: str, router: str, domain: int, namespace: str) -> Outlet:
+    from hostlink.bridge.ros import RosOutlet
+
+    outlet = RosOutlet(distribution, router, domain, namespace)
+    click.echo(f"ros: {distribution}, domain {domain}, router {router}", err=True)
     return outlet
