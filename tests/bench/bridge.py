@@ -52,7 +52,9 @@ def listen(begin: Any, end: Any, result: Any) -> None:
 
     from tests.hostlink.bridge.ros_peer import Heard, Peer
 
-    peer, latencies, numbers = Peer(PORT), [], {}
+    peer = Peer(PORT)
+    latencies: list[float] = []
+    numbers: dict[str, list[int]] = {}
     lock = threading.Lock()
 
     def take(heard: Heard) -> None:
