@@ -68,7 +68,7 @@ def listen(begin: Any, end: Any, result: Any) -> None:
     end.wait()
     peer.close()
     gaps_n = sum(n[-1] - n[0] + 1 - len(n) for n in numbers.values())
-    marks = np.quantile(latencies, (0.5, 0.99, 0.999, 1.0)) if latencies else []
+    marks: Any = np.quantile(latencies, (0.5, 0.99, 0.999, 1.0)) if latencies else []
     result.put((len(latencies), gaps_n, [float(m) for m in marks]))
 
 
