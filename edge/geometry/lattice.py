@@ -7,6 +7,8 @@ computed once.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError, cKDTree
@@ -15,9 +17,10 @@ from edge.errors import DegenerateLayout
 from edge.types import Array, Index
 
 __all__ = [
-    "N_NEAR",
     "N_RING",
+    "PARAMS",
     "Lattice",
+    "LatticeParams",
     "nearest",
     "pitch_of",
     "residual_stencil",
@@ -25,22 +28,25 @@ __all__ = [
     "slope_stencil",
 ]
 
-# Rest Delaunay edges longer than this many pitches bridge bays of the hull and connect pins that are not
-# neighbours: a hexagonal lattice has edges of 1, a square one of 1 and 1.41.
-LONGEST_EDGE = 1.7
-# The first ring of a hexagonal lattice.
-N_RING = 6
-# The first two rings: an affine map can still be fitted with a third of them lost.
-N_NEAR = 18
-# Reach of the second ring, and the width of the Gaussian weight, in pitches.
-NEAR_REACH = 2.6
-NEAR_WIDTH = 1.6
+N_RING = 6  # of a hexagonal lattice
 # Singular values below this share of the largest count as zero: pins on a line determine no slope across it.
 RANK_TOLERANCE = 1e-4
-# No two tracks come nearer than half a pitch, or this share of their distance at rest where that is less.
-DISTANCE_MIN = 0.5
-DISTANCE_MIN_OF_REST = 0.85
-N_CLOSEST = 8
+
+
+@dataclass(frozen=True, slots=True)
+class LatticeParams:
+    """Parameters by name; evidence in docs/tuning.md. Lengths are in pitches."""
+
+    longest_edge: float = 1.7  # longer Delaunay edges bridge bays of the hull
+    near_n: int = 18  # the first two rings of a hexagonal lattice
+    near_reach: float = 2.6  # of the second ring
+    near_width: float = 1.6  # of the Gaussian weight
+    distance_min: float = 0.5  # no two tracks come nearer
+    distance_min_rel: float = 0.85  # ... or than this share of their distance at rest, where that is less
+    closest_n: int = 8
+
+
+PARAMS = LatticeParams()
 
 
 def pitch_of(xy: Array) -> float:
@@ -87,13 +93,13 @@ def slope_stencil(xy: Array, pitch: float) -> tuple[Index, Array]:
 def residual_stencil(xy: Array, pitch: float) -> tuple[Index, Array]:
     """How far a pin's motion is off the quadratic through its two rings, as a constant weighting.
 
-    Weighted least squares (Gaussian of NEAR_WIDTH pitches), so an affine motion has no residual.
+    Weighted least squares (Gaussian of `near_width` pitches), so an affine motion has no residual.
 
     xy, pitch  (n, 2) and the pitch, same unit
     Returns    (n, 19) int32, the pin itself and the eighteen nearest; (n, 19) float64: their weights. The
                squares of a row sum to 1, so that the noise of a residual is that of a pin.
     """
-    near = nearest(xy, N_NEAR)
+    near = nearest(xy, PARAMS.near_n)
     away = (xy[near[:, 1:]] - xy[:, None]) / pitch
     root = np.sqrt(_gaussian((away**2).sum(axis=2)))
     fit = np.linalg.pinv(_terms(away, 2) * root[..., None], rcond=RANK_TOLERANCE)[:, 0] * root
@@ -103,7 +109,7 @@ def residual_stencil(xy: Array, pitch: float) -> tuple[Index, Array]:
 
 def _gaussian(square: Array) -> Array:
     """Weight of a neighbour by the square of its distance in pitches."""
-    return np.asarray(np.exp(-0.5 * square / NEAR_WIDTH**2), np.float64)
+    return np.asarray(np.exp(-0.5 * square / PARAMS.near_width**2), np.float64)
 
 
 def _terms(away: Array, degree: int) -> Array:
@@ -128,14 +134,14 @@ class Lattice:
 
     rest_xy          (n, 2) float64, px
     pitch_px         of the tip
-    edges            (e, 2) int32, Delaunay edges, each once, none longer than LONGEST_EDGE pitches
+    edges            (e, 2) int32, Delaunay edges, each once, none longer than `longest_edge` pitches
     triangles        (t, 3) int32, Delaunay triangles of such edges
     adjacent         (n, k) int32, Delaunay neighbours, filled up with n
     direction_rad    of the edges, modulo 60 degrees
-    near             (n, N_NEAR) int32, nearest pins, nearest first; fewer columns where there are fewer pins
-    offset           (n, N_NEAR, 2) to these, pitches
-    weight           (n, N_NEAR) of these by distance, zero beyond NEAR_REACH
-    closest          (n, N_CLOSEST) int32, the first columns of near
+    near             (n, near_n) int32, nearest pins, nearest first; fewer columns where there are fewer pins
+    offset           (n, near_n, 2) to these, pitches
+    weight           (n, near_n) of these by distance, zero beyond `near_reach`
+    closest          (n, closest_n) int32, the first columns of near
     local_pitch_px   (n,) distance to the next pin, a median over the neighbourhood: the unit of all
                      thresholds
     pairs            (p, 2) int32, each pin and its closest ones, each pair once
@@ -149,29 +155,29 @@ class Lattice:
             raise DegenerateLayout(f"{n} pins in the rest frame; tracking needs at least 4")
         self.rest_xy = rest_xy
         self.pitch_px = pitch_px
-        self.edges, self.triangles = _edges_and_triangles(rest_xy, LONGEST_EDGE * pitch_px)
+        self.edges, self.triangles = _edges_and_triangles(rest_xy, PARAMS.longest_edge * pitch_px)
         along = rest_xy[self.edges[:, 1]] - rest_xy[self.edges[:, 0]]
         sixfold = np.angle(np.sum(np.exp(6j * np.arctan2(along[:, 1], along[:, 0])))) / 6
         self.direction_rad = float(sixfold)
         self.adjacent = _adjacent(self.edges, n)
 
-        near = nearest(rest_xy, N_NEAR)
+        near = nearest(rest_xy, PARAMS.near_n)
         self.near = np.ascontiguousarray(near[:, 1:])
         self.offset = (rest_xy[self.near] - rest_xy[:, None]) / pitch_px
         distance = np.hypot(self.offset[..., 0], self.offset[..., 1])
-        self.weight = np.where(distance < NEAR_REACH, _gaussian(distance**2), 0.0)
+        self.weight = np.where(distance < PARAMS.near_reach, _gaussian(distance**2), 0.0)
         # Rows may be much denser one way than the other; it is the nearest neighbour that a pin can be
         # mistaken for.
         nearest_px = distance[:, 0] * pitch_px
-        self.local_pitch_px: Array = np.median(nearest_px[near[:, :N_CLOSEST]], axis=1)
+        self.local_pitch_px: Array = np.median(nearest_px[near[:, : PARAMS.closest_n]], axis=1)
         # Pins that are close at rest may stay close.
-        self.closest = np.ascontiguousarray(self.near[:, :N_CLOSEST])
+        self.closest = np.ascontiguousarray(self.near[:, : PARAMS.closest_n])
         columns = self.closest.shape[1]
         pin = np.repeat(np.arange(n, dtype=np.int32), columns)
         both = np.sort(np.stack([pin, self.closest.ravel()], axis=1))
         self.pairs, first = np.unique(both, axis=0, return_index=True)
         apart = distance[:, :columns].ravel()[first]
-        self.distance_min_px = np.minimum(DISTANCE_MIN, DISTANCE_MIN_OF_REST * apart) * pitch_px
+        self.distance_min_px = np.minimum(PARAMS.distance_min, PARAMS.distance_min_rel * apart) * pitch_px
 
 
 def _edges_and_triangles(xy: Array, longest: float) -> tuple[Index, Index]:

@@ -16,23 +16,32 @@ import zlib
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from edge.errors import SourceError
 from edge.types import Frame, Polarity
 
-__all__ = ["SLOW", "ThreadedSource", "Watch"]
+__all__ = ["PARAMS", "LiveParams", "ThreadedSource", "Watch"]
 
-STALL_S = 0.07  # faults are to be announced within 0.1 s, the loop's own waiting included
-STALL_PERIODS = 2.2  # a slow camera is stalled only after so many frame periods; 73 ms at 30 frames/s
-FROZEN_FRAMES = 10  # sensor noise never repeats an image this often; 42 ms at 240 frames/s
-FROZEN_S = 0.045  # a slow camera's image is frozen after this and two repetitions; announced within 0.1 s
-_BLACK_SHARE = 1 / 32  # of the full scale; pins under a lit LED ring are far brighter
-CLOSE_S = 0.5  # the program ends within a second even if the driver hangs
-_ROWS = 8  # both checks read every 8th row: 13 us for 640x480
-_RATE_FRAMES = 24  # intervals of the rate check: 0.1 s at 240 frames/s
-SLOW = 0.8  # share of the asked rate below which the camera counts as slow
+
+@dataclass(frozen=True, slots=True)
+class LiveParams:
+    """Parameters by name; evidence in docs/tuning.md."""
+
+    stall_s: float = 0.07  # without a frame, after which the camera has stalled
+    stall_periods: float = 2.2  # the same in periods of the camera; the longer counts
+    frozen_frames_n: int = 10  # identical images in a row
+    frozen_s: float = 0.045  # ... or so long, and two repetitions
+    black_share: float = 1 / 32  # of full scale, below which all pixels of a black image lie
+    close_s: float = 0.5  # for a driver that does not return
+    rows_step: int = 8  # every such row stands for the image in both checks
+    rate_frames_n: int = 24  # intervals of the check of the rate
+    slow_rel: float = 0.8  # share of the asked rate below which the camera counts as slow
+
+
+PARAMS = LiveParams()
 
 
 class Watch:
@@ -46,17 +55,17 @@ class Watch:
 
     def check(self, frame: Frame) -> str:
         """ "" or the fault of this frame: "frozen", "black"."""
-        rows = np.ascontiguousarray(frame.image[::_ROWS])
+        rows = np.ascontiguousarray(frame.image[:: PARAMS.rows_step])
         digest = zlib.crc32(rows.data)
         self._same_n = self._same_n + 1 if digest == self._last else 0
         if not self._same_n:
             self._same_since_ns = frame.capture_ns
         self._last = digest
-        long = self._same_n >= 2 and frame.capture_ns - self._same_since_ns >= FROZEN_S * 1e9
-        if int(rows.max(initial=0)) < (1 << frame.bits) * _BLACK_SHARE:
+        long = self._same_n >= 2 and frame.capture_ns - self._same_since_ns >= PARAMS.frozen_s * 1e9
+        if int(rows.max(initial=0)) < (1 << frame.bits) * PARAMS.black_share:
             self.condition = "black"
         else:
-            self.condition = "frozen" if long or self._same_n >= FROZEN_FRAMES else ""
+            self.condition = "frozen" if long or self._same_n >= PARAMS.frozen_frames_n else ""
         return self.condition
 
 
@@ -138,7 +147,7 @@ class ThreadedSource(ABC):
     def condition(self) -> str:
         """ "" or the present fault: lost, stalled, frozen, black."""
         if not self._condition and self._started and not self._ended:
-            patience_s = max(STALL_S, STALL_PERIODS / self.rate_hz if self.rate_hz else 0.0)
+            patience_s = max(PARAMS.stall_s, PARAMS.stall_periods / self.rate_hz if self.rate_hz else 0.0)
             if time.monotonic() - self._last_s > patience_s:
                 return "stalled"
         return self._condition
@@ -174,7 +183,7 @@ class ThreadedSource(ABC):
         self._closing.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             # Do not wait for a driver that hangs in the kernel; the thread is a daemon.
-            self._thread.join(CLOSE_S)
+            self._thread.join(PARAMS.close_s)
         with self._changed:
             self._slot = None
             self._ended = True
@@ -190,7 +199,7 @@ class ThreadedSource(ABC):
             # Counted where frames arrive: a late reader must not make the camera look slow.
             times: list[int] = []
             self._times = times
-            self._changed.wait_for(lambda: len(times) > _RATE_FRAMES or self._ended, patience_s)
+            self._changed.wait_for(lambda: len(times) > PARAMS.rate_frames_n or self._ended, patience_s)
             self._times = None
             self._slot = None
             self.dropped_n = 0

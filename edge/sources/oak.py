@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edge.errors import SourceError
-from edge.sources.live import SLOW, ThreadedSource, Watch
+from edge.sources.live import PARAMS, ThreadedSource, Watch
 from edge.sources.options import Options
 from edge.types import Array, Clock, Frame
 
@@ -206,7 +206,7 @@ class OakSource(ThreadedSource):
             self.size_px, self.rate_hz = _size(options), options.rate_hz
             return
         try:
-            least_hz = SLOW * options.rate_hz if options.check_rate else 0.0
+            least_hz = PARAMS.slow_rel * options.rate_hz if options.check_rate else 0.0
             self.rate_hz = self.measure_rate(least_hz, patience_s, "shorten exposure_us or ask for less")
         except SourceError:
             self.close()

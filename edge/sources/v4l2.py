@@ -29,7 +29,7 @@ import cv2
 import numpy as np
 
 from edge.errors import SourceError
-from edge.sources.live import SLOW, ThreadedSource, Watch
+from edge.sources.live import PARAMS, ThreadedSource, Watch
 from edge.sources.options import Options
 from edge.types import Clock, Frame, Image
 
@@ -200,11 +200,11 @@ class V4l2Source(ThreadedSource):
         """Measured rate, with two buffers if one is too few. Raises SourceError: no frames, too slow."""
         measured_hz = self.measure_rate(0.0, patience_s)
         asked_hz = self._options.rate_hz
-        if measured_hz < SLOW * (asked_hz or self._stated_hz) and self._options.buffers == 1:
+        if measured_hz < PARAMS.slow_rel * (asked_hz or self._stated_hz) and self._options.buffers == 1:
             self._options = replace(self._options, buffers=2)
             self._again.set()
             measured_hz = self.measure_rate(0.0, patience_s)
-        if self._options.check_rate and measured_hz < SLOW * asked_hz:
+        if self._options.check_rate and measured_hz < PARAMS.slow_rel * asked_hz:
             advice = "shorten exposure_us, light the tip better, or ask for less"
             raise SourceError(
                 f"{self.name}: asked for {asked_hz:g} frames/s, measured {measured_hz:.1f}; {advice}"

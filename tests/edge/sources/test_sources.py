@@ -21,7 +21,7 @@ from edge.sources import (
     open_source,
     read_image,
 )
-from edge.sources.live import FROZEN_FRAMES, Watch
+from edge.sources.live import PARAMS, Watch
 from edge.sources.options import Options, parse_spec
 from edge.types import Clock, Frame, Polarity
 from tests.support.waiting import SOON_S
@@ -374,8 +374,8 @@ def test_watch_sees_frozen_and_black() -> None:
     watch = Watch()
     for i in range(5):
         assert watch.check(Frame(noise(i), i, i)) == ""
-    still = [watch.check(Frame(noise(9), i, i)) for i in range(FROZEN_FRAMES + 1)]
-    assert still == [""] * FROZEN_FRAMES + ["frozen"]
+    still = [watch.check(Frame(noise(9), i, i)) for i in range(PARAMS.frozen_frames_n + 1)]
+    assert still == [""] * PARAMS.frozen_frames_n + ["frozen"]
     assert watch.check(Frame(noise(10), 0, 0)) == ""
     assert watch.check(Frame(noise(1) // 64, 0, 0)) == "black"
     deep = noise(2).astype(np.uint16)  # up to 255 of 4095: one sixteenth
