@@ -64,6 +64,7 @@ from edge.types import Array, Complex, Index, Mask, Rest
 __all__ = ["Choice", "Prefer", "fit", "groups_of", "tip_of"]
 
 PROCESS = "process"  # name of the candidate
+POLYNOMIAL = "polynomial"  # kind of all candidates but that and the curve
 
 
 class Prefer(StrEnum):
@@ -75,13 +76,27 @@ class Prefer(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The model chosen for a group of outputs, and its alternatives."""
+    """The chosen model for a group of outputs, and what it was chosen from.
+
+    allowed   rms error on held-out frames: of the candidates up to it, the one with fewest terms is chosen
+    held_out  (n,) prediction of each frame by a model fitted without it
+    """
 
     outputs: tuple[str, ...]
     model: Model
     chosen: Candidate
     tried: tuple[Candidate, ...]
-    held_out: Complex  # (n,) prediction of each frame by a model fitted without it
+    allowed: float
+    held_out: Complex
+
+    @property
+    def best_of_kinds(self) -> dict[str, Candidate]:
+        """Of curves, polynomials, processes: the candidate with the smallest error on held-out frames."""
+        kinds: dict[str, Candidate] = {}
+        for candidate in sorted(self.tried, key=lambda c: c.rms):
+            kind = candidate.name if candidate.name in (CURVE, PROCESS) else POLYNOMIAL
+            kinds.setdefault(kind, candidate)
+        return kinds
 
 
 def fit(
@@ -369,6 +384,8 @@ def _best(
         if fitted is not None:
             curve, candidate, predicted = fitted
             tried.insert(0, (candidate, [], predicted))
+    if process is not None:
+        tried.append((_as_candidate(process, y), process.terms, process.held_out))
     best, _, predicted = min(tried, key=lambda t: t[0].rms)
     explained = 1.0 - best.rms**2 / float((np.abs(y - y.mean()) ** 2).mean())
     if explained < PARAMS.explained_min:
@@ -377,10 +394,6 @@ def _best(
             f"{problem.where}: {' and '.join(outputs)} cannot be predicted from these frames (the best "
             f"model explains {max(0.0, explained):.0%} of the variance); largest errors: {worst}"
         )
-    if process is not None:
-        # Added after that check: its settings were fitted to every frame, and always explain a little.
-        tried.append((_as_candidate(process, y), process.terms, process.held_out))
-        best = min(tried, key=lambda t: t[0].rms)[0]
     allowed = best.rms + (best.rms_error if prefer is Prefer.SPEED else 0.0)
     good = [t for t in tried if t[0].rms <= allowed]
     chosen, terms, predicted = min(good, key=lambda t: (t[0].n_terms, t[0].rms))
@@ -394,7 +407,7 @@ def _best(
             model = _polynomial(problem, i, terms, chosen.ridge, predicted)
         if problem.groups[i] in problem.mirrored:
             model, predicted = _mirrored(model), predicted.conj()
-    return Choice(outputs, model, chosen, tuple(t[0] for t in tried), predicted)
+    return Choice(outputs, model, chosen, tuple(t[0] for t in tried), allowed, predicted)
 
 
 def _polynomial(
@@ -423,7 +436,7 @@ def _polynomial(
 def _as_candidate(process: FittedProcess, y: Complex) -> Candidate:
     """The process as a candidate like the polynomials."""
     squares = np.abs(process.held_out - y) ** 2
-    rms = float(np.sqrt(squares.mean()))
+    rms = float(np.sqrt(squares.mean() + process.pin_noise))
     # Standard error of a root of a mean of squares, by the delta method.
     error = float(squares.std() / np.sqrt(len(y)) / (2 * rms)) if rms else 0.0
     return Candidate(PROCESS, len(process.terms), rms, error, 0.0)

@@ -17,6 +17,7 @@ from calib.errors import FitError
 from calib.evaluate import evaluate
 from calib.extract import Extract
 from calib.fit import Prefer, fit
+from calib.ridge import pose_numbers
 from calib.targets import Targets
 from edge.types import Mask, Rest
 
@@ -28,13 +29,13 @@ def held_out_rows(targets: Targets, share: float, seed: int) -> Mask:
 
     Raises  FitError: too few poses to set some held
     """
-    _, pose = np.unique(targets.poses, axis=0, return_inverse=True)
+    pose = pose_numbers(targets.poses)
     n = int(pose.max()) + 1
     held_n = round(share * n)
     if not 0 < held_n < n:
         raise FitError(f"{targets.where}: {n} different poses; {share:g} of them cannot be held out")
     held = np.random.default_rng(seed).permutation(n)[:held_n]
-    return np.asarray(np.isin(pose.ravel(), held))
+    return np.asarray(np.isin(pose, held))
 
 
 def evaluate_held_out(

@@ -104,6 +104,7 @@ class FittedProcess:
     noise          over sigma^2; of two outputs along the value
     across         the same across the value; None: one output
     lost           what lost pins add to the variance, over sigma^2; None: not tried
+    pin_noise      variance of the value, of both outputs together, that noise of the inputs causes
     held_out       (n,) complex128, prediction of each row by settings that have not seen its group, and
                    weights that have not seen its fold
     """
@@ -116,6 +117,7 @@ class FittedProcess:
     noise: NoiseModel
     across: NoiseModel | None
     lost: Lost | None
+    pin_noise: float
     held_out: Complex
 
 
@@ -169,6 +171,7 @@ def fit_process(
         noise=along,
         across=across,
         lost=_fit_lost(rows, names, change.ravel() / over, turning=features.turning),
+        pin_noise=posterior.pin_noise * unit**2,
         held_out=unseen * unit + mean,
     )
 
@@ -420,6 +423,7 @@ class _Posterior:
         self._precision = gram + off + noise * np.eye(len(gram))
         self._second_moment = gram / len(design)
         self.weights: Complex = np.linalg.solve(self._precision, design.conj().T @ y)
+        self.pin_noise = float((self.weights.conj() @ off @ self.weights).real) / len(design)
 
     def held_out(self, fold: Index) -> tuple[Complex, Array]:
         """Prediction of each row by weights that have not seen its fold; what they leave open of it."""

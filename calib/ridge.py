@@ -23,6 +23,7 @@ __all__ = [
     "cross_validated_terms",
     "folds_of",
     "input_noise",
+    "pose_numbers",
     "ridge_weights",
     "rounded",
     "spread_factor",
@@ -160,10 +161,21 @@ def spread_factor(psi: Complex, moved: Complex, ridge: float) -> Complex:
 
 
 def folds_of(poses: Array) -> Index:
-    """Fold of each row; equal poses share one. Deterministic: poses are dealt out by their hash order."""
-    _, group = np.unique(poses, axis=0, return_inverse=True)
+    """Fold of each row; equal poses share one. Deterministic: poses are dealt out in a fixed random order.
+
+    Poses count in the order of their first rows, so that a table in other axes has the same folds.
+    """
+    group = pose_numbers(poses)
     order = np.random.default_rng(0).permutation(int(group.max(initial=0)) + 1)
-    return np.asarray(order[group.ravel()] % min(PARAMS.folds, len(order)), dtype=np.int32)
+    return np.asarray(order[group] % min(PARAMS.folds, len(order)), dtype=np.int32)
+
+
+def pose_numbers(poses: Array) -> Index:
+    """(n,) number of each row's pose, in the order of their first rows; equal rows share one."""
+    _, first, pose = np.unique(poses, axis=0, return_index=True, return_inverse=True)
+    number = np.empty(len(first), dtype=np.int32)
+    number[np.argsort(first)] = np.arange(len(first))
+    return number[pose.ravel()]
 
 
 def rounded(value: float, digits: int = 6) -> float:

@@ -117,6 +117,8 @@ def _row(choice: Choice) -> dict[str, Any]:
         "model": choice.chosen.name,
         "terms": choice.chosen.n_terms,
         "rms_held_out": choice.chosen.rms,
+        "rms_allowed": choice.allowed,
+        "best_of_kinds": {kind: c.rms for kind, c in choice.best_of_kinds.items()},
         "sigma": choice.model.sigma,
         "tried": len(choice.tried),
     }
@@ -124,7 +126,8 @@ def _row(choice: Choice) -> dict[str, Any]:
 
 def _print(choices: list[Choice], output: Path) -> None:
     table = Table(title=f"{output}: what was fitted")
-    for name in ("value", "model chosen", "terms", "rms error (cross-validated)", "sigma"):
+    table.caption = "Errors: rms on held-out frames. Of the models up to the limit, the smallest is chosen."
+    for name in ("value", "model chosen", "terms", "error", "limit", "best of each kind", "sigma"):
         table.add_column(name)
     for choice in choices:
         row = _row(choice)
@@ -133,7 +136,9 @@ def _print(choices: list[Choice], output: Path) -> None:
             ", ".join(choice.outputs),
             row["model"],
             str(row["terms"]),
-            f"{row['rms_held_out']:.3g}",
+            f"{choice.chosen.rms:.3g}",
+            f"{choice.allowed:.3g}",
+            "\n".join(f"{kind} {c.rms:.3g}" for kind, c in choice.best_of_kinds.items()),
             ", ".join(f"{s:.3g}" for s in sigma),
         )
     Console().print(table)

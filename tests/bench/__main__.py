@@ -12,6 +12,7 @@ import importlib
 import click
 
 COMMANDS = {
+    "axes": ("tests.bench.axes", "Errors on the published recordings, with eight forms of the rig's axes."),
     "bridge": ("tests.bench.bridge", "Fingers through the ROS 2 bridge to a peer: losses and latency."),
     "identity": ("tests.bench.identity", "Pin identity after a jump, on real and simulated frames."),
     "instructions": ("tests.bench.instructions", "Instructions and cache misses of a frame, counted."),

@@ -11,7 +11,7 @@ from calib.designs import letters, terms_of_spin
 from calib.errors import FitError
 from calib.evaluate import predict
 from calib.extract import Extract
-from calib.fit import fit
+from calib.fit import Prefer, fit
 from calib.fit_params import PARAMS
 from edge.calibration import Calibration
 from edge.calibration.file import Curve, Polynomial
@@ -57,6 +57,20 @@ def test_the_smallest_of_equally_good_models_is_taken() -> None:
     assert isinstance(shear.model, Polynomial)
     constant = shear.model.weights[shear.model.terms.index([])]
     assert constant[0] == pytest.approx(0.2, abs=0.02)
+
+
+def test_the_choice_says_what_it_rests_on() -> None:
+    extract, values = make(100, noise=0.02)
+    for prefer in Prefer:
+        _, choices = fit(REST, targets(values), extract, mm_per_px=None, prefer=prefer)
+        for choice in choices:
+            best = min(choice.tried, key=lambda c: c.rms)
+            assert choice.allowed == best.rms + (best.rms_error if prefer is Prefer.SPEED else 0.0)
+            assert choice.chosen.rms <= choice.allowed
+            good = [c for c in choice.tried if c.rms <= choice.allowed]
+            assert choice.chosen.n_terms == min(c.n_terms for c in good)
+            assert best == min(choice.best_of_kinds.values(), key=lambda c: c.rms)
+            assert {"polynomial", "process"} <= choice.best_of_kinds.keys()
 
 
 def test_the_paper_s_curve_wins_where_depth_follows_the_volume() -> None:

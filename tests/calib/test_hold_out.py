@@ -9,6 +9,7 @@ from calib.errors import FitError
 from calib.evaluate import evaluate
 from calib.fit import fit
 from calib.hold_out import evaluate_held_out, held_out_rows
+from calib.ridge import folds_of
 from tests.support.synthetic import REST, make, targets
 
 
@@ -20,6 +21,14 @@ def test_frames_of_one_pose_stay_together() -> None:
     assert all(len(set(held[poses == pose].tolist())) == 1 for pose in range(50))
     assert (held_out_rows(table, 0.2, seed=0) == held).all()
     assert (held_out_rows(table, 0.2, seed=1) != held).any()
+
+
+def test_the_same_poses_are_held_out_in_other_axes() -> None:
+    values = np.random.default_rng(0).normal(size=(2, 30)).repeat(2, axis=1)
+    straight = targets({"shear_x_mm": values[0], "shear_y_mm": values[1]})
+    turned = targets({"shear_x_mm": -values[1], "shear_y_mm": values[0]})
+    assert (held_out_rows(straight, 0.3, seed=1) == held_out_rows(turned, 0.3, seed=1)).all()
+    np.testing.assert_array_equal(folds_of(straight.poses), folds_of(turned.poses))
 
 
 def test_the_errors_are_those_of_frames_that_were_not_fitted() -> None:
