@@ -170,7 +170,7 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
     spots = _find(grey, pattern)
     if len(spots) >= PARAMS.pins_min:
         pins, fit = _centroids(grey, spots, pattern)
-        pins = _in_view(pins, pattern.size_px)
+        pins = in_view(pins, pattern.size_px)
         unlikeness = unevenness(spots) + 1.0 - fit
         if len(pins) >= PARAMS.pins_min and unlikeness < PARAMS.unlike_pins_max:
             _refuse_glints(grey, pins, pattern)
@@ -180,7 +180,7 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
     raise _NotThese("spots that are neither round nor evenly spaced")
 
 
-def _in_view(pins: Pins, size_px: tuple[int, int]) -> Pins:
+def in_view(pins: Pins, size_px: tuple[int, int]) -> Pins:
     """Without those that the image's border halves: the least motion outwards takes them out of view."""
     free_space = np.minimum(pins.xy_img, np.array(size_px) - 1.0 - pins.xy_img).min(axis=1)
     kept = free_space >= PARAMS.rest_gap_radii * pins.radius_px

@@ -57,6 +57,9 @@ class PinParams:
     cut_sigma_min_px: float = 0.25
     cut_sigma_min_radii: float = 0.05
     # --- rest frame
+    vote_reach: float = 1.2  # tip radii within which single images are searched for pins that the mean lacks
+    vote_near_pitches: float = 0.25  # places in two images are one pin's
+    vote_free_pitches: float = 0.5  # from such a place to the nearest pin
     rest_gap_radii: float = 0.5  # from a pin's centre to the image's border, pin radii
     steady_radii: float = 0.1  # images are of one place where four of five pins moved less than this
     steady_sigmas: float = 4.0

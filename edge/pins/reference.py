@@ -6,20 +6,23 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
+import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from edge.errors import NoPins
-from edge.pins.detect import as_bright, learn, noise_of, to_grey
+from edge.pins.detect import as_bright, detect, in_view, learn, noise_of, to_grey
 from edge.pins.params import PARAMS
 from edge.pins.refine import CentroidRefiner
-from edge.types import Image, Pins, Polarity, Rest
+from edge.types import Image, PinPattern, Pins, Polarity, Rest
 
 
 def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND) -> Rest:
     """The rest frame from one or more images of the untouched tip; row i defines pin i.
 
     Pins are found on the mean of the largest set of images among which nothing moves: in the mean of a moving
-    tip pins are smeared. Dark first images, as cameras give, are not used.
+    tip pins are smeared. What at least half of those images show as a pin each for itself is one too. Dark
+    first images, as cameras give, are not used.
 
     polarity  FOUND: as the first image that shows pins has them
     Raises    NoPins: no image, images of different size, or no pins in them
@@ -39,12 +42,49 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND) -> R
     for grey in greys:
         mean += grey
     average = cast(Image, np.rint(mean / len(greys)).astype(greys[0].dtype))
-    pattern, pins = learn(average, Polarity.BRIGHT)
+    pattern, pins = with_voted(greys, *learn(average, Polarity.BRIGHT))
     # The noise is that of a single image, like later frames, not that of the mean.
     pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])), dark=dark)
     order = np.lexsort((pins.xy_img[:, 0], np.rint(pins.xy_img[:, 1] / pattern.pitch_px)))
     pins = Pins(pins.xy_img[order], pins.sigma_px[order], pins.radius_px[order], pins.brightness[order])
     return Rest(pins, pattern)
+
+
+def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple[PinPattern, Pins]:
+    """Pattern and pins with those that at least half of the images show, though their mean does not.
+
+    Whether a pin at the edge of a gap still belongs to the pattern may hang on a little noise.
+    """
+    if len(greys) < 2:
+        return pattern, pins
+    wider = replace(pattern, tip_radius_px=PARAMS.vote_reach * pattern.tip_radius_px, count=0)
+    shown = [in_view(detect(grey, wider), pattern.size_px) for grey in greys]
+    xy, sigma, radius, brightness = (
+        np.concatenate([getattr(one, name) for one in shown])
+        for name in ("xy_img", "sigma_px", "radius_px", "brightness")
+    )
+    which = np.repeat(np.arange(len(shown)), [len(one) for one in shown])
+    near_px = PARAMS.vote_near_pitches * pattern.pitch_px
+    free = cKDTree(pins.xy_img).query(xy)[0] > PARAMS.vote_free_pitches * pattern.pitch_px
+    added: list[tuple[float, ...]] = []
+    for i in np.flatnonzero(free):
+        same = free & (np.hypot(*(xy - xy[i]).T) < near_px)
+        if 2 * len(np.unique(which[same])) >= len(greys):
+            free &= ~same
+            place = np.median(xy[same], axis=0)
+            added.append((*place, *(float(np.median(v[same])) for v in (sigma, radius, brightness))))
+    if not added:
+        return pattern, pins
+    rows = np.array(added)
+    pins = Pins(
+        np.concatenate([pins.xy_img, rows[:, :2]]),
+        np.concatenate([pins.sigma_px, rows[:, 2]]),
+        np.concatenate([pins.radius_px, rows[:, 3]]),
+        np.concatenate([pins.brightness, rows[:, 4]]),
+    )
+    (x, y), reach = cv2.minEnclosingCircle(pins.xy_img.astype(np.float32))
+    outermost_px = float(reach) + pattern.pin_radius_px
+    return replace(pattern, count=len(pins), centre_img=np.array([x, y]), tip_radius_px=outermost_px), pins
 
 
 def _steady(greys: Sequence[Image], start: int, rest: Rest) -> list[int]:

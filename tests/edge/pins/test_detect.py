@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from pathlib import Path
 
 import cv2
@@ -11,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from edge.errors import NoPins
 from edge.pins import CentroidRefiner, detect, inspect_image, learn_pattern, take_rest
+from edge.pins.reference import with_voted
 from edge.types import Array, Image, Pins, Polarity
 from tests.support.images import grey, read_grey
 from tests.support.pins_rendered import draw, expose, hexagon
@@ -305,3 +307,18 @@ def test_pins_too_large_for_a_window_are_refused_with_the_limit() -> None:
     image = expose(draw((960, 960), truth, 44.0, 2.0, 120, 30), 2.0, np.random.default_rng(12))
     with pytest.raises(NoPins, match=r"radius.*smaller image"):
         take_rest([image])
+
+
+def test_what_half_of_the_images_show_is_a_pin_though_their_mean_does_not() -> None:
+    rng = np.random.default_rng(41)
+    truth = hexagon(4, 30.0, (160.0, 160.0))
+    clean = draw((320, 320), truth, 6.0, 0.9, 110.0, 30.0)
+    rest = take_rest([expose(clean, 1.0, rng) for _ in range(4)])
+    greys = [expose(clean, 1.0, rng) for _ in range(4)]
+    lacking = Pins(*(getattr(rest.pins, f.name)[5:] for f in fields(Pins)))
+    pattern, pins = with_voted(greys, replace(rest.pattern, count=len(lacking)), lacking)
+    assert pattern.count == len(pins) == len(truth)
+    assert missed_and_false(pins, truth, 0.3) == (0, 0)
+    others = truth[np.hypot(*(truth - rest.xy_img[0]).T) > 1.0]
+    without = [expose(draw((320, 320), others, 6.0, 0.9, 110.0, 30.0), 1.0, rng) for _ in range(3)]
+    assert len(with_voted([greys[0], *without], rest.pattern, lacking)[1]) == len(truth) - 1
