@@ -1,7 +1,8 @@
 """What `tests.bench.instructions` counts: `python -m tests.bench.instructions_child KIND FRAMES N`.
 
-KIND is `pipeline`, `grasp` (displacement and shear only) or `reference`; FRAMES an .npz of images, the first
-of the untouched tip, `contact` the begin of those that count; N how many of them are processed, up and down.
+KIND is `pipeline` (all but the picture of the surface), `grasp` (displacement and shear only) or `reference`.
+FRAMES is an .npz of images, the first of the untouched tip, and `contact`, the index where those that count
+begin; N how many of them are processed, up and down.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ def main(kind: str, path: str, n: int) -> None:
     ]
     counted = back_and_forth(frames[first:], n)
     rest, up = frames[:REST_FRAMES], frames[REST_FRAMES:first]
-    demand = frozenset({Feature.DISPLACEMENT, Feature.SHEAR}) if kind == "grasp" else frozenset(Feature)
+    grasp = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
+    demand = grasp if kind == "grasp" else frozenset(Feature) - {Feature.SURFACE}
     pipeline = started([*rest, *up], calibration_of(frames), demand)
     gc.disable()
     if kind == "reference":
