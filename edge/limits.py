@@ -102,8 +102,10 @@ def read_toml(path: Path) -> dict[str, Any]:
     raw = read_bounded(path, CONFIG_BYTES)
     try:
         return tomllib.loads(raw.decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except tomllib.TOMLDecodeError as error:
         raise BadContent(f"not TOML: {error}") from None
+    except UnicodeDecodeError as error:
+        raise BadContent(f"not TOML: byte {error.start} is not UTF-8 text") from None
     except RecursionError:
         raise BadContent("lists and tables are nested too deeply") from None
 

@@ -28,7 +28,10 @@ class FiniteFloat(click.FloatRange):
         if not isfinite(number):
             what = "a number" if isnan(number) else "finite"
             self.fail(f"{value!r} is not {what}; give {_what('a number', self)}", param, ctx)
-        return float(super().convert(number, param, ctx))
+        try:
+            return float(super().convert(number, param, ctx))
+        except click.BadParameter:
+            self.fail(f"{value} is out of range; give {_what('a number', self)}", param, ctx)
 
 
 class WholeNumber(click.IntRange):
@@ -41,7 +44,10 @@ class WholeNumber(click.IntRange):
             number = int(value)
         except (TypeError, ValueError, OverflowError):
             self.fail(f"{value!r} is not a whole number; give {_what('a whole number', self)}", param, ctx)
-        return int(super().convert(number, param, ctx))
+        try:
+            return int(super().convert(number, param, ctx))
+        except click.BadParameter:
+            self.fail(f"{value} is out of range; give {_what('a whole number', self)}", param, ctx)
 
 
 def counted(n: int, noun: str) -> str:

@@ -102,7 +102,7 @@ def _opened(path: Path) -> Iterator[_Bounded]:
         raise SourceError(f"recording {path}: {error.strerror}; give an existing MCAP file") from error
     with file:
         if file.read(8) != b"\x89MCAP0\r\n":
-            raise SourceError(f"recording {path}: not an MCAP file; give a file that `record` wrote")
+            raise SourceError(f"recording {path}: not an MCAP file; give one that `edge run --record` wrote")
         yield _Bounded(file)
 
 

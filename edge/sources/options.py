@@ -17,6 +17,7 @@ from typing import Any
 from urllib.parse import parse_qsl
 
 from edge.errors import SourceError
+from edge.limits import IMAGE_SIDE_PX, NUMBER_MAX
 from edge.types import Polarity
 
 __all__ = ["Options", "Spec", "convert", "parse_spec"]
@@ -67,6 +68,14 @@ class Spec:
 
 
 _SCHEME = re.compile(r"^([a-z][a-z0-9_+-]*):(.*)$", re.DOTALL)
+#: What a camera can be asked for; a key without a row takes any finite number.
+_RANGES: dict[str, tuple[float, float]] = {
+    "width": (0, IMAGE_SIDE_PX),
+    "height": (0, IMAGE_SIDE_PX),
+    "rate_hz": (0, 2000),
+    "exposure_us": (0, 1_000_000),
+    "buffers": (1, 32),
+}
 _TRUE = {"1": True, "true": True, "yes": True, "0": False, "false": False, "no": False}
 #: Conversion, description and example of a key's value, by its type in `Options`.
 _KINDS: dict[str, tuple[Callable[[str], Any], str, str]] = {
@@ -81,10 +90,17 @@ _KINDS: dict[str, tuple[Callable[[str], Any], str, str]] = {
 def convert(kind: str, name: str, text: str, spec: str) -> Any:
     """A key's value. Raises SourceError: it is not of that kind (bool, float, int, str)."""
     read, wanted, example = _KINDS[kind]
+    low, high = _RANGES.get(name, (-NUMBER_MAX, NUMBER_MAX))
     try:
-        return read(text)
+        value = read(text)
+        if isinstance(value, int | float) and not low <= value <= high:  # nor NaN
+            raise ValueError
     except (ValueError, KeyError):
-        raise SourceError(f"source {spec}: {name}={text}: give {wanted}, e.g. {name}={example}") from None
+        within = f" from {low:.0f} to {high:.0f}" if name in _RANGES else ""
+        raise SourceError(
+            f"source {spec}: {name}={text}: give {wanted}{within}, e.g. {name}={example}"
+        ) from None
+    return value
 
 
 def _convert(name: str, text: str, spec: str) -> Any:

@@ -240,7 +240,10 @@ def _text(folder: Path, name: str, content: str) -> Path:
         (["run", "--source", "sim:tour?paced=x"], "sim:tour: paced=x: give 0 or 1, e.g. paced=1"),
         (["run", "--source", "sim:tour?pins=many"], "sim:tour: pins=many: give a whole number"),
         (["run", "--source", "v4l2:abc"], "v4l2:abc: no such camera; give v4l2:NUMBER"),
-        (["run", "--source", "v4l2:0?width=wide"], "width=wide: give a whole number, e.g. width=1"),
+        (
+            ["run", "--source", "v4l2:0?width=wide"],
+            "width=wide: give a whole number from 0 to 8192, e.g. width=1",
+        ),
         (["replay", "{press}", "--sink", "udp:8.8.8.8"], "8.8.8.8 is no multicast group"),
         (["replay", "{press}", "--sink", "can:can77"], "can77"),
         (["replay", "{press}", "--sink", "serial:/dev/absent"], "/dev/absent"),
