@@ -8,7 +8,7 @@ SOURCES := pyproject.toml constraints.txt setup.py $(wildcard edge/*/*.pxd \
 	$(shell sed -n 's|^ *"\(edge\.[a-z_.]*\)": .*|\1|p' setup.py | tr . / | sed 's|$$|.py|'))
 SECONDS ?= 60
 
-.PHONY: demo test bench lint types unit kernels sanitize slow test-browser stability fuzz soak sbc-test docs generate clean help
+.PHONY: demo test bench lint types unit coverage kernels sanitize slow test-browser stability fuzz soak sbc-test docs generate clean help
 
 help:
 	@sed -n 's/^## //p' Makefile
@@ -34,6 +34,13 @@ types: $(READY)
 ## make unit       tests alone
 unit: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest
+
+## make coverage   as unit, counting the lines that run, in child processes too
+coverage: $(READY)
+	rm -rf build/coverage
+	OMP_NUM_THREADS=1 $(BIN)/python -m coverage run -m pytest
+	$(BIN)/python -m coverage combine -q
+	$(BIN)/python -m coverage report
 
 ## make kernels    the kernels' tests again: with every index checked, and uncompiled
 kernels: $(READY) build/checked/.ready

@@ -5,9 +5,12 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
+
+from tests.support import kernels
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("edge", "hostlink", "calib", "tests")
@@ -153,3 +156,8 @@ def test_the_host_side_is_light() -> None:
 def test_the_edge_loads_no_heavy_libraries() -> None:
     loaded = loaded_by("import edge.pipeline")
     assert not loaded & {"matplotlib", "skimage", "depthai", "aiohttp", "mcap", "pandas"}
+
+
+def test_coverage_leaves_out_the_kernels_and_nothing_else() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["coverage"]["run"]
+    assert settings["omit"] == [f"{name.replace('.', '/')}.py" for name in kernels.table().KERNELS]
