@@ -162,7 +162,7 @@ def test_packets_keep_numbers_in_their_places() -> None:
     [
         (["--listen", "0.0.0.0:1"], "give a token"),
         (["--hand", "a,b"], "--hand a,b"),
-        (["--token", "short"], "at least 8"),
+        (["--token", "short"], "shorter than 8"),
     ],
 )
 def test_mistakes_are_one_line(
@@ -171,9 +171,9 @@ def test_mistakes_are_one_line(
     with pytest.raises(SystemExit) as caught:
         main(["view", BUS, *arguments])
     assert caught.value.code == 2
-    fields = capsys.readouterr().err
-    assert words in fields
-    assert len(fields.strip().splitlines()) == 1
+    output = capsys.readouterr().err
+    assert words in output
+    assert len(output.strip().splitlines()) == 1
 
 
 def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
