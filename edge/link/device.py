@@ -24,7 +24,7 @@ __all__ = ["LoopDevice"]
 
 
 class LoopDevice:
-    """`edge.link.node.Device` on a `Loop`.
+    """`edge.link.object_server.Device` on a `Loop`.
 
     serial_number  of the fingertip
     store          where an uploaded calibration is kept; None: in memory only

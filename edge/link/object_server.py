@@ -13,7 +13,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from hashlib import sha256
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from edge.errors import CalibrationError
 from hostlink.output_file import OutputError
@@ -23,6 +23,7 @@ from hostlink.wire import (
     CanIds,
     CorruptFrame,
     Fault,
+    FaultCode,
     Object,
     object_at,
     pack_value,
@@ -31,10 +32,9 @@ from hostlink.wire import (
 from hostlink.wire.objects import TYPES
 
 if TYPE_CHECKING:
-    from edge.link.node import Device
     from edge.runtime.settings import SettingsFile
 
-__all__ = ["Aborted", "ObjectServer"]
+__all__ = ["Aborted", "Device", "ObjectServer", "RequestRefused"]
 
 log = logging.getLogger(__name__)
 Value = int | float | str | bytes
@@ -75,6 +75,55 @@ class Aborted(Exception):
     def __init__(self, code: int) -> None:
         super().__init__(f"0x{code:08X}")
         self.code = code
+
+
+class Device(Protocol):
+    """The application as a node needs it. Called from the link's thread; must return within some 50 ms,
+    because the host waits for the answer."""
+
+    def describe(self) -> Mapping[str, Value]:
+        """Read-only objects by name (`hostlink.wire.OBJECTS`): serial_number (required), hardware_version,
+        software_version, calibration_id, pin_n, camera, camera_rate_hz, uptime_s, samples_n, dropped_n,
+        latency_p50_us, latency_p99_us. Missing ones read as their default."""
+        ...
+
+    def clock_us(self) -> int | None:
+        """The clock that stamps the images, now, us of any width; None where it cannot be read."""
+        ...
+
+    def tare(self, force: bool) -> None:
+        """Have a new rest frame taken from the next images; `rest_frame` reports the outcome.
+
+        Raises RequestRefused: something touches the tip, and `force` is not set; or one is being taken
+        """
+        ...
+
+    def rest_frame(self) -> Mapping[str, Value]:
+        """Objects rest_frame_request_n, _state, _reason, _words: the outcome of the last request."""
+        ...
+
+    def calibration_bytes(self) -> bytes:
+        """The calibration file in use; empty: none."""
+        ...
+
+    def upload_calibration(self, data: bytes) -> None:
+        """Check another calibration file and have a rest frame taken with it; then it is stored and used.
+
+        Raises ValueError, edge.errors.CalibrationError: not usable, nothing changed; RequestRefused: not now
+        """
+        ...
+
+    def set_features(self, names: frozenset[str]) -> None:
+        """Compute these features (`edge.types.Feature` values) from now on."""
+        ...
+
+    def reboot(self) -> None:
+        """Restart the software, after the answer had time to leave."""
+        ...
+
+    def report(self, code: FaultCode, active: bool, message: str = "") -> None:
+        """A fault of the link appeared or cleared: `FaultRegistry.report`."""
+        ...
 
 
 class ObjectServer:

@@ -185,9 +185,6 @@ class RecordingSource:
         """Images, from the file's index; 0: it has none, as after a kill."""
         return image_count(self.path, self._topic)
 
-    def attachments(self) -> dict[str, bytes]:
-        return read_attachments(self.path)
-
     def close(self) -> None:
         self._closed = True
 
