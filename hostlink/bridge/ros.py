@@ -144,14 +144,14 @@ class RosOutlet:
             config.insert_json5("connect/endpoints", f'["{router}"]')
         except self._zenoh.ZError:
             raise UsageError(f"--router {router}: give an endpoint, e.g. tcp/127.0.0.1:7447") from None
-        said = False
+        warned = False
         while True:
             try:
                 return self._zenoh.open(config)
             except self._zenoh.ZError:
-                if not said:
+                if not warned:
                     log.warning("no router at %s yet: waiting for it", router)
-                said = True
+                warned = True
                 threading.Event().wait(_RETRY_S)
 
     def _declare_token(self, kind: str, name: str, topic: str) -> bytes:

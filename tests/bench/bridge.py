@@ -50,19 +50,19 @@ def listen(begin: Any, end: Any, result: Any) -> None:
     """Every finger's samples at a peer: counts and latencies (ms) from capture to here, by quantile."""
     import numpy as np
 
-    from tests.hostlink.bridge.ros_peer import Heard, Peer
+    from tests.hostlink.bridge.ros_peer import Peer, Received
 
     peer = Peer(PORT)
     latencies: list[float] = []
     numbers: dict[str, list[int]] = {}
     lock = threading.Lock()
 
-    def take(heard: Heard) -> None:
-        sec, nanosec = struct.unpack_from("<iI", heard.payload, 4)
+    def take(received: Received) -> None:
+        sec, nanosec = struct.unpack_from("<iI", received.payload, 4)
         with lock:
             if begin.is_set():
-                latencies.append((heard.arrival_ns - sec * 1_000_000_000 - nanosec) / 1e6)
-                numbers.setdefault(heard.key, []).append(heard.number)
+                latencies.append((received.arrival_ns - sec * 1_000_000_000 - nanosec) / 1e6)
+                numbers.setdefault(received.key, []).append(received.number)
 
     peer.subscribe("0/*/sample/**", take)
     end.wait()
@@ -102,7 +102,7 @@ def measure(fingers: int, rate_hz: float, seconds: float) -> dict[str, Any]:
         busy = (time.process_time() - begun_s) / seconds
         lost_n = sum(s.lost_n for s in hand.statistics.values())
         end.set()
-        heard_n, gaps_n, marks = result.get()
+        received_n, gaps_n, marks = result.get()
         bridge.stop()
         thread.join()
         outlet.close()
@@ -110,7 +110,7 @@ def measure(fingers: int, rate_hz: float, seconds: float) -> dict[str, Any]:
     sender.join()
     router.close()
     return {
-        "fingers": fingers, "rate_hz": rate_hz, "seconds": seconds, "sent": sent_n, "heard": heard_n,
+        "fingers": fingers, "rate_hz": rate_hz, "seconds": seconds, "sent": sent_n, "received": received_n,
         "lost on the bus": lost_n, "left out by the bridge": bridge.left_out_n, "lost after it": gaps_n,
         "latency ms, median": marks[0], "latency ms, 99 %": marks[1], "latency ms, 99.9 %": marks[2],
         "latency ms, most": marks[3], "share of a core, bridge and router": busy,

@@ -157,7 +157,7 @@ def open_router(port: int) -> Any:
 
 
 @dataclass
-class Heard:
+class Received:
     """One message: its key, CDR, and attachment."""
 
     key: str
@@ -180,24 +180,26 @@ class Peer:
 
     def __init__(self, port: int) -> None:
         self.session = open_session("client", "connect/endpoints", port)
-        self.heard: dict[str, list[Heard]] = {}
+        self.received: dict[str, list[Received]] = {}
         self._lock = threading.Lock()
 
-    def subscribe(self, key: str, then: Callable[[Heard], None] | None = None) -> None:
+    def subscribe(self, key: str, then: Callable[[Received], None] | None = None) -> None:
         def take(sample: Any) -> None:
-            heard = Heard(str(sample.key_expr), bytes(sample.payload), *take_apart(bytes(sample.attachment)))
+            received = Received(
+                str(sample.key_expr), bytes(sample.payload), *take_apart(bytes(sample.attachment))
+            )
             if then is not None:
-                then(heard)
+                then(received)
                 return
             with self._lock:
-                topic = "/" + "/".join(heard.key.split("/")[1:-2])
-                self.heard.setdefault(topic, []).append(heard)
+                topic = "/" + "/".join(received.key.split("/")[1:-2])
+                self.received.setdefault(topic, []).append(received)
 
         self.session.declare_subscriber(key, take)
 
-    def of(self, topic: str) -> list[Heard]:
+    def of(self, topic: str) -> list[Received]:
         with self._lock:
-            return list(self.heard.get(topic, ()))
+            return list(self.received.get(topic, ()))
 
     def tokens(self) -> list[str]:
         return [str(reply.ok.key_expr) for reply in self.session.liveliness().get("@ros2_lv/**")]

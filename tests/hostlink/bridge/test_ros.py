@@ -1,4 +1,4 @@
-"""The ROS 2 bridge, heard by a peer on Zenoh that decodes CDR with another library."""
+"""The ROS 2 bridge, received by a peer on Zenoh that decodes CDR with another library."""
 
 from __future__ import annotations
 
@@ -72,8 +72,8 @@ def test_a_peer_hears_what_the_fingers_sent(scene: Scene) -> None:
     peer = scene.peer
     peer.subscribe("7/**")
     until(lambda: len(peer.of("/finger_3/sample")) > 20 and peer.of("/diagnostics"), "messages")
-    heard = peer.of("/finger_3/sample")
-    message: Any = TactileSample.deserialize(heard[-1].payload)
+    received = peer.of("/finger_3/sample")
+    message: Any = TactileSample.deserialize(received[-1].payload)
     expected = unpack_state(pack_state(state(3, message.sample), 0))
     for f in FIELDS:
         if f.name != "capture_time_us":
@@ -106,10 +106,10 @@ def test_stamps_are_the_capture_on_the_hosts_clock(scene: Scene) -> None:
     until(lambda: len(scene.peer.of("/finger_1/wrench")) > 50, "messages")
     ended_ns = time.time_ns()
     previous_ns = 0
-    for heard in scene.peer.of("/finger_1/wrench"):
-        stamp = WrenchStamped.deserialize(heard.payload).header.stamp
+    for received in scene.peer.of("/finger_1/wrench"):
+        stamp = WrenchStamped.deserialize(received.payload).header.stamp
         at_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
-        assert at_ns < heard.sent_ns, "captured before it was sent"
+        assert at_ns < received.sent_ns, "captured before it was sent"
         assert begun_ns - 60e9 < at_ns < ended_ns
         assert at_ns > previous_ns
         previous_ns = at_ns
@@ -120,11 +120,11 @@ def test_attachments_count_and_name_the_sender(scene: Scene) -> None:
     until(lambda: all(len(scene.peer.of(f"/finger_{n}/sample")) > 50 for n in (1, 3)), "messages")
     senders = set()
     for n in (1, 3):
-        heard = scene.peer.of(f"/finger_{n}/sample")
-        numbers = [h.number for h in heard]
+        received = scene.peer.of(f"/finger_{n}/sample")
+        numbers = [h.number for h in received]
         assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
-        senders |= {h.sender for h in heard}
-        assert all(len(h.sender) == 16 for h in heard)
+        senders |= {h.sender for h in received}
+        assert all(len(h.sender) == 16 for h in received)
     assert len(senders) == 2
 
 
@@ -220,8 +220,8 @@ def test_bags_are_read_by_rosbags(scene: Scene, tmp_path: Path) -> None:
     with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         for topic, kind in (("/finger_1/sample", SAMPLE), ("/finger_1/wrench", WRENCH)):
             connection = writer.add_connection(topic, kind, typestore=types.store)
-            for heard in peer.of(topic):
-                writer.write(connection, heard.arrival_ns, heard.payload)
+            for received in peer.of(topic):
+                writer.write(connection, received.arrival_ns, received.payload)
     with AnyReader([bag]) as reader:
         read: list[Any] = [
             reader.deserialize(data, connection.msgtype)
