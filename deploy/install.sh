@@ -16,6 +16,8 @@
 # Options
 #   --wheels DIR     install from wheels in DIR, without network. To make them, in the checkout, on a machine of
 #                    the same architecture and Python: pip wheel -w DIR -c constraints.txt '.[edge]'
+#   --camera KIND    picamera: a CSI camera of a Raspberry Pi; its picamera2 is Debian's package, which the
+#                    virtual environment then sees. Others need no such thing
 #   --extras LIST    default edge; edge,oak for OAK modules; edge,view for the live page
 #   --node N         CANopen node of --finger, default 1
 #   --no-start       do not enable and start anything
@@ -24,7 +26,7 @@ set -eu
 umask 022 # the service reads what root installs, whatever root's own umask is; nobody else writes it
 
 here=$(cd "$(dirname "$0")" && pwd)
-action=install finger='' node=1 wheels='' extras=edge start=1 purge=0 root=''
+action=install finger='' node=1 wheels='' extras=edge camera='' start=1 purge=0 root=''
 
 fail() {
     echo "install: $*" >&2
@@ -39,13 +41,14 @@ while [ $# -gt 0 ]; do
     --upgrade) action=install ;;
     --purge) purge=1 ;;
     --no-start) start=0 ;;
-    --finger | --node | --wheels | --extras | --root)
+    --finger | --node | --wheels | --extras | --camera | --root)
         [ $# -ge 2 ] || fail "$1 needs a value"
         case $1 in
         --finger) finger=$2 ;;
         --node) node=$2 ;;
         --wheels) wheels=$(cd "$2" 2>/dev/null && pwd) || fail "--wheels $2: no such folder" ;;
         --extras) extras=$2 ;;
+        --camera) camera=$2 ;;
         --root) root=$(cd "$2" 2>/dev/null && pwd) || fail "--root $2: no such folder" ;;
         esac
         shift
@@ -62,6 +65,8 @@ done
 case $finger in *[!a-z0-9_-]*) fail "--finger $finger: use a-z, 0-9, - and _" ;; esac
 case $node in '' | *[!0-9]*) fail "--node $node: a number from 1 to 127" ;; esac
 if [ "$node" -lt 1 ] || [ "$node" -gt 127 ]; then fail "--node $node: a number from 1 to 127"; fi
+
+case $camera in '' | picamera) ;; *) fail "--camera $camera: picamera, or leave it away" ;; esac
 
 opt=/opt/voronoi-touch
 etc=$root/etc/voronoi-touch
@@ -125,7 +130,13 @@ make_release() {
     mkdir -p "$root$opt/releases"
     work=$(mktemp -d)
     trap 'rm -rf "$work" "$root$fresh"' EXIT # a half-made release is none
-    python3 -m venv "$root$fresh"
+    if [ "$camera" = picamera ]; then
+        python3 -c 'import importlib.util, sys; sys.exit(importlib.util.find_spec("picamera2") is None)' ||
+            fail "picamera2 is missing: apt-get install python3-picamera2"
+        python3 -m venv --system-site-packages "$root$fresh"
+    else
+        python3 -m venv "$root$fresh"
+    fi
     set -- --quiet --disable-pip-version-check --constraint "$here/../constraints.txt"
     if [ -n "$wheels" ]; then
         "$root$fresh/bin/python" -m pip install "$@" --no-index --find-links "$wheels" "voronoi-touch[$extras]"

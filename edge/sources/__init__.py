@@ -4,6 +4,7 @@
     north.avi, frames/, a.png   a video, a folder of images, one image
     v4l2:0, /dev/video0         a UVC or other V4L2 camera; also v4l2:SERIAL and /dev/v4l/by-id/...
     oak:, oak:MXID              an OAK module, through depthai
+    picamera:0                  a Raspberry Pi's CSI camera, through picamera2
     sim:...                     the simulator
 
 Further schemes come from installed packages through the entry point group `voronoi_touch.sources`: a
@@ -65,6 +66,7 @@ _BUILT_IN: dict[str, Opener] = {
     "video": _video,
     "v4l2": _later("edge.sources.v4l2", "open_v4l2"),
     "oak": _later("edge.sources.oak", "open_oak"),
+    "picamera": _later("edge.sources.picamera", "open_picamera"),
 }
 _FROM_EXTRA = {"sim": "voronoi-touch[calib]", "mcap": "voronoi-touch[edge]"}
 

@@ -28,7 +28,7 @@ class Options:
     """width, height  px; 0: the camera's own
     rate_hz        frames a second; 0: the camera's own, or the recording's
     exposure_us    manual exposure; 0: unchanged
-    gain           in the camera's own unit (V4L2 control, ISO for OAK); 0: unchanged
+    gain           in the camera's own unit (V4L2 control, ISO for OAK, a factor for picamera2); 0: unchanged
     focus          lens position in the camera's own unit; None: unchanged
     format         pixel format: GREY, Y10, Y12, Y16, MJPG, YUYV; "": the best that the camera has
     pins           dark or bright; "": found when the rest frame is taken
