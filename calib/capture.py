@@ -222,12 +222,17 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     try:
         with table.open(newline="", encoding="utf-8") as file:
             reader = csv.DictReader(file)
-            rows = list(reader)
+            rows, names = list(reader), set(reader.fieldnames or ())
     except OSError as error:
         raise CaptureError(_why_no_table(path, table, str(error.strerror))) from None
-    missing = {"recording", "sequence", "role", *POSE_COLUMNS} - set(reader.fieldnames or ())
+    except (UnicodeDecodeError, csv.Error):
+        raise CaptureError(f"{table}: not a table; make it anew with --resume of the capture") from None
+    missing = {"recording", "sequence", "role", *POSE_COLUMNS} - names
     if missing:
         raise CaptureError(f"{table}: no column {sorted(missing)[0]}; not the table of a capture")
+    for line, row in enumerate(rows, 2):
+        if not (row["sequence"] or "").isdecimal() or None in row.values():
+            raise CaptureError(f"{table}: line {line} is not one of a capture's table")
     return rows
 
 

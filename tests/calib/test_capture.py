@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from calib.__main__ import COMMANDS, cli
-from calib.capture import capture, parts, pose_of, progress_of, read_capture
+from calib.capture import POSE_COLUMNS, capture, parts, pose_of, progress_of, read_capture, read_rows
 from calib.errors import CaptureError, RigError
 from calib.protocols import Plan, Step
 from calib.rig import Pose, Rig
@@ -248,3 +248,21 @@ def test_a_table_that_is_not_the_capture_s_own_is_kept(
     assert "x.csv: exists" in capsys.readouterr().err
     assert table.read_text() == "sensor_image,pose_z\nmine.png,1.0\n"
     assert not (tmp_path / "x.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "no column pose_Rx"),
+        (b"\x8c\xff\x00rubbish", "not a table"),
+        (b"recording,sequence,role\n", "no column pose_Rx"),
+        (b"HEAD\nshort.mcap,many,rest" + b",0" * 8 + b"\n", "line 2 is not one"),
+        (b"HEAD\nshort.mcap,3\n", "line 2 is not one"),
+    ],
+)
+def test_a_damaged_table_is_one_line(tmp_path: Path, content: bytes, words: str) -> None:
+    head = ",".join(("recording", "sequence", "role", *POSE_COLUMNS)).encode()
+    (tmp_path / "short.csv").write_bytes(content.replace(b"HEAD", head))
+    (tmp_path / "short.mcap").write_bytes(b"")
+    with pytest.raises(CaptureError, match=words):
+        read_rows(tmp_path / "short.mcap")
