@@ -34,7 +34,7 @@ from hostlink.wire import (
 )
 from hostlink.wire.objects import REST_FRAME_REASONS
 
-__all__ = ["STALE_S", "Finger", "Info", "RestFrameOutcome"]
+__all__ = ["STALE_S", "Finger", "Info", "RestFrameOutcome", "read_upload"]
 
 Value = int | float | str | bytes
 
@@ -234,18 +234,7 @@ class Finger:
         Raises UsageError: no such file, or obviously not a calibration; ObjectAborted, RestFrameRefused:
                refused, the previous one stays in use; LinkTimeout, LinkDown, LinkError: outcome not known
         """
-        try:
-            data = file if isinstance(file, bytes) else Path(file).read_bytes()
-        except OSError as error:
-            raise UsageError(f"{file!s}: cannot be read: {error.strerror}") from None
-        try:
-            whole = isinstance(json.loads(data), dict)
-        except (ValueError, RecursionError):
-            whole = False
-        if not whole:  # the finger checks the content; do not upload other kinds of file
-            where = "upload" if isinstance(file, bytes) else file
-            raise UsageError(f"{where}: not a calibration file; give one that `calib fit` made (.json)")
-        self.set("calibration", data)
+        self.set("calibration", read_upload(file))
         return self._rest_frame("calibration", timeout_s)
 
     def calibration(self) -> bytes:
@@ -279,6 +268,22 @@ class Finger:
                 self.faults.pop(code, None)
             else:
                 self.faults[code] = event.arrival_s
+
+
+def read_upload(file: Path | str | bytes) -> bytes:
+    """A calibration file's bytes. Raises UsageError: no such file, or obviously not a calibration."""
+    try:
+        data = file if isinstance(file, bytes) else Path(file).read_bytes()
+    except OSError as error:
+        raise UsageError(f"{file!s}: cannot be read: {error.strerror}") from None
+    try:
+        whole = isinstance(json.loads(data), dict)
+    except (ValueError, RecursionError):
+        whole = False
+    if not whole:  # the finger checks the content; do not upload other kinds of file
+        where = "upload" if isinstance(file, bytes) else file
+        raise UsageError(f"{where}: not a calibration file; give one that `calib fit` made (.json)")
+    return data
 
 
 def _object(name: str) -> Object:

@@ -13,6 +13,7 @@ from hostlink.cli_types import FiniteFloat, WholeNumber, counted
 from hostlink.client import Finger, connect
 from hostlink.commands.busload import LIMIT, Load, plan
 from hostlink.errors import ObjectAborted, UsageError
+from hostlink.finger import read_upload
 from hostlink.wire import OBJECTS, Abort, Object, RestFrameState, object_named, pack_value
 from hostlink.wire.objects import REST_FRAME_REASONS
 
@@ -103,10 +104,11 @@ def set_object(address: str, name: str, value: str, finger: int | None) -> None:
     if obj.access not in ("rw", "wo"):
         raise UsageError(f"{name} can only be read; see `python -m hostlink info`")
     if obj.type == "domain":
+        data = read_upload(value)  # before a bus is opened for it
         with connect(address) as hand:
             asked = hand.finger(finger)
             with _mistakes(f"{value}: refused by finger {asked.node}"):
-                asked.upload_calibration(value)
+                asked.upload_calibration(data)
         click.echo(f"finger {asked.node}: {name} = {value}, new rest frame in use")
         return
     try:

@@ -113,6 +113,8 @@ def record(address: str, file: Path, samples_n: int = 11) -> None:
         ("set can:can0 error_n 3", "error_n = 3: give 0"),
         ("set can:can0 rate_hz fast", "takes a number"),
         ("set can:can0 schema_hash 5", "can only be read"),
+        ("set can:can0 calibration /nosuch.json", "/nosuch.json: cannot be read: No such file or directory"),
+        ("set can:can0 calibration /", "/: cannot be read: Is a directory"),
         ("view can:can0 --hand 1,1", "--hand 1,1: node 1 is given twice"),
         ("view can:can0 --hand 0,1", "give node numbers from 1 to 127"),
         ("view can:can0 --hand thumb", "give node numbers from 1 to 127"),
