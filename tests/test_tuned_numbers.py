@@ -20,7 +20,7 @@ AT_MOST = {
     "pins": 70,
     "recording": 10,
     "runtime": 78,
-    "sources": 23,
+    "sources": 29,
     "tracking": 93,
     "view": 21,
     "worker": 16,
