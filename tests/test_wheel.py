@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import tarfile
 import venv
 import zipfile
 from pathlib import Path
@@ -68,3 +69,19 @@ def test_the_wheel_runs_without_a_compiler(wheel: Path, tmp_path: Path) -> None:
     program = [str(python.parent / "voronoi-touch-edge"), "--version"]
     version = subprocess.check_output(program, cwd=tmp_path, env=environment, text=True)
     assert version.split()[-1] == "0.1.0"
+
+
+@pytest.mark.slow
+def test_the_source_archive_makes_the_same_wheel(wheel: Path, tmp_path: Path) -> None:
+    """All that is needed is in it: kernels' declarations, pages, C files, messages."""
+    archive = f"from setuptools import build_meta; build_meta.build_sdist({str(tmp_path)!r})"
+    subprocess.run([sys.executable, "-c", archive], cwd=ROOT, check=True, capture_output=True, timeout=300)
+    (made,) = tmp_path.glob("*.tar.gz")
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", str(tmp_path / "wheel")]
+    subprocess.run([*command, str(made)], cwd=tmp_path, check=True, timeout=900)
+    (again,) = (tmp_path / "wheel").glob("*.whl")
+    assert again.name == wheel.name
+    assert sorted(zipfile.ZipFile(again).namelist()) == sorted(zipfile.ZipFile(wheel).namelist())
+    with tarfile.open(made) as source:
+        names = {name.partition("/")[2] for name in source.getnames()}
+    assert {"LICENSE", "CITATION.cff", "CHANGELOG.md", "constraints.txt"} <= names
