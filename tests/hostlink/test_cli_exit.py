@@ -55,9 +55,9 @@ def test_a_file_that_fails_is_one_line(tmp_path: Path) -> None:
     def command() -> None:
         path.write_text("")
 
-    with redirect_stderr(StringIO()) as said:
+    with redirect_stderr(StringIO()) as output:
         assert run_command(command, "command", (), arguments=[]) == 1
-    assert said.getvalue() == f"error: {path}: No such file or directory\n"
+    assert output.getvalue() == f"error: {path}: No such file or directory\n"
 
 
 def test_a_full_stdout_is_one_line() -> None:
