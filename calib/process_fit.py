@@ -87,6 +87,7 @@ class ProcessParams:
     far: float = 4.0  # times the largest of held-out frames: twice their sigma
 
 
+SIGMA_MIN = 1e-6  # in the output's unit: data without any error
 #: Shares of Gaussian errors within one and within two sigma.
 WITHIN = ((1.0, 0.6827), (2.0, 0.9545))
 PARAMS = ProcessParams()
@@ -156,7 +157,7 @@ def fit_process(
     errors = _Errors(inputs, names, unseen, target, learnt, symmetry, all_round=all_round)
     along, across, level = errors.noise(np.ones(len(y), dtype=np.bool_))
     scale = _scale(errors.standardised(group))
-    over = math.sqrt(level * float((scale**2).mean()))
+    over = max(math.sqrt(level * float((scale**2).mean())), SIGMA_MIN / unit)
     rows = lossy.reshape(-1, len(names))
     change = (features.rows(rows) @ posterior.weights).reshape(lossy.shape[:2])
     change = change - (features.rows(inputs) @ posterior.weights)[:, None]
@@ -166,7 +167,7 @@ def fit_process(
         terms=features.terms,
         weights=weights,
         factor=features.of_terms(factor / math.sqrt(level)),
-        sigma=np.maximum(scale * unit * math.sqrt(level), 1e-6),
+        sigma=np.maximum(scale * unit * math.sqrt(level), SIGMA_MIN),
         far=PARAMS.far * float(learnt.max()) / level,
         noise=along,
         across=across,
