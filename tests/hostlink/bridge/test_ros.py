@@ -68,7 +68,7 @@ def scene(request: pytest.FixtureRequest) -> Iterator[Scene]:
     made.close()
 
 
-def test_a_peer_hears_what_the_fingers_sent(scene: Scene) -> None:
+def test_a_peer_decodes_the_samples_that_were_sent(scene: Scene) -> None:
     peer = scene.peer
     peer.subscribe("7/**")
     until(lambda: len(peer.of("/finger_3/sample")) > 20 and peer.of("/diagnostics"), "messages")
