@@ -309,7 +309,7 @@ def test_pins_too_large_for_a_window_are_refused_with_the_limit() -> None:
         take_rest([image])
 
 
-def test_what_half_of_the_images_show_is_a_pin_though_their_mean_does_not() -> None:
+def test_a_pin_that_half_of_the_images_show_is_taken_though_their_mean_lacks_it() -> None:
     rng = np.random.default_rng(41)
     truth = hexagon(4, 30.0, (160.0, 160.0))
     clean = draw((320, 320), truth, 6.0, 0.9, 110.0, 30.0)

@@ -205,7 +205,7 @@ def test_a_lost_camera_is_opened_again() -> None:
         (Camera([R8], Queue()), {"rate_hz": 1000.0}, "250.0 frames/s, at least"),
     ],
 )
-def test_what_the_camera_does_not_have_is_one_line(
+def test_settings_the_camera_lacks_are_refused_in_one_line(
     camera: Camera, options: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(SourceError, match=message):
