@@ -7,6 +7,7 @@ READY := .venv/.ready
 SOURCES := pyproject.toml constraints.txt setup.py $(wildcard edge/*/*.pxd \
 	$(shell sed -n 's|^ *"\(edge\.[a-z_.]*\)": .*|\1|p' setup.py | tr . / | sed 's|$$|.py|'))
 SECONDS ?= 60
+UNIT ?= unit
 
 .PHONY: demo test bench lint types unit coverage kernels sanitize slow test-browser stability fuzz soak sbc-test docs generate clean help
 
@@ -17,8 +18,8 @@ help:
 demo: $(READY)
 	$(BIN)/python -m calib demo --out out/demo --overwrite
 
-## make test       lint, types and tests
-test: lint types unit kernels
+## make test       lint, types and tests; UNIT=coverage counts the lines that run
+test: lint types $(UNIT) kernels
 
 ## make lint       style, duplicates, workflow files
 lint: $(READY)
