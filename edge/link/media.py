@@ -26,7 +26,6 @@ __all__ = ["CanMedium", "Medium", "MediumError", "MediumFull", "SerialMedium", "
 
 INSTANT = frozenset({"socketcan", "virtual", "udp_multicast"})  # interfaces whose send(timeout=0) returns
 FULL = frozenset({errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK})
-READ_CHUNK = 4096
 INTERFACES = Path("/sys/class/net")
 
 # Error frames of SocketCAN: class bits in the identifier (linux/can/error.h).
@@ -148,7 +147,9 @@ class SerialMedium:
         try:
             self._port.timeout = timeout_s
             first = self._port.read(1)
-            return bytes(first + self._port.read(min(self._port.in_waiting, READ_CHUNK))) if first else None
+            if not first:
+                return None
+            return bytes(first + self._port.read(min(self._port.in_waiting, PARAMS.chunk_bytes)))
         except _BROKEN as error:
             raise MediumError(message_of(error)) from error
 

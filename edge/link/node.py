@@ -23,6 +23,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from edge.link.object_server import Device, ObjectServer, RequestRefused
+from edge.link.params import PARAMS
 from edge.link.ports import CanPort, SerialPort
 from edge.link.sinks import CanFdSink, CanSink, LinkSink, SerialSink, SinkCounters
 from edge.runtime.settings import SettingsFile
@@ -32,7 +33,6 @@ __all__ = ["Device", "Node", "RequestRefused"]
 
 Value = int | float | str | bytes
 
-DETAIL_SHARE = 0.3  # of the link's time that the detail stream may take at most
 OPERATIONAL = "OPERATIONAL"
 NMT_RESET_NODE, NMT_RESET_COMMUNICATION = 129, 130
 
@@ -135,7 +135,7 @@ class Node:
             return False
         segments = pack_detail(sample, rows, self._detail_counter)
         items = [sink.encode_detail(segment) for segment in segments]
-        if not sink.send_detail(items, sink.frame_s(len(segments[0])) / DETAIL_SHARE):
+        if not sink.send_detail(items, sink.frame_s(len(segments[0])) / PARAMS.detail_rel):
             return False
         self._detail_counter += len(segments)
         return True

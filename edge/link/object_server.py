@@ -16,6 +16,7 @@ from hashlib import sha256
 from typing import TYPE_CHECKING, Protocol
 
 from edge.errors import CalibrationError
+from edge.link.params import PARAMS
 from hostlink.output_file import OutputError
 from hostlink.wire import (
     OBJECTS,
@@ -39,9 +40,7 @@ __all__ = ["Aborted", "Device", "ObjectServer", "RequestRefused"]
 log = logging.getLogger(__name__)
 Value = int | float | str | bytes
 
-HISTORY = 8  # entries of 0x1003
 FORCE = 2  # value of the tare object
-DESCRIBE_S = 0.1
 _DESCRIBED = frozenset(
     {
         "hardware_version",
@@ -152,7 +151,7 @@ class ObjectServer:
         self._described_s = -math.inf
         self.error_register = 0
         self.refusal = ""  # why the last write was refused
-        self._errors: deque[int] = deque(maxlen=HISTORY)  # newest first
+        self._errors: deque[int] = deque(maxlen=PARAMS.errors_n)  # newest first
         self.reset()
 
     def reset(self) -> None:
@@ -253,9 +252,9 @@ class ObjectServer:
         return self._described().get(name, obj.default) if name in _DESCRIBED else obj.default
 
     def _described(self) -> Mapping[str, Value]:
-        """The device's description, at most DESCRIBE_S old: each one costs the loop some time."""
+        """The device's description, at most `described_s` old."""
         now_s = time.monotonic()
-        if now_s - self._described_s > DESCRIBE_S:
+        if now_s - self._described_s > PARAMS.described_s:
             self._description, self._described_s = self._device.describe(), now_s
         return self._description
 

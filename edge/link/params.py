@@ -21,6 +21,16 @@ class LinkParams:
     samples_n: int = 4  # older ones are not worth sending
     control_n: int = 256  # answers
 
+    # --- a medium's data
+    chunk_bytes: int = 4096  # read from a serial port at once
+    noise_bytes: int = 4096  # without a zero: noise, longer than any frame
+
+    # --- answers
+    detail_rel: float = 0.3  # share of the link's time for the detail stream, at most
+    errors_n: int = 8  # that object 0x1003 holds
+    described_s: float = 0.1  # a description is made anew after this; each one costs the loop some time
+    idle_s: float = 1.0  # a long transfer without a segment for so long gives way to another
+
     # --- reading
     read_s: float = 0.05  # how soon a reader leaves a failed medium
     read_rel: float = 0.3  # share of a processor for reading

@@ -6,7 +6,7 @@ left. Here one segmented transfer is under way at a time, with its own state.
 Rules
 - Values of up to 4 bytes need one frame each way and no state: they are served at any time.
 - A longer one starts a transfer. While it is under way another one is refused (NOT_NOW); a client that
-  disappeared blocks it for `IDLE_S` at most. A request that is repeated before the first segment restarts it.
+  disappeared blocks it for `idle_s` at most. A request that is repeated before the first segment restarts it.
 - A segment must belong to the transfer: the same direction, the expected toggle bit, not beyond the announced
   size. Any other ends the transfer. An abort for its object, or for none, ends it too.
 - Block transfer is not offered: a block upload is answered as a plain one, as CiA 301 allows.
@@ -21,11 +21,11 @@ from dataclasses import dataclass, field
 
 from edge.limits import CALIBRATION_BYTES
 from edge.link.object_server import Aborted, ObjectServer
+from edge.link.params import PARAMS
 from hostlink.wire import Abort
 
 __all__ = ["DOWNLOAD_MAX", "TOO_LONG", "SdoServer"]
 
-IDLE_S = 1.0  # clients give up after 0.3 to 1 s without an answer
 DOWNLOAD_MAX = CALIBRATION_BYTES  # bounds the memory that a client can take
 TOO_LONG = f"longer than {DOWNLOAD_MAX >> 20} MiB, so no calibration"
 
@@ -136,7 +136,7 @@ class SdoServer:
 
     def _begin(self, transfer: _Transfer) -> None:
         other = self._transfer
-        if other is not None and self._clock_s() - other.last_used_s < IDLE_S:
+        if other is not None and self._clock_s() - other.last_used_s < PARAMS.idle_s:
             asked = (other.index, other.sub, other.writes)
             if other.moved or asked != (transfer.index, transfer.sub, transfer.writes):
                 raise Aborted(Abort.NOT_NOW)

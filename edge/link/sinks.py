@@ -108,8 +108,6 @@ class SerialSink(LinkSink):
     Damaged frames are dropped: the host repeats its request.
     """
 
-    BUFFER_MAX = 4096  # longer than any frame: so many bytes without a zero are noise
-
     def __init__(self, name: str, open_medium: Callable[[], Medium]) -> None:
         self._buffer = bytearray()
         self.corrupt_n = 0
@@ -141,7 +139,7 @@ class SerialSink(LinkSink):
     def _split(self, chunk: bytes) -> None:
         self._buffer += chunk
         *blocks, rest = self._buffer.split(b"\0")
-        self._buffer = rest[-self.BUFFER_MAX :]
+        self._buffer = rest[-PARAMS.noise_bytes :]
         for block in filter(None, blocks):
             try:
                 number, payload = decode_frame(bytes(block))

@@ -12,7 +12,7 @@ Rules
 """
 
 from edge.pins.detect import detect, inspect_image, learn_pattern, to_grey
-from edge.pins.reference import take_rest
 from edge.pins.refine import CentroidRefiner
+from edge.pins.rest_frame import take_rest
 
 __all__ = ["CentroidRefiner", "detect", "inspect_image", "learn_pattern", "take_rest", "to_grey"]

@@ -1,6 +1,6 @@
 """An MCAP file that grows by whole chunks: what the kernel has been given survives a kill.
 
-A chunk is closed after `CHUNK_BYTES` or `CHUNK_AGE_S`, whichever comes first, so a killed process loses at
+A chunk is closed after `chunk_bytes` or `chunk_age_s`, whichever comes first, so a killed process loses at
 most that much. (A power cut may lose more: an fsync for each chunk would stall an SD card; the file is synced
 when it is closed.)
 """
@@ -16,12 +16,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from edge.errors import SinkError
+from edge.recording.params import PARAMS
 from edge.recording.topics import TOPICS, proto, schema_of
 
-__all__ = ["CHUNK_AGE_S", "CHUNK_BYTES", "Compression", "McapWriter"]
-
-CHUNK_BYTES = 1 << 20  # the mcap library's own default; three raw 640x480 frames
-CHUNK_AGE_S = 0.5  # a kill costs at most this much of a recording that has no images
+__all__ = ["Compression", "McapWriter"]
 
 Compression = Literal["none", "lz4", "zstd"]
 
@@ -92,9 +90,9 @@ class McapWriter:
         """Time until the open chunk is to be closed, s; None: none is open."""
         if not self._chunk_bytes:
             return None
-        if self._chunk_bytes >= CHUNK_BYTES:
+        if self._chunk_bytes >= PARAMS.chunk_bytes:
             return 0.0
-        return max(0.0, self._chunk_since_s + CHUNK_AGE_S - time.monotonic())
+        return max(0.0, self._chunk_since_s + PARAMS.chunk_age_s - time.monotonic())
 
     def end_chunk(self) -> None:
         """Close the chunk and hand it to the kernel: it then survives a kill. Raises OSError."""

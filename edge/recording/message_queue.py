@@ -7,9 +7,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-__all__ = ["ITEM_BYTES", "Item", "MessageQueue"]
-
-ITEM_BYTES = 512  # memory of a queued message without its arrays, roughly
+__all__ = ["Item", "MessageQueue"]
 
 
 class Item(NamedTuple):

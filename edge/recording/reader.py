@@ -29,13 +29,12 @@ from edge.recording.mcap_file import (
     metadata_in,
     raw_messages,
 )
+from edge.recording.params import PARAMS
 from edge.recording.topics import TOPICS, proto
 from edge.types import Clock, Frame, Image, Polarity
 
 __all__ = ["RecordingSource", "open_recording", "read_attachments", "read_messages", "read_metadata"]
 
-_RATE_FRAMES = 16  # intervals that the rate is measured from if the file does not state it
-_RATE_MAX_HZ = 100_000.0  # a nominal rate beyond this is damage
 _TIME_MAX_NS = 1 << 62  # 146 years
 _SEQUENCE_MAX = 1 << 53
 _IMAGE_SCHEMAS = ("foxglove.RawImage", "foxglove.CompressedImage")
@@ -127,10 +126,10 @@ class RecordingSource:
             rate_hz = float(self.metadata.get("voronoi_touch", {}).get("rate_hz", "0"))
         except ValueError:
             rate_hz = 0.0
-        if 0 < rate_hz < _RATE_MAX_HZ:
+        if 0 < rate_hz < PARAMS.rate_max_hz:
             return rate_hz
         images = (raw.log_ns for raw in raw_messages(self.path, Counter()) if self._is_image(raw))
-        steps = np.diff(list(islice(images, _RATE_FRAMES + 1)))
+        steps = np.diff(list(islice(images, PARAMS.rate_frames_n + 1)))
         return 1e9 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 0.0
 
     def _is_image(self, raw: RawMessage) -> bool:

@@ -7,6 +7,7 @@ import time
 from typing import Protocol
 
 from edge.pipeline import Result
+from edge.recording.params import PARAMS
 from edge.runtime.fault_registry import FaultRegistry
 from edge.types import Frame
 from hostlink.wire import FaultCode, State
@@ -14,8 +15,6 @@ from hostlink.wire import FaultCode, State
 __all__ = ["Recording", "RecordingSession"]
 
 log = logging.getLogger(__name__)
-
-SLOW_DISK_S = 1.0  # so long without loss, and the disk counts as fast enough again
 
 
 class Recording(Protocol):
@@ -72,7 +71,7 @@ class RecordingSession:
         now_s = time.monotonic()
         self._ended = ""
         if recorder.dropped_n != self._dropped_n:
-            self._dropped_n, self._slow_until_s = recorder.dropped_n, now_s + SLOW_DISK_S
+            self._dropped_n, self._slow_until_s = recorder.dropped_n, now_s + PARAMS.slow_disk_s
         return "recording: the disk is too slow" if now_s < self._slow_until_s else ""
 
     def _note(self, code: FaultCode, active: bool, message: str) -> None:

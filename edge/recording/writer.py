@@ -22,14 +22,13 @@ from typing import Any, Literal, Self
 
 from edge.recording import messages
 from edge.recording.images import image_message
-from edge.recording.mcap_writer import CHUNK_AGE_S, CHUNK_BYTES, Compression, McapWriter
-from edge.recording.message_queue import ITEM_BYTES, Item, MessageQueue
+from edge.recording.mcap_writer import Compression, McapWriter
+from edge.recording.message_queue import Item, MessageQueue
+from edge.recording.params import PARAMS
 from edge.recording.topics import TOPICS
 from edge.types import Array, Cells, Features, Frame, Reading, Tracks
 
-__all__ = ["CHUNK_AGE_S", "CHUNK_BYTES", "Recorder"]
-
-OVERLAY_HZ = 15.0  # annotations are for viewing only; 331 cells as protobuf cost about 2 ms of Python
+__all__ = ["Recorder"]
 
 
 class _LogClock:
@@ -60,10 +59,10 @@ class _LogClock:
         return self._last_ns
 
     def overlay_is_due(self, topic: str, log_ns: int) -> bool:
-        """Whether another one is due: `OVERLAY_HZ` times a second."""
+        """Whether another one is due: `overlay_hz` times a second."""
         if 0 <= self._overlay_due_ns[topic] - log_ns < 1e9:
             return False
-        self._overlay_due_ns[topic] = log_ns + int(1e9 / OVERLAY_HZ)
+        self._overlay_due_ns[topic] = log_ns + int(1e9 / PARAMS.overlay_hz)
         return True
 
 
@@ -226,7 +225,7 @@ class Recorder:
         def encode() -> bytes:
             return messages.log_message(level, text, name, log_ns)
 
-        return self._queue.put([Item(ITEM_BYTES, "events", log_ns, log_ns, 0, encode)])
+        return self._queue.put([Item(PARAMS.item_bytes, "events", log_ns, log_ns, 0, encode)])
 
     def count_lost(self, messages_n: int) -> None:
         """Count messages that were lost before the recorder; a warning in the file marks the gap."""
@@ -259,7 +258,7 @@ class Recorder:
         self.close()
 
     def _item(self, topic: str, frame: Frame, encode: Callable[[], bytes], n_bytes: int = 0) -> Item:
-        cost = ITEM_BYTES + n_bytes
+        cost = PARAMS.item_bytes + n_bytes
         return Item(cost, topic, self._clock.of(frame), frame.capture_ns, frame.sequence & 0xFFFFFFFF, encode)
 
     # -- the thread ---------------------------------------------------------------------------

@@ -13,6 +13,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 
+from edge.runtime.params import PARAMS
 from hostlink.wire import FAULTS, FaultCode, Status
 
 __all__ = ["FaultLog", "FaultRegistry"]
@@ -74,13 +75,11 @@ class FaultRegistry:
 class FaultLog:
     """A log line for each fault that appears, and one when it clears; a listener of `FaultRegistry`.
 
-    A fault that flickers gets at most one pair of lines every `EVERY_S`; the next line says how often it
+    A fault that flickers gets at most one pair of lines every `log_s`; the next line says how often it
     appeared meanwhile.
 
     set_status  gets the active faults in one line: for `systemctl status`
     """
-
-    EVERY_S = 10.0
 
     def __init__(
         self,
@@ -102,7 +101,7 @@ class FaultLog:
             if code in self._open:
                 self._open.discard(code)
                 log.warning("%s cleared", code.name)
-        elif now_s - self._logged_s.get(code, -self.EVERY_S) < self.EVERY_S:
+        elif now_s - self._logged_s.get(code, -PARAMS.log_s) < PARAMS.log_s:
             self._suppressed[code] += 1
         else:
             n = self._suppressed.pop(code, 0)

@@ -18,9 +18,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import NoReturn
 
+from edge.runtime.params import PARAMS
+
 __all__ = ["limit_threads", "run_and_exit"]
 
-SWITCH_INTERVAL_S = 2e-4
 _THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 
@@ -31,7 +32,7 @@ def limit_threads() -> None:
     """
     for name in _THREAD_COUNTS:
         os.environ.setdefault(name, "1")
-    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    sys.setswitchinterval(PARAMS.switch_s)
 
 
 def run_and_exit(main: Callable[[], None]) -> NoReturn:

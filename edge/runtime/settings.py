@@ -16,15 +16,13 @@ from typing import Any
 import msgspec
 
 from edge import limits
+from edge.runtime.params import PARAMS
 from hostlink.output_file import OutputError, writing
 from hostlink.wire import OBJECTS
 
 __all__ = ["NodeSettings", "SettingsFile"]
 
 log = logging.getLogger(__name__)
-
-SHOWN_S = 1.0  # how long a failed write is reported as a storage fault
-RATE_MIN_HZ = 0.01  # slower rates are mistakes: 1e-45 Hz would never send
 
 _STORED = {o.name: o for o in OBJECTS if o.stored and o.type != "domain"}
 
@@ -90,7 +88,7 @@ class SettingsFile:
     def trouble(self) -> str:
         """Empty, or why the last settings could not be stored, for a second after that."""
         message, at_s = self._failed or ("", 0.0)
-        return message if message and time.monotonic() - at_s < SHOWN_S else ""
+        return message if message and time.monotonic() - at_s < PARAMS.failed_write_s else ""
 
     def _store(self, values: NodeSettings) -> None:
         if self._path is None:
@@ -117,8 +115,8 @@ def checked(name: str, value: float) -> float:
         raise ValueError(f"{name} is {value!r}, not a whole number")
     if obj.low is not None and obj.high is not None and not obj.low <= value <= obj.high:
         raise ValueError(f"{name} is {value:g}, possible is {obj.low:g} to {obj.high:g}")
-    if name == "rate_hz" and 0 < value < RATE_MIN_HZ:
+    if name == "rate_hz" and 0 < value < PARAMS.rate_min_hz:
         raise ValueError(
-            f"rate_hz is {value:g}, possible is 0 (every image) or {RATE_MIN_HZ:g} to {obj.high:g}"
+            f"rate_hz is {value:g}, possible is 0 (every image) or {PARAMS.rate_min_hz:g} to {obj.high:g}"
         )
     return value

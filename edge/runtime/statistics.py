@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from edge.runtime.params import PARAMS
 from edge.types import Array
 
-__all__ = ["LATENCIES", "LoopStatistics", "RingBuffer", "StatisticsCollector"]
-
-LATENCIES = 1 << 14  # frames that the latency statistics look back on: 68 s at 240 frames/s
+__all__ = ["LoopStatistics", "RingBuffer", "StatisticsCollector"]
 
 
 @dataclass(slots=True)
@@ -28,10 +27,10 @@ class LoopStatistics:
     keepalives_n        samples without values, sent while no image came
     sent_n              samples that left, summed over the sinks
     pins_n              pins of the rest frame
-    pins_seen_min_n, pins_seen_median_n  pins seen in a frame, of the last `LATENCIES` frames
+    pins_seen_min_n, pins_seen_median_n  pins seen in a frame, of the last `latencies_n` frames
     drift_px            largest slow drift that is subtracted now
     rate_hz             frames a second
-    compute_us          image taken up to sample ready: median, 99 %, 99.9 % of the last `LATENCIES` frames
+    compute_us          image taken up to sample ready: median, 99 %, 99.9 % of the last `latencies_n` frames
     latency_us          capture to sample sent, likewise
     faults              how often each fault appeared
     """
@@ -57,7 +56,7 @@ class LoopStatistics:
 class RingBuffer:
     """The last values of a series, preallocated."""
 
-    def __init__(self, size: int = LATENCIES) -> None:
+    def __init__(self, size: int = PARAMS.latencies_n) -> None:
         self._values = np.zeros(size)
         self._n = 0
 

@@ -39,6 +39,7 @@ class LiveParams:
     rows_step: int = 8  # every such row stands for the image in both checks
     rate_frames_n: int = 24  # intervals of the check of the rate
     slow_rel: float = 0.8  # share of the asked rate below which the camera counts as slow
+    same_clock_s: float = 2.0  # a driver's time further from the present than this is on another clock
 
 
 PARAMS = LiveParams()

@@ -27,7 +27,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edge.errors import SourceError
-from edge.sources.live import PARAMS, ThreadedSource, Watch
+from edge.sources.live import PARAMS as LIVE
+from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options
 from edge.types import Array, Clock, Frame
 
@@ -37,13 +38,23 @@ if TYPE_CHECKING:
 __all__ = ["Lens", "OakSource", "camera_output", "find_module", "lens_of", "open_oak", "replay_output"]
 
 MakeOutput = Callable[["dai.Pipeline"], "dai.Node.Output"]
-DEFAULT_SIZE = (640, 400)  # OV9282: 255 frames/s at this size on RVC2 (maker's table)
-DEFAULT_ISO = 200
-DEFAULT_EXPOSURE_US = 2000
-QUEUE = 2
-RETRY_S = 0.5  # between attempts to get a lost module back
-PATIENCE_S = 10.0  # a module boots for 2 to 4 s over USB, longer over PoE
-_TICK = timedelta(milliseconds=100)  # longest wait of a read before it checks whether to end
+
+
+@dataclass(frozen=True, slots=True)
+class OakParams:
+    """Parameters by name; evidence in docs/tuning.md, "Cameras"."""
+
+    size_px: tuple[int, int] = (640, 400)  # width and height if none are asked for
+    gain_iso: int = 200  # if none is asked for
+    exposure_us: int = 2000  # if none is asked for
+    queue_n: int = 2  # messages between depthai and the reader
+    retry_s: float = 0.5  # between attempts to get a lost module back
+    patience_s: float = 10.0  # for the first frames
+    read_s: float = 0.1  # longest wait of a read before it checks whether to end
+
+
+PARAMS = OakParams()
+_READ = timedelta(seconds=PARAMS.read_s)
 
 
 def load_depthai() -> Any:
@@ -82,7 +93,7 @@ def camera_output(options: Options, socket: str = "CAM_B") -> MakeOutput:
         rate_hz = options.rate_hz or None
         camera = pipeline.create(dai.node.Camera).build(_socket(socket), sensorFps=rate_hz)
         control = camera.initialControl
-        control.setManualExposure(options.exposure_us or DEFAULT_EXPOSURE_US, options.gain or DEFAULT_ISO)
+        control.setManualExposure(options.exposure_us or PARAMS.exposure_us, options.gain or PARAMS.gain_iso)
         control.setAntiBandingMode(dai.CameraControl.AntiBandingMode.OFF)
         if options.focus is not None:
             control.setManualFocus(options.focus)
@@ -93,7 +104,7 @@ def camera_output(options: Options, socket: str = "CAM_B") -> MakeOutput:
 
 
 def _size(options: Options) -> tuple[int, int]:
-    return (options.width, options.height) if options.width and options.height else DEFAULT_SIZE
+    return (options.width, options.height) if options.width and options.height else PARAMS.size_px
 
 
 def _socket(name: str) -> dai.CameraBoardSocket:
@@ -190,7 +201,7 @@ class OakSource(ThreadedSource):
         module: Callable[[], dai.DeviceInfo] | None = None,
         socket: str = "CAM_B",
         own_clock: bool = False,
-        patience_s: float = PATIENCE_S,
+        patience_s: float = PARAMS.patience_s,
     ) -> None:
         super().__init__(name)
         self._dai = load_depthai()
@@ -206,7 +217,7 @@ class OakSource(ThreadedSource):
             self.size_px, self.rate_hz = _size(options), options.rate_hz
             return
         try:
-            least_hz = PARAMS.slow_rel * options.rate_hz if options.check_rate else 0.0
+            least_hz = LIVE.slow_rel * options.rate_hz if options.check_rate else 0.0
             self.rate_hz = self.measure_rate(least_hz, patience_s, "shorten exposure_us or ask for less")
         except SourceError:
             self.close()
@@ -222,7 +233,7 @@ class OakSource(ThreadedSource):
             check_socket(device, self._socket_name)
             self.lens = lens_of(device.readCalibration(), self._socket_name, _size(self._options))
             pipeline = dai.Pipeline(device)
-        queue = self._make_output(pipeline).createOutputQueue(maxSize=QUEUE, blocking=False)
+        queue = self._make_output(pipeline).createOutputQueue(maxSize=PARAMS.queue_n, blocking=False)
         pipeline.start()
         return pipeline, queue
 
@@ -233,7 +244,7 @@ class OakSource(ThreadedSource):
                     self._return()
                     continue
                 try:
-                    message = self._queue.get(_TICK)
+                    message = self._queue.get(_READ)
                 except (self._dai.MessageQueue.QueueException, RuntimeError):
                     self._stop()
                     if self._module is None:
@@ -250,7 +261,7 @@ class OakSource(ThreadedSource):
         try:
             self._pipeline, self._queue = self._open()
         except (SourceError, RuntimeError):  # still lost, or booting: `condition` stays "lost"
-            self._closing.wait(RETRY_S)
+            self._closing.wait(PARAMS.retry_s)
         else:
             self._base = self._next
 

@@ -17,23 +17,32 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from edge.errors import SourceError
-from edge.sources.live import PARAMS, ThreadedSource, Watch
+from edge.sources.live import PARAMS as LIVE
+from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options
 from edge.types import Array, Clock, Frame, Image
 
 __all__ = ["PiCamera", "PiCameraSource", "PiRequest", "load_picamera2", "open_picamera"]
 
-RETRY_S = 0.5  # between attempts to get a lost camera back
-FRAME_S = 1.0  # without a frame for this long the camera is lost
-PATIENCE_S = 5.0  # for the first frame
-BUFFERS = 4  # fewer and the sensor waits for us
-DEFAULT_SIZE = (640, 400)  # OV9281: 310 frames/s on a Pi 5
-_MAX_AGE_NS = 2_000_000_000  # a time further from the present than this is on another clock
+
+@dataclass(frozen=True, slots=True)
+class PiCameraParams:
+    """Parameters by name; evidence in docs/tuning.md, "Cameras"."""
+
+    retry_s: float = 0.5  # between attempts to get a lost camera back
+    frame_s: float = 1.0  # without a frame for this long the camera is lost
+    patience_s: float = 5.0  # for the first frames
+    buffers_n: int = 4  # requests in rotation
+    size_px: tuple[int, int] = (640, 400)  # width and height if none are asked for
+
+
+PARAMS = PiCameraParams()
 _MONO = re.compile(r"^R(8|10|12)$")
 
 
@@ -103,8 +112,8 @@ class PiCameraSource(ThreadedSource):
         options: Options,
         *,
         name: str = "camera picamera",
-        patience_s: float = PATIENCE_S,
-        retry_s: float = RETRY_S,
+        patience_s: float = PARAMS.patience_s,
+        retry_s: float = PARAMS.retry_s,
         clock_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         super().__init__(name)
@@ -115,7 +124,7 @@ class PiCameraSource(ThreadedSource):
         self._stream, self._bits = "main", 8
         self._camera: PiCamera | None = self._open()
         try:
-            least_hz = PARAMS.slow_rel * options.rate_hz if options.check_rate else 0.0
+            least_hz = LIVE.slow_rel * options.rate_hz if options.check_rate else 0.0
             self.rate_hz = self.measure_rate(least_hz, patience_s, "shorten exposure_us or ask for less")
         except SourceError:
             self.close()
@@ -140,14 +149,14 @@ class PiCameraSource(ThreadedSource):
     def _configure(self, camera: PiCamera) -> None:
         """Raises SourceError: not the size that was asked for, no such format."""
         o = self._options
-        size = (o.width, o.height) if o.width and o.height else DEFAULT_SIZE
+        size = (o.width, o.height) if o.width and o.height else PARAMS.size_px
         pixels = self._format(camera)
         raw = {"format": pixels, "size": size} if pixels else None
         camera.configure(
             camera.create_video_configuration(
                 main={"format": "YUV420", "size": size},
                 raw=raw,
-                buffer_count=BUFFERS,
+                buffer_count=PARAMS.buffers_n,
                 controls=_controls(o),
                 queue=False,
             )
@@ -186,7 +195,7 @@ class PiCameraSource(ThreadedSource):
                     self._return()
                     continue
                 try:
-                    request = self._camera.capture_request(wait=FRAME_S)
+                    request = self._camera.capture_request(wait=PARAMS.frame_s)
                 except (TimeoutError, RuntimeError):
                     if not self._closing.is_set():
                         self._set_condition("lost")
@@ -224,7 +233,7 @@ class PiCameraSource(ThreadedSource):
             self.faults["damaged frame"] += 1
             return
         begun_ns = int(metadata.get("SensorTimestamp", 0)) - 1000 * int(metadata.get("ExposureTime", 0))
-        trusted = 0 <= now_ns - begun_ns < _MAX_AGE_NS
+        trusted = 0 <= now_ns - begun_ns < LIVE.same_clock_s * 1e9
         capture_ns = begun_ns if trusted else now_ns
         self._sequence += self._steps(capture_ns, 1000 * int(metadata.get("FrameDuration", 0)))
         self._last_ns = capture_ns

@@ -29,15 +29,24 @@ import cv2
 import numpy as np
 
 from edge.errors import SourceError
-from edge.sources.live import PARAMS, ThreadedSource, Watch
+from edge.sources.live import PARAMS as LIVE
+from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options
 from edge.types import Clock, Frame, Image
 
 __all__ = ["V4l2Source", "VideoDevice", "find_device", "list_cameras", "open_v4l2"]
 
-RETRY_S = 0.2  # between attempts to get a lost camera back
-PATIENCE_S = 3.0  # the first frame of a UVC camera takes up to 1.5 s
-_MAX_AGE_NS = 2_000_000_000  # a driver time further from the present than this is on another clock
+
+@dataclass(frozen=True, slots=True)
+class V4l2Params:
+    """Parameters by name; evidence in docs/tuning.md, "Cameras"."""
+
+    retry_s: float = 0.2  # between attempts to get a lost camera back
+    patience_s: float = 3.0  # for the first frames
+    refused_rel: float = 0.05  # a control that reads back further off than this was refused
+
+
+PARAMS = V4l2Params()
 _EXPOSURE_UNIT_US = 100  # V4L2_CID_EXPOSURE_ABSOLUTE
 _MANUAL, _NO_FOCUS = 1, 0  # V4L2_EXPOSURE_MANUAL; autofocus off
 
@@ -167,8 +176,8 @@ class V4l2Source(ThreadedSource):
         make_capture: Callable[[str], Any] | None = None,
         find: Callable[[str], str] = find_device,
         clock_ns: Callable[[], int] = time.monotonic_ns,
-        retry_s: float = RETRY_S,
-        patience_s: float = PATIENCE_S,
+        retry_s: float = PARAMS.retry_s,
+        patience_s: float = PARAMS.patience_s,
     ) -> None:
         super().__init__(f"camera v4l2:{where}")
         self._where, self._options = where, options
@@ -200,11 +209,11 @@ class V4l2Source(ThreadedSource):
         """Measured rate, with two buffers if one is too few. Raises SourceError: no frames, too slow."""
         measured_hz = self.measure_rate(0.0, patience_s)
         asked_hz = self._options.rate_hz
-        if measured_hz < PARAMS.slow_rel * (asked_hz or self._stated_hz) and self._options.buffers == 1:
+        if measured_hz < LIVE.slow_rel * (asked_hz or self._stated_hz) and self._options.buffers == 1:
             self._options = replace(self._options, buffers=2)
             self._again.set()
             measured_hz = self.measure_rate(0.0, patience_s)
-        if self._options.check_rate and measured_hz < PARAMS.slow_rel * asked_hz:
+        if self._options.check_rate and measured_hz < LIVE.slow_rel * asked_hz:
             advice = "shorten exposure_us, light the tip better, or ask for less"
             raise SourceError(
                 f"{self.name}: asked for {asked_hz:g} frames/s, measured {measured_hz:.1f}; {advice}"
@@ -274,7 +283,7 @@ class V4l2Source(ThreadedSource):
     def _control(self, capture: Any, name: str, prop: int, value: float) -> None:
         if not capture.set(prop, value):
             self.refused.append(f"{name}: camera has no such control")
-        elif abs((got := float(capture.get(prop))) - value) > max(1.0, 0.05 * abs(value)):
+        elif abs((got := float(capture.get(prop))) - value) > max(1.0, PARAMS.refused_rel * abs(value)):
             self.refused.append(f"{name}: set to {value:g}, camera says {got:g}")
 
     # -- reading --------------------------------------------------------------------------------
@@ -318,7 +327,7 @@ class V4l2Source(ThreadedSource):
             self.faults["damaged frame"] += 1
             return
         driver_ns = round(float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e6)
-        trusted = 0 <= now_ns - driver_ns < _MAX_AGE_NS
+        trusted = 0 <= now_ns - driver_ns < LIVE.same_clock_s * 1e9
         capture_ns = driver_ns if trusted else now_ns
         self._sequence += self._steps(capture_ns)
         self._last_ns = capture_ns

@@ -7,7 +7,7 @@
 Rules
 - Charts show every sample, not only those whose picture was drawn: `recent` holds the samples since the last
   packet, and is bounded.
-- Without a new result packets are still sent, `KEEPALIVE_HZ` a second: with the camera's image if there is
+- Without a new result packets are still sent, `keepalive_hz` a second: with the camera's image if there is
   one (to aim and to focus before pins are found), and with the faults.
 """
 
@@ -16,6 +16,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from math import nan
 from typing import Any
 
@@ -31,11 +32,19 @@ from hostlink.wire import State
 
 __all__ = ["LivePage"]
 
-RECENT = 256  # samples between two packets: 8 at 240 frames/s; a viewer that was slow loses the older ones
-KEEPALIVE_HZ = 4.0
-STALE_S = 0.5  # without a result for this long, the camera's image is shown alone
-OVERLAP_S = 0.3  # charts' rows are sent this long
-RATE_S = 0.5  # the rate is counted over this time
+
+@dataclass(frozen=True, slots=True)
+class PageParams:
+    """Parameters by name; evidence in docs/tuning.md, "Finger's page"."""
+
+    recent_n: int = 256  # samples between two packets; a viewer that was slow loses the older ones
+    keepalive_hz: float = 4.0  # packets a second without a new result
+    stale_s: float = 0.5  # without a result for this long, the camera's image is shown alone
+    overlap_s: float = 0.3  # charts' rows are sent this long
+    rate_s: float = 0.5  # the rate is counted over this time
+
+
+PARAMS = PageParams()
 #: Numbers beside the picture; fields of the state frame.
 VALUES = (
     "displacement_mm",
@@ -78,8 +87,8 @@ class LivePage:
         self._about: dict[str, Any] = {}
         self._seen_n = 0
         self._last_s = time.monotonic()
-        self._recent: deque[tuple[float, ...]] = deque(maxlen=RECENT)
-        self._rows: deque[tuple[float, ...]] = deque(maxlen=RECENT)
+        self._recent: deque[tuple[float, ...]] = deque(maxlen=PARAMS.recent_n)
+        self._rows: deque[tuple[float, ...]] = deque(maxlen=PARAMS.recent_n)
         self._rows_n = 0
         self._made: dict[frozenset[str], tuple[int, float]] = {}  # request: results seen, when
         self._counted = (time.monotonic(), 0)
@@ -138,7 +147,7 @@ class LivePage:
     def _make(self, wants: frozenset[str]) -> bytes | None:
         now_s = time.monotonic()
         seen_n, last_s = self._made.get(wants, (-1, 0.0))
-        if not self._about or (self._seen_n == seen_n and now_s - last_s < 1 / KEEPALIVE_HZ):
+        if not self._about or (self._seen_n == seen_n and now_s - last_s < 1 / PARAMS.keepalive_hz):
             return None
         self._made[wants] = (self._seen_n, now_s)
         self._take_rows(now_s)
@@ -148,7 +157,7 @@ class LivePage:
         if latest is not None and rest is not None:
             result, state = latest
             # Show frames without a result too (a tare, a tip that went dark).
-            if frame is None or frame.capture_ns - result.frame.capture_ns < STALE_S * 1e9:
+            if frame is None or frame.capture_ns - result.frame.capture_ns < PARAMS.stale_s * 1e9:
                 frame = result.frame
             if len(result.tracks.seen) == len(rest):  # not if it is from before a tare of another tip
                 part, arrays = touch(result, rest, "surface" in wants)
@@ -171,12 +180,14 @@ class LivePage:
             self._rows.append(self._recent.popleft())
             self._rows_n += 1
         since_s, since_n = self._counted
-        if now_s - since_s >= RATE_S:
+        if now_s - since_s >= PARAMS.rate_s:
             self._rate_hz = (self._seen_n - since_n) / (now_s - since_s)
             self._counted = (now_s, self._seen_n)
 
     def _chart(self, now_s: float) -> Arrays:
         """The last rows: overlapping packets, so that a viewer that missed one has no gap."""
-        rows = np.array([row for row in self._rows if now_s - row[0] < OVERLAP_S]).reshape(-1, len(CHART))
+        recent = [row for row in self._rows if now_s - row[0] < PARAMS.overlap_s]
+        recent = [row for row in self._rows if now_s - row[0] < PARAMS.overlap_s]
+        rows = np.array(recent).reshape(-1, len(CHART))
         rows[:, 0] -= now_s  # small numbers: float32 holds them to the microsecond
         return {"rows": ("f4", rows.astype("<f4").tobytes())}

@@ -50,15 +50,11 @@ from edge.worker.messages import (  # noqa: E402
     Take,
     Wants,
 )
+from edge.worker.params import PARAMS  # noqa: E402
 from edge.worker.shared_memory import Inbox, receive  # noqa: E402
 from hostlink.web import CommandRefused  # noqa: E402
 
 log = logging.getLogger("edge.worker")
-
-NICE = 5  # the loop has priority; a third of its share is enough for a recording on a fully loaded processor
-REPORT_S = 0.1  # least time between reports to the loop; only changes are reported
-LOOP_S, TARE_S = 5.0, 12.0  # longer than the loop's own limits
-DRAIN_S = 5.0  # for messages under way when a recording ends
 
 
 class Worker:
@@ -118,7 +114,7 @@ class Worker:
                     self._drained.set()
             now_s = time.monotonic()
             if now_s >= self._due_s:
-                self._due_s = now_s + REPORT_S
+                self._due_s = now_s + PARAMS.report_s
                 self._report()
         if self._page is not None:
             self._page.close()
@@ -175,7 +171,7 @@ class Worker:
         self._pending[number] = future
         self._send(Ask(number, what, force))
         try:
-            refused = future.result(TARE_S if what == "tare" else LOOP_S)
+            refused = future.result(PARAMS.tare_answer_s if what == "tare" else PARAMS.command_answer_s)
         except TimeoutError:
             refused = "the loop does not answer"
         if refused:
@@ -218,7 +214,7 @@ class Worker:
     def _end_recording(self, recording: FrameRecorder) -> str:
         self._drained.clear()
         self._ask("stop_recording")
-        self._drained.wait(DRAIN_S)  # everything that the loop has sent has arrived
+        self._drained.wait(PARAMS.drain_s)  # everything that the loop has sent has arrived
         self._recording = None
         recorder = recording.recorder
         recorder.close()
@@ -240,7 +236,7 @@ def step_back() -> None:
     try:
         if real_time:
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        os.setpriority(os.PRIO_PROCESS, 0, max(NICE, os.getpriority(os.PRIO_PROCESS, 0)))
+        os.setpriority(os.PRIO_PROCESS, 0, max(PARAMS.nice, os.getpriority(os.PRIO_PROCESS, 0)))
         if real_time and others:
             os.sched_setaffinity(0, others)
     except OSError as error:  # a sandbox may forbid it; that of deploy/ does not

@@ -40,6 +40,7 @@ from edge.worker.messages import (
     Stopped,
     Wants,
 )
+from edge.worker.params import PARAMS
 from edge.worker.recording_feed import RecordingFeed
 from edge.worker.shared_memory import Outbox, pair, receive
 from edge.worker.view_feed import ViewFeed
@@ -52,15 +53,6 @@ log = logging.getLogger(__name__)
 
 #: Features that the page always shows; the surface is computed only for a viewer that requests it.
 SHOWN = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS, Feature.SHEAR, Feature.TORSION})
-#: Memory for messages under way: 70 images of 640x480 with their results, 0.3 s at 240 frames/s. The recorder
-#: has 64 MB more for a slow disk; this bridges times when the worker is not scheduled.
-MEMORY_BYTES = 24 << 20
-LOOP_S = 2.0  # a command runs between two frames; a loop that is busy for longer is stuck
-START_S = 60.0  # Python, OpenCV and a web server on a slow board
-TARE_S = 10.0  # a few images, and a search that takes seconds on a slow board
-END_S = 2.0  # for a page to close its viewers
-DISK_S = 12.0  # for a recording to be written: the recorder gives up after 10
-LIVED_S = 5.0  # a process that lived shorter is not restarted
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +131,7 @@ class WorkerClient:
             loop.session.recorder = None
         self._close_channel(Stopped())
         if self.process is not None:
-            _end(self.process, DISK_S if self._recorded else END_S)
+            _end(self.process, PARAMS.disk_s if self._recorded else PARAMS.end_s)
         if self._thread is not None:
             self._thread.join()
         feed = self.recording
@@ -179,7 +171,7 @@ class WorkerClient:
 
     def _start_process(self, record: str) -> None:
         """Raises InputError: the page or the recording cannot be started."""
-        outbox = Outbox(MEMORY_BYTES)
+        outbox = Outbox(PARAMS.memory_bytes)
         control, far_control = pair()
         fds = (outbox.far_end.fileno(), far_control.fileno(), outbox.fd)
         # In its own session: Ctrl-C at the terminal goes to the loop alone, which ends the worker.
@@ -193,7 +185,7 @@ class WorkerClient:
         far_control.close()
         outbox.far_end.close()
         control.send(pickle.dumps(self._first_message(record)))
-        control.settimeout(START_S)
+        control.settimeout(PARAMS.start_s)
         early: list[Any] = []  # viewers of an earlier worker may reconnect before this one is ready
         try:
             while isinstance(ready := _receive(control), Wants | PageReport):
@@ -203,7 +195,7 @@ class WorkerClient:
         if not isinstance(ready, Ready) or ready.refused:
             outbox.close()
             control.close()
-            _end(self.process, END_S)
+            _end(self.process, PARAMS.end_s)
             if isinstance(ready, Ready):
                 raise getattr(errors, ready.kind)(ready.refused)
             raise InputError("view, record: the process for it ended at its start; see above for why")
@@ -280,7 +272,7 @@ class WorkerClient:
     def _tare(self, force: bool) -> str:
         """Have a new rest frame taken; "" or why the previous one stays in use."""
         try:
-            outcome = self._loop.request_tare(force).done.result(TARE_S)
+            outcome = self._loop.request_tare(force).done.result(PARAMS.tare_s)
         except TareBusy as error:
             return str(error)
         except TimeoutError:
@@ -291,7 +283,7 @@ class WorkerClient:
         """Run a command in the loop between two frames; "" or why it failed."""
         future = self._loop.post(command)
         try:
-            future.result(LOOP_S)
+            future.result(PARAMS.command_s)
         except TimeoutError:
             future.cancel()
             return "the loop does not answer; nothing was done"
@@ -306,7 +298,7 @@ class WorkerClient:
         self.page = PageReport()
         self._on_wants(None)
         self._close_channel()
-        if self._listen is None or time.monotonic() - self._started_s < LIVED_S or self._closing:
+        if self._listen is None or time.monotonic() - self._started_s < PARAMS.lived_s or self._closing:
             return
         try:
             self._start_process("")

@@ -27,12 +27,11 @@ from collections import deque
 from contextlib import suppress
 from typing import Any
 
+from edge.worker.params import PARAMS
+
 __all__ = ["Inbox", "Outbox", "pair", "receive"]
 
 ALIGN = 64  # a cache line
-#: Largest packet without arrays; the kernel's buffer (net.core.wmem_default, 208 KiB) holds some of these, or
-#: 270 of those that only give the places of arrays.
-PACKET_MAX = 1 << 16
 _HEAD = struct.Struct(
     "<QI"
 )  # where the region begins, how many arrays; then the lengths of pickle and arrays
@@ -47,7 +46,7 @@ def receive(connection: socket.socket) -> bytes:
     """The next packet, waiting for it; empty: the other side has closed, and all it sent was read."""
     while True:
         try:
-            return connection.recv(2 * PACKET_MAX)
+            return connection.recv(2 * PARAMS.packet_bytes)
         except ConnectionResetError:  # raised once by a dead side, before packets that are still unread
             continue
 

@@ -9,6 +9,7 @@ from math import nan
 from typing import TYPE_CHECKING, Any
 
 from edge.worker.messages import Show
+from edge.worker.params import PARAMS
 from hostlink.wire import FAULTS
 
 if TYPE_CHECKING:
@@ -19,11 +20,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ViewFeed"]
 
-RECENT = 256  # samples between two pictures: 8 at 240 frames/s; a slow viewer loses the older ones
-SHOW_S = (
-    0.9 / 30.0
-)  # the page draws 30 pictures a second; a tenth less, so that frame times need not be multiples
-KEEPALIVE_S = 0.1  # without a new result, the rest is sent this often
 _MEANING = {fault.code: fault.meaning for fault in FAULTS}
 
 
@@ -41,7 +37,7 @@ class ViewFeed:
         self._results_n = 0
         self._result_s = time.monotonic()
         self._latest: tuple[Result, State] | None = None
-        self._rows: deque[tuple[float, ...]] = deque(maxlen=RECENT)
+        self._rows: deque[tuple[float, ...]] = deque(maxlen=PARAMS.recent_n)
         self._due_s = 0.0
         self._shown: tuple[Frame | None, Result | None, Rest | None] = (None, None, None)
 
@@ -68,7 +64,7 @@ class ViewFeed:
         rest = loop.pipeline.rest if loop.pipeline else None
         frame_shown, result_shown, rest_shown = self._shown
         is_idle = frame is frame_shown and result is result_shown and not self._rows
-        if is_idle and now_s < self._due_s - SHOW_S + KEEPALIVE_S:
+        if is_idle and now_s < self._due_s - PARAMS.show_s + PARAMS.keepalive_s:
             return
         is_new = result is not result_shown
         show = Show(
@@ -82,7 +78,7 @@ class ViewFeed:
             None if rest is rest_shown else rest,
             self._about(),
         )
-        self._due_s = now_s + SHOW_S
+        self._due_s = now_s + PARAMS.show_s
         if self._put(show):
             self._shown = (frame, result, rest)
             self._rows.clear()

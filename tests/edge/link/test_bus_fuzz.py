@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from edge.link import sdo_server
 from edge.link.node import Node
+from edge.link.params import PARAMS
 from edge.link.ports import CanPort
 from edge.link.sinks import CanFdSink, SerialSink
 from edge.runtime.settings import SettingsFile
@@ -137,7 +138,7 @@ def test_serial(on_serial: tuple[Node, Finger, Wire], chunks: list[bytes]) -> No
     start = encode_frame(Message.NMT, pack_message(Message.NMT, bytes((1,)), 0))
     node.sink._split(b"\0" + start)
     assert node.state == "OPERATIONAL"
-    assert len(node.sink._buffer) <= SerialSink.BUFFER_MAX
+    assert len(node.sink._buffer) <= PARAMS.noise_bytes
 
 
 def test_an_endless_upload_is_refused(

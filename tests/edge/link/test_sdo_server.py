@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from edge.link.object_server import Aborted
-from edge.link.sdo_server import IDLE_S, SdoServer
+from edge.link.params import PARAMS
+from edge.link.sdo_server import SdoServer
 from hostlink.wire import Abort
 
 LONG, OTHER, SHORT = (0x2030, 0), (0x2000, 3), (0x1018, 1)
@@ -91,7 +92,7 @@ def test_another_clients_reads_do_not_redirect_a_write(bench: Bench) -> None:
 def test_a_vanished_client_blocks_the_server_for_a_second(bench: Bench) -> None:
     bench.ask(head(0x21, LONG))
     bench.ask(segment(0, b"1234567"))
-    bench.now_s = IDLE_S
+    bench.now_s = PARAMS.idle_s
     assert not code(bench.ask(head(0x40, OTHER)))
     assert code(bench.ask(segment(1, b"89", last=True)))
     assert bench.objects.written == []

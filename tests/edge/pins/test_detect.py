@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from edge.errors import NoPins
 from edge.pins import CentroidRefiner, detect, inspect_image, learn_pattern, take_rest
-from edge.pins.reference import with_voted
+from edge.pins.rest_frame import with_voted
 from edge.types import Array, Image, Pins, Polarity
 from tests.support.images import grey, read_grey
 from tests.support.pins_rendered import draw, expose, hexagon

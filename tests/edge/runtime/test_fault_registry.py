@@ -11,6 +11,7 @@ import pytest
 
 from edge.runtime.board_monitor import BoardMonitor, BoardParams, Thermometer, free_space_problem
 from edge.runtime.fault_registry import FaultLog, FaultRegistry
+from edge.runtime.params import PARAMS
 from edge.runtime.systemd import Notifier
 from hostlink.wire import FAULTS, FaultCode, Status
 from tests.support.waiting import SOON_S
@@ -66,7 +67,7 @@ def test_a_fault_that_flickers_does_not_flood_the_log(caplog: pytest.LogCaptureF
         registry.report(FaultCode.PINS_LOST, True, "few")
         registry.report(FaultCode.PINS_LOST, False)
         now_s += 1 / 240
-    now_s += FaultLog.EVERY_S
+    now_s += PARAMS.log_s
     registry.report(FaultCode.PINS_LOST, True, "few")
     assert caplog.messages == [
         "PINS_LOST: few",

@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 from types import SimpleNamespace
@@ -143,7 +144,7 @@ def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
     before_ns = time.monotonic_ns()
     frames = list(source)
     # depthai drops what is still queued at the end of a file; nothing before that is lost.
-    assert len(frames) + source.dropped_n >= 20 - oak.QUEUE
+    assert len(frames) + source.dropped_n >= 20 - oak.PARAMS.queue_n
     for frame in frames:
         assert np.array_equal(frame.image, noise(frame.sequence))
         assert before_ns - 1_000_000_000 < frame.capture_ns <= time.monotonic_ns()
@@ -296,7 +297,7 @@ class FakeModule:
         return self
 
     def createOutputQueue(self, maxSize: int, blocking: bool) -> Any:  # noqa: N802
-        assert (maxSize, blocking) == (oak.QUEUE, False)
+        assert (maxSize, blocking) == (oak.PARAMS.queue_n, False)
         self.n = 0
         return self
 
@@ -326,7 +327,7 @@ class FakeModule:
 def opened(module: FakeModule, monkeypatch: pytest.MonkeyPatch, **settings: Any) -> oak.OakSource:
     monkeypatch.setattr(oak, "load_depthai", lambda: module)
     monkeypatch.setattr(oak, "lens_of", lambda handler, socket, size: None)
-    monkeypatch.setattr(oak, "RETRY_S", 0.01)
+    monkeypatch.setattr(oak, "PARAMS", replace(oak.PARAMS, retry_s=0.01))
     return oak.OakSource(lambda pipeline: pipeline, Options(**settings), module=lambda: SimpleNamespace())  # type: ignore[arg-type,return-value]
 
 

@@ -25,6 +25,7 @@ from edge.recording import RecordingSource, read_messages
 from edge.sources import open_source
 from edge.worker.client import WorkerClient, WorkerConfig
 from edge.worker.messages import Answer, Ask
+from edge.worker.params import WorkerParams
 from edge.worker.shared_memory import Inbox, Outbox, pair
 from hostlink.wire import FaultCode
 from tests.support.finger import Finger
@@ -120,8 +121,7 @@ def test_a_closed_stdout_is_no_error() -> None:
 
 @pytest.fixture
 def live(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Live]:
-    monkeypatch.setattr("edge.worker.client.LIVED_S", 0.0)
-    monkeypatch.setattr("edge.worker.client.DISK_S", SOON_S)
+    monkeypatch.setattr("edge.worker.client.PARAMS", WorkerParams(lived_s=0.0, disk_s=SOON_S))
     with Live(data_dir / "press.mcap", recordings=tmp_path, record=tmp_path / "all.mcap") as running:
         yield running
 

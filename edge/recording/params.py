@@ -1,0 +1,26 @@
+"""Every chosen number of recordings; the evidence for each is in docs/tuning.md, "Recording"."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["PARAMS", "RecordingParams"]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingParams:
+    """Parameters by name. Units: s, seconds; n, items."""
+
+    # --- writing
+    chunk_bytes: int = 1 << 20  # a chunk of the file is closed when it holds so much
+    chunk_age_s: float = 0.5  # ... or is so old: a kill costs at most this
+    item_bytes: int = 512  # memory of a queued message without its arrays, roughly
+    slow_disk_s: float = 1.0  # so long without loss, and the disk counts as fast enough again
+    overlay_hz: float = 15.0  # annotations are for viewing only
+
+    # --- reading
+    rate_frames_n: int = 16  # intervals that the rate is measured from if the file does not state it
+    rate_max_hz: float = 100_000.0  # a stated rate beyond this is damage
+
+
+PARAMS = RecordingParams()
