@@ -1,4 +1,4 @@
-"""The parameters of the fit. Evidence: docs/tuning.md, "calibration, fit"."""
+"""The parameters of the fit. Evidence: docs/tuning.md, "Fit of a calibration"."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ NOISE_TERMS: tuple[list[str], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class ProcessParams:
-    """Evidence: docs/tuning.md, "process"."""
+    """Evidence: docs/tuning.md, "Fit by a Gaussian process"."""
 
     negligible: float = 0.03  # of the noise's variance: a term whose prior variance is smaller is left out
     rows_max: int = 32  # of the covariance's root

@@ -44,7 +44,7 @@ class Symmetry(Enum):
 
 @dataclass(frozen=True, slots=True)
 class LikelihoodParams:
-    """Evidence: docs/tuning.md, "process"."""
+    """Evidence: docs/tuning.md, "Fit by a Gaussian process"."""
 
     turns: int = 8  # in the mean: spins that differ by so many count as equal while settings are fitted
     rows_first: int = 200  # for each of the starts

@@ -31,7 +31,7 @@ __all__ = ["check", "is_of_contact", "outputs_of"]
 
 @dataclass(frozen=True, slots=True)
 class TipLimits:
-    """Limits of a plausible description of a tip. Evidence: docs/tuning.md, "calibration"."""
+    """Limits of a plausible description of a tip. Evidence: docs/tuning.md, "Calibration"."""
 
     gap_min: float = 0.3  # pitches: smallest distance of two pins
     pitch_ratio_max: float = 1.5  # stated over measured pitch, or the inverse

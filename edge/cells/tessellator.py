@@ -1,4 +1,4 @@
-"""Pin positions to cell areas: the triangulation is kept, `edge.cells.mesh` gives the areas."""
+"""Pin positions to cells: boundary, lost pins, rest areas. The areas themselves are computed in `mesh`."""
 
 from __future__ import annotations
 

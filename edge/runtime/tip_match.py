@@ -24,7 +24,7 @@ __all__ = ["in_order_of", "match_rest"]
 
 @dataclass(frozen=True, slots=True)
 class TipMatchParams:
-    """Limits within which two rest frames show the same tip. Evidence: docs/tuning.md, "calibration"."""
+    """Limits within which two rest frames show the same tip. Evidence: docs/tuning.md, "Calibration"."""
 
     pins_found_min: float = 0.9  # share of the calibration's pins that are seen
     pins_known_min: float = 0.9  # share of the pins seen that the calibration knows
