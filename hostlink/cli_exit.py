@@ -1,6 +1,6 @@
 """Exit codes of the three programs, and their one line of error message.
 
-    0    done; also if the reader of stdout stopped (`... | head -1`)
+    0    done; also if the reader of stdout stopped (`... | head -1`) or there is no stdout (`>&-`)
     1    a failure that is not the user's: a link, a sensor, a full disk
     2    the user's mistake: "error: what, where, what would be right" on stderr, and nothing else
     130  Ctrl-C, as in a shell for SIGINT
@@ -47,6 +47,7 @@ def run_command(
     arguments  None: those of the process
     """
     wrong: Kinds = (OutputError, *mistakes)
+    _replace_closed_streams()
     stdout = sys.stdout
     try:
         code = command.main(args=arguments, prog_name=name, standalone_mode=False)
@@ -78,6 +79,21 @@ def run_command(
         _stdout_ended()
         return print_error(f"stdout: cannot be written: {error.strerror}", 1)
     return code if isinstance(code, int) else 0
+
+
+def _replace_closed_streams() -> None:
+    """Streams that the shell closed (`>&-`, `2>&-`) are None: print to nowhere instead. Their descriptors are
+    taken as well, or the next file opened would get what C libraries print.
+    """
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is not None:
+            continue
+        try:
+            os.fstat(descriptor)
+        except OSError:  # closed; it is the lowest free one, as those below are open by now
+            os.open(os.devnull, os.O_RDWR)
+        mode = "r" if name == "stdin" else "w"
+        setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115 - open until the end
 
 
 def _stdout_ended() -> int:

@@ -215,6 +215,8 @@ def decode(
             click.echo(f"finger={node} {counts}", err=True)
     if not shown_n:
         raise LogError(f"{file}: {_nothing_found(decoder, finger)}")
+    if damaged_n := _damaged_n(decoder):
+        click.echo(f"{file}: {counted(damaged_n, 'damaged frame')} not decoded", err=True)
 
 
 def _write_table(
@@ -245,9 +247,13 @@ def _nothing_found(decoder: CanDecoder | SerialDecoder, finger: int | None) -> s
     found = [node for node, s in sorted(decoder.statistics.items()) if s.received_n]
     if found:
         return f"no sample of finger {finger}; it holds those of {', '.join(map(str, found))}"
-    damaged_n = sum(s.corrupt_n for s in decoder.statistics.values())
-    others_n = getattr(decoder, "unknown_n", 0)
-    return f"no sample of a fingertip; {counted(damaged_n, 'damaged frame')}, {others_n} of other devices"
+    damaged = counted(_damaged_n(decoder), "damaged frame")
+    return f"no sample of a fingertip; {damaged}, {getattr(decoder, 'unknown_n', 0)} of other devices"
+
+
+def _damaged_n(decoder: CanDecoder | SerialDecoder) -> int:
+    """Frames of fingertips that came in damaged."""
+    return sum(statistics.corrupt_n for statistics in decoder.statistics.values())
 
 
 def _json(event: Sample) -> str:

@@ -47,6 +47,22 @@ def test_stdout_closed_before_the_first_flush_is_no_error() -> None:
     assert (run.returncode, run.stderr) == (0, "")
 
 
+def test_stdout_and_stderr_closed_from_the_start_are_no_error() -> None:
+    run = shell('"$PYTHON" -c "$COUNT" --lines 100000 >&-')
+    assert (run.returncode, run.stderr) == (0, "")
+    run = shell('"$PYTHON" -c "$COUNT" <&- 2>&-')
+    assert (run.returncode, run.stdout) == (0, "0\n")
+    run = shell('"$PYTHON" -c "$COUNT" --unknown <&- >&- 2>&-')
+    assert (run.returncode, run.stdout, run.stderr) == (2, "", "")
+
+
+def test_no_file_takes_the_place_of_a_closed_stdout() -> None:
+    """What a C library prints must not end up in a file that a command writes."""
+    opens = PROGRAM.replace("click.echo(str(i))", "sys.exit(open('/dev/null', 'wb').fileno())")
+    run = subprocess.run(["bash", "-c", '"$0" -c "$1" >&-', sys.executable, opens], check=False)
+    assert run.returncode > 2
+
+
 def test_a_file_that_fails_is_one_line(tmp_path: Path) -> None:
     """Wherever it is met: the file's name and why."""
     path = tmp_path / "gone" / "x"

@@ -345,6 +345,20 @@ def test_a_recording_without_samples_is_reported_as_failure(
     assert "0 damaged" not in err
 
 
+def test_damaged_frames_beside_samples_are_reported(
+    finger: Application, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "press.log"
+    record(HOST, file)
+    capsys.readouterr()
+    with file.open("a") as log:
+        log.write("(1.0) can0 186##1" + "AB" * 64 + "\n")
+    assert run("decode", str(file)) == 0
+    out, err = capsys.readouterr()
+    assert out
+    assert err == f"{file}: 1 damaged frame not decoded\n"
+
+
 def test_record_a_serial_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pty = Pty(tmp_path)
     feed = Feed(f"serial:{pty.paths[0]}")
