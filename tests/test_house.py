@@ -16,8 +16,14 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("edge", "hostlink", "calib", "tests")
 STDLIB = frozenset(sys.stdlib_module_names)
 
-#: Modules of hostlink that the edge uses too: the bus, command lines and the files that they write.
-SHARED_WITH_EDGE = ("hostlink.can_bus", "hostlink.cli_exit", "hostlink.cli_types", "hostlink.output_file")
+#: Modules of hostlink that the edge uses too: the bus, command lines, files written and read.
+SHARED_WITH_EDGE = (
+    "hostlink.can_bus",
+    "hostlink.cli_exit",
+    "hostlink.cli_types",
+    "hostlink.mcap_chunk",
+    "hostlink.output_file",
+)
 #: Which of the project's own packages a package may import.
 MAY_IMPORT = {
     "hostlink/wire": ("hostlink.wire",),

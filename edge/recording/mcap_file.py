@@ -18,11 +18,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from edge.errors import SourceError
+from hostlink.mcap_chunk import UNPACKED_MAX, unpack_chunk
 
 __all__ = ["RawMessage", "attachments_in", "damage", "image_count", "metadata_in", "raw_messages"]
-
-#: Bytes of one record or of one unpacked chunk. Ours stay near 1 MiB; the largest image has 32 MiB.
-UNPACKED_MAX = 128 << 20
 
 
 class RawMessage(NamedTuple):
@@ -145,42 +143,7 @@ def _chunks(file: _Bounded, faults: Counter[str]) -> Iterator[Any]:
 
 def _unpacked(chunk: Any) -> Iterator[Any]:
     """The records in a chunk, one by one. Raises one of `damage`; for a wrong CRC before the first record."""
-    from mcap.records import Chunk
-    from mcap.stream_reader import get_chunk_data_stream
-
-    if chunk.uncompressed_size > UNPACKED_MAX:
-        raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes")
-    plain = Chunk(
-        compression="",
-        data=_decompressed(chunk),
-        message_end_time=0,
-        message_start_time=0,
-        uncompressed_crc=chunk.uncompressed_crc,
-        uncompressed_size=chunk.uncompressed_size,
-    )
-    get_chunk_data_stream(plain, validate_crc=True)
-    yield from _Bounded(io.BytesIO(plain.data)).records()
-
-
-def _decompressed(chunk: Any) -> bytes:
-    """Raises ValueError: its real size is not the stated one."""
-    size = chunk.uncompressed_size
-    if chunk.compression == "lz4":
-        from lz4.frame import LZ4FrameDecompressor
-
-        data: bytes = LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
-    elif chunk.compression == "zstd":
-        from zstandard import ZstdDecompressor
-
-        with ZstdDecompressor().stream_reader(chunk.data) as reader:
-            data = reader.read(size + 1)
-    elif chunk.compression:
-        raise ValueError(f"compression {chunk.compression!r} is not known")
-    else:
-        data = chunk.data
-    if len(data) != size:
-        raise ValueError(f"a chunk of {size} bytes holds others")
-    return data
+    yield from _Bounded(io.BytesIO(unpack_chunk(chunk).data)).records()
 
 
 def raw_messages(path: Path, faults: Counter[str]) -> Iterator[RawMessage]:
@@ -256,9 +219,13 @@ def _outside_chunks(path: Path, kind: type[Any]) -> list[Any]:
             summary = file.summary()
             if summary is not None:
                 indexes = summary.attachment_indexes if kind is Attachment else summary.metadata_indexes
-                for index in indexes:
+                end = 0
+                for index in sorted(indexes, key=lambda index: index.offset):
+                    if index.offset < end:  # one record, listed a thousand times, would be held as often
+                        raise ValueError("records overlap")
                     file.seek(index.offset)
                     record = next(file.records(), None)
+                    end = file.tell()
                     if not isinstance(record, kind):
                         raise ValueError("another record than the index says")
                     found.append(record)

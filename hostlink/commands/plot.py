@@ -24,6 +24,7 @@ import click
 from hostlink.cli_types import WholeNumber, counted
 from hostlink.decoder import Sample
 from hostlink.errors import LogError, UsageError
+from hostlink.mcap_chunk import UNPACKED_MAX, unpack_chunk
 from hostlink.output_file import check_output, writing
 from hostlink.recording import CAN_SUFFIXES, SERIAL_SUFFIX, check_suffix, decode_recording
 
@@ -33,7 +34,6 @@ log = logging.getLogger(__name__)
 
 MCAP_SUFFIX = ".mcap"
 _WITH_SAMPLES = "give what `hostlink record` or `edge run --record` wrote"
-_RECORD_MAX = 1 << 30  # bytes; ours stay near 1 MiB; a damaged length must not exhaust the memory
 PICTURES = (".png", ".pdf", ".svg")
 _WIDTH_IN = 7.16  # both columns of an IEEE page
 _PANEL_IN = 1.15
@@ -145,7 +145,8 @@ def _samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]]:
 def _mcap_samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]]:
     try:
         from mcap.exceptions import InvalidMagic, McapError
-        from mcap.reader import NonSeekingReader
+        from mcap.records import Channel, Chunk, Message
+        from mcap.stream_reader import StreamReader, breakup_chunk
         from zstandard import ZstdError
     except ImportError as error:
         raise UsageError(f"{path}: {error}; install voronoi-touch[edge]") from error
@@ -154,12 +155,17 @@ def _mcap_samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]
     try:
         with path.open("rb") as file:
             # In the file's order, without its index: a truncated file has none.
-            reader = NonSeekingReader(file, record_size_limit=_RECORD_MAX)
-            for _, _, message in reader.iter_messages(topics=["/bus/sample"], log_time_order=False):
-                values = json.loads(message.data)["values"]
-                capture_us = int(values["capture_time_us"])
-                samples_n += 1
-                yield 1, message.log_time * 1e-9, capture_us, values
+            reader = StreamReader(file, emit_chunks=True, record_size_limit=UNPACKED_MAX)
+            channels: set[int] = set()
+            for record in reader.records:
+                for item in breakup_chunk(unpack_chunk(record)) if isinstance(record, Chunk) else [record]:
+                    if isinstance(item, Channel) and item.topic == "/bus/sample":
+                        channels.add(item.id)
+                    if not isinstance(item, Message) or item.channel_id not in channels:
+                        continue
+                    capture_us, values = _sample(item.data)
+                    samples_n += 1
+                    yield 1, item.log_time * 1e-9, capture_us, values
     except InvalidMagic:
         raise LogError(f"{path}: not an MCAP file; give one that `edge run --record` wrote") from None
     except (*broken, ValueError, TypeError):
@@ -170,6 +176,13 @@ def _mcap_samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]
         log.warning("%s: cut off or damaged; only the samples before that are drawn", path)
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _sample(data: bytes) -> tuple[int, dict[str, Any]]:
+    """Capture time and columns. Raises ValueError, LookupError, TypeError, RuntimeError, OverflowError."""
+    values = dict(json.loads(data)["values"])
+    known = {name: float(values[name]) for name in _COLUMNS if values.get(name) is not None}
+    return int(values["capture_time_us"]), known
 
 
 def draw(series: dict[int, Series], out: Path, title: str = "") -> tuple[str, ...]:

@@ -16,14 +16,14 @@ import pytest
 import zstandard
 from lz4.frame import LZ4FrameCompressor
 from mcap.data_stream import RecordBuilder
-from mcap.records import Chunk, Header
+from mcap.records import Attachment, AttachmentIndex, Chunk, DataEnd, Footer, Header
 from mcap.writer import CompressionType, Writer
 
 from edge.errors import SourceError
 from edge.recording import Recorder, RecordingSource, read_attachments, read_messages, read_metadata
-from edge.recording.mcap_file import UNPACKED_MAX
 from edge.recording.topics import proto
 from edge.types import Frame
+from hostlink.mcap_chunk import UNPACKED_MAX
 from tests.edge.sources.test_image_header import png_of
 
 MEMORY_MAX = 48 << 20  # in addition to that used before; the files are below 1 MiB
@@ -183,6 +183,26 @@ def test_a_wrong_chunk_index_loses_that_chunk_only(tmp_path: Path, offset: int) 
     source = RecordingSource(path)
     assert len(list(source)) == 3
     assert source.faults["damaged chunk"] == 1
+
+
+def test_an_attachment_that_is_listed_often_is_read_once(tmp_path: Path) -> None:
+    head, body, tail = RecordBuilder(), RecordBuilder(), RecordBuilder()
+    Header("", "").write(head)
+    before = b"\x89MCAP0\r\n" + head.end()
+    Attachment(0, 0, "big", "x", bytes(1 << 20)).write(body)
+    attached = body.end()
+    DataEnd(0).write(tail)
+    start = len(before) + len(attached) + tail.count
+    for _ in range(200):
+        AttachmentIndex(
+            offset=len(before), length=len(attached), create_time=0, log_time=0, data_size=1 << 20,
+            name="big", media_type="x",
+        ).write(tail)  # fmt: skip
+    Footer(summary_start=start, summary_offset_start=0, summary_crc=0).write(tail)
+    path = tmp_path / "a.mcap"
+    path.write_bytes(before + attached + tail.end() + b"\x89MCAP0\r\n")
+    with bounded_memory():
+        assert {name: len(data) for name, data in read_attachments(path).items()} == {"big": 1 << 20}
 
 
 def mutations(dice: random.Random, data: bytes) -> bytes:

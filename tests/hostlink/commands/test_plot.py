@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import json
 import os
+import tracemalloc
 from dataclasses import asdict
 from math import isnan, nan
 from pathlib import Path
+from typing import Any
 
 import can
 import cv2
 import numpy as np
 import pytest
+import zstandard
+from lz4.frame import LZ4FrameCompressor
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Chunk, Header, Message
 
 from edge.recording import Recorder
 from edge.types import Clock, Frame
 from hostlink.commands.cli import main
 from hostlink.commands.plot import Series, draw, read_series
+from hostlink.errors import LogError
 from hostlink.recording import LogWriter
 from hostlink.wire import CanIds, Kind, State, pack_state, unpack_state
 
@@ -95,6 +102,53 @@ def test_the_readable_part_of_a_truncated_recording_is_drawn(
     assert run("plot", str(path), "--json") == 0
     assert 1000 < json.loads(capsys.readouterr().out)["samples"]["1"] < 20_000
     assert caplog.messages == [f"{path}: cut off or damaged; only the samples before that are drawn"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"values": {"capture_time_us": 1, "force_n": "strong"}}',
+        '{"values": {"capture_time_us": 1, "force_n": [1]}}',
+        '{"values": {"capture_time_us": 1, "force_n": 1' + "0" * 400 + "}}",
+        '{"values": {"capture_time_us": 1e400}}',
+        '{"values": 3}',
+        '{"values": [1]}',
+        "[" * 100_000,
+    ],
+    ids=["text", "list", "huge", "infinite", "number", "row", "deep"],
+)
+def test_a_sample_that_is_no_sample_counts_as_damaged(tmp_path: Path, text: str) -> None:
+    builder = RecordBuilder()
+    Header("", "").write(builder)
+    Channel(id=1, topic="/bus/sample", message_encoding="json", metadata={}, schema_id=0).write(builder)
+    Message(channel_id=1, sequence=0, log_time=0, publish_time=0, data=text.encode()).write(builder)
+    path = tmp_path / "a.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n" + builder.end())
+    with pytest.raises(LogError, match="damaged before its first sample"):
+        read_series(path)
+
+
+@pytest.mark.parametrize("stated", [1000, 1 << 40])
+@pytest.mark.parametrize("compression", ["lz4", "zstd"])
+def test_a_chunk_that_unpacks_endlessly_counts_as_damaged(
+    tmp_path: Path, compression: str, stated: int
+) -> None:
+    packer: Any = LZ4FrameCompressor() if compression == "lz4" else zstandard.ZstdCompressor().compressobj()
+    parts = [packer.begin()] if compression == "lz4" else []
+    parts += [packer.compress(bytes(1 << 20)) for _ in range(256)]
+    builder = RecordBuilder()
+    Header("", "").write(builder)
+    Chunk(compression, b"".join([*parts, packer.flush()]), 0, 0, 0, stated).write(builder)
+    path = tmp_path / "a.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n" + builder.end())
+    tracemalloc.start()
+    try:
+        with pytest.raises(LogError, match="damaged before its first sample"):
+            read_series(path)
+        _, peak_bytes = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak_bytes < 48 << 20
 
 
 def test_a_value_between_two_gaps_is_a_dot(tmp_path: Path) -> None:
