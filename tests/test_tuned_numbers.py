@@ -14,7 +14,7 @@ AT_MOST = {
     "cells": 11,
     "cli": 15,
     "edge": 10,
-    "features": 43,
+    "features": 42,
     "geometry": 9,
     "link": 16,
     "pins": 70,

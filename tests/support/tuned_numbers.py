@@ -18,7 +18,8 @@ ROOT = Path(__file__).resolve().parents[2]
 #: Constants that nobody chose, by the reason. A file alone: all of its constants.
 NOT_TUNED: dict[str, frozenset[str]] = {
     "codes and layouts of a protocol or format": frozenset({
-        "edge/calibration/file.py:VERSION", "edge/cli/checks.py:FD_MTU", "edge/link/media.py:CAN_ERR_BUSOFF",
+        "edge/calibration/file.py:VERSION", "edge/features/modes.py:DEGREE",
+        "edge/cli/checks.py:FD_MTU", "edge/link/media.py:CAN_ERR_BUSOFF",
         "edge/link/media.py:CAN_ERR_RESTARTED", "edge/link/node.py:NMT_RESET_NODE",
         "edge/link/node.py:NMT_RESET_COMMUNICATION", "edge/link/object_server.py:FORCE", "edge/link/ports.py",
         "edge/link/sinks.py:NODE_DEFAULT", "edge/link/sinks.py:BITRATE", "edge/link/sinks.py:DBITRATE",
