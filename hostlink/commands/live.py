@@ -113,6 +113,9 @@ def record(address: str, file: Path, seconds: float | None, overwrite: bool) -> 
     try:
         with connect(address) as hand, writing(path, overwrite, keep_partial=True) as unfinished:
             written_n, samples_n = _record(hand, unfinished, seconds)
+            if not written_n:  # no file of nothing, least of all in place of an earlier recording
+                unfinished.unlink()
+                raise LinkTimeout(f"{address}: nothing came in")
     except LogError as error:  # it names the temporary file, which the user does not know
         why = message_of(error.__cause__ or error)
         raise WriteError(f"{path}: cannot be written: {why}; the recording ends there") from None
@@ -120,8 +123,6 @@ def record(address: str, file: Path, seconds: float | None, overwrite: bool) -> 
         signal.signal(signal.SIGTERM, before)
     what = "frame" if place.is_can else "chunk"
     click.echo(f"{path}: {counted(written_n, what)}, {counted(samples_n, 'sample')}", err=True)
-    if not written_n:
-        raise LinkTimeout(f"{address}: nothing came in")
 
 
 def _record(hand: Connection, path: Path, seconds: float | None) -> tuple[int, int]:

@@ -277,8 +277,13 @@ def test_record_keeps_an_earlier_recording(
 def test_recording_silence_fails(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     need_multicast()
     file = tmp_path / "press.log"
-    assert run("record", f"udp:239.0.0.9?port={PORT + 1}", str(file), "--seconds", "0.05") == 1
+    silent = f"udp:239.0.0.9?port={PORT + 1}"
+    assert run("record", silent, str(file), "--seconds", "0.05") == 1
     assert capsys.readouterr().err.endswith("nothing came in\n")
+    assert list(tmp_path.iterdir()) == []
+    file.write_text("irreplaceable")
+    assert run("record", silent, str(file), "--seconds", "0.05", "--overwrite") == 1
+    assert file.read_text() == "irreplaceable"
 
 
 def program(*arguments: str, **options: Any) -> subprocess.Popen[str]:
