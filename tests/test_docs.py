@@ -40,3 +40,14 @@ def test_pages_build_without_a_warning(tmp_path: Path) -> None:
     build = subprocess.run([*sphinx, *places], cwd=ROOT, capture_output=True, text=True)
     assert build.returncode == 0, build.stderr
     assert (tmp_path / "html" / "api.html").is_file()
+
+
+def test_every_test_that_security_names_exists() -> None:
+    names = set(re.findall(r"`(test_\w+)`", (ROOT / "SECURITY.md").read_text()))
+    defined = {
+        name
+        for path in (ROOT / "tests").rglob("test_*.py")
+        for name in re.findall(r"^def (test_\w+)", path.read_text(), re.MULTILINE)
+    }
+    assert names
+    assert names <= defined
