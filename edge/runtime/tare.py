@@ -155,7 +155,7 @@ def _begins(rest: Rest, first: Pins, last: Pins) -> TareRefused | None:
 def _moved(motion_px: float, limit_px: float) -> tuple[str, str]:
     """Problem and advice."""
     return (
-        f"the pins moved by {motion_px:.1f} px while the rest frame was taken",
+        f"the pins moved by {motion_px:.2f} px while the rest frame was taken",
         f"leave the tip untouched (limit {limit_px:g} px, key [tare] steady_px)",
     )
 
