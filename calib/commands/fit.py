@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -125,20 +126,21 @@ def _row(choice: Choice) -> dict[str, Any]:
 
 
 def _print(choices: list[Choice], output: Path) -> None:
-    table = Table(title=f"{output}: what was fitted")
+    # Narrow enough for 80 columns: a terminal's usual width, and that of a pipe.
+    table = Table(title=f"{output}: what was fitted", box=box.SIMPLE, padding=0, pad_edge=False)
     table.caption = "Errors: rms on held-out frames. Of the models up to the limit, the smallest is chosen."
     for name in ("value", "model chosen", "terms", "error", "limit", "best of each kind", "sigma"):
-        table.add_column(name)
+        table.add_column(name, no_wrap=name != "model chosen")
     for choice in choices:
         row = _row(choice)
         sigma = row["sigma"] if isinstance(row["sigma"], list) else [row["sigma"]]
         table.add_row(
-            ", ".join(choice.outputs),
+            "\n".join(choice.outputs),
             row["model"],
             str(row["terms"]),
             f"{choice.chosen.rms:.3g}",
             f"{choice.allowed:.3g}",
-            "\n".join(f"{kind} {c.rms:.3g}" for kind, c in choice.best_of_kinds.items()),
-            ", ".join(f"{s:.3g}" for s in sigma),
+            "\n".join(f"{kind.split()[0]} {c.rms:.3g}" for kind, c in choice.best_of_kinds.items()),
+            "\n".join(f"{s:.3g}" for s in sigma),
         )
     Console().print(table)

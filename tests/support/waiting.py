@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-SOON_S = 60.0
+SOON_S = 240.0
 POLL_S = 0.005
 
 
