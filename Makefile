@@ -70,12 +70,12 @@ bench: $(READY)
 stability: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.bench stability
 
-## make fuzz       coverage-guided fuzzing of the decoder, SECONDS=60
+## make fuzz       kernels, decoder, and random files, frames, requests and clocks; SECONDS=60 of each
 fuzz: $(READY)
 	$(BIN)/python -m tests.fuzz.fuzz_kernels --seconds $(SECONDS) --seed $$$$
 	$(BIN)/pip install -q -c constraints.txt atheris
 	$(BIN)/python tests/fuzz/fuzz_decoder.py -max_total_time=$(SECONDS)
-	FUZZ_ROUNDS=50 $(BIN)/python -m pytest tests/hostlink/test_clock.py tests/hostlink/test_decoder.py -k any_
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.fuzz.repeat --seconds $(SECONDS)
 
 ## make soak       the program under a random schedule of all faults, and its promises; SECONDS=3600
 soak: $(READY)

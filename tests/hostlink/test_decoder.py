@@ -35,6 +35,7 @@ from hostlink.wire.e2e import protect_p5, protect_p11
 from hostlink.wire.fields import DATA_ID, DATA_ID_CLASSIC, PARTS, STATE_SIZE, VERSION
 from hostlink.wire.parts import unpack_part
 from tests.support.channel import ClassicLink, Ledger, flip, spots
+from tests.support.seeds import SEED
 from tests.support.states import any_state, random_state, same
 
 IDS = CanIds()
@@ -391,6 +392,7 @@ def test_single_and_double_flips_in_classic_parts_are_found_by_the_e2e_crc_alone
     ledger.balance(decoder.statistics[1])
 
 
+@pytest.mark.generative
 @given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=64)), max_size=30))
 @settings(max_examples=300)
 def test_any_can_frames_parse_or_are_counted(frames: list[tuple[int, bytes]]) -> None:
@@ -400,6 +402,7 @@ def test_any_can_frames_parse_or_are_counted(frames: list[tuple[int, bytes]]) ->
         assert not any(isinstance(e, Sample) for e in events)
 
 
+@pytest.mark.generative
 @given(st.lists(st.binary(max_size=300), max_size=10), any_state)
 @settings(max_examples=200)
 def test_any_bytes_parse_or_are_counted_and_the_next_frame_is_found(junk: list[bytes], state: State) -> None:
@@ -441,11 +444,12 @@ def test_two_valid_parts_that_claim_to_be_a_whole_sample_are_counted() -> None:
     assert [type(e) for e in again] == [Sample], "and the next sample comes"
 
 
-def test_any_valid_parts_in_any_order_are_samples_or_are_counted(classic_rounds: int) -> None:
+@pytest.mark.generative
+def test_any_valid_parts_in_any_order_are_samples_or_are_counted() -> None:
     """Right CRCs, any content: nothing is raised, and what is delivered has passed its check."""
     refused_n = 0
-    for seed in range(classic_rounds):
-        rng, decoder = Random(seed), CanDecoder()
+    for seed in range(4):
+        rng, decoder = Random(4 * SEED + seed), CanDecoder()
         for _ in range(300):
             counter, low = rng.randrange(2), rng.randrange(2)
             for index in sorted(rng.sample(range(12), rng.randrange(1, 6))):
@@ -458,7 +462,7 @@ def test_any_valid_parts_in_any_order_are_samples_or_are_counted(classic_rounds:
                 for event in decoder.receive(IDS.tpdo(tpdo, 1), data):
                     assert isinstance(event, Sample | SecondSender)
         refused_n += decoder.statistics[1].corrupt_n
-    assert refused_n > 5 * classic_rounds, "samples were completed, and refused by their check"
+    assert refused_n > 20, "samples were completed, and refused by their check"
 
 
 # --- times on the host's clock ---

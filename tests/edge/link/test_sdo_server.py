@@ -137,6 +137,7 @@ steps = st.one_of(
 )  # fmt: skip
 
 
+@pytest.mark.generative
 @settings(max_examples=300)
 @given(st.lists(steps, max_size=40))
 def test_any_frames_write_only_the_data_of_one_transfer(sequence: list[tuple[Any, ...]]) -> None:

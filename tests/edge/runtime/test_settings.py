@@ -48,6 +48,7 @@ def test_an_unusable_settings_file_gives_defaults(
     assert "starting with defaults" in caplog.text
 
 
+@pytest.mark.generative
 @limits(max_examples=200)
 @given(
     raw=st.one_of(

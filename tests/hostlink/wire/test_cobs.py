@@ -46,6 +46,7 @@ def test_damage_is_refused(data: bytes) -> None:
         decode(data)
 
 
+@pytest.mark.generative
 @given(st.binary(max_size=400))
 def test_any_bytes_decode_or_are_refused(data: bytes) -> None:
     try:

@@ -257,6 +257,7 @@ def test_requests_and_replies_round_trip(
         wire.unpack_message(Message.REQUEST, payload)
 
 
+@pytest.mark.generative
 @given(st.binary(max_size=40))
 def test_any_body_parses_or_is_refused(body: bytes) -> None:
     for unpack in (wire.ObjectRequest.unpack, wire.ObjectReply.unpack, wire.unpack_emergency):
