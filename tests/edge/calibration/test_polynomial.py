@@ -79,8 +79,14 @@ def changed(**fields: Any) -> Polynomial:
         (msgspec.structs.replace(CURVE, input="smell"), "an input of volume, shear, c10"),
         (changed(terms=[["smell"]] * 7), "input 'smell' is not one of volume"),
         (changed(terms=[]), "0 terms, but"),
-        (changed(weights=[(0.0, 0.0)]), "7 terms, but weights or rows of spread of another number"),
-        (changed(spread=[[(0.0, 0.0)]]), "7 terms, but weights or rows of spread of another number"),
+        (
+            changed(weights=[(0.0, 0.0)]),
+            "7 terms, but another number of weights or of numbers in a row of spread",
+        ),
+        (
+            changed(spread=[[(0.0, 0.0)]]),
+            "7 terms, but another number of weights or of numbers in a row of spread",
+        ),
         (changed(valid=[]), "a range and a sigma for each"),
         (changed(sigma=[0.1, 0.1]), "a range and a sigma for each"),
         (changed(outputs=["a", "b", "c"]), "1 or 2 outputs"),
