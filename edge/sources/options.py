@@ -23,6 +23,10 @@ from edge.types import Polarity
 __all__ = ["Options", "Spec", "convert", "parse_spec"]
 
 
+#: Dark or bright for every source; a source may have its own meaning for other values: the simulator's number.
+_SHARED = "pins"
+
+
 @dataclass(frozen=True, slots=True)
 class Options:
     """width, height  px; 0: the camera's own
@@ -51,7 +55,9 @@ class Options:
 
     def without_extra(self, name: str) -> Options:
         """Self; raises SourceError if the specification has a key that this source does not know."""
-        for key in self.extra:
+        for key, value in self.extra.items():
+            if key == _SHARED:
+                _convert(key, value, name)  # raises
             known = ", ".join(f.name for f in fields(self) if f.name != "extra")
             raise SourceError(f"source {name}: unknown key {key!r}; known keys: {known}")
         return self
@@ -117,7 +123,8 @@ def parse_spec(text: str, options: Options) -> Spec:
     changes: dict[str, Any] = {}
     extra = dict(options.extra)
     for key, value in parse_qsl(query, keep_blank_values=True):
-        if key in {f.name for f in fields(Options)} - {"extra"}:
+        own = key == _SHARED and value not in list(Polarity)
+        if key in {f.name for f in fields(Options)} - {"extra"} and not own:
             changes[key] = _convert(key, value, text)
         else:
             extra[key] = value
