@@ -23,7 +23,7 @@ from edge.types import Polarity
 __all__ = ["Options", "Spec", "convert", "parse_spec"]
 
 
-#: Dark or bright for every source; a source may have its own meaning for other values: the simulator's number.
+#: Dark or bright for every source; other values are the source's own: a number for the simulator.
 _SHARED = "pins"
 
 
