@@ -170,7 +170,7 @@ class ContactField:
         self.n_active = 0
         for p in range(self._is_active.shape[0]):
             self.active[self.n_active] = cython.cast(cython.int, p)
-            self.n_active += self._is_active[p]
+            self.n_active += 1 if self._is_active[p] else 0
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -9,7 +9,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from itertools import chain
 from math import isnan
@@ -62,7 +62,7 @@ def monitor(address: str, seconds: float | None, plain: bool) -> None:
             else:
                 _show_table(hand, board, end_s)
             if not hand.fingers and not hand.silent_nodes:  # only with --seconds: there is no other end
-                raise LinkTimeout(f"{address}: no finger was heard for {seconds:g} s")
+                raise LinkTimeout(f"{address}: no finger was active for {seconds:g} s")
 
 
 def _print_lines(board: Board, end_s: float | None, address: str) -> None:
@@ -129,12 +129,16 @@ def _record(hand: Connection, path: Path, seconds: float | None) -> tuple[int, i
     """Record until the time is up or Ctrl-C; returns the messages written and the samples in them. Raises
     LogError.
     """
-    arrived: queue.SimpleQueue[tuple[Any, float]] = queue.SimpleQueue()
+    arrived: queue.SimpleQueue[tuple[Any, float] | None] = queue.SimpleQueue()
     is_can = hand.address.is_can
     node = hand.address.node or SERIAL_NODE
     decoder: Any = CanDecoder() if is_can else SerialDecoder(node)  # only counts the contents of the file
     written_n = samples_n = 0
-    with LogWriter(path) if is_can else SerialWriter(path, node) as writer:
+    # A signal is one more thing that arrives: as an exception it could cut off what is being written.
+    with (
+        _calling_on_signals(lambda: arrived.put(None)),
+        LogWriter(path) if is_can else SerialWriter(path, node) as writer,
+    ):
         # Wall clock: logs are compared with other logs.
         end = hand.on_raw(lambda data, _: arrived.put((data, time.time())))
         for data, at_s in _until_ended(arrived, None if seconds is None else time.monotonic() + seconds, end):
@@ -153,20 +157,34 @@ def _record(hand: Connection, path: Path, seconds: float | None) -> tuple[int, i
     return written_n, samples_n
 
 
-def _until_ended(
-    arrived: queue.SimpleQueue[tuple[Any, float]], end_s: float | None, end: Callable[[], None]
-) -> Iterator[tuple[Any, float]]:
-    """All that arrives until the time is up or Ctrl-C, including the last message before it."""
+@contextmanager
+def _calling_on_signals(end: Callable[[], None]) -> Iterator[None]:
+    """Ctrl-C and SIGTERM call `end`, in the main thread, instead of raising KeyboardInterrupt."""
+    active = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) != signal.SIG_IGN]
+    before = {number: signal.signal(number, lambda *_: end()) for number in active}
     try:
-        while (wait_s := _left(end_s, LINE_S)) > 0:
-            with suppress(queue.Empty):
-                yield arrived.get(timeout=wait_s)
-    except KeyboardInterrupt:
-        click.echo("", err=True)  # Ctrl-C is how a recording ends
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _until_ended(
+    arrived: queue.SimpleQueue[tuple[Any, float] | None], end_s: float | None, end: Callable[[], None]
+) -> Iterator[tuple[Any, float]]:
+    """All that arrives until the time is up or None does, including the last message before it."""
+    while (wait_s := _left(end_s, LINE_S)) > 0:
+        with suppress(queue.Empty):
+            message = arrived.get(timeout=wait_s)
+            if message is None:
+                break
+            yield message
     end()
     with suppress(queue.Empty):
         while True:
-            yield arrived.get_nowait()
+            message = arrived.get_nowait()
+            if message is not None:
+                yield message
 
 
 @click.command()

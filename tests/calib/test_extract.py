@@ -210,7 +210,6 @@ def test_a_forbidden_output_is_refused_before_the_work(
 INTERRUPTED = """
 import os, signal
 from calib.extract import executor
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job begins with it ignored
 try:
     with executor(None, 2):
         os.killpg(0, signal.SIGINT)
