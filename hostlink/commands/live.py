@@ -62,7 +62,7 @@ def monitor(address: str, seconds: float | None, plain: bool) -> None:
             else:
                 _show_table(hand, board, end_s)
             if not hand.fingers and not hand.silent_nodes:  # only with --seconds: there is no other end
-                raise LinkTimeout(f"{address}: no finger was active for {seconds:g} s")
+                raise LinkTimeout(f"{address}: no finger was heard for {seconds:g} s")
 
 
 def _print_lines(board: Board, end_s: float | None, address: str) -> None:
