@@ -24,29 +24,30 @@ BUS = "udp:239.0.0.9?port=29458"
 _SETTLE_S = 3.0
 
 
-def send(fingers: int, rate_hz: float, seconds: float, begin: Any, sent: Any) -> None:
+def send(fingers: int, rate_hz: float, seconds: float, known: Any, begin: Any, sent: Any) -> None:
     """Fingers on a bus, paced by the clock; `sent` gets the samples of each."""
     from tests.hostlink.bridge.test_foxglove import state
     from tests.hostlink.test_client import make_node
 
     nodes = [make_node(f"{BUS}&node={n}&ttl=0")[0] for n in range(1, fingers + 1)]
-    for k in range(20):  # known to all before it counts
-        for node in nodes:
-            node.send(state(1, k))
-        time.sleep(0.05)
+    first = 0
+    while not known.wait(0.05):  # until all are known at the other end
+        for number, node in enumerate(nodes, 1):
+            node.send(state(number, first))
+        first += 1
     begin.wait()
     start_s, k = time.monotonic(), 0
     while (due_s := start_s + k / rate_hz) < start_s + seconds:
         time.sleep(max(0.0, due_s - time.monotonic()))
         for number, node in enumerate(nodes, 1):
-            node.send(state(number, 20 + k))
+            node.send(state(number, first + k))
         k += 1
     sent.put(k)
     for node in nodes:
         node.close()
 
 
-def listen(begin: Any, end: Any, result: Any) -> None:
+def listen(fingers: int, known: Any, begin: Any, end: Any, result: Any) -> None:
     """Every finger's samples at a peer: counts and latencies (ms) from capture to here, by quantile."""
     import numpy as np
 
@@ -55,11 +56,15 @@ def listen(begin: Any, end: Any, result: Any) -> None:
     peer = Peer(PORT)
     latencies: list[float] = []
     numbers: dict[str, list[int]] = {}
+    keys: set[str] = set()
     lock = threading.Lock()
 
     def take(received: Received) -> None:
         sec, nanosec = struct.unpack_from("<iI", received.payload, 4)
         with lock:
+            keys.add(received.key)
+            if len(keys) == fingers:
+                known.set()
             if begin.is_set():
                 latencies.append((received.arrival_ns - sec * 1_000_000_000 - nanosec) / 1e6)
                 numbers.setdefault(received.key, []).append(received.number)
@@ -80,11 +85,11 @@ def measure(fingers: int, rate_hz: float, seconds: float) -> dict[str, Any]:
     from tests.hostlink.bridge.ros_peer import open_router
 
     context = mp.get_context("spawn")
-    begin, end = context.Event(), context.Event()
+    known, begin, end = context.Event(), context.Event(), context.Event()
     sent, result = context.Queue(), context.Queue()
     router = open_router(PORT)
-    listener = context.Process(target=listen, args=(begin, end, result))
-    sender = context.Process(target=send, args=(fingers, rate_hz, seconds, begin, sent))
+    listener = context.Process(target=listen, args=(fingers, known, begin, end, result))
+    sender = context.Process(target=send, args=(fingers, rate_hz, seconds, known, begin, sent))
     listener.start()
     with hostlink.connect(BUS) as hand:
         outlet = RosOutlet("jazzy", f"tcp/127.0.0.1:{PORT}")
@@ -92,13 +97,12 @@ def measure(fingers: int, rate_hz: float, seconds: float) -> dict[str, Any]:
         thread = threading.Thread(target=bridge.run)
         thread.start()
         sender.start()
-        while len(hand.fingers) < fingers:
-            time.sleep(0.05)
-        time.sleep(_SETTLE_S)
+        known.wait()
+        end.wait(_SETTLE_S)  # nobody sets it: what is under way arrives before it counts
         begun_s = time.process_time()
         begin.set()
         sent_n = fingers * sent.get()
-        time.sleep(_SETTLE_S)
+        end.wait(_SETTLE_S)  # nobody sets it: what has not come by then is lost
         busy = (time.process_time() - begun_s) / seconds
         lost_n = sum(s.lost_n for s in hand.statistics.values())
         end.set()

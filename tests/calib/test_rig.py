@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -63,7 +64,7 @@ def stage_at() -> Iterator[StageAt]:
         fake = FakeStage(dialect, travel, boots)
         made.append(fake)
         table = {"port": fake.port, "dialect": dialect, "boot_s": SOON_S, "answer_s": SOON_S, **keys}
-        return fake, StageFile(stage=StageTable(**table))  # type: ignore[arg-type]
+        return fake, StageFile(stage=msgspec.convert(table, StageTable))
 
     yield make
     for fake in made:
