@@ -54,7 +54,7 @@ class LazyGroup(click.Group):
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 def main() -> None:
-    """Benchmarks and long checks; results go to tests/bench/results."""
+    """Benchmarks and long checks; results go to out/bench."""
 
 
 if __name__ == "__main__":

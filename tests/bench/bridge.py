@@ -18,7 +18,8 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-RESULTS = Path(__file__).parent / "results"
+from tests.bench.output import writes_results
+
 PORT = 29_457
 BUS = "udp:239.0.0.9?port=29458"
 _SETTLE_S = 3.0
@@ -125,14 +126,12 @@ def measure(fingers: int, rate_hz: float, seconds: float) -> dict[str, Any]:
 @click.option("--fingers", default=5, show_default=True)
 @click.option("--rate", "rate_hz", default=240.0, show_default=True, help="Samples a second of each, Hz.")
 @click.option("--seconds", default=30.0, show_default=True)
-@click.option("--keep", is_flag=True, help="Keep the result in tests/bench/results.")
-def command(fingers: int, rate_hz: float, seconds: float, keep: bool) -> None:
+@writes_results
+def command(fingers: int, rate_hz: float, seconds: float, out: Path) -> None:
     """Samples over CAN frames on UDP, through `bridge --ros`, to a peer in another process."""
     row = measure(fingers, rate_hz, seconds)
     table = Table("", "", title="ROS 2 bridge")
     for name, value in row.items():
         table.add_row(name, f"{value:.3f}" if isinstance(value, float) else str(value))
     Console().print(table)
-    if keep:
-        RESULTS.mkdir(exist_ok=True)
-        (RESULTS / "bridge.json").write_text(json.dumps(row, indent=1) + "\n", encoding="utf-8")
+    (out / "bridge.json").write_text(json.dumps(row, indent=1) + "\n", encoding="utf-8")

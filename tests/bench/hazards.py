@@ -34,8 +34,8 @@ from edge.calibration import Calibration
 from edge.pipeline import Pipeline
 from edge.runtime.tare import tare
 from edge.types import Array, Feature, Frame, Image, Tracks
+from tests.bench.output import writes_results
 
-RESULTS = Path(__file__).parent / "results"
 RATE_HZ = 60.0
 TARE_N, DOWN_N, HOLD_N, SHEAR_N = 8, 20, 6, 12
 SPOILED_FROM = TARE_N + 4  # disturbances begin when the tip is known and followed
@@ -265,12 +265,7 @@ def outcomes(n_pins: int, seed: int) -> Iterator[Outcome]:
 
 @click.command(name="hazards", help="Rendered hazards through the whole chain: identities, place, depth.")
 @click.option("--seed", default=1, show_default=True)
-@click.option(
-    "--out",
-    default=RESULTS,
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for hazards.json.  [default: tests/bench/results]",
-)
+@writes_results
 def command(seed: int, out: Path) -> None:
     """Exit code 1 if a hazard does not pass."""
     console = Console()
@@ -279,7 +274,6 @@ def command(seed: int, out: Path) -> None:
     for o in got:
         table.add_row(*(f"{v:.3f}" if isinstance(v, float) else str(v) for v in asdict(o).values()))
     console.print(table)
-    out.mkdir(parents=True, exist_ok=True)
     (out / "hazards.json").write_text(json.dumps([asdict(o) for o in got], indent=1) + "\n")
     if not all(o.holds for o in got):
         raise SystemExit(1)

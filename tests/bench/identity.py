@@ -29,8 +29,8 @@ from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.pins import detect, take_rest
 from edge.tracking import Tracker
 from edge.types import Array, Image, Mask, PinPattern, Pins, Rest, Tracks
+from tests.bench.output import writes_results
 
-RESULTS = Path(__file__).parent / "results"
 REAL = Path(os.environ.get("VORONOI_TOUCH_REAL", Path(__file__).resolve().parents[3] / "shared" / "real"))
 AGREE_PX = 4.0
 
@@ -284,12 +284,7 @@ def evaluate(tracks: Tracks, blob: Array, owner: NDArray[np.int_]) -> tuple[int,
 @click.option(
     "--pictures", type=click.Path(file_okay=False, path_type=Path), help="Folder for the ten worst."
 )
-@click.option(
-    "--out",
-    default=RESULTS,
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for identity.json.  [default: tests/bench/results]",
-)
+@writes_results
 def command(every: int, frames: int, seed: int, pictures: Path | None, out: Path) -> None:
     """Exit code 1 if a wrong match has a high confidence."""
     console = Console()
@@ -307,7 +302,6 @@ def command(every: int, frames: int, seed: int, pictures: Path | None, out: Path
         table.add_row(*(f"{v:.1f}" if isinstance(v, float) else str(v) for v in asdict(o).values()))
     console.print(table)
     report["simulated"] = [asdict(o) for o in outcomes]
-    out.mkdir(parents=True, exist_ok=True)
     (out / "identity.json").write_text(json.dumps(report, indent=1) + "\n")
     console.print(f"written to {out / 'identity.json'}")
     if any(o.silent for o in outcomes):

@@ -26,11 +26,10 @@ from rich.console import Console
 from rich.table import Table
 
 from tests.bench.frames import REST_FRAMES, scene
+from tests.bench.output import ROOT, writes_results
 
 __all__ = ["Counts", "command", "count"]
 
-ROOT = Path(__file__).resolve().parents[2]
-RESULTS = Path(__file__).parent / "results"
 #: First-level instruction and data caches and the last level of a small board: bytes, ways, bytes of a line.
 CACHES = ("--I1=49152,12,64", "--D1=32768,8,64", "--LL=1048576,16,64")
 #: Scene of the simulator, frames before those that count, demand.
@@ -135,8 +134,8 @@ def _stage_of(symbol: str) -> tuple[str, str]:
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout, nothing else.")
 @click.option("--variant", type=click.Choice(list(VARIANTS)), default="contact", show_default=True)
 @click.option("--reference/--no-reference", default=True, help="Count the paper's method, too.")
-@click.option("--keep", is_flag=True, help="Keep the result in tests/bench/results.")
-def command(as_json: bool, variant: str, reference: bool, keep: bool) -> None:
+@writes_results
+def command(as_json: bool, variant: str, reference: bool, out: Path) -> None:
     """Instructions and last-level cache misses of a frame of 331 pins, by stage and function."""
     folder = ROOT / "out" / "instructions"
     folder.mkdir(parents=True, exist_ok=True)
@@ -154,9 +153,7 @@ def command(as_json: bool, variant: str, reference: bool, keep: bool) -> None:
     top = sorted(counts.functions.items(), key=lambda item: -item[1])[:TOP]
     result["stages"] = {stage: round(n) for stage, n in counts.stages().items()}
     result["functions"] = [[*name, round(n)] for name, n in top]
-    (RESULTS if keep else folder).joinpath(f"instructions_{variant}.json").write_text(
-        json.dumps(result, indent=1) + "\n"
-    )
+    (out / f"instructions_{variant}.json").write_text(json.dumps(result, indent=1) + "\n")
     if as_json:
         click.echo(json.dumps(result))
     else:

@@ -20,11 +20,11 @@ from calib.extract import Extract, executor
 from calib.fit import fit
 from calib.targets import Targets
 from edge.types import Index, Rest
+from tests.bench.output import writes_results
 
 SPLITS = 5
 HELD_OUT = 120
 SIZES = (50, 100, 200, 480)
-RESULTS = Path(__file__).parent / "results"
 REAL = Path(__file__).resolve().parents[3] / "shared" / "real"
 
 #: What is reported: column, and its place in the object that `calib evaluate` prints.
@@ -75,7 +75,7 @@ def table(rows: list[tuple[str, list[float | None]]]) -> str:
 
 @click.command()
 @click.option("--real", "folder", type=click.Path(path_type=Path), default=REAL, help="Published recordings.")
-@click.option("--out", type=click.Path(path_type=Path), default=RESULTS, help="Where the tables go.")
+@writes_results
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one a core.")
 def command(folder: Path, out: Path, workers: int | None) -> None:
     """Errors on published recordings: five splits, and a learning curve."""
@@ -104,7 +104,6 @@ def command(folder: Path, out: Path, workers: int | None) -> None:
         f"{table(rows)}\n"
     )
     click.echo(text)
-    out.mkdir(parents=True, exist_ok=True)
     (out / "real.md").write_text(text, encoding="utf-8")
     with (out / "real.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)

@@ -84,6 +84,7 @@ from hostlink.output_file import find_unfinished
 from hostlink.web import parse_listen
 from hostlink.wire import CanIds, FaultCode, Kind, State, Status
 from hostlink.wire.address import parse_address
+from tests.bench.output import writes_results
 from tests.support.fault_injection import (
     BOARD,
     CAMERA,
@@ -102,7 +103,6 @@ from tests.support.hostile_viewer import HostileViewers, look
 ROOT = Path(__file__).resolve().parents[2]
 CALIBRATION = ROOT / "tests" / "data" / "rings331_ball.json"
 SCENE = "sim:tour?width=320&height=320&paced=0"
-RESULTS = Path(__file__).parent / "results"
 NODE = 5
 
 ANNOUNCED_S = 0.1
@@ -863,12 +863,11 @@ def tell(outcome: Outcome, console: Console) -> None:
 @click.option("--seconds", default=60.0, show_default=True, type=click.FloatRange(min=10))
 @click.option("--seed", default=1, show_default=True)
 @click.option("--rate", "rate_hz", default=60.0, show_default=True, help="Frames a second.")
-@click.option("--out", type=click.Path(path_type=Path), default=RESULTS, help="Folder of soak.md.")
+@writes_results
 def command(seconds: float, seed: int, rate_hz: float, out: Path) -> None:
     """The program under a random schedule of all faults, checked against its promises."""
     outcome = soak(seconds, seed, rate_hz)
     tell(outcome, Console(width=120))
-    out.mkdir(parents=True, exist_ok=True)
     with (out / "soak.md").open("w") as file:
         day = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
         file.write(f"# Soak\n\n`make soak SECONDS={seconds:g}`, seed {seed}, {day}.\n\n```\n")

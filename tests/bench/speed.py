@@ -41,13 +41,13 @@ from edge.types import Feature, Frame
 from hostlink.wire import Status, pack_state
 from tests.bench.floor import Floor
 from tests.bench.frames import REST_FRAMES, back_and_forth, calibration_of, scene
+from tests.bench.output import writes_results
 from tests.bench.paced import run_child
 from tests.bench.reference import Reference
 
 __all__ = ["command"]
 
 HERE = Path(__file__).parent
-RESULTS = HERE / "results"
 BLOCK = 8  # frames of each in turn
 WARM = 24  # frames before anything is counted
 PINS = (61, 127, 331, 1027)  # whole rings; 1027 is the next one to 1000
@@ -312,12 +312,11 @@ def show(report: dict[str, Any]) -> None:
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
 @click.option("--quick", is_flag=True, help="Fewer frames, no growth.")
-@click.option("--out", type=click.Path(path_type=Path), default=RESULTS, help="Folder of the plots.")
+@writes_results
 def command(as_json: bool, quick: bool, out: Path) -> None:
     """Time per frame and stage, against the reference and the floor."""
     report = measure(quick)
     if "growth" in report:
-        out.mkdir(parents=True, exist_ok=True)
         plot(report["growth"], out)
         (out / "speed.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     if as_json:

@@ -23,6 +23,7 @@ from scipy.spatial import Delaunay, Voronoi
 from edge.cells import Tessellator, cell_polygons
 from edge.cells.mesh import Mesh
 from edge.types import Cells
+from tests.bench.output import writes_results
 from tests.support import exact
 from tests.support.cell_checks import (
     Points,
@@ -34,7 +35,6 @@ from tests.support.cell_checks import (
 )
 from tests.support.layouts import HARD_SETS, TIPS, bounded, hexagonal, moved, pressed, rest_of, tracks_of
 
-RESULTS = Path(__file__).parent / "results"
 SCALES = (1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)
 OFFSETS = (0.0, 1e6)
 WALK_STEPS = 10
@@ -265,12 +265,7 @@ def write(rows: list[Row], costs: list[tuple[str, float]], folder: Path) -> None
 @click.command(name="stability", help="Hard cases of the geometry against exact arithmetic.")
 @click.option("--walks", "n_walks", default=10_000, show_default=True, help="Random walks of 331 pins.")
 @click.option("--seeds", default=10, show_default=True, help="Random sets of each kind.")
-@click.option(
-    "--out",
-    default=RESULTS,
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for stability.md and stability.csv.  [default: tests/bench/results]",
-)
+@writes_results
 def command(n_walks: int, seeds: int, out: Path) -> None:
     """Exit code 1 if a case fails."""
     console = Console()

@@ -25,7 +25,8 @@ from edge.pins import CentroidRefiner, detect, take_rest
 from edge.tracking import Tracker
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Image, Rest, Tracks
-from tests.bench.identity import REAL, RESULTS, picture
+from tests.bench.identity import REAL, picture
+from tests.bench.output import writes_results
 
 NAMES = ("Movement4", "north", "west", "flatSkin")
 STRIDES = (1, 2, 4, 8)
@@ -142,12 +143,7 @@ def direction(motion: Array) -> tuple[float, float]:
 
 @click.command(name="videos", help="Identities held through the published videos.")
 @click.option("--pictures", type=click.Path(file_okay=False, path_type=Path), help="Folder for overlays.")
-@click.option(
-    "--out",
-    default=RESULTS,
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for videos.json.  [default: tests/bench/results]",
-)
+@writes_results
 def command(pictures: Path | None, out: Path) -> None:
     """Exit code 1 if Movement4 does not end where it began."""
     console = Console()
@@ -180,7 +176,6 @@ def command(pictures: Path | None, out: Path) -> None:
     for name, ways in pointing.items():
         for tare, (angle, size) in ways.items():
             console.print(f"{name}: shear points to {angle:.0f} deg (90: up), {size:.1f} px; tare: {tare}")
-    out.mkdir(parents=True, exist_ok=True)
     report = {"plays": [asdict(p) for p in plays], "shear_deg_px": pointing}
     (out / "videos.json").write_text(json.dumps(report, indent=1) + "\n")
     if any(p.left for p in plays):

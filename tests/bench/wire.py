@@ -15,9 +15,8 @@ from rich.table import Table
 
 from hostlink.decoder import CanDecoder, SerialDecoder
 from hostlink.wire import Message, encode_frame, pack_detail, pack_parts, pack_state, unpack_state
+from tests.bench.output import writes_results
 from tests.support.states import random_state
-
-RESULTS = Path(__file__).parent / "results"
 
 
 def cost_us(work: Callable[[Any], object], inputs: Iterable[Any], runs: int) -> float:
@@ -35,7 +34,8 @@ def cost_us(work: Callable[[Any], object], inputs: Iterable[Any], runs: int) -> 
 @click.command()
 @click.option("--samples", default=2000, show_default=True, help="Random samples in one run.")
 @click.option("--runs", default=9, show_default=True, help="Runs; the fastest counts.")
-def command(samples: int, runs: int) -> None:
+@writes_results
+def command(samples: int, runs: int, out: Path) -> None:
     """Coding of state frames, classic parts, serial frames and detail frames."""
     rng = Random(1)
     states = [random_state(rng, i) for i in range(samples)]
@@ -56,8 +56,7 @@ def command(samples: int, runs: int) -> None:
     for name, value in rows.items():
         table.add_row(name, f"{value:.1f}")
     Console().print(table)
-    RESULTS.mkdir(exist_ok=True)
-    (RESULTS / "wire.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    (out / "wire.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
