@@ -38,7 +38,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
 
-__all__ = ["ClockMap", "HostTime"]
+__all__ = ["DRIFT_MAX", "ClockMap", "HostTime"]
 
 WRAP_US = 1 << 32
 BUCKET_S = 1.0

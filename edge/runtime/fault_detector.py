@@ -18,7 +18,8 @@ from edge.runtime.fault_registry import FaultRegistry
 from edge.runtime.image_quality import ImageQuality, common_step_px, image_checks, median_offset_px
 from edge.runtime.measures import count_longer
 from edge.runtime.pin_visibility import PinVisibility
-from edge.types import Array, Features, Frame, FrameSource, LiveSource, Rest, Tracks
+from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Rest, Tracks
+from hostlink.clock import DRIFT_MAX
 from hostlink.wire import FaultCode as F
 from hostlink.wire import Status
 
@@ -30,7 +31,7 @@ class FaultParams:
     """Parameters by name; evidence in docs/tuning.md."""
 
     search_s: float = 0.03  # a frame that takes longer is one whose pins are being searched for
-    clock_step_s: float = 0.5  # between the capture clock and ours, from one image to the next
+    clock_step_s: float = 0.5  # by which the capture clock is further ahead of ours than it ever was
     gap_s: float = 0.1  # without a new image, after which the pins are searched for as from rest
     gap_periods: float = 4.0  # the same in periods of the camera; the longer counts
     moved_raise_pitches: float = 0.08  # by which all pins of an untouched tip are off: the camera moved
@@ -109,6 +110,7 @@ class FaultDetector:
         self._motion_px: Array = np.empty((0, 2))  # of the last frame that gave it
         self._offset_px: Array = np.zeros(2)  # by which the camera moved, as last known
         self._skipped_n = 0
+        self._least_age_ns = 0.0  # of an image when work on it begins, since the capture clock last stepped
         self.gaps_n = 0  # in the frames' numbers, since the start
         self.last: tuple[Frame, int] | None = None  # the newest, and when work on it began, our clock
         self.frozen = False  # the current frame repeats an earlier one
@@ -149,19 +151,29 @@ class FaultDetector:
         self.after_gap = self._repeated and not self.frozen
         self._repeated = self.frozen
         last, self.last = self.last, (frame, now_ns)
+        age_ns = now_ns - frame.capture_ns
         if last is None:
+            # On a clock of this computer no image can come before it was taken.
+            self._least_age_ns = float(age_ns) if frame.clock is Clock.DEVICE else 0.0
             return
         before, before_ns = last
-        step_ns = frame.capture_ns - before.capture_ns
-        # A recording is read at our own pace: only a step back counts.
-        live = self._source.live
-        off_ns = step_ns - (now_ns - before_ns) if live else min(step_ns, 0)
-        back_ns = max(0, -step_ns) if live else 0
-        self._check(clock_off_s=abs(off_ns) / 1e9, clock_back_s=back_ns / 1e9, clock_jump_s=off_ns / 1e9)
+        step_ns, passed_ns = frame.capture_ns - before.capture_ns, now_ns - before_ns
+        # A delay (a busy processor) makes images older, and no two of them change places: only an image that
+        # is too young, or older than the one before it, shows a step. A recording is read at our own pace.
+        back_ns = max(0, -step_ns)
+        if live := self._source.live:
+            self._least_age_ns += DRIFT_MAX * passed_ns
+        ahead_ns = max(0.0, self._least_age_ns - age_ns) if live else float(back_ns)
+        self._check(
+            clock_off_s=ahead_ns / 1e9,
+            clock_back_s=back_ns / 1e9 if live else 0.0,
+            clock_jump_s=(step_ns - (passed_ns if live else 0)) / 1e9,
+        )
         stepped = self._registry.holds(F.CLOCK_STEP)
+        self._least_age_ns = float(age_ns) if stepped else min(self._least_age_ns, age_ns)
         period_s = 1.0 / self._source.rate_hz if self._source.rate_hz else 0.0
-        passed_ns = now_ns - before_ns if stepped else step_ns
-        self.after_gap |= passed_ns > max(self._params.gap_s, self._params.gap_periods * period_s) * 1e9
+        gap_ns = passed_ns if stepped else step_ns
+        self.after_gap |= gap_ns > max(self._params.gap_s, self._params.gap_periods * period_s) * 1e9
         self.gaps_n += max(0, frame.sequence - before.sequence - 1)
 
     def image(self, frame: Frame) -> None:

@@ -57,6 +57,7 @@ class Finger:
         self.registry = FaultRegistry()
         self.now_ns = self.jumped_ns = self.n = 0
         clock_ns = options.pop("clock_ns", lambda: self.now_ns)
+        self.clock = options.pop("clock", Clock.DEVICE)
         config = LoopConfig(**options)
         self.loop = Loop(
             source or self.camera, [self.sink], calibration, config, faults=self.registry, clock_ns=clock_ns
@@ -65,11 +66,13 @@ class Finger:
         for frame in frames[:8]:
             self.see(frame.image)
 
-    def see(self, image: Image, skip: int = 0, jump_ns: int = 0) -> State:
+    def see(self, image: Image, skip: int = 0, jump_ns: int = 0, late_n: int = 0) -> State:
+        """Give it an image. Before it, `skip` are lost; work on it begins `late_n` periods late."""
         self.n += 1 + skip
         self.jumped_ns += jump_ns
-        self.now_ns = self.n * PERIOD_NS
-        return self.loop.step(Frame(image, self.now_ns + self.jumped_ns, self.n, Clock.DEVICE))
+        captured_ns = self.n * PERIOD_NS
+        self.now_ns = captured_ns + late_n * PERIOD_NS
+        return self.loop.step(Frame(image, captured_ns + self.jumped_ns, self.n, self.clock))
 
     @property
     def faults(self) -> set[FaultCode]:

@@ -218,6 +218,27 @@ def test_a_clock_step_is_flagged_in_one_sample(finger: Finger) -> None:
     assert seen == [False, True, False, True, False]
 
 
+@pytest.mark.parametrize("clock", [Clock.DEVICE, Clock.DRIVER, Clock.HOST])
+def test_a_delay_is_no_clock_step(frames: list[Frame], calibration: Calibration, clock: Clock) -> None:
+    """A process that is not scheduled for a while looks at an image late, and then at a new one."""
+    finger = Finger(frames, calibration, clock=clock)
+    for late_n in (70, 0, 3, 120, 0):
+        state = finger.see(frames[7].image, skip=150, late_n=late_n)
+        assert Status.CLOCK_STEP not in state.status
+    assert FaultCode.CLOCK_STEP not in finger.faults
+    assert Status.CLOCK_STEP in finger.see(frames[7].image, jump_ns=600_000_000).status
+
+
+def test_a_clock_that_drifts_does_not_step(frames: list[Frame], calibration: Calibration) -> None:
+    for ppm in (-150, 150):
+        finger = Finger(frames, calibration)
+        for _ in range(20):
+            state = finger.see(frames[7].image, skip=29_999, jump_ns=ppm * 300_000)  # 300 s: 45 ms
+            assert Status.CLOCK_STEP not in state.status
+        assert Status.CLOCK_STEP in finger.see(frames[7].image, jump_ns=600_000_000).status
+        assert Status.CLOCK_STEP in finger.see(frames[7].image, jump_ns=-600_000_000).status
+
+
 def test_skipped_frames_are_flagged_in_the_next_sample(finger: Finger) -> None:
     rest = finger.frames[7].image
     seen = [Status.FRAMES_DROPPED in finger.see(rest, skip=skip).status for skip in (0, 3, 0)]
