@@ -71,13 +71,24 @@ def test_python_control_loop_moves_on_valid_live_samples_alone(
 
     sender = threading.Thread(target=send)
     sender.start()
-    with pytest.raises(hostlink.LinkTimeout):  # silence ends it
+    with pytest.raises(SystemExit, match=r"no sample for 2 s"):  # silence ends it
         exec(patiently(code("Python: a control loop", "python").replace("can:can0", bus)), {})
     sender.join()
     node.close()
     output = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
     changes = [speed for i, speed in enumerate(output) if i == 0 or output[i - 1] != speed]
     assert [c for c in changes if c != "+0.400"] == ["+0.600", "+0.000", "+0.600", "-0.400", "+0.000"]
+
+
+def test_python_control_loop_without_a_finger_ends_in_one_line(request: pytest.FixtureRequest) -> None:
+    program = code("Python: a control loop", "python")
+    for address, message in (
+        ("can:no-such-bus", r"no-such-bus"),
+        (f"virtual:{request.node.name}", r"no finger was heard for \d+ s"),
+    ):
+        with pytest.raises(SystemExit, match=message) as end:
+            exec(program.replace("can:can0", address), {})
+        assert "\n" not in str(end.value)
 
 
 def test_python_loop_over_a_recording_finds_its_samples(
