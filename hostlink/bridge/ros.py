@@ -27,12 +27,12 @@ import time
 from collections.abc import Sequence
 from hashlib import blake2b
 from itertools import count
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any, Final
 
 from hostlink.bridge.values import Diagnosis, finger_name, stamp_ns, tare
-from hostlink.errors import UsageError
+from hostlink.errors import LinkTimeout, UsageError
 from hostlink.events import Sample
 from hostlink.extras import require
 from hostlink.finger import Finger
@@ -110,16 +110,24 @@ class RosOutlet:
     router        Zenoh endpoint, e.g. tcp/127.0.0.1:7447; waits until it is there
     domain        ROS_DOMAIN_ID
     namespace     before all names, e.g. /left_hand; "": none
-    Raises        UsageError: extra not installed, or an argument makes no sense
+    wait_s        longest wait for the router; None: for ever
+    Raises        UsageError: extra not installed, or an argument makes no sense; LinkTimeout: no router
     """
 
-    def __init__(self, distribution: str, router: str, domain: int = 0, namespace: str = "") -> None:
+    def __init__(
+        self,
+        distribution: str,
+        router: str,
+        domain: int = 0,
+        namespace: str = "",
+        wait_s: float | None = None,
+    ) -> None:
         self._zenoh = require("zenoh", EXTRA)
         self._types = Types(distribution)
         if not _NAMESPACE.fullmatch(namespace):
             raise UsageError(f"--namespace {namespace}: give names after slashes, e.g. /left_hand")
         self._domain, self._namespace = domain, namespace
-        self._session = self._open(router)
+        self._session = self._open(router, wait_s)
         self._ids = count(1)  # 0 is the node
         zid = self._session.info.zid()
         self._token_head = f"@ros2_lv/{domain}/{zid}/0"
@@ -136,7 +144,7 @@ class RosOutlet:
             for i, name in enumerate(("x", "y", "z", "depth"))
         ]
 
-    def _open(self, router: str) -> Any:
+    def _open(self, router: str, wait_s: float | None) -> Any:
         config = self._zenoh.Config()
         config.insert_json5("mode", '"client"')
         config.insert_json5("scouting/multicast/enabled", "false")
@@ -144,15 +152,19 @@ class RosOutlet:
             config.insert_json5("connect/endpoints", f'["{router}"]')
         except self._zenoh.ZError:
             raise UsageError(f"--router {router}: give an endpoint, e.g. tcp/127.0.0.1:7447") from None
+        end_s = inf if wait_s is None else time.monotonic() + wait_s
         warned = False
         while True:
             try:
                 return self._zenoh.open(config)
             except self._zenoh.ZError:
+                left_s = end_s - time.monotonic()
+                if left_s <= 0:
+                    raise LinkTimeout(f"--router {router}: no router was there for {wait_s:g} s") from None
                 if not warned:
                     log.warning("no router at %s yet: waiting for it", router)
                 warned = True
-                threading.Event().wait(_RETRY_S)
+                threading.Event().wait(min(left_s, _RETRY_S))
 
     def _declare_token(self, kind: str, name: str, topic: str) -> bytes:
         """Announce an endpoint; its id, of 16 bytes."""

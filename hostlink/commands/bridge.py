@@ -68,15 +68,17 @@ def bridge(
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with ExitStack() as stack:
+            # First, so that a wrong address is reported at once: a router may take its time.
+            hand = stack.enter_context(connect(address))
             file = stack.enter_context(nullcontext() if path is None else writing(path, overwrite))
             outlets: list[Outlet] = []
             if foxglove:
                 outlets.append(_foxglove(where, file))
                 stack.callback(outlets[-1].close)
             if ros is not None:
-                outlets.append(_ros(ros, router, domain, namespace))
+                outlets.append(_ros(ros, router, domain, namespace, seconds))
                 stack.callback(outlets[-1].close)
-            carrier = Bridge(stack.enter_context(connect(address)), outlets)
+            carrier = Bridge(hand, outlets)
             try:
                 carrier.run(seconds)
             except KeyboardInterrupt:  # the normal end
@@ -105,9 +107,9 @@ def _foxglove(listen: Listen, file: Path | None) -> Outlet:
     return outlet
 
 
-def _ros(distribution: str, router: str, domain: int, namespace: str) -> Outlet:
+def _ros(distribution: str, router: str, domain: int, namespace: str, wait_s: float | None) -> Outlet:
     from hostlink.bridge.ros import RosOutlet
 
-    outlet = RosOutlet(distribution, router, domain, namespace)
+    outlet = RosOutlet(distribution, router, domain, namespace, wait_s)
     click.echo(f"ros: {distribution}, domain {domain}, router {router}", err=True)
     return outlet

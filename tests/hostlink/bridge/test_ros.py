@@ -203,6 +203,20 @@ def test_it_waits_for_a_router(caplog: pytest.LogCaptureFixture) -> None:
     router.close()
 
 
+def test_it_waits_for_a_router_as_long_as_it_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    router = f"tcp/127.0.0.1:{free_port()}"
+    assert run("bridge", "virtual:none", "--ros", "jazzy", "--router", router, "--seconds", "0.2") == 1
+    assert f"error: --router {router}: no router was there for 0.2 s" in capsys.readouterr().err
+
+
+def test_a_wrong_bus_is_reported_without_a_router(capsys: pytest.CaptureFixture[str]) -> None:
+    router = f"tcp/127.0.0.1:{free_port()}"
+    assert run("bridge", "can:no-such-bus", "--ros", "jazzy", "--router", router) == 2
+    err = capsys.readouterr().err
+    assert "no-such-bus" in err
+    assert err.count("\n") == 1
+
+
 def test_two_hands_have_names_of_their_own() -> None:
     scene = Scene("left", namespace="/left_hand")
     scene.peer.subscribe("7/left_hand/**")
