@@ -17,36 +17,41 @@
     LinkError and its children  `hostlink.errors`; a user's mistake is a UsageError, one line
 
 Values, units and ranges: WIRE.md. `python -m hostlink --help` for the tools.
-python-can, pyserial and canopen are loaded when a link is opened, numpy by `to_arrays` alone.
+Names are imported when they are first used, so that programs start quickly; python-can, pyserial and canopen
+when a link is opened, numpy by `to_arrays` alone.
 """
 
-from hostlink.client import Connection, Finger, Info, connect
-from hostlink.decoder import CanDecoder, SerialDecoder
-from hostlink.errors import (
-    ConnectError,
-    LinkDown,
-    LinkError,
-    LinkTimeout,
-    ObjectAborted,
-    RestFrameRefused,
-    UsageError,
-    VersionMismatch,
-)
-from hostlink.events import Sample
-from hostlink.finger import RestFrameOutcome
-from hostlink.recording import decode_recording
-from hostlink.sequence import LinkStatistics
-from hostlink.table import to_arrays, to_pandas
-from hostlink.wire import (
-    NO_CONTROL,
-    CanIds,
-    Contact,
-    FaultCode,
-    RestFrameReason,
-    RestFrameState,
-    State,
-    Status,
-)
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hostlink.client import Connection, Finger, Info, connect
+    from hostlink.decoder import CanDecoder, SerialDecoder
+    from hostlink.errors import (
+        ConnectError,
+        LinkDown,
+        LinkError,
+        LinkTimeout,
+        ObjectAborted,
+        RestFrameRefused,
+        UsageError,
+        VersionMismatch,
+    )
+    from hostlink.events import Sample
+    from hostlink.finger import RestFrameOutcome
+    from hostlink.recording import decode_recording
+    from hostlink.sequence import LinkStatistics
+    from hostlink.table import to_arrays, to_pandas
+    from hostlink.wire import (
+        NO_CONTROL,
+        CanIds,
+        Contact,
+        FaultCode,
+        RestFrameReason,
+        RestFrameState,
+        State,
+        Status,
+    )
 
 __all__ = [
     "NO_CONTROL",
@@ -78,3 +83,48 @@ __all__ = [
     "to_arrays",
     "to_pandas",
 ]
+
+_MODULES = {
+    "hostlink.client": ("Connection", "Finger", "Info", "connect"),
+    "hostlink.decoder": ("CanDecoder", "SerialDecoder"),
+    "hostlink.errors": (
+        "ConnectError",
+        "LinkDown",
+        "LinkError",
+        "LinkTimeout",
+        "ObjectAborted",
+        "RestFrameRefused",
+        "UsageError",
+        "VersionMismatch",
+    ),
+    "hostlink.events": ("Sample",),
+    "hostlink.finger": ("RestFrameOutcome",),
+    "hostlink.recording": ("decode_recording",),
+    "hostlink.sequence": ("LinkStatistics",),
+    "hostlink.table": ("to_arrays", "to_pandas"),
+    "hostlink.wire": (
+        "NO_CONTROL",
+        "CanIds",
+        "Contact",
+        "FaultCode",
+        "RestFrameReason",
+        "RestFrameState",
+        "State",
+        "Status",
+    ),
+}
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
+
+if not TYPE_CHECKING:  # or a type checker would take any name for one of ours
+
+    def __getattr__(name: str) -> object:
+        """A public name, or a module that has some (`hostlink.errors`)."""
+        if f"hostlink.{name}" in _MODULES:
+            return import_module(f"hostlink.{name}")
+        if name not in _MODULE_OF:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
+        return value
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__all__})

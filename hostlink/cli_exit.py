@@ -17,6 +17,7 @@ from collections.abc import Sequence
 
 import click
 
+from hostlink.interrupt import INTERRUPTED
 from hostlink.output_file import OutputError, WriteError
 
 __all__ = ["print_error", "program_name", "run_command"]
@@ -64,7 +65,7 @@ def run_command(
     except failures as error:
         return print_error(str(error), 1)
     except (KeyboardInterrupt, click.Abort):
-        return 130
+        return INTERRUPTED
     except BrokenPipeError:
         return _stdout_ended()
     except SystemExit:  # shell completion ends like this, and click with a broken pipe, whose stdout it wraps

@@ -16,11 +16,14 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("edge", "hostlink", "calib", "tests")
 STDLIB = frozenset(sys.stdlib_module_names)
 
-#: Modules of hostlink that the edge uses too: the bus, command lines, files written and read.
+#: Modules of hostlink that the edge uses too: the bus, clocks, command lines, files written and read.
 SHARED_WITH_EDGE = (
     "hostlink.can_bus",
     "hostlink.cli_exit",
     "hostlink.cli_types",
+    "hostlink.clock",
+    "hostlink.command_group",
+    "hostlink.interrupt",
     "hostlink.mcap_chunk",
     "hostlink.output_file",
 )

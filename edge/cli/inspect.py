@@ -12,6 +12,7 @@ import click
 from edge.cli.options import overwrite_option
 from edge.errors import EdgeError, InputError
 from hostlink.cli_exit import print_error
+from hostlink.interrupt import exit_on_interrupt
 from hostlink.output_file import check_output, writing
 
 if TYPE_CHECKING:
@@ -34,8 +35,9 @@ def inspect(images: Sequence[Path], as_json: bool, overlay: Path | None, overwri
 
     Use it to check focus, illumination and exposure: every pin should be found, and nothing else.
     """
-    from edge.pins import detect
-    from edge.sources import read_image
+    with exit_on_interrupt():
+        from edge.pins import detect
+        from edge.sources import read_image
 
     pictures = {} if overlay is None else _pictures(images, overlay, overwrite)
     found: list[dict[str, Any]] = []

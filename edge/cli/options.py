@@ -12,6 +12,7 @@ import click
 
 from edge.errors import InputError
 from hostlink.cli_types import FiniteFloat
+from hostlink.interrupt import exit_on_interrupt
 from hostlink.output_file import check_output
 from hostlink.web.listen import TOKEN_VARIABLE
 
@@ -111,7 +112,10 @@ class LoopOptions:
 
     def load_config(self) -> Config:
         """Raises ConfigError."""
-        from edge.config import load_config
+        with exit_on_interrupt():  # also what the loop needs: nothing is open yet
+            import edge.runtime.loop
+            import edge.sources  # noqa: F401
+            from edge.config import load_config
 
         return load_config(self.config_path)
 

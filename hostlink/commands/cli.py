@@ -10,54 +10,76 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 from importlib.metadata import entry_points
 from typing import NoReturn
 
 import click
 
 from hostlink.cli_exit import program_name, run_command
+from hostlink.command_group import CommandGroup, CommandRow
 from hostlink.errors import LinkError, UsageError
+from hostlink.interrupt import exit_on_interrupt
 from hostlink.wire import SCHEMA_HASH, VERSION
 from hostlink.wire.address import AddressError
 
 __all__ = ["COMMANDS", "cli", "main"]
 
-COMMANDS: dict[str, str] = {
-    "monitor": "hostlink.commands.live:monitor",
-    "record": "hostlink.commands.live:record",
-    "decode": "hostlink.commands.live:decode",
-    "view": "hostlink.commands.view:view",
-    "plot": "hostlink.commands.plot:plot",
-    "info": "hostlink.commands.ask:info",
-    "tare": "hostlink.commands.ask:tare",
-    "set": "hostlink.commands.ask:set_object",
-    "busload": "hostlink.commands.ask:busload",
-    "bridge": "hostlink.commands.bridge:bridge",
+COMMANDS = {
+    "monitor": CommandRow(
+        "hostlink.commands.live:monitor",
+        "Show the samples of the fingers at ADDRESS, and the state of the link.",
+    ),
+    "record": CommandRow(
+        "hostlink.commands.live:record",
+        "Record all that comes in at ADDRESS into FILE: .log or .blf for a bus, .serial for a line.",
+    ),
+    "decode": CommandRow(
+        "hostlink.commands.live:decode",
+        "Print the samples in FILE (.log, .blf, .serial), one line each, or write them as a table.",
+    ),
+    "view": CommandRow(
+        "hostlink.commands.view:view",
+        "Show the fingers at ADDRESS in a browser, laid out as a hand.",
+    ),
+    "plot": CommandRow("hostlink.commands.plot:plot", "Draw what FILE holds over time."),
+    "info": CommandRow("hostlink.commands.ask:info", "Identity, settings and statistics of a finger."),
+    "tare": CommandRow(
+        "hostlink.commands.ask:tare",
+        "Take the rest frame (tare) anew, and wait until it is in use.",
+    ),
+    "set": CommandRow(
+        "hostlink.commands.ask:set_object",
+        "Set object NAME of a finger: rate_hz, divider, features, heartbeat_ms, detail_divider, ...",
+    ),
+    "busload": CommandRow("hostlink.commands.ask:busload", "How full a bus gets, with worst-case stuffing."),
+    "bridge": CommandRow(
+        "hostlink.commands.bridge:bridge",
+        "Pass the samples of the fingers at ADDRESS to ROS 2 (--ros jazzy), to viewers (--foxglove) or both.",
+    ),
 }
 ENTRY_POINTS = "voronoi_touch.host_commands"
 
 
-class _HostCommands(click.Group):
-    """Commands by name, each imported when it is needed."""
+class _HostCommands(CommandGroup):
+    """Ours, and those of other packages."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return [*COMMANDS, *(e.name for e in entry_points(group=ENTRY_POINTS) if e.name not in COMMANDS)]
+        ours = super().list_commands(ctx)
+        return [*ours, *(e.name for e in entry_points(group=ENTRY_POINTS) if e.name not in ours)]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name in COMMANDS:
-            module, _, name = COMMANDS[cmd_name].partition(":")
-            command = getattr(import_module(module), name)
-        else:
-            found = [e for e in entry_points(group=ENTRY_POINTS) if e.name == cmd_name]
-            if not found:
-                return None
+        if (ours := super().get_command(ctx, cmd_name)) is not None:
+            return ours
+        found = [e for e in entry_points(group=ENTRY_POINTS) if e.name == cmd_name]
+        if not found:
+            return None
+        with exit_on_interrupt():
             command = found[0].load()
         assert isinstance(command, click.Command)
         return command
 
 
-@click.command(cls=_HostCommands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_HostCommands, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(
     package_name="voronoi-touch",
     message=f"%(package)s %(version)s, wire version {VERSION}, schema 0x{SCHEMA_HASH:08x}",

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from calib.__main__ import cli, main
+from calib.__main__ import main
 from calib.capture import capture
+from calib.commands.cli import cli
 from calib.dataset import Dataset, open_dataset
 from calib.errors import CaptureError, TableError
 from calib.extract import Extract, executor

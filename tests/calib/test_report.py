@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from calib.__main__ import cli
+from calib.commands.cli import cli
 from calib.errors import TableError
 from calib.fit import fit
 from calib.report import plots, slip, study

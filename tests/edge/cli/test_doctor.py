@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from edge.__main__ import cli
 from edge.calibration import Calibration
 from edge.cli.doctor import WRITE_BYTES, Line, Machine, examine, worst
+from edge.cli.program import cli
 from edge.config import Config, LinkTable, SourceTable, StateTable
 from edge.errors import SourceError
 from edge.sources import open_source

@@ -1,0 +1,52 @@
+"""`python -m calib`: the commands, rows of COMMANDS. How a command ends: `hostlink.cli_exit`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import NoReturn
+
+import click
+
+from edge.errors import EdgeError
+from hostlink.cli_exit import program_name, run_command
+from hostlink.command_group import CommandGroup, CommandRow
+
+__all__ = ["COMMANDS", "cli", "main"]
+
+COMMANDS = {
+    "capture": CommandRow(
+        "calib.commands.capture:capture_command",
+        "Run a calibration protocol on a rig and record it with its truth.",
+    ),
+    "demo": CommandRow(
+        "calib.commands.demo:demo_command",
+        "Replay the bundled recordings through the whole chain, compare with the truth, draw pictures.",
+    ),
+    "fit": CommandRow("calib.commands.fit:fit_command", "Fit a calibration to frames with known truth."),
+    "report": CommandRow(
+        "calib.commands.report:report_command",
+        "One page on the accuracy of calibrations, and the reasons for the edge's methods.",
+    ),
+    "evaluate": CommandRow(
+        "calib.commands.evaluate:evaluate_command",
+        "Errors of a calibration on frames with known truth.",
+    ),
+}
+
+
+@click.group(
+    cls=CommandGroup,
+    table=COMMANDS,
+    extra="calib",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+@click.version_option(package_name="voronoi-touch", message="%(prog)s %(version)s")
+def cli() -> None:
+    """Calibrate a fingertip: capture on a rig, fit, evaluate, report."""
+
+
+def main() -> NoReturn:
+    """Run a command and exit, with the exit codes of `hostlink.cli_exit`."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: processes are the parallelism here
+    sys.exit(run_command(cli, program_name("voronoi-touch-calib", "calib"), (EdgeError,)))

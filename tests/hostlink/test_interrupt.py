@@ -1,0 +1,60 @@
+"""Ctrl-C while a program starts ends it without a traceback, whichever module is being imported."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support.waiting import SOON_S
+
+# Interrupts itself where the module named first is imported, in the program named second.
+PROGRAM = """
+import os, runpy, signal, sys
+
+at, program, *arguments = sys.argv[1:]
+
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == at:
+            sys.meta_path.remove(self)
+            print("interrupted", flush=True)
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupting())
+sys.argv = [program, *arguments]
+runpy.run_module(program, run_name="__main__", alter_sys=True)
+"""
+
+
+@pytest.mark.parametrize("arguments", [
+    "click hostlink --help",
+    "hostlink.client hostlink monitor can:none",
+    "logging hostlink monitor can:none",
+    "click edge --help",
+    "edge.cli.inspect edge inspect tip.png",
+    "numpy edge inspect tip.png",
+    "datetime edge inspect tip.png",  # in the middle of NumPy's compiled modules
+    "numpy edge replay touch.mcap",
+    "click calib --help",
+    "numpy calib fit touch.mcap -o tip.json",
+])  # fmt: skip
+def test_an_interrupted_import_is_no_traceback(arguments: str, tmp_path: Path) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *arguments.split()],
+        capture_output=True, text=True, check=False, timeout=SOON_S, cwd=tmp_path,
+    )  # fmt: skip
+    assert ended.stdout == "interrupted\n", "the module was not imported"
+    assert (ended.returncode, ended.stderr) == (130, "")
+
+
+def test_a_background_job_stays_deaf() -> None:
+    """A shell starts it with SIGINT ignored: Ctrl-C is for what runs in front."""
+    ended = subprocess.run(
+        ["bash", "-c", 'trap "" INT; exec "$0" -c "$1" click hostlink --help', sys.executable, PROGRAM],
+        capture_output=True, text=True, check=False, timeout=SOON_S,
+    )  # fmt: skip
+    assert ended.returncode == 0
+    assert ended.stdout.startswith("interrupted\nUsage: ")
