@@ -42,7 +42,7 @@ POSE_COLUMNS = {
 COLUMNS = (
     "recording", "sequence", "step", "role", *POSE_COLUMNS,
     "tool", "tool_radius_mm", "tool_angle_deg", "tool_distance_mm",
-    "force_n", "area_mm2", "place_x", "place_y",
+    "force_n", "area_mm2", "place_x", "place_y", "force_x_n", "force_y_n", "torque_z_nmm",
 )  # fmt: skip
 QUEUE_MB = 1024.0  # the recorder drops what does not fit; a calibration must not lose a frame
 
@@ -209,6 +209,11 @@ def _row(recording: str, sequence: int, truth: dict[str, Any]) -> dict[str, Any]
     row |= {"tool_angle_deg": tool["angle_deg"], "tool_distance_mm": tool["distance_mm"]}
     if "forces_n" in truth:
         row["force_n"] = sum(truth["forces_n"])
+    if "drags_n" in truth:
+        row["force_x_n"], row["force_y_n"] = (
+            sum(force[axis] for force in truth["drags_n"]) for axis in (0, 1)
+        )
+        row["torque_z_nmm"] = sum(truth["torques_nmm"])
     if "areas_mm2" in truth:
         row["area_mm2"] = sum(truth["areas_mm2"])
     if len(truth.get("places_mm", ())) == 1:

@@ -1,7 +1,8 @@
 """The candidates of a fit: polynomials whose terms have the spin of their output.
 
-Rotating tip and touch together must rotate shear and tilt, and leave depth and torsion unchanged. So only
-products of inputs with the output's total spin can take part: 14 terms instead of 210 for a quadratic shear.
+Rotating tip and touch together must rotate shear, tilt and the force along the surface, and leave depth,
+torsion and torque unchanged. So only products of inputs with the output's total spin can take part: 14 terms
+instead of 210 for a quadratic shear.
 That is why fifty frames make a usable calibration, and why a sweep along one axis calibrates the others.
 """
 
@@ -49,6 +50,8 @@ GROUPS = (
     Group(("tilt_x_deg", "tilt_y_deg"), Symmetry.TURNING),
     Group(("shear_x_mm", "shear_y_mm"), Symmetry.TURNING),
     Group(("torsion_deg",), Symmetry.ODD),
+    Group(("force_x_n", "force_y_n"), Symmetry.TURNING),
+    Group(("torque_z_nmm",), Symmetry.ODD),
     Group(("contact_x_mm", "contact_y_mm"), Symmetry.TURNING, of_contact=True),
     Group(("contact_depth_mm",), Symmetry.EVEN, of_contact=True),
 )

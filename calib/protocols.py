@@ -144,12 +144,35 @@ def surface() -> Plan:
     return Plan("surface", tuple(steps))
 
 
+def drag() -> Plan:
+    """300 random presses, then dragged and twisted at load until some slide; two frames each, seeded.
+
+    Depth 1..4 mm, tilt up to 10 deg; up to 3 mm along the surface in any direction, twist up to 20 deg. For
+    forces along the surface: they grow while the skin sticks and no further once it slides, and a fit needs
+    both.
+    """
+    flat = Tool("flat")
+    steps = _rest(flat)
+    low = np.array([1.0, -10.0, -10.0, -180.0, 0.0, -20.0])
+    high = np.array([4.0, 10.0, 10.0, 180.0, 3.0, 20.0])
+    for values in np.round(np.random.default_rng(300).uniform(low, high, (300, 6)), 4).tolist():
+        depth, tilt_x, tilt_y, direction, way, twist = values
+        pressed = Pose(depth_mm=depth, tilt_x_deg=tilt_x, tilt_y_deg=tilt_y)
+        steps += [Step(CLEAR, flat, 0), Step(pressed, flat, 0)]
+        for share in (0.5, 1.0):
+            x = round(share * way * math.cos(math.radians(direction)), 4)
+            y = round(share * way * math.sin(math.radians(direction)), 4)
+            steps.append(Step(replace(pressed, shear_x_mm=x, shear_y_mm=y, twist_deg=share * twist), flat, 1))
+    return Plan("drag", tuple(steps))
+
+
 PROTOCOLS: dict[str, Callable[[], Plan]] = {
     "displacement": displacement,
     "shear": shear,
     "direction": direction,
     "contacts": contacts,
     "surface": surface,
+    "drag": drag,
 }
 
 

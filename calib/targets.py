@@ -38,6 +38,9 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "shear_y": ("shear_y_mm", "mm"),
     "shear_Rz": ("torsion_deg", "deg"),
     "force_z": ("force_n", "N"),
+    "force_x": ("force_x_n", "N"),
+    "force_y": ("force_y_n", "N"),
+    "torque_z": ("torque_z_nmm", "Nmm"),
     "area": ("contact_area_mm2", "mm2"),
     "contact_x": ("contact_x_mm", "mm"),
     "contact_y": ("contact_y_mm", "mm"),
@@ -45,7 +48,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
 }
 _IMAGE = "sensor_image"
 #: By unit: largest plausible truth of a fingertip; a depth that never exceeds the smallest is not in mm.
-_MOST = {"mm": 100.0, "deg": 180.0, "N": 1000.0, "mm2": 1e4}
+_MOST = {"mm": 100.0, "deg": 180.0, "N": 1000.0, "Nmm": 1e4, "mm2": 1e4}
 _LEAST_DEPTH_MM = 0.05
 #: Of a capture's table; `pose_z` is the contact's depth too, as it is the tool's.
 _OF_CAPTURE: dict[str, str] = {
@@ -56,6 +59,9 @@ _OF_CAPTURE: dict[str, str] = {
     "shear_y": "shear_y_mm",
     "shear_Rz": "torsion_deg",
     "force_n": "force_n",
+    "force_x_n": "force_x_n",
+    "force_y_n": "force_y_n",
+    "torque_z_nmm": "torque_z_nmm",
     "area_mm2": "contact_area_mm2",
     "place_x": "contact_x_mm",
     "place_y": "contact_y_mm",

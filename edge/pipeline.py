@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edge.calibration import Calibration, uncalibrated
+from edge.calibration import Calibration, Grip, uncalibrated
 from edge.cells import Tessellator
 from edge.errors import DegenerateLayout
 from edge.features import FeatureExtractor
@@ -56,6 +56,7 @@ class Pipeline:
         self._asked: frozenset[Feature] | None = None
         self._needed = demand  # the demand, and the features that the calibration needs for it
         self._capture_ns: int | None = None  # of the last frame that gave features
+        self._grip = Grip()
         self._refiner = CentroidRefiner(rest)
         self.tracker = Tracker(rest)
         self._tessellator = Tessellator(rest)
@@ -85,7 +86,16 @@ class Pipeline:
             before_ns, self._capture_ns = self._capture_ns, frame.capture_ns
             interval_s = None if before_ns is None else (frame.capture_ns - before_ns) * 1e-9
             reading = self.calibration.apply(features, self.rest.pattern, interval_s, self.demand)
+            self._judge_grip(self.calibration, features, reading)
         return Result(frame, tracks, cells, features, reading, searched)
+
+    def _judge_grip(self, calibration: Calibration, features: Features, reading: Reading) -> None:
+        """Add friction and slip margin, if forces are in demand."""
+        if not features.in_contact:
+            self._grip.forget()
+        elif Feature.FORCE in self.demand:
+            area_mm2 = calibration.area_mm2(features, reading.values)
+            reading.values.update(self._grip.update(reading.values, reading.sigmas, area_mm2))
 
     def features(self, tracks: Tracks) -> Features:
         """Features of pins at given places.

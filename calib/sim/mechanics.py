@@ -3,7 +3,7 @@
 `elastic` has the compliance of the skin, u = K f. Here are the contact problems:
 
     normal      find p >= 0 with  n.K n p = penetration where p > 0   (Signorini's problem, active set)
-    tangential  find q with  t.K t q = shear + twist where |q| < mu p (friction with the bound of p known)
+    tangential  find q with  t.K t q = shear + twist where |q| < mu p (Coulomb, with the bound of p known)
     pins        u at the root, and the skin's new normal there: the pin is a lever along it
 
 Consequences that are not put in explicitly: pins move radially outward from the contact's place wherever that
@@ -15,7 +15,8 @@ Rules and limits
   perspective) are kept. Normal and tangential contact are solved one after the other.
 - In directions in which a tool is flat, its place of contact follows from its tilt; in directions in which it
   is curved, from its position.
-Source  Johnson, "Contact Mechanics", chapters 5 (normal contact by numbers) and 7 (partial slip).
+Sources  Johnson, "Contact Mechanics", chapters 5 (normal contact by numbers) and 7 (partial slip);
+  Mindlin, J. Appl. Mech. 16, 259 (1949), whose spheres under a tangential force the tests compare with.
 """
 
 from __future__ import annotations
@@ -89,6 +90,8 @@ class Deformation:
     axes        (n, 3) unit, from the cap towards the pin's root
     places_mm   (k, 2) x, y of each place of contact on the untouched skin
     forces_n    (k,) normal force of each
+    drags_n     (k, 2) friction on the skin of each, along the tip's x and y turned to the contact's normal
+    torques_nmm (k,) torque of the friction about that normal at the place of contact, from x towards y
     areas_mm2   (k,) area of each
     slip        (k,) share of the contact's area that slides under the shear
     slid_mm     (k, 2) how far the tool has slid over the skin, x, y, mean over the contact's area
@@ -98,6 +101,8 @@ class Deformation:
     axes: Array
     places_mm: Array
     forces_n: Array
+    drags_n: Array
+    torques_nmm: Array
     areas_mm2: Array
     slip: Array
     slid_mm: Array
@@ -122,8 +127,7 @@ def deform(tip: Tip, contacts: tuple[ToolPose, ...]) -> Deformation:
     """
     patches = [p for c in contacts if c.depth_mm > 0 for p in _patches(tip, c)]
     if not patches:
-        none = np.empty(0)
-        return Deformation(tip.tips_mm, tip.normals, np.empty((0, 2)), none, none, none, np.empty((0, 2)))
+        return _untouched(tip)
     xyz = np.concatenate([p.xyz for p in patches])
     owner = np.repeat(np.arange(len(patches)), [len(p.xyz) for p in patches])
     frames = np.stack([p.frame for p in patches])[owner]
@@ -145,9 +149,10 @@ def deform(tip: Tip, contacts: tuple[ToolPose, ...]) -> Deformation:
     live = p_n > 0
     sliding = np.zeros(len(xyz), dtype=bool)
     slipped = np.zeros_like(xyz)
+    friction = np.zeros_like(xyz)
     motion = np.concatenate([p.motion for p in patches])[live]
     if motion.any():
-        q_n, sliding[live], slipped[live] = _drag(
+        friction[live], sliding[live], slipped[live] = _drag(
             Pairs.of(tip, xyz[live], smooth[live]),
             swell[live],
             layer[live],
@@ -155,22 +160,45 @@ def deform(tip: Tip, contacts: tuple[ToolPose, ...]) -> Deformation:
             motion,
             tip.friction * p_n[live],
         )
-        force[live] += q_n
+        force += friction
 
     tips, axes = _caps(tip, xyz[live], force[live], smooth[live], (swell * force).sum())
     k = len(patches)
     area = _sum_by(owner, np.where(live, cell, 0), k)
     slid = _sum_by(owner, np.where(live & sliding, cell, 0), k)
+    unit_n = tip.shear_modulus_kpa * 1e-3
+    drags_n, torques_nmm = _wrenches(tip, patches, unit_n * friction)
     return Deformation(
         tips_mm=tips,
         axes=axes,
         places_mm=np.stack([p.place for p in patches]),
-        forces_n=_sum_by(owner, p_n, k) * tip.shear_modulus_kpa * 1e-3,
+        forces_n=_sum_by(owner, p_n, k) * unit_n,
+        drags_n=drags_n,
+        torques_nmm=torques_nmm,
         areas_mm2=area,
         slip=slid / np.maximum(area, 1e-12),
         slid_mm=np.stack([_sum_by(owner, cell * slipped[:, a], k) for a in (0, 1)], axis=1)
         / np.maximum(area, 1e-12)[:, None],
     )
+
+
+def _untouched(tip: Tip) -> Deformation:
+    none, pairs = np.empty(0), np.empty((0, 2))
+    return Deformation(tip.tips_mm, tip.normals, pairs, none, pairs, none, none, none, pairs)
+
+
+def _wrenches(tip: Tip, patches: list[_Patch], friction_n: Array) -> tuple[Array, Array]:
+    """Force (k, 2) and torque (k,) of the friction of each patch, in its tangent plane.
+
+    friction_n  (m, 3) forces on the cells of all patches, one patch after the other
+    """
+    drags, torques = np.empty((len(patches), 2)), np.empty(len(patches))
+    ends = np.cumsum([len(patch.xyz) for patch in patches])
+    for i, (patch, force) in enumerate(zip(patches, np.split(friction_n, ends[:-1]), strict=True)):
+        normal = patch.frame[2]
+        drags[i] = turn_z_to(normal)[:2] @ force.sum(axis=0)
+        torques[i] = np.cross(patch.xyz - tip.dome_radius_mm * normal, force).sum(axis=0) @ normal
+    return drags, torques
 
 
 def _caps(tip: Tip, xyz: Array, force: Array, smooth: Array, swelling: float) -> tuple[Array, Array]:

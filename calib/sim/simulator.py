@@ -73,6 +73,7 @@ class Simulator:
         places_mm      [[x, y], ...] of each place of contact on the tip (two for tool "two")
         places_img     [[x, y], ...] px of a pin that is rooted there, untouched
         forces_n, areas_mm2   of each place
+        drags_n, torques_nmm  friction on the skin and its torque about the normal, of each place
         slip, slid_mm  of each place: share of its area that slides, and how far the tool slid over it
         depth_mm, shear_mm, twist_deg   of the first contact; 0 where nothing touches
         pins_img       [[x, y], ...] px, row i is pin i
@@ -87,6 +88,8 @@ class Simulator:
             "places_mm": np.round(now.places_mm + 0.0, 6).tolist(),
             "places_img": np.round(self._places_img(now.places_mm), 4).tolist(),
             "forces_n": np.round(now.forces_n, 6).tolist(),
+            "drags_n": np.round(now.drags_n + 0.0, 6).tolist(),
+            "torques_nmm": np.round(now.torques_nmm + 0.0, 5).tolist(),
             "areas_mm2": np.round(now.areas_mm2, 4).tolist(),
             "slip": np.round(now.slip, 4).tolist(),
             "slid_mm": np.round(now.slid_mm, 5).tolist(),

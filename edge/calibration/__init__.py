@@ -2,10 +2,12 @@
 
 file     the JSON file: structure, checks, load, save
 inputs   what models depend on, from a frame's features or one contact
+grip     friction and slip margin, from the forces that a touch has held
 model    curves and polynomials ready to run; `Calibration.apply`: features in, a reading out
 """
 
 from edge.calibration.file import CalibrationFile
+from edge.calibration.grip import Grip
 from edge.calibration.model import Calibration, uncalibrated
 
-__all__ = ["Calibration", "CalibrationFile", "uncalibrated"]
+__all__ = ["Calibration", "CalibrationFile", "Grip", "uncalibrated"]

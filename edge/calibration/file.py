@@ -42,7 +42,7 @@ REST_SIGMA_PX = 0.05  # noise of a rest pin: the file does not keep each pin's o
 SOURCE_MAX = 10_000  # characters: names of the tables or captures that it was made from
 FRAMES_MAX = 1_000_000_000  # for the record only
 
-#: In the output's unit: mm, mm2, N, deg.
+#: In the output's unit: mm, mm2, N, Nmm, deg.
 Output = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
 Sigma = Annotated[float, msgspec.Meta(ge=1e-9, le=1e6)]
 #: Logarithm, or power of one.
@@ -60,6 +60,9 @@ Row = Annotated[list[Pair], msgspec.Meta(max_length=TERMS_MAX)]
 UNTOUCHED: dict[str, float] = {
     "displacement_mm": 0.0,
     "force_n": 0.0,
+    "force_x_n": 0.0,
+    "force_y_n": 0.0,
+    "torque_z_nmm": 0.0,
     "contact_area_mm2": 0.0,
     "shear_x_mm": 0.0,
     "shear_y_mm": 0.0,

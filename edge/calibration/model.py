@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,10 +47,12 @@ from edge.errors import CalibrationError
 from edge.limits import BadContent
 from edge.types import Array, Complex, Feature, Features, PinPattern, Reading
 
+#: Forces along the surface. The torque that a contact can carry depends on its area.
+OF_FRICTION = frozenset({"force_x_n", "force_y_n", "torque_z_nmm"})
 #: Outputs of models that each feature depends on.
 OUTPUTS_OF: dict[Feature, frozenset[str]] = {
     Feature.DISPLACEMENT: frozenset({"displacement_mm"}),
-    Feature.FORCE: frozenset({"force_n"}),
+    Feature.FORCE: frozenset({"force_n", "contact_area_mm2", *OF_FRICTION}),
     Feature.PRESSURE: frozenset({"force_n", "contact_area_mm2"}),
     Feature.CONTACT_AREA: frozenset({"contact_area_mm2"}),
     Feature.CONTACTS: frozenset({"displacement_mm"}),  # the depth of a single contact
@@ -161,9 +163,12 @@ class Calibration:
     def needed(self, demand: frozenset[Feature]) -> frozenset[Feature]:
         """The demand, and the other features that its models take their inputs from."""
         outputs = _outputs_in(demand)
+        needed = demand
         if any(not outputs.isdisjoint(model.outputs) for model in self._frame.processes):
-            return demand | OF_PROCESS
-        return demand
+            needed |= OF_PROCESS
+        if Feature.FORCE in demand and not OF_FRICTION.isdisjoint(self.outputs):
+            needed |= {Feature.CONTACT_AREA}
+        return needed
 
     def apply(
         self,
@@ -206,6 +211,14 @@ class Calibration:
         for name, (y, sigma, outside) in zip(self._frame.outputs, rows, strict=True):
             yield name, y, sigma, bool(outside)
 
+    def area_mm2(self, features: Features, values: Mapping[str, float]) -> float | None:
+        """Area of all contacts: a model's, else that of the contacts in the image; None: not known."""
+        if "contact_area_mm2" in values:
+            return values["contact_area_mm2"]
+        if features.contacts is None or self.mm_per_px is None:
+            return None
+        return sum(c.area_px2 for c in features.contacts) * self.mm_per_px**2
+
     def _derive(
         self,
         features: Features,
@@ -215,12 +228,11 @@ class Calibration:
     ) -> None:
         """Add the values that follow from others and the scale; see the head of the file."""
         found, scale = features.contacts, self.mm_per_px
-        if found is not None:
-            if "contact_area_mm2" not in values and scale is not None:
-                values["contact_area_mm2"] = sum(c.area_px2 for c in found) * scale * scale
-            if found:
-                values["orientation_deg"] = math.degrees(found[0].orientation_rad)
-        force, area = values.get("force_n"), values.get("contact_area_mm2")
+        force, area = values.get("force_n"), self.area_mm2(features, values)
+        if area is not None:
+            values["contact_area_mm2"] = area
+        if found:
+            values["orientation_deg"] = math.degrees(found[0].orientation_rad)
         if force is not None and area is not None:
             if not features.in_contact:
                 values["pressure_kpa"] = 0.0

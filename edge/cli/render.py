@@ -218,6 +218,8 @@ def caption(result: Result) -> str:
         _part("depth", reading, "displacement_mm", "mm"),
         _shear(reading),
         _part("force", reading, "force_n", "N", error=False),
+        _tangential(reading),
+        _part("torque", reading, "torque_z_nmm", "N mm"),
         _part("torsion", reading, "torsion_deg", "deg", error=False),
     ]
     return "   ".join(part for part in parts if part)
@@ -229,6 +231,11 @@ def _part(name: str, reading: Reading, field: str, unit: str, error: bool = True
         return ""
     spread = f" +-{sigma:.2f}" if error and not isnan(sigma) else ""
     return f"{name} {value:.2f}{spread} {unit}"
+
+
+def _tangential(reading: Reading) -> str:
+    x, y = reading.values.get("force_x_n", nan), reading.values.get("force_y_n", nan)
+    return "" if isnan(x) or isnan(y) else f"tangential {hypot(x, y):.2f} N"
 
 
 def _shear(reading: Reading) -> str:

@@ -29,6 +29,8 @@ VALUES = frozenset(f.name for f in fields(State)) - {
     "contacts",
     "displacement_sigma_mm",
     "shear_sigma_mm",
+    "force_xy_sigma_n",
+    "torque_z_sigma_nmm",
     "temperature_degc",
 }
 
@@ -36,6 +38,8 @@ VALUES = frozenset(f.name for f in fields(State)) - {
 SIGMAS = {
     "displacement_sigma_mm": ("displacement_mm",),
     "shear_sigma_mm": ("shear_x_mm", "shear_y_mm"),
+    "force_xy_sigma_n": ("force_x_n", "force_y_n"),
+    "torque_z_sigma_nmm": ("torque_z_nmm",),
 }
 
 

@@ -1,6 +1,6 @@
 """Fingers in ROS 2, without a ROS installation: topics over the Zenoh middleware (`rmw_zenoh_cpp`).
 
-    /finger_1/wrench    geometry_msgs/WrenchStamped         force on the tip; NaN where it is not measured
+    /finger_1/wrench    geometry_msgs/WrenchStamped         force and torque on the tip; NaN: not measured
     /finger_1/contacts  sensor_msgs/PointCloud2             x, y, z, depth, in metres
     /finger_1/sample    voronoi_touch_msgs/TactileSample    everything, with standard deviations
     /diagnostics        diagnostic_msgs/DiagnosticArray
@@ -249,8 +249,8 @@ class RosOutlet:
     def _wrench(self, header: Any, state: State) -> Any:
         """z points out of the skin: what presses the tip is a force against it."""
         make = self._types.make
-        force = make("geometry_msgs/msg/Vector3", x=nan, y=nan, z=-state.force_n)
-        torque = make("geometry_msgs/msg/Vector3", x=nan, y=nan, z=nan)
+        force = make("geometry_msgs/msg/Vector3", x=state.force_x_n, y=state.force_y_n, z=-state.force_n)
+        torque = make("geometry_msgs/msg/Vector3", x=nan, y=nan, z=state.torque_z_nmm * _MM)
         wrench = make("geometry_msgs/msg/Wrench", force=force, torque=torque)
         return make(WRENCH, header=header, wrench=wrench)
 

@@ -605,10 +605,13 @@ int vt_classic_part3_pack(
     size_t size)
 {
     uint16_t force_n;
+    uint16_t force_x_n;
+    uint16_t force_y_n;
     uint16_t orientation_deg;
     uint16_t pressure_kpa;
     uint16_t tilt_x_deg;
     uint16_t tilt_y_deg;
+    uint16_t torque_z_nmm;
     uint16_t torsion_deg;
     uint8_t temperature_degc;
 
@@ -678,6 +681,25 @@ int vt_classic_part3_pack(
         dst_p[7] |= pack_left_shift_u8(src_p->slip_probability, 0u, 0xffu);
         break;
 
+    case 6:
+        force_x_n = (uint16_t)src_p->force_x_n;
+        dst_p[3] |= pack_left_shift_u16(force_x_n, 0u, 0xffu);
+        dst_p[4] |= pack_right_shift_u16(force_x_n, 8u, 0xffu);
+        force_y_n = (uint16_t)src_p->force_y_n;
+        dst_p[5] |= pack_left_shift_u16(force_y_n, 0u, 0xffu);
+        dst_p[6] |= pack_right_shift_u16(force_y_n, 8u, 0xffu);
+        dst_p[7] |= pack_left_shift_u8(src_p->force_xy_sigma_n, 0u, 0xffu);
+        break;
+
+    case 7:
+        torque_z_nmm = (uint16_t)src_p->torque_z_nmm;
+        dst_p[3] |= pack_left_shift_u16(torque_z_nmm, 0u, 0xffu);
+        dst_p[4] |= pack_right_shift_u16(torque_z_nmm, 8u, 0xffu);
+        dst_p[5] |= pack_left_shift_u8(src_p->torque_z_sigma_nmm, 0u, 0xffu);
+        dst_p[6] |= pack_left_shift_u8(src_p->friction, 0u, 0xffu);
+        dst_p[7] |= pack_left_shift_u8(src_p->slip_margin, 0u, 0xffu);
+        break;
+
     default:
         break;
     }
@@ -691,10 +713,13 @@ int vt_classic_part3_unpack(
     size_t size)
 {
     uint16_t force_n;
+    uint16_t force_x_n;
+    uint16_t force_y_n;
     uint16_t orientation_deg;
     uint16_t pressure_kpa;
     uint16_t tilt_x_deg;
     uint16_t tilt_y_deg;
+    uint16_t torque_z_nmm;
     uint16_t torsion_deg;
     uint8_t temperature_degc;
 
@@ -760,6 +785,25 @@ int vt_classic_part3_unpack(
         dst_p->slip_speed_mm_s = unpack_right_shift_u16(src_p[5], 0u, 0xffu);
         dst_p->slip_speed_mm_s |= unpack_left_shift_u16(src_p[6], 8u, 0xffu);
         dst_p->slip_probability = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
+        break;
+
+    case 6:
+        force_x_n = unpack_right_shift_u16(src_p[3], 0u, 0xffu);
+        force_x_n |= unpack_left_shift_u16(src_p[4], 8u, 0xffu);
+        dst_p->force_x_n = (int16_t)force_x_n;
+        force_y_n = unpack_right_shift_u16(src_p[5], 0u, 0xffu);
+        force_y_n |= unpack_left_shift_u16(src_p[6], 8u, 0xffu);
+        dst_p->force_y_n = (int16_t)force_y_n;
+        dst_p->force_xy_sigma_n = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
+        break;
+
+    case 7:
+        torque_z_nmm = unpack_right_shift_u16(src_p[3], 0u, 0xffu);
+        torque_z_nmm |= unpack_left_shift_u16(src_p[4], 8u, 0xffu);
+        dst_p->torque_z_nmm = (int16_t)torque_z_nmm;
+        dst_p->torque_z_sigma_nmm = unpack_right_shift_u8(src_p[5], 0u, 0xffu);
+        dst_p->friction = unpack_right_shift_u8(src_p[6], 0u, 0xffu);
+        dst_p->slip_margin = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
         break;
 
     default:
@@ -1002,6 +1046,46 @@ bool vt_classic_part3_torsion_deg_is_in_phys_range(float value)
     return ((value >= -180.0f) && (value <= 180.0f));
 }
 
+int16_t vt_classic_part3_force_x_n_encode(float value)
+{
+    return (int16_t)(roundf(value / 0.002f));
+}
+
+float vt_classic_part3_force_x_n_decode(int16_t value)
+{
+    return ((float)value * 0.002f);
+}
+
+bool vt_classic_part3_force_x_n_is_in_range(int16_t value)
+{
+    return ((value >= -32500) && (value <= 32500));
+}
+
+bool vt_classic_part3_force_x_n_is_in_phys_range(float value)
+{
+    return ((value >= -65.0f) && (value <= 65.0f));
+}
+
+int16_t vt_classic_part3_torque_z_nmm_encode(float value)
+{
+    return (int16_t)(roundf(value / 0.02f));
+}
+
+float vt_classic_part3_torque_z_nmm_decode(int16_t value)
+{
+    return ((float)value * 0.02f);
+}
+
+bool vt_classic_part3_torque_z_nmm_is_in_range(int16_t value)
+{
+    return ((value >= -32000) && (value <= 32000));
+}
+
+bool vt_classic_part3_torque_z_nmm_is_in_phys_range(float value)
+{
+    return ((value >= -640.0f) && (value <= 640.0f));
+}
+
 uint8_t vt_classic_part3_shear_sigma_mm_encode(float value)
 {
     return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.008f)));
@@ -1122,6 +1206,66 @@ bool vt_classic_part3_slip_speed_mm_s_is_in_phys_range(float value)
     return ((value >= 0.0f) && (value <= 655.0f));
 }
 
+int16_t vt_classic_part3_force_y_n_encode(float value)
+{
+    return (int16_t)(roundf(value / 0.002f));
+}
+
+float vt_classic_part3_force_y_n_decode(int16_t value)
+{
+    return ((float)value * 0.002f);
+}
+
+bool vt_classic_part3_force_y_n_is_in_range(int16_t value)
+{
+    return ((value >= -32500) && (value <= 32500));
+}
+
+bool vt_classic_part3_force_y_n_is_in_phys_range(float value)
+{
+    return ((value >= -65.0f) && (value <= 65.0f));
+}
+
+uint8_t vt_classic_part3_torque_z_sigma_nmm_encode(float value)
+{
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.1f)));
+}
+
+float vt_classic_part3_torque_z_sigma_nmm_decode(uint8_t value)
+{
+    return ((float)value * 0.1f);
+}
+
+bool vt_classic_part3_torque_z_sigma_nmm_is_in_range(uint8_t value)
+{
+    return (value <= 254u);
+}
+
+bool vt_classic_part3_torque_z_sigma_nmm_is_in_phys_range(float value)
+{
+    return ((value >= 0.0f) && (value <= 25.4f));
+}
+
+uint8_t vt_classic_part3_friction_encode(float value)
+{
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.02f)));
+}
+
+float vt_classic_part3_friction_decode(uint8_t value)
+{
+    return ((float)value * 0.02f);
+}
+
+bool vt_classic_part3_friction_is_in_range(uint8_t value)
+{
+    return (value <= 254u);
+}
+
+bool vt_classic_part3_friction_is_in_phys_range(float value)
+{
+    return ((value >= 0.0f) && (value <= 5.08f));
+}
+
 uint8_t vt_classic_part3_check_encode(float value)
 {
     return (uint8_t)(cantools_unsigned_from_double(roundf(value)));
@@ -1184,6 +1328,46 @@ bool vt_classic_part3_slip_probability_is_in_phys_range(float value)
     return ((value >= 0.0f) && (value <= 1.0f));
 }
 
+uint8_t vt_classic_part3_force_xy_sigma_n_encode(float value)
+{
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.01f)));
+}
+
+float vt_classic_part3_force_xy_sigma_n_decode(uint8_t value)
+{
+    return ((float)value * 0.01f);
+}
+
+bool vt_classic_part3_force_xy_sigma_n_is_in_range(uint8_t value)
+{
+    return (value <= 254u);
+}
+
+bool vt_classic_part3_force_xy_sigma_n_is_in_phys_range(float value)
+{
+    return ((value >= 0.0f) && (value <= 2.54f));
+}
+
+uint8_t vt_classic_part3_slip_margin_encode(float value)
+{
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.004f)));
+}
+
+float vt_classic_part3_slip_margin_decode(uint8_t value)
+{
+    return ((float)value * 0.004f);
+}
+
+bool vt_classic_part3_slip_margin_is_in_range(uint8_t value)
+{
+    return (value <= 250u);
+}
+
+bool vt_classic_part3_slip_margin_is_in_phys_range(float value)
+{
+    return ((value >= 0.0f) && (value <= 1.0f));
+}
+
 int vt_classic_part4_pack(
     uint8_t *dst_p,
     const struct vt_classic_part4_t *src_p,
@@ -1193,10 +1377,6 @@ int vt_classic_part4_pack(
     uint16_t contact0_y_mm;
     uint16_t contact1_x_mm;
     uint16_t contact1_y_mm;
-    uint16_t contact2_x_mm;
-    uint16_t contact2_y_mm;
-    uint16_t contact3_x_mm;
-    uint16_t contact3_y_mm;
 
     if (size < 8u) {
         return (-EINVAL);
@@ -1232,26 +1412,6 @@ int vt_classic_part4_pack(
         dst_p[7] |= pack_left_shift_u8(src_p->contact1_depth_mm, 0u, 0xffu);
         break;
 
-    case 2:
-        contact2_x_mm = (uint16_t)src_p->contact2_x_mm;
-        dst_p[3] |= pack_left_shift_u16(contact2_x_mm, 0u, 0xffu);
-        dst_p[4] |= pack_right_shift_u16(contact2_x_mm, 8u, 0xffu);
-        contact2_y_mm = (uint16_t)src_p->contact2_y_mm;
-        dst_p[5] |= pack_left_shift_u16(contact2_y_mm, 0u, 0xffu);
-        dst_p[6] |= pack_right_shift_u16(contact2_y_mm, 8u, 0xffu);
-        dst_p[7] |= pack_left_shift_u8(src_p->contact2_depth_mm, 0u, 0xffu);
-        break;
-
-    case 3:
-        contact3_x_mm = (uint16_t)src_p->contact3_x_mm;
-        dst_p[3] |= pack_left_shift_u16(contact3_x_mm, 0u, 0xffu);
-        dst_p[4] |= pack_right_shift_u16(contact3_x_mm, 8u, 0xffu);
-        contact3_y_mm = (uint16_t)src_p->contact3_y_mm;
-        dst_p[5] |= pack_left_shift_u16(contact3_y_mm, 0u, 0xffu);
-        dst_p[6] |= pack_right_shift_u16(contact3_y_mm, 8u, 0xffu);
-        dst_p[7] |= pack_left_shift_u8(src_p->contact3_depth_mm, 0u, 0xffu);
-        break;
-
     default:
         break;
     }
@@ -1268,10 +1428,6 @@ int vt_classic_part4_unpack(
     uint16_t contact0_y_mm;
     uint16_t contact1_x_mm;
     uint16_t contact1_y_mm;
-    uint16_t contact2_x_mm;
-    uint16_t contact2_y_mm;
-    uint16_t contact3_x_mm;
-    uint16_t contact3_y_mm;
 
     if (size < 8u) {
         return (-EINVAL);
@@ -1303,26 +1459,6 @@ int vt_classic_part4_unpack(
         contact1_y_mm |= unpack_left_shift_u16(src_p[6], 8u, 0xffu);
         dst_p->contact1_y_mm = (int16_t)contact1_y_mm;
         dst_p->contact1_depth_mm = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
-        break;
-
-    case 2:
-        contact2_x_mm = unpack_right_shift_u16(src_p[3], 0u, 0xffu);
-        contact2_x_mm |= unpack_left_shift_u16(src_p[4], 8u, 0xffu);
-        dst_p->contact2_x_mm = (int16_t)contact2_x_mm;
-        contact2_y_mm = unpack_right_shift_u16(src_p[5], 0u, 0xffu);
-        contact2_y_mm |= unpack_left_shift_u16(src_p[6], 8u, 0xffu);
-        dst_p->contact2_y_mm = (int16_t)contact2_y_mm;
-        dst_p->contact2_depth_mm = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
-        break;
-
-    case 3:
-        contact3_x_mm = unpack_right_shift_u16(src_p[3], 0u, 0xffu);
-        contact3_x_mm |= unpack_left_shift_u16(src_p[4], 8u, 0xffu);
-        dst_p->contact3_x_mm = (int16_t)contact3_x_mm;
-        contact3_y_mm = unpack_right_shift_u16(src_p[5], 0u, 0xffu);
-        contact3_y_mm |= unpack_left_shift_u16(src_p[6], 8u, 0xffu);
-        dst_p->contact3_y_mm = (int16_t)contact3_y_mm;
-        dst_p->contact3_depth_mm = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
         break;
 
     default:
@@ -1483,46 +1619,6 @@ bool vt_classic_part4_contact1_x_mm_is_in_phys_range(float value)
     return ((value >= -65.0f) && (value <= 65.0f));
 }
 
-int16_t vt_classic_part4_contact2_x_mm_encode(float value)
-{
-    return (int16_t)(roundf(value / 0.002f));
-}
-
-float vt_classic_part4_contact2_x_mm_decode(int16_t value)
-{
-    return ((float)value * 0.002f);
-}
-
-bool vt_classic_part4_contact2_x_mm_is_in_range(int16_t value)
-{
-    return ((value >= -32500) && (value <= 32500));
-}
-
-bool vt_classic_part4_contact2_x_mm_is_in_phys_range(float value)
-{
-    return ((value >= -65.0f) && (value <= 65.0f));
-}
-
-int16_t vt_classic_part4_contact3_x_mm_encode(float value)
-{
-    return (int16_t)(roundf(value / 0.002f));
-}
-
-float vt_classic_part4_contact3_x_mm_decode(int16_t value)
-{
-    return ((float)value * 0.002f);
-}
-
-bool vt_classic_part4_contact3_x_mm_is_in_range(int16_t value)
-{
-    return ((value >= -32500) && (value <= 32500));
-}
-
-bool vt_classic_part4_contact3_x_mm_is_in_phys_range(float value)
-{
-    return ((value >= -65.0f) && (value <= 65.0f));
-}
-
 int16_t vt_classic_part4_contact0_y_mm_encode(float value)
 {
     return (int16_t)(roundf(value / 0.002f));
@@ -1563,46 +1659,6 @@ bool vt_classic_part4_contact1_y_mm_is_in_phys_range(float value)
     return ((value >= -65.0f) && (value <= 65.0f));
 }
 
-int16_t vt_classic_part4_contact2_y_mm_encode(float value)
-{
-    return (int16_t)(roundf(value / 0.002f));
-}
-
-float vt_classic_part4_contact2_y_mm_decode(int16_t value)
-{
-    return ((float)value * 0.002f);
-}
-
-bool vt_classic_part4_contact2_y_mm_is_in_range(int16_t value)
-{
-    return ((value >= -32500) && (value <= 32500));
-}
-
-bool vt_classic_part4_contact2_y_mm_is_in_phys_range(float value)
-{
-    return ((value >= -65.0f) && (value <= 65.0f));
-}
-
-int16_t vt_classic_part4_contact3_y_mm_encode(float value)
-{
-    return (int16_t)(roundf(value / 0.002f));
-}
-
-float vt_classic_part4_contact3_y_mm_decode(int16_t value)
-{
-    return ((float)value * 0.002f);
-}
-
-bool vt_classic_part4_contact3_y_mm_is_in_range(int16_t value)
-{
-    return ((value >= -32500) && (value <= 32500));
-}
-
-bool vt_classic_part4_contact3_y_mm_is_in_phys_range(float value)
-{
-    return ((value >= -65.0f) && (value <= 65.0f));
-}
-
 uint8_t vt_classic_part4_contact0_depth_mm_encode(float value)
 {
     return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.025f)));
@@ -1639,46 +1695,6 @@ bool vt_classic_part4_contact1_depth_mm_is_in_range(uint8_t value)
 }
 
 bool vt_classic_part4_contact1_depth_mm_is_in_phys_range(float value)
-{
-    return ((value >= 0.0f) && (value <= 6.35f));
-}
-
-uint8_t vt_classic_part4_contact2_depth_mm_encode(float value)
-{
-    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.025f)));
-}
-
-float vt_classic_part4_contact2_depth_mm_decode(uint8_t value)
-{
-    return ((float)value * 0.025f);
-}
-
-bool vt_classic_part4_contact2_depth_mm_is_in_range(uint8_t value)
-{
-    return (value <= 254u);
-}
-
-bool vt_classic_part4_contact2_depth_mm_is_in_phys_range(float value)
-{
-    return ((value >= 0.0f) && (value <= 6.35f));
-}
-
-uint8_t vt_classic_part4_contact3_depth_mm_encode(float value)
-{
-    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.025f)));
-}
-
-float vt_classic_part4_contact3_depth_mm_decode(uint8_t value)
-{
-    return ((float)value * 0.025f);
-}
-
-bool vt_classic_part4_contact3_depth_mm_is_in_range(uint8_t value)
-{
-    return (value <= 254u);
-}
-
-bool vt_classic_part4_contact3_depth_mm_is_in_phys_range(float value)
 {
     return ((value >= 0.0f) && (value <= 6.35f));
 }

@@ -89,6 +89,10 @@ extern "C" {
 
 #define VT_CLASSIC_PART3_TORSION_DEG_INVALID_CHOICE (-32768)
 
+#define VT_CLASSIC_PART3_FORCE_X_N_INVALID_CHOICE (-32768)
+
+#define VT_CLASSIC_PART3_TORQUE_Z_NMM_INVALID_CHOICE (-32768)
+
 #define VT_CLASSIC_PART3_SHEAR_SIGMA_MM_INVALID_CHOICE (255u)
 
 #define VT_CLASSIC_PART3_LATENCY_US_INVALID_CHOICE (65535u)
@@ -101,33 +105,31 @@ extern "C" {
 
 #define VT_CLASSIC_PART3_SLIP_SPEED_MM_S_INVALID_CHOICE (65535u)
 
+#define VT_CLASSIC_PART3_FORCE_Y_N_INVALID_CHOICE (-32768)
+
+#define VT_CLASSIC_PART3_TORQUE_Z_SIGMA_NMM_INVALID_CHOICE (255u)
+
+#define VT_CLASSIC_PART3_FRICTION_INVALID_CHOICE (255u)
+
 #define VT_CLASSIC_PART3_TEMPERATURE_DEGC_INVALID_CHOICE (-128)
 
 #define VT_CLASSIC_PART3_SLIP_PROBABILITY_INVALID_CHOICE (255u)
+
+#define VT_CLASSIC_PART3_FORCE_XY_SIGMA_N_INVALID_CHOICE (255u)
+
+#define VT_CLASSIC_PART3_SLIP_MARGIN_INVALID_CHOICE (255u)
 
 #define VT_CLASSIC_PART4_CONTACT0_X_MM_INVALID_CHOICE (-32768)
 
 #define VT_CLASSIC_PART4_CONTACT1_X_MM_INVALID_CHOICE (-32768)
 
-#define VT_CLASSIC_PART4_CONTACT2_X_MM_INVALID_CHOICE (-32768)
-
-#define VT_CLASSIC_PART4_CONTACT3_X_MM_INVALID_CHOICE (-32768)
-
 #define VT_CLASSIC_PART4_CONTACT0_Y_MM_INVALID_CHOICE (-32768)
 
 #define VT_CLASSIC_PART4_CONTACT1_Y_MM_INVALID_CHOICE (-32768)
 
-#define VT_CLASSIC_PART4_CONTACT2_Y_MM_INVALID_CHOICE (-32768)
-
-#define VT_CLASSIC_PART4_CONTACT3_Y_MM_INVALID_CHOICE (-32768)
-
 #define VT_CLASSIC_PART4_CONTACT0_DEPTH_MM_INVALID_CHOICE (255u)
 
 #define VT_CLASSIC_PART4_CONTACT1_DEPTH_MM_INVALID_CHOICE (255u)
-
-#define VT_CLASSIC_PART4_CONTACT2_DEPTH_MM_INVALID_CHOICE (255u)
-
-#define VT_CLASSIC_PART4_CONTACT3_DEPTH_MM_INVALID_CHOICE (255u)
 
 #define VT_CLASSIC_EMERGENCY_FAULT_NONE_CHOICE (0u)
 #define VT_CLASSIC_EMERGENCY_FAULT_CAMERA_LOST_CHOICE (1u)
@@ -189,15 +191,22 @@ extern "C" {
 #define VT_CLASSIC_PART3_CONTACT_AREA_MM2_NAME "contact_area_mm2"
 #define VT_CLASSIC_PART3_TILT_X_DEG_NAME "tilt_x_deg"
 #define VT_CLASSIC_PART3_TORSION_DEG_NAME "torsion_deg"
+#define VT_CLASSIC_PART3_FORCE_X_N_NAME "force_x_n"
+#define VT_CLASSIC_PART3_TORQUE_Z_NMM_NAME "torque_z_nmm"
 #define VT_CLASSIC_PART3_SHEAR_SIGMA_MM_NAME "shear_sigma_mm"
 #define VT_CLASSIC_PART3_LATENCY_US_NAME "latency_us"
 #define VT_CLASSIC_PART3_PRESSURE_KPA_NAME "pressure_kpa"
 #define VT_CLASSIC_PART3_ORIENTATION_DEG_NAME "orientation_deg"
 #define VT_CLASSIC_PART3_TILT_Y_DEG_NAME "tilt_y_deg"
 #define VT_CLASSIC_PART3_SLIP_SPEED_MM_S_NAME "slip_speed_mm_s"
+#define VT_CLASSIC_PART3_FORCE_Y_N_NAME "force_y_n"
+#define VT_CLASSIC_PART3_TORQUE_Z_SIGMA_NMM_NAME "torque_z_sigma_nmm"
+#define VT_CLASSIC_PART3_FRICTION_NAME "friction"
 #define VT_CLASSIC_PART3_CHECK_NAME "check"
 #define VT_CLASSIC_PART3_TEMPERATURE_DEGC_NAME "temperature_degc"
 #define VT_CLASSIC_PART3_SLIP_PROBABILITY_NAME "slip_probability"
+#define VT_CLASSIC_PART3_FORCE_XY_SIGMA_N_NAME "force_xy_sigma_n"
+#define VT_CLASSIC_PART3_SLIP_MARGIN_NAME "slip_margin"
 #define VT_CLASSIC_PART4_CRC_NAME "crc"
 #define VT_CLASSIC_PART4_COUNTER_NAME "counter"
 #define VT_CLASSIC_PART4_VERSION_NAME "version"
@@ -205,16 +214,10 @@ extern "C" {
 #define VT_CLASSIC_PART4_PAGE_NAME "page"
 #define VT_CLASSIC_PART4_CONTACT0_X_MM_NAME "contact0_x_mm"
 #define VT_CLASSIC_PART4_CONTACT1_X_MM_NAME "contact1_x_mm"
-#define VT_CLASSIC_PART4_CONTACT2_X_MM_NAME "contact2_x_mm"
-#define VT_CLASSIC_PART4_CONTACT3_X_MM_NAME "contact3_x_mm"
 #define VT_CLASSIC_PART4_CONTACT0_Y_MM_NAME "contact0_y_mm"
 #define VT_CLASSIC_PART4_CONTACT1_Y_MM_NAME "contact1_y_mm"
-#define VT_CLASSIC_PART4_CONTACT2_Y_MM_NAME "contact2_y_mm"
-#define VT_CLASSIC_PART4_CONTACT3_Y_MM_NAME "contact3_y_mm"
 #define VT_CLASSIC_PART4_CONTACT0_DEPTH_MM_NAME "contact0_depth_mm"
 #define VT_CLASSIC_PART4_CONTACT1_DEPTH_MM_NAME "contact1_depth_mm"
-#define VT_CLASSIC_PART4_CONTACT2_DEPTH_MM_NAME "contact2_depth_mm"
-#define VT_CLASSIC_PART4_CONTACT3_DEPTH_MM_NAME "contact3_depth_mm"
 #define VT_CLASSIC_EMERGENCY_EMCY_NAME "emcy"
 #define VT_CLASSIC_EMERGENCY_ERROR_REGISTER_NAME "error_register"
 #define VT_CLASSIC_EMERGENCY_FAULT_NAME "fault"
@@ -361,7 +364,7 @@ struct vt_classic_part2_t {
     uint8_t pins_tracked;
 
     /**
-     * number of separate contacts; up to 4 of them are listed below
+     * number of separate contacts; up to 2 of them are listed below
      *
      * Range: 0..14 (0..14 -)
      * Scale: 1
@@ -485,6 +488,24 @@ struct vt_classic_part3_t {
     int16_t torsion_deg;
 
     /**
+     * friction force on the tip along x (tip frame): what drags the skin towards x is positive
+     *
+     * Range: -32500..32500 (-65..65 N)
+     * Scale: 0.002
+     * Offset: 0
+     */
+    int16_t force_x_n;
+
+    /**
+     * torque of the friction on the tip about z, positive from x to y
+     *
+     * Range: -32000..32000 (-640..640 Nmm)
+     * Scale: 0.02
+     * Offset: 0
+     */
+    int16_t torque_z_nmm;
+
+    /**
      * standard deviation of each axis of the shear
      *
      * Range: 0..254 (0..2.032 mm)
@@ -539,6 +560,33 @@ struct vt_classic_part3_t {
     uint16_t slip_speed_mm_s;
 
     /**
+     * friction force on the tip along y (tip frame)
+     *
+     * Range: -32500..32500 (-65..65 N)
+     * Scale: 0.002
+     * Offset: 0
+     */
+    int16_t force_y_n;
+
+    /**
+     * standard deviation of the torque
+     *
+     * Range: 0..254 (0..25.4 Nmm)
+     * Scale: 0.1
+     * Offset: 0
+     */
+    uint8_t torque_z_sigma_nmm;
+
+    /**
+     * largest tangential over normal load that this contact has held, its torque included
+     *
+     * Range: 0..254 (0..5.08 -)
+     * Scale: 0.02
+     * Offset: 0
+     */
+    uint8_t friction;
+
+    /**
      * low byte of the state frame's check: CRC-32 over version and fields as they lie there
      *
      * Range: 0..255 (0..255 -)
@@ -564,6 +612,24 @@ struct vt_classic_part3_t {
      * Offset: 0
      */
     uint8_t slip_probability;
+
+    /**
+     * standard deviation of force_x_n and of force_y_n
+     *
+     * Range: 0..254 (0..2.54 N)
+     * Scale: 0.01
+     * Offset: 0
+     */
+    uint8_t force_xy_sigma_n;
+
+    /**
+     * 1 less the present tangential over normal load in units of `friction`; 0: nothing more has been held
+     *
+     * Range: 0..250 (0..1 -)
+     * Scale: 0.004
+     * Offset: 0
+     */
+    uint8_t slip_margin;
 };
 
 /**
@@ -636,24 +702,6 @@ struct vt_classic_part4_t {
     int16_t contact1_x_mm;
 
     /**
-     * place of contact 2, x (tip frame)
-     *
-     * Range: -32500..32500 (-65..65 mm)
-     * Scale: 0.002
-     * Offset: 0
-     */
-    int16_t contact2_x_mm;
-
-    /**
-     * place of contact 3, x (tip frame)
-     *
-     * Range: -32500..32500 (-65..65 mm)
-     * Scale: 0.002
-     * Offset: 0
-     */
-    int16_t contact3_x_mm;
-
-    /**
      * place of contact 0, y (tip frame)
      *
      * Range: -32500..32500 (-65..65 mm)
@@ -672,24 +720,6 @@ struct vt_classic_part4_t {
     int16_t contact1_y_mm;
 
     /**
-     * place of contact 2, y (tip frame)
-     *
-     * Range: -32500..32500 (-65..65 mm)
-     * Scale: 0.002
-     * Offset: 0
-     */
-    int16_t contact2_y_mm;
-
-    /**
-     * place of contact 3, y (tip frame)
-     *
-     * Range: -32500..32500 (-65..65 mm)
-     * Scale: 0.002
-     * Offset: 0
-     */
-    int16_t contact3_y_mm;
-
-    /**
      * depth of contact 0 into the skin
      *
      * Range: 0..254 (0..6.35 mm)
@@ -706,24 +736,6 @@ struct vt_classic_part4_t {
      * Offset: 0
      */
     uint8_t contact1_depth_mm;
-
-    /**
-     * depth of contact 2 into the skin
-     *
-     * Range: 0..254 (0..6.35 mm)
-     * Scale: 0.025
-     * Offset: 0
-     */
-    uint8_t contact2_depth_mm;
-
-    /**
-     * depth of contact 3 into the skin
-     *
-     * Range: 0..254 (0..6.35 mm)
-     * Scale: 0.025
-     * Offset: 0
-     */
-    uint8_t contact3_depth_mm;
 };
 
 /**
@@ -1983,6 +1995,86 @@ bool vt_classic_part3_torsion_deg_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
+int16_t vt_classic_part3_force_x_n_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_classic_part3_force_x_n_decode(int16_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_force_x_n_is_in_range(int16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_force_x_n_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+int16_t vt_classic_part3_torque_z_nmm_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_classic_part3_torque_z_nmm_decode(int16_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_torque_z_nmm_is_in_range(int16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_torque_z_nmm_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
 uint8_t vt_classic_part3_shear_sigma_mm_encode(float value);
 
 /**
@@ -2223,6 +2315,126 @@ bool vt_classic_part3_slip_speed_mm_s_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
+int16_t vt_classic_part3_force_y_n_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_classic_part3_force_y_n_decode(int16_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_force_y_n_is_in_range(int16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_force_y_n_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+uint8_t vt_classic_part3_torque_z_sigma_nmm_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_classic_part3_torque_z_sigma_nmm_decode(uint8_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_torque_z_sigma_nmm_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_torque_z_sigma_nmm_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+uint8_t vt_classic_part3_friction_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_classic_part3_friction_decode(uint8_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_friction_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_friction_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
 uint8_t vt_classic_part3_check_encode(float value);
 
 /**
@@ -2335,6 +2547,86 @@ bool vt_classic_part3_slip_probability_is_in_range(uint8_t value);
  * @return true if in range, false otherwise.
  */
 bool vt_classic_part3_slip_probability_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+uint8_t vt_classic_part3_force_xy_sigma_n_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_classic_part3_force_xy_sigma_n_decode(uint8_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_force_xy_sigma_n_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_force_xy_sigma_n_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+uint8_t vt_classic_part3_slip_margin_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_classic_part3_slip_margin_decode(uint8_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_slip_margin_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_slip_margin_is_in_phys_range(float value);
 
 /**
  * Pack message Part4.
@@ -2660,86 +2952,6 @@ bool vt_classic_part4_contact1_x_mm_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
-int16_t vt_classic_part4_contact2_x_mm_encode(float value);
-
-/**
- * Decode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to decode.
- *
- * @return Decoded signal.
- */
-float vt_classic_part4_contact2_x_mm_decode(int16_t value);
-
-/**
- * Check that given signal is in allowed range.
- *
- * @param[in] value Signal to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_classic_part4_contact2_x_mm_is_in_range(int16_t value);
-
-/**
- * Check that given physical value is in allowed range before encoding.
- *
- * Use this BEFORE calling _encode() to avoid silent integer overflow:
- *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
- *   is_in_phys_range(-1.0) correctly returns false.
- *
- * @param[in] value Physical signal value to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_classic_part4_contact2_x_mm_is_in_phys_range(float value);
-
-/**
- * Encode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to encode.
- *
- * @return Encoded signal.
- */
-int16_t vt_classic_part4_contact3_x_mm_encode(float value);
-
-/**
- * Decode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to decode.
- *
- * @return Decoded signal.
- */
-float vt_classic_part4_contact3_x_mm_decode(int16_t value);
-
-/**
- * Check that given signal is in allowed range.
- *
- * @param[in] value Signal to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_classic_part4_contact3_x_mm_is_in_range(int16_t value);
-
-/**
- * Check that given physical value is in allowed range before encoding.
- *
- * Use this BEFORE calling _encode() to avoid silent integer overflow:
- *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
- *   is_in_phys_range(-1.0) correctly returns false.
- *
- * @param[in] value Physical signal value to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_classic_part4_contact3_x_mm_is_in_phys_range(float value);
-
-/**
- * Encode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to encode.
- *
- * @return Encoded signal.
- */
 int16_t vt_classic_part4_contact0_y_mm_encode(float value);
 
 /**
@@ -2820,86 +3032,6 @@ bool vt_classic_part4_contact1_y_mm_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
-int16_t vt_classic_part4_contact2_y_mm_encode(float value);
-
-/**
- * Decode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to decode.
- *
- * @return Decoded signal.
- */
-float vt_classic_part4_contact2_y_mm_decode(int16_t value);
-
-/**
- * Check that given signal is in allowed range.
- *
- * @param[in] value Signal to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_classic_part4_contact2_y_mm_is_in_range(int16_t value);
-
-/**
- * Check that given physical value is in allowed range before encoding.
- *
- * Use this BEFORE calling _encode() to avoid silent integer overflow:
- *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
- *   is_in_phys_range(-1.0) correctly returns false.
- *
- * @param[in] value Physical signal value to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_classic_part4_contact2_y_mm_is_in_phys_range(float value);
-
-/**
- * Encode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to encode.
- *
- * @return Encoded signal.
- */
-int16_t vt_classic_part4_contact3_y_mm_encode(float value);
-
-/**
- * Decode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to decode.
- *
- * @return Decoded signal.
- */
-float vt_classic_part4_contact3_y_mm_decode(int16_t value);
-
-/**
- * Check that given signal is in allowed range.
- *
- * @param[in] value Signal to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_classic_part4_contact3_y_mm_is_in_range(int16_t value);
-
-/**
- * Check that given physical value is in allowed range before encoding.
- *
- * Use this BEFORE calling _encode() to avoid silent integer overflow:
- *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
- *   is_in_phys_range(-1.0) correctly returns false.
- *
- * @param[in] value Physical signal value to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_classic_part4_contact3_y_mm_is_in_phys_range(float value);
-
-/**
- * Encode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to encode.
- *
- * @return Encoded signal.
- */
 uint8_t vt_classic_part4_contact0_depth_mm_encode(float value);
 
 /**
@@ -2972,86 +3104,6 @@ bool vt_classic_part4_contact1_depth_mm_is_in_range(uint8_t value);
  * @return true if in range, false otherwise.
  */
 bool vt_classic_part4_contact1_depth_mm_is_in_phys_range(float value);
-
-/**
- * Encode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to encode.
- *
- * @return Encoded signal.
- */
-uint8_t vt_classic_part4_contact2_depth_mm_encode(float value);
-
-/**
- * Decode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to decode.
- *
- * @return Decoded signal.
- */
-float vt_classic_part4_contact2_depth_mm_decode(uint8_t value);
-
-/**
- * Check that given signal is in allowed range.
- *
- * @param[in] value Signal to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_classic_part4_contact2_depth_mm_is_in_range(uint8_t value);
-
-/**
- * Check that given physical value is in allowed range before encoding.
- *
- * Use this BEFORE calling _encode() to avoid silent integer overflow:
- *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
- *   is_in_phys_range(-1.0) correctly returns false.
- *
- * @param[in] value Physical signal value to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_classic_part4_contact2_depth_mm_is_in_phys_range(float value);
-
-/**
- * Encode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to encode.
- *
- * @return Encoded signal.
- */
-uint8_t vt_classic_part4_contact3_depth_mm_encode(float value);
-
-/**
- * Decode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to decode.
- *
- * @return Decoded signal.
- */
-float vt_classic_part4_contact3_depth_mm_decode(uint8_t value);
-
-/**
- * Check that given signal is in allowed range.
- *
- * @param[in] value Signal to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_classic_part4_contact3_depth_mm_is_in_range(uint8_t value);
-
-/**
- * Check that given physical value is in allowed range before encoding.
- *
- * Use this BEFORE calling _encode() to avoid silent integer overflow:
- *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
- *   is_in_phys_range(-1.0) correctly returns false.
- *
- * @param[in] value Physical signal value to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_classic_part4_contact3_depth_mm_is_in_phys_range(float value);
 
 /**
  * Pack message Emergency.

@@ -115,10 +115,10 @@ int vt_part_index(unsigned tpdo, const uint8_t data[8])
     {3u, 0x07u, 3u},
     {3u, 0x07u, 4u},
     {3u, 0x07u, 5u},
+    {3u, 0x07u, 6u},
+    {3u, 0x07u, 7u},
     {4u, 0x07u, 0u},
     {4u, 0x07u, 1u},
-    {4u, 0x07u, 2u},
-    {4u, 0x07u, 3u},
     };
 
     for (unsigned i = 0u; i < VT_PARTS; i++) {

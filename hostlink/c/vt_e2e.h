@@ -32,12 +32,12 @@
 extern "C" {
 #endif
 
-#define VT_VERSION                       1u             /* layout version; byte 3 of the state frame */
-#define VT_SCHEMA_HASH                   0x0201A395u    /* object 0x2000:2 must have this value */
+#define VT_VERSION                       2u             /* layout version; byte 3 of the state frame */
+#define VT_SCHEMA_HASH                   0x87D5F64Cu    /* object 0x2000:2 must have this value */
 #define VT_STATE_SIZE                    64u            /* bytes */
-#define VT_DATA_ID_STATE                 0xA395u        /* profile 5 */
-#define VT_DATA_ID_DETAIL                0xA396u        /* profile 5 */
-#define VT_DATA_ID_PART                  0x100u         /* profile 11C; or'ed with the part's index */
+#define VT_DATA_ID_STATE                 0xF64Cu        /* profile 5 */
+#define VT_DATA_ID_DETAIL                0xF64Du        /* profile 5 */
+#define VT_DATA_ID_PART                  0x2D0u         /* profile 11C; or'ed with the part's index */
 #define VT_PARTS                         12u            /* classic parts, at most */
 #define VT_BASE_STATE                    0x180u         /* CAN FD; + node id; classic: part 1 */
 #define VT_BASE_DETAIL                   0x480u         /* CAN FD; + node id; classic: part 4 */
@@ -84,6 +84,13 @@ extern "C" {
 #define VT_INVALID_DISPLACEMENT_MM       (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_DISPLACEMENT_SIGMA_MM 255u           /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_FORCE_N               (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_FORCE_X_N             (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_FORCE_Y_N             (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_FORCE_XY_SIGMA_N      255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_TORQUE_Z_NMM          (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_TORQUE_Z_SIGMA_NMM    255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_FRICTION              255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_SLIP_MARGIN           255u           /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_PRESSURE_KPA          (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_CONTACT_AREA_MM2      65535u         /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_SHEAR_X_MM            (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
@@ -100,12 +107,6 @@ extern "C" {
 #define VT_INVALID_CONTACT1_X_MM         (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_CONTACT1_Y_MM         (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_CONTACT1_DEPTH_MM     255u           /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_CONTACT2_X_MM         (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_CONTACT2_Y_MM         (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_CONTACT2_DEPTH_MM     255u           /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_CONTACT3_X_MM         (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_CONTACT3_Y_MM         (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_CONTACT3_DEPTH_MM     255u           /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_ORIENTATION_DEG       (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_TEMPERATURE_DEGC      (-128)         /* raw value of an invalid field, 64-byte frame */
 #define VT_OBJECT_PIN_N                  0x200005u      /* unsigned16, ro */

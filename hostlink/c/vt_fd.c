@@ -147,18 +147,17 @@ int vt_fd_state_pack(
     uint16_t contact0_y_mm;
     uint16_t contact1_x_mm;
     uint16_t contact1_y_mm;
-    uint16_t contact2_x_mm;
-    uint16_t contact2_y_mm;
-    uint16_t contact3_x_mm;
-    uint16_t contact3_y_mm;
     uint16_t displacement_mm;
     uint16_t force_n;
+    uint16_t force_x_n;
+    uint16_t force_y_n;
     uint16_t orientation_deg;
     uint16_t pressure_kpa;
     uint16_t shear_x_mm;
     uint16_t shear_y_mm;
     uint16_t tilt_x_deg;
     uint16_t tilt_y_deg;
+    uint16_t torque_z_nmm;
     uint16_t torsion_deg;
     uint8_t temperature_degc;
 
@@ -191,58 +190,57 @@ int vt_fd_state_pack(
     force_n = (uint16_t)src_p->force_n;
     dst_p[19] |= pack_left_shift_u16(force_n, 0u, 0xffu);
     dst_p[20] |= pack_right_shift_u16(force_n, 8u, 0xffu);
+    force_x_n = (uint16_t)src_p->force_x_n;
+    dst_p[21] |= pack_left_shift_u16(force_x_n, 0u, 0xffu);
+    dst_p[22] |= pack_right_shift_u16(force_x_n, 8u, 0xffu);
+    force_y_n = (uint16_t)src_p->force_y_n;
+    dst_p[23] |= pack_left_shift_u16(force_y_n, 0u, 0xffu);
+    dst_p[24] |= pack_right_shift_u16(force_y_n, 8u, 0xffu);
+    dst_p[25] |= pack_left_shift_u8(src_p->force_xy_sigma_n, 0u, 0xffu);
+    torque_z_nmm = (uint16_t)src_p->torque_z_nmm;
+    dst_p[26] |= pack_left_shift_u16(torque_z_nmm, 0u, 0xffu);
+    dst_p[27] |= pack_right_shift_u16(torque_z_nmm, 8u, 0xffu);
+    dst_p[28] |= pack_left_shift_u8(src_p->torque_z_sigma_nmm, 0u, 0xffu);
+    dst_p[29] |= pack_left_shift_u8(src_p->friction, 0u, 0xffu);
+    dst_p[30] |= pack_left_shift_u8(src_p->slip_margin, 0u, 0xffu);
     pressure_kpa = (uint16_t)src_p->pressure_kpa;
-    dst_p[21] |= pack_left_shift_u16(pressure_kpa, 0u, 0xffu);
-    dst_p[22] |= pack_right_shift_u16(pressure_kpa, 8u, 0xffu);
-    dst_p[23] |= pack_left_shift_u16(src_p->contact_area_mm2, 0u, 0xffu);
-    dst_p[24] |= pack_right_shift_u16(src_p->contact_area_mm2, 8u, 0xffu);
+    dst_p[31] |= pack_left_shift_u16(pressure_kpa, 0u, 0xffu);
+    dst_p[32] |= pack_right_shift_u16(pressure_kpa, 8u, 0xffu);
+    dst_p[33] |= pack_left_shift_u16(src_p->contact_area_mm2, 0u, 0xffu);
+    dst_p[34] |= pack_right_shift_u16(src_p->contact_area_mm2, 8u, 0xffu);
     shear_x_mm = (uint16_t)src_p->shear_x_mm;
-    dst_p[25] |= pack_left_shift_u16(shear_x_mm, 0u, 0xffu);
-    dst_p[26] |= pack_right_shift_u16(shear_x_mm, 8u, 0xffu);
+    dst_p[35] |= pack_left_shift_u16(shear_x_mm, 0u, 0xffu);
+    dst_p[36] |= pack_right_shift_u16(shear_x_mm, 8u, 0xffu);
     shear_y_mm = (uint16_t)src_p->shear_y_mm;
-    dst_p[27] |= pack_left_shift_u16(shear_y_mm, 0u, 0xffu);
-    dst_p[28] |= pack_right_shift_u16(shear_y_mm, 8u, 0xffu);
-    dst_p[29] |= pack_left_shift_u8(src_p->shear_sigma_mm, 0u, 0xffu);
+    dst_p[37] |= pack_left_shift_u16(shear_y_mm, 0u, 0xffu);
+    dst_p[38] |= pack_right_shift_u16(shear_y_mm, 8u, 0xffu);
+    dst_p[39] |= pack_left_shift_u8(src_p->shear_sigma_mm, 0u, 0xffu);
     torsion_deg = (uint16_t)src_p->torsion_deg;
-    dst_p[30] |= pack_left_shift_u16(torsion_deg, 0u, 0xffu);
-    dst_p[31] |= pack_right_shift_u16(torsion_deg, 8u, 0xffu);
+    dst_p[40] |= pack_left_shift_u16(torsion_deg, 0u, 0xffu);
+    dst_p[41] |= pack_right_shift_u16(torsion_deg, 8u, 0xffu);
     tilt_x_deg = (uint16_t)src_p->tilt_x_deg;
-    dst_p[32] |= pack_left_shift_u16(tilt_x_deg, 0u, 0xffu);
-    dst_p[33] |= pack_right_shift_u16(tilt_x_deg, 8u, 0xffu);
+    dst_p[42] |= pack_left_shift_u16(tilt_x_deg, 0u, 0xffu);
+    dst_p[43] |= pack_right_shift_u16(tilt_x_deg, 8u, 0xffu);
     tilt_y_deg = (uint16_t)src_p->tilt_y_deg;
-    dst_p[34] |= pack_left_shift_u16(tilt_y_deg, 0u, 0xffu);
-    dst_p[35] |= pack_right_shift_u16(tilt_y_deg, 8u, 0xffu);
-    dst_p[36] |= pack_left_shift_u16(src_p->slip_speed_mm_s, 0u, 0xffu);
-    dst_p[37] |= pack_right_shift_u16(src_p->slip_speed_mm_s, 8u, 0xffu);
-    dst_p[38] |= pack_left_shift_u8(src_p->slip_probability, 0u, 0xffu);
+    dst_p[44] |= pack_left_shift_u16(tilt_y_deg, 0u, 0xffu);
+    dst_p[45] |= pack_right_shift_u16(tilt_y_deg, 8u, 0xffu);
+    dst_p[46] |= pack_left_shift_u16(src_p->slip_speed_mm_s, 0u, 0xffu);
+    dst_p[47] |= pack_right_shift_u16(src_p->slip_speed_mm_s, 8u, 0xffu);
+    dst_p[48] |= pack_left_shift_u8(src_p->slip_probability, 0u, 0xffu);
     contact0_x_mm = (uint16_t)src_p->contact0_x_mm;
-    dst_p[39] |= pack_left_shift_u16(contact0_x_mm, 0u, 0xffu);
-    dst_p[40] |= pack_right_shift_u16(contact0_x_mm, 8u, 0xffu);
+    dst_p[49] |= pack_left_shift_u16(contact0_x_mm, 0u, 0xffu);
+    dst_p[50] |= pack_right_shift_u16(contact0_x_mm, 8u, 0xffu);
     contact0_y_mm = (uint16_t)src_p->contact0_y_mm;
-    dst_p[41] |= pack_left_shift_u16(contact0_y_mm, 0u, 0xffu);
-    dst_p[42] |= pack_right_shift_u16(contact0_y_mm, 8u, 0xffu);
-    dst_p[43] |= pack_left_shift_u8(src_p->contact0_depth_mm, 0u, 0xffu);
+    dst_p[51] |= pack_left_shift_u16(contact0_y_mm, 0u, 0xffu);
+    dst_p[52] |= pack_right_shift_u16(contact0_y_mm, 8u, 0xffu);
+    dst_p[53] |= pack_left_shift_u8(src_p->contact0_depth_mm, 0u, 0xffu);
     contact1_x_mm = (uint16_t)src_p->contact1_x_mm;
-    dst_p[44] |= pack_left_shift_u16(contact1_x_mm, 0u, 0xffu);
-    dst_p[45] |= pack_right_shift_u16(contact1_x_mm, 8u, 0xffu);
+    dst_p[54] |= pack_left_shift_u16(contact1_x_mm, 0u, 0xffu);
+    dst_p[55] |= pack_right_shift_u16(contact1_x_mm, 8u, 0xffu);
     contact1_y_mm = (uint16_t)src_p->contact1_y_mm;
-    dst_p[46] |= pack_left_shift_u16(contact1_y_mm, 0u, 0xffu);
-    dst_p[47] |= pack_right_shift_u16(contact1_y_mm, 8u, 0xffu);
-    dst_p[48] |= pack_left_shift_u8(src_p->contact1_depth_mm, 0u, 0xffu);
-    contact2_x_mm = (uint16_t)src_p->contact2_x_mm;
-    dst_p[49] |= pack_left_shift_u16(contact2_x_mm, 0u, 0xffu);
-    dst_p[50] |= pack_right_shift_u16(contact2_x_mm, 8u, 0xffu);
-    contact2_y_mm = (uint16_t)src_p->contact2_y_mm;
-    dst_p[51] |= pack_left_shift_u16(contact2_y_mm, 0u, 0xffu);
-    dst_p[52] |= pack_right_shift_u16(contact2_y_mm, 8u, 0xffu);
-    dst_p[53] |= pack_left_shift_u8(src_p->contact2_depth_mm, 0u, 0xffu);
-    contact3_x_mm = (uint16_t)src_p->contact3_x_mm;
-    dst_p[54] |= pack_left_shift_u16(contact3_x_mm, 0u, 0xffu);
-    dst_p[55] |= pack_right_shift_u16(contact3_x_mm, 8u, 0xffu);
-    contact3_y_mm = (uint16_t)src_p->contact3_y_mm;
-    dst_p[56] |= pack_left_shift_u16(contact3_y_mm, 0u, 0xffu);
-    dst_p[57] |= pack_right_shift_u16(contact3_y_mm, 8u, 0xffu);
-    dst_p[58] |= pack_left_shift_u8(src_p->contact3_depth_mm, 0u, 0xffu);
+    dst_p[56] |= pack_left_shift_u16(contact1_y_mm, 0u, 0xffu);
+    dst_p[57] |= pack_right_shift_u16(contact1_y_mm, 8u, 0xffu);
+    dst_p[58] |= pack_left_shift_u8(src_p->contact1_depth_mm, 0u, 0xffu);
     orientation_deg = (uint16_t)src_p->orientation_deg;
     dst_p[59] |= pack_left_shift_u16(orientation_deg, 0u, 0xffu);
     dst_p[60] |= pack_right_shift_u16(orientation_deg, 8u, 0xffu);
@@ -263,18 +261,17 @@ int vt_fd_state_unpack(
     uint16_t contact0_y_mm;
     uint16_t contact1_x_mm;
     uint16_t contact1_y_mm;
-    uint16_t contact2_x_mm;
-    uint16_t contact2_y_mm;
-    uint16_t contact3_x_mm;
-    uint16_t contact3_y_mm;
     uint16_t displacement_mm;
     uint16_t force_n;
+    uint16_t force_x_n;
+    uint16_t force_y_n;
     uint16_t orientation_deg;
     uint16_t pressure_kpa;
     uint16_t shear_x_mm;
     uint16_t shear_y_mm;
     uint16_t tilt_x_deg;
     uint16_t tilt_y_deg;
+    uint16_t torque_z_nmm;
     uint16_t torsion_deg;
     uint8_t temperature_degc;
 
@@ -305,58 +302,57 @@ int vt_fd_state_unpack(
     force_n = unpack_right_shift_u16(src_p[19], 0u, 0xffu);
     force_n |= unpack_left_shift_u16(src_p[20], 8u, 0xffu);
     dst_p->force_n = (int16_t)force_n;
-    pressure_kpa = unpack_right_shift_u16(src_p[21], 0u, 0xffu);
-    pressure_kpa |= unpack_left_shift_u16(src_p[22], 8u, 0xffu);
+    force_x_n = unpack_right_shift_u16(src_p[21], 0u, 0xffu);
+    force_x_n |= unpack_left_shift_u16(src_p[22], 8u, 0xffu);
+    dst_p->force_x_n = (int16_t)force_x_n;
+    force_y_n = unpack_right_shift_u16(src_p[23], 0u, 0xffu);
+    force_y_n |= unpack_left_shift_u16(src_p[24], 8u, 0xffu);
+    dst_p->force_y_n = (int16_t)force_y_n;
+    dst_p->force_xy_sigma_n = unpack_right_shift_u8(src_p[25], 0u, 0xffu);
+    torque_z_nmm = unpack_right_shift_u16(src_p[26], 0u, 0xffu);
+    torque_z_nmm |= unpack_left_shift_u16(src_p[27], 8u, 0xffu);
+    dst_p->torque_z_nmm = (int16_t)torque_z_nmm;
+    dst_p->torque_z_sigma_nmm = unpack_right_shift_u8(src_p[28], 0u, 0xffu);
+    dst_p->friction = unpack_right_shift_u8(src_p[29], 0u, 0xffu);
+    dst_p->slip_margin = unpack_right_shift_u8(src_p[30], 0u, 0xffu);
+    pressure_kpa = unpack_right_shift_u16(src_p[31], 0u, 0xffu);
+    pressure_kpa |= unpack_left_shift_u16(src_p[32], 8u, 0xffu);
     dst_p->pressure_kpa = (int16_t)pressure_kpa;
-    dst_p->contact_area_mm2 = unpack_right_shift_u16(src_p[23], 0u, 0xffu);
-    dst_p->contact_area_mm2 |= unpack_left_shift_u16(src_p[24], 8u, 0xffu);
-    shear_x_mm = unpack_right_shift_u16(src_p[25], 0u, 0xffu);
-    shear_x_mm |= unpack_left_shift_u16(src_p[26], 8u, 0xffu);
+    dst_p->contact_area_mm2 = unpack_right_shift_u16(src_p[33], 0u, 0xffu);
+    dst_p->contact_area_mm2 |= unpack_left_shift_u16(src_p[34], 8u, 0xffu);
+    shear_x_mm = unpack_right_shift_u16(src_p[35], 0u, 0xffu);
+    shear_x_mm |= unpack_left_shift_u16(src_p[36], 8u, 0xffu);
     dst_p->shear_x_mm = (int16_t)shear_x_mm;
-    shear_y_mm = unpack_right_shift_u16(src_p[27], 0u, 0xffu);
-    shear_y_mm |= unpack_left_shift_u16(src_p[28], 8u, 0xffu);
+    shear_y_mm = unpack_right_shift_u16(src_p[37], 0u, 0xffu);
+    shear_y_mm |= unpack_left_shift_u16(src_p[38], 8u, 0xffu);
     dst_p->shear_y_mm = (int16_t)shear_y_mm;
-    dst_p->shear_sigma_mm = unpack_right_shift_u8(src_p[29], 0u, 0xffu);
-    torsion_deg = unpack_right_shift_u16(src_p[30], 0u, 0xffu);
-    torsion_deg |= unpack_left_shift_u16(src_p[31], 8u, 0xffu);
+    dst_p->shear_sigma_mm = unpack_right_shift_u8(src_p[39], 0u, 0xffu);
+    torsion_deg = unpack_right_shift_u16(src_p[40], 0u, 0xffu);
+    torsion_deg |= unpack_left_shift_u16(src_p[41], 8u, 0xffu);
     dst_p->torsion_deg = (int16_t)torsion_deg;
-    tilt_x_deg = unpack_right_shift_u16(src_p[32], 0u, 0xffu);
-    tilt_x_deg |= unpack_left_shift_u16(src_p[33], 8u, 0xffu);
+    tilt_x_deg = unpack_right_shift_u16(src_p[42], 0u, 0xffu);
+    tilt_x_deg |= unpack_left_shift_u16(src_p[43], 8u, 0xffu);
     dst_p->tilt_x_deg = (int16_t)tilt_x_deg;
-    tilt_y_deg = unpack_right_shift_u16(src_p[34], 0u, 0xffu);
-    tilt_y_deg |= unpack_left_shift_u16(src_p[35], 8u, 0xffu);
+    tilt_y_deg = unpack_right_shift_u16(src_p[44], 0u, 0xffu);
+    tilt_y_deg |= unpack_left_shift_u16(src_p[45], 8u, 0xffu);
     dst_p->tilt_y_deg = (int16_t)tilt_y_deg;
-    dst_p->slip_speed_mm_s = unpack_right_shift_u16(src_p[36], 0u, 0xffu);
-    dst_p->slip_speed_mm_s |= unpack_left_shift_u16(src_p[37], 8u, 0xffu);
-    dst_p->slip_probability = unpack_right_shift_u8(src_p[38], 0u, 0xffu);
-    contact0_x_mm = unpack_right_shift_u16(src_p[39], 0u, 0xffu);
-    contact0_x_mm |= unpack_left_shift_u16(src_p[40], 8u, 0xffu);
+    dst_p->slip_speed_mm_s = unpack_right_shift_u16(src_p[46], 0u, 0xffu);
+    dst_p->slip_speed_mm_s |= unpack_left_shift_u16(src_p[47], 8u, 0xffu);
+    dst_p->slip_probability = unpack_right_shift_u8(src_p[48], 0u, 0xffu);
+    contact0_x_mm = unpack_right_shift_u16(src_p[49], 0u, 0xffu);
+    contact0_x_mm |= unpack_left_shift_u16(src_p[50], 8u, 0xffu);
     dst_p->contact0_x_mm = (int16_t)contact0_x_mm;
-    contact0_y_mm = unpack_right_shift_u16(src_p[41], 0u, 0xffu);
-    contact0_y_mm |= unpack_left_shift_u16(src_p[42], 8u, 0xffu);
+    contact0_y_mm = unpack_right_shift_u16(src_p[51], 0u, 0xffu);
+    contact0_y_mm |= unpack_left_shift_u16(src_p[52], 8u, 0xffu);
     dst_p->contact0_y_mm = (int16_t)contact0_y_mm;
-    dst_p->contact0_depth_mm = unpack_right_shift_u8(src_p[43], 0u, 0xffu);
-    contact1_x_mm = unpack_right_shift_u16(src_p[44], 0u, 0xffu);
-    contact1_x_mm |= unpack_left_shift_u16(src_p[45], 8u, 0xffu);
+    dst_p->contact0_depth_mm = unpack_right_shift_u8(src_p[53], 0u, 0xffu);
+    contact1_x_mm = unpack_right_shift_u16(src_p[54], 0u, 0xffu);
+    contact1_x_mm |= unpack_left_shift_u16(src_p[55], 8u, 0xffu);
     dst_p->contact1_x_mm = (int16_t)contact1_x_mm;
-    contact1_y_mm = unpack_right_shift_u16(src_p[46], 0u, 0xffu);
-    contact1_y_mm |= unpack_left_shift_u16(src_p[47], 8u, 0xffu);
+    contact1_y_mm = unpack_right_shift_u16(src_p[56], 0u, 0xffu);
+    contact1_y_mm |= unpack_left_shift_u16(src_p[57], 8u, 0xffu);
     dst_p->contact1_y_mm = (int16_t)contact1_y_mm;
-    dst_p->contact1_depth_mm = unpack_right_shift_u8(src_p[48], 0u, 0xffu);
-    contact2_x_mm = unpack_right_shift_u16(src_p[49], 0u, 0xffu);
-    contact2_x_mm |= unpack_left_shift_u16(src_p[50], 8u, 0xffu);
-    dst_p->contact2_x_mm = (int16_t)contact2_x_mm;
-    contact2_y_mm = unpack_right_shift_u16(src_p[51], 0u, 0xffu);
-    contact2_y_mm |= unpack_left_shift_u16(src_p[52], 8u, 0xffu);
-    dst_p->contact2_y_mm = (int16_t)contact2_y_mm;
-    dst_p->contact2_depth_mm = unpack_right_shift_u8(src_p[53], 0u, 0xffu);
-    contact3_x_mm = unpack_right_shift_u16(src_p[54], 0u, 0xffu);
-    contact3_x_mm |= unpack_left_shift_u16(src_p[55], 8u, 0xffu);
-    dst_p->contact3_x_mm = (int16_t)contact3_x_mm;
-    contact3_y_mm = unpack_right_shift_u16(src_p[56], 0u, 0xffu);
-    contact3_y_mm |= unpack_left_shift_u16(src_p[57], 8u, 0xffu);
-    dst_p->contact3_y_mm = (int16_t)contact3_y_mm;
-    dst_p->contact3_depth_mm = unpack_right_shift_u8(src_p[58], 0u, 0xffu);
+    dst_p->contact1_depth_mm = unpack_right_shift_u8(src_p[58], 0u, 0xffu);
     orientation_deg = unpack_right_shift_u16(src_p[59], 0u, 0xffu);
     orientation_deg |= unpack_left_shift_u16(src_p[60], 8u, 0xffu);
     dst_p->orientation_deg = (int16_t)orientation_deg;
@@ -627,6 +623,146 @@ bool vt_fd_state_force_n_is_in_range(int16_t value)
 bool vt_fd_state_force_n_is_in_phys_range(float value)
 {
     return ((value >= -65.0f) && (value <= 65.0f));
+}
+
+int16_t vt_fd_state_force_x_n_encode(float value)
+{
+    return (int16_t)(roundf(value / 0.002f));
+}
+
+float vt_fd_state_force_x_n_decode(int16_t value)
+{
+    return ((float)value * 0.002f);
+}
+
+bool vt_fd_state_force_x_n_is_in_range(int16_t value)
+{
+    return ((value >= -32500) && (value <= 32500));
+}
+
+bool vt_fd_state_force_x_n_is_in_phys_range(float value)
+{
+    return ((value >= -65.0f) && (value <= 65.0f));
+}
+
+int16_t vt_fd_state_force_y_n_encode(float value)
+{
+    return (int16_t)(roundf(value / 0.002f));
+}
+
+float vt_fd_state_force_y_n_decode(int16_t value)
+{
+    return ((float)value * 0.002f);
+}
+
+bool vt_fd_state_force_y_n_is_in_range(int16_t value)
+{
+    return ((value >= -32500) && (value <= 32500));
+}
+
+bool vt_fd_state_force_y_n_is_in_phys_range(float value)
+{
+    return ((value >= -65.0f) && (value <= 65.0f));
+}
+
+uint8_t vt_fd_state_force_xy_sigma_n_encode(float value)
+{
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.01f)));
+}
+
+float vt_fd_state_force_xy_sigma_n_decode(uint8_t value)
+{
+    return ((float)value * 0.01f);
+}
+
+bool vt_fd_state_force_xy_sigma_n_is_in_range(uint8_t value)
+{
+    return (value <= 254u);
+}
+
+bool vt_fd_state_force_xy_sigma_n_is_in_phys_range(float value)
+{
+    return ((value >= 0.0f) && (value <= 2.54f));
+}
+
+int16_t vt_fd_state_torque_z_nmm_encode(float value)
+{
+    return (int16_t)(roundf(value / 0.02f));
+}
+
+float vt_fd_state_torque_z_nmm_decode(int16_t value)
+{
+    return ((float)value * 0.02f);
+}
+
+bool vt_fd_state_torque_z_nmm_is_in_range(int16_t value)
+{
+    return ((value >= -32000) && (value <= 32000));
+}
+
+bool vt_fd_state_torque_z_nmm_is_in_phys_range(float value)
+{
+    return ((value >= -640.0f) && (value <= 640.0f));
+}
+
+uint8_t vt_fd_state_torque_z_sigma_nmm_encode(float value)
+{
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.1f)));
+}
+
+float vt_fd_state_torque_z_sigma_nmm_decode(uint8_t value)
+{
+    return ((float)value * 0.1f);
+}
+
+bool vt_fd_state_torque_z_sigma_nmm_is_in_range(uint8_t value)
+{
+    return (value <= 254u);
+}
+
+bool vt_fd_state_torque_z_sigma_nmm_is_in_phys_range(float value)
+{
+    return ((value >= 0.0f) && (value <= 25.4f));
+}
+
+uint8_t vt_fd_state_friction_encode(float value)
+{
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.02f)));
+}
+
+float vt_fd_state_friction_decode(uint8_t value)
+{
+    return ((float)value * 0.02f);
+}
+
+bool vt_fd_state_friction_is_in_range(uint8_t value)
+{
+    return (value <= 254u);
+}
+
+bool vt_fd_state_friction_is_in_phys_range(float value)
+{
+    return ((value >= 0.0f) && (value <= 5.08f));
+}
+
+uint8_t vt_fd_state_slip_margin_encode(float value)
+{
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.004f)));
+}
+
+float vt_fd_state_slip_margin_decode(uint8_t value)
+{
+    return ((float)value * 0.004f);
+}
+
+bool vt_fd_state_slip_margin_is_in_range(uint8_t value)
+{
+    return (value <= 250u);
+}
+
+bool vt_fd_state_slip_margin_is_in_phys_range(float value)
+{
+    return ((value >= 0.0f) && (value <= 1.0f));
 }
 
 int16_t vt_fd_state_pressure_kpa_encode(float value)
@@ -945,126 +1081,6 @@ bool vt_fd_state_contact1_depth_mm_is_in_range(uint8_t value)
 }
 
 bool vt_fd_state_contact1_depth_mm_is_in_phys_range(float value)
-{
-    return ((value >= 0.0f) && (value <= 6.35f));
-}
-
-int16_t vt_fd_state_contact2_x_mm_encode(float value)
-{
-    return (int16_t)(roundf(value / 0.002f));
-}
-
-float vt_fd_state_contact2_x_mm_decode(int16_t value)
-{
-    return ((float)value * 0.002f);
-}
-
-bool vt_fd_state_contact2_x_mm_is_in_range(int16_t value)
-{
-    return ((value >= -32500) && (value <= 32500));
-}
-
-bool vt_fd_state_contact2_x_mm_is_in_phys_range(float value)
-{
-    return ((value >= -65.0f) && (value <= 65.0f));
-}
-
-int16_t vt_fd_state_contact2_y_mm_encode(float value)
-{
-    return (int16_t)(roundf(value / 0.002f));
-}
-
-float vt_fd_state_contact2_y_mm_decode(int16_t value)
-{
-    return ((float)value * 0.002f);
-}
-
-bool vt_fd_state_contact2_y_mm_is_in_range(int16_t value)
-{
-    return ((value >= -32500) && (value <= 32500));
-}
-
-bool vt_fd_state_contact2_y_mm_is_in_phys_range(float value)
-{
-    return ((value >= -65.0f) && (value <= 65.0f));
-}
-
-uint8_t vt_fd_state_contact2_depth_mm_encode(float value)
-{
-    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.025f)));
-}
-
-float vt_fd_state_contact2_depth_mm_decode(uint8_t value)
-{
-    return ((float)value * 0.025f);
-}
-
-bool vt_fd_state_contact2_depth_mm_is_in_range(uint8_t value)
-{
-    return (value <= 254u);
-}
-
-bool vt_fd_state_contact2_depth_mm_is_in_phys_range(float value)
-{
-    return ((value >= 0.0f) && (value <= 6.35f));
-}
-
-int16_t vt_fd_state_contact3_x_mm_encode(float value)
-{
-    return (int16_t)(roundf(value / 0.002f));
-}
-
-float vt_fd_state_contact3_x_mm_decode(int16_t value)
-{
-    return ((float)value * 0.002f);
-}
-
-bool vt_fd_state_contact3_x_mm_is_in_range(int16_t value)
-{
-    return ((value >= -32500) && (value <= 32500));
-}
-
-bool vt_fd_state_contact3_x_mm_is_in_phys_range(float value)
-{
-    return ((value >= -65.0f) && (value <= 65.0f));
-}
-
-int16_t vt_fd_state_contact3_y_mm_encode(float value)
-{
-    return (int16_t)(roundf(value / 0.002f));
-}
-
-float vt_fd_state_contact3_y_mm_decode(int16_t value)
-{
-    return ((float)value * 0.002f);
-}
-
-bool vt_fd_state_contact3_y_mm_is_in_range(int16_t value)
-{
-    return ((value >= -32500) && (value <= 32500));
-}
-
-bool vt_fd_state_contact3_y_mm_is_in_phys_range(float value)
-{
-    return ((value >= -65.0f) && (value <= 65.0f));
-}
-
-uint8_t vt_fd_state_contact3_depth_mm_encode(float value)
-{
-    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.025f)));
-}
-
-float vt_fd_state_contact3_depth_mm_decode(uint8_t value)
-{
-    return ((float)value * 0.025f);
-}
-
-bool vt_fd_state_contact3_depth_mm_is_in_range(uint8_t value)
-{
-    return (value <= 254u);
-}
-
-bool vt_fd_state_contact3_depth_mm_is_in_phys_range(float value)
 {
     return ((value >= 0.0f) && (value <= 6.35f));
 }

@@ -75,6 +75,20 @@ extern "C" {
 
 #define VT_FD_STATE_FORCE_N_INVALID_CHOICE (-32768)
 
+#define VT_FD_STATE_FORCE_X_N_INVALID_CHOICE (-32768)
+
+#define VT_FD_STATE_FORCE_Y_N_INVALID_CHOICE (-32768)
+
+#define VT_FD_STATE_FORCE_XY_SIGMA_N_INVALID_CHOICE (255u)
+
+#define VT_FD_STATE_TORQUE_Z_NMM_INVALID_CHOICE (-32768)
+
+#define VT_FD_STATE_TORQUE_Z_SIGMA_NMM_INVALID_CHOICE (255u)
+
+#define VT_FD_STATE_FRICTION_INVALID_CHOICE (255u)
+
+#define VT_FD_STATE_SLIP_MARGIN_INVALID_CHOICE (255u)
+
 #define VT_FD_STATE_PRESSURE_KPA_INVALID_CHOICE (-32768)
 
 #define VT_FD_STATE_CONTACT_AREA_MM2_INVALID_CHOICE (65535u)
@@ -106,18 +120,6 @@ extern "C" {
 #define VT_FD_STATE_CONTACT1_Y_MM_INVALID_CHOICE (-32768)
 
 #define VT_FD_STATE_CONTACT1_DEPTH_MM_INVALID_CHOICE (255u)
-
-#define VT_FD_STATE_CONTACT2_X_MM_INVALID_CHOICE (-32768)
-
-#define VT_FD_STATE_CONTACT2_Y_MM_INVALID_CHOICE (-32768)
-
-#define VT_FD_STATE_CONTACT2_DEPTH_MM_INVALID_CHOICE (255u)
-
-#define VT_FD_STATE_CONTACT3_X_MM_INVALID_CHOICE (-32768)
-
-#define VT_FD_STATE_CONTACT3_Y_MM_INVALID_CHOICE (-32768)
-
-#define VT_FD_STATE_CONTACT3_DEPTH_MM_INVALID_CHOICE (255u)
 
 #define VT_FD_STATE_ORIENTATION_DEG_INVALID_CHOICE (-32768)
 
@@ -238,6 +240,13 @@ extern "C" {
 #define VT_FD_STATE_DISPLACEMENT_MM_NAME "displacement_mm"
 #define VT_FD_STATE_DISPLACEMENT_SIGMA_MM_NAME "displacement_sigma_mm"
 #define VT_FD_STATE_FORCE_N_NAME "force_n"
+#define VT_FD_STATE_FORCE_X_N_NAME "force_x_n"
+#define VT_FD_STATE_FORCE_Y_N_NAME "force_y_n"
+#define VT_FD_STATE_FORCE_XY_SIGMA_N_NAME "force_xy_sigma_n"
+#define VT_FD_STATE_TORQUE_Z_NMM_NAME "torque_z_nmm"
+#define VT_FD_STATE_TORQUE_Z_SIGMA_NMM_NAME "torque_z_sigma_nmm"
+#define VT_FD_STATE_FRICTION_NAME "friction"
+#define VT_FD_STATE_SLIP_MARGIN_NAME "slip_margin"
 #define VT_FD_STATE_PRESSURE_KPA_NAME "pressure_kpa"
 #define VT_FD_STATE_CONTACT_AREA_MM2_NAME "contact_area_mm2"
 #define VT_FD_STATE_SHEAR_X_MM_NAME "shear_x_mm"
@@ -254,12 +263,6 @@ extern "C" {
 #define VT_FD_STATE_CONTACT1_X_MM_NAME "contact1_x_mm"
 #define VT_FD_STATE_CONTACT1_Y_MM_NAME "contact1_y_mm"
 #define VT_FD_STATE_CONTACT1_DEPTH_MM_NAME "contact1_depth_mm"
-#define VT_FD_STATE_CONTACT2_X_MM_NAME "contact2_x_mm"
-#define VT_FD_STATE_CONTACT2_Y_MM_NAME "contact2_y_mm"
-#define VT_FD_STATE_CONTACT2_DEPTH_MM_NAME "contact2_depth_mm"
-#define VT_FD_STATE_CONTACT3_X_MM_NAME "contact3_x_mm"
-#define VT_FD_STATE_CONTACT3_Y_MM_NAME "contact3_y_mm"
-#define VT_FD_STATE_CONTACT3_DEPTH_MM_NAME "contact3_depth_mm"
 #define VT_FD_STATE_ORIENTATION_DEG_NAME "orientation_deg"
 #define VT_FD_STATE_TEMPERATURE_DEGC_NAME "temperature_degc"
 #define VT_FD_STATE_CHECK_NAME "check"
@@ -337,7 +340,7 @@ struct vt_fd_state_t {
     uint8_t counter;
 
     /**
-     * layout version, 1 here; check before use
+     * layout version, 2 here; check before use
      *
      * Range: 0..255 (0..255 -)
      * Scale: 1
@@ -391,7 +394,7 @@ struct vt_fd_state_t {
     uint8_t pins_tracked;
 
     /**
-     * number of separate contacts; up to 4 of them are listed below
+     * number of separate contacts; up to 2 of them are listed below
      *
      * Range: 0..14 (0..14 -)
      * Scale: 1
@@ -425,6 +428,69 @@ struct vt_fd_state_t {
      * Offset: 0
      */
     int16_t force_n;
+
+    /**
+     * friction force on the tip along x (tip frame): what drags the skin towards x is positive
+     *
+     * Range: -32500..32500 (-65..65 N)
+     * Scale: 0.002
+     * Offset: 0
+     */
+    int16_t force_x_n;
+
+    /**
+     * friction force on the tip along y (tip frame)
+     *
+     * Range: -32500..32500 (-65..65 N)
+     * Scale: 0.002
+     * Offset: 0
+     */
+    int16_t force_y_n;
+
+    /**
+     * standard deviation of force_x_n and of force_y_n
+     *
+     * Range: 0..254 (0..2.54 N)
+     * Scale: 0.01
+     * Offset: 0
+     */
+    uint8_t force_xy_sigma_n;
+
+    /**
+     * torque of the friction on the tip about z, positive from x to y
+     *
+     * Range: -32000..32000 (-640..640 Nmm)
+     * Scale: 0.02
+     * Offset: 0
+     */
+    int16_t torque_z_nmm;
+
+    /**
+     * standard deviation of the torque
+     *
+     * Range: 0..254 (0..25.4 Nmm)
+     * Scale: 0.1
+     * Offset: 0
+     */
+    uint8_t torque_z_sigma_nmm;
+
+    /**
+     * largest tangential over normal load that this contact has held, its torque included
+     *
+     * Range: 0..254 (0..5.08 -)
+     * Scale: 0.02
+     * Offset: 0
+     */
+    uint8_t friction;
+
+    /**
+     * 1 less the present tangential over normal load in units of `friction`; 0: nothing more has been held
+     *
+     * Range: 0..250 (0..1 -)
+     * Scale: 0.004
+     * Offset: 0
+     */
+    uint8_t slip_margin;
 
     /**
      * force over contact area
@@ -571,60 +637,6 @@ struct vt_fd_state_t {
     uint8_t contact1_depth_mm;
 
     /**
-     * place of contact 2, x (tip frame)
-     *
-     * Range: -32500..32500 (-65..65 mm)
-     * Scale: 0.002
-     * Offset: 0
-     */
-    int16_t contact2_x_mm;
-
-    /**
-     * place of contact 2, y (tip frame)
-     *
-     * Range: -32500..32500 (-65..65 mm)
-     * Scale: 0.002
-     * Offset: 0
-     */
-    int16_t contact2_y_mm;
-
-    /**
-     * depth of contact 2 into the skin
-     *
-     * Range: 0..254 (0..6.35 mm)
-     * Scale: 0.025
-     * Offset: 0
-     */
-    uint8_t contact2_depth_mm;
-
-    /**
-     * place of contact 3, x (tip frame)
-     *
-     * Range: -32500..32500 (-65..65 mm)
-     * Scale: 0.002
-     * Offset: 0
-     */
-    int16_t contact3_x_mm;
-
-    /**
-     * place of contact 3, y (tip frame)
-     *
-     * Range: -32500..32500 (-65..65 mm)
-     * Scale: 0.002
-     * Offset: 0
-     */
-    int16_t contact3_y_mm;
-
-    /**
-     * depth of contact 3 into the skin
-     *
-     * Range: 0..254 (0..6.35 mm)
-     * Scale: 0.025
-     * Offset: 0
-     */
-    uint8_t contact3_depth_mm;
-
-    /**
      * direction of the long axis of the contact (edge), from x towards y, in (-90, 90]
      *
      * Range: -9000..9000 (-90..90 deg)
@@ -677,7 +689,7 @@ struct vt_fd_detail_t {
     uint8_t counter;
 
     /**
-     * layout version, 1 here; check before use
+     * layout version, 2 here; check before use
      *
      * Range: 0..255 (0..255 -)
      * Scale: 1
@@ -1629,6 +1641,286 @@ bool vt_fd_state_force_n_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
+int16_t vt_fd_state_force_x_n_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_fd_state_force_x_n_decode(int16_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_force_x_n_is_in_range(int16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_force_x_n_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+int16_t vt_fd_state_force_y_n_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_fd_state_force_y_n_decode(int16_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_force_y_n_is_in_range(int16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_force_y_n_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+uint8_t vt_fd_state_force_xy_sigma_n_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_fd_state_force_xy_sigma_n_decode(uint8_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_force_xy_sigma_n_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_force_xy_sigma_n_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+int16_t vt_fd_state_torque_z_nmm_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_fd_state_torque_z_nmm_decode(int16_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_torque_z_nmm_is_in_range(int16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_torque_z_nmm_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+uint8_t vt_fd_state_torque_z_sigma_nmm_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_fd_state_torque_z_sigma_nmm_decode(uint8_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_torque_z_sigma_nmm_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_torque_z_sigma_nmm_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+uint8_t vt_fd_state_friction_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_fd_state_friction_decode(uint8_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_friction_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_friction_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+uint8_t vt_fd_state_slip_margin_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_fd_state_slip_margin_decode(uint8_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_slip_margin_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_slip_margin_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
 int16_t vt_fd_state_pressure_kpa_encode(float value);
 
 /**
@@ -2261,246 +2553,6 @@ bool vt_fd_state_contact1_depth_mm_is_in_range(uint8_t value);
  * @return true if in range, false otherwise.
  */
 bool vt_fd_state_contact1_depth_mm_is_in_phys_range(float value);
-
-/**
- * Encode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to encode.
- *
- * @return Encoded signal.
- */
-int16_t vt_fd_state_contact2_x_mm_encode(float value);
-
-/**
- * Decode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to decode.
- *
- * @return Decoded signal.
- */
-float vt_fd_state_contact2_x_mm_decode(int16_t value);
-
-/**
- * Check that given signal is in allowed range.
- *
- * @param[in] value Signal to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_fd_state_contact2_x_mm_is_in_range(int16_t value);
-
-/**
- * Check that given physical value is in allowed range before encoding.
- *
- * Use this BEFORE calling _encode() to avoid silent integer overflow:
- *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
- *   is_in_phys_range(-1.0) correctly returns false.
- *
- * @param[in] value Physical signal value to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_fd_state_contact2_x_mm_is_in_phys_range(float value);
-
-/**
- * Encode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to encode.
- *
- * @return Encoded signal.
- */
-int16_t vt_fd_state_contact2_y_mm_encode(float value);
-
-/**
- * Decode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to decode.
- *
- * @return Decoded signal.
- */
-float vt_fd_state_contact2_y_mm_decode(int16_t value);
-
-/**
- * Check that given signal is in allowed range.
- *
- * @param[in] value Signal to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_fd_state_contact2_y_mm_is_in_range(int16_t value);
-
-/**
- * Check that given physical value is in allowed range before encoding.
- *
- * Use this BEFORE calling _encode() to avoid silent integer overflow:
- *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
- *   is_in_phys_range(-1.0) correctly returns false.
- *
- * @param[in] value Physical signal value to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_fd_state_contact2_y_mm_is_in_phys_range(float value);
-
-/**
- * Encode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to encode.
- *
- * @return Encoded signal.
- */
-uint8_t vt_fd_state_contact2_depth_mm_encode(float value);
-
-/**
- * Decode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to decode.
- *
- * @return Decoded signal.
- */
-float vt_fd_state_contact2_depth_mm_decode(uint8_t value);
-
-/**
- * Check that given signal is in allowed range.
- *
- * @param[in] value Signal to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_fd_state_contact2_depth_mm_is_in_range(uint8_t value);
-
-/**
- * Check that given physical value is in allowed range before encoding.
- *
- * Use this BEFORE calling _encode() to avoid silent integer overflow:
- *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
- *   is_in_phys_range(-1.0) correctly returns false.
- *
- * @param[in] value Physical signal value to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_fd_state_contact2_depth_mm_is_in_phys_range(float value);
-
-/**
- * Encode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to encode.
- *
- * @return Encoded signal.
- */
-int16_t vt_fd_state_contact3_x_mm_encode(float value);
-
-/**
- * Decode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to decode.
- *
- * @return Decoded signal.
- */
-float vt_fd_state_contact3_x_mm_decode(int16_t value);
-
-/**
- * Check that given signal is in allowed range.
- *
- * @param[in] value Signal to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_fd_state_contact3_x_mm_is_in_range(int16_t value);
-
-/**
- * Check that given physical value is in allowed range before encoding.
- *
- * Use this BEFORE calling _encode() to avoid silent integer overflow:
- *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
- *   is_in_phys_range(-1.0) correctly returns false.
- *
- * @param[in] value Physical signal value to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_fd_state_contact3_x_mm_is_in_phys_range(float value);
-
-/**
- * Encode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to encode.
- *
- * @return Encoded signal.
- */
-int16_t vt_fd_state_contact3_y_mm_encode(float value);
-
-/**
- * Decode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to decode.
- *
- * @return Decoded signal.
- */
-float vt_fd_state_contact3_y_mm_decode(int16_t value);
-
-/**
- * Check that given signal is in allowed range.
- *
- * @param[in] value Signal to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_fd_state_contact3_y_mm_is_in_range(int16_t value);
-
-/**
- * Check that given physical value is in allowed range before encoding.
- *
- * Use this BEFORE calling _encode() to avoid silent integer overflow:
- *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
- *   is_in_phys_range(-1.0) correctly returns false.
- *
- * @param[in] value Physical signal value to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_fd_state_contact3_y_mm_is_in_phys_range(float value);
-
-/**
- * Encode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to encode.
- *
- * @return Encoded signal.
- */
-uint8_t vt_fd_state_contact3_depth_mm_encode(float value);
-
-/**
- * Decode given signal by applying scaling and offset.
- *
- * @param[in] value Signal to decode.
- *
- * @return Decoded signal.
- */
-float vt_fd_state_contact3_depth_mm_decode(uint8_t value);
-
-/**
- * Check that given signal is in allowed range.
- *
- * @param[in] value Signal to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_fd_state_contact3_depth_mm_is_in_range(uint8_t value);
-
-/**
- * Check that given physical value is in allowed range before encoding.
- *
- * Use this BEFORE calling _encode() to avoid silent integer overflow:
- *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
- *   is_in_phys_range(-1.0) correctly returns false.
- *
- * @param[in] value Physical signal value to check.
- *
- * @return true if in range, false otherwise.
- */
-bool vt_fd_state_contact3_depth_mm_is_in_phys_range(float value);
 
 /**
  * Encode given signal by applying scaling and offset.

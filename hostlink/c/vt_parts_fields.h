@@ -6,7 +6,7 @@
 
 #include <stdint.h>
 
-#define VT_FIELD_N         35u
+#define VT_FIELD_N         36u
 #define VT_PARTS_ALWAYS    0x000Fu /* bit i: part i comes with every sample */
 #define VT_SAMPLE_LOW_BITS 5u
 #define VT_AT_SAMPLE       4u /* in the frame */
@@ -30,8 +30,8 @@ typedef struct {
 
 static const vt_part_field_t vt_part_fields[VT_FIELD_N] = {
     {0u, 5u, 14u, 16u, 2u, VT_SIGNED}, /* displacement_mm */
-    {0u, 19u, 14u, 25u, 2u, VT_SIGNED}, /* shear_x_mm */
-    {0u, 33u, 14u, 27u, 2u, VT_SIGNED}, /* shear_y_mm */
+    {0u, 19u, 14u, 35u, 2u, VT_SIGNED}, /* shear_x_mm */
+    {0u, 33u, 14u, 37u, 2u, VT_SIGNED}, /* shear_y_mm */
     {1u, 5u, 16u, 6u, 2u, VT_PLAIN}, /* status */
     {1u, 21u, 11u, 64u, 2u, VT_PLAIN}, /* sample_high */
     {1u, 32u, 8u, 14u, 1u, VT_UNSIGNED}, /* pins_tracked */
@@ -40,38 +40,39 @@ static const vt_part_field_t vt_part_fields[VT_FIELD_N] = {
     {2u, 8u, 32u, 8u, 4u, VT_PLAIN}, /* capture_time_us */
     {2u, 40u, 8u, 67u, 1u, VT_PLAIN}, /* check */
     {3u, 8u, 8u, 18u, 1u, VT_UNSIGNED}, /* displacement_sigma_mm */
-    {3u, 16u, 8u, 29u, 1u, VT_UNSIGNED}, /* shear_sigma_mm */
+    {3u, 16u, 8u, 39u, 1u, VT_UNSIGNED}, /* shear_sigma_mm */
     {3u, 24u, 16u, 12u, 2u, VT_UNSIGNED}, /* latency_us */
     {3u, 40u, 8u, 61u, 1u, VT_SIGNED}, /* temperature_degc */
     {4u, 8u, 16u, 19u, 2u, VT_SIGNED}, /* force_n */
-    {4u, 24u, 16u, 21u, 2u, VT_SIGNED}, /* pressure_kpa */
-    {5u, 8u, 16u, 23u, 2u, VT_UNSIGNED}, /* contact_area_mm2 */
+    {4u, 24u, 16u, 31u, 2u, VT_SIGNED}, /* pressure_kpa */
+    {5u, 8u, 16u, 33u, 2u, VT_UNSIGNED}, /* contact_area_mm2 */
     {5u, 24u, 16u, 59u, 2u, VT_SIGNED}, /* orientation_deg */
-    {6u, 8u, 16u, 32u, 2u, VT_SIGNED}, /* tilt_x_deg */
-    {6u, 24u, 16u, 34u, 2u, VT_SIGNED}, /* tilt_y_deg */
-    {7u, 8u, 16u, 30u, 2u, VT_SIGNED}, /* torsion_deg */
-    {7u, 24u, 16u, 36u, 2u, VT_UNSIGNED}, /* slip_speed_mm_s */
-    {7u, 40u, 8u, 38u, 1u, VT_UNSIGNED}, /* slip_probability */
-    {8u, 8u, 16u, 39u, 2u, VT_SIGNED}, /* contact0_x_mm */
-    {8u, 24u, 16u, 41u, 2u, VT_SIGNED}, /* contact0_y_mm */
-    {8u, 40u, 8u, 43u, 1u, VT_UNSIGNED}, /* contact0_depth_mm */
-    {9u, 8u, 16u, 44u, 2u, VT_SIGNED}, /* contact1_x_mm */
-    {9u, 24u, 16u, 46u, 2u, VT_SIGNED}, /* contact1_y_mm */
-    {9u, 40u, 8u, 48u, 1u, VT_UNSIGNED}, /* contact1_depth_mm */
-    {10u, 8u, 16u, 49u, 2u, VT_SIGNED}, /* contact2_x_mm */
-    {10u, 24u, 16u, 51u, 2u, VT_SIGNED}, /* contact2_y_mm */
-    {10u, 40u, 8u, 53u, 1u, VT_UNSIGNED}, /* contact2_depth_mm */
-    {11u, 8u, 16u, 54u, 2u, VT_SIGNED}, /* contact3_x_mm */
-    {11u, 24u, 16u, 56u, 2u, VT_SIGNED}, /* contact3_y_mm */
-    {11u, 40u, 8u, 58u, 1u, VT_UNSIGNED}, /* contact3_depth_mm */
+    {6u, 8u, 16u, 42u, 2u, VT_SIGNED}, /* tilt_x_deg */
+    {6u, 24u, 16u, 44u, 2u, VT_SIGNED}, /* tilt_y_deg */
+    {7u, 8u, 16u, 40u, 2u, VT_SIGNED}, /* torsion_deg */
+    {7u, 24u, 16u, 46u, 2u, VT_UNSIGNED}, /* slip_speed_mm_s */
+    {7u, 40u, 8u, 48u, 1u, VT_UNSIGNED}, /* slip_probability */
+    {8u, 8u, 16u, 21u, 2u, VT_SIGNED}, /* force_x_n */
+    {8u, 24u, 16u, 23u, 2u, VT_SIGNED}, /* force_y_n */
+    {8u, 40u, 8u, 25u, 1u, VT_UNSIGNED}, /* force_xy_sigma_n */
+    {9u, 8u, 16u, 26u, 2u, VT_SIGNED}, /* torque_z_nmm */
+    {9u, 24u, 8u, 28u, 1u, VT_UNSIGNED}, /* torque_z_sigma_nmm */
+    {9u, 32u, 8u, 29u, 1u, VT_UNSIGNED}, /* friction */
+    {9u, 40u, 8u, 30u, 1u, VT_UNSIGNED}, /* slip_margin */
+    {10u, 8u, 16u, 49u, 2u, VT_SIGNED}, /* contact0_x_mm */
+    {10u, 24u, 16u, 51u, 2u, VT_SIGNED}, /* contact0_y_mm */
+    {10u, 40u, 8u, 53u, 1u, VT_UNSIGNED}, /* contact0_depth_mm */
+    {11u, 8u, 16u, 54u, 2u, VT_SIGNED}, /* contact1_x_mm */
+    {11u, 24u, 16u, 56u, 2u, VT_SIGNED}, /* contact1_y_mm */
+    {11u, 40u, 8u, 58u, 1u, VT_UNSIGNED}, /* contact1_depth_mm */
 };
 
 /* The frame's fields of a sample of which nothing is known. */
 static const uint8_t vt_unknown[VT_UNKNOWN_N] = {
     0x00u, 0x00u, 0x00u, 0x00u, 0x00u, 0x00u, 0x00u, 0x00u, 0xFFu, 0xFFu, 0xFFu, 0x00u,
-    0x00u, 0x80u, 0xFFu, 0x00u, 0x80u, 0x00u, 0x80u, 0xFFu, 0xFFu, 0x00u, 0x80u, 0x00u,
-    0x80u, 0xFFu, 0x00u, 0x80u, 0x00u, 0x80u, 0x00u, 0x80u, 0xFFu, 0xFFu, 0xFFu, 0x00u,
-    0x80u, 0x00u, 0x80u, 0xFFu, 0x00u, 0x80u, 0x00u, 0x80u, 0xFFu, 0x00u, 0x80u, 0x00u,
+    0x00u, 0x80u, 0xFFu, 0x00u, 0x80u, 0x00u, 0x80u, 0x00u, 0x80u, 0xFFu, 0x00u, 0x80u,
+    0xFFu, 0xFFu, 0xFFu, 0x00u, 0x80u, 0xFFu, 0xFFu, 0x00u, 0x80u, 0x00u, 0x80u, 0xFFu,
+    0x00u, 0x80u, 0x00u, 0x80u, 0x00u, 0x80u, 0xFFu, 0xFFu, 0xFFu, 0x00u, 0x80u, 0x00u,
     0x80u, 0xFFu, 0x00u, 0x80u, 0x00u, 0x80u, 0xFFu, 0x00u, 0x80u, 0x80u
 };
 

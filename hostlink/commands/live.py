@@ -299,5 +299,6 @@ def _text(event: Sample) -> str:
     return (
         f"{event.arrival_s:.6f} finger={event.node} sample={s.sample} "
         f"displacement_mm={s.displacement_mm:.3f} shear_mm={s.shear_x_mm:.3f},{s.shear_y_mm:.3f} "
-        f"force_n={s.force_n:.3f} contacts={s.contact_n}"
+        f"force_n={s.force_n:.3f} force_xy_n={s.force_x_n:.3f},{s.force_y_n:.3f} "
+        f"slip_margin={s.slip_margin:.3f} contacts={s.contact_n}"
     )

@@ -16,6 +16,7 @@ from array import array
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from operator import attrgetter
 from typing import Any
 
 from hostlink.client import Connection, Sample
@@ -25,7 +26,19 @@ from hostlink.web import CommandRefused, Listen, PageServer, pack_packet
 
 __all__ = ["HandView"]
 
-CHART = ("time_s", "displacement_mm", "shear_x_mm", "shear_y_mm", "force_n", "torsion_deg", "latency_ms")
+#: Fields of the state frame that the charts show.
+CHARTED = (
+    "displacement_mm",
+    "shear_x_mm",
+    "shear_y_mm",
+    "force_n",
+    "force_x_n",
+    "force_y_n",
+    "slip_margin",
+    "torsion_deg",
+)
+CHART = ("time_s", *CHARTED, "latency_ms")
+_charted = attrgetter(*CHARTED)
 RECENT = 256  # samples of a finger between two packets; normally 8, at 30 packets a second
 OVERLAP_S = 0.3  # rows are sent this long: a viewer that missed a packet has no gap
 UPDATE_S = 0.5  # rates and counts over less are noise
@@ -71,10 +84,9 @@ class HandView:
 
     def _keep(self, sample: Sample) -> None:
         if self._watched:
-            s = sample.state
-            row = (sample.arrival_s, s.displacement_mm, s.shear_x_mm, s.shear_y_mm, s.force_n, s.torsion_deg)
             latency_ms = (sample.arrival_s - sample.host_time_s) * 1e3
-            self._series.setdefault(sample.finger, deque(maxlen=RECENT)).append((*row, latency_ms))
+            row = (sample.arrival_s, *_charted(sample.state), latency_ms)
+            self._series.setdefault(sample.finger, deque(maxlen=RECENT)).append(row)
             self._counts[sample.finger] = self._counts.get(sample.finger, 0) + 1
 
     # ---- the server's thread ------------------------------------------------------------------------

@@ -6,14 +6,18 @@
     +--------+------+-------+--------+--------+------------+--------+----+----+
     | CRC-16 | cntr | versn | sample | status | time  (us) | latency|pins|cont|   E2E profile 5, header
     +--------+------+-------+--------+--------+------------+--------+----+----+
-    16       18   19       21       23       25       27       29   30       32       34       36       38
-    +--------+----+--------+--------+--------+--------+--------+----+--------+--------+--------+--------+
-    | displ. |sigm| force  | press. | area   | shear x| shear y|sigm| torsion| tilt x | tilt y | slip   |
-    +--------+----+--------+--------+--------+--------+--------+----+--------+--------+--------+--------+
-    38   39          44          49          54          59       61   62       64
-    +----+-----------+-----------+-----------+-----------+--------+----+--------+
-    |prob| contact 0 | contact 1 | contact 2 | contact 3 | orient.|temp| check  |
-    +----+-----------+-----------+-----------+-----------+--------+----+--------+
+    16       18   19       21       23       25   26       28   29   30   31       33       35
+    +--------+----+--------+--------+--------+----+--------+----+----+----+--------+--------+
+    | displ. |sigm| force  | force x| force y|sigm| torque |sigm|fric|marg| press. | area   |
+    +--------+----+--------+--------+--------+----+--------+----+----+----+--------+--------+
+    35       37       39   40       42       44       46       48   49
+    +--------+--------+----+--------+--------+--------+--------+----+
+    | shear x| shear y|sigm| torsion| tilt x | tilt y | slip   |prob|
+    +--------+--------+----+--------+--------+--------+--------+----+
+    49          54          59       61   62       64
+    +-----------+-----------+--------+----+--------+
+    | contact 0 | contact 1 | orient.|temp| check  |
+    +-----------+-----------+--------+----+--------+
 
 Rules
 - A finite value saturates at the field's range. NaN is the type's most negative value, or the largest
@@ -54,11 +58,11 @@ __all__ = [
     "field_named",
 ]
 
-VERSION: Final = 1  # of the layout; at most 255. Its low 4 bits travel in every classic part.
+VERSION: Final = 2  # of the layout; at most 255. Its low 4 bits travel in every classic part.
 HEADER_SIZE: Final = 4  # E2E profile 5 (3 bytes) and the version
 CHECK_SIZE: Final = 2  # at the end of the state frame
 STATE_SIZE: Final = 64  # the largest CAN FD frame
-CONTACTS_MAX: Final = 4
+CONTACTS_MAX: Final = 2
 
 # struct's type code -> (lowest raw value, highest raw value, NaN)
 _TYPES: Final = {
@@ -154,7 +158,7 @@ LAYOUT: Final = (
        "steps of 10 us resolve 1 ms well and still hold a camera at 2 Hz"),
     _F("pins_tracked", "B", 0.004, "", 0, 1, 8, "share of the pins whose place is known, 0..1",
        "a share, as tips differ in their number of pins; 250 steps: about one pin of 331"),
-    _F("contact_n", "B", 0, "", 0, 14, 4, "number of separate contacts; up to 4 of them are listed below",
+    _F("contact_n", "B", 0, "", 0, 14, 4, "number of separate contacts; up to 2 of them are listed below",
        "more than are listed may exist, and a controller should know"),
     _F("displacement_mm", "h", 0.002, "mm", -16, 16, 14,
        "depth by which the skin is pressed in, along z; positive is into the tip",
@@ -163,6 +167,24 @@ LAYOUT: Final = (
        "lets a filter weigh the value; above 2 mm its weight is nil"),
     _F("force_n", "h", 0.002, "N", -65, 65, 16, "normal force on the tip; positive presses the tip",
        "needs a calibration with a force gauge"),
+    _F("force_x_n", "h", 0.002, "N", -65, 65, 16,
+       "friction force on the tip along x (tip frame): what drags the skin towards x is positive",
+       "as the normal force: a controller divides the two"),
+    _F("force_y_n", "h", 0.002, "N", -65, 65, 16, "friction force on the tip along y (tip frame)",
+       "see force_x_n"),
+    _F("force_xy_sigma_n", "B", 0.01, "N", 0, 2.54, 8, "standard deviation of force_x_n and of force_y_n",
+       "see displacement_sigma_mm"),
+    _F("torque_z_nmm", "h", 0.02, "Nmm", -640, 640, 16,
+       "torque of the friction on the tip about z, positive from x to y",
+       "10 N on a contact 8 mm in radius twist with some 50 N mm"),
+    _F("torque_z_sigma_nmm", "B", 0.1, "Nmm", 0, 25.4, 8, "standard deviation of the torque",
+       "see displacement_sigma_mm"),
+    _F("friction", "B", 0.02, "", 0, 5.08, 8,
+       "largest tangential over normal load that this contact has held, its torque included",
+       "skin on most objects: 0.2..1.5; a lower bound until something slips"),
+    _F("slip_margin", "B", 0.004, "", 0, 1, 8,
+       "1 less the present tangential over normal load in units of `friction`; 0: nothing more has been held",
+       "what a grasp controller regulates: grip harder when it falls"),
     _F("pressure_kpa", "h", 0.05, "kPa", -1600, 1600, 16, "force over contact area",
        "fingertips: 10..1000 kPa"),
     _F("contact_area_mm2", "H", 0.02, "mm2", 0, 1310, 16, "area of skin in contact, all contacts together",
@@ -183,7 +205,7 @@ LAYOUT: Final = (
        "holds an object falling for 67 ms"),
     _F("slip_probability", "B", 0.004, "", 0, 1, 8, "probability that the contact slips, 0..1",
        "a threshold on it is the controller's choice"),
-    *_contact(0), *_contact(1), *_contact(2), *_contact(3),
+    *_contact(0), *_contact(1),
     _F("orientation_deg", "h", 0.01, "deg", -90, 90, 16,
        "direction of the long axis of the contact (edge), from x towards y, in (-90, 90]",
        "an axis has no head: 180 degrees hold it all"),
@@ -224,8 +246,10 @@ PARTS: Final = (
     Part(5, 3, 3, ("contact_area_mm2", "orientation_deg")),
     Part(6, 3, 4, ("tilt_x_deg", "tilt_y_deg")),
     Part(7, 3, 5, ("torsion_deg", "slip_speed_mm_s", "slip_probability")),
+    Part(8, 3, 6, ("force_x_n", "force_y_n", "force_xy_sigma_n")),
+    Part(9, 3, 7, ("torque_z_nmm", "torque_z_sigma_nmm", "friction", "slip_margin")),
     *(
-        Part(8 + i, 4, i, (f"contact{i}_x_mm", f"contact{i}_y_mm", f"contact{i}_depth_mm"))
+        Part(10 + i, 4, i, (f"contact{i}_x_mm", f"contact{i}_y_mm", f"contact{i}_depth_mm"))
         for i in range(CONTACTS_MAX)
     ),
 )

@@ -10,7 +10,8 @@ demand, at least 4), and their reassembly.
     TPDO1  displacement, shear x, shear y: enough to control a grasp
     TPDO2  status, rest of the sample number, pins tracked, number of contacts, number of parts
     TPDO3  page 0 time, check; 1 sigmas, latency, temperature; 2 force, pressure; 3 area, orientation;
-           4 tilt; 5 torsion, slip.  Pages 0 and 1 always, 2..5 when one of their values is valid
+           4 tilt; 5 torsion, slip; 6 forces along the surface; 7 torque, friction, slip margin.
+           Pages 0 and 1 always, the others when one of their values is valid
     TPDO4  page i: contact i, for each listed contact
 
 Rules

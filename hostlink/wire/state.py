@@ -48,7 +48,7 @@ class State:
 
     Floats are NaN where not measured, not calibrated, not asked for or not to be trusted.
     sample and capture_time_us are counters that wrap (16 and 32 bits); `pack_state` takes larger ones
-    and keeps their low bits. contacts: at most 4, strongest first; contact_n may be larger.
+    and keeps their low bits. contacts: at most 2, strongest first; contact_n may be larger.
     """
 
     sample: int = 0
@@ -60,6 +60,13 @@ class State:
     displacement_mm: float = nan
     displacement_sigma_mm: float = nan
     force_n: float = nan
+    force_x_n: float = nan
+    force_y_n: float = nan
+    force_xy_sigma_n: float = nan
+    torque_z_nmm: float = nan
+    torque_z_sigma_nmm: float = nan
+    friction: float = nan
+    slip_margin: float = nan
     pressure_kpa: float = nan
     contact_area_mm2: float = nan
     shear_x_mm: float = nan

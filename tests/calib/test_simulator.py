@@ -55,6 +55,45 @@ def area_change(*contacts: ToolPose) -> Array:
     return areas(REST + motion_of(*contacts)) / rest - 1
 
 
+# -- friction -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("friction", [0.3, 0.8])
+@pytest.mark.parametrize("depth_mm", [1.0, 2.0, 3.0])
+def test_partial_slip_is_mindlins(friction: float, depth_mm: float) -> None:
+    """The rim slips first: a tangential force Q leaves a share (1 - Q / mu P)^(2/3) of the area sticking."""
+    tip = Tip(friction=friction)
+    shares = []
+    for shear_mm in friction * depth_mm * np.array([0.1, 0.3, 0.6, 0.9]):
+        done = deform(tip, (ToolPose(depth_mm=depth_mm, shear_x_mm=float(shear_mm)),))
+        share = np.hypot(*done.drags_n[0]) / (friction * done.forces_n[0])
+        assert done.slip[0] == pytest.approx(1 - (1 - min(share, 1.0)) ** (2 / 3), abs=0.08)
+        shares.append(share)
+    assert shares[0] < 0.3
+    assert shares[-1] > 0.7
+
+
+def test_a_sliding_contact_carries_coulombs_force_along_its_motion() -> None:
+    tip = Tip(friction=0.4)
+    for angle in (0.0, 1.0, 2.5):
+        x, y = 4 * np.cos(angle), 4 * np.sin(angle)
+        done = deform(tip, (ToolPose(depth_mm=2.0, tilt_x_deg=5.0, shear_x_mm=x, shear_y_mm=y),))
+        assert done.slip[0] == pytest.approx(1.0)
+        expected = 0.4 * done.forces_n[0] * np.array([x, y]) / 4
+        np.testing.assert_allclose(done.drags_n[0], expected, atol=0.03 * done.forces_n[0] * 0.4)
+
+
+def test_a_spinning_contact_carries_the_torque_of_a_round_one() -> None:
+    """3 pi / 16 mu P a for Hertz's pressure; odd under mirror, and no force."""
+    tip = Tip(friction=0.4)
+    one, other = (deform(tip, (ToolPose(depth_mm=2.0, twist_deg=twist),)) for twist in (20.0, -20.0))
+    radius_mm = np.sqrt(one.areas_mm2[0] / np.pi)
+    hertz = 3 * np.pi / 16 * 0.4 * one.forces_n[0] * radius_mm
+    assert one.torques_nmm[0] == pytest.approx(hertz, rel=0.12)
+    assert other.torques_nmm[0] == pytest.approx(-one.torques_nmm[0], rel=1e-3)
+    assert np.hypot(*one.drags_n[0]) < 0.02 * 0.4 * one.forces_n[0]
+
+
 # -- layouts ------------------------------------------------------------------------------------
 
 

@@ -98,6 +98,13 @@ def test_a_capture_s_truth_drops_meaningless_values() -> None:
     np.testing.assert_array_equal(values["contact_area_mm2"], [nan, 9, nan, nan, nan])
 
 
+def test_forces_along_the_surface_and_torque_are_truth_too() -> None:
+    gauge = {"force_n": "3", "force_x_n": "-1", "force_y_n": "0.5", "torque_z_nmm": "7"}
+    values = targets_of_capture("a.mcap", [row(**gauge), row()]).values
+    for name, text in gauge.items():
+        np.testing.assert_array_equal(values[name], [float(text), np.nan])
+
+
 def test_a_capture_without_a_gauge_has_no_force() -> None:
     assert "force_n" not in targets_of_capture("a.mcap", [row(), row()]).values
 

@@ -6,10 +6,13 @@ from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from edge.calibration import Calibration
+from edge.calibration.checks import outputs_of
+from edge.calibration.file import Polynomial
 from edge.errors import CalibrationError, NoPins
 from edge.pins import take_rest
 from edge.pipeline import ALL, Pipeline
@@ -50,6 +53,47 @@ def test_values_follow_the_truth(frames: list[Frame], rest: Rest, calibration: C
     read = (last.reading.values["shear_x_mm"], last.reading.values["shear_y_mm"])
     assert read == pytest.approx(tuple(truth["shear_mm"]), abs=0.1)
     assert not last.searched
+
+
+def test_friction_and_slip_margin_come_with_the_forces(
+    frames: list[Frame], rest: Rest, calibration: Calibration
+) -> None:
+    """A shear at constant depth: what is held grows; let go half of it, and there is a margin."""
+    gripping = _with_friction(calibration)
+    pipeline = Pipeline(in_order_of(gripping, rest), gripping, frozenset({Feature.FORCE}))
+    assert "slip_margin" not in pipeline.process(frames[0]).reading.values
+    readings = [pipeline.process(frame).reading.values for frame in frames[1:]]
+    last = readings[-1]
+    load = np.hypot(last["force_x_n"], last["force_y_n"]) / last["force_n"]
+    assert last["friction"] == pytest.approx(load, rel=0.3)
+    assert last["slip_margin"] == pytest.approx(max(0.0, 1 - load / last["friction"]), abs=0.1)
+    back = [frame for frame in reversed(frames) if _shear(frame) > 0.4 * _shear(frames[-1])]
+    released = [pipeline.process(frame).reading.values["slip_margin"] for frame in back]
+    assert released[-1] > 0.2
+    without = Pipeline(in_order_of(gripping, rest), gripping, frozenset({Feature.SHEAR}))
+    assert not [v for v in map(without.process, frames) if "slip_margin" in v.reading.values]
+
+
+def _shear(frame: Frame) -> float:
+    assert frame.truth is not None
+    return float(np.hypot(*frame.truth["shear_mm"]))
+
+
+def _with_friction(calibration: Calibration) -> Calibration:
+    """With forces along the surface of 0.2 N a mm of shear, and a torque of 0.3 Nmm a degree of torsion."""
+    models = {outputs_of(model)[0]: model for model in calibration.content.models}
+    added = []
+    for name, outputs, scale in (
+        ("shear_x_mm", ["force_x_n", "force_y_n"], 0.2),
+        ("torsion_deg", ["torque_z_nmm"], 0.3),
+    ):
+        model = models[name]
+        assert isinstance(model, Polynomial)
+        weights = [(scale * re, scale * im) for re, im in model.weights]
+        sigma = [scale * s for s in model.sigma]
+        added.append(msgspec.structs.replace(model, outputs=outputs, weights=weights, sigma=sigma))
+    content = msgspec.structs.replace(calibration.content, models=[*models.values(), *added])
+    return Calibration.of(content, "with friction")
 
 
 def test_a_jump_gives_the_same_as_following(frames: list[Frame], rest: Rest) -> None:

@@ -547,11 +547,11 @@ def test_another_version_on_classic_can() -> None:
     frames = []
     for i in range(30):
         frame = bytearray(Random(i).randbytes(8))
-        protect_p11(frame, i, 0x2C0)
+        protect_p11(frame, i, (VERSION + 1) << 8 | 0xC0)
         frames.append((0x181, bytes(frame)))
     decoder = CanDecoder()
     (error,) = mismatches(decoder, frames)
-    assert (error.ours, error.theirs) == (VERSION, 2)
+    assert (error.ours, error.theirs) == (VERSION, VERSION + 1)
     assert (error.our_id, error.their_id) == (DATA_ID_CLASSIC & 0xFF, 0xC0)
     assert decoder.statistics[1].foreign_n > 20
 
@@ -571,7 +571,7 @@ def test_one_frame_with_a_foreign_version_byte_is_noise_however_often_it_is_repe
 def test_mismatch_names_the_finger() -> None:
     (error,) = mismatches(CanDecoder(), [(0x183, foreign_state(i, VERSION + 1, 0xBEEF)) for i in range(9)])
     assert error.node == 3
-    assert str(error).startswith("finger 3 speaks wire version 2 ")
+    assert str(error).startswith(f"finger 3 speaks wire version {VERSION + 1} ")
 
 
 def test_noise_is_not_another_version() -> None:

@@ -108,7 +108,7 @@ def test_every_sample_of_every_finger(setup: Setup, monkeypatch: pytest.MonkeyPa
         seen_n, depths = 0, []
         for packet in taken:
             finger = next(f for f in packet["fingers"] if f["node"] == number)
-            rows = packet["arrays"][f"rows{number}"].reshape(-1, 7)
+            rows = packet["arrays"][f"rows{number}"].reshape(-1, len(hand.CHART))
             first = finger["rows_n"] - len(rows)
             assert first <= seen_n, "rows were skipped"
             depths += rows[seen_n - first :, 1].tolist()

@@ -53,7 +53,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/features/pin_noise.py:_MAD_TO_SIGMA", "edge/tracking/outliers.py:SIGMA_OF_MAD",
         "edge/features/pin_motion.py:_ELLIPSE", "edge/features/modes.py:MODE_POWERS",
         "edge/features/slip.py:NO_SLIP", "edge/pins/blobs.py:_ANGLES", "edge/runtime/measurement.py:_NOTHING",
-        "edge/geometry/lattice.py:N_RING",
+        "edge/geometry/lattice.py:N_RING", "edge/calibration/grip.py:_RADIUS",
         "edge/view/palette.py:_TO_CONES", "edge/view/palette.py:_TO_LAB",
     }),
     "rounding and the width of a number": frozenset({

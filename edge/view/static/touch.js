@@ -24,6 +24,11 @@ let palette = remember("palette") === "safe" ? "safe" : "paper";
 const NUMBERS = [
   ["Depth", "mm", (p) => [p.values?.displacement_mm, 2, p.values?.displacement_sigma_mm]],
   ["Force", "N", (p) => [p.values?.force_n, 2]],
+  ["Force x", "N", (p) => [p.values?.force_x_n, 2, p.values?.force_xy_sigma_n]],
+  ["Force y", "N", (p) => [p.values?.force_y_n, 2, p.values?.force_xy_sigma_n]],
+  ["Torque", "N mm", (p) => [p.values?.torque_z_nmm, 1, p.values?.torque_z_sigma_nmm]],
+  ["Friction", "", (p) => [p.values?.friction, 2]],
+  ["Slip margin", "%", (p) => [p.values?.slip_margin == null ? null : 100 * p.values.slip_margin, 0]],
   ["Shear x", "mm", (p) => [p.values?.shear_x_mm, 2, p.values?.shear_sigma_mm]],
   ["Shear y", "mm", (p) => [p.values?.shear_y_mm, 2, p.values?.shear_sigma_mm]],
   ["Torsion", "°", (p) => [p.values?.torsion_deg, 1]],
@@ -43,6 +48,8 @@ const CHARTS = [
   { title: "Shear", unit: "mm", least: 0.2, names: ["x", "y"], of: ["shear_x_mm", "shear_y_mm"],
     raw: { title: "Mean motion of the pins", unit: "px", least: 1, names: ["x", "y"], of: ["shear_x_px", "shear_y_px"] } },
   { title: "Torsion", unit: "°", least: 2, of: ["torsion_deg"] },
+  { title: "Tangential force", unit: "N", least: 0.2, names: ["x", "y"], of: ["force_x_n", "force_y_n"] },
+  { title: "Slip margin", unit: "", least: 1, of: ["slip_margin"] },
   { title: "Rate", unit: "Hz", least: 50, of: null },
   { title: "Latency", unit: "ms", least: 2, of: ["latency_ms"] },
 ]; // prettier-ignore

@@ -19,6 +19,8 @@ const CHARTS = [
   { title: "Displacement", unit: "mm", least: 0.5, of: ["displacement_mm"] },
   { title: "Shear", unit: "mm", least: 0.2, names: ["x", "y"], of: ["shear_x_mm", "shear_y_mm"] },
   { title: "Force", unit: "N", least: 0.5, of: ["force_n"] },
+  { title: "Tangential force", unit: "N", least: 0.2, names: ["x", "y"], of: ["force_x_n", "force_y_n"] },
+  { title: "Slip margin", unit: "", least: 1, of: ["slip_margin"] },
   { title: "Torsion", unit: "°", least: 2, of: ["torsion_deg"] },
   { title: "Rate", unit: "Hz", least: 50, of: null },
   { title: "Latency to this host", unit: "ms", least: 2, of: ["latency_ms"] },
@@ -27,6 +29,7 @@ const VALUES = [
   ["depth", "mm", (s) => number(s.displacement_mm, 2)],
   ["shear", "mm", (s) => (s.shear_x_mm === null ? "–" : number(Math.hypot(s.shear_x_mm, s.shear_y_mm), 2))],
   ["force", "N", (s) => number(s.force_n, 2)],
+  ["tangential", "N", (s) => (s.force_x_n === null ? "–" : number(Math.hypot(s.force_x_n, s.force_y_n), 2))],
 ];
 
 let hello = null;

@@ -123,6 +123,13 @@ class TactileSample(IdlStruct):
     displacement_mm: float32
     displacement_sigma_mm: float32
     force_n: float32
+    force_x_n: float32
+    force_y_n: float32
+    force_xy_sigma_n: float32
+    torque_z_nmm: float32
+    torque_z_sigma_nmm: float32
+    friction: float32
+    slip_margin: float32
     pressure_kpa: float32
     contact_area_mm2: float32
     shear_x_mm: float32

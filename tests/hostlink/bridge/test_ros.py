@@ -41,7 +41,8 @@ STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f
 
 def state(number: int, k: int) -> State:
     sent = touched(number, k)
-    return State(**{f.name: getattr(sent, f.name) for f in FIELDS} | {"force_n": 2.5}, contacts=sent.contacts)
+    forces = {"force_n": 2.5, "force_x_n": 0.5, "force_y_n": -0.75, "torque_z_nmm": 12.5}
+    return State(**{f.name: getattr(sent, f.name) for f in FIELDS} | forces, contacts=sent.contacts)
 
 
 class Scene:
@@ -84,8 +85,11 @@ def test_a_peer_decodes_the_samples_that_were_sent(scene: Scene) -> None:
     assert (message.finger, message.header.frame_id) == (3, "finger_3")
 
     wrench = WrenchStamped.deserialize(peer.of("/finger_3/wrench")[-1].payload)
-    assert wrench.wrench.force.z == pytest.approx(-2.5)
-    assert isnan(wrench.wrench.force.x)
+    force, torque = wrench.wrench.force, wrench.wrench.torque
+    assert (force.x, force.y, force.z) == pytest.approx((0.5, -0.75, -2.5))
+    assert torque.z == pytest.approx(0.0125)
+    assert isnan(torque.x)
+    assert isnan(torque.y)
     cloud: Any = PointCloud2.deserialize(peer.of("/finger_1/contacts")[-1].payload)
     points = list(struct.iter_unpack("<4f", bytes(cloud.data)))
     assert points[0] == pytest.approx((1.5e-3, -2.5e-3, 0.0, 0.5e-3))

@@ -23,6 +23,7 @@ from edge.link.node import Node
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, Sample, decode_recording
 from hostlink.commands.cli import COMMANDS, cli, main
 from hostlink.recording import read_log
+from hostlink.wire import VERSION
 from tests.hostlink.test_client import Application, Pty, make_node, need_multicast, state
 from tests.support.waiting import SOON_S, size_of, until
 
@@ -399,7 +400,7 @@ def test_seconds_are_a_finite_number(
 def test_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("--version") == 0
     assert capsys.readouterr().out.startswith(
-        f"voronoi-touch {version('voronoi-touch')}, wire version 1, schema 0x"
+        f"voronoi-touch {version('voronoi-touch')}, wire version {VERSION}, schema 0x"
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import struct
 import subprocess
@@ -23,6 +24,7 @@ from hostlink.wire.generate import generate
 from hostlink.wire.generate.dbc import classic_signals, state_signals
 from hostlink.wire.objects import TYPES
 from tests.support.states import random_state
+from tests.vectors.__main__ import FILE
 
 FOLDER = Path(hostlink.__file__).parent
 SAMPLES = 10_000
@@ -215,6 +217,14 @@ def test_c_refuses_damaged_frames(c_decoder: Path) -> None:
     frame[20] ^= 1
     with pytest.raises(subprocess.CalledProcessError):
         run_c(c_decoder, [(0, bytes(frame))])
+
+
+def test_c_refuses_frames_of_the_version_before(c_decoder: Path) -> None:
+    golden = json.loads(FILE.with_name("frames_v1.json").read_text(encoding="utf-8"))
+    for row in golden["samples"]:
+        for number, data in [(0, row["frame"]), *row["parts"]]:
+            with pytest.raises(subprocess.CalledProcessError):
+                run_c(c_decoder, [(number, bytes.fromhex(data))])
 
 
 def test_canopen_reads_the_eds() -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from typing import Any
 
 import pytest
 
 from hostlink.decoder import CanDecoder, Sample, SerialDecoder
+from hostlink.errors import VersionMismatch
 from hostlink.wire import (
     VERSION,
     CanIds,
@@ -27,6 +29,23 @@ from tests.support.states import same
 from tests.vectors.__main__ import FILE
 
 GOLDEN = json.loads(FILE.read_text(encoding="utf-8"))
+BEFORE = json.loads(FILE.with_name("frames_v1.json").read_text(encoding="utf-8"))
+"""What senders of version 1 sent."""
+
+
+def mismatches(golden: dict[str, Any]) -> list[VersionMismatch]:
+    """What the decoders of CAN FD and of serial lines say about golden frames; no sample may come out."""
+    found, can, serial = [], CanDecoder(), SerialDecoder()
+    for row in golden["samples"]:
+        for receive in (
+            partial(can.receive, CanIds().state(3), bytes.fromhex(row["frame"])),
+            partial(serial.receive, bytes.fromhex(row["serial"])),
+        ):
+            try:
+                assert not [e for e in receive() if isinstance(e, Sample)]
+            except VersionMismatch as error:
+                found.append(error)
+    return found
 
 
 def state_of(row: dict[str, Any]) -> State:
@@ -40,6 +59,35 @@ def state_of(row: dict[str, Any]) -> State:
 
 def test_the_file_belongs_to_this_version() -> None:
     assert GOLDEN["version"] == VERSION
+
+
+def test_frames_of_the_version_before_are_refused_in_one_line() -> None:
+    errors = mismatches(BEFORE)
+    assert len(errors) == 2
+    for error in errors:
+        assert (error.ours, error.theirs) == (VERSION, BEFORE["version"])
+        assert "\n" not in str(error)
+        assert f"version {BEFORE['version']}" in str(error)
+        assert f"version {VERSION}" in str(error)
+
+
+def test_a_receiver_of_the_version_before_refuses_these_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The decoder as it was: version and data id are all that it looks at before it refuses."""
+    before = {"VERSION": BEFORE["version"], "DATA_ID": int(BEFORE["schema"], 16) & 0xFFFF}
+    for module in ("hostlink.decoder", "hostlink.wire.state", "hostlink.wire.serial"):
+        for name, value in before.items():
+            monkeypatch.setattr(f"{module}.{name}", value)
+    errors = mismatches(GOLDEN)
+    assert [(e.ours, e.theirs) for e in errors] == [(BEFORE["version"], VERSION)] * 2
+    assert not any("\n" in str(error) for error in errors)
+
+
+def test_classic_parts_of_the_version_before_are_damaged_ones() -> None:
+    decoder = CanDecoder()
+    parts = [part for row in BEFORE["samples"] for part in row["parts"]]
+    for tpdo, part in parts:
+        assert decoder.receive(CanIds().tpdo(tpdo, 1), bytes.fromhex(part)) == []
+    assert decoder.statistics[1].corrupt_n == len(parts)
 
 
 @pytest.mark.parametrize("row", GOLDEN["samples"], ids=lambda row: row["name"])

@@ -17,7 +17,16 @@ from hypothesis import strategies as st
 import hostlink.wire as wire
 from hostlink.wire import CanIds, Contact, CorruptFrame, Kind, Message, State, Status
 from hostlink.wire.detail import AREA_STEP, DISPLACEMENT_STEP_PX, PINS_MAX, PINS_PER_SEGMENT
-from hostlink.wire.fields import CHECK_SIZE, CLASSIC_BITS, FIELDS, LAYOUT, PARTS, STATE_SIZE, VERSION
+from hostlink.wire.fields import (
+    CHECK_SIZE,
+    CLASSIC_BITS,
+    CONTACTS_MAX,
+    FIELDS,
+    LAYOUT,
+    PARTS,
+    STATE_SIZE,
+    VERSION,
+)
 from hostlink.wire.objects import GROUPS, TYPES
 from tests.support.states import CONTACT_ROWS, MEASURED, any_state, expected, random_state, same
 
@@ -138,7 +147,7 @@ def test_only_pages_with_something_valid_are_sent() -> None:
     assert len(wire.pack_parts(State(force_n=1), 0)) == 5
     full = random_state(Random(1), 0)
     highest: dict[str, Any] = {f.name: f.high for f in MEASURED}
-    full = dataclasses.replace(full, **highest, contacts=(Contact(1, 2),) * 4)
+    full = dataclasses.replace(full, **highest, contacts=(Contact(1, 2),) * CONTACTS_MAX)
     assert len(wire.pack_parts(full, 0)) == len(PARTS) == 12
 
 
@@ -171,9 +180,9 @@ def test_foreign_frames_are_refused() -> None:
         wire.unpack_part(tpdo + 1, part)
 
 
-def test_five_contacts_are_misuse() -> None:
-    with pytest.raises(ValueError, match="at most 4"):
-        State(contacts=(Contact(0, 0),) * 5)
+def test_more_contacts_than_fit_are_misuse() -> None:
+    with pytest.raises(ValueError, match=f"at most {CONTACTS_MAX}"):
+        State(contacts=(Contact(0, 0),) * (CONTACTS_MAX + 1))
 
 
 # --- detail stream ---
