@@ -248,7 +248,7 @@ def _why_no_table(path: Path, table: Path, reason: str) -> str:
         return f"{table}: {reason}; finish the capture with --resume"
     return (
         f"{path}: a recording, but no capture: it has no table of truth; give one that `calib capture` made, "
-        "or TARGETS.csv with --frames and --rest"
+        "or TARGETS.csv with --frames DIR"
     )
 
 

@@ -107,7 +107,7 @@ def open_dataset(tables: Sequence[Path], folder: Path | None, rest_image: Path |
     if len(tables) > 1:
         raise TableError(f"{tables[1]}: one table at a time; only captures ({RECORDING}) can be joined")
     if folder is None:
-        raise TableError(f"{tables[0]}: --frames is missing; a table needs --frames DIR, and --rest IMAGE")
+        raise TableError(f"{tables[0]}: a table needs --frames DIR, the folder of its pictures")
     targets = read_targets(tables[0], folder)
     if rest_image is None or str(rest_image) == "auto":
         return _without_rest(tables[0], targets)

@@ -28,6 +28,7 @@ __all__ = [
     "IMAGE_SIDE_PX",
     "PINS_MAX",
     "PINS_MIN",
+    "RATE_MIN_HZ",
     "SETTINGS_BYTES",
     "BadContent",
     "ImageSide",
@@ -50,6 +51,7 @@ NESTING_MAX = 32  # nested lists and tables, if a file's types do not bound them
 
 IMAGE_SIDE_PX = 8192  # width or height
 IMAGE_PIXELS = 1 << 24  # 4096 x 4096, more than any camera that fits behind a fingertip
+RATE_MIN_HZ = 0.01  # of a camera or of samples, where 0 has a meaning of its own: less is a mistake
 PINS_MIN = 12  # the fewest that `edge.pins` accepts as a pattern
 PINS_MAX = 2048  # six times the densest tip in use
 

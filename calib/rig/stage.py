@@ -26,6 +26,7 @@ import serial
 from calib.errors import RigError
 from calib.toml_file import load_toml
 from edge.limits import Number
+from hostlink.wire.open_errors import message_of
 
 # GRBL v1.1, the codes that a calibration can meet.
 GRBL_ERRORS = {
@@ -135,7 +136,7 @@ class GcodeStage:
         try:
             self._line: Any = serial.serial_for_url(port, baudrate=config.stage.baud, timeout=0.1)
         except (serial.SerialException, ValueError) as error:
-            raise RigError(f"stage {port}: {error}; give the stage's serial port") from None
+            raise RigError(f"stage {port}: {message_of(error)}; give the stage's serial port") from None
         try:
             self._greet()
             if config.stage.home:

@@ -36,6 +36,10 @@ class Camera:
     k1: float = -0.08
     k2: float = 0.0
 
+    def __post_init__(self) -> None:
+        if not 0 <= self.pins_radius_px <= max(self.size_px):
+            raise ValueError(f"camera: pins_radius_px = {self.pins_radius_px}; give 0 to {max(self.size_px)}")
+
     @property
     def centre_img(self) -> Array:
         """(2,) px, where the tip's axis meets the image."""

@@ -17,6 +17,7 @@ import numpy as np
 from calib.sim.camera import Camera
 from calib.sim.mechanics import Deformation, ToolPose, deform
 from calib.sim.render import Look, Renderer
+from edge.limits import RATE_MIN_HZ
 from edge.types import Array, Clock, Frame
 
 POSES_KEPT = 64  # a step of a protocol shows the same pose ten times; 64 is a loop of a scripted source
@@ -39,6 +40,10 @@ class Simulator:
         rate_hz: float = 60.0,
         exposure: float = 0.0,
     ) -> None:
+        if seed < 0:
+            raise ValueError(f"seed = {seed}; give 0 or more")
+        if rate_hz < RATE_MIN_HZ:
+            raise ValueError(f"rate_hz = {rate_hz}; give {RATE_MIN_HZ:g} or more")
         self.camera = camera or Camera()
         self.look = look or Look()
         self.seed = seed

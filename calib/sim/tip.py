@@ -18,9 +18,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import radians, sin
 
 import numpy as np
 
+from edge.limits import PINS_MAX, PINS_MIN
 from edge.types import Array
 
 LAYOUTS = ("hex", "rings", "square")
@@ -34,6 +36,8 @@ def layout(kind: str, n_pins: int) -> Array:
     Returns  (n, 2) float64, row 0 nearest to the centre, then by radius and angle
     Raises   ValueError: no such kind, or a number that makes no whole pattern
     """
+    if not 1 <= n_pins <= PINS_MAX:
+        raise ValueError(f"{n_pins} pins; give {PINS_MIN} to {PINS_MAX}")
     if kind == "square":
         side = round(n_pins**0.5)
         if side * side != n_pins or side < 2:
@@ -117,6 +121,8 @@ class Tip:
             )
         if not self.pin_length_mm < self.dome_radius_mm < self.camera_distance_mm:
             raise ValueError("tip: pin_length_mm < dome_radius_mm < camera_distance_mm must hold")
+        if self.n_pins * self.pin_radius_mm**2 > (self.dome_radius_mm * sin(radians(self.pins_deg))) ** 2:
+            raise ValueError(f"tip: pin_radius_mm = {self.pin_radius_mm}; the pins would cover one another")
 
     @cached_property
     def rays(self) -> Array:

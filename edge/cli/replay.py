@@ -14,6 +14,7 @@ from edge.cli.options import LoopOptions, SpeedFactor, loop_options, rest_option
 from edge.cli.progress import counting, waiting
 from edge.cli.summary import Summary, damage_of, json_line, print_summary
 from edge.errors import InputError
+from hostlink.cli_exit import print_error
 from hostlink.cli_types import counted
 
 if TYPE_CHECKING:
@@ -75,9 +76,11 @@ def replay(
         printer.raise_failure()
         if not quiet or as_json:
             print_summary(statistics, loop.sinks, as_json, summary.report())
-        for message in (damage_of(source), _lost_to_tare(loop, config.tare.frames_n, passed.skipped_n)):
+        for message in (damage_of(source), _lost_to_tare(loop, passed.skipped_n)):
             if message:
                 log.warning("%s: %s", recording, message)
+        if message := _no_values(loop, config.tare.frames_n):
+            raise SystemExit(print_error(f"{recording}: {message}", 1))
 
 
 def _use_rest(loop: Loop, recording: str, how: str, quiet: bool) -> None:
@@ -140,20 +143,32 @@ class _SamplePrinter:
             raise self._failure
 
 
-def _lost_to_tare(loop: Loop, tare_n: int, skipped_n: int | None) -> str:
+def _no_values(loop: Loop, tare_n: int) -> str:
+    """Message if the whole recording gave no values; else empty."""
+    if loop.last is not None or not _played_to_its_end(loop):
+        return ""
+    return (
+        f"ended while the rest frame was being taken ({counted(tare_n, 'image')} and a search), "
+        f"no values; {_way_out(loop)}"
+    )
+
+
+def _lost_to_tare(loop: Loop, skipped_n: int | None) -> str:
     """Message on the part of a recording that the tare took; empty: no more than its own images."""
+    if not skipped_n or not _played_to_its_end(loop):
+        return ""
+    return f"{counted(skipped_n, 'image')} passed while the rest frame was being taken; {_way_out(loop)}"
+
+
+def _played_to_its_end(loop: Loop) -> bool:
+    """False: it was stopped."""
     from edge.types import LiveSource
 
-    source = loop.source
-    paced = isinstance(source, LiveSource)
-    if not loop.frames_n or (isinstance(source, LiveSource) and not source.ended):
-        return ""  # stopped
-    way_out = "--loop plays it on, --speed max takes every image" if paced else "replay a longer one"
-    if loop.last is None:
-        return (
-            f"ended while the rest frame was being taken ({counted(tare_n, 'image')} and a search), "
-            f"no values; {way_out}"
-        )
-    if skipped_n:
-        return f"{counted(skipped_n, 'image')} passed while the rest frame was being taken; {way_out}"
-    return ""
+    return loop.frames_n > 0 and (not isinstance(loop.source, LiveSource) or loop.source.ended)
+
+
+def _way_out(loop: Loop) -> str:
+    from edge.types import LiveSource
+
+    paced = isinstance(loop.source, LiveSource)
+    return "--loop plays it on, --speed max takes every image" if paced else "replay a longer one"

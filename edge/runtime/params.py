@@ -16,7 +16,6 @@ class RuntimeParams:
     latencies_n: int = 1 << 14  # frames that the statistics of times look back on
     log_s: float = 10.0  # a fault that flickers gets at most one pair of lines in this time
     failed_write_s: float = 1.0  # how long a failed write is reported as a storage fault
-    rate_min_hz: float = 0.01  # a slower rate of samples is a mistake
 
 
 PARAMS = RuntimeParams()

@@ -115,8 +115,8 @@ def checked(name: str, value: float) -> float:
         raise ValueError(f"{name} is {value!r}, not a whole number")
     if obj.low is not None and obj.high is not None and not obj.low <= value <= obj.high:
         raise ValueError(f"{name} is {value:g}, possible is {obj.low:g} to {obj.high:g}")
-    if name == "rate_hz" and 0 < value < PARAMS.rate_min_hz:
+    if name == "rate_hz" and 0 < value < limits.RATE_MIN_HZ:
         raise ValueError(
-            f"rate_hz is {value:g}, possible is 0 (every image) or {PARAMS.rate_min_hz:g} to {obj.high:g}"
+            f"rate_hz is {value:g}, possible is 0 (every image) or {limits.RATE_MIN_HZ:g} to {obj.high:g}"
         )
     return value

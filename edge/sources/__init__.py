@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from edge.errors import SourceError
+from edge.limits import RATE_MIN_HZ
 from edge.sources.files import IMAGE_SUFFIXES, FolderSource, VideoSource, read_image
 from edge.sources.live import ThreadedSource
 from edge.sources.options import Options, Spec, convert, parse_spec
@@ -120,6 +121,9 @@ def open_source(spec: str, **settings: Any) -> FrameSource:
     Raises    SourceError: one line: what is wrong, where, and what would be right
     """
     parsed = parse_spec(spec, Options(**settings))
+    if 0 < parsed.options.rate_hz < RATE_MIN_HZ:
+        rate_hz = parsed.options.rate_hz
+        raise SourceError(f"source {spec}: rate_hz={rate_hz:g}: give 0 (its own) or {RATE_MIN_HZ:g} and more")
     if not parsed.scheme or _exists(spec):  # a file may have a colon in its name
         plain = Spec(
             spec, _scheme_of(spec), spec, parsed.options if not parsed.scheme else Options(**settings)

@@ -139,10 +139,17 @@ def _samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]]:
         yield from _mcap_samples(path)
         return
     check_suffix(path, (*CAN_SUFFIXES, SERIAL_SUFFIX, MCAP_SUFFIX))
-    for event in decode_recording(path):
-        if isinstance(event, Sample):
-            values = {name: getattr(event.state, name) for name in _COLUMNS}
-            yield event.node, event.arrival_s, event.state.capture_time_us, values
+    samples_n = 0
+    try:
+        for event in decode_recording(path):
+            if isinstance(event, Sample):
+                values = {name: getattr(event.state, name) for name in _COLUMNS}
+                samples_n += 1
+                yield event.node, event.arrival_s, event.state.capture_time_us, values
+    except LogError as error:
+        if not samples_n:
+            raise
+        log.warning("%s; only the samples before that are drawn", error)
 
 
 def _mcap_samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]]:

@@ -93,7 +93,7 @@ def parse_listen(text: str, token: str | None = None) -> Listen:
         _check_host(text, host)
     if not is_loopback(host) and not token:
         raise WebError(
-            f"view {text}: others can reach this address; give a token too (auto makes one), or 127.0.0.1"
+            f"{text}: others can reach this address; give a token too (auto makes one), or 127.0.0.1"
         )
     return Listen(host, port, token or "")
 
@@ -103,7 +103,7 @@ def _check_host(text: str, host: str) -> None:
     try:
         socket.getaddrinfo(host, None)
     except (OSError, UnicodeError):
-        raise WebError(f"view {text}: no host {host!r} is known; give HOST:PORT, e.g. {DEFAULT}") from None
+        raise WebError(f"{text}: no host {host!r} is known; give HOST:PORT, e.g. {DEFAULT}") from None
 
 
 def _split(text: str) -> tuple[str, int]:
@@ -118,5 +118,5 @@ def _split(text: str) -> tuple[str, int]:
         host, _, port_text = text.partition(":")
     port_text = port_text or str(PORT)
     if not port_text.isdigit() or int(port_text) > 65535:
-        raise WebError(f"view {text}: {port_text!r} is no port; give HOST:PORT, e.g. {DEFAULT}")
+        raise WebError(f"{text}: {port_text!r} is no port; give HOST:PORT, e.g. {DEFAULT}")
     return host or "127.0.0.1", int(port_text)

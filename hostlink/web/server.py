@@ -157,9 +157,7 @@ class PageServer:
         except OSError as error:
             self._thread.join()
             why = error.strerror or error
-            raise WebError(
-                f"view {self.listen}: cannot be served there: {why}; give another HOST:PORT"
-            ) from None
+            raise WebError(f"{self.listen}: cannot be served there: {why}; give another HOST:PORT") from None
 
     def close(self) -> None:
         """Disconnect all viewers and end the thread."""

@@ -249,7 +249,7 @@ def test_another_tip_s_frames_are_refused(recording: Path, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["{table}", "--rest", "{rest}"], "--frames is missing"),
+        (["{table}", "--rest", "{rest}"], "a table needs --frames DIR"),
         (["{table}", "{table}", "--frames", "{frames}", "--rest", "{rest}"], "one table at a time"),
         (["{table}", "{capture}"], "not both"),
         (["{capture}", "--rest", "{rest}"], "a capture has its own frames"),

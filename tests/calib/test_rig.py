@@ -124,7 +124,7 @@ def test_simulation_file_sets_tip_camera_and_look(tmp_path: Path) -> None:
     ("[tip]\nskin_mm = -1", ["skin_mm"]),
     ("[tip]\nrim_deg = 95", ["rim_deg"]),
     ("[tip]\nn_pins = 100", ["91"]),
-    ("[tip]\nn_pins = 3997", ["n_pins = 3997; give 12 to 2048"]),
+    ("[tip]\nn_pins = 3997", ["3997 pins; give 12 to 2048"]),
     ("[tip]\nskin_mm = nan", ["tip.skin_mm = nan: give a finite number"]),
     ("[camera]\nsize_px = [100000, 100000]", ["100000x100000 pixels are too many"]),
     ("[tip]\ncamera_distance_mm = 5", ["camera_distance_mm"]),
@@ -368,3 +368,11 @@ def test_every_field_of_a_pose_has_an_instruction() -> None:
     pressed = Pose(depth_mm=1.0)
     for name in ("x_mm", "y_mm", "tilt_x_deg", "tilt_y_deg", "shear_x_mm", "shear_y_mm", "twist_deg"):
         assert describe_pose(replace(pressed, **{name: 1.0})) != describe_pose(pressed)
+
+
+def test_a_stage_that_is_not_there_is_one_plain_line(tmp_path: Path) -> None:
+    with pytest.raises(RigError) as error:
+        open_rig(f"gcode:{tmp_path}/nope")
+    assert (
+        str(error.value) == f"stage {tmp_path}/nope: No such file or directory; give the stage's serial port"
+    )

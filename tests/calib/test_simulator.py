@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import groupby, pairwise
 from pathlib import Path
@@ -114,7 +115,15 @@ def test_layouts_are_regular_as_the_camera_sees_them(kind: str, n: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "n", "right"), [("hex", 130, "127"), ("square", 120, "121"), ("blue", 9, "hex")]
+    ("kind", "n", "right"),
+    [
+        ("hex", 130, "127"),
+        ("square", 120, "121"),
+        ("blue", 9, "hex"),
+        ("rings", -5, "12 to 2048"),
+        ("square", 0, "12 to 2048"),
+        ("hex", 10**9, "12 to 2048"),
+    ],
 )
 def test_an_impossible_layout_is_refused_with_a_possible_one(kind: str, n: int, right: str) -> None:
     with pytest.raises(ValueError, match=right):
@@ -480,3 +489,33 @@ def test_flat_press_moves_the_pins_as_on_a_published_frame(real_dir: Path) -> No
     assert np.argmax(ours) in (np.argmax(real) - 1, np.argmax(real))
     assert ours.sum() == pytest.approx(real.sum(), rel=0.4)
     assert np.corrcoef(ours, real)[0, 1] > 0.5
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ("pins=-5", "-5 pins; give 12 to 2048"),
+        ("pins=1000000000", "give 12 to 2048"),
+        ("seed=-1", "seed = -1; give 0 or more"),
+        ("rate_hz=1e-300", "rate_hz=1e-300: give 0 (its own) or 0.01 and more"),
+    ],
+)
+def test_wrong_keys_of_a_scene_are_one_line(keys: str, words: str) -> None:
+    with pytest.raises(SourceError) as error:
+        open_source(f"sim:nothing?{keys}")
+    assert words in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Tip(pins_deg=1.0),
+        lambda: Tip(pin_radius_mm=1e9),
+        lambda: Camera(pins_radius_px=1e9),
+        lambda: Camera(pins_radius_px=-1.0),
+        lambda: Simulator(rate_hz=0.0),
+    ],
+)
+def test_impossible_tips_cameras_and_rates_are_refused(make: Callable[[], object]) -> None:
+    with pytest.raises(ValueError, match=r"pin|rate_hz"):
+        make()

@@ -104,15 +104,16 @@ def test_a_recording_of_a_replay_replays_the_same(
 @pytest.mark.parametrize(("speed", "way_out"), [("100", "--loop plays it on"), ("max", "a longer one")])
 def test_a_recording_that_ends_within_its_tare_is_reported(
     monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
+    capsys: pytest.CaptureFixture[str],
     tip_image: Path,
     speed: str,
     way_out: str,
 ) -> None:
-    assert run(monkeypatch, "replay", tip_image, "--speed", speed, "-q") == 0
-    (output,) = [record.getMessage() for record in caplog.records if record.name == "edge"]
+    """No values is no success."""
+    assert run(monkeypatch, "replay", tip_image, "--speed", speed, "-q") == 1
+    *_, output = capsys.readouterr().err.splitlines()
     assert output.startswith(
-        f"{tip_image}: ended while the rest frame was being taken (8 images and a search)"
+        f"error: {tip_image}: ended while the rest frame was being taken (8 images and a search), no values"
     )
     assert way_out in output
 
