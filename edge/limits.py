@@ -28,6 +28,7 @@ __all__ = [
     "IMAGE_SIDE_PX",
     "PINS_MAX",
     "PINS_MIN",
+    "RATE_MAX_HZ",
     "RATE_MIN_HZ",
     "SETTINGS_BYTES",
     "BadContent",
@@ -35,7 +36,6 @@ __all__ = [
     "Name",
     "Number",
     "Pixels",
-    "check_nesting",
     "check_numbers",
     "decode_json",
     "explain",
@@ -47,10 +47,10 @@ __all__ = [
 CALIBRATION_BYTES = 2 << 20  # a 1000-pin tip with every model takes about 0.5 MB
 CONFIG_BYTES = 64 << 10  # every key with a comment takes 4 kB
 SETTINGS_BYTES = 4 << 10  # five numbers
-NESTING_MAX = 32  # nested lists and tables, if a file's types do not bound them
 
 IMAGE_SIDE_PX = 8192  # width or height
 IMAGE_PIXELS = 1 << 24  # 4096 x 4096, more than any camera that fits behind a fingertip
+RATE_MAX_HZ = 100e3  # images a second; a file that states more is damaged
 RATE_MIN_HZ = 0.01  # of a camera or of samples, where 0 has a meaning of its own: less is a mistake
 PINS_MIN = 12  # the fewest that `edge.pins` accepts as a pattern
 PINS_MAX = 2048  # six times the densest tip in use
@@ -122,15 +122,6 @@ def check_numbers(value: object, place: str = "") -> None:
             check_numbers(below, f"{place}[{k}]")
     elif isinstance(value, int | float) and not -NUMBER_MAX <= value <= NUMBER_MAX:
         raise BadContent(f"{place} = {value:g}: give a finite number, at most {NUMBER_MAX:g}")
-
-
-def check_nesting(raw: bytes) -> None:
-    """Check JSON of no fixed type. Raises BadContent: nested too deeply."""
-    depth = 0
-    for token in re.finditer(rb'"(?:[^"\\]|\\.)*"|[\[{\]}]', raw, re.DOTALL):
-        depth += {b"[": 1, b"{": 1, b"]": -1, b"}": -1}.get(token[0], 0)
-        if depth > NESTING_MAX:
-            raise BadContent(f"lists and tables are nested more than {NESTING_MAX} deep")
 
 
 def quote(text: str) -> str:

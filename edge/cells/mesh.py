@@ -47,6 +47,7 @@ from __future__ import annotations
 import cython
 import numpy as np
 
+from edge.cells.params import PARAMS, CellsParams
 from edge.types import Index
 
 if cython.compiled:
@@ -65,20 +66,15 @@ EPSILON = cython.declare(cython.double, 2.0**-53)
 SLIVER = cython.declare(cython.double, 1e-10)
 # Relative error bound beyond which a cell is summed from exact weights.
 AREA_TOLERANCE = cython.declare(cython.double, 1e-12)
-# Distance of the guards, in half-widths of the point set.
-GUARD = cython.declare(cython.double, 16.0)
+# Corners of a rectangle round the points.
 N_GUARD = cython.declare(cython.Py_ssize_t, 4)
-# Points of a kind; keeps every index within 32 bits.
+# Points of a kind: keeps every index of a half-edge within 32 bits.
 MAX_POINTS = 1_000_000
 # Products of four differences must not underflow, or they are not exact: of a set at least this wide,
 # coordinates smaller than this share of its width count as 0. 4 (66 + 140 + 52) bits < 1074.
 EXTENT_MIN = cython.declare(cython.double, 2.0**-66)
 EXTENT_MAX = cython.declare(cython.double, 2.0**66)
 SNAP = cython.declare(cython.double, 2.0**-140)
-# Flips a triangle beyond which a new triangulation is cheaper.
-FLIPS_PER_TRIANGLE = cython.declare(cython.Py_ssize_t, 32)
-# Passes over the triangles that turned over, before it is triangulated from scratch.
-REPAIR_PASSES = cython.declare(cython.Py_ssize_t, 8)
 
 # Outcomes of an update.
 DONE = cython.declare(cython.int, 0)
@@ -113,6 +109,9 @@ class Mesh:
     builds: cython.Py_ssize_t
     changes: cython.Py_ssize_t  # how often the triangles changed
     busy: cython.bint
+    guard_reach: cython.double
+    flips_per_triangle: cython.Py_ssize_t
+    repair_passes: cython.Py_ssize_t
     predicates: Predicates
     x: cython.double[::1]  # per point
     y: cython.double[::1]
@@ -128,7 +127,7 @@ class Mesh:
     stack: cython.int[::1]  # half-edges to check
     error: cython.double[::1]  # per triangle: bound of the error of its cotangents; inf: unknown
 
-    def __init__(self, n_pins: int, n_boundary: int, n_fence: int = 0) -> None:
+    def __init__(self, n_pins: int, n_boundary: int, n_fence: int = 0, params: CellsParams = PARAMS) -> None:
         if not (0 < n_pins <= MAX_POINTS and 0 <= n_boundary <= MAX_POINTS and 0 <= n_fence <= MAX_POINTS):
             raise ValueError(
                 f"need 1 <= n_pins and 0 <= n_boundary, n_fence, each <= {MAX_POINTS}, "
@@ -143,6 +142,9 @@ class Mesh:
         self.n_triangles = self.n_stack = self.n_shared = 0
         self.flips = self.builds = self.changes = 0
         self.busy = False
+        self.guard_reach = params.guard_reach
+        self.flips_per_triangle = params.flips_per_triangle
+        self.repair_passes = params.repair_passes
         x, y = np.zeros(n_all), np.zeros(n_all)
         self.predicates = Predicates(x, y)
         self.x = x
@@ -229,7 +231,7 @@ class Mesh:
             if self.n_stack == 0:
                 break
             self.changes += 1
-            if not self._legalize(True, FLIPS_PER_TRIANGLE * self.n_triangles) and not self._build():
+            if not self._legalize(True, self.flips_per_triangle * self.n_triangles) and not self._build():
                 return NOT_BUILT
         self._sum_exactly()
         self._share()
@@ -271,7 +273,7 @@ class Mesh:
             y = points[i, 1]
             self.x[i] = 0.0 if fabs(x) < tiny else x
             self.y[i] = 0.0 if fabs(y) < tiny else y
-        half: cython.double = 0.5 * extent * GUARD
+        half: cython.double = 0.5 * extent * self.guard_reach
         x_mid: cython.double = x_min + 0.5 * (x_max - x_min)
         y_mid: cython.double = y_min + 0.5 * (y_max - y_min)
         self.x[n] = self.x[n + 3] = x_mid - half
@@ -322,7 +324,7 @@ class Mesh:
         r: cython.Py_ssize_t
         s: cython.Py_ssize_t
         attempt: cython.Py_ssize_t
-        for attempt in range(REPAIR_PASSES):  # noqa: B007  (typed)
+        for attempt in range(self.repair_passes):  # noqa: B007  (typed)
             turned = repaired = 0
             for t in range(self.n_triangles):
                 if self.error[t] < INFINITY or self._measure(t):

@@ -16,6 +16,9 @@ class CellsParams:
     rim_reach_pitches: float = (
         1.0  # Gaussian sigma: how far along the boundary a rim pin's own motion reaches
     )
+    guard_reach: float = 16.0  # of the guard points from the middle, in half-widths of the point set
+    flips_per_triangle: int = 32  # more make a new triangulation cheaper than the kept one
+    repair_passes: int = 8  # over the triangles that turned over, before it is triangulated from scratch
     collapsed_rel: float = 1e-6  # area of all cells over that at rest: the pins fell onto a line or a point
 
 

@@ -29,7 +29,6 @@ from hostlink.wire.address import Address, AddressError, parse_address
 __all__ = [
     "LEVELS",
     "LIMITS",
-    "WRITE_BYTES",
     "DoctorLimits",
     "Line",
     "calibration",
@@ -43,7 +42,6 @@ __all__ = [
 ]
 
 LEVELS = ("ok", "warn", "fail")
-WRITE_BYTES = 16 << 20  # written to measure the disk: more than fits into its cache
 FD_MTU = 72  # bytes; MTU of a Linux interface for CAN FD
 
 
@@ -61,6 +59,11 @@ class DoctorLimits:
     rough_mm       residual of the calibration of displacement or shear
     bus_errors_n   of a CAN controller's counters; the controller warns from here on (ISO 11898-1)
     clock_step_ns  resolution of the monotonic clock
+
+    What is measured:
+    sample_frames_n, sample_s  frames that are checked, and the longest wait for them
+    rest_frames_n  of them that make a rest frame
+    write_bytes    written to measure the disk
     """
 
     rate_share: float = 0.9
@@ -73,6 +76,10 @@ class DoctorLimits:
     rough_mm: float = 0.3
     bus_errors_n: int = 96
     clock_step_ns: float = 1e6
+    sample_frames_n: int = 60
+    sample_s: float = 3.0
+    rest_frames_n: int = 8
+    write_bytes: int = 16 << 20
 
 
 LIMITS = DoctorLimits()
@@ -357,9 +364,9 @@ def disk(config: Config, rate_hz: float, machine: Machine) -> list[Line]:
     folder = Path(config.state.directory or ".")
     try:
         free = machine.free_bytes(folder)
-        if free < BOARD.free_space_bytes + WRITE_BYTES:
+        if free < BOARD.free_space_bytes + LIMITS.write_bytes:
             return [Line("disk", "fail", f"{folder}: {free >> 20} MiB left", "free some space")]
-        seconds = machine.write_s(folder, WRITE_BYTES)
+        seconds = machine.write_s(folder, LIMITS.write_bytes)
     except OSError as error:
         return [
             Line(
@@ -369,7 +376,7 @@ def disk(config: Config, rate_hz: float, machine: Machine) -> list[Line]:
                 "set [state] directory to a folder we may write",
             )
         ]
-    speed = WRITE_BYTES / 1e6 / max(seconds, 1e-6)
+    speed = LIMITS.write_bytes / 1e6 / max(seconds, 1e-6)
     need = config.source.width * config.source.height * (rate_hz or 60.0) / 1e6
     finding = f"{folder}: {free >> 20} MiB left, writes {speed:.0f} MB/s; raw recording takes {need:.0f}"
     slow = speed < need

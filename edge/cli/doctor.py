@@ -24,7 +24,7 @@ import click
 
 from edge.cli import checks
 from edge.cli.assembly import open_configured
-from edge.cli.checks import LEVELS, WRITE_BYTES, Line, worst
+from edge.cli.checks import LEVELS, LIMITS, Line, worst
 from edge.cli.machine import Machine
 from edge.cli.options import calibration_option, config_option, sink_option, source_option
 from edge.cli.progress import waiting
@@ -32,10 +32,8 @@ from edge.config import Config, load_config
 from edge.errors import InputError
 from edge.types import Frame, FrameSource, LiveSource
 
-__all__ = ["LEVELS", "WRITE_BYTES", "Line", "Machine", "doctor", "examine", "worst"]
+__all__ = ["LEVELS", "Line", "Machine", "doctor", "examine", "worst"]
 
-SAMPLE_FRAMES, SAMPLE_S = 60, 3.0  # frames to check, and the longest wait for them
-REST_FRAMES = 8
 _COLOURS = {"ok": "green", "warn": "yellow", "fail": "red"}
 
 
@@ -111,7 +109,7 @@ def examine(
         asked_hz = config.source.rate_hz or source.rate_hz
         lines += checks.camera(source, frames, seconds, config)
         if frames:
-            found, rest = checks.pins(frames[:REST_FRAMES], source.polarity)
+            found, rest = checks.pins(frames[: LIMITS.rest_frames_n], source.polarity)
             lines += found
     lines += checks.calibration(calibration_path, rest)
     for spec in config.link.sinks:
@@ -127,15 +125,15 @@ def examine(
 def _watch(source: FrameSource) -> tuple[list[Frame], float]:
     """Collect live frames, and the time they took."""
     frames: list[Frame] = []
-    end = time.monotonic() + SAMPLE_S
+    end = time.monotonic() + LIMITS.sample_s
     start = time.monotonic()
     if not isinstance(source, LiveSource):
         for frame in source:
             frames.append(frame)
-            if len(frames) == SAMPLE_FRAMES:
+            if len(frames) == LIMITS.sample_frames_n:
                 break
     else:
-        while len(frames) < SAMPLE_FRAMES and time.monotonic() < end:
+        while len(frames) < LIMITS.sample_frames_n and time.monotonic() < end:
             got = source.read(0.1)
             if got is not None:
                 frames.append(got)

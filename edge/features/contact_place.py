@@ -29,8 +29,6 @@ else:
     from math import exp
 
 _INFINITY = cython.declare(cython.double, float("inf"))
-#: Squared distance in pitches beyond which a pin's weight (1e-4) is neglected.
-_FAR = cython.declare(cython.double, 9.0)
 
 
 @cython.cclass
@@ -51,6 +49,7 @@ class ContactPlace:
     _middle: cython.double[:, ::1]
     _semi_axis: cython.double[::1]
     _pitch_px: cython.double
+    _near_max: cython.double  # squared distance from a peak within which pins count, pitches
     _min_peak_rel: cython.double
     _min_visible_rel: cython.double
     _visibility_radius_px: cython.double
@@ -72,7 +71,7 @@ class ContactPlace:
         self._rest = np.array(rest_xy, np.float64, order="C")
         self._area_change = field.area_change
         self._regions, self._middle, self._semi_axis = regions, regions.middle, regions.semi_axis
-        self._pitch_px = pitch_px
+        self._pitch_px, self._near_max = pitch_px, params.peak_radius_pitch**2
         self._peaks, self._peak_at = peaks, peaks.at
         self._near, self._kept = np.zeros(PEAKS_MAX), np.zeros(PEAKS_MAX, np.uint8)
         self._min_peak_rel, self._min_visible_rel = params.min_peak_rel, params.min_visible_rel
@@ -129,7 +128,7 @@ class ContactPlace:
             dx = self._rest[i, 0] - x
             dy = self._rest[i, 1] - y
             d2 = (dx * dx + dy * dy) * scale
-            if d2 >= -_FAR:
+            if d2 >= -self._near_max:
                 w = exp(d2)
                 total += w * cython.cast(cython.double, self._area_change[i])
                 weight += w

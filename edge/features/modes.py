@@ -28,6 +28,7 @@ import math
 import cython
 import numpy as np
 
+from edge.features.params import PARAMS, FeatureParams
 from edge.types import Array, Complex, Rest
 
 if cython.compiled:
@@ -40,8 +41,6 @@ DEGREE = 5
 #: Powers (a, b) of z and conj(z).
 MODE_POWERS = tuple((a, degree - a) for degree in range(DEGREE + 1) for a in range(degree, -1, -1))
 MODE_NAMES = tuple(f"c{a}{b}" for a, b in MODE_POWERS)
-#: Of the normal equations, in pins: keeps high terms bounded when pins are lost.
-RIDGE = 1e-3
 #: Padded length of a row of the basis, and pins of a block: even numbers of independent sums, which the
 #: processor runs in parallel.
 ROW, BLOCK = 22, 4
@@ -98,10 +97,11 @@ class Modes:
     _sum_re: cython.double[::1]  # (k,), the same memory
     _sum_im: cython.double[::1]
 
-    def __init__(self, rest: Rest) -> None:
+    def __init__(self, rest: Rest, params: FeatureParams = PARAMS) -> None:
         basis = mode_basis(rest)
         n, k = basis.shape
-        gram = basis.conj().T @ basis + np.diag(np.where(np.any(basis, axis=0), 0.0, n)) + RIDGE * np.eye(k)
+        empty = np.where(np.any(basis, axis=0), 0.0, n)
+        gram = basis.conj().T @ basis + np.diag(empty) + params.modes_ridge * np.eye(k)
         self._n, self._k = n, k
         self._re, self._im = np.array(basis.real, order="C"), np.array(basis.imag, order="C")
         self._blocks = _in_blocks(basis)

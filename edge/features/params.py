@@ -42,6 +42,9 @@ class FeatureParams:
     min_prominence_sigma: float = 10.0  # ... of the pins' noise
     min_peak_rel: float = 0.2  # smallest height, or area change round it, relative to the highest peak
     region_level_rel: float = 0.3  # a contact's region is what lies above this share of its peak
+    peak_radius_pitch: float = 3.0  # pins beyond have no part in the area change round a peak
+    peaks_max: int = 24  # of the contact field that are kept, the highest
+    contacts_max: int = 8
     visibility_radius_pitch: float = 2.5  # radius round a contact's middle in which pins are counted
     min_visible_rel: float = 0.4  # share of them that must be seen for a second contact
     min_oriented_elongation: float = 1.5  # ratio of the axes above which a direction is given
@@ -56,6 +59,9 @@ class FeatureParams:
     split_min_prominence_rel: float = 0.3
     split_min_prominence_sigma: float = 8.0
     split_steps_per_pitch: float = 2.0  # of its grid
+
+    # --- modes
+    modes_ridge: float = 1e-3  # of the normal equations, pins: keeps high terms bounded when pins are lost
 
     # --- slip
     slip_unexplained_rel: float = 0.2  # share of a sticking contact's motion that a load need not explain

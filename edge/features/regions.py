@@ -28,7 +28,8 @@ if cython.compiled:
 else:
     from math import atan2, hypot, isfinite, sqrt
 
-CONTACTS_MAX = 8
+#: The size of the tables of contacts.
+CONTACTS_MAX = PARAMS.contacts_max
 
 _CONTACTS_MAX = cython.declare(cython.Py_ssize_t, CONTACTS_MAX)
 _NONE = cython.declare(cython.int, -1)

@@ -25,10 +25,9 @@ from numpy.typing import NDArray
 from edge.pins.params import PARAMS
 from edge.types import Array, Image, Mask
 
-RAYS = 16
-# Distances along a ray, in radii. At the tightest pitch seen (2.9 radii, the binary set) the next pin begins
-# beyond 2.25 radii.
-STEPS = np.arange(0.0, 2.26, 0.25)
+RAYS = PARAMS.rays_n
+# Distances along a ray, in radii.
+STEPS = PARAMS.ray_step_radii * np.arange(PARAMS.ray_steps_n)
 
 _ANGLES = 2.0 * np.pi * np.arange(RAYS) / RAYS
 _COS = np.cos(_ANGLES)[None, :, None]

@@ -45,13 +45,7 @@ else:
 
 N_PHASES = cython.declare(cython.int, PHASES)
 LEVEL_MAX = cython.declare(cython.int, STEP_MAX)
-STEPS_MAX = cython.declare(cython.int, 8)
-NEAR = cython.declare(cython.double, 0.75 / PHASES)  # px: a step this short is the last
-FAR = cython.declare(cython.double, 0.35)  # px: the slopes alone are enough for a step this long
 AHEAD = cython.declare(cython.Py_ssize_t, 3)  # how many pins ahead windows are prefetched
-# A disc that a border cuts is lost if less than this share of its variation, or fewer pixels, are in view.
-CUT_SHARE_MIN = cython.declare(cython.double, 0.3)
-CUT_PIXELS_MIN = cython.declare(cython.double, 12)
 
 #: One row of `templates.NORM`: what is known of one phase of one template.
 Norm = cython.struct(
@@ -80,6 +74,11 @@ class CentroidKernel:
     _reach2: cython.double
     _clash: cython.double
     _noise2: cython.double
+    _steps_max: cython.int
+    _near: cython.double  # px: a step this short is the last
+    _far: cython.double  # px: of a longer one the slopes alone are enough
+    _border_share_min: cython.double  # of a disc at the image's border
+    _border_pixels_min: cython.double
     _sign: cython.int  # -1: dark pins
     _shift: cython.int  # right shift that brings 16-bit images to 12 bits
     _wide: cython.bint
@@ -120,7 +119,8 @@ class CentroidKernel:
         templates       of k kinds of pins
         kind_of         (n,) int32, which of the kinds each pin is
         rest_amplitude  (n,) float64, levels
-        limits          fit_min, amplitude_share_min (shares), reach_px, clash_px, noise (levels), spare_bits
+        limits          fit_min, amplitude_share_min, border_share_min (shares), border_pixels_min, reach_px,
+                        clash_px, far_px, near_phases, steps_max, noise (levels), spare_bits
         dark            the pins are darker than the skin
         Raises          ValueError: arrays that do not belong together, an index out of range
         """
@@ -144,6 +144,10 @@ class CentroidKernel:
         self._clash = limits["clash_px"]
         self._shift = int(limits["spare_bits"])
         self._noise2 = limits["noise"] ** 2 / 4.0 ** int(limits["spare_bits"])
+        self._steps_max = int(limits["steps_max"])
+        self._near, self._far = limits["near_phases"] / PHASES, limits["far_px"]
+        self._border_share_min = limits["border_share_min"]
+        self._border_pixels_min = limits["border_pixels_min"]
         self._order = np.arange(self.n, dtype=np.int32)
         self._answers = np.empty((self.n, len(ANSWER.names or ())))
         self._out = self._answers.view(ANSWER)[:, 0].view(np.recarray)
@@ -310,7 +314,7 @@ class CentroidKernel:
         if kind != self._kind:
             self._clear(kind)
         done: cython.int = 0
-        for turn in range(STEPS_MAX):
+        for turn in range(self._steps_max):
             if x < 0 or y < 0 or x > self._columns - 1 or y > self._rows - 1:
                 return
             cx = cython.cast(cython.Py_ssize_t, x + 0.5)
@@ -388,11 +392,11 @@ class CentroidKernel:
         if not (amplitude > 0):
             return -1
         inverse: cython.double = 1 / amplitude
-        if turn < STEPS_MAX - 3:  # far off: a coarse step by the slopes alone first
+        if turn < self._steps_max - 3:  # far off: a coarse step by the slopes alone first
             ex = s_tx * n.inv_tx2 * inverse
             ey = s_ty * n.inv_ty2 * inverse
             far2: cython.double = square(ex, ey)
-            if far2 > FAR * FAR:
+            if far2 > self._far * self._far:
                 shorten = step_max / sqrt(far2) if far2 > step_max * step_max else 1
                 self._out[i].x = cx + ox + shorten * ex
                 self._out[i].y = cy + oy + shorten * ey
@@ -425,7 +429,7 @@ class CentroidKernel:
             dy *= shorten
         self._out[i].x = x + dx
         self._out[i].y = y + dy
-        if square(ex, ey) >= NEAR * NEAR and turn < STEPS_MAX - 1:
+        if square(ex, ey) >= self._near * self._near and turn < self._steps_max - 1:
             return 0
         spread: cython.double = 0.5 * (
             (1 + keep_x * n.tx_u * n.tx_u * n.inv_det_x) * n.inv_tx2
@@ -450,7 +454,11 @@ class CentroidKernel:
         energy: cython.double = self._sums[0]
         seen: cython.double = self._sums[1]
         total: cython.double = self._normal[0, 4]
-        if self._normal[1, 1] < CUT_SHARE_MIN * n.d2 or seen < CUT_PIXELS_MIN or not self._invert():
+        if (
+            self._normal[1, 1] < self._border_share_min * n.d2
+            or seen < self._border_pixels_min
+            or not self._invert()
+        ):
             return -1
         energy -= total * total / seen
         explained: cython.double = -total * total / seen
@@ -481,7 +489,7 @@ class CentroidKernel:
         shorten: cython.double = step_max / far if far > step_max else 1.0
         self._out[i].x = cx + ((px + 0.5) / N_PHASES - 0.5) + shorten * ex
         self._out[i].y = cy + ((py + 0.5) / N_PHASES - 0.5) + shorten * ey
-        if far >= NEAR and turn < STEPS_MAX - 1:
+        if far >= self._near and turn < self._steps_max - 1:
             return 0
         self._out[i].amplitude = ldexp(amplitude, self._shift)
         self._out[i].sigma = sigma_of(

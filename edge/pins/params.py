@@ -22,7 +22,10 @@ class PinParams:
     depth_min_range: float = 0.03  # ... of the image's own range
     depth_min_pins: float = 0.3  # ... of the pins' median depth
     twin_radii: float = 0.8  # two centroids nearer than this share of the sum of their radii are one pin
-    # --- shape of a single spot, along 16 rays
+    # --- shape of a single spot, along rays
+    rays_n: int = 16
+    ray_step_radii: float = 0.25  # a ray is read in such steps, ...
+    ray_steps_n: int = 10  # ... so many, from 0 on
     ray_share_min: float = 0.7  # share of the rays that fall by half
     ray_spread_max: float = 0.6  # 20..80 percentile range of that distance over its median
     gap_ray_share_min: float = 0.5  # the same for a spot that fills a gap of the pattern
@@ -45,6 +48,8 @@ class PinParams:
     touch_pitches: float = 0.7
     gap_pitches_min: float = 0.8  # from a spot in a gap to the nearest pin
     # --- pins that a border cuts
+    cut_finer: int = 4  # the arc is read on an image this many times finer
+    cut_steps_max: int = 12  # of the fit of its circle
     cut_area_range: tuple[float, float] = (0.12, 1.05)  # share of the disc that is left
     cut_facing_min: float = 0.4  # cosine between the arc's slope and straight outwards
     cut_span_min_rad: float = 1.0
@@ -65,6 +70,11 @@ class PinParams:
     steady_sigmas: float = 4.0
     steady_share_min: float = 0.6  # of the pins that two images must share to be compared
     # --- centroids in the windows of known pins
+    steps_max: int = 8  # of the fit, from the prediction
+    near_phases: float = 0.75  # a step shorter than this share of a subpixel phase is the last
+    far_px: float = 0.35  # of a longer step the slopes alone are enough
+    border_share_min: float = 0.3  # of the template's variation: less of a disc at the image's border is lost
+    border_pixels_min: float = 12.0  # ... or fewer pixels
     radius_kind_step: float = 1.05  # ratio of one template's radius to the next
     fit_min: float = 0.25  # share of the window's variation that the disc has to explain
     amplitude_share_min: float = 0.25  # of its brightness at rest, after the gain common to all pins

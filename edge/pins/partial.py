@@ -25,8 +25,7 @@ from edge.types import Array, Image, PinPattern, Pins
 
 __all__ = ["find_cut"]
 
-FINER = 4  # the arc is read on an image this many times finer
-STEPS = 12  # of the circle fit, at most
+FINER = PARAMS.cut_finer
 
 
 def find_cut(grey: Image, pins: Pins, pattern: PinPattern, most: int) -> Pins:
@@ -134,7 +133,7 @@ def _fit_arc(
     reach = radius_px - 0.5 / FINER  # the outline is the last bright sample, half a sample inside the edge
     x, y = arc.T
     cx, cy = (float(v) for v in arc.mean(0) + 0.8 * reach * outwards)
-    for _ in range(STEPS):  # Gauss-Newton: the circle of this radius nearest to the arc
+    for _ in range(PARAMS.cut_steps_max):  # Gauss-Newton: the circle of this radius nearest to the arc
         dx, dy = x - cx, y - cy
         far = np.sqrt(dx * dx + dy * dy)
         ux, uy, off = dx / far, dy / far, far - reach

@@ -26,6 +26,11 @@ class CentroidRefiner:
             kind_of.astype(np.int32),
             rest.pins.brightness,
             {
+                "steps_max": params.steps_max,
+                "near_phases": params.near_phases,
+                "far_px": params.far_px,
+                "border_share_min": params.border_share_min,
+                "border_pixels_min": params.border_pixels_min,
                 "fit_min": params.fit_min,
                 "amplitude_share_min": params.amplitude_share_min,
                 "reach_px": params.reach_pitches * pattern.pitch_px,

@@ -20,7 +20,6 @@ class RecordingParams:
 
     # --- reading
     rate_frames_n: int = 16  # intervals that the rate is measured from if the file does not state it
-    rate_max_hz: float = 100_000.0  # a stated rate beyond this is damage
 
 
 PARAMS = RecordingParams()

@@ -20,6 +20,7 @@ import msgspec
 import numpy as np
 
 from edge.errors import SourceError
+from edge.limits import RATE_MAX_HZ
 from edge.recording.images import OtherSize, decode_image
 from edge.recording.mcap_file import (
     RawMessage,
@@ -126,7 +127,7 @@ class RecordingSource:
             rate_hz = float(self.metadata.get("voronoi_touch", {}).get("rate_hz", "0"))
         except ValueError:
             rate_hz = 0.0
-        if 0 < rate_hz < PARAMS.rate_max_hz:
+        if 0 < rate_hz < RATE_MAX_HZ:
             return rate_hz
         images = (raw.log_ns for raw in raw_messages(self.path, Counter()) if self._is_image(raw))
         steps = np.diff(list(islice(images, PARAMS.rate_frames_n + 1)))

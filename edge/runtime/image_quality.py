@@ -44,6 +44,7 @@ class ImageParams:
     flat_rel: float = 0.25  # contrast over level: a lens this far out of focus shows no edges at all
     sample_step_px: int = 16  # brightness is read on every such row and column
     windows_n: int = 32  # in which the focus is measured
+    focus_tail: int = 20  # one in so many of a window's lowest and highest levels is not part of its contrast
     focus_period_s: float = 0.04  # between measurements of the focus
     alike_rel: float = 0.35  # of the common step by which pins differ from it, when the camera moved
     alike_share: float = 0.9  # of the pins that do
@@ -82,7 +83,7 @@ class ImageQuality:
         xy = np.rint(rest.xy_img).astype(np.int32)
         inside = np.all((xy >= half) & (xy < [width - half, height - half]), axis=1)
         chosen = xy[inside][:: max(1, np.count_nonzero(inside) // self._params.windows_n)]
-        self._focus = FocusWindows(chosen - half, 2 * half + 1) if len(chosen) else None
+        self._focus = FocusWindows(chosen - half, 2 * half + 1, PARAMS.focus_tail) if len(chosen) else None
         self._seen = np.empty((len(chosen), 2))
         self._noise_energy = 4.0 * rest.pattern.noise**2  # of two differences of two pixels each
         self._level, self._saturated = level_of(frame.image, frame.bits)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import cython
 import numpy as np
 
+from edge.limits import IMAGE_SIDE_PX
 from edge.types import Image, Index
 
 if cython.compiled:
@@ -20,11 +21,6 @@ else:
     from math import isnan, sqrt
 
     from edge.geometry.select import select_kth
-
-SPAN_SHARE = cython.declare(
-    cython.Py_ssize_t, 20
-)  # one in so many of the lowest and of the highest do not count
-SIDE_MAX = 1 << 14
 
 
 def sample_levels(image: Image, step: int, top: int) -> tuple[int, int, int]:
@@ -107,21 +103,25 @@ class FocusWindows:
 
     corners  (m, 2) int32, px: the first column and row of each
     side     px, of each
+    tail     one in so many of the lowest levels, and of the highest, is not part of the span
     Raises   ValueError: no such windows
     """
 
     side: cython.Py_ssize_t
+    tail: cython.Py_ssize_t
     corners: cython.int[:, ::1]
     rows: Index  # (m, side, 1) and
     columns: Index  # (m, 1, side): of all pixels in the windows
     levels: cython.double[::1]
     counts: cython.Py_ssize_t[::1]
 
-    def __init__(self, corners: Index, side: int) -> None:
-        if corners.ndim != 2 or corners.shape[1] != 2 or not 1 < side < SIDE_MAX:
-            raise ValueError(f"corners (m, 2) and a side of 2 to {SIDE_MAX - 1} are wanted")
+    def __init__(self, corners: Index, side: int, tail: int) -> None:
+        if corners.ndim != 2 or corners.shape[1] != 2 or not 1 < side <= IMAGE_SIDE_PX or tail < 2:
+            raise ValueError(
+                f"corners (m, 2) and a side of 2 to {IMAGE_SIDE_PX}, tail of 2 or more, are wanted"
+            )
         self.corners = np.array(corners, np.int32, order="C")
-        self.side = side
+        self.side, self.tail = side, tail
         steps = np.arange(side)
         self.rows = corners[:, 1, None, None] + steps[:, None]
         self.columns = corners[:, 0, None, None] + steps
@@ -133,7 +133,7 @@ class FocusWindows:
 
         image   (h, w) uint8 or uint16
         out     (m, 2): of each window the mean square of its neighbours' differences, along x and y together,
-                and the span of its levels without the lowest and the highest twentieth; written
+                and the span of its levels without the tails; written
         Raises  ValueError: no such image, a window that is not within it
         """
         _check_image(image)
@@ -189,8 +189,8 @@ class FocusWindows:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _span_wide(self, n: cython.Py_ssize_t) -> cython.double:
-        low: cython.double = select_kth(self.levels, n, n // SPAN_SHARE)
-        return select_kth(self.levels, n, n - 1 - n // SPAN_SHARE) - low
+        low: cython.double = select_kth(self.levels, n, n // self.tail)
+        return select_kth(self.levels, n, n - 1 - n // self.tail) - low
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -205,11 +205,11 @@ class FocusWindows:
         for i in range(n):
             self.counts[cython.cast(cython.Py_ssize_t, self.levels[i])] += 1
         below = self.counts[low]
-        while below <= n // SPAN_SHARE:
+        while below <= n // self.tail:
             low += 1
             below += self.counts[low]
         below = self.counts[high]
-        while below <= n // SPAN_SHARE:
+        while below <= n // self.tail:
             high -= 1
             below += self.counts[high]
         return high - low

@@ -13,6 +13,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ import numpy as np
 from cv2.utils import logging
 
 from edge.errors import SourceError
+from edge.limits import RATE_MAX_HZ
 from edge.sources.image_header import check_image_header, check_size
 from edge.types import Clock, Frame, Image, Polarity
 
@@ -28,8 +30,21 @@ __all__ = ["IMAGE_SUFFIXES", "FolderSource", "VideoSource", "quiet_opencv", "rea
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
 _GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
-STILLS_HZ = 30.0  # stills have no rate; a live replay uses this
-_TRIES = 8  # damaged frames in a row before a video counts as ended
+
+
+@dataclass(frozen=True, slots=True)
+class FileParams:
+    """Parameters by name.
+
+    stills_hz  of stills, and of videos that do not state a rate: a live replay uses it
+    bad_max_n  damaged frames in a row after which a video has ended
+    """
+
+    stills_hz: float = 30.0
+    bad_max_n: int = 8
+
+
+PARAMS = FileParams()
 
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # damage is counted here, not printed by FFmpeg
 
@@ -109,7 +124,7 @@ class FolderSource:
     def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
         self.path = Path(path)
         self.name = f"images {self.path}"
-        self.rate_hz = rate_hz or STILLS_HZ
+        self.rate_hz = rate_hz or PARAMS.stills_hz
         self.dropped_n = 0
         self.polarity = Polarity.FOUND
         self.faults: Counter[str] = Counter()
@@ -189,7 +204,7 @@ class VideoSource:
             capture.release()
         if not ok:
             raise SourceError(f"{self.name}: no frame can be decoded; give a complete video")
-        self.rate_hz = rate_hz or (stated_hz if 0 < stated_hz < 100_000 else STILLS_HZ)
+        self.rate_hz = rate_hz or (stated_hz if 0 < stated_hz < RATE_MAX_HZ else PARAMS.stills_hz)
         self.size_px = (image.shape[1], image.shape[0])
 
     def _open(self) -> Any:
@@ -214,7 +229,7 @@ class VideoSource:
                 ok, image = capture.read()
                 at = n + faults["damaged frame"]
                 if not ok:
-                    if at + 1 >= self.frames_n or bad_n >= _TRIES:
+                    if at + 1 >= self.frames_n or bad_n >= PARAMS.bad_max_n:
                         if at + 1 < self.frames_n:
                             faults["damaged frame"] -= bad_n  # they were the end of the file
                             faults["truncated"] = 1

@@ -6,6 +6,7 @@ cdef class PhotometricFilter:
     cdef LocalAffine affine
     cdef double brightness_sigmas, brightness_change_min, sigma_ratio_max
     cdef double residual_max, residual_max_search, residual_ratio, support_min
+    cdef int median_halvings
     cdef double[::1] local_pitch, rest_brightness, rest_sigma_ratio, off, some
     cdef float[::1] values
     cdef unsigned char[::1] suspect, trusted

@@ -31,8 +31,6 @@ else:
 
 #: Standard deviation of normal noise, in median absolute deviations.
 SIGMA_OF_MAD = cython.declare(cython.double, 1.4826)
-#: Halvings of the range in which a median is looked for: exact to a ten-thousandth of it.
-HALVINGS = cython.declare(cython.int, 14)
 UNKNOWN = cython.declare(cython.double, -2)
 UNSUPPORTED = cython.declare(cython.double, -1)
 
@@ -69,6 +67,7 @@ class PhotometricFilter:
         self.residual_max_search = params.outlier_residual_max_search
         self.residual_ratio = params.outlier_residual_ratio
         self.support_min = params.outlier_support_min
+        self.median_halvings = params.median_halvings
         self.local_pitch = np.array(local_pitch_px, np.float64)
         self.rest_brightness = np.array(at_rest.brightness, np.float64)
         self.rest_sigma_ratio = np.maximum(at_rest.sigma_px / np.median(at_rest.sigma_px), 1.0)
@@ -146,16 +145,16 @@ class PhotometricFilter:
             self.off[i] = brightness[i] / self.rest_brightness[i]
             self.values[m] = self.off[i]
             m += seen[i]
-        gain = _median(self.values, m)
+        gain = _median(self.values, m, self.median_halvings)
         for i in range(m):
             self.values[i] = fabs(self.values[i] - cython.cast(cython.float, gain))
-        change_max = self.brightness_sigmas * SIGMA_OF_MAD * _median(self.values, m)
+        change_max = self.brightness_sigmas * SIGMA_OF_MAD * _median(self.values, m, self.median_halvings)
         change_max = max(change_max, self.brightness_change_min * gain)
         m = 0
         for i in range(self.n):
             self.values[m] = sigma[i]
             m += seen[i]
-        sigma_max = sigma_ratio_max * _median(self.values, m)
+        sigma_max = sigma_ratio_max * _median(self.values, m, self.median_halvings)
         for i in range(self.n):
             self.trusted[i] = (
                 seen[i]
@@ -204,8 +203,8 @@ class PhotometricFilter:
 @cython.cfunc
 @cython.exceptval(check=False)
 @cython.nogil
-def _median(v: cython.float[::1], n: cython.Py_ssize_t) -> cython.double:
-    """Median of the first n >= 1 values, to a ten-thousandth of their range.
+def _median(v: cython.float[::1], n: cython.Py_ssize_t, halvings: cython.int) -> cython.double:
+    """Median of the first n >= 1 values, to 2^-halvings of their range.
 
     By halving the range and counting: counts are vectorised, while a selection's branches are unpredictable.
     """
@@ -219,7 +218,7 @@ def _median(v: cython.float[::1], n: cython.Py_ssize_t) -> cython.double:
     for i in range(m):
         low = v[i] if v[i] < low else low
         high = v[i] if v[i] > high else high
-    for _turn in range(HALVINGS):
+    for _turn in range(halvings):
         half = cython.cast(cython.float, 0.5) * (low + high)
         below = 0
         for i in range(m):

@@ -28,6 +28,7 @@ class TrackingParams:
     outlier_residual_max_search: float = 0.04  # ... and after a search
     outlier_residual_ratio: float = 4.0  # ... or this many times what two thirds of its neighbours show
     outlier_support_min: float = 1.2  # sum of the neighbours' weights that this needs: two near ones
+    median_halvings: int = 14  # of the range in which a median is looked for: its 16000th part
     # --- whether the identities are held
     median_innovation_max: float = (
         0.35  # motion that was not predicted: as near to the next pin as to the own
@@ -51,6 +52,7 @@ class TrackingParams:
     start_step: float = 0.5  # pitches between the shifts to start from, on a hexagonal grid ...
     start_rings: int = 2  # ... of so many rings
     # --- search
+    blobs_min: int = 4  # fewer are not searched: an affine motion needs three, and one more checks it
     coarse_tried_n: int = 5  # coarse fits that are tried
     regions_max: int = 16  # matches grown in all, alternatives included: half a millisecond each
     sweeps_max: int = 24

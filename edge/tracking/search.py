@@ -31,9 +31,6 @@ from edge.types import Array, Index, Mask
 
 __all__ = ["Identifier", "Identity"]
 
-#: Fewer blobs are not searched: an affine motion needs three, and one more checks it.
-BLOBS_MIN = 4
-
 
 @dataclass(frozen=True, slots=True)
 class Identity:
@@ -77,7 +74,7 @@ class Identifier:
         blob_xy  (m, 2) px, unordered
         guesses  (n, 2) px each, where the pins may be: further starts of the search
         """
-        if len(blob_xy) < BLOBS_MIN:
+        if len(blob_xy) < self._tip.params.blobs_min:
             return Identity(np.full(len(self._tip), -1, np.int32), 0, 0.0)
         scorer = self._scorer
         blobs = _BlobIndex(blob_xy, _nearest_blob(blob_xy, self._low, self._high, self._tip.params.raster_px))

@@ -13,15 +13,12 @@ import numpy as np
 
 from edge.errors import InputError
 from edge.types import Array, Features, Frame, Tracks
-from edge.view.palette import FULL_CHANGE, PAPER, Bgr, Palette, cell_colours
+from edge.view.palette import PAPER, Bgr, Palette, cell_colours
+from edge.view.params import PARAMS
 
 __all__ = ["figure", "surface_figure"]
 
 _COLUMN_IN = 7.16  # both columns of an IEEE page
-_MEAN_GAIN = 6.0  # the arrow of the mean motion is drawn so many times as long
-_SHAFT = 0.013  # of the mean arrow, in parts of the panel; a shorter arrow is not drawn
-#: Left, bottom, width, height in parts of the figure: the box fills it, with space for the label of z.
-_SURFACE_AT = (-0.05, -0.02, 1.0, 1.1)
 
 
 def _figure(width_in: float, height_in: float) -> Any:
@@ -62,7 +59,7 @@ def figure(
     *,
     mm_per_px: float = 0.0,
     palette: Palette = PAPER,
-    full: float = FULL_CHANGE,
+    full: float = PARAMS.full_change,
 ) -> None:
     """The paper's figure: touch (left), camera image (right). PNG, PDF or SVG by the name.
 
@@ -123,10 +120,10 @@ def _width(points: Array) -> float:
 
 def _draw_shear(axes: Any, middle: Array, shear: Array, width: float, palette: Palette) -> None:
     """The mean motion as an arrow; none if it is shorter than its shaft is wide."""
-    if _MEAN_GAIN * np.hypot(*shear) > _SHAFT * width:
+    if PARAMS.global_gain * np.hypot(*shear) > PARAMS.shaft_rel * width:
         axes.quiver(
-            *middle, *shear, angles="xy", scale_units="xy", scale=1 / _MEAN_GAIN,
-            color=[_rgb(palette.shear)], width=_SHAFT, zorder=4, edgecolor="white", linewidth=0.8,
+            *middle, *shear, angles="xy", scale_units="xy", scale=1 / PARAMS.global_gain,
+            color=[_rgb(palette.shear)], width=PARAMS.shaft_rel, zorder=4, edgecolor="white", linewidth=0.8,
         )  # fmt: skip
 
 
@@ -163,7 +160,7 @@ def surface_figure(
     *,
     mm_per_px: float = 0.0,
     palette: Palette = PAPER,
-    full: float = FULL_CHANGE,
+    full: float = PARAMS.full_change,
 ) -> None:
     """The smooth surface of area change over the tip, in 3D; contacts as stars on its maxima.
 
@@ -184,7 +181,7 @@ def surface_figure(
     height = np.where(inside, features.surface, np.nan)
     made = _figure(4.2, 3.1)
     made.set_layout_engine("none")  # it would not account for the labels of a rotated box
-    axes = made.add_axes(_SURFACE_AT, projection="3d", computed_zorder=False)
+    axes = made.add_axes(PARAMS.surface_box, projection="3d", computed_zorder=False)
     scale = ScalarMappable(Normalize(-full, full), _colour_map(palette))
     axes.plot_surface(
         x, y, height, facecolors=scale.to_rgba(height), rstride=1, cstride=1,

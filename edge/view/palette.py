@@ -17,12 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge.types import Array
+from edge.view.params import PARAMS
 
-__all__ = ["FULL_CHANGE", "PAPER", "SAFE", "Palette", "cell_colours", "cell_rgba"]
+__all__ = ["PAPER", "SAFE", "Palette", "cell_colours", "cell_rgba"]
 
 Bgr = tuple[int, int, int]
-FULL_CHANGE = 0.5  # area change that gets the full colour; a firm press reaches it under the contact
-_FAINT = 0.7  # emphasises small changes, where a touch begins, and keeps large ones distinguishable
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,19 +75,18 @@ SAFE = Palette(  # Okabe and Ito: orange, blue, bluish green, black
 
 
 def cell_colours(
-    area_change: Array, palette: Palette = PAPER, full: float = FULL_CHANGE
+    area_change: Array, palette: Palette = PAPER, full: float = PARAMS.full_change
 ) -> NDArray[np.uint8]:
     """BGR of each cell, (n, 3); a lost pin's cell is grey like an edge.
 
     full  area change that gets the full colour; beyond it the colour stays
     """
     share = np.clip(np.nan_to_num(area_change) / full, -1.0, 1.0)
-    colours = _ramp(palette)[np.rint((share + 1.0) * _STEPS).astype(np.intp)]
+    colours = _ramp(palette)[np.rint((share + 1.0) * PARAMS.colour_steps).astype(np.intp)]
     colours[~np.isfinite(area_change)] = palette.edge
     return colours
 
 
-_STEPS = 255  # on each side; more cannot be distinguished
 #: OKLab from linear sRGB: first matrix, cube root, second matrix.
 _TO_CONES = np.array([[0.4122214708, 0.5363325363, 0.0514459929],
                       [0.2119034982, 0.6806995451, 0.1073969566],
@@ -102,9 +100,9 @@ _TO_LAB = np.array([[0.2104542553, 0.7936177850, -0.0040720468],
 def _ramp(palette: Palette) -> NDArray[np.uint8]:
     """Colours from fully expanded through unchanged to fully compressed, BGR."""
     expanded, paper, compressed = _oklab(np.array([palette.expanded, palette.paper, palette.compressed]))
-    share = np.linspace(-1.0, 1.0, 2 * _STEPS + 1)
+    share = np.linspace(-1.0, 1.0, 2 * PARAMS.colour_steps + 1)
     end = np.where(share[:, None] < 0, expanded, compressed)
-    return _bgr(paper + (end - paper) * (np.abs(share) ** _FAINT)[:, None])
+    return _bgr(paper + (end - paper) * (np.abs(share) ** PARAMS.change_exponent)[:, None])
 
 
 def _oklab(bgr: NDArray[np.int_]) -> Array:
@@ -122,12 +120,12 @@ def _bgr(lab: Array) -> NDArray[np.uint8]:
 
 
 def cell_rgba(
-    area_change: Array, palette: Palette = PAPER, full: float = FULL_CHANGE
+    area_change: Array, palette: Palette = PAPER, full: float = PARAMS.full_change
 ) -> list[tuple[float, float, float, float]]:
     """The same as an overlay on the camera's image: r, g, b, opacity in 0..1; opacity shows the change."""
     share = np.clip(np.nan_to_num(area_change) / full, -1.0, 1.0)
     rgba = []
     for s in share.tolist():
         b, g, r = palette.compressed if s >= 0 else palette.expanded
-        rgba.append((r / 255, g / 255, b / 255, 0.7 * float(abs(s) ** _FAINT)))
+        rgba.append((r / 255, g / 255, b / 255, 0.7 * float(abs(s) ** PARAMS.change_exponent)))
     return rgba

@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 
 from edge.errors import SinkError
 from edge.types import Array, Features, Frame, Image, Pins, Tracks
-from edge.view.palette import FULL_CHANGE, PAPER, Bgr, Palette, cell_colours
+from edge.view.palette import PAPER, Bgr, Palette, cell_colours
+from edge.view.params import PARAMS
 
-__all__ = ["GLOBAL_GAIN", "LOCAL_GAIN", "View", "draw_camera", "draw_touch", "picture", "save_pins_overlay"]
+__all__ = ["View", "draw_camera", "draw_touch", "picture", "save_pins_overlay"]
 
 Canvas = NDArray[np.uint8]
-LOCAL_GAIN = 2.0  # local shear vectors: pins move up to 1.3 pitches, most of them far less
-GLOBAL_GAIN = 6.0  # global shear arrow: the mean is small beside the largest
 _SHIFT = 4
 _ONE = 1 << _SHIFT
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -73,7 +72,7 @@ def draw_touch(
     tracks: Tracks,
     features: Features | None,
     palette: Palette = PAPER,
-    full: float = FULL_CHANGE,
+    full: float = PARAMS.full_change,
 ) -> Canvas:
     """Cells shaded by area change, pins, local and global shear, contact stars.
 
@@ -106,11 +105,11 @@ def _cells(
 
 
 def _local_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features, palette: Palette) -> None:
-    """Motion of each pin since rest, LOCAL_GAIN times as long; its dot is the tail."""
+    """Motion of each pin since rest, `local_gain` times as long; its dot is the tail."""
     motion = features.displacement_px
     known = np.isfinite(motion).all(axis=1) & tracks.seen
     start = tracks.xy_img[known]
-    ends = np.stack([view.fixed(start), view.fixed(start + LOCAL_GAIN * motion[known])], axis=1)
+    ends = np.stack([view.fixed(start), view.fixed(start + PARAMS.local_gain * motion[known])], axis=1)
     width = max(1, round(view.size[1] / 480))
     cv2.polylines(canvas, list(ends), False, palette.local, width, cv2.LINE_AA, _SHIFT)
 
@@ -151,7 +150,7 @@ def _global_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features
     if not np.isfinite(rest).all(axis=1).any():
         return
     tail = view.canvas(np.nanmean(rest, axis=0))
-    head = tail + GLOBAL_GAIN * view.scale * features.shear_px
+    head = tail + PARAMS.global_gain * view.scale * features.shear_px
     _arrow(canvas, tail, head, view.size[1] / 100, palette.shear, palette.halo)
 
 
@@ -218,7 +217,7 @@ def picture(
     features: Features | None,
     *,
     palette: Palette = PAPER,
-    full: float = FULL_CHANGE,
+    full: float = PARAMS.full_change,
     caption: str = "",
 ) -> Canvas:
     """Both panels side by side, with legend, scale bar and caption; BGR, same size for every frame."""
@@ -269,11 +268,13 @@ def _legend(foot: Canvas, view: View, palette: Palette, full: float) -> None:
     x1, glyph = 0.66 * w, 0.06 * w
     cv2.circle(foot, (round(x1), round(y)), max(2, h // 25), palette.pin, -1, cv2.LINE_AA)
     cv2.line(foot, (round(x1), round(y)), (round(x1 + glyph), round(y)), palette.local, 2, cv2.LINE_AA)
-    _text(foot, (x1 + 1.3 * glyph, y + 0.4 * size), f"pin motion x{LOCAL_GAIN:g}", size, palette.ink)
+    _text(foot, (x1 + 1.3 * glyph, y + 0.4 * size), f"pin motion x{PARAMS.local_gain:g}", size, palette.ink)
     y2 = bottom + 1.2 * size
     tail = np.array([x1, y2])
     _arrow(foot, tail, tail + np.array([glyph, 0.0]), h / 16, palette.shear, palette.halo)
-    _text(foot, (x1 + 1.3 * glyph, y2 + 0.4 * size), f"mean motion x{GLOBAL_GAIN:g}", size, palette.ink)
+    _text(
+        foot, (x1 + 1.3 * glyph, y2 + 0.4 * size), f"mean motion x{PARAMS.global_gain:g}", size, palette.ink
+    )
 
 
 def _round_length(wanted_px: float, mm_per_px: float) -> tuple[str, float]:

@@ -17,16 +17,13 @@ import numpy as np
 
 from edge.pipeline import Result
 from edge.types import Array, Frame, Rest
-from edge.view.palette import FULL_CHANGE, PAPER, SAFE, Palette, cell_colours
-from edge.view.panels import GLOBAL_GAIN, LOCAL_GAIN
+from edge.view.palette import PAPER, SAFE, Palette, cell_colours
+from edge.view.params import PARAMS
 
 __all__ = ["CHART", "Arrays", "camera", "hello", "touch"]
 
 Arrays = dict[str, tuple[str, bytes]]
 
-JPEG_QUALITY = 80
-SIDE_MAX = 720  # px; no panel is larger on most screens, and phones have slow links
-COLOURS = 101  # steps of the cells' colours; more cannot be distinguished
 
 #: What the charts show of every sample, in this order; the page finds them by name.
 CHART = (
@@ -53,16 +50,18 @@ def hello(source: str, serial: str) -> dict[str, Any]:
         "serial": serial,
         "chart": CHART,
         "palettes": {"paper": _colours(PAPER), "safe": _colours(SAFE)},
-        "full_change": FULL_CHANGE,
-        "local_gain": LOCAL_GAIN,
-        "global_gain": GLOBAL_GAIN,
+        "full_change": PARAMS.full_change,
+        "local_gain": PARAMS.local_gain,
+        "global_gain": PARAMS.global_gain,
     }
 
 
 def _colours(palette: Palette) -> dict[str, Any]:
     """By name, red first; "cells" from fully expanded to fully compressed."""
     named = {name: list(getattr(palette, name)[::-1]) for name in Palette.__dataclass_fields__}
-    steps = cell_colours(np.linspace(-FULL_CHANGE, FULL_CHANGE, COLOURS), palette)
+    steps = cell_colours(
+        np.linspace(-PARAMS.full_change, PARAMS.full_change, 2 * PARAMS.page_colour_steps + 1), palette
+    )
     return {**named, "cells": steps[:, ::-1].tolist()}
 
 
@@ -71,11 +70,11 @@ def camera(frame: Frame) -> tuple[dict[str, Any], Arrays]:
     image = frame.image
     grey = image if image.dtype == np.uint8 else (image >> max(0, frame.bits - 8)).astype(np.uint8)
     height, width = image.shape
-    step = -(-max(height, width) // SIDE_MAX)
+    step = -(-max(height, width) // PARAMS.side_max_px)
     shown = (
         grey if step == 1 else cv2.resize(grey, (width // step, height // step), interpolation=cv2.INTER_AREA)
     )
-    _, data = cv2.imencode(".jpg", shown, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))
+    _, data = cv2.imencode(".jpg", shown, (cv2.IMWRITE_JPEG_QUALITY, PARAMS.jpeg_quality))
     return {"size_px": [width, height]}, {"image": ("jpeg", data.tobytes())}
 
 

@@ -64,13 +64,6 @@ def test_a_file_is_read_up_to_its_limit(tmp_path: Path) -> None:
         limits.read_bounded(tmp_path / "absent", 1024)
 
 
-def test_nesting_is_counted_outside_of_text() -> None:
-    limits.check_nesting(b'{"a": "' + b"[" * 1000 + b'\\"[[[", "b": [[[1]]]}')
-    limits.check_nesting(b"[]" * 1000)
-    with pytest.raises(BadContent, match="more than 32 deep"):
-        limits.check_nesting(b'{"a": "]]]", "b":' + b"[" * 40 + b"]" * 40 + b"}")
-
-
 def test_quoted_text_is_one_short_line() -> None:
     assert limits.quote("smell") == "'smell'"
     assert limits.quote("a\nb\x1b[2J") == r"'a\nb\x1b[2J'"

@@ -170,7 +170,7 @@ def play() -> None:
     measures.count_apart(result.tracks.xy_img, rest.xy_img, 1.0)
     measures.median_length(motion)
     corners = np.rint(rest.xy_img[20:24]).astype(np.int32)
-    measures.FocusWindows(corners, 7).measure(image, np.empty((4, 2)))
+    measures.FocusWindows(corners, 7, 20).measure(image, np.empty((4, 2)))
     select.kth_smallest(motion[:, 0].copy(), 3)
     processes = ProcessKernel(INPUTS, MODELS)
     z = np.linspace(-1.0, 1.0, 2 * len(INPUTS))

@@ -18,7 +18,9 @@ ROOT = Path(__file__).resolve().parents[2]
 #: Constants that nobody chose, by the reason. A file alone: all of its constants.
 NOT_TUNED: dict[str, frozenset[str]] = {
     "codes and layouts of a protocol or format": frozenset({
-        "edge/calibration/file.py:VERSION", "edge/features/modes.py:DEGREE",
+        "edge/calibration/file.py:VERSION", "edge/calibration/file.py:UNTOUCHED",
+        "edge/calibration/inputs.py:MODES", "edge/view/figures.py:_COLUMN_IN",
+        "edge/features/modes.py:DEGREE",
         "edge/cli/checks.py:FD_MTU", "edge/link/media.py:CAN_ERR_BUSOFF",
         "edge/link/media.py:CAN_ERR_RESTARTED", "edge/link/node.py:NMT_RESET_NODE",
         "edge/link/node.py:NMT_RESET_COMMUNICATION", "edge/link/object_server.py:FORCE", "edge/link/ports.py",
@@ -54,11 +56,13 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/features/pin_motion.py:_ELLIPSE", "edge/features/modes.py:MODE_POWERS",
         "edge/features/slip.py:NO_SLIP", "edge/pins/blobs.py:_ANGLES", "edge/runtime/measurement.py:_NOTHING",
         "edge/geometry/lattice.py:N_RING", "edge/calibration/grip.py:_RADIUS",
+        "edge/cells/mesh.py:N_GUARD",
         "edge/view/palette.py:_TO_CONES", "edge/view/palette.py:_TO_LAB",
     }),
     "rounding and the width of a number": frozenset({
         "edge/cells/mesh.py:EPSILON", "edge/cells/mesh.py:SLIVER", "edge/cells/mesh.py:AREA_TOLERANCE",
         "edge/cells/mesh.py:EXTENT_MIN", "edge/cells/mesh.py:EXTENT_MAX", "edge/cells/mesh.py:SNAP",
+        "edge/cells/mesh.py:MAX_POINTS", "edge/calibration/process.py:LOST_MAX",
         "edge/cells/boundary.py:ARC_MIN", "edge/cells/boundary.py:NEGLIGIBLE",
         "edge/calibration/process.py:VOLUME_MIN", "edge/features/modes.py:INDEPENDENT_REL",
         "edge/features/pin_motion.py:_RIDGE", "edge/features/pin_motion.py:_FLAT",
@@ -69,7 +73,11 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     }),
     "a processor's lanes and cache lines": frozenset({
         "edge/calibration/process.py:BLOCK", "edge/features/modes.py:BLOCK", "edge/pins/templates.py:LANES",
-        "edge/pins/templates.py:BLOCK", "edge/worker/shared_memory.py:ALIGN",
+        "edge/pins/templates.py:BLOCK", "edge/worker/shared_memory.py:ALIGN", "edge/pins/centroids.py:AHEAD",
+    }),
+    "colours": frozenset({
+        "edge/view/palette.py:PAPER", "edge/view/palette.py:SAFE", "edge/view/panels.py:_CROSS",
+        "edge/view/panels.py:_RING",
     }),
 }  # fmt: skip
 _EXEMPT = frozenset().union(*NOT_TUNED.values())

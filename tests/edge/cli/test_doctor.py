@@ -13,7 +13,8 @@ import pytest
 from click.testing import CliRunner
 
 from edge.calibration import Calibration
-from edge.cli.doctor import WRITE_BYTES, Line, Machine, examine, worst
+from edge.cli.checks import LIMITS
+from edge.cli.doctor import Line, Machine, examine, worst
 from edge.cli.program import cli
 from edge.config import Config, LinkTable, SourceTable, StateTable
 from edge.errors import SourceError
@@ -155,7 +156,7 @@ def test_no_camera(look: Look) -> None:
 
 
 def test_a_camera_without_images(look: Look, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("edge.cli.doctor.SAMPLE_S", 0.05)
+    monkeypatch.setattr("edge.cli.doctor.LIMITS", replace(LIMITS, sample_s=0.05))
     camera = Camera([])
     camera.condition = "stalled"
     found = look(camera=camera)
@@ -237,7 +238,7 @@ def test_can(look: Look, change: dict[str, Any] | None, expected: dict[str, str]
     ("attribute", "value", "topic", "level"),
     [
         ("write_mb_s", 5.0, "disk", "warn"),
-        ("free", WRITE_BYTES, "disk", "fail"),
+        ("free", LIMITS.write_bytes, "disk", "fail"),
         ("governor", "powersave", "processor", "warn"),
         ("degc", 85.0, "temperature", "warn"),
         ("synchronised", False, "clock", "warn"),

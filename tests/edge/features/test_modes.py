@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.features.modes import MODE_NAMES, MODE_POWERS, RIDGE, Modes, mode_basis
+from edge.features.modes import MODE_NAMES, MODE_POWERS, Modes, mode_basis
+from edge.features.params import PARAMS
 from tests.support.fields import CENTRE, make_rest, push, tip
 
 pytestmark = pytest.mark.kernels
@@ -22,7 +23,7 @@ def test_least_squares_over_the_seen_pins(pins: int, lost: int) -> None:
     motion[~seen] = np.nan
     basis = mode_basis(rest)
     b, d = basis[seen], motion[seen] @ [1.0, 1j]
-    expected = np.linalg.solve(b.conj().T @ b + RIDGE * np.eye(b.shape[1]), b.conj().T @ d)
+    expected = np.linalg.solve(b.conj().T @ b + PARAMS.modes_ridge * np.eye(b.shape[1]), b.conj().T @ d)
     np.testing.assert_allclose(Modes(rest).fit(motion, seen), expected, rtol=0, atol=1e-11)
 
 

@@ -68,7 +68,7 @@ def test_windows_are_numpy_s(kind: type, top: int, side: int) -> None:
     corners[0] = (160 - side, 120 - side)
     corners[1] = (45, 45)
     out = np.empty((32, 2))
-    level = FocusWindows(corners, side).measure(image, out)
+    level = FocusWindows(corners, side, 20).measure(image, out)
     cut = np.array([image[y : y + side, x : x + side] for x, y in corners]).astype(np.float64)
     energy = (np.diff(cut, axis=1) ** 2).mean(axis=(1, 2)) + (np.diff(cut, axis=2) ** 2).mean(axis=(1, 2))
     ordered = np.sort(cut.reshape(32, -1), axis=1)
@@ -78,7 +78,7 @@ def test_windows_are_numpy_s(kind: type, top: int, side: int) -> None:
     assert level == pytest.approx(cut.mean(), rel=1e-12)
     corners[3, 0] = 160 - side + 1
     with pytest.raises(ValueError, match="within"):
-        FocusWindows(corners, side).measure(image, out)
+        FocusWindows(corners, side, 20).measure(image, out)
 
 
 def test_a_step_that_all_pins_make_is_common() -> None:

@@ -15,14 +15,13 @@ from edge.types import Array, ContactRegion, Features, Frame, Pins, Tracks
 from edge.view.figures import figure, surface_figure
 from edge.view.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
 from edge.view.panels import (
-    GLOBAL_GAIN,
-    LOCAL_GAIN,
     View,
     draw_camera,
     draw_touch,
     picture,
     save_pins_overlay,
 )
+from edge.view.params import PARAMS
 from edge.view.video import CODECS, write_video
 
 PITCH = 20.0
@@ -163,13 +162,13 @@ def test_vectors_point_along_the_pins_motion(scene: tuple[View, Array, Tracks]) 
     features = features_of(xy, np.zeros(len(xy)), motion)
     canvas = draw_touch(view, [np.empty((0, 2))] * len(xy), tracks, features)
     ink = (canvas.astype(int) - PAPER.local).__abs__().sum(axis=2) < 350
-    x, y = view.canvas(xy[1] + [LOCAL_GAIN * 6.0 - 1, 0.0])
+    x, y = view.canvas(xy[1] + [PARAMS.local_gain * 6.0 - 1, 0.0])
     assert ink[round(y) - 1 : round(y) + 2, round(x)].any()
-    x, y = view.canvas(xy[1] + [LOCAL_GAIN * 6.0 + 2, 0.0])
+    x, y = view.canvas(xy[1] + [PARAMS.local_gain * 6.0 + 2, 0.0])
     assert not ink[round(y) - 1 : round(y) + 2, round(x)].any()
-    x, y = view.canvas(xy[24] + [0.0, LOCAL_GAIN * 6.0 - 1])
+    x, y = view.canvas(xy[24] + [0.0, PARAMS.local_gain * 6.0 - 1])
     assert ink[round(y), round(x) - 1 : round(x) + 2].any()
-    head = view.canvas(np.mean(xy - motion, axis=0)) + GLOBAL_GAIN * view.scale * motion.mean(axis=0)
+    head = view.canvas(np.mean(xy - motion, axis=0)) + PARAMS.global_gain * view.scale * motion.mean(axis=0)
     arrow = np.argwhere((canvas == PAPER.shear).all(axis=2))[:, ::-1]
     assert abs(arrow[:, 0].max() - head[0]) < 4
 
