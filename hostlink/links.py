@@ -82,12 +82,12 @@ class Link(ABC):
     def _run(self) -> None:
         while not self._closing.is_set():
             try:
-                self._turn()
+                self._read_or_reopen()
             except Exception as error:  # noqa: BLE001 - whatever it is: reading must go on
                 self._note(error)
         self._close_medium()
 
-    def _turn(self) -> None:
+    def _read_or_reopen(self) -> None:
         """Read once, or reopen the medium."""
         medium = self._medium
         if medium is None:

@@ -49,6 +49,8 @@ RENAMED = {
     "judged": "checked, evaluated",
     "lead": "margin",
     "light": "brightness",
+    "look": "appearance",
+    "Look": "Appearance",
     "loose": "unassigned",
     "moved_px": "median_offset_px",
     "news": "changed, arrived",
@@ -65,7 +67,7 @@ RENAMED = {
     "watchers": "result_callbacks",
 }
 #: Of these the names of tests are free: there they are plain English.
-IN_SOURCES_ONLY = {"feed", "light", "stretch", "touched"}
+IN_SOURCES_ONLY = {"feed", "light", "look", "stretch", "touched"}
 #: Parts of names, as in `_tell_of_link`: no name may contain one, in any package or test.
 PARTS = {
     "believed": "inliers",
@@ -90,6 +92,7 @@ NOT_IN_TEST_NAMES = (
 )
 #: Where a word is the field's own in another sense, or part of a format.
 ALLOWED = {
+    "calib/rig/simulated.py": {"look"},  # a table of the rig's file
     "calib/sim/render.py": {"light"},  # of the lamp
     "edge/recording/mcap_file.py": {"tell"},  # of a file object
     "edge/worker/client.py": {"feed"},  # the recording's or the viewers' feed

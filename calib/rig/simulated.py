@@ -12,7 +12,7 @@ from pathlib import Path
 
 from calib.errors import RigError
 from calib.rig.base import Pose
-from calib.sim import Camera, Look, Simulator, Tip, Tool, ToolPose
+from calib.sim import Appearance, Camera, Simulator, Tip, Tool, ToolPose
 from calib.toml_file import load_toml
 from edge.limits import PINS_MAX, PINS_MIN
 from edge.sources.image_header import check_size
@@ -37,7 +37,7 @@ class Simulation:
 
     tip: Tip = field(default_factory=Tip)
     camera: CameraTable = field(default_factory=CameraTable)
-    look: Look = field(default_factory=Look)
+    look: Appearance = field(default_factory=Appearance)
     seed: int = 0
     rate_hz: float = 60.0
 

@@ -9,15 +9,15 @@ simulator  all of it together: contacts in, `edge.types.Frame` with truth out
 
 from calib.sim.camera import Camera
 from calib.sim.mechanics import Deformation, Tool, ToolPose, deform
-from calib.sim.render import Blob, Look, render, ugly
+from calib.sim.render import Appearance, Blob, render, ugly
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip, layout
 
 __all__ = [
+    "Appearance",
     "Blob",
     "Camera",
     "Deformation",
-    "Look",
     "Simulator",
     "Tip",
     "Tool",

@@ -40,7 +40,7 @@ class Blob:
 
 
 @dataclass(frozen=True)
-class Look:
+class Appearance:
     """Light and sensor. The defaults are a clean, well lit tip; `ugly` gives a bad one.
 
     skin, pin            grey levels of the dark skin and, over it, of a pin
@@ -73,12 +73,12 @@ class Look:
 
     def __post_init__(self) -> None:
         if self.bits not in (8, 10, 12):
-            raise ValueError(f"look: bits = {self.bits}; must be 8, 10 or 12")
+            raise ValueError(f"bits = {self.bits}; must be 8, 10 or 12")
         if self.blur_px < 0.5:
-            raise ValueError(f"look: blur_px = {self.blur_px}; under 0.5 a disc's centroid is not its centre")
+            raise ValueError(f"blur_px = {self.blur_px}; under 0.5 a disc's centroid is not its centre")
 
 
-def ugly(camera: Camera, seed: int = 0, dead_n: int = 2, glare_n: int = 6) -> Look:
+def ugly(camera: Camera, seed: int = 0, dead_n: int = 2, glare_n: int = 6) -> Appearance:
     """All disturbances of the published recordings at once: bright rim, LEDs, glare between and on the
     pins, one reflection that wanders, specks, dim corners, uneven and dead pins, a noisy sensor."""
     rng = np.random.default_rng([seed, 7])
@@ -94,7 +94,7 @@ def ugly(camera: Camera, seed: int = 0, dead_n: int = 2, glare_n: int = 6) -> Lo
         drift = (0.01 * r, 0.004 * r) if i == 0 else (0.0, 0.0)
         blobs.append(Blob((float(x), float(y)), float(size), float(level), drift))
     dead = rng.choice(len(camera.tip.rays), dead_n, replace=False)
-    return Look(
+    return Appearance(
         pin=110.0,
         blur_px=1.0 * min(w, h) / 480 + 0.3,
         vignetting=0.4,
@@ -111,16 +111,16 @@ def ugly(camera: Camera, seed: int = 0, dead_n: int = 2, glare_n: int = 6) -> Lo
 class Renderer:
     """Draws one tip through one camera. Keeps what does not change from frame to frame."""
 
-    def __init__(self, camera: Camera, look: Look) -> None:
+    def __init__(self, camera: Camera, appearance: Appearance) -> None:
         self.camera = camera
-        self.look = look
+        self.appearance = appearance
         n = len(camera.tip.rays)
-        if look.dead and not 0 <= min(look.dead) <= max(look.dead) < n:
-            raise ValueError(f"look: dead pins {sorted(look.dead)}; the tip has pins 0..{n - 1}")
+        if appearance.dead and not 0 <= min(appearance.dead) <= max(appearance.dead) < n:
+            raise ValueError(f"dead pins {sorted(appearance.dead)}; the tip has pins 0..{n - 1}")
         # Fixed by the tip: the same pins are brighter in every recording, for any seed.
-        spread = np.random.default_rng(n).standard_normal(n) * look.unevenness
-        self._pin_level = look.pin * np.clip(1 + spread, 0.3, 2)
-        self._pin_level[sorted(look.dead)] = 0
+        spread = np.random.default_rng(n).standard_normal(n) * appearance.unevenness
+        self._pin_level = appearance.pin * np.clip(1 + spread, 0.3, 2)
+        self._pin_level[sorted(appearance.dead)] = 0
 
     @cached_property
     def _shade(self) -> NDArray[np.float32]:
@@ -128,7 +128,7 @@ class Renderer:
         w, h = self.camera.size_px
         y, x = np.ogrid[:h, :w]
         r2 = ((x - w / 2) ** 2 + (y - h / 2) ** 2) / (w * w + h * h) * 4
-        return np.asarray(1 - self.look.vignetting * r2, dtype=np.float32)
+        return np.asarray(1 - self.appearance.vignetting * r2, dtype=np.float32)
 
     @cached_property
     def _static(self) -> NDArray[np.float32]:
@@ -137,14 +137,16 @@ class Renderer:
         cx, cy = self.camera.centre_img
         y, x = np.ogrid[:h, :w]
         r = np.hypot(x - cx, y - cy)
-        out = np.full((h, w), self.look.skin, dtype=np.float32)
+        out = np.full((h, w), self.appearance.skin, dtype=np.float32)
         edge = 1.13 * self.camera.radius_px + 2  # where the skin ends, just outside of the last pins
-        if self.look.rim > 0:
+        if self.appearance.rim > 0:
             out += (
-                self.look.rim * ndtr((r - 1.06 * edge) / 3) * np.exp(-np.maximum(r - 1.25 * edge, 0) / edge)
+                self.appearance.rim
+                * ndtr((r - 1.06 * edge) / 3)
+                * np.exp(-np.maximum(r - 1.25 * edge, 0) / edge)
             )
-        for i in range(self.look.leds):
-            a = 2 * np.pi * (i + 0.3) / self.look.leds
+        for i in range(self.appearance.leds):
+            a = 2 * np.pi * (i + 0.3) / self.appearance.leds
             spot = Blob((cx + 1.08 * edge * np.cos(a), cy + 1.08 * edge * np.sin(a)), 0.06 * edge, 260)
             _add_blob(out, spot, 0)
         return out
@@ -163,7 +165,7 @@ class Renderer:
                           the last `exposure` (0..1) of it. The truth is at mid-exposure.
         Returns  image (h, w), uint8 or uint16;  xy_img (n, 2) float64 px
         """
-        cam, look = self.camera, self.look
+        cam, appearance = self.camera, self.appearance
         xy = cam.project(now.tips_mm)
         step = np.zeros_like(xy)
         if before is not None and exposure > 0:
@@ -171,22 +173,22 @@ class Renderer:
             xy = xy - step / 2
         light = self._static.copy()
         self._add_pins(light, now, xy, step)
-        for blob in look.blobs:
+        for blob in appearance.blobs:
             _add_blob(light, blob, sequence)
         light *= self._shade
-        light *= look.gain
+        light *= appearance.gain
         noise = rng.standard_normal(light.shape, dtype=np.float32)
-        noise *= np.sqrt(look.read_noise**2 + look.shot_noise * look.gain * light)
+        noise *= np.sqrt(appearance.read_noise**2 + appearance.shot_noise * appearance.gain * light)
         light += noise
-        top = (1 << look.bits) - 1
+        top = (1 << appearance.bits) - 1
         light *= top / 255
         np.rint(light, out=light)
         np.clip(light, 0, top, out=light)
-        image: Image = light.astype(np.uint8) if look.bits == 8 else light.astype(np.uint16)
+        image: Image = light.astype(np.uint8) if appearance.bits == 8 else light.astype(np.uint16)
         return image, xy
 
     def _add_pins(self, light: NDArray[np.float32], now: Deformation, xy: Array, step: Array) -> None:
-        cam, look = self.camera, self.look
+        cam, appearance = self.camera, self.appearance
         h, w = light.shape
         radius = cam.tip.pin_radius_mm * cam.scale_px(now.tips_mm)
         # Tilted by the angle between the pin's axis and the line of sight: short radially.
@@ -199,7 +201,9 @@ class Renderer:
         flat = flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-9)
         moving = float(np.abs(step).max(initial=0)) > 0.05
         shifts = ((np.arange(MOTION_STEPS) + 0.5) / MOTION_STEPS - 0.5) if moving else np.zeros(1)
-        half = int(np.ceil(radius.max() + EDGE_SIGMAS * look.blur_px + np.abs(step).max(initial=0) / 2 + 0.5))
+        half = int(
+            np.ceil(radius.max() + EDGE_SIGMAS * appearance.blur_px + np.abs(step).max(initial=0) / 2 + 0.5)
+        )
         near = np.rint(xy).astype(np.intp)
         lit = (
             (self._pin_level > 0)
@@ -211,12 +215,12 @@ class Renderer:
         offsets = np.arange(-half, half + 1)
         c, s = flat[lit, 0, None], flat[lit, 1, None]
         elongation = (short[lit] ** -2 - 1)[:, None, None].astype(np.float32)
-        size = (radius[lit] / look.blur_px)[:, None, None].astype(np.float32)
+        size = (radius[lit] / appearance.blur_px)[:, None, None].astype(np.float32)
         cover = np.zeros((len(near), len(offsets), len(offsets)), dtype=np.float32)
         for shift in shifts:
             centre = xy[lit] + shift * step[lit] - near
-            dx = (offsets - centre[:, 0:1]) / look.blur_px
-            dy = (offsets - centre[:, 1:2]) / look.blur_px
+            dx = (offsets - centre[:, 0:1]) / appearance.blur_px
+            dy = (offsets - centre[:, 1:2]) / appearance.blur_px
             # Distance in the ellipse's own measure: the axis' direction counts more.
             rho = _outer_sum(c * dx, s * dy)
             rho *= rho
@@ -238,9 +242,9 @@ def _outer_sum(x: Array, y: Array) -> NDArray[np.float32]:
     return np.asarray(x.astype(np.float32)[:, None, :] + y.astype(np.float32)[:, :, None])
 
 
-def render(camera: Camera, look: Look, now: Deformation, seed: int = 0) -> tuple[Image, Array]:
+def render(camera: Camera, appearance: Appearance, now: Deformation, seed: int = 0) -> tuple[Image, Array]:
     """A single frame without motion: image and true pin places; see `Renderer.image`."""
-    return Renderer(camera, look).image(now, np.random.default_rng(seed))
+    return Renderer(camera, appearance).image(now, np.random.default_rng(seed))
 
 
 def _add_blob(light: NDArray[np.float32], blob: Blob, sequence: int) -> None:

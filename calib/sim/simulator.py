@@ -16,7 +16,7 @@ import numpy as np
 
 from calib.sim.camera import Camera
 from calib.sim.mechanics import Deformation, ToolPose, deform
-from calib.sim.render import Look, Renderer
+from calib.sim.render import Appearance, Renderer
 from edge.limits import RATE_MIN_HZ
 from edge.types import Array, Clock, Frame
 
@@ -35,7 +35,7 @@ class Simulator:
     def __init__(
         self,
         camera: Camera | None = None,
-        look: Look | None = None,
+        appearance: Appearance | None = None,
         seed: int = 0,
         rate_hz: float = 60.0,
         exposure: float = 0.0,
@@ -45,12 +45,12 @@ class Simulator:
         if rate_hz < RATE_MIN_HZ:
             raise ValueError(f"rate_hz = {rate_hz}; give {RATE_MIN_HZ:g} or more")
         self.camera = camera or Camera()
-        self.look = look or Look()
+        self.appearance = appearance or Appearance()
         self.seed = seed
         self.rate_hz = rate_hz
         self.exposure = exposure
         self.sequence = 0
-        self._renderer = Renderer(self.camera, self.look)
+        self._renderer = Renderer(self.camera, self.appearance)
         self._before: Deformation | None = None
         self._deform = lru_cache(maxsize=POSES_KEPT)(lambda c: deform(self.camera.tip, c))
 
@@ -64,7 +64,7 @@ class Simulator:
             capture_ns=round(self.sequence * 1e9 / self.rate_hz),
             sequence=self.sequence,
             clock=Clock.DEVICE,
-            bits=self.look.bits,
+            bits=self.appearance.bits,
             truth=self.truth(contacts, now, xy),
         )
         self._before = now
@@ -86,7 +86,7 @@ class Simulator:
         """
         w, h = self.camera.size_px
         visible = np.asarray(((xy > -0.5) & (xy < [w - 0.5, h - 0.5])).all(axis=1))
-        visible[sorted(self.look.dead)] = False
+        visible[sorted(self.appearance.dead)] = False
         first = contacts[0] if contacts and contacts[0].depth_mm > 0 else ToolPose()
         return {
             "contacts": [asdict(c) for c in contacts if c.depth_mm > 0],

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from calib.sim.camera import Camera
-from calib.sim.render import Look, ugly
+from calib.sim.render import Appearance, ugly
 from calib.sim.script import SCENES, play
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
@@ -34,7 +34,7 @@ _KEYS = {
     "paced": ("bool", "1"),
     "light": ("str", "clean"),
 }
-_LIGHTS = {"clean": lambda camera, seed: Look(), "ugly": ugly}
+_LIGHTS = {"clean": lambda camera, seed: Appearance(), "ugly": ugly}
 
 
 class SceneSource:
@@ -83,8 +83,8 @@ def open_sim(where: str, options: Options) -> FrameSource:
         camera = Camera(tip=tip, size_px=size)
         if values["light"] not in _LIGHTS:
             raise ValueError(f"light {values['light']!r} is unknown; one of {', '.join(_LIGHTS)}")
-        look = _LIGHTS[values["light"]](camera, values["seed"])
-        simulator = Simulator(camera, look, values["seed"], options.rate_hz or RATE_HZ)
+        appearance = _LIGHTS[values["light"]](camera, values["seed"])
+        simulator = Simulator(camera, appearance, values["seed"], options.rate_hz or RATE_HZ)
     except ValueError as error:
         raise SourceError(f"source sim:{where}: {error}") from None
     source = SceneSource(simulator, scene, keep=values["paced"])

@@ -301,7 +301,7 @@ class CentroidKernel:
             return
         half: cython.int = self._half[kind]
         step_max: cython.double = 0.5 * (half - 2 if half > 4 else 2)
-        turn: cython.int
+        iteration: cython.int
         had_x: cython.Py_ssize_t = -1
         had_y: cython.Py_ssize_t = -1
         level: cython.int = 0
@@ -314,7 +314,7 @@ class CentroidKernel:
         if kind != self._kind:
             self._clear(kind)
         done: cython.int = 0
-        for turn in range(self._steps_max):
+        for iteration in range(self._steps_max):
             if x < 0 or y < 0 or x > self._columns - 1 or y > self._rows - 1:
                 return
             cx = cython.cast(cython.Py_ssize_t, x + 0.5)
@@ -329,9 +329,9 @@ class CentroidKernel:
                 had_y = cy
             if whole:
                 self._sum(kind, self._phase_at(kind, py * N_PHASES + px), level, inside)
-                done = self._step(i, kind, x, y, cx, cy, px, py, step_max, turn)
+                done = self._step(i, kind, x, y, cx, cy, px, py, step_max, iteration)
             else:
-                done = self._step_cut(i, kind, cx, cy, px, py, step_max, turn)
+                done = self._step_cut(i, kind, cx, cy, px, py, step_max, iteration)
             if done < 0:
                 self._lost(i)
                 return
@@ -375,7 +375,7 @@ class CentroidKernel:
     def _step(
         self, i: cython.Py_ssize_t, kind: cython.Py_ssize_t, x: cython.double, y: cython.double,
         cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, px: cython.int, py: cython.int,
-        step_max: cython.double, turn: cython.int,
+        step_max: cython.double, iteration: cython.int,
     ) -> cython.int:  # fmt: skip
         """One step by the sums of a window within the image: -1 lost, 0 go on from here, 1 arrived."""
         n: Norm = self._norms[kind, py * N_PHASES + px]
@@ -392,7 +392,7 @@ class CentroidKernel:
         if not (amplitude > 0):
             return -1
         inverse: cython.double = 1 / amplitude
-        if turn < self._steps_max - 3:  # far off: a coarse step by the slopes alone first
+        if iteration < self._steps_max - 3:  # far off: a coarse step by the slopes alone first
             ex = s_tx * n.inv_tx2 * inverse
             ey = s_ty * n.inv_ty2 * inverse
             far2: cython.double = square(ex, ey)
@@ -429,7 +429,7 @@ class CentroidKernel:
             dy *= shorten
         self._out[i].x = x + dx
         self._out[i].y = y + dy
-        if square(ex, ey) >= self._near * self._near and turn < self._steps_max - 1:
+        if square(ex, ey) >= self._near * self._near and iteration < self._steps_max - 1:
             return 0
         spread: cython.double = 0.5 * (
             (1 + keep_x * n.tx_u * n.tx_u * n.inv_det_x) * n.inv_tx2
@@ -446,7 +446,7 @@ class CentroidKernel:
     @cython.exceptval(check=False)
     def _step_cut(
         self, i: cython.Py_ssize_t, kind: cython.Py_ssize_t, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t,
-        px: cython.int, py: cython.int, step_max: cython.double, turn: cython.int,
+        px: cython.int, py: cython.int, step_max: cython.double, iteration: cython.int,
     ) -> cython.int:  # fmt: skip
         """The same for a pin that the border cuts: the fit of 1, d, tx, ty over the pixels there are."""
         n: Norm = self._norms[kind, py * N_PHASES + px]
@@ -489,7 +489,7 @@ class CentroidKernel:
         shorten: cython.double = step_max / far if far > step_max else 1.0
         self._out[i].x = cx + ((px + 0.5) / N_PHASES - 0.5) + shorten * ex
         self._out[i].y = cy + ((py + 0.5) / N_PHASES - 0.5) + shorten * ey
-        if far >= self._near and turn < self._steps_max - 1:
+        if far >= self._near and iteration < self._steps_max - 1:
             return 0
         self._out[i].amplitude = ldexp(amplitude, self._shift)
         self._out[i].sigma = sigma_of(

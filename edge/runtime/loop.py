@@ -99,7 +99,7 @@ class Loop:
         self.faults = faults or FaultRegistry()
         self.session = RecordingSession(self.faults)
         self.result_callbacks: list[ResultCallback] = []
-        self.tick_callbacks: list[Callable[[], None]] = []  # after each turn, with or without an image
+        self.tick_callbacks: list[Callable[[], None]] = []  # after each cycle, with or without an image
         self.frame: Frame | None = None  # the newest, with or without a result
         config = config or LoopConfig()
         self._counters = StatisticsCollector()
@@ -230,7 +230,7 @@ class Loop:
                         self._keep_alive()
                     else:
                         self.step(frame)
-                    self._end_turn()
+                    self._end_cycle()
                     if self._stop.is_set() or self.frames_n == frames_max:
                         break
                 if not self._stop.is_set():
@@ -331,8 +331,8 @@ class Loop:
             counts.sent_n += sink.send(state)
         return state
 
-    def _end_turn(self) -> None:
-        """After each turn, with or without an image."""
+    def _end_cycle(self) -> None:
+        """After each cycle, with or without an image."""
         _call_each(self.tick_callbacks)
 
     def _run_commands(self) -> None:

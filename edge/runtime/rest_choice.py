@@ -99,9 +99,9 @@ def choose_rest(
     Raises  NoPins: no image shows pins
     """
     start, rest = _first_with_pins(images, polarity)
-    found = _look(images, rest, params)
+    found = _compare(images, rest, params)
     if not found.agrees[found.index, start]:  # the touch in it may have hidden pins
-        again = _look(images, take_rest([images[found.index]], polarity), params)
+        again = _compare(images, take_rest([images[found.index]], polarity), params)
         found = again if again.known_n >= found.known_n else found
     return RestChoice(
         found.index,
@@ -114,8 +114,8 @@ def choose_rest(
 
 
 @dataclass(frozen=True, slots=True)
-class _Look:
-    """Comparison of k images, relative to one of them.
+class _Comparison:
+    """k images, relative to one of them.
 
     index        the least deformed one
     deformation  (k,) NaN: pins not identified
@@ -131,7 +131,7 @@ class _Look:
         return int(np.isfinite(self.deformation).sum())
 
 
-def _look(images: Sequence[Image], rest: Rest, params: RestChoiceParams) -> _Look:
+def _compare(images: Sequence[Image], rest: Rest, params: RestChoiceParams) -> _Comparison:
     area, sigma, seen = _cells(images, rest)
     known = np.isfinite(sigma)
     untouched = np.nanquantile(area[known], params.area_low, axis=0)
@@ -146,7 +146,7 @@ def _look(images: Sequence[Image], rest: Rest, params: RestChoiceParams) -> _Loo
     if agree_n.max() >= params.agree_min_n:
         candidates = known & (agree_n >= params.agree_rel * agree_n.max())
     candidates = candidates & (seen >= params.seen_rel * np.median(seen[candidates]))
-    return _Look(int(np.argmin(np.where(candidates, deformation, np.inf))), deformation, agrees)
+    return _Comparison(int(np.argmin(np.where(candidates, deformation, np.inf))), deformation, agrees)
 
 
 def _rms(change: Array) -> Array:

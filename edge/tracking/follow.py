@@ -206,7 +206,7 @@ class Follower:
         """
         i: cython.Py_ssize_t
         limit: cython.double
-        turn: cython.int
+        iteration: cython.int
         step: cython.int
         missing: cython.bint
         for i in range(self.n):
@@ -215,13 +215,13 @@ class Follower:
             self.seen[i] = found[i, 0] == found[i, 0]
             self.predicted[i, 0] = self.last[i, 0] + self.velocity[i, 0] - self.rest[i, 0]
             self.predicted[i, 1] = self.last[i, 1] + self.velocity[i, 1] - self.rest[i, 1]
-        for turn in range(2):
+        for iteration in range(2):
             missing = False
             for i in range(self.n):
                 missing |= not self.seen[i]
             # A lost pin moves with its neighbours; some of these may be lost themselves and move with theirs.
             for step in range(2 if missing else 1):
-                self._predict_from_neighbours(found, turn > 0 or step > 0)
+                self._predict_from_neighbours(found, iteration > 0 or step > 0)
             if not self._reject_by_residual(found):
                 break
 

@@ -214,11 +214,11 @@ def _median(v: cython.float[::1], n: cython.Py_ssize_t, halvings: cython.int) ->
     i: cython.int
     m: cython.int = n
     below: cython.int
-    _turn: cython.int
+    _halving: cython.int
     for i in range(m):
         low = v[i] if v[i] < low else low
         high = v[i] if v[i] > high else high
-    for _turn in range(halvings):
+    for _halving in range(halvings):
         half = cython.cast(cython.float, 0.5) * (low + high)
         below = 0
         for i in range(m):

@@ -10,7 +10,7 @@ Colours are BGR, as in OpenCV.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -60,17 +60,12 @@ PAPER = Palette(
     ink=(40, 40, 40),
     halo=(255, 255, 255),
 )
-SAFE = Palette(  # Okabe and Ito: orange, blue, bluish green, black
+SAFE = replace(  # Okabe and Ito: orange, blue, bluish green, black
+    PAPER,
     compressed=(0, 140, 230),
     expanded=(178, 114, 0),
-    paper=(255, 255, 255),
-    edge=(190, 190, 190),
-    pin=(90, 90, 90),
     contact=(90, 110, 0),
     local=(60, 60, 60),
-    shear=(0, 0, 0),
-    ink=(40, 40, 40),
-    halo=(255, 255, 255),
 )
 
 

@@ -191,7 +191,9 @@ class FoxgloveOutlet:
         m = self._messages
         balls = [
             m.SpherePrimitive(
-                pose=m.Pose(position=m.Vector3(x=c.x_mm * _MM, y=c.y_mm * _MM, z=0.0), orientation=_turn(m)),
+                pose=m.Pose(
+                    position=m.Vector3(x=c.x_mm * _MM, y=c.y_mm * _MM, z=0.0), orientation=_rotation(m)
+                ),
                 size=m.Vector3(**dict.fromkeys("xyz", _CONTACT_M + _known(c.depth_mm) * _MM)),
                 color=m.Color(r=0.76, g=0.29, b=0.0, a=0.9),
             )
@@ -223,7 +225,7 @@ def _known(value: float) -> float:
     return value if isfinite(value) else 0.0
 
 
-def _turn(m: Any, x: float = 1.0, y: float = 0.0, z: float = 0.0) -> Any:
+def _rotation(m: Any, x: float = 1.0, y: float = 0.0, z: float = 0.0) -> Any:
     """The rotation that takes the x axis to this direction."""
     length = hypot(x, y, z)
     # half-way vector between the axis and the direction: q = (axis x direction, 1 + axis . direction)
@@ -240,7 +242,7 @@ def _arrow(m: Any, x_mm: float, y_mm: float, z_mm: float) -> Any:
         return None
     origin = m.Vector3(x=0.0, y=0.0, z=0.0)
     return m.ArrowPrimitive(
-        pose=m.Pose(position=origin, orientation=_turn(m, x_mm, y_mm, z_mm)),
+        pose=m.Pose(position=origin, orientation=_rotation(m, x_mm, y_mm, z_mm)),
         shaft_length=0.8 * length_m,
         shaft_diameter=5e-4,
         head_length=0.2 * length_m,

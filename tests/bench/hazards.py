@@ -26,7 +26,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from calib.sim import Blob, Camera, Look, Simulator, Tip, Tool, ToolPose, deform
+from calib.sim import Appearance, Blob, Camera, Simulator, Tip, Tool, ToolPose, deform
 from calib.sim.mechanics import Deformation
 from calib.sim.render import Renderer
 from calib.simulated_calibration import calibrate_simulated
@@ -41,7 +41,7 @@ TARE_N, DOWN_N, HOLD_N, SHEAR_N = 8, 20, 6, 12
 SPOILED_FROM = TARE_N + 4  # disturbances begin when the tip is known and followed
 DARK = (20, 32)  # frames without light, or behind a hand: a fifth of a second here
 BALL = ToolPose(Tool("sphere", radius_mm=3.0), x_mm=3.0, y_mm=-2.0)
-LOOK = Look(rim=120.0, leds=4)
+APPEARANCE = Appearance(rim=120.0, leds=4)
 TIMES_CLEAN = 1.5
 # If the clean error is close to zero this is enough: a tenth of the project's aims (0.1 mm).
 LEAST_MM = 0.01
@@ -52,7 +52,7 @@ CALIBRATION_FRAMES = 150
 class Scene:
     """Appearance of one frame: light, and share of the frame's time that the shutter is open."""
 
-    look: Look
+    appearance: Appearance
     exposure: float = 0.0
 
 
@@ -60,18 +60,18 @@ Spoil = Callable[[Camera, int, Array, np.random.Generator], Scene]
 
 
 def _clean(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
-    return Scene(LOOK)
+    return Scene(APPEARANCE)
 
 
 def _dropped(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
     n = len(xy)
     dead = np.random.default_rng(n).permutation(n)[: round(0.3 * n)]
-    return Scene(replace(LOOK, dead=frozenset(dead.tolist())))
+    return Scene(replace(APPEARANCE, dead=frozenset(dead.tolist())))
 
 
 def _blinking(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
     dead = np.flatnonzero(rng.random(len(xy)) < 0.3)
-    return Scene(replace(LOOK, dead=frozenset(dead.tolist())))
+    return Scene(replace(APPEARANCE, dead=frozenset(dead.tolist())))
 
 
 def _spurious(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
@@ -79,12 +79,14 @@ def _spurious(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Sc
     angle, far = place.uniform(0, 2 * np.pi, 50), camera.radius_px * np.sqrt(place.random(50))
     at = camera.centre_img + far[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     size = 0.8 * _pin_radius(camera)
-    return Scene(replace(LOOK, blobs=tuple(Blob((float(x), float(y)), size, LOOK.pin) for x, y in at)))
+    return Scene(
+        replace(APPEARANCE, blobs=tuple(Blob((float(x), float(y)), size, APPEARANCE.pin) for x, y in at))
+    )
 
 
 def _dropped_spurious(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
-    look = _spurious(camera, k, xy, rng).look
-    return Scene(replace(look, dead=_dropped(camera, k, xy, rng).look.dead))
+    appearance = _spurious(camera, k, xy, rng).appearance
+    return Scene(replace(appearance, dead=_dropped(camera, k, xy, rng).appearance.dead))
 
 
 def _merged(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
@@ -93,34 +95,38 @@ def _merged(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scen
     chosen = np.random.default_rng(10).permutation(len(xy))[:10]
     middle = (xy[chosen] + xy[gap[chosen].argmin(1)]) / 2
     size = 0.8 * _pin_radius(camera)
-    return Scene(replace(LOOK, blobs=tuple(Blob((float(x), float(y)), size, LOOK.pin) for x, y in middle)))
+    return Scene(
+        replace(APPEARANCE, blobs=tuple(Blob((float(x), float(y)), size, APPEARANCE.pin) for x, y in middle))
+    )
 
 
 def _motion_blur(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
-    return Scene(LOOK, exposure=1.0)
+    return Scene(APPEARANCE, exposure=1.0)
 
 
 def _gain(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
-    return Scene(replace(LOOK, gain=float(np.clip(0.7 * 2 ** ((k - SPOILED_FROM) / RATE_HZ * 2), 0.7, 1.4))))
+    return Scene(
+        replace(APPEARANCE, gain=float(np.clip(0.7 * 2 ** ((k - SPOILED_FROM) / RATE_HZ * 2), 0.7, 1.4)))
+    )
 
 
 def _reflection(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
     """A bright patch as wide as two pins runs over the tip."""
     x, y = camera.centre_img + camera.radius_px * np.array([-1 + 2 * (k - SPOILED_FROM) / 34, 0.15])
-    return Scene(replace(LOOK, blobs=(Blob((float(x), float(y)), 2.5 * _pin_radius(camera), 220.0),)))
+    return Scene(replace(APPEARANCE, blobs=(Blob((float(x), float(y)), 2.5 * _pin_radius(camera), 220.0),)))
 
 
 def _dark(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
-    return Scene(replace(LOOK, gain=0.002) if DARK[0] <= k < DARK[1] else LOOK)
+    return Scene(replace(APPEARANCE, gain=0.002) if DARK[0] <= k < DARK[1] else APPEARANCE)
 
 
 def _hand(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
     """Something bright and near, out of focus, covers all but a corner."""
     if not DARK[0] <= k < DARK[1]:
-        return Scene(LOOK)
+        return Scene(APPEARANCE)
     x, y = camera.centre_img + np.array([0.2, 0.1]) * camera.radius_px
     cover = Blob((float(x), float(y)), camera.radius_px, 180.0)
-    return Scene(replace(LOOK, pin=12.0, blobs=(cover,)))
+    return Scene(replace(APPEARANCE, pin=12.0, blobs=(cover,)))
 
 
 HAZARDS: dict[str, Spoil] = {
@@ -193,8 +199,10 @@ def play(camera: Camera, spoil: Spoil, seed: int, touched: bool) -> tuple[list[I
         before, depth_before = _deformed(camera.tip, ()), 0.0
         for k, contacts in enumerate(poses(2.5, touched)):
             now = _deformed(camera.tip, contacts)
-            scene = spoil(camera, k, camera.project(now.tips_mm), rng) if k >= SPOILED_FROM else Scene(LOOK)
-            image, xy = Renderer(camera, scene.look).image(now, rng, before, scene.exposure, k)
+            scene = (
+                spoil(camera, k, camera.project(now.tips_mm), rng) if k >= SPOILED_FROM else Scene(APPEARANCE)
+            )
+            image, xy = Renderer(camera, scene.appearance).image(now, rng, before, scene.exposure, k)
             depth = contacts[0].depth_mm if contacts else 0.0
             middle = depth - (depth - depth_before) * scene.exposure / 2
             before, depth_before = now, depth
@@ -251,7 +259,7 @@ def outcomes(n_pins: int, seed: int) -> Iterator[Outcome]:
     """The clean press first; the others are compared with it."""
     camera = Camera(tip=Tip(n_pins=n_pins))
     calibration, _ = calibrate_simulated(
-        Simulator(camera, LOOK, seed), BALL.tool, n_frames=CALIBRATION_FRAMES, seed=seed
+        Simulator(camera, APPEARANCE, seed), BALL.tool, n_frames=CALIBRATION_FRAMES, seed=seed
     )
     clean: Outcome | None = None
     for name in HAZARDS:

@@ -152,8 +152,8 @@ class _Meter:
         self._begun_ns = 0
         self.sent_us: list[float] = []
         self.turn_us: list[float] = []
-        self._step, self._send, self._end_turn = loop.step, loop._send, loop._end_turn
-        for name, timed in (("step", self._stepped), ("_send", self._sent), ("_end_turn", self._ended)):
+        self._step, self._send, self._end_cycle = loop.step, loop._send, loop._end_cycle
+        for name, timed in (("step", self._stepped), ("_send", self._sent), ("_end_cycle", self._ended)):
             setattr(loop, name, timed)
 
     def _stepped(self, frame: Frame) -> State:
@@ -166,7 +166,7 @@ class _Meter:
         return state
 
     def _ended(self) -> None:
-        self._end_turn()
+        self._end_cycle()
         self.turn_us.append((time.perf_counter_ns() - self._begun_ns) / 1e3)
         if self.loop.last is not None and not self.worker.view.watched and not self.loop.session.recorder:
             self._idle.set()

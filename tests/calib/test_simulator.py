@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Voronoi
 
-from calib.sim import Camera, Look, Simulator, Tip, Tool, ToolPose, deform, layout, ugly
+from calib.sim import Appearance, Camera, Simulator, Tip, Tool, ToolPose, deform, layout, ugly
 from calib.sim.render import Blob, Renderer
 from calib.sim.script import REST_FRAMES, SCENES, play
 from calib.sim.source import open_sim
@@ -31,7 +31,7 @@ CAMERA = Camera()
 SMALL = Camera(Tip(127, "hex", pin_radius_mm=0.8), size_px=(320, 240))
 REST = CAMERA.project(CAMERA.tip.tips_mm)
 CENTRE = CAMERA.centre_img
-QUIET = Look(read_noise=0.0, shot_noise=0.0, unevenness=0.0, vignetting=0.0)
+QUIET = Appearance(read_noise=0.0, shot_noise=0.0, unevenness=0.0, vignetting=0.0)
 
 
 def motion_of(*contacts: ToolPose, camera: Camera = CAMERA) -> Array:
@@ -285,11 +285,11 @@ def test_contact_past_the_rim_is_refused(contact: ToolPose) -> None:
     "camera", [SMALL, Camera(SMALL.tip), Camera(SMALL.tip, size_px=(1280, 800), roll_deg=20.0)]
 )
 def test_intensity_centroid_of_every_disc_is_its_true_centre(camera: Camera, blur_px: float) -> None:
-    look = Look(0.0, 150.0, blur_px, 0.0, unevenness=0.0, read_noise=0.0, shot_noise=0.0, bits=12)
+    appearance = Appearance(0.0, 150.0, blur_px, 0.0, unevenness=0.0, read_noise=0.0, shot_noise=0.0, bits=12)
     state = deform(camera.tip, (ToolPose(depth_mm=1.0),))
     w, h = camera.size_px
     for i in range(0, 127, 21):  # alone in the image, so that the sums hold one disc whole and nothing else
-        alone = replace(look, dead=frozenset(range(127)) - {i})
+        alone = replace(appearance, dead=frozenset(range(127)) - {i})
         image, xy = Renderer(camera, alone).image(state, np.random.default_rng(0))
         assert image.max() > 1500
         level = image.astype(float)
@@ -315,7 +315,7 @@ def test_noise_of_a_frame_does_not_depend_on_the_frames_before_it() -> None:
 
 @pytest.mark.parametrize(("bits", "kind"), [(8, np.uint8), (10, np.uint16), (12, np.uint16)])
 def test_bits_scale_the_same_scene(bits: int, kind: type) -> None:
-    frame = Simulator(SMALL, Look(bits=bits)).frame()
+    frame = Simulator(SMALL, Appearance(bits=bits)).frame()
     assert frame.image.dtype == kind
     assert frame.bits == bits
     assert frame.image.shape == (240, 320)
@@ -324,13 +324,13 @@ def test_bits_scale_the_same_scene(bits: int, kind: type) -> None:
 
 
 def test_sensor_noise_is_what_was_asked_for() -> None:
-    look = Look(skin=100.0, pin=0.0, vignetting=0.0, read_noise=2.0, shot_noise=0.05, bits=12)
-    image = Simulator(SMALL, look).frame().image / 4095 * 255
+    appearance = Appearance(skin=100.0, pin=0.0, vignetting=0.0, read_noise=2.0, shot_noise=0.05, bits=12)
+    image = Simulator(SMALL, appearance).frame().image / 4095 * 255
     assert image.std() == pytest.approx((4 + 0.05 * 100) ** 0.5, rel=0.02)
 
 
 def test_dead_pins_are_dark_and_marked_invisible() -> None:
-    frame = Simulator(SMALL, Look(dead=frozenset({3, 50}))).frame()
+    frame = Simulator(SMALL, Appearance(dead=frozenset({3, 50}))).frame()
     assert frame.truth is not None
     assert [i for i, seen in enumerate(frame.truth["visible"]) if not seen] == [3, 50]
     for i in (3, 4):
@@ -339,11 +339,11 @@ def test_dead_pins_are_dark_and_marked_invisible() -> None:
 
 
 def test_motion_blur_smears_along_the_way_and_truth_is_at_mid_exposure() -> None:
-    look = Look(0.0, 150.0, 0.8, 0.0, unevenness=0.0, read_noise=0.0, shot_noise=0.0, bits=12)
-    simulator = Simulator(SMALL, look, exposure=0.8)
+    appearance = Appearance(0.0, 150.0, 0.8, 0.0, unevenness=0.0, read_noise=0.0, shot_noise=0.0, bits=12)
+    simulator = Simulator(SMALL, appearance, exposure=0.8)
     before = simulator.frame((ToolPose(depth_mm=3.0),))
     after = simulator.frame((ToolPose(depth_mm=3.0, shear_x_mm=1.0),))
-    still = Simulator(SMALL, look).frame((ToolPose(depth_mm=3.0, shear_x_mm=1.0),))
+    still = Simulator(SMALL, appearance).frame((ToolPose(depth_mm=3.0, shear_x_mm=1.0),))
     a, b, mid = (np.array((f.truth or {})["pins_img"]) for f in (before, still, after))
     np.testing.assert_allclose(mid, b - 0.4 * (b - a), atol=1e-4)
     x, y = mid[0]
@@ -355,12 +355,12 @@ def test_motion_blur_smears_along_the_way_and_truth_is_at_mid_exposure() -> None
 
 def test_a_moving_reflection_moves_and_gain_and_rim_brighten() -> None:
     blob = Blob((60.0, 60.0), 5.0, 200.0, (4.0, 0.0))
-    simulator = Simulator(SMALL, Look(pin=0.0, blobs=(blob,), vignetting=0.0))
+    simulator = Simulator(SMALL, Appearance(pin=0.0, blobs=(blob,), vignetting=0.0))
     peaks = [int(simulator.frame().image[60].argmax()) for _ in range(3)]
     np.testing.assert_allclose(np.diff(peaks), 4, atol=3)
-    plain, bright = (Simulator(SMALL, Look(gain=g)).frame().image.mean() for g in (1.0, 1.5))
+    plain, bright = (Simulator(SMALL, Appearance(gain=g)).frame().image.mean() for g in (1.0, 1.5))
     assert bright == pytest.approx(1.5 * plain, rel=0.05)
-    assert Simulator(SMALL, Look(rim=200.0, leds=6)).frame().image[0, 0] > 100
+    assert Simulator(SMALL, Appearance(rim=200.0, leds=6)).frame().image[0, 0] > 100
 
 
 def test_ugly_light_hides_no_truth_and_differs_by_seed() -> None:

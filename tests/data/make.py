@@ -10,13 +10,13 @@ import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from calib.sim import Camera, Look, Simulator, Tip
+from calib.sim import Appearance, Camera, Simulator, Tip
 from calib.sim.mechanics import Tool
 from calib.sim.script import SCENES, play
 from calib.simulated_calibration import calibrate_simulated
 from edge.recording import Recorder
 
-_QUIET = Look(read_noise=0.4, shot_noise=0.008)
+_QUIET = Appearance(read_noise=0.4, shot_noise=0.008)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Recipe:
     scene: str
     tip: Tip
     size_px: tuple[int, int]
-    look: Look
+    appearance: Appearance
     seed: int
 
 
@@ -45,7 +45,7 @@ def make(folder: Path, name: str) -> Path:
     """Write one recording."""
     recipe = RECIPES[name]
     camera = Camera(tip=recipe.tip, size_px=recipe.size_px)
-    simulator = Simulator(camera, recipe.look, recipe.seed, RATE_HZ)
+    simulator = Simulator(camera, recipe.appearance, recipe.seed, RATE_HZ)
     path = folder / f"{name}.mcap"
     about = {
         "serial": f"SIM-{recipe.tip.n_pins}",
@@ -74,7 +74,7 @@ CALIBRATIONS: dict[str, tuple[str, Tool]] = {
 def calibrate(folder: Path, name: str) -> Path:
     """Write one calibration."""
     recipe = RECIPES[CALIBRATIONS[name][0]]
-    simulator = Simulator(Camera(tip=recipe.tip, size_px=recipe.size_px), recipe.look, 99, RATE_HZ)
+    simulator = Simulator(Camera(tip=recipe.tip, size_px=recipe.size_px), recipe.appearance, 99, RATE_HZ)
     calibration, _ = calibrate_simulated(
         simulator, CALIBRATIONS[name][1], n_frames=300, serial=f"SIM-{recipe.tip.n_pins}"
     )

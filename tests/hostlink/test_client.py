@@ -11,6 +11,7 @@ import threading
 import time
 import tty
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -515,31 +516,31 @@ def test_another_canopen_device_is_no_finger(request: pytest.FixtureRequest) -> 
         notifier.stop()
 
 
-def test_a_stopped_finger_with_a_heartbeat_is_found(request: pytest.FixtureRequest) -> None:
-    bus = f"virtual:{request.node.name}"
+@contextmanager
+def stopped_finger(bus: str, heartbeat_ms: int) -> Iterator[str]:
+    """Finger 4, stopped by an NMT command: it sends nothing but its heartbeat. Its serial number."""
     node, application = make_node(f"{bus}?node=4")
     with hostlink.connect(bus) as hand:
-        hand.finger(4).set("heartbeat_ms", 20)
+        hand.finger(4).set("heartbeat_ms", heartbeat_ms)
         hand.nmt(128)
         until(lambda: node.state == "PRE-OPERATIONAL", "it sends no samples")
-    with hostlink.connect(bus) as hand:
-        assert hand.finger().info().serial_number == application.serial
-        assert set(hand.fingers) == {4}
+    yield application.serial
     node.close()
+
+
+def test_a_stopped_finger_with_a_heartbeat_is_found(request: pytest.FixtureRequest) -> None:
+    bus = f"virtual:{request.node.name}"
+    with stopped_finger(bus, 20) as serial_number, hostlink.connect(bus) as hand:
+        assert hand.finger().info().serial_number == serial_number
+        assert set(hand.fingers) == {4}
 
 
 def test_a_stopped_finger_without_heartbeat_can_be_queried_by_number(request: pytest.FixtureRequest) -> None:
     bus = f"virtual:{request.node.name}"
-    node, application = make_node(f"{bus}?node=4")
-    with hostlink.connect(bus) as hand:
-        hand.finger(4).set("heartbeat_ms", 0)
-        hand.nmt(128)
-        until(lambda: node.state == "PRE-OPERATIONAL", "it is silent")
-    with hostlink.connect(bus) as hand:
+    with stopped_finger(bus, 0) as serial_number, hostlink.connect(bus) as hand:
         assert hand.fingers == {}
-        assert hand.finger(4).info().serial_number == application.serial
+        assert hand.finger(4).info().serial_number == serial_number
         assert hand.finger() is hand.finger(4)
-    node.close()
 
 
 def test_the_finger_on_a_line_has_one_number(tmp_path: Path) -> None:

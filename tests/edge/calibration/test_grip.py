@@ -60,7 +60,7 @@ def test_a_pure_twist_slides_at_hertzs_torque() -> None:
     assert "friction" not in Grip().update(forces(0.0, torque=torque), SURE, None)
 
 
-def test_without_forces_nothing_is_said() -> None:
+def test_without_forces_nothing_is_reported() -> None:
     for lacking in ("force_n", "force_x_n"):
         known = {name: value for name, value in forces(1.0).items() if name != lacking}
         assert Grip().update(known, SURE, 1.0) == {}

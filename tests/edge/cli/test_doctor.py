@@ -102,7 +102,7 @@ def config(tmp_path: Path) -> Config:
 
 
 @pytest.fixture
-def look(config: Config, rest: list[Image], data_dir: Path) -> Callable[..., dict[str, Line]]:
+def examined(config: Config, rest: list[Image], data_dir: Path) -> Callable[..., dict[str, Line]]:
     """Examine, with one thing changed; the worst line of each topic."""
 
     def examine_it(
@@ -129,7 +129,7 @@ def look(config: Config, rest: list[Image], data_dir: Path) -> Callable[..., dic
     return examine_it
 
 
-Look = Callable[..., dict[str, Line]]
+Examined = Callable[..., dict[str, Line]]
 
 
 def bad(found: dict[str, Line]) -> dict[str, str]:
@@ -138,8 +138,8 @@ def bad(found: dict[str, Line]) -> dict[str, str]:
     return {topic: line.level for topic, line in found.items() if line.level != "ok"}
 
 
-def test_everything_in_order_gives_ok(look: Look) -> None:
-    found = look()
+def test_everything_in_order_gives_ok(examined: Examined) -> None:
+    found = examined()
     assert bad(found) == {}
     assert set(found) == {
         "camera", "rate", "light", "pins", "focus", "margin", "calibration", "age", "residual", "link",
@@ -148,62 +148,62 @@ def test_everything_in_order_gives_ok(look: Look) -> None:
     assert found["link"].words == "can0 is up, 1 Mbit/s and 5"
 
 
-def test_no_camera(look: Look) -> None:
-    found = look(camera=SourceError("source v4l2:0: no such camera; cameras here: none"))
+def test_no_camera(examined: Examined) -> None:
+    found = examined(camera=SourceError("source v4l2:0: no such camera; cameras here: none"))
     assert bad(found) == {"camera": "fail"}
     assert "no such camera" in found["camera"].words
     assert not {"light", "pins", "focus"} & set(found)  # topics that cannot be checked are not guessed
 
 
-def test_a_camera_without_images(look: Look, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_camera_without_images(examined: Examined, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("edge.cli.doctor.LIMITS", replace(LIMITS, sample_s=0.05))
     camera = Camera([])
     camera.condition = "stalled"
-    found = look(camera=camera)
+    found = examined(camera=camera)
     assert bad(found) == {"camera": "fail"}
     assert "stalled" in found["camera"].words
 
 
-def test_a_dark_camera(look: Look, rest: list[Image]) -> None:
+def test_a_dark_camera(examined: Examined, rest: list[Image]) -> None:
     random = np.random.default_rng(0)
-    found = look([random.integers(0, 2, image.shape, dtype=np.uint8) for image in rest])
+    found = examined([random.integers(0, 2, image.shape, dtype=np.uint8) for image in rest])
     assert bad(found) == {"light": "fail", "pins": "fail"}
     assert "LED" in found["light"].advice
 
 
-def test_an_overexposed_camera(look: Look, rest: list[Image]) -> None:
-    found = look([np.full_like(image, 255) for image in rest])
+def test_an_overexposed_camera(examined: Examined, rest: list[Image]) -> None:
+    found = examined([np.full_like(image, 255) for image in rest])
     assert found["light"].level == "fail"
     assert "overexposed" in found["light"].advice
 
 
-def test_a_slow_camera(look: Look, rest: list[Image]) -> None:
-    found = look(camera=Camera(rest, period_ns=20_000_000))
+def test_a_slow_camera(examined: Examined, rest: list[Image]) -> None:
+    found = examined(camera=Camera(rest, period_ns=20_000_000))
     assert bad(found) == {"rate": "fail"}
     assert found["rate"].words == "50.0 frames/s, 100 asked"
 
 
-def test_another_tip_s_calibration(look: Look, data_dir: Path) -> None:
-    found = look(calibration=data_dir / "hex127_flat.json")
+def test_another_tip_s_calibration(examined: Examined, data_dir: Path) -> None:
+    found = examined(calibration=data_dir / "hex127_flat.json")
     assert found["calibration"].level == "fail"
     assert (
         Calibration.load(data_dir / "hex127_flat.json").content.sensor.serial in found["calibration"].advice
     )
 
 
-def test_a_calibration_that_cannot_be_read(look: Look, tmp_path: Path) -> None:
+def test_a_calibration_that_cannot_be_read(examined: Examined, tmp_path: Path) -> None:
     (tmp_path / "a.json").write_text("{}")
-    assert bad(look(calibration=tmp_path / "a.json")) == {"calibration": "fail"}
-    assert bad(look(calibration=None)) == {"calibration": "warn"}
+    assert bad(examined(calibration=tmp_path / "a.json")) == {"calibration": "fail"}
+    assert bad(examined(calibration=None)) == {"calibration": "warn"}
 
 
-def test_half_of_the_pins_lost(look: Look, rest: list[Image]) -> None:
+def test_half_of_the_pins_lost(examined: Examined, rest: list[Image]) -> None:
     half = []
     for image in rest:
         covered = image.copy()
         covered[:, 160:] = np.median(image)
         half.append(covered)
-    found = look(half)
+    found = examined(half)
     assert found["pins"].level == "fail"
     assert "of the calibration's 331 pins" in found["pins"].words
 
@@ -220,7 +220,7 @@ def test_half_of_the_pins_lost(look: Look, rest: list[Image]) -> None:
         ({"berr_counter": {"tx": 128, "rx": 0}}, {"errors": "warn"}, "tx 128"),
     ],
 )
-def test_can(look: Look, change: dict[str, Any] | None, expected: dict[str, str], words: str) -> None:
+def test_can(examined: Examined, change: dict[str, Any] | None, expected: dict[str, str], words: str) -> None:
     machine = Well()
     if change is None:
         machine.can = None
@@ -229,7 +229,7 @@ def test_can(look: Look, change: dict[str, Any] | None, expected: dict[str, str]
     else:
         data = UP["linkinfo"]["info_data"] | change
         machine.can = UP | {"linkinfo": {"info_kind": "can", "info_data": data}}
-    found = look(machine=machine)
+    found = examined(machine=machine)
     assert bad(found) == expected
     assert words in found[next(iter(expected))].words
 
@@ -244,20 +244,20 @@ def test_can(look: Look, change: dict[str, Any] | None, expected: dict[str, str]
         ("synchronised", False, "clock", "warn"),
     ],
 )
-def test_the_board(look: Look, attribute: str, value: object, topic: str, level: str) -> None:
+def test_the_board(examined: Examined, attribute: str, value: object, topic: str, level: str) -> None:
     machine = Well()
     setattr(machine, attribute, value)
-    assert bad(look(machine=machine)) == {topic: level}
+    assert bad(examined(machine=machine)) == {topic: level}
 
 
-def test_a_folder_that_cannot_be_written(look: Look) -> None:
+def test_a_folder_that_cannot_be_written(examined: Examined) -> None:
     machine = Well()
 
     def refuse(folder: Path, n_bytes: int) -> float:
         raise PermissionError(13, "Permission denied")
 
     machine.write_s = refuse  # type: ignore[method-assign]
-    assert bad(look(machine=machine)) == {"disk": "fail"}
+    assert bad(examined(machine=machine)) == {"disk": "fail"}
 
 
 def test_the_machine_itself(tmp_path: Path) -> None:

@@ -13,10 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-import zstandard
-from lz4.frame import LZ4FrameCompressor
 from mcap.data_stream import RecordBuilder
-from mcap.records import Attachment, AttachmentIndex, Chunk, DataEnd, Footer, Header
+from mcap.records import Attachment, AttachmentIndex, DataEnd, Footer, Header
 from mcap.writer import CompressionType, Writer
 
 from edge.errors import SourceError
@@ -25,6 +23,7 @@ from edge.recording.topics import proto
 from edge.types import Frame
 from hostlink.mcap_chunk import UNPACKED_MAX
 from tests.edge.sources.test_image_header import png_of
+from tests.support.mcap_bomb import write_mcap_bomb
 from tests.support.seeds import SEED
 
 MEMORY_MAX = 48 << 20  # in addition to that used before; the files are below 1 MiB
@@ -156,14 +155,7 @@ def chunk_at(data: bytes) -> int:
 def test_a_chunk_that_unpacks_endlessly_counts_as_damaged(
     tmp_path: Path, compression: str, stated: int
 ) -> None:
-    packer: Any = LZ4FrameCompressor() if compression == "lz4" else zstandard.ZstdCompressor().compressobj()
-    parts = [packer.begin()] if compression == "lz4" else []
-    parts += [packer.compress(bytes(1 << 20)) for _ in range(256)]
-    builder = RecordBuilder()
-    Header("", "").write(builder)
-    Chunk(compression, b"".join([*parts, packer.flush()]), 0, 0, 0, stated).write(builder)
-    path = tmp_path / "a.mcap"
-    path.write_bytes(b"\x89MCAP0\r\n" + builder.end())
+    path = write_mcap_bomb(tmp_path / "a.mcap", compression, stated)
     tracemalloc.start()
     try:
         with pytest.raises(SourceError, match=r"cut off before"):

@@ -8,16 +8,13 @@ import tracemalloc
 from dataclasses import asdict
 from math import isnan, nan
 from pathlib import Path
-from typing import Any
 
 import can
 import cv2
 import numpy as np
 import pytest
-import zstandard
-from lz4.frame import LZ4FrameCompressor
 from mcap.data_stream import RecordBuilder
-from mcap.records import Channel, Chunk, Header, Message
+from mcap.records import Channel, Header, Message
 
 from edge.recording import Recorder
 from edge.types import Clock, Frame
@@ -26,6 +23,7 @@ from hostlink.commands.plot import Series, draw, read_series
 from hostlink.errors import LogError
 from hostlink.recording import LogWriter
 from hostlink.wire import CanIds, Kind, State, pack_state, unpack_state
+from tests.support.mcap_bomb import write_mcap_bomb
 
 RATE_HZ = 100
 START_US = (1 << 32) - 250_000  # the wire's microseconds wrap in the middle
@@ -151,14 +149,7 @@ def test_a_sample_that_is_no_sample_counts_as_damaged(tmp_path: Path, text: str)
 def test_a_chunk_that_unpacks_endlessly_counts_as_damaged(
     tmp_path: Path, compression: str, stated: int
 ) -> None:
-    packer: Any = LZ4FrameCompressor() if compression == "lz4" else zstandard.ZstdCompressor().compressobj()
-    parts = [packer.begin()] if compression == "lz4" else []
-    parts += [packer.compress(bytes(1 << 20)) for _ in range(256)]
-    builder = RecordBuilder()
-    Header("", "").write(builder)
-    Chunk(compression, b"".join([*parts, packer.flush()]), 0, 0, 0, stated).write(builder)
-    path = tmp_path / "a.mcap"
-    path.write_bytes(b"\x89MCAP0\r\n" + builder.end())
+    path = write_mcap_bomb(tmp_path / "a.mcap", compression, stated)
     tracemalloc.start()
     try:
         with pytest.raises(LogError, match="damaged before its first sample"):
