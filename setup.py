@@ -43,9 +43,11 @@ KERNELS = {
     "edge.geometry.plane": FAST,
     "edge.geometry.select": FAST,
     "edge.pins.centroids": FAST,
+    "edge.pins.rejection": FAST,
     "edge.runtime.measures": FAST,
     "edge.tracking.affine": FAST,
     "edge.tracking.follow": FAST,
+    "edge.tracking.links": FAST,
     "edge.tracking.match": FAST,
     "edge.tracking.outliers": FAST,
 }

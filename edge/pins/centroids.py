@@ -17,8 +17,7 @@ Rules
 - Levels are taken relative to the window's middle, so that all sums are exact integers.
 - Dark pins are bright ones in the inverted image. Its levels are the negative ones, so that the result is the
   same to the last bit.
-- No blob is assigned to two pins: of a pair closer than their clash distance the one that moved further from
-  its prediction is lost.
+- Which of the centroids count is decided afterwards, over all pins (`rejection`).
 """
 
 # mypy: disable-error-code="untyped-decorator,valid-type,index,attr-defined,assignment"
@@ -32,15 +31,14 @@ from edge.pins.templates import BLOCK, HALF_MAX, LANES, NORM, PHASES, STEP_MAX, 
 from edge.types import Array, Image, Index
 
 if cython.compiled:
-    from cython.cimports.edge.geometry.select import select_kth
+    from cython.cimports.edge.pins.rejection import Answer, CentroidFilter
     from cython.cimports.edge.pins.windows import copy_rows, prefetch, sums_of_bytes, sums_of_shorts
-    from cython.cimports.libc.math import HUGE_VAL, NAN, floor, isfinite, isnan, ldexp, sqrt
+    from cython.cimports.libc.math import NAN, floor, isfinite, ldexp, sqrt
 else:
-    from math import floor, isfinite, isnan, ldexp, sqrt
-    from math import inf as HUGE_VAL  # noqa: N812
+    from math import floor, isfinite, ldexp, sqrt
     from math import nan as NAN  # noqa: N812
 
-    from edge.geometry.select import select_kth
+    from edge.pins.rejection import Answer, CentroidFilter
     from edge.pins.windows import copy_rows, prefetch, sums_of_bytes, sums_of_shorts
 
 N_PHASES = cython.declare(cython.int, PHASES)
@@ -55,10 +53,6 @@ Norm = cython.struct(
     inv_pixels=cython.double, inv_d2=cython.double, inv_tx2=cython.double, inv_ty2=cython.double,
     inv_det_x=cython.double, inv_det_y=cython.double, inv_freedom=cython.double,
 )  # fmt: skip
-#: One row of `ANSWER`.
-Answer = cython.struct(
-    x=cython.double, y=cython.double, sigma=cython.double, amplitude=cython.double, fit=cython.double
-)
 #: x, y, sigma in px, amplitude in levels, fit: the share of the window's variation that the disc explained.
 ANSWER = np.dtype([(name, np.float64) for name in ("x", "y", "sigma", "amplitude", "fit")])
 
@@ -69,10 +63,7 @@ class CentroidKernel:
 
     n: cython.Py_ssize_t
     _answers: Array
-    _fit_min: cython.double
-    _amplitude_share_min: cython.double
     _reach2: cython.double
-    _clash: cython.double
     _noise2: cython.double
     _steps_max: cython.int
     _near: cython.double  # px: a step this short is the last
@@ -94,11 +85,9 @@ class CentroidKernel:
     _plane: cython.Py_ssize_t[::1]
     _templates: cython.short[::1]
     _norms: Norm[:, ::1]
-    _rest_amplitude: cython.double[::1]
-    _order: cython.int[::1]
     _predicted: cython.double[:, ::1]
-    _out: Answer[::1]
-    _ratio: cython.double[::1]
+    _out: Answer[::1]  # the answers, by name
+    _filter: CentroidFilter
     _pixels: cython.uchar[::1]
     _window: cython.short[::1]
     _sums: cython.double[::1]
@@ -126,7 +115,6 @@ class CentroidKernel:
         """
         self._kind_of = np.array(kind_of, np.int32)
         self.n = self._kind_of.shape[0]
-        self._rest_amplitude = np.array(rest_amplitude, np.float64)
         self._kind = -1
         self._half = np.array(templates.half, np.int32)
         self._stride = np.array(templates.stride, np.int32)
@@ -134,24 +122,22 @@ class CentroidKernel:
         self._plane = np.array(templates.plane, np.intp)
         self._templates = templates.values
         self._norms = templates.norms
-        _check(templates, np.asarray(self._kind_of), np.asarray(self._rest_amplitude))
+        _check(templates, np.asarray(self._kind_of), np.asarray(rest_amplitude))
         if not 0 <= limits["spare_bits"] <= 8:
             raise ValueError(f"spare_bits of 0 to 8 are wanted, not {limits['spare_bits']}")
         self._sign = -1 if dark else 1
-        self._fit_min = limits["fit_min"]
-        self._amplitude_share_min = limits["amplitude_share_min"]
         self._reach2 = limits["reach_px"] ** 2
-        self._clash = limits["clash_px"]
         self._shift = int(limits["spare_bits"])
         self._noise2 = limits["noise"] ** 2 / 4.0 ** int(limits["spare_bits"])
         self._steps_max = int(limits["steps_max"])
         self._near, self._far = limits["near_phases"] / PHASES, limits["far_px"]
         self._border_share_min = limits["border_share_min"]
         self._border_pixels_min = limits["border_pixels_min"]
-        self._order = np.arange(self.n, dtype=np.int32)
+        self._filter = CentroidFilter(
+            rest_amplitude, limits["fit_min"], limits["amplitude_share_min"], limits["clash_px"]
+        )
         self._answers = np.empty((self.n, len(ANSWER.names or ())))
         self._out = self._answers.view(ANSWER)[:, 0].view(np.recarray)
-        self._ratio = np.empty(self.n)
         plane_max = int(np.max(templates.plane))
         self._pixels = np.zeros(plane_max, np.uint8)
         self._window = np.zeros(plane_max, np.int16)
@@ -182,7 +168,7 @@ class CentroidKernel:
         if self._predicted.shape[0] != self.n or self._predicted.shape[1] != 2:
             raise ValueError(f"predictions of {self.n} pins are wanted, not of {self._predicted.shape[0]}")
         self._read()
-        self._reject()
+        self._filter.reject(self._out, self._predicted)
         return self._answers
 
     @cython.cfunc
@@ -574,89 +560,6 @@ class CentroidKernel:
                     self._normal[o, c] -= f * self._normal[r, c]
                     self._inverse[o, c] -= f * self._inverse[r, c]
         return True
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _reject(self) -> cython.void:
-        """Lose pins of poor fit or wrong amplitude, and of two on one blob the one that moved further."""
-        i: cython.Py_ssize_t
-        m: cython.Py_ssize_t = 0
-        # Illumination may have changed for all pins at once: amplitudes are compared after the common gain.
-        for i in range(self.n):
-            if self._out[i].fit > self._fit_min:
-                self._ratio[m] = self._out[i].amplitude / self._rest_amplitude[i]
-                m += 1
-        gain: cython.double = select_kth(self._ratio, m, m // 2) if m else 1.0
-        least: cython.double = self._amplitude_share_min * gain
-        for i in range(self.n):
-            if (
-                not (self._out[i].fit > self._fit_min)
-                or self._out[i].amplitude < least * self._rest_amplitude[i]
-            ):
-                self._forget(i)
-        self._sort()
-        self._reject_clashes()
-
-    @cython.cfunc
-    @cython.inline
-    @cython.exceptval(check=False)
-    def _forget(self, i: cython.Py_ssize_t) -> cython.void:
-        self._out[i].x = NAN
-        self._out[i].y = NAN
-        self._out[i].sigma = NAN
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _sort(self) -> cython.void:
-        """`_order` by x, lost pins last. It is kept from image to image, so it is nearly sorted already."""
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
-        who: cython.int
-        key: cython.double
-        before: cython.double
-        for i in range(1, self.n):
-            who = self._order[i]
-            key = self._out[who].x
-            if isnan(key):
-                key = HUGE_VAL
-            j = i
-            while j > 0:
-                before = self._out[self._order[j - 1]].x
-                if not (before > key or (isnan(before) and key < HUGE_VAL)):
-                    break
-                self._order[j] = self._order[j - 1]
-                j -= 1
-            self._order[j] = who
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _reject_clashes(self) -> cython.void:
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
-        a: cython.int
-        b: cython.int
-        for i in range(self.n):
-            a = self._order[i]
-            for j in range(i + 1, self.n):
-                b = self._order[j]
-                if isnan(self._out[a].x):
-                    break
-                if isnan(self._out[b].x):
-                    continue
-                if self._out[b].x - self._out[a].x > self._clash:
-                    break
-                if (
-                    square(self._out[b].x - self._out[a].x, self._out[b].y - self._out[a].y)
-                    <= self._clash * self._clash
-                ):
-                    self._forget(a if self._went2(a) > self._went2(b) else b)
-
-    @cython.cfunc
-    @cython.inline
-    @cython.exceptval(check=False)
-    def _went2(self, i: cython.Py_ssize_t) -> cython.double:
-        """Squared distance from the prediction, px2."""
-        return square(self._out[i].x - self._predicted[i, 0], self._out[i].y - self._predicted[i, 1])
 
 
 @cython.cfunc

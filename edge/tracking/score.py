@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from edge.tracking.match import Links
+from edge.tracking.links import Links
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
 

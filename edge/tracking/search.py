@@ -23,7 +23,8 @@ import cv2
 import numpy as np
 
 from edge.tracking.coarse import CoarseFit
-from edge.tracking.match import Links, NearestBlob, RegionGrower
+from edge.tracking.links import Links
+from edge.tracking.match import NearestBlob, RegionGrower
 from edge.tracking.repair import repair
 from edge.tracking.score import Match, MatchScorer, largest_piece
 from edge.tracking.tip import TrackedTip

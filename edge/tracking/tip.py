@@ -8,7 +8,7 @@ import numpy as np
 
 from edge.geometry.lattice import Lattice
 from edge.tracking.affine import LocalAffine
-from edge.tracking.match import Adjacency
+from edge.tracking.links import Adjacency
 from edge.tracking.outliers import PhotometricFilter
 from edge.tracking.params import TrackingParams
 from edge.types import Array, Rest

@@ -156,21 +156,23 @@ def test_depthai_recordings_keep_pixels_gaps_and_the_modules_times(dai: Any, tmp
     """RecordVideo spends its first ten frames on finding the rate; its file is read back exactly."""
     steps = [n + 3 * (n > 30) for n in range(50)]
 
-    def gate(n: int) -> None:
-        time.sleep(0.002)  # the recorder's queue drops frames that come faster than it writes
-
     video, metadata = tmp_path / "a.avi", tmp_path / "a.mcap"
     with dai.Pipeline(createImplicitDevice=False) as pipeline:
         recorder = pipeline.create(dai.node.RecordVideo)
         recorder.setRecordVideoFile(video)
         recorder.setRecordMetadataFile(metadata)
-        output = frames_output(dai, steps, gate)(pipeline)
+        recorder.input.setBlocking(True)
+        recorder.input.setMaxSize(len(steps))  # holds all frames, so that none is dropped
+        output = frames_output(dai, steps)(pipeline)
         output.link(recorder.input)
         after = output.createOutputQueue(maxSize=100, blocking=False)
         pipeline.start()
         for _ in steps:
             assert after.get(timedelta(seconds=SOON_S)) is not None
-        time.sleep(0.1)  # the recorder has no event for the end of writing
+        until(
+            lambda: not recorder.input.getSize(),
+            "the recorder takes the last frame; stopping waits until it is written",
+        )
         pipeline.stop()
         pipeline.wait()
     source = oak.OakSource(oak.replay_output(video, 0.0, metadata), HOST, own_clock=True)

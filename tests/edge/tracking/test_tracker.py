@@ -15,7 +15,7 @@ from edge.errors import DegenerateLayout
 from edge.geometry.lattice import Lattice
 from edge.pins import CentroidRefiner, detect, take_rest
 from edge.tracking import Tracker
-from edge.tracking.match import Adjacency
+from edge.tracking.links import Adjacency
 from edge.tracking.params import TrackingParams
 from edge.tracking.score import Match
 from edge.tracking.search import Identifier
