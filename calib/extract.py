@@ -11,13 +11,14 @@ import math
 import os
 import re
 import signal
+import threading
 import time
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
-from multiprocessing import active_children, forkserver, get_context, resource_tracker
+from multiprocessing import active_children, forkserver, get_context, parent_process, resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -268,7 +269,8 @@ def _processes(count: int) -> Iterator[Executor]:
     others = set(active_children())
     try:
         # Not by fork: locks held by this process's library threads would stay locked in the child.
-        with ProcessPoolExecutor(count, mp_context=get_context("forkserver")) as pool:
+        context = get_context("forkserver")
+        with ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent) as pool:
             try:
                 _start_without_interrupts(pool, count)
                 yield pool
@@ -283,6 +285,21 @@ def _processes(count: int) -> Iterator[Executor]:
         os.environ.pop("OMP_NUM_THREADS")
         if before is not None:
             os.environ["OMP_NUM_THREADS"] = before
+
+
+def _end_with_parent() -> None:
+    """End this worker with the program that started it, also where that was killed.
+
+    It waits for work at a pipe of which it holds the other end too, so that alone would never tell it.
+    """
+    parent = parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _start_without_interrupts(pool: Executor, count: int) -> None:

@@ -28,7 +28,7 @@ from edge.calibration import Calibration
 from edge.errors import SourceError
 from hostlink.output_file import OutputError
 from tests.support.images import read_grey
-from tests.support.waiting import SOON_S
+from tests.support.waiting import SOON_S, until
 
 SMALL = Simulation(tip=Tip(127, "hex"), camera=CameraTable(size_px=(240, 240)))
 BALL = Tool("sphere", 3.0)
@@ -231,6 +231,23 @@ def test_an_interrupt_while_processes_start_prints_nothing() -> None:
     )
     assert done.stderr == ""
     assert done.stdout == "interrupted\n"
+
+
+def test_workers_end_with_a_program_that_was_killed() -> None:
+    code = (
+        "import os, sys; from calib.extract import executor\n"
+        "with executor(workers=2) as pool:\n"
+        "    print(pool.submit(os.getpid).result(), flush=True)\n"
+        "    sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as program:
+        assert program.stdout is not None
+        worker = Path("/proc") / program.stdout.readline().strip()
+        assert (worker / "cmdline").exists()
+        program.kill()
+    until(lambda: not worker.exists(), "the end of the worker")
 
 
 def test_another_tip_s_frames_are_refused(recording: Path, tmp_path: Path) -> None:
