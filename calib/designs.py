@@ -20,7 +20,17 @@ from calib.targets import Targets
 from edge.calibration.inputs import MODES
 from edge.types import Array, Mask
 
-__all__ = ["GROUPS", "Group", "Letters", "designs", "is_round", "letters", "terms_of_spin", "went_all_round"]
+__all__ = [
+    "GROUPS",
+    "MEAN_MOTION",
+    "Group",
+    "Letters",
+    "designs",
+    "is_round",
+    "letters",
+    "terms_of_spin",
+    "went_all_round",
+]
 
 Letters = Sequence[tuple[str, int]]
 
@@ -57,6 +67,7 @@ GROUPS = (
 )
 
 
+MEAN_MOTION = "mean motion"  # name of the paper's candidate for shear
 #: (degree of the modes, factors in a product), from simple to rich. Richer ones than these gained nothing on
 #: the published recordings and need more frames than a rig can reasonably take.
 SIZES = ((0, 1), (1, 1), (2, 1), (3, 1), (5, 1), (1, 2), (2, 2), (3, 2), (4, 2), (5, 2), (2, 3))
@@ -121,7 +132,7 @@ def designs(group: Group, all_round: bool) -> Iterator[tuple[str, list[list[str]
             yield f"place of contact{_products(factors)}", terms_of_spin(group.spin, alphabet, factors)
         return
     if group.spin == 1:
-        yield "mean motion", [["shear"]]
+        yield MEAN_MOTION, [["shear"]]
     for (degree, factors), off in itertools.product(SIZES, (None, *OFF_AXIS) if all_round else (None,)):
         name = f"modes to degree {degree}{_products(factors)}"
         terms = terms_of_spin(group.spin, letters(degree), factors)

@@ -26,7 +26,7 @@ import numpy as np
 
 from calib.axes import Axes, recognise_axes, recognise_handedness
 from calib.curve import CURVE, fit_curve
-from calib.designs import GROUPS, Group, designs, is_round, went_all_round
+from calib.designs import GROUPS, MEAN_MOTION, Group, designs, is_round, went_all_round
 from calib.errors import FitError
 from calib.extract import Extract
 from calib.fit_params import PARAMS
@@ -46,6 +46,7 @@ from edge.calibration import Calibration
 from edge.calibration.file import (
     FORMAT,
     SOURCE_MAX,
+    TERMS_MAX,
     VERSION,
     CalibrationFile,
     Curve,
@@ -61,10 +62,26 @@ from edge.calibration.file import (
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, term_columns
 from edge.types import Array, Complex, Index, Mask, Rest
 
-__all__ = ["Choice", "Prefer", "fit", "groups_of", "tip_of"]
+__all__ = [
+    "EVERYTHING",
+    "Choice",
+    "ModelKind",
+    "Prefer",
+    "Processes",
+    "Search",
+    "fit",
+    "fit_processes",
+    "groups_of",
+    "tip_of",
+]
 
-PROCESS = "process"  # name of the candidate
-POLYNOMIAL = "polynomial"  # kind of all candidates but that and the curve
+
+class ModelKind(StrEnum):
+    """Of the candidates."""
+
+    PLAIN = "curve"  # the paper's: a curve of the volume, the plain mean motion
+    POLYNOMIAL = "polynomial"
+    PROCESS = "process"
 
 
 class Prefer(StrEnum):
@@ -72,6 +89,21 @@ class Prefer(StrEnum):
 
     SPEED = "speed"  # the one with the fewest terms within one standard error of the best
     ACCURACY = "accuracy"  # the best
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """What is tried, and which of several sufficient models is taken.
+
+    terms_max  of a process: more are left out, those with the smallest prior variance first
+    """
+
+    prefer: Prefer = Prefer.SPEED
+    kinds: frozenset[ModelKind] = frozenset(ModelKind)
+    terms_max: int = TERMS_MAX
+
+
+EVERYTHING = Search()
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,9 +126,14 @@ class Choice:
         """Of curves, polynomials, processes: the candidate with the smallest error on held-out frames."""
         kinds: dict[str, Candidate] = {}
         for candidate in sorted(self.tried, key=lambda c: c.rms):
-            kind = candidate.name if candidate.name in (CURVE, PROCESS) else POLYNOMIAL
-            kinds.setdefault(kind, candidate)
+            kinds.setdefault(_kind_of(candidate.name), candidate)
         return kinds
+
+
+def _kind_of(name: str) -> ModelKind:
+    if name in (CURVE, MEAN_MOTION):
+        return ModelKind.PLAIN
+    return ModelKind.PROCESS if name == ModelKind.PROCESS else ModelKind.POLYNOMIAL
 
 
 def fit(
@@ -109,7 +146,7 @@ def fit(
     on_group: Callable[[str], None] = lambda text: None,
     on_refused: Callable[[str], None] = lambda text: None,
     on_axes: Callable[[Axes], None] = lambda axes: None,
-    prefer: Prefer = Prefer.SPEED,
+    search: Search = EVERYTHING,
     pool: Executor | None = None,
 ) -> tuple[Calibration, list[Choice]]:
     """Fit everything that the table has columns for.
@@ -118,7 +155,7 @@ def fit(
     on_group   called when a model was chosen for a group of outputs
     on_refused called with the reason why a group was skipped: its values will be sent as invalid
     on_axes    called with the orientation of the rig's axes in the image
-    prefer     which of several sufficient models is taken
+    search     what is tried, and which of several sufficient models is taken
     pool       where processes are fitted, a job for each group; None: here
     Returns    the calibration, and how each model was chosen
     Raises     FitError: nothing could be fitted; the message says what the data lack, naming the rows.
@@ -133,9 +170,9 @@ def fit(
     axes = _axes(problems)
     on_axes(axes)
     problems = [problem.in_the_image(axes) for problem in problems]
-    started = [_start_processes(problem, pool) for problem in problems]
+    started = [_start_processes(problem, search, pool) for problem in problems]
     for problem, processes in zip(problems, started, strict=True):
-        for group, result in _choose(problem, processes, prefer):
+        for group, result in _choose(problem, processes, search):
             on_group(", ".join(group.outputs))
             if isinstance(result, FitError):
                 refused.append(str(result))
@@ -158,6 +195,35 @@ def fit(
     )
     scale = mm_per_px or _scale(targets, extract, rest)
     return _checked(sensor, scale, [choice.model for choice in choices], data), choices
+
+
+@dataclass(frozen=True, slots=True)
+class Processes:
+    """The processes of all groups that there are frames enough for.
+
+    usable    (frames,) bool, those that they were fitted to
+    mirrored  whether the rig's axes are mirrored against the image
+    """
+
+    groups: tuple[Group, ...]
+    fitted: tuple[FittedProcess, ...]
+    usable: Mask
+    mirrored: bool
+
+
+def fit_processes(rest: Rest, targets: Targets, extract: Extract, pool: Executor | None = None) -> Processes:
+    """The processes alone. Raises FitError: too few frames can be used, or none varies."""
+    usable = _usable_frames(targets, extract)
+    problems = [p for p in _problems(rest, targets, extract, usable) if not p.groups[0].of_contact]
+    axes = _axes(problems)
+    problems = [problem.in_the_image(axes) for problem in problems]
+    jobs = [job for problem in problems for job in _start_processes(problem, EVERYTHING, pool)]
+    groups = [group for problem in problems for group in problem.groups]
+    found = [(g, fitted) for g, job in zip(groups, jobs, strict=True) if (fitted := job()) is not None]
+    if not found:
+        raise FitError(f"{targets.where}: {int(usable.sum())} usable frames are too few for a process")
+    groups_found, processes = zip(*found, strict=True)
+    return Processes(groups_found, processes, usable, any(axes.mirrored.values()))
 
 
 def groups_of(targets: Targets) -> list[Group]:
@@ -273,9 +339,15 @@ def _axes(problems: Sequence[_Problem]) -> Axes:
     return recognise_axes(found)
 
 
-def _start_processes(problem: _Problem, pool: Executor | None) -> list[Callable[[], FittedProcess | None]]:
+def _start_processes(
+    problem: _Problem, search: Search, pool: Executor | None
+) -> list[Callable[[], FittedProcess | None]]:
     """Functions that return the process of each group; None if frames are too few or inputs are missing."""
-    usable = len(problem.inputs) >= PARAMS.process_rows_min and bool(np.isfinite(problem.inputs).all())
+    usable = (
+        ModelKind.PROCESS in search.kinds
+        and len(problem.inputs) >= PARAMS.process_rows_min
+        and bool(np.isfinite(problem.inputs).all())
+    )
     if problem.noise is None or not usable:
         return [lambda: None for _ in problem.groups]
     calls = [
@@ -289,6 +361,7 @@ def _start_processes(problem: _Problem, pool: Executor | None) -> list[Callable[
             problem.fold,
             problem.lossy,
             all_round=problem.all_round,
+            terms_max=search.terms_max,
         )
         for group, y in zip(problem.groups, problem.y.T, strict=True)
     ]
@@ -350,7 +423,7 @@ _Tried = tuple[Candidate, list[list[str]], Complex]
 
 
 def _choose(
-    problem: _Problem, processes: Sequence[Callable[[], FittedProcess | None]], prefer: Prefer
+    problem: _Problem, processes: Sequence[Callable[[], FittedProcess | None]], search: Search
 ) -> Iterator[tuple[Group, Choice | FitError]]:
     """One model for each group."""
     n = len(problem.inputs)
@@ -363,29 +436,35 @@ def _choose(
     for name, terms in designs(problem.groups[0], problem.all_round):
         if [] not in terms:
             terms = [*terms, []]  # preload: the paper's offset at zero shear
-        if len(terms) * PARAMS.rows_per_term > n:
+        if len(terms) * PARAMS.rows_per_term > n or _kind_of(name) not in search.kinds:
             continue
         psi, moved = term_values(problem.inputs, problem.noise, term_columns(terms, problem.names))
         results = cross_validate(name, psi, moved, problem.y, problem.fold, real=problem.real)
         for known, (candidate, predicted) in zip(tried, results, strict=True):
             known.append((candidate, terms, predicted))
     for i, (group, known, process) in enumerate(zip(problem.groups, tried, processes, strict=True)):
-        yield group, _best(problem, i, known, process(), prefer)
+        yield group, _best(problem, i, known, process(), search)
 
 
 def _best(
-    problem: _Problem, i: int, tried: list[_Tried], process: FittedProcess | None, prefer: Prefer
+    problem: _Problem, i: int, tried: list[_Tried], process: FittedProcess | None, search: Search
 ) -> Choice | FitError:
     """The smallest model of group i within one standard error of the best, or the best."""
     outputs, y = problem.groups[i].outputs, problem.y[:, i]
     curve: Curve | None = None
-    if outputs == ("displacement_mm",) and np.all(np.isfinite(problem.inputs[:, 0])):
+    if (
+        outputs == ("displacement_mm",)
+        and ModelKind.PLAIN in search.kinds
+        and np.all(np.isfinite(problem.inputs[:, 0]))
+    ):
         fitted = fit_curve(problem.inputs[:, 0].real, y.real, problem.fold)
         if fitted is not None:
             curve, candidate, predicted = fitted
             tried.insert(0, (candidate, [], predicted))
     if process is not None:
         tried.append((_as_candidate(process, y), process.terms, process.held_out))
+    if not tried:
+        return FitError(f"{problem.where}: {' and '.join(outputs)}: no model of the kinds that are wanted")
     best, _, predicted = min(tried, key=lambda t: t[0].rms)
     explained = 1.0 - best.rms**2 / float((np.abs(y - y.mean()) ** 2).mean())
     if explained < PARAMS.explained_min:
@@ -394,14 +473,14 @@ def _best(
             f"{problem.where}: {' and '.join(outputs)} cannot be predicted from these frames (the best "
             f"model explains {max(0.0, explained):.0%} of the variance); largest errors: {worst}"
         )
-    allowed = best.rms + (best.rms_error if prefer is Prefer.SPEED else 0.0)
+    allowed = best.rms + (best.rms_error if search.prefer is Prefer.SPEED else 0.0)
     good = [t for t in tried if t[0].rms <= allowed]
     chosen, terms, predicted = min(good, key=lambda t: (t[0].n_terms, t[0].rms))
     model: Model
     if curve is not None and chosen.name == CURVE:
         model = curve
     else:
-        if process is not None and chosen.name == PROCESS:
+        if process is not None and chosen.name == ModelKind.PROCESS:
             model = _process(problem, i, process)
         else:
             model = _polynomial(problem, i, terms, chosen.ridge, predicted)
@@ -439,7 +518,7 @@ def _as_candidate(process: FittedProcess, y: Complex) -> Candidate:
     rms = float(np.sqrt(squares.mean() + process.pin_noise))
     # Standard error of a root of a mean of squares, by the delta method.
     error = float(squares.std() / np.sqrt(len(y)) / (2 * rms)) if rms else 0.0
-    return Candidate(PROCESS, len(process.terms), rms, error, 0.0)
+    return Candidate(ModelKind.PROCESS, len(process.terms), rms, error, 0.0)
 
 
 def _process(problem: _Problem, i: int, fitted: FittedProcess) -> Process:

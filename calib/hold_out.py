@@ -16,7 +16,7 @@ import numpy as np
 from calib.errors import FitError
 from calib.evaluate import evaluate
 from calib.extract import Extract
-from calib.fit import Prefer, fit
+from calib.fit import EVERYTHING, Search, fit
 from calib.ridge import pose_numbers
 from calib.targets import Targets
 from edge.types import Mask, Rest
@@ -45,7 +45,7 @@ def evaluate_held_out(
     share: float,
     seed: int,
     on_refused: Callable[[str], None] = lambda text: None,
-    prefer: Prefer = Prefer.SPEED,
+    search: Search = EVERYTHING,
     pool: Executor | None = None,
 ) -> dict[str, Any]:
     """Errors of a fit to the other frames on the frames held out, as given by `calib.evaluate.evaluate`.
@@ -60,7 +60,7 @@ def evaluate_held_out(
         extract.rows(kept),
         mm_per_px=None,
         on_refused=on_refused,
-        prefer=prefer,
+        search=search,
         pool=pool,
     )
     return evaluate(calibration, targets.rows(held_out), extract.rows(held_out))

@@ -108,6 +108,7 @@ class FittedProcess:
     pin_noise      variance of the value, of both outputs together, that noise of the inputs causes
     held_out       (n,) complex128, prediction of each row by settings that have not seen its group, and
                    weights that have not seen its fold
+    uncertainty    what the weights leave open
     """
 
     terms: list[list[str]]
@@ -120,6 +121,20 @@ class FittedProcess:
     lost: Lost | None
     pin_noise: float
     held_out: Complex
+    uncertainty: Uncertainty
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """What the weights leave open, and how two inputs share it."""
+
+    features: _Features
+    root: Complex
+
+    def rows(self, inputs: Complex) -> Complex:
+        """(n, r): the scalar product of two rows is the covariance of the values there, of each output."""
+        result: Complex = self.features.rows(inputs) @ self.root
+        return result
 
 
 def fit_process(
@@ -132,6 +147,7 @@ def fit_process(
     lossy: Complex,
     *,
     all_round: bool,
+    terms_max: int = TERMS_MAX,
 ) -> FittedProcess:
     """Settings of largest likelihood, then the weights.
 
@@ -141,11 +157,12 @@ def fit_process(
     fold       (n,) rows that stay together when held out
     lossy      (n, losses, k) complex128, the inputs with some of the pins taken away; NaN: not known
     all_round  False: the data went one way only, and cannot tell what is not symmetric
+    terms_max  more are left out, those with the smallest prior variance first
     """
     mean = float(y.real.mean()) if symmetry is Symmetry.EVEN else 0.0
     unit = float(np.sqrt((np.abs(y - mean) ** 2).mean()))
     target = (y - mean) / unit
-    prior = partial(_prior, names=names, symmetry=symmetry, all_round=all_round)
+    prior = partial(_prior, names=names, symmetry=symmetry, all_round=all_round, terms_max=terms_max)
     features, settings = prior(inputs, target=target)
     posterior = _posterior(features, inputs, moved, target, settings.noise)
     factor = posterior.factor()
@@ -174,6 +191,7 @@ def fit_process(
         lost=_fit_lost(rows, names, change.ravel() / over, turning=features.turning),
         pin_noise=posterior.pin_noise * unit**2,
         held_out=unseen * unit + mean,
+        uncertainty=Uncertainty(features, posterior.root() * (unit / math.sqrt(1.0 + features.turning))),
     )
 
 
@@ -296,6 +314,7 @@ def _prior(
     symmetry: Symmetry,
     *,
     all_round: bool,
+    terms_max: int,
     start: int | None = None,
 ) -> tuple[_Features, Settings]:
     """The features of the likeliest kernel that are not negligible, and its settings.
@@ -322,7 +341,7 @@ def _prior(
         terms.append(term)
         prior.append([math.sqrt(part) / size for part in power])
     features = _Features(names, terms, np.array(prior), symmetry)
-    return features.without_negligible(inputs, settings.noise), settings
+    return features.without_negligible(inputs, settings.noise, terms_max), settings
 
 
 def _products(
@@ -397,12 +416,12 @@ class _Features:
         over.imag[:, self._imag] = rows[:, n:] * self._prior[self._imag, 1]
         return over
 
-    def without_negligible(self, inputs: Complex, noise: float) -> _Features:
+    def without_negligible(self, inputs: Complex, noise: float, terms_max: int) -> _Features:
         """Without the terms whose prior variance is far below the noise's. The constant stays first."""
         size = (np.abs(evaluate_terms(inputs, self._columns)) ** 2).mean(axis=0)
         share = (self._prior**2).max(axis=1) * size / noise
         share[0] = np.inf
-        kept = np.sort(np.argsort(-share, kind="stable")[:TERMS_MAX])
+        kept = np.sort(np.argsort(-share, kind="stable")[:terms_max])
         kept = kept[share[kept] > PARAMS.negligible]
         return _Features(self.names, [self.terms[i] for i in kept], self._prior[kept], self._symmetry)
 
@@ -439,6 +458,13 @@ class _Posterior:
             error[rows] = covariance @ alpha[rows]
             variance[rows] = np.diag(covariance).real
         return (self._y - error).astype(np.complex128), np.maximum(variance - self._noise, 0.0)
+
+    def root(self) -> Complex:
+        """(f, f) of the weights' covariance: root root^H."""
+        lower = cholesky(self._precision, lower=True)
+        eye = np.eye(len(lower))
+        result: Complex = math.sqrt(self._noise) * solve_triangular(lower, eye, lower=True).conj().T
+        return result
 
     def factor(self) -> Complex:
         """(r, f): |row . features|^2, summed, is the variance that the weights leave open.

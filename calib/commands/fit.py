@@ -15,7 +15,7 @@ from calib.axes import Axes
 from calib.commands.evaluate import print_report
 from calib.commands.options import PATH, Frames, frames_options, overwrite_option, progress_bar
 from calib.extract import executor
-from calib.fit import Choice, Prefer, fit, groups_of
+from calib.fit import Choice, Prefer, Search, fit, groups_of
 from calib.hold_out import evaluate_held_out
 from hostlink.cli_types import FiniteFloat, WholeNumber
 from hostlink.output_file import check_output, writing
@@ -72,11 +72,12 @@ def fit_command(
     check_output(output, (".json",), given.inputs, overwrite)
     data = given.open()
     targets, extract = data.targets, given.extract(data)
+    search = Search(Prefer(prefer))
     held_out_errors = None
     with executor(given.dask, given.workers) as pool, progress_bar(given.quiet) as bar:
         if hold_out is not None:
             held_out_errors = evaluate_held_out(
-                data.rest, targets, extract, hold_out, seed, prefer=Prefer(prefer), pool=pool
+                data.rest, targets, extract, hold_out, seed, search=search, pool=pool
             )
         task = bar.add_task("models", total=len(groups_of(targets)))
         calibration, choices = fit(
@@ -88,7 +89,7 @@ def fit_command(
             on_group=lambda names: bar.advance(task),
             on_refused=lambda why: click.echo(f"not fitted: {why}", err=True),
             on_axes=_print_axes,
-            prefer=Prefer(prefer),
+            search=search,
             pool=pool,
         )
     with writing(output, overwrite) as unfinished:

@@ -11,7 +11,7 @@ from calib.designs import letters, terms_of_spin
 from calib.errors import FitError
 from calib.evaluate import predict
 from calib.extract import Extract
-from calib.fit import Prefer, fit
+from calib.fit import ModelKind, Prefer, Search, fit
 from calib.fit_params import PARAMS
 from edge.calibration import Calibration
 from edge.calibration.file import Curve, Polynomial
@@ -62,7 +62,7 @@ def test_the_smallest_of_equally_good_models_is_taken() -> None:
 def test_the_choice_says_what_it_rests_on() -> None:
     extract, values = make(100, noise=0.02)
     for prefer in Prefer:
-        _, choices = fit(REST, targets(values), extract, mm_per_px=None, prefer=prefer)
+        _, choices = fit(REST, targets(values), extract, mm_per_px=None, search=Search(prefer))
         for choice in choices:
             best = min(choice.tried, key=lambda c: c.rms)
             assert choice.allowed == best.rms + (best.rms_error if prefer is Prefer.SPEED else 0.0)
@@ -71,6 +71,24 @@ def test_the_choice_says_what_it_rests_on() -> None:
             assert choice.chosen.n_terms == min(c.n_terms for c in good)
             assert best == min(choice.best_of_kinds.values(), key=lambda c: c.rms)
             assert {"polynomial", "process"} <= choice.best_of_kinds.keys()
+
+
+def test_only_the_kinds_wanted_are_tried() -> None:
+    extract, values = make(60, noise=0.02)
+    extract.inputs[:, FRAME_INPUTS.index("shear")] = extract.inputs[:, FRAME_INPUTS.index("c00")]
+
+    def tried(*kinds: ModelKind, terms_max: int = 512) -> dict[str, set[str]]:
+        search = Search(Prefer.ACCURACY, frozenset(kinds), terms_max)
+        _, choices = fit(REST, targets(values), extract, mm_per_px=None, search=search)
+        for choice in choices:
+            assert choice.chosen.name != ModelKind.PROCESS or choice.chosen.n_terms <= terms_max
+        return {choice.outputs[0]: {c.name for c in choice.tried} for choice in choices}
+
+    assert tried(ModelKind.PLAIN)["shear_x_mm"] == {"mean motion"}
+    assert tried(ModelKind.PROCESS, terms_max=5)["shear_x_mm"] == {"process"}
+    polynomials = tried(ModelKind.POLYNOMIAL)["shear_x_mm"]
+    assert len(polynomials) > 5
+    assert not polynomials & {"mean motion", "process", "curve"}
 
 
 def test_the_paper_s_curve_wins_where_depth_follows_the_volume() -> None:
