@@ -16,13 +16,13 @@ Rules
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from calib.errors import CaptureError
-from calib.protocols import Plan, Step
+from calib.protocols import AnyPlan, Step
 from calib.rig.base import Pose, Rig
 from edge.recording import TOPICS, Recorder, RecordingSource, read_messages, read_metadata
 from edge.types import Frame
@@ -68,9 +68,9 @@ class Progress:
     next_sequence: int
 
 
-def progress_of(path: Path, plan: Plan) -> Progress:
+def progress_of(path: Path, plan: AnyPlan) -> Progress:
     """What is on disk. Raises CaptureError: the recording belongs to another protocol."""
-    counts = [0] * len(plan.steps)
+    in_parts: list[list[dict[str, Any]]] = []
     for part in parts(path):
         noted = read_metadata(part).get("capture", {})
         if noted.get("digest") != plan.digest:
@@ -78,8 +78,12 @@ def progress_of(path: Path, plan: Plan) -> Progress:
             raise CaptureError(
                 f"{part}: holds protocol {was!r}, not this {plan.name!r}; give another name for the recording"
             )
+        in_parts.append([truth for _, truth in _truths(part)])
+    plan.recall({truth["step"]: Pose(**truth["pose"]) for truths in in_parts for truth in truths})
+    counts = [0] * len(plan.steps)
+    for truths in in_parts:
         in_part = [0] * len(plan.steps)
-        for _, truth in _truths(part):
+        for truth in truths:
             in_part[truth["step"]] += 1
         counts = [max(a, b) for a, b in zip(counts, in_part, strict=True)]
     done = 0
@@ -94,7 +98,7 @@ def progress_of(path: Path, plan: Plan) -> Progress:
 
 def capture(
     rig_at: Callable[[int], Rig],
-    plan: Plan,
+    plan: AnyPlan,
     path: Path,
     *,
     resume: bool = False,
@@ -114,7 +118,8 @@ def capture(
     if resume and not existing:
         raise CaptureError(f"{path}: there is no recording to continue; leave --resume out to begin one")
     done = progress_of(path, plan)
-    if done.steps == len(plan.steps):
+    plan.review(_recorded(path, plan))
+    if done.steps == len(plan.steps) and not plan.grow():
         write_table(path, plan)
         return 0
     rig = rig_at(done.next_sequence)
@@ -125,7 +130,8 @@ def capture(
         with recorder:
             recorder.metadata("capture", about)
             tool = None
-            for number in range(done.steps, len(plan.steps)):
+            number = done.steps
+            while number < len(plan.steps) or plan.grow():
                 step = plan.steps[number]
                 if step.tool != tool:
                     rig.mount(step.tool)
@@ -137,9 +143,11 @@ def capture(
                         raise CaptureError(
                             f"{recorder.path}: {recorder.fault or 'the disk is too slow'}; resume"
                         )
+                    plan.take(frame, _cells(_row(recorder.path.name, frame.sequence, frame.truth or {})))
                     taken += 1
                     if on_frame is not None:
                         on_frame(step, done.frames + taken)
+                number += 1
     finally:
         rig.close()
     if recorder.fault is not None or recorder.dropped_n:
@@ -177,15 +185,9 @@ def _refuse_other_table(table: Path, resume: bool) -> None:
         raise CaptureError(f"{table}: exists, and the capture's table goes there; give another name to -o")
 
 
-def write_table(path: Path, plan: Plan) -> Path:
+def write_table(path: Path, plan: AnyPlan) -> Path:
     """Write the table of a capture from its recordings. Raises OutputError."""
-    rows: dict[int, list[dict[str, Any]]] = {}
-    for part in parts(path):
-        in_part: dict[int, list[dict[str, Any]]] = {}
-        for sequence, truth in _truths(part):
-            row = _row(part.name, sequence, truth)
-            in_part.setdefault(truth["step"], []).append(row)
-        rows |= {k: v for k, v in in_part.items() if len(v) >= plan.steps[k].frames}
+    rows = _complete_rows(path, plan)
     table = path.with_suffix(".csv")
     with (
         writing(table, overwrite=True) as unfinished,
@@ -193,9 +195,29 @@ def write_table(path: Path, plan: Plan) -> Path:
     ):
         writer = csv.DictWriter(file, COLUMNS, restval="")
         writer.writeheader()
-        for step in sorted(rows):
-            writer.writerows(rows[step])
+        writer.writerows(rows)
     return table
+
+
+def _complete_rows(path: Path, plan: AnyPlan) -> list[dict[str, Any]]:
+    """Of the table, of all steps that are complete."""
+    rows: dict[int, list[dict[str, Any]]] = {}
+    for part in parts(path):
+        in_part: dict[int, list[dict[str, Any]]] = {}
+        for sequence, truth in _truths(part):
+            in_part.setdefault(truth["step"], []).append(_row(part.name, sequence, truth))
+        rows |= {k: v for k, v in in_part.items() if len(v) >= plan.steps[k].frames}
+    return [row for step in sorted(rows) for row in rows[step]]
+
+
+def _recorded(path: Path, plan: AnyPlan) -> Iterator[tuple[Frame, dict[str, str]]]:
+    """The frames of complete steps, with their rows."""
+    yield from _paired(path, [_cells(row) for row in _complete_rows(path, plan)])
+
+
+def _cells(row: dict[str, Any]) -> dict[str, str]:
+    """A row as it is read from the table."""
+    return {name: str(row.get(name, "")) for name in COLUMNS}
 
 
 def _row(recording: str, sequence: int, truth: dict[str, Any]) -> dict[str, Any]:
@@ -257,8 +279,12 @@ def read_capture(path: Path) -> Iterator[tuple[Frame, dict[str, str]]]:
 
     Raises  CaptureError: no table, or no recording
     """
+    yield from _paired(path, read_rows(path))
+
+
+def _paired(path: Path, rows: Sequence[dict[str, str]]) -> Iterator[tuple[Frame, dict[str, str]]]:
     by_part: dict[str, dict[int, dict[str, str]]] = {}
-    for row in read_rows(path):
+    for row in rows:
         by_part.setdefault(row["recording"], {})[int(row["sequence"])] = row
     for name, wanted in by_part.items():
         for frame in RecordingSource(path.parent / name):

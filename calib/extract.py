@@ -33,7 +33,7 @@ from edge.pipeline import Pipeline
 from edge.sources import read_image
 from edge.types import Array, Complex, Feature, Frame, Image, Index, Mask, Pins, Rest, Tracks
 
-__all__ = ["DEMAND", "Extract", "executor", "extract", "gather", "join_extracts", "measure"]
+__all__ = ["DEMAND", "Extract", "Measured", "executor", "extract", "gather", "join_extracts", "measure"]
 
 #: Features that models use; not slip, which needs a sequence.
 DEMAND = frozenset({Feature.DISPLACEMENT, Feature.SHEAR, Feature.TILT, Feature.TORSION, Feature.CONTACTS})
@@ -81,10 +81,10 @@ class Extract:
 _NOTHING = np.full(len(FRAME_INPUTS), np.nan, dtype=np.complex128)
 _NO_LOSSES = np.full((len(ONE_SIDED), len(FRAME_INPUTS)), np.nan, dtype=np.complex128)
 _NO_CONTACT = np.full(len(CONTACT_INPUTS), np.nan, dtype=np.complex128)
-_Row = tuple[Complex, Complex, float, int, bool, bool, int, float, float, Complex]
+Measured = tuple[Complex, Complex, float, int, bool, bool, int, float, float, Complex]
 
 
-def measure(pipeline: Pipeline, image: Image, without: Pipeline | None = None) -> _Row:
+def measure(pipeline: Pipeline, image: Image, without: Pipeline | None = None) -> Measured:
     """One row of an `Extract`: a single image, as a jump from rest, then repeated.
 
     without  another pipeline of the same tip, for the frame with pins removed; None: not wanted
@@ -156,7 +156,7 @@ def _inputs_of(pipeline: Pipeline, tracks: Tracks) -> Complex:
     return frame_inputs(features, pipeline.rest.pattern)
 
 
-def gather(rows: Sequence[_Row]) -> Extract:
+def gather(rows: Sequence[Measured]) -> Extract:
     """Rows as columns."""
     return Extract(*(np.array(column) for column in zip(*rows, strict=True)))
 
@@ -172,7 +172,7 @@ def join_extracts(parts: Sequence[Extract]) -> Extract:
 _kept: tuple[Rest, Pipeline, Pipeline] | None = None  # of this process: a pipeline takes 30 ms to set up
 
 
-def _chunk(rest: Rest, frames: Sequence[Path | Image]) -> list[_Row]:
+def _chunk(rest: Rest, frames: Sequence[Path | Image]) -> list[Measured]:
     global _kept
     cv2.setNumThreads(1)  # one thread a process: the processes are the parallelism
     if _kept is None or not _same(_kept[0], rest):
@@ -212,8 +212,8 @@ def extract(
     on_done  called with the number of frames done since the last call
     Raises   SourceError: a file is not an image
     """
-    running: dict[Future[list[_Row]], int] = {}
-    rows: dict[int, list[_Row]] = {}
+    running: dict[Future[list[Measured]], int] = {}
+    rows: dict[int, list[Measured]] = {}
 
     def collect(at_most: int) -> None:
         while len(running) > at_most:

@@ -25,10 +25,10 @@ from __future__ import annotations
 import hashlib
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Protocol
 
 import msgspec
 import numpy as np
@@ -37,6 +37,7 @@ from calib.errors import ProtocolError
 from calib.rig.base import CLEAR, Pose
 from calib.sim.mechanics import Tool
 from calib.toml_file import load_toml
+from edge.types import Frame
 
 SHEAR_DEPTH_MM = 3.0  # paper: "pressing the sensor into a flat level object approximately 3 mm"
 STEPS_MAX = 100_000  # at a pose in 2 s a rig would be at it for two days
@@ -56,9 +57,40 @@ class Step:
     role: str = "sample"
 
 
+class AnyPlan(Protocol):
+    """What a capture runs: steps that are fixed, or that follow from the frames so far.
+
+    name      of the protocol
+    digest    identifies its recordings
+    n_frames  of all steps, or at most
+    steps     as far as they are known
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def digest(self) -> str: ...
+    @property
+    def n_frames(self) -> int: ...
+    @property
+    def steps(self) -> Sequence[Step]: ...
+
+    def recall(self, poses: Mapping[int, Pose]) -> None:
+        """Add the steps that a recording holds. poses: of the step with this number."""
+
+    def take(self, frame: Frame, row: Mapping[str, str]) -> None:
+        """Another frame of the capture, with its row of the table."""
+
+    def review(self, frames: Iterable[tuple[Frame, Mapping[str, str]]]) -> None:
+        """The same for all that a recording holds, in their order."""
+
+    def grow(self) -> bool:
+        """Add steps after those there are. False: the protocol is complete."""
+
+
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A protocol's name and steps."""
+    """A protocol's name and steps, which are fixed."""
 
     name: str
     steps: tuple[Step, ...]
@@ -69,11 +101,36 @@ class Plan:
 
     @property
     def digest(self) -> str:
-        """Hash of all steps: identifies the recordings of this protocol."""
-        return hashlib.sha256(msgspec.json.encode([asdict(s) for s in self.steps])).hexdigest()[:16]
+        """Hash of all steps."""
+        return digest_of(self.steps)
+
+    def recall(self, poses: Mapping[int, Pose]) -> None:
+        """Nothing to add."""
+
+    def take(self, frame: Frame, row: Mapping[str, str]) -> None:
+        """Nothing follows from it."""
+
+    def review(self, frames: Iterable[tuple[Frame, Mapping[str, str]]]) -> None:
+        """Nothing follows from them."""
+
+    def grow(self) -> bool:
+        return False
 
 
-def _rest(tool: Tool, frames: int = 10) -> list[Step]:
+def digest_of(steps: Sequence[Step]) -> str:
+    return hashlib.sha256(msgspec.json.encode([asdict(s) for s in steps])).hexdigest()[:16]
+
+
+def sheared(depth_mm: float, tilt_x_deg: float, tilt_y_deg: float, *shear_and_twist: float) -> list[Step]:
+    """A fresh contact with a flat surface: clear of the tip, pressed, then sheared and twisted."""
+    flat = Tool("flat")
+    pressed = Pose(depth_mm=depth_mm, tilt_x_deg=tilt_x_deg, tilt_y_deg=tilt_y_deg)
+    shear_x, shear_y, twist = shear_and_twist
+    moved = replace(pressed, shear_x_mm=shear_x, shear_y_mm=shear_y, twist_deg=twist)
+    return [Step(CLEAR, flat, 0), Step(pressed, flat, 0), Step(moved, flat, 1)]
+
+
+def rest_steps(tool: Tool, frames: int = 10) -> list[Step]:
     return [Step(CLEAR, tool, frames, "rest")]
 
 
@@ -81,20 +138,20 @@ def displacement() -> Plan:
     """0..5 mm by 0.1 mm, flat, 10 frames a step (paper)."""
     flat = Tool("flat")
     presses = [Step(Pose(depth_mm=i / 10), flat, 10) for i in range(51)]
-    return Plan("displacement", tuple(_rest(flat) + presses))
+    return Plan("displacement", tuple(rest_steps(flat) + presses))
 
 
 def shear() -> Plan:
     """0..2 mm by 0.1 mm along x at 3 mm depth, flat, 10 frames a step (paper)."""
     flat = Tool("flat")
     steps = [Step(Pose(depth_mm=SHEAR_DEPTH_MM, shear_x_mm=i / 10), flat, 10) for i in range(21)]
-    return Plan("shear", tuple(_rest(flat) + steps))
+    return Plan("shear", tuple(rest_steps(flat) + steps))
 
 
 def direction() -> Plan:
     """Press 3 mm, shear 2 mm, every 10 degrees, flat, 10 frames each (paper)."""
     flat = Tool("flat")
-    steps = _rest(flat)
+    steps = rest_steps(flat)
     for i in range(36):
         a = math.radians(10 * i)
         x, y = round(2 * math.cos(a), 12), round(2 * math.sin(a), 12)
@@ -112,7 +169,7 @@ def contacts() -> Plan:
     Probes of 1.5 mm radius, 2 mm deep; 3 frames each. The paper resolves probes about 4 mm apart.
     """
     probe = Tool("sphere", radius_mm=1.5)
-    steps = _rest(probe)
+    steps = rest_steps(probe)
     for y in range(-12, 13, 3):
         for x in range(-12, 13, 3):
             if math.hypot(x, y) <= 12:
@@ -126,6 +183,11 @@ def contacts() -> Plan:
     return Plan("contacts", tuple(steps))
 
 
+#: Depth mm, tilt about x and y deg, shear along x and y mm, twist deg of contacts with a flat surface.
+SURFACE_LOW = (1.0, -15.0, -15.0, -2.0, -2.0, -5.0)
+SURFACE_HIGH = (5.0, 15.0, 15.0, 2.0, 2.0, 5.0)
+
+
 def surface() -> Plan:
     """600 random poses on a flat surface, sheared and twisted, one frame each, seeded.
 
@@ -133,14 +195,10 @@ def surface() -> Plan:
     331-pin set was taken, within the range in which the tip does not slide.
     """
     flat = Tool("flat")
-    steps = _rest(flat)
-    low = np.array([1.0, -15.0, -15.0, -2.0, -2.0, -5.0])
-    high = np.array([5.0, 15.0, 15.0, 2.0, 2.0, 5.0])
-    for values in np.round(np.random.default_rng(600).uniform(low, high, (600, 6)), 4).tolist():
-        depth, tilt_x, tilt_y, shear_x, shear_y, twist = values
-        pressed = Pose(depth_mm=depth, tilt_x_deg=tilt_x, tilt_y_deg=tilt_y)
-        sheared = replace(pressed, shear_x_mm=shear_x, shear_y_mm=shear_y, twist_deg=twist)
-        steps += [Step(CLEAR, flat, 0), Step(pressed, flat, 0), Step(sheared, flat, 1)]
+    steps = rest_steps(flat)
+    rng = np.random.default_rng(600)
+    for values in np.round(rng.uniform(SURFACE_LOW, SURFACE_HIGH, (600, 6)), 4).tolist():
+        steps += sheared(*values)
     return Plan("surface", tuple(steps))
 
 
@@ -242,7 +300,7 @@ def _plan(file: _File, stem: str) -> Plan:
     if file.rest_frames < 1:
         raise ValueError(f"rest_frames = {file.rest_frames}; the untouched tip is needed, >= 1")
     default_tool = file.tool.tool()
-    steps = _rest(default_tool, file.rest_frames)
+    steps = rest_steps(default_tool, file.rest_frames)
     axes = Pose.__dataclass_fields__
     for i, table in enumerate(file.step, 1):
         tool = table.tool.tool() if table.tool else default_tool

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from calib.adaptive import PARAMS, AdaptivePlan
 from calib.capture import capture, progress_of
 from calib.errors import CaptureError
-from calib.protocols import PROTOCOLS, Step, load_protocol
+from calib.extract import executor
+from calib.protocols import PROTOCOLS, AnyPlan, Step, load_protocol
 from calib.rig import Rig, ask_here, open_rig
-from hostlink.cli_types import counted
+from edge.calibration.file import UNTOUCHED
+from hostlink.cli_types import WholeNumber, counted
 from hostlink.output_file import check_output
+
+ADAPTIVE = "adaptive"
+POSES = 200  # of protocol adaptive, if no number is given
+#: Values that poses on a flat surface teach.
+VALUES = tuple(UNTOUCHED)
 
 
 @click.command(name="capture")
@@ -24,7 +33,19 @@ from hostlink.output_file import check_output
     metavar="SPEC",
     help="sim, sim:FILE.toml, gcode:PORT, gcode:FILE.toml or manual.",
 )
-@click.option("--protocol", required=True, metavar="NAME", help=f"{', '.join(PROTOCOLS)} or FILE.toml.")
+@click.option(
+    "--protocol", required=True, metavar="NAME", help=f"{', '.join(PROTOCOLS)}, {ADAPTIVE} or FILE.toml."
+)
+@click.option(
+    "--poses", type=WholeNumber(1, PARAMS.candidates), help=f"Of protocol {ADAPTIVE}, at most; default: 200."
+)
+@click.option(
+    "--until",
+    "goals",
+    multiple=True,
+    metavar="VALUE=ERROR",
+    help=f"Of protocol {ADAPTIVE}: end when the error expected is so small, e.g. tilt_x_deg=0.3; repeatable.",
+)
 @click.option(
     "-o",
     "--output",
@@ -40,9 +61,51 @@ from hostlink.output_file import check_output
     help="Source of frames, for rigs that have none of their own.",
 )
 @click.option("--resume", is_flag=True, help="Continue a recording that was broken off.")
-def capture_command(rig: str, protocol: str, output: Path, camera: str, resume: bool) -> None:
-    """Run a calibration protocol on a rig and record it with its truth."""
-    plan = load_protocol(protocol)
+def capture_command(
+    rig: str,
+    protocol: str,
+    poses: int | None,
+    goals: tuple[str, ...],
+    output: Path,
+    camera: str,
+    resume: bool,
+) -> None:
+    """Run a calibration protocol on a rig and record it with its truth.
+
+    Protocol adaptive presses a flat surface at poses that it chooses itself: those after which the values
+    are most certain, judged by all frames so far.
+    """
+    if protocol != ADAPTIVE:
+        if poses is not None or goals:
+            raise CaptureError(f"--poses and --until: only of protocol {ADAPTIVE}, not {protocol}")
+        _run(rig, load_protocol(protocol), output, camera, resume=resume)
+        return
+    wanted = dict(_goal(text) for text in goals)
+    with executor() as pool:
+        plan = AdaptivePlan(poses or POSES, wanted, pool=pool, on_fitted=_print_errors)
+        _run(rig, plan, output, camera, resume=resume)
+
+
+def _goal(text: str) -> tuple[str, float]:
+    """Raises CaptureError: not NAME=NUMBER."""
+    name, _, number = text.partition("=")
+    try:
+        error = float(number)
+    except ValueError:
+        error = math.nan
+    if name not in VALUES or not 0 < error < math.inf:
+        raise CaptureError(
+            f"--until {text}: give VALUE=ERROR, e.g. tilt_x_deg=0.3; values are {', '.join(VALUES)}"
+        )
+    return name, error
+
+
+def _print_errors(poses: int, errors: dict[str, float]) -> None:
+    text = ", ".join(f"{name} {error:.3g}" for name, error in errors.items())
+    click.echo(f"{poses} poses; errors expected: {text}", err=True)
+
+
+def _run(rig: str, plan: AnyPlan, output: Path, camera: str, *, resume: bool) -> None:
     if output.suffix != ".mcap":
         raise CaptureError(f"--output {output}: give a name that ends in .mcap")
     if not output.exists():
@@ -71,8 +134,9 @@ def capture_command(rig: str, protocol: str, output: Path, camera: str, resume: 
     finally:
         if bar.live.is_started:
             bar.stop()
-    now = "" if taken == plan.n_frames else f" ({taken or 'none'} of them now)"
+    n_frames = progress_of(output, plan).frames
+    now = "" if taken == n_frames else f" ({taken or 'none'} of them now)"
     click.echo(
-        f"{output}: complete, {counted(plan.n_frames, 'frame')} of protocol {plan.name}{now}; "
+        f"{output}: complete, {counted(n_frames, 'frame')} of protocol {plan.name}{now}; "
         f"table {output.with_suffix('.csv')}"
     )

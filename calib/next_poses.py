@@ -1,0 +1,110 @@
+"""Which poses to measure next: those after which the values are most certain, over all poses.
+
+The features of a process are linear in its weights, so that what a frame at some pose will tell does not
+depend on what it shows. Before it is taken, only its inputs are unknown: they are predicted from the pose, by
+polynomials of the frames that are there.
+
+The pose with the largest variance is at the edge of the range, where little else is; measured there, it
+says little about the middle. So each candidate is judged by the variance that it takes away from all of
+them, in units of the noise, added over the outputs. Poses of one batch are chosen one after the other, each
+with the variance that those before it leave.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib.designs import terms_of_spin
+from calib.process_fit import INPUTS, FittedProcess
+from calib.ridge import cross_validate, ridge_weights
+from edge.calibration.inputs import evaluate_terms, term_columns
+from edge.types import Array, Complex, Index
+
+__all__ = ["choose", "covariances", "expected_error", "predict_inputs"]
+
+FACTORS = 3  # of the products of pose coordinates that predict inputs
+
+
+def covariances(processes: Sequence[FittedProcess], names: Sequence[str], inputs: Complex) -> list[Complex]:
+    """(n, n) of each process: what its weights leave open, over the deviation of the noise.
+
+    inputs  (n, k) complex128, columns `names`, expected at each pose
+    """
+    result: list[Complex] = []
+    for process in processes:
+        rows = process.uncertainty.rows(inputs) / deviation(process, names, inputs)[:, None]
+        result.append(rows @ rows.conj().T)
+    return result
+
+
+def deviation(process: FittedProcess, names: Sequence[str], inputs: Complex) -> Array:
+    """(n,) of the noise, in the unit of the outputs; of two their mean."""
+    noise = process.noise.variance(inputs, names)
+    if process.across is not None:
+        noise = (noise + process.across.variance(inputs, names)) / 2.0
+    result: Array = np.sqrt(noise * float((process.sigma**2).mean()))
+    return result
+
+
+def expected_error(process: FittedProcess, names: Sequence[str], inputs: Complex) -> float:
+    """Root mean square over the poses of the sigma of each output."""
+    learnt = (np.abs(process.uncertainty.rows(inputs)) ** 2).sum(axis=1)
+    return float(np.sqrt((learnt + deviation(process, names, inputs) ** 2).mean()))
+
+
+def choose(open_: Sequence[Complex], count: int) -> list[int]:
+    """The best `count` of some poses, in this order. open_: their `covariances`."""
+    left = [covariance.copy() for covariance in open_]
+    chosen: list[int] = []
+    for _ in range(min(count, len(left[0]))):
+        gain = np.zeros(len(left[0]))
+        for c in left:
+            gain += (np.abs(c) ** 2).mean(axis=0) / (1.0 + np.diag(c).real)
+        gain[chosen] = -1.0
+        best = int(np.argmax(gain))
+        chosen.append(best)
+        for c in left:
+            c -= np.outer(c[:, best], c[best]) / (1.0 + c[best, best].real)
+    return chosen
+
+
+def predict_inputs(
+    letters: Sequence[tuple[str, int]],
+    known: Complex,
+    inputs: Complex,
+    names: Sequence[str],
+    fold: Index,
+    wanted: Complex,
+) -> Complex:
+    """Inputs expected at some poses, from those of measured ones.
+
+    letters  coordinates of a pose, in the columns of `known` and `wanted`, with their spins
+    known    (n, letters) complex128, poses of the rows of `inputs`
+    wanted   (m, letters)
+    Returns  (m, k) complex128; 0 for what products of so few factors cannot have the spin of
+    """
+    size = np.sqrt((np.abs(known) ** 2).mean(axis=0))
+    size[size == 0] = 1.0
+    columns = [name for name, _ in letters]
+    alphabet = [
+        pair
+        for name, spin in letters
+        for pair in ([(name, 0)] if spin == 0 else [(name, spin), (f"{name}*", -spin)])
+    ]
+    result = np.zeros((len(wanted), len(names)), dtype=np.complex128)
+    for spin in sorted({one.spin for one in INPUTS}):
+        terms = terms_of_spin(spin, alphabet, FACTORS)
+        ours = [names.index(one.name) for one in INPUTS if one.spin == spin]
+        if not terms:
+            continue
+        psi = evaluate_terms(known / size, term_columns(terms, columns))
+        found = cross_validate("", psi, psi[:0], inputs[:, ours], fold, real=False)
+        there = evaluate_terms(wanted / size, term_columns(terms, columns))
+        for column, (candidate, _) in zip(ours, found, strict=True):
+            weights = ridge_weights(psi, psi[:0], inputs[:, column], candidate.ridge, real=False)
+            result[:, column] = there @ weights
+    real = [names.index(one.name) for one in INPUTS if one.real]
+    result[:, real] = result[:, real].real
+    return result
