@@ -12,6 +12,7 @@ import importlib
 import click
 
 COMMANDS = {
+    "accuracy": ("tests.bench.accuracy", "Time of a frame against its error, for every kind of model."),
     "axes": ("tests.bench.axes", "Errors on the published recordings, with eight forms of the rig's axes."),
     "bridge": ("tests.bench.bridge", "Fingers through the ROS 2 bridge to a peer: losses and latency."),
     "identity": ("tests.bench.identity", "Pin identity after a jump, on real and simulated frames."),
@@ -21,6 +22,7 @@ COMMANDS = {
     "real": ("tests.bench.real", "Errors on the published recordings, five splits and a learning curve."),
     "videos": ("tests.bench.videos", "Identities held through the published videos."),
     "hazards": ("tests.bench.hazards", "Rendered hazards through the whole chain: identities, place, depth."),
+    "learning": ("tests.bench.learning", "Error over the number of frames fitted; chosen frames."),
     "link": ("tests.bench.link", "Fingers on one bus: losses and latency."),
     "viewers": ("tests.bench.viewers", "Viewers of the live page: what they cost the loop."),
     "wire": ("tests.bench.wire", "Coding of frames: processor time of one."),

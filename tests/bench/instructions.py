@@ -28,7 +28,7 @@ from rich.table import Table
 from tests.bench.frames import REST_FRAMES, scene
 from tests.bench.output import ROOT, writes_results
 
-__all__ = ["Counts", "command", "count"]
+__all__ = ["Counts", "command", "count", "count_child"]
 
 #: First-level instruction and data caches and the last level of a small board: bytes, ways, bytes of a line.
 CACHES = ("--I1=49152,12,64", "--D1=32768,8,64", "--LL=1048576,16,64")
@@ -64,14 +64,22 @@ class Counts:
 
 def count(kind: str, frames: Path, folder: Path) -> Counts:
     """Count one kind of work (see `instructions_child`) on a recording."""
-    lengths = LENGTHS[kind]
-    _run([], kind, frames, 1)  # writes the compiled Python files for both runs
+    child = ["tests.bench.instructions_child", kind, str(frames)]
+    return count_child(child, LENGTHS[kind], folder / f"cachegrind.{kind}")
+
+
+def count_child(child: list[str], lengths: tuple[int, int], out: Path) -> Counts:
+    """Count what a module does in one more round: its last argument is the number of rounds.
+
+    out  where counts go; the number of rounds is appended
+    """
+    _run([], child, 1)  # writes the compiled Python files for both runs
     runs = []
     for n in lengths:
-        out = folder / f"cachegrind.{kind}.{n}"
+        counts = f"{out}.{n}"
         valgrind = ["valgrind", "--tool=cachegrind", "--cache-sim=yes", *CACHES]
-        _run([*valgrind, f"--cachegrind-out-file={out}"], kind, frames, n)
-        runs.append(_read(out))
+        _run([*valgrind, f"--cachegrind-out-file={counts}"], child, n)
+        runs.append(_read(Path(counts)))
     (before, before_misses), (after, after_misses) = runs
     per = lengths[1] - lengths[0]
     functions: defaultdict[tuple[str, str], float] = defaultdict(float)
@@ -89,8 +97,8 @@ def record(variant: str, folder: Path) -> Path:
     return path
 
 
-def _run(before: list[str], kind: str, frames: Path, n: int) -> None:
-    child = [sys.executable, "-m", "tests.bench.instructions_child", kind, str(frames), str(n)]
+def _run(before: list[str], work: list[str], n: int) -> None:
+    child = [sys.executable, "-m", *work, str(n)]
     env = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
     done = subprocess.run([*before, *child], cwd=ROOT, env=env, capture_output=True, text=True)
     if done.returncode:

@@ -1,0 +1,230 @@
+"""`python -m tests.bench accuracy`: time of a frame against its error on held-out frames, for each model.
+
+Models are fitted to 480 of the published recordings; the other 120 judge them. Their times are measured on
+the same recordings, whole: from the image to the calibrated values.
+
+Rules
+- The paper's method is `tests.bench.reference`, with a curve of its volume for the depth and a linear
+  function of its mean motion for the shear. It follows pins from frame to frame and cannot follow a still's
+  jump: the places of the pins are given to it. It has no tilt and no torsion.
+- All take turns on the same still, each of which a pipeline has found before, and the clock is this
+  thread's own: times are comparable within a run. Medians; the ratio is that to the paper's method.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import statistics
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import click
+import cv2
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+
+from calib.dataset import open_dataset
+from calib.evaluate import evaluate
+from calib.extract import DEMAND, Extract, executor, extract
+from calib.fit import ModelKind, Search, fit
+from calib.targets import Targets
+from edge.calibration import Calibration
+from edge.calibration.inputs import FRAME_INPUTS
+from edge.pipeline import Pipeline
+from edge.sources import read_image
+from edge.types import Array, Feature, Frame, Image, Rest
+from tests.bench.instructions import count_child
+from tests.bench.plots import accuracy_plot
+from tests.bench.real import NETWORK, REAL, RESULTS, row, splits
+from tests.bench.reference import Reference
+from tests.bench.speed import on_processor
+
+STILLS, REPEATS = 30, 4  # that time is measured on, and how often each
+COUNTED = 8  # stills whose instructions are counted
+LENGTHS = (1, 5)  # rounds of each
+#: Errors by name of the value: the columns of a report that are averaged.
+ERRORS = {"depth mm": (0,), "tilt deg": (1, 2), "shear mm": (3, 4), "torsion deg": (7,)}
+PUBLISHED = {name: float(np.mean([NETWORK[i] or 0.0 for i in at])) for name, at in ERRORS.items()}
+PLAIN, POLYNOMIAL = frozenset({ModelKind.PLAIN}), frozenset({ModelKind.POLYNOMIAL})
+PROCESS = frozenset({ModelKind.PROCESS})
+GRASP = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
+PAPER = "the paper's method"
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Models, and what is wanted of them."""
+
+    name: str
+    search: Search
+    demand: frozenset[Feature] = DEMAND
+
+
+CONFIGURATIONS = (
+    Configuration("curve, plain mean", Search(kinds=PLAIN), GRASP),
+    Configuration("polynomials", Search(kinds=POLYNOMIAL)),
+    Configuration("polynomials; depth, shear", Search(kinds=POLYNOMIAL), GRASP),
+    Configuration("processes, 12 terms", Search(kinds=PROCESS, terms_max=12)),
+    Configuration("processes, 40 terms", Search(kinds=PROCESS, terms_max=40)),
+    Configuration("processes", Search(kinds=PROCESS)),
+    Configuration("processes; depth, shear", Search(kinds=PROCESS), GRASP),
+)
+#: Values that are sent if these are in demand.
+VALUES = {
+    "depth mm": Feature.DISPLACEMENT,
+    "tilt deg": Feature.TILT,
+    "shear mm": Feature.SHEAR,
+    "torsion deg": Feature.TORSION,
+}
+
+
+def errors(report: dict[str, Any], demand: frozenset[Feature]) -> dict[str, float | None]:
+    """Mean absolute errors, of x and y their mean; None: not in demand, or there is no such model."""
+    values = row(report)
+    found: dict[str, float | None] = {}
+    for name, columns in ERRORS.items():
+        mean = float(np.mean([values[i] for i in columns]))
+        found[name] = mean if VALUES[name] in demand and np.isfinite(mean) else None
+    return found
+
+
+def as_the_paper(rest: Rest, targets: Targets, seen: Extract, untouched: Image) -> Extract:
+    """The same frames with volume and mean motion as the reference finds them."""
+    pipeline = Pipeline(rest, demand=DEMAND)
+    reference = Reference(untouched, rest.pattern.pin_radius_px, rest_img=rest.xy_img)
+    radius = rest.pattern.tip_radius_px
+    inputs = seen.inputs.copy()
+    for i, path in enumerate(track(targets.frames, "the paper's method")):
+        image = read_image(path)
+        pipeline.forget()
+        reference.place(pipeline.process(Frame(image, 0, 0), even_untrusted=True).tracks.xy_img)
+        found = reference.step(image)
+        inputs[i, FRAME_INPUTS.index("volume")] = found.volume_px2 / (np.pi * radius**2)
+        inputs[i, FRAME_INPUTS.index("shear")] = complex(*found.shear_px) / radius
+    return replace(seen, inputs=inputs)
+
+
+def times(rest: Rest, calibrations: list[Calibration], stills: list[Image], untouched: Image) -> Array:
+    """(1 + configurations,) median microseconds of a frame: the reference's first."""
+    reference = Reference(untouched, rest.pattern.pin_radius_px, rest_img=rest.xy_img)
+    pipelines = [
+        Pipeline(rest, calibration, one.demand)
+        for one, calibration in zip(CONFIGURATIONS, calibrations, strict=True)
+    ]
+    found: list[list[float]] = [[] for _ in range(1 + len(pipelines))]
+    for image in track(stills, "time"):
+        frame = Frame(image, 0, 0)
+        for pipeline in pipelines:
+            pipeline.forget()
+            where = pipeline.process(frame).tracks.xy_img
+        reference.place(where)
+        for _ in range(REPEATS):
+            on_processor(found[0], reference.step, image)
+            for us, pipeline in zip(found[1:], pipelines, strict=True):
+                on_processor(us, pipeline.process, frame)
+    return np.array([statistics.median(us) for us in found])
+
+
+def instructions(calibrations: list[Calibration], stills: list[Image], rest: Image) -> list[int]:
+    """Of a frame, the reference's first."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        np.savez(folder / "stills.npz", rest=rest, images=np.stack(stills[:COUNTED]))
+        work = [("paper", DEMAND)]
+        for i, (one, calibration) in enumerate(zip(CONFIGURATIONS, calibrations, strict=True)):
+            path = folder / f"{i}.json"
+            path.write_bytes(calibration.encoded)
+            work.append((str(path), one.demand))
+        counts = []
+        for path_, demand in track(work, "instructions"):
+            names = ",".join(sorted(demand))
+            child = ["tests.bench.accuracy_child", str(folder / "stills.npz"), path_, names]
+            counts.append(round(count_child(child, LENGTHS, folder / "counts").instructions / COUNTED))
+    return counts
+
+
+def models(
+    rest: Rest, targets: Targets, seen: Extract, paper: Extract, size: int
+) -> tuple[list[Calibration], list[dict[str, float | None]]]:
+    """Calibrations of all configurations, and errors, those of the paper's method first.
+
+    size  frames to fit to, the first ones; the others judge
+    """
+    fitted: dict[Search, Calibration] = {}
+    train, test = range(size), range(size, len(targets))
+
+    def fit_to(extract: Extract, search: Search) -> Calibration:
+        return fit(rest, targets.rows(train), extract.rows(train), mm_per_px=None, search=search)[0]
+
+    def errors_of(
+        extract: Extract, calibration: Calibration, demand: frozenset[Feature]
+    ) -> dict[str, float | None]:
+        return errors(evaluate(calibration, targets.rows(test), extract.rows(test)), demand)
+
+    found = [errors_of(paper, fit_to(paper, Search(kinds=PLAIN)), GRASP)]
+    for one in track(CONFIGURATIONS, "models"):
+        if one.search not in fitted:
+            fitted[one.search] = fit_to(seen, one.search)
+        found.append(errors_of(seen, fitted[one.search], one.demand))
+    return [fitted[one.search] for one in CONFIGURATIONS], found
+
+
+def text_of(rows: list[dict[str, Any]]) -> str:
+    """As Markdown."""
+    counted = [name for name in ("instructions",) if name in rows[0]]
+    lines = ["| | us | paper's over it | " + " | ".join([*counted, *ERRORS]) + " |"]
+    lines.append("|---" * (3 + len(counted) + len(ERRORS)) + "|")
+    for one in rows:
+        cells = [one["name"], f"{one['us']:.0f}", f"{one['ratio']:.3g}"]
+        cells += [f"{one[name]:,}" for name in counted]
+        cells += ["-" if one[name] is None else f"{one[name]:.3g}" for name in ERRORS]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+@click.command()
+@click.option("--real", "folder", type=click.Path(path_type=Path), default=REAL, help="Published recordings.")
+@click.option("--frames", "size", type=click.IntRange(24, 480), default=480, help="To fit to.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, help="Of the split.")
+@click.option("--instructions", "counted", is_flag=True, help="Count instructions too; needs valgrind.")
+@click.option("--keep", is_flag=True, help="Keep table and picture in tests/bench/results.")
+def command(folder: Path, size: int, seed: int, counted: bool, keep: bool) -> None:
+    """Time per frame against error on held-out published frames: a table, JSON and a picture."""
+    if counted and shutil.which("valgrind") is None:
+        raise click.ClickException("--instructions: valgrind is not installed (Debian package valgrind)")
+    cv2.setNumThreads(1)
+    where = folder / "tactip331_binary"
+    data = open_dataset([where / "targets.csv"], where / "frames", where / "rest.png")
+    rest = read_image(where / "rest.png")
+    train, test = splits(len(data.targets), seed)
+    targets = data.targets.rows([*train[:size], *test])
+    with executor(workers=1) as pool:
+        seen = extract(data.rest, targets.frames, pool)
+    paper = as_the_paper(data.rest, targets, seen, rest)
+    calibrations, found = models(data.rest, targets, seen, paper, size)
+    held_out = range(size, len(targets))
+    stills = [read_image(targets.frames[i]) for i in held_out if seen.trusted[i]][:STILLS]
+    us = times(data.rest, calibrations, stills, rest)
+    names = [PAPER, *(one.name for one in CONFIGURATIONS)]
+    rows: list[dict[str, Any]] = [
+        {"name": name, "us": float(t), "ratio": float(us[0] / t), **errors_}
+        for name, t, errors_ in zip(names, us, found, strict=True)
+    ]
+    if counted:
+        for one, n in zip(rows, instructions(calibrations, stills, rest), strict=True):
+            one["instructions"] = n
+    out = RESULTS if keep else Path("out")
+    out.mkdir(parents=True, exist_ok=True)
+    result = {"frames_fitted": size, "frames_held_out": len(held_out), "seed": seed, "configurations": rows}
+    (out / "accuracy.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    accuracy_plot(rows, PUBLISHED, out / "accuracy.png")
+    Console().print(text_of(rows), soft_wrap=True)
+    click.echo(f"{out / 'accuracy.json'}, {out / 'accuracy.png'}")
+
+
+if __name__ == "__main__":
+    command()

@@ -1,0 +1,43 @@
+"""What `tests.bench.accuracy` counts: `python -m tests.bench.accuracy_child STILLS CALIBRATION DEMAND N`.
+
+STILLS is an .npz: `rest`, and `images`. CALIBRATION is a file, or `paper` for the reference. DEMAND names
+features, with commas. Each image is found once, as a jump, and then processed N times.
+"""
+
+from __future__ import annotations
+
+import gc
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from edge.calibration import Calibration
+from edge.pins import take_rest
+from edge.pipeline import Pipeline
+from edge.types import Feature, Frame
+from tests.bench.reference import Reference
+
+
+def main(stills: str, calibration: str, demand: str, n: int) -> None:
+    with np.load(stills) as stored:
+        rest_image, images = stored["rest"], stored["images"]
+    rest = take_rest([rest_image])
+    paper = calibration == "paper"
+    features = frozenset(Feature(name) for name in demand.split(","))
+    pipeline = Pipeline(rest, None if paper else Calibration.load(Path(calibration)), features)
+    reference = Reference(rest_image, rest.pattern.pin_radius_px, rest_img=rest.xy_img)
+    gc.disable()
+    for image in images:
+        pipeline.forget()
+        tracks = pipeline.process(Frame(image, 0, 0)).tracks
+        reference.place(tracks.xy_img)
+        for _ in range(n):
+            if paper:
+                reference.step(image)
+            else:
+                pipeline.process(Frame(image, 0, 0))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4]))
