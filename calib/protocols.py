@@ -210,7 +210,7 @@ def drag() -> Plan:
     both.
     """
     flat = Tool("flat")
-    steps = _rest(flat)
+    steps = rest_steps(flat)
     low = np.array([1.0, -10.0, -10.0, -180.0, 0.0, -20.0])
     high = np.array([4.0, 10.0, 10.0, 180.0, 3.0, 20.0])
     for values in np.round(np.random.default_rng(300).uniform(low, high, (300, 6)), 4).tolist():

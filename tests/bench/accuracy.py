@@ -38,8 +38,9 @@ from edge.pipeline import Pipeline
 from edge.sources import read_image
 from edge.types import Array, Feature, Frame, Image, Rest
 from tests.bench.instructions import count_child
+from tests.bench.output import writes_results
 from tests.bench.plots import accuracy_plot
-from tests.bench.real import NETWORK, REAL, RESULTS, row, splits
+from tests.bench.real import NETWORK, REAL, row, splits
 from tests.bench.reference import Reference
 from tests.bench.speed import on_processor
 
@@ -191,8 +192,8 @@ def text_of(rows: list[dict[str, Any]]) -> str:
 @click.option("--frames", "size", type=click.IntRange(24, 480), default=480, help="To fit to.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="Of the split.")
 @click.option("--instructions", "counted", is_flag=True, help="Count instructions too; needs valgrind.")
-@click.option("--keep", is_flag=True, help="Keep table and picture in tests/bench/results.")
-def command(folder: Path, size: int, seed: int, counted: bool, keep: bool) -> None:
+@writes_results
+def command(folder: Path, size: int, seed: int, counted: bool, out: Path) -> None:
     """Time per frame against error on held-out published frames: a table, JSON and a picture."""
     if counted and shutil.which("valgrind") is None:
         raise click.ClickException("--instructions: valgrind is not installed (Debian package valgrind)")
@@ -217,8 +218,6 @@ def command(folder: Path, size: int, seed: int, counted: bool, keep: bool) -> No
     if counted:
         for one, n in zip(rows, instructions(calibrations, stills, rest), strict=True):
             one["instructions"] = n
-    out = RESULTS if keep else Path("out")
-    out.mkdir(parents=True, exist_ok=True)
     result = {"frames_fitted": size, "frames_held_out": len(held_out), "seed": seed, "configurations": rows}
     (out / "accuracy.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     accuracy_plot(rows, PUBLISHED, out / "accuracy.png")

@@ -32,7 +32,8 @@ from calib.targets import Targets
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.pins import take_rest
 from edge.types import Image, Rest
-from tests.bench.real import HELD_OUT, REAL, RESULTS, row, table
+from tests.bench.output import writes_results
+from tests.bench.real import HELD_OUT, REAL, row, table
 
 SIZES = (25, 50, 100, 200, 400, 600)
 POLYNOMIALS = Search(kinds=frozenset({ModelKind.PLAIN, ModelKind.POLYNOMIAL}))
@@ -133,8 +134,8 @@ def chosen(pool: Pool, sizes: list[int]) -> Iterator[list[int]]:
 @click.option("--simulated", "on_rig", is_flag=True, help="Random poses on the simulated rig instead.")
 @click.option("--adaptive", is_flag=True, help="Frames that are chosen, too.")
 @click.option("--frames", "most", type=click.IntRange(25, 600), default=600, help="At most, to fit to.")
-@click.option("--keep", is_flag=True, help="Keep the table in tests/bench/results.")
-def command(folder: Path, others: Path | None, on_rig: bool, adaptive: bool, most: int, keep: bool) -> None:
+@writes_results
+def command(folder: Path, others: Path | None, on_rig: bool, adaptive: bool, most: int, out: Path) -> None:
     """Errors over the number of frames fitted: polynomials, processes, processes of chosen frames."""
     pool = simulated() if on_rig else recorded(folder / "tactip331_binary", others)
     most = min(most, len(pool.targets))
@@ -153,9 +154,8 @@ def command(folder: Path, others: Path | None, on_rig: bool, adaptive: bool, mos
             add("processes, chosen frames", those, PROCESSES)
     text = table(rows)
     click.echo(text)
-    if keep:
-        path = RESULTS / f"learning_{'simulated' if on_rig else 'real'}.md"
-        path.write_text(f"# Error over the number of frames fitted\n\n{text}\n", encoding="utf-8")
+    path = out / f"learning_{'simulated' if on_rig else 'real'}.md"
+    path.write_text(f"# Error over the number of frames fitted\n\n{text}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
