@@ -10,9 +10,9 @@ import pytest
 from click.testing import CliRunner
 
 from calib import process_likelihood
-from calib.__main__ import cli
 from calib.adaptive import PARAMS, AdaptivePlan, expected_inputs, letters_of
 from calib.capture import capture, pose_of, read_capture
+from calib.commands.cli import cli
 from calib.errors import CaptureError, RigError
 from calib.next_poses import choose
 from calib.protocols import SURFACE_HIGH, SURFACE_LOW
