@@ -39,6 +39,21 @@ class Blob:
     velocity_px: tuple[float, float] = (0.0, 0.0)
 
 
+#: Beyond these there is no picture of a tip: levels of 12 bits, a blur that leaves no pin.
+_MOST = {
+    "skin": 4095.0,
+    "pin": 4095.0,
+    "blur_px": 20.0,
+    "vignetting": 1.0,
+    "rim": 4095.0,
+    "leds": 100,
+    "unevenness": 1.0,
+    "gain": 100.0,
+    "read_noise": 1000.0,
+    "shot_noise": 100.0,
+}
+
+
 @dataclass(frozen=True)
 class Appearance:
     """Light and sensor. The defaults are a clean, well lit tip; `ugly` gives a bad one.
@@ -76,6 +91,9 @@ class Appearance:
             raise ValueError(f"bits = {self.bits}; must be 8, 10 or 12")
         if self.blur_px < 0.5:
             raise ValueError(f"blur_px = {self.blur_px}; under 0.5 a disc's centroid is not its centre")
+        for name, most in _MOST.items():
+            if not 0 <= getattr(self, name) <= most:
+                raise ValueError(f"{name} = {getattr(self, name)}; give 0 to {most:g}")
 
 
 def ugly(camera: Camera, seed: int = 0, dead_n: int = 2, glare_n: int = 6) -> Appearance:

@@ -6,7 +6,7 @@ import signal
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from edge.errors import ConfigError
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from edge.runtime.loop import Loop
     from edge.runtime.settings import SettingsFile
     from edge.types import FrameSource
+    from edge.worker import WorkerClient
     from hostlink.web import Listen
     from hostlink.wire import State
 
@@ -163,6 +164,17 @@ def _send_detail(node: Node) -> Callable[[Result, State], None]:
     return send
 
 
+def _fail_if_lost(worker: WorkerClient, record: Path | None) -> Callable[[Any, Any, Any], None]:
+    """At the end: exit code 1 if the recording that was asked for is not complete. The worker says why."""
+
+    def end(kind: object, error: object, traceback: object) -> None:
+        worker.close()
+        if kind is None and record is not None and worker.recording.fault:
+            raise SystemExit(1)
+
+    return end
+
+
 def start_worker(
     stack: ExitStack, loop: Loop, options: LoopOptions, listen: Listen | None, config: Config
 ) -> str:
@@ -184,6 +196,6 @@ def start_worker(
             {"serial": config.sensor.serial},
         ),
     )
-    stack.callback(worker.close)
+    stack.push(_fail_if_lost(worker, options.record_path))
     worker.start()
     return worker.url if listen is not None else ""

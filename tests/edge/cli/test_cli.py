@@ -345,6 +345,21 @@ def test_a_video_that_does_not_fit_on_the_disk_is_one_line_and_no_file(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("fault", ["a.mcap: No space left on device", None])
+def test_a_recording_that_does_not_fit_on_the_disk_is_no_success(
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    data_dir: Path,
+    tmp_path: Path,
+    fault: str | None,
+) -> None:
+    """As the worker reports it."""
+    monkeypatch.setattr("edge.worker.recording_feed.RecordingFeed.fault", property(lambda feed: fault))
+    arguments = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "-q")
+    assert run(monkeypatch, *arguments, "--record", tmp_path / "a.mcap") == (1 if fault else 0)
+    assert (f"recording: {fault}" in caplog.text) == (fault is not None)
+
+
 def test_a_video_is_complete_before_it_replaces_another(data_dir: Path, tmp_path: Path) -> None:
     path = tmp_path / "a.mp4"
     path.write_text("the old one")
