@@ -25,7 +25,7 @@ test: lint types $(UNIT) kernels
 lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/python -m pylint edge
+	$(BIN)/python -m pylint edge hostlink calib
 	$(BIN)/python -m check_jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 
 ## make types      strict types
