@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from calib import process_likelihood
+from calib import process_fit, process_likelihood
 from calib.adaptive import PARAMS, AdaptivePlan, expected_inputs, letters_of
 from calib.capture import capture, pose_of, read_capture
 from calib.commands.cli import cli
@@ -31,6 +31,8 @@ def quick_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is chosen need not be the best here."""
     quick = replace(process_likelihood.PARAMS, turns=4, steps_first=1, steps=2)
     monkeypatch.setattr(process_likelihood, "PARAMS", quick)
+    few_groups = replace(process_fit.PARAMS, groups_min=2, rows_groups=2)
+    monkeypatch.setattr(process_fit, "PARAMS", few_groups)
 
 
 def simulated(first_sequence: int) -> Rig:
