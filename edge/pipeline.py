@@ -86,10 +86,10 @@ class Pipeline:
             before_ns, self._capture_ns = self._capture_ns, frame.capture_ns
             interval_s = None if before_ns is None else (frame.capture_ns - before_ns) * 1e-9
             reading = self.calibration.apply(features, self.rest.pattern, interval_s, self.demand)
-            self._judge_grip(self.calibration, features, reading)
+            self._add_grip(self.calibration, features, reading)
         return Result(frame, tracks, cells, features, reading, searched)
 
-    def _judge_grip(self, calibration: Calibration, features: Features, reading: Reading) -> None:
+    def _add_grip(self, calibration: Calibration, features: Features, reading: Reading) -> None:
         """Add friction and slip margin, if forces are in demand."""
         if not features.in_contact:
             self._grip.forget()

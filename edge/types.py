@@ -332,8 +332,8 @@ class Features:
     contacts        strongest first
     in_contact      False: nothing above the noise; surface and contacts were not computed
     torsion_rad     rotation of the motion field about the contact
-    slip_px         float, rms motion within the contact since the last frame that a load does not explain
-    slip_probability 0..1, that there was any such motion beyond the noise
+    slip_px         float, expected rms motion within the contact since the last frame that no load explains
+    slip_probability 0..1, that more than half of the contact's area slides
     gap             as `Cells.gap`; NaN: pins are lost, and there are no cells to estimate it from
     gap_img         as `Cells.gap_img`; None too if there are no cells
     """

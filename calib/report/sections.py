@@ -265,10 +265,10 @@ def slips(page: ReportPage, slipped: list[slip.Slipped]) -> list[Requirement]:
     every = slip.outcome(slip.join(slipped))
     section.text(
         f"A tool pressed {slip.DEPTH_MM:g} mm deep is dragged {slip.WAY_MM:g} mm in a second at "
-        "several frictions, until it creeps (slides in part, from the contact's rim inwards) and then "
-        "glides. Slip counts as detected at a probability over one half. Gliding moves no pin: no camera "
-        "behind the skin sees it. What is detected is the creep before it: "
-        f"{every.detected_percent:.0f} % of its frames; the speed read there is the skin's own motion "
+        "several frictions, until it creeps (more than a quarter of it slides, from the rim inwards) and "
+        "then glides. Slip counts as detected at a probability over one half (that more than half of the "
+        f"contact slides): {every.detected_percent:.0f} % of the frames that creep; the speed read there is "
+        "the skin's own motion "
         f"against itself, {every.read_mm_s:.2f} mm/s where the tool runs at {every.true_mm_s:.2f} mm/s over "
         "the contact in the mean."
     )

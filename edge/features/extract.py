@@ -129,7 +129,7 @@ class FeatureExtractor:
         self._detector = ContactDetector(rest, params)
         self._motion = PinMotion(rest)
         self._modes = Modes(rest)
-        self._slip = Slip(self._motion, params)
+        self._slip = Slip(rest, self._motion, params)
         self._surface: Surface | None = None  # 10 ms to make: made for the first contact
         self._finder: ContactFinder | None = None
         self._plan = _Plan(frozenset())

@@ -64,8 +64,8 @@ class FeatureParams:
     modes_ridge: float = 1e-3  # of the normal equations, pins: keeps high terms bounded when pins are lost
 
     # --- slip
-    slip_unexplained_rel: float = 0.2  # share of a sticking contact's motion that a load need not explain
-    slip_prior_odds: float = 100.0  # against slip, per frame
+    slip_model_rel: float = 0.03  # error of Mindlin's curve, of the motion around the contact
+    slip_prior_odds: float = 10.0  # against more than half of the contact sliding
     slip_span_frames: int = 4  # over which motion is taken
     slip_pressing_rel: float = 0.7  # net over total area change; above it the contact is pressed or released
 

@@ -1,11 +1,14 @@
-"""Slip: parts of the contact that move against each other.
+"""Slip: how probable it is that most of the contact slides, and how fast its parts move against each other.
 
-Skin that sticks to a rigid object can only move with it. Within the contact, the motion over the last few
-frames is therefore split into what a load explains (a common translation, rotation and linear strain) and a
-residual. The residual shows slip that creeps in from the rim of a contact, a probe that wanders over the
-skin, or stick-slip. The steady gliding of a large smooth plane moves no pin and cannot be seen by a camera
-behind the skin. Nor can creep be distinguished from the bending of a contact that is being pressed or
-released: while all its cells' areas increase, or all decrease, no slip is reported.
+Skin that sticks to a rigid object can only move with it. The probability is that of `partial_slip`: from the
+rim inwards, more than half of the contact slides. The speed is a residual: within the contact, the motion
+over the last few frames less what a load explains (a common translation, rotation and linear strain).
+
+Rules
+- While all of a contact's cells increase, or all decrease, it is pressed or released and no slip is
+  reported: it cannot be distinguished from the bending then.
+- The speed is the expected one: the residual, noise subtracted, times the probability.
+- The steady gliding of a large smooth plane moves no pin, and has no speed for a camera behind the skin.
 """
 
 from __future__ import annotations
@@ -17,18 +20,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from edge.features.params import PARAMS, FeatureParams
+from edge.features.partial_slip import PartialSlip
 from edge.features.pin_motion import PinMotion
-from edge.types import Array, Index
+from edge.types import Array, Index, Rest
 
 __all__ = ["Slip", "SlipState"]
 
 
 @dataclass(frozen=True, slots=True)
 class SlipState:
-    """Motion within the contact that a load does not explain.
+    """Slip of one frame.
 
-    slip_px      rms over the contact's pins, per frame, noise subtracted
-    probability  0..1 that there was any, given the noise
+    slip_px      expected rms over the contact's pins of the motion that no load explains, per frame
+    probability  0..1 that more than half of the contact's area slides
     """
 
     slip_px: float
@@ -39,15 +43,17 @@ NO_SLIP = SlipState(0.0, 0.0)
 
 
 class Slip:
-    """Remembers the motion of the last frames."""
+    """Remembers the motion of the last frames, and the path of the touch."""
 
-    def __init__(self, motion: PinMotion, params: FeatureParams = PARAMS) -> None:
+    def __init__(self, rest: Rest, motion: PinMotion, params: FeatureParams = PARAMS) -> None:
         self._motion, self._params = motion, params
         self._past: deque[tuple[Array, Array]] = deque(maxlen=params.slip_span_frames)
+        self._partial = PartialSlip(rest.xy_img, params)
 
     def forget(self) -> None:
         """Drop the frames before this one: contact lost, identities lost, or slip not demanded."""
         self._past.clear()
+        self._partial.forget()
 
     def update(self, motion_px: Array, area_change: Array, pins: Index, sigma_px: float) -> SlipState:
         """Compare with the frame `slip_span_frames` before this one, or with the oldest since the touch.
@@ -57,30 +63,24 @@ class Slip:
         pins         (k,) int32, rows of the pins in the contact
         sigma_px     noise of one coordinate of one pin in one frame
         """
-        params, past = self._params, self._past
+        past = self._past
         if not past:
             past.append((motion_px, area_change))
             return NO_SLIP
         span = len(past)
         before_px, area_change_before = past[0]
-        used, square, unexplained = self._motion.fit_step(motion_px, before_px, pins)
         past.append((motion_px, area_change))
+        if self._is_pressing(area_change[pins] - area_change_before[pins]):
+            self._partial.forget()
+            return NO_SLIP
+        self._partial.update(motion_px, pins, sigma_px)
+        probability = self._partial.probability
+        used, _, unexplained = self._motion.fit_step(motion_px, before_px, pins)
         free = 2 * used - 6  # two components, each with three unknowns
         if free < 4:
-            return NO_SLIP
-        explained = max(square - unexplained, 0.0)
-        expected = 2.0 * sigma_px**2 * free + params.slip_unexplained_rel**2 * explained
-        if not expected > 0.0:
-            return NO_SLIP
-        ratio = max(unexplained / expected, 1.0)
-        if ratio > 1.0 and self._is_pressing(area_change[pins] - area_change_before[pins]):
-            return NO_SLIP
-        # Log likelihood ratio of a larger variance, at its best, against the expected one, less the
-        # penalty for having chosen it (BIC).
-        evidence = 0.5 * free * (ratio - 1.0 - math.log(ratio)) - 0.5 * math.log(free)
-        probability = 1.0 / (1.0 + math.exp(min(math.log(params.slip_prior_odds) - evidence, 700.0)))
-        slip = math.sqrt(max(unexplained - expected, 0.0) / used) / span
-        return SlipState(slip, probability)
+            return SlipState(0.0, probability)
+        rms = math.sqrt(max(unexplained - 2.0 * sigma_px**2 * free, 0.0) / used)
+        return SlipState(probability * rms / span, probability)
 
     def _is_pressing(self, area_change: Array) -> bool:
         """Whether the areas of a contact's cells increase, or decrease, together; area_change (k,), NaN where

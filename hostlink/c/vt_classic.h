@@ -605,7 +605,7 @@ struct vt_classic_part3_t {
     int8_t temperature_degc;
 
     /**
-     * probability that the contact slips, 0..1
+     * probability that more than half of the contact's area slides, 0..1; it slides from the rim inwards
      *
      * Range: 0..250 (0..1 -)
      * Scale: 0.004

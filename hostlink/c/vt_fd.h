@@ -574,7 +574,7 @@ struct vt_fd_state_t {
     uint16_t slip_speed_mm_s;
 
     /**
-     * probability that the contact slips, 0..1
+     * probability that more than half of the contact's area slides, 0..1; it slides from the rim inwards
      *
      * Range: 0..250 (0..1 -)
      * Scale: 0.004

@@ -26,6 +26,7 @@ COMMANDS = {
     "link": ("tests.bench.link", "Fingers on one bus: losses and latency."),
     "viewers": ("tests.bench.viewers", "Viewers of the live page: what they cost the loop."),
     "wire": ("tests.bench.wire", "Coding of frames: processor time of one."),
+    "slip": ("tests.bench.slip", "Slip announced before it happens, and false alarms."),
     "soak": ("tests.bench.soak", "The program under a random schedule of all faults, and its promises."),
     "stability": ("tests.bench.stability", "Hard cases of the geometry against exact arithmetic."),
 }

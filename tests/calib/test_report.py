@@ -135,7 +135,7 @@ def test_resolution_is_the_smallest_distance_from_which_all_pairs_are_two() -> N
 
 def test_slip_is_evaluated_against_the_true_motion() -> None:
     seen = slip.Slipped(
-        share=np.array([0.0, 0.0, 0.2, 0.4, 0.6, 1.0, 1.0]),
+        share=np.array([0.0, 0.0, 0.3, 0.4, 0.6, 1.0, 1.0]),
         true_mm_s=np.array([0.0, 0.0, 0.5, 1.0, 2.0, 6.0, 6.0]),
         read_mm_s=np.array([0.0, 0.0, 0.0, 0.5, 0.7, 0.0, 0.0]),
         probability=np.array([0.0, 0.9, 0.0, 0.9, 1.0, 0.2, 0.1]),

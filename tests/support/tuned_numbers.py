@@ -57,6 +57,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/features/slip.py:NO_SLIP", "edge/pins/blobs.py:_ANGLES", "edge/runtime/measurement.py:_NOTHING",
         "edge/geometry/lattice.py:N_RING", "edge/calibration/grip.py:_RADIUS",
         "edge/cells/mesh.py:N_GUARD",
+        "edge/features/partial_slip.py:_SHARES", "edge/features/partial_slip.py:_MOST",
         "edge/view/palette.py:_TO_CONES", "edge/view/palette.py:_TO_LAB",
     }),
     "rounding and the width of a number": frozenset({
