@@ -20,6 +20,7 @@ from rich.progress import track
 
 from calib.adaptive import PARAMS, expected_inputs, letters_of
 from calib.dataset import open_dataset
+from calib.errors import FitError
 from calib.evaluate import evaluate
 from calib.extract import Extract, executor, extract
 from calib.fit import ModelKind, Search, fit, fit_processes, tip_of
@@ -33,7 +34,7 @@ from edge.calibration.inputs import FRAME_INPUTS
 from edge.pins import take_rest
 from edge.types import Image, Rest
 from tests.bench.output import writes_results
-from tests.bench.real import HELD_OUT, REAL, row, table
+from tests.bench.real import COLUMNS, HELD_OUT, REAL, row, table
 
 SIZES = (25, 50, 100, 200, 400, 600)
 POLYNOMIALS = Search(kinds=frozenset({ModelKind.PLAIN, ModelKind.POLYNOMIAL}))
@@ -91,9 +92,12 @@ def simulated() -> Pool:
 
 
 def errors(pool: Pool, rows: list[int], search: Search) -> list[float | None]:
-    """Of a fit to these rows, on the frames that judge."""
+    """Of a fit to these rows, on the frames that judge; None: too few of them can be used."""
     targets, seen = pool.targets.rows(rows), pool.seen.rows(rows)
-    calibration, _ = fit(pool.rest, targets, seen, mm_per_px=None, search=search)
+    try:
+        calibration, _ = fit(pool.rest, targets, seen, mm_per_px=None, search=search)
+    except FitError:
+        return [None] * len(COLUMNS)
     return list(row(evaluate(calibration, pool.test_targets, pool.test)))
 
 
@@ -113,14 +117,18 @@ def chosen(pool: Pool, sizes: list[int]) -> Iterator[list[int]]:
     rows = list(range(min(PARAMS.poses_first, sizes[0])))
     for size in sizes:
         while len(rows) < size:
-            found = fit_processes(pool.rest, pool.targets.rows(rows), pool.seen.rows(rows))
+            count = min(round(PARAMS.batch_share * len(rows)), size - len(rows))
+            try:
+                found = fit_processes(pool.rest, pool.targets.rows(rows), pool.seen.rows(rows))
+            except FitError:  # too few can be used: the next ones of the random order
+                rows += [i for i in range(len(poses)) if i not in set(rows)][:count]
+                continue
             used = [rows[i] for i in np.flatnonzero(found.usable)]
             left = [i for i in range(len(poses)) if i not in set(rows)]
             known, wanted = (
                 letters_of([poses[i] for i in those], mirrored=found.mirrored) for those in (used, left)
             )
             inputs = expected_inputs(known, pool.seen.inputs[used], wanted)
-            count = min(round(PARAMS.batch_share * len(rows)), size - len(rows))
             new = choose(covariances(found.fitted, FRAME_INPUTS, inputs), count)
             rows += [left[i] for i in new]
         yield list(rows)
