@@ -26,7 +26,7 @@ from calib.fit import fit_processes
 from calib.next_poses import choose, covariances, expected_error, predict_inputs
 from calib.protocols import SURFACE_HIGH, SURFACE_LOW, Step, digest_of, rest_steps, sheared
 from calib.ridge import folds_of
-from calib.rig.base import Pose
+from calib.rig.base import CLEAR, Pose
 from calib.sim.mechanics import Tool
 from calib.targets import targets_of_capture
 from edge.calibration.inputs import FRAME_INPUTS
@@ -39,6 +39,8 @@ __all__ = ["PARAMS", "AdaptiveParams", "AdaptivePlan", "expected_inputs", "lette
 #: Coordinates of a pose, with their spins.
 LETTERS = (("place", 1), ("depth", 0), ("tilt", 1), ("shear", 1), ("twist", 0))
 STEPS_A_POSE = len(sheared(*SURFACE_LOW))
+#: Before each fit, which takes seconds to minutes: the skin creeps under load.
+LIFT = Step(CLEAR, Tool("flat"), 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +92,11 @@ class AdaptivePlan:
 
     def recall(self, poses: Mapping[int, Pose]) -> None:
         del self.steps[1:]
-        while (pose := poses.get(len(self.steps) + STEPS_A_POSE - 1)) is not None:
-            p = pose
+        for number, p in sorted(poses.items()):
+            if number < len(self.steps):
+                continue
+            if number == len(self.steps) + STEPS_A_POSE:
+                self.steps.append(LIFT)
             values = (p.depth_mm, p.tilt_x_deg, p.tilt_y_deg, p.shear_x_mm, p.shear_y_mm, p.twist_deg)
             self.steps += sheared(*values)
 
@@ -120,6 +125,9 @@ class AdaptivePlan:
             before, end = end, end + round(PARAMS.batch_share * end)
         if taken >= self._poses_max:
             return False
+        if self.steps[-1].pose != CLEAR:
+            self.steps.append(LIFT)
+            return True
         batch = self._batch(before, end - before, check=before == taken)
         new = batch[taken - before : self._poses_max - before]
         for steps in new:

@@ -17,6 +17,7 @@ from calib.errors import CaptureError, RigError
 from calib.next_poses import choose
 from calib.protocols import SURFACE_HIGH, SURFACE_LOW
 from calib.rig import Pose, Rig
+from calib.rig.base import CLEAR
 from calib.rig.simulated import CameraTable, SimulatedRig, Simulation
 from calib.sim import Tip
 from edge.calibration.inputs import FRAME_INPUTS
@@ -72,6 +73,23 @@ def test_resumed_within_a_batch_it_takes_the_same_frames(tmp_path: Path) -> None
     spread = AdaptivePlan(POSES)._spread
     assert poses[: PARAMS.poses_first] == [steps[-1].pose for steps in spread[: PARAMS.poses_first]]
     assert poses[PARAMS.poses_first :] != [steps[-1].pose for steps in spread[PARAMS.poses_first : POSES]]
+
+
+def test_the_tool_is_off_the_tip_while_it_fits(tmp_path: Path) -> None:
+    rig = simulated(0)
+    at: list[Pose] = []
+    moved = rig.move
+
+    def move(pose: Pose) -> None:
+        at.append(pose)
+        moved(pose)
+
+    fitted: list[Pose] = []
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(rig, "move", move)
+        plan = AdaptivePlan(POSES, on_fitted=lambda n, errors: fitted.append(at[-1]))
+        capture(lambda first: rig, plan, tmp_path / "a.mcap")
+    assert fitted == [CLEAR]
 
 
 def test_it_ends_when_the_errors_are_small_enough(tmp_path: Path) -> None:
