@@ -1,7 +1,8 @@
 """Checks of CAN logs before python-can reads them: it trusts a length, and a damaged one may be gigabytes.
 
 .log  each line must have the form that `candump -L` writes
-.blf  no object is longer than the file, no container unpacks to more than CONTAINER_MAX
+.blf  no object is longer than the file, no container unpacks to more than CONTAINER_MAX, and none of the
+      objects within has no length: python-can would read that one for ever
 """
 
 from __future__ import annotations
@@ -77,10 +78,10 @@ def find_blf_damage(path: Path) -> tuple[int, str]:
         signature, header_bytes = _FILE.unpack(head)
         if signature != b"LOGG" or not _FILE.size <= header_bytes <= _FILE_HEADER_MAX:
             return 0, "it does not begin as a BLF file"
-        at = header_bytes
+        at, containers = header_bytes, _Containers()
         while at < size:
             file.seek(at)
-            why = _object_damage(file, size - at)
+            why = _object_damage(file, size - at, containers)
             if why:
                 return (size if "cut off" in why else at), f"{why} at byte {at}"
             file.seek(at + 8)
@@ -89,7 +90,7 @@ def find_blf_damage(path: Path) -> tuple[int, str]:
     return size, ""
 
 
-def _object_damage(file: BinaryIO, left: int) -> str:
+def _object_damage(file: BinaryIO, left: int, containers: _Containers) -> str:
     """The problem of the object here; empty: none."""
     head = file.read(_OBJECT.size)
     if len(head) < _OBJECT.size:
@@ -104,13 +105,35 @@ def _object_damage(file: BinaryIO, left: int) -> str:
     data = file.read(min(size, left) - _OBJECT.size)
     if size > left and size > CONTAINER_MAX:
         return "a container longer than the file"
-    if len(data) > CONTAINER_MAX:
-        return "a container too large"
-    if _CONTAINER.unpack_from(data.ljust(_CONTAINER.size))[0] == _ZLIB:
-        try:
-            plain = zlib.decompressobj().decompress(data[_CONTAINER.size :], CONTAINER_MAX + 1)
-        except zlib.error:
-            return "a damaged container"
-        if len(plain) > CONTAINER_MAX:
+    return containers.damage(data) or ("" if size <= left else "cut off")
+
+
+class _Containers:
+    """The containers of a file, in order: an object may go on in the next one."""
+
+    def __init__(self) -> None:
+        self._tail = b""
+
+    def damage(self, data: bytes) -> str:
+        """The problem of the next container, without the header that all objects have; empty: none."""
+        if len(data) > CONTAINER_MAX:
             return "a container too large"
-    return "" if size <= left else "cut off"
+        plain = data[_CONTAINER.size :]
+        if _CONTAINER.unpack_from(data.ljust(_CONTAINER.size))[0] == _ZLIB:
+            try:
+                plain = zlib.decompressobj().decompress(plain, CONTAINER_MAX + 1)
+            except zlib.error:
+                return "a damaged container"
+            if len(plain) > CONTAINER_MAX:
+                return "a container too large"
+        plain, at = self._tail + plain, 0
+        # As python-can goes from one to the next: up to four bytes of padding, then "LOBJ".
+        while (begin := plain.find(b"LOBJ", at, at + 8)) >= 0 and begin + _OBJECT.size <= len(plain):
+            size = _OBJECT.unpack_from(plain, begin)[3]
+            if size < _OBJECT.size:
+                return "a container with an object of no length"
+            if begin + size > len(plain):
+                break
+            at = begin + size
+        self._tail = plain[at:] if len(plain) - at <= CONTAINER_MAX else b""
+        return ""

@@ -213,6 +213,24 @@ def test_a_blf_container_that_unpacks_endlessly_counts_as_damaged(tmp_path: Path
         list(read_log(path))
 
 
+@pytest.mark.parametrize("split", [None, 40])
+@pytest.mark.parametrize("version", [1, 12289])
+def test_an_object_of_no_length_in_a_blf_container_ends_the_reading(
+    tmp_path: Path, version: int, split: int | None
+) -> None:
+    """python-can would go on from it to itself, for ever; it may reach into the next container."""
+    whole = struct.pack("<4sHHLL", b"LOBJ", 32, 1, 48, 99) + bytes(32)
+    endless = struct.pack("<4sHHLL", b"LOBJ", 32, version, 0, 1) + bytes(48)
+    content = whole + endless
+    parts = [content] if split is None else [content[:split], content[split:]]
+    files = [blf_of(zlib.compress(part)) for part in parts]
+    containers = [file[144:] + bytes((len(file) - 144) % 4) for file in files]
+    path = tmp_path / "a.blf"
+    path.write_bytes(files[0][:144] + b"".join(containers))
+    with pytest.raises(LogError, match="a container with an object of no length at byte"):
+        list(read_log(path))
+
+
 def test_a_truncated_blf_file_is_read_up_to_its_end(tmp_path: Path) -> None:
     path = tmp_path / "a.blf"
     with LogWriter(path) as writer:
