@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from typing import Any
 
 import click
 from click.core import ParameterSource
@@ -15,7 +16,7 @@ from hostlink.commands.busload import LIMIT, Load, plan
 from hostlink.errors import ObjectAborted, UsageError
 from hostlink.finger import read_upload
 from hostlink.wire import OBJECTS, Abort, Object, RestFrameState, object_named, pack_value
-from hostlink.wire.objects import REST_FRAME_REASONS
+from hostlink.wire.objects import REST_FRAME_REASONS, REST_FRAME_STATES
 
 finger_option = click.option(
     "--finger", type=WholeNumber(1, 127), help="Node number; not needed where there is only one finger."
@@ -36,15 +37,18 @@ def info(address: str, finger: int | None, as_json: bool) -> None:
         return
     for name, value in values.items():
         shown = f"0x{answer.schema_hash:08x}" if name == "schema_hash" else _shown(value)
-        unit = f"{object_named(name).unit}{_UNLIMITED.get((name, value), '')}"
-        click.echo(f"{name:<18} {shown} {unit}".rstrip())
+        meaning = _MEANING.get(name, {}).get(value)
+        text = f"{name:<20} {shown} {object_named(name).unit}".rstrip()
+        click.echo(f"{text}: {meaning}" if meaning else text)
 
 
-#: What a value means that does not speak for itself.
-_UNLIMITED: dict[tuple[str, object], str] = {
-    ("rate_hz", 0.0): ": no limit, a sample for each image",
-    ("detail_divider", 0): ": off",
-    ("heartbeat_ms", 0): ": off",
+#: What values mean that do not speak for themselves, by name of the object.
+_MEANING: dict[str, Mapping[Any, str]] = {
+    "rate_hz": {0.0: "no limit, a sample for each image"},
+    "detail_divider": {0: "off"},
+    "heartbeat_ms": {0: "off"},
+    "rest_frame_state": REST_FRAME_STATES,
+    "rest_frame_reason": REST_FRAME_REASONS,
 }
 
 

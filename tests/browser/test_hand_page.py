@@ -138,14 +138,26 @@ def test_one_finger_has_its_charts_beside_it_on_one_screen(chrome: Chrome) -> No
         stack.callback(page.close)
         page.until("document.querySelectorAll('.finger canvas').length === 1")
         finger, *charts = page.evaluate(
-            "[...document.querySelectorAll('.finger, .chart')].map(e => {"
+            "[...document.querySelectorAll('.finger, .chart:not([hidden])')].map(e => {"
             "const r = e.getBoundingClientRect(); return [r.left, r.top, r.right, r.bottom] })"
         )
-        assert len(charts) == 8
+        assert len(charts) == 6
         assert all(left > finger[2] for left, *_ in charts)
         assert max(bottom for *_, bottom in (finger, *charts)) <= page.evaluate("innerHeight")
         assert page.evaluate("document.getElementById('next').disabled")
         assert page.errors == []
+
+
+def test_an_optional_chart_is_shown_once_it_has_a_value(page: Page) -> None:
+    script = (
+        "import('./kit.js').then(({ Chart }) => { const box = document.createElement('section');"
+        "box.className = 'chart'; box.append(document.createElement('canvas')); document.body.append(box);"
+        "const chart = new Chart(box.firstChild, { optional: true }); const hidden = [];"
+        "for (const [k, value] of [null, 0.5, null].entries()) {"
+        "chart.add(k, [value]); chart.draw(k); hidden.push(box.hidden) }"
+        "box.remove(); return hidden })"
+    )
+    assert page.evaluate(script) == [True, False, False]
 
 
 def test_no_shear_is_no_arrow(page: Page) -> None:

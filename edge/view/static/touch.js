@@ -48,8 +48,9 @@ const CHARTS = [
   { title: "Shear", unit: "mm", least: 0.2, names: ["x", "y"], of: ["shear_x_mm", "shear_y_mm"],
     raw: { title: "Mean motion of the pins", unit: "px", least: 1, names: ["x", "y"], of: ["shear_x_px", "shear_y_px"] } },
   { title: "Torsion", unit: "°", least: 2, of: ["torsion_deg"] },
-  { title: "Tangential force", unit: "N", least: 0.2, names: ["x", "y"], of: ["force_x_n", "force_y_n"] },
-  { title: "Slip margin", unit: "", least: 1, of: ["slip_margin"] },
+  { title: "Tangential force", unit: "N", least: 0.2, names: ["x", "y"], of: ["force_x_n", "force_y_n"],
+    optional: true },
+  { title: "Slip margin", unit: "", least: 1, of: ["slip_margin"], optional: true },
   { title: "Rate", unit: "Hz", least: 50, of: null },
   { title: "Latency", unit: "ms", least: 2, of: ["latency_ms"] },
 ]; // prettier-ignore

@@ -152,21 +152,24 @@ const DASHES = [[], [6, 3], [2, 2]]; // distinguishable without colour too
 
 /** A strip chart: the last `seconds` of a few series over time, with axes. Values may be null or NaN: a gap. */
 export class Chart {
-  /** least: the smallest span of the vertical axis; names: of the series, for the legend; unit: of all. */
-  constructor(canvas, { unit, least = 1, names = [], seconds = 10 }) {
-    Object.assign(this, { canvas, unit, least, names, seconds });
+  /** least: the smallest span of the vertical axis; names: of the series, for the legend; unit: of all;
+   *  optional: hidden until there is a value, as few calibrations have it. */
+  constructor(canvas, { unit, least = 1, names = [], seconds = 10, optional = false }) {
+    Object.assign(this, { canvas, unit, least, names, seconds, optional });
     this.clear();
   }
 
   clear() {
     this.times = [];
     this.values = [];
+    this.known = false;
   }
 
   add(time, values) {
     if (this.times.length && time <= this.times.at(-1)) return;
     this.times.push(time);
     this.values.push(values);
+    this.known ||= values.some(Number.isFinite);
     if (this.times.length > 256 && this.times[128] < time - this.seconds) {
       this.times.splice(0, 128);
       this.values.splice(0, 128);
@@ -189,6 +192,7 @@ export class Chart {
   }
 
   draw(now) {
+    if (this.optional) this.canvas.closest(".chart").hidden = !this.known;
     const { g, width, height } = fit(this.canvas);
     if (!width || !height) return;
     const [left, right, top, bottom] = [46, width - 10, 8, height - 19];

@@ -192,8 +192,11 @@ def test_info_tare_set(finger: Application, capsys: pytest.CaptureFixture[str]) 
     assert run("info", HOST) == 0
     shown = capsys.readouterr().out
     assert finger.serial in shown
-    assert "rate_hz            0 Hz: no limit, a sample for each image\n" in shown
+    assert "rate_hz              0 Hz: no limit, a sample for each image\n" in shown
     assert run("tare", HOST) == 0
+    capsys.readouterr()
+    assert run("info", HOST) == 0
+    assert "rest_frame_state     2: the new rest frame is in use\n" in capsys.readouterr().out
     finger.touched = True
     assert run("tare", HOST, "--finger", "6") == 1
     assert "error: tare: something touches the tip; let go" in capsys.readouterr().err
