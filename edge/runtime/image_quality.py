@@ -79,11 +79,11 @@ class ImageQuality:
     def learn(self, rest: Rest, frame: Frame) -> None:
         """Take this image of the untouched tip as the reference."""
         height, width = frame.image.shape
-        half = max(3, round(rest.pattern.pitch_px / 2))
+        half, tail = max(3, round(rest.pattern.pitch_px / 2)), self._params.focus_tail
         xy = np.rint(rest.xy_img).astype(np.int32)
         inside = np.all((xy >= half) & (xy < [width - half, height - half]), axis=1)
         chosen = xy[inside][:: max(1, np.count_nonzero(inside) // self._params.windows_n)]
-        self._focus = FocusWindows(chosen - half, 2 * half + 1, PARAMS.focus_tail) if len(chosen) else None
+        self._focus = FocusWindows(chosen - half, 2 * half + 1, tail) if len(chosen) else None
         self._seen = np.empty((len(chosen), 2))
         self._noise_energy = 4.0 * rest.pattern.noise**2  # of two differences of two pixels each
         self._level, self._saturated = level_of(frame.image, frame.bits)

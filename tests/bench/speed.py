@@ -1,6 +1,6 @@
 """Time per frame, stage by stage: against the paper's method implemented directly, and against the floor.
 
-    python -m tests.bench            tables, and plots into tests/bench/results
+    python -m tests.bench            tables, and plots into out/bench
     python -m tests.bench --json     one JSON object on stdout, nothing else
     python -m tests.bench --quick    without the scaling over pins and pixels
 
