@@ -37,7 +37,9 @@ VALUES = tuple(UNTOUCHED)
     "--protocol", required=True, metavar="NAME", help=f"{', '.join(PROTOCOLS)}, {ADAPTIVE} or FILE.toml."
 )
 @click.option(
-    "--poses", type=WholeNumber(1, PARAMS.candidates), help=f"Of protocol {ADAPTIVE}, at most; default: 200."
+    "--poses",
+    type=WholeNumber(1, PARAMS.candidates),
+    help=f"Of protocol {ADAPTIVE}, at most; default: {POSES}.",
 )
 @click.option(
     "--until",
