@@ -203,8 +203,7 @@ class Measurement:
         frames = tare.collect(frame, usable=not self._detector.frozen)
         if frames is not None:
             request = tare.request or TareRequest(0)
-            # Without a rest frame nothing can be measured.
-            tare.start(lambda: self._prepare(frames, request), can_wait=self.pipeline is not None)
+            tare.start(lambda: self._prepare(frames, request))
         if not tare.checked:
             return
         try:
@@ -300,7 +299,7 @@ class Measurement:
         """A recording shorter than the tare: use all its images. Raises SourceError, CalibrationError."""
         frames = self.tare.frames
         if self.pipeline is None and frames is not None and not self._source.live:
-            self.tare.start(lambda: self._prepare(frames, TareRequest(0)), can_wait=False)
+            self.tare.start(lambda: self._prepare(frames, TareRequest(0)))
             try:
                 self._accept_tare(self.tare.result())
             except TareRefused as error:

@@ -124,10 +124,10 @@ class TareState:
         self.frames.append(frame)
         return self.frames if len(self.frames) >= self._frames_n else None
 
-    def start(self, job: Callable[[], Prepared], can_wait: bool) -> None:
-        """Check the collected images: at once, or in another thread if that is possible."""
+    def start(self, job: Callable[[], Prepared]) -> None:
+        """Check the collected images: at once, or in another thread."""
         self.frames = None
-        if can_wait and self.in_thread:
+        if self.in_thread:
             self._executor = self._executor or ThreadPoolExecutor(1, "tare")
             self._job = self._executor.submit(job)
             return

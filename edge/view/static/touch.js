@@ -91,6 +91,7 @@ function makeCharts(calibrated) {
       key.textContent = name;
       box.querySelector("h2").append(key);
     });
+    box.hidden = Boolean(what.optional); // until there is a value
     $("charts").append(box);
     return { ...what, chart: new Chart(box.querySelector("canvas"), what) };
   });

@@ -55,6 +55,7 @@ const charts = CHARTS.map((what) => {
     key.textContent = name;
     box.querySelector("h2").append(key);
   });
+  box.hidden = Boolean(what.optional); // until there is a value
   $("charts").append(box);
   return box.querySelector("canvas");
 });

@@ -430,3 +430,29 @@ def test_samples_go_on_while_a_rest_frame_is_checked(
     finger.loop.stop()
     thread.join(SOON_S)
     source.close()
+
+
+def test_a_loop_ends_at_once_while_its_first_rest_frame_is_checked(
+    data_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finger = Finger([], None, source=Paced(open_source(str(data_dir / "press.mcap")), 30.0, loop=True))
+    begun, over = threading.Event(), threading.Event()
+
+    def endless(*_: Any, **__: Any) -> RestFrame:
+        begun.set()
+        assert over.wait(SOON_S)
+        raise TareRefused(RestFrameReason.OTHER, "the loop has ended")
+
+    monkeypatch.setattr(measurement, "take_rest_frame", endless)
+    thread = threading.Thread(target=finger.loop.run)
+    thread.start()
+    try:
+        assert begun.wait(SOON_S)
+        finger.loop.stop()
+        thread.join(SOON_S)
+        assert not thread.is_alive()
+        assert not over.is_set()
+    finally:
+        over.set()
+        thread.join()
+    assert finger.loop.pipeline is None
