@@ -8,11 +8,12 @@ click.echo(counted(1, "sample"))                                        # 1 samp
 from __future__ import annotations
 
 from math import isfinite, isnan
+from threading import TIMEOUT_MAX
 from typing import Any
 
 import click
 
-__all__ = ["FiniteFloat", "WholeNumber", "counted"]
+__all__ = ["FiniteFloat", "WholeNumber", "counted", "seconds_option"]
 
 
 class FiniteFloat(click.FloatRange):
@@ -48,6 +49,13 @@ class WholeNumber(click.IntRange):
             return int(super().convert(number, param, ctx))
         except click.BadParameter:
             self.fail(f"{value} is out of range; give {_what('a whole number', self)}", param, ctx)
+
+
+seconds_option = click.option(
+    "--seconds",
+    type=FiniteFloat(min=0, min_open=True, max=TIMEOUT_MAX),  # the longest that Python can wait
+    help="Stop after this time; else at Ctrl-C.",
+)
 
 
 def counted(n: int, noun: str) -> str:

@@ -61,6 +61,8 @@ _NO_HASH: Final = "TypeHashNotSupported"
 
 _QOS: Final = "::,10:,:,:,,"  # reliable, volatile, keep the last 10: the rest is empty, which is the default
 _NAMESPACE: Final = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)*")
+_ROUTER: Final = re.compile(r"[a-z][a-z0-9_-]*/[^\s/]+:(\d{1,5})(\?\S*)?")
+_GIVE_ROUTER: Final = "give an endpoint with a port from 1 to 65535, e.g. tcp/127.0.0.1:7447"
 _ATTACHMENT: Final = struct.Struct("<qqB16s")  # sequence number, ns, number of bytes, sender's id
 _CDR: Final = b"\x00\x01\x00\x00"  # little-endian
 _RETRY_S = 1.0  # a router that comes up takes longer
@@ -126,6 +128,9 @@ class RosOutlet:
         self._types = Types(distribution)
         if not _NAMESPACE.fullmatch(namespace):
             raise UsageError(f"--namespace {namespace}: give names after slashes, e.g. /left_hand")
+        endpoint = _ROUTER.fullmatch(router)
+        if endpoint is None or not 0 < int(endpoint[1]) < 1 << 16:
+            raise UsageError(f"--router {router}: {_GIVE_ROUTER}")
         self._domain, self._namespace = domain, namespace
         self._session = self._open(router, wait_s)
         self._ids = count(1)  # 0 is the node
@@ -151,7 +156,7 @@ class RosOutlet:
         try:
             config.insert_json5("connect/endpoints", f'["{router}"]')
         except self._zenoh.ZError:
-            raise UsageError(f"--router {router}: give an endpoint, e.g. tcp/127.0.0.1:7447") from None
+            raise UsageError(f"--router {router}: {_GIVE_ROUTER}") from None
         end_s = inf if wait_s is None else time.monotonic() + wait_s
         warned = False
         while True:

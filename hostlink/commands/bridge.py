@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from hostlink.bridge.run import Bridge, Outlet
-from hostlink.cli_types import FiniteFloat, WholeNumber
+from hostlink.cli_types import WholeNumber, seconds_option
 from hostlink.client import connect
 from hostlink.errors import UsageError
 from hostlink.output_file import check_output, writing
@@ -42,9 +42,7 @@ from hostlink.web import Listen, WebError, parse_listen
     "--domain", type=WholeNumber(0, 232), default=0, envvar="ROS_DOMAIN_ID", help="With --ros: domain id (0)."
 )
 @click.option("--namespace", default="", help="With --ros: before all names, e.g. /left_hand.")
-@click.option(
-    "--seconds", type=FiniteFloat(min=0, min_open=True), help="Stop after this time; else at Ctrl-C."
-)
+@seconds_option
 def bridge(
     address: str,
     foxglove: bool,

@@ -18,7 +18,7 @@ from typing import Any
 
 import click
 
-from hostlink.cli_types import FiniteFloat, WholeNumber, counted
+from hostlink.cli_types import WholeNumber, counted, seconds_option
 from hostlink.client import Connection, connect
 from hostlink.commands.monitor import Board, line, screen
 from hostlink.decoder import SERIAL_NODE, CanDecoder, Event, Sample, SerialDecoder
@@ -42,9 +42,6 @@ from hostlink.wire.open_errors import message_of
 # link that is down, a falling rate) has to be shown too.
 REFRESH_S = 0.1  # a table that changes faster cannot be read
 LINE_S = 1.0
-seconds_option = click.option(
-    "--seconds", type=FiniteFloat(min=0, min_open=True), help="Stop after this time; else at Ctrl-C."
-)
 
 
 @click.command()

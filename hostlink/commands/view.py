@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from hostlink.cli_types import FiniteFloat
+from hostlink.cli_types import seconds_option
 from hostlink.client import connect
 from hostlink.errors import UsageError
 from hostlink.web import TOKEN_VARIABLE, WebError, find_token, parse_listen
@@ -37,9 +37,7 @@ from hostlink.web import TOKEN_VARIABLE, WebError, find_token, parse_listen
     "--hand", default="1,2,3,4,5", show_default=True, help="Node numbers from thumb to little finger."
 )
 @click.option("--left", is_flag=True, help="A left hand: the thumb on the right.")
-@click.option(
-    "--seconds", type=FiniteFloat(min=0, min_open=True), help="Stop after this time; else at Ctrl-C."
-)
+@seconds_option
 def view(
     address: str,
     listen: str,

@@ -310,6 +310,8 @@ def test_own_message_has_every_field() -> None:
         ("--ros jazzy --domain 300", "--domain"),
         ("--ros jazzy --namespace left-hand", "--namespace left-hand: give names after slashes"),
         ("--ros jazzy --router nowhere", "--router nowhere: give an endpoint"),
+        ("--ros jazzy --router tcp/127.0.0.1:99999", "--router tcp/127.0.0.1:99999: give an endpoint"),
+        ("--foxglove --seconds 1e300", "1e300 is out of range; give a number above 0"),
         ("--ros jazzy --record x.mcap", "--record"),
     ],
 )
