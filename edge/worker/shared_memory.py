@@ -55,12 +55,18 @@ class Outbox:
     """The sending end.
 
     size_bytes  of the memory for arrays
+    Raises      OSError: no memory, or a limit on the size of files, which holds for shared memory, too
     """
 
     def __init__(self, size_bytes: int) -> None:
         self.fd = os.memfd_create("edge-worker")
-        os.ftruncate(self.fd, size_bytes)
-        self._memory = mmap.mmap(self.fd, size_bytes)
+        try:
+            os.ftruncate(self.fd, size_bytes)
+            self._memory = mmap.mmap(self.fd, size_bytes)
+        except OSError as error:
+            os.close(self.fd)
+            name = f"shared memory of {size_bytes / 1e6:.0f} MB"
+            raise OSError(error.errno, error.strerror, name) from None
         self._view = memoryview(self._memory)
         self._size = size_bytes
         self._regions: deque[tuple[int, int]] = deque()  # begin, end; not freed yet, oldest first

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -363,6 +364,15 @@ def test_a_recording_that_does_not_fit_on_the_disk_is_no_success(
     arguments = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "-q")
     assert run(monkeypatch, *arguments, "--record", tmp_path / "a.mcap") == (1 if fault else 0)
     assert (f"recording: {fault}" in caplog.text) == (fault is not None)
+
+
+def test_a_recorder_without_shared_memory_is_one_line_and_no_file(data_dir: Path, tmp_path: Path) -> None:
+    """A limit on the size of files holds for memory that is shared with the recorder's process, too."""
+    arguments = ("replay", data_dir / "press.mcap", "--record", tmp_path / "a.mcap")
+    done = edge(*arguments, preexec_fn=with_a_small_disk(20_000))
+    assert done.returncode == 1
+    assert re.fullmatch(r"error: shared memory of \d+ MB: File too large\n", done.stderr)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_video_is_complete_before_it_replaces_another(data_dir: Path, tmp_path: Path) -> None:
