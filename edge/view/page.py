@@ -107,7 +107,7 @@ class LivePage:
             hello(source, serial),
             commands,
             self._on_wants,
-            ("image", "surface"),
+            ("image", "surface", "cells"),
         )
 
     def start(self) -> None:
@@ -167,7 +167,7 @@ class LivePage:
             if frame is None or frame.capture_ns - result.frame.capture_ns < PARAMS.stale_s * 1e9:
                 frame = result.frame
             if len(result.tracks.seen) == len(rest):  # not if it is from before a tare of another tip
-                part, arrays = touch(result, rest, "surface" in wants)
+                part, arrays = touch(result, rest, wants)
                 header |= part
             header["values"] = {name: getattr(state, name) for name in VALUES}
         header["age_s"] = now_s - self._last_s

@@ -1,7 +1,8 @@
 """One frame as the page draws it: a short header, and raw arrays.
 
 Rules
-- The browser does as much as it can: it gets pins and triangles and makes the cells itself. Here arrays are
+- The browser does as much as it can: it gets pins and triangles and makes the cells itself (other viewers
+  may request the cells' corners). Here arrays are
   only cast and copied (`tobytes`), some 50 us, and the image becomes a JPEG, which OpenCV does without the
   interpreter's lock.
 - Places are px of the camera's image, pixel centres on integers, at any size of the transmitted picture.
@@ -9,15 +10,17 @@ Rules
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import degrees
 from typing import Any
 
 import cv2
 import numpy as np
 
+from edge.cells import cell_polygons
 from edge.pipeline import Result
 from edge.types import Array, Frame, Rest
-from edge.view.palette import PAPER, SAFE, Palette, cell_colours
+from edge.view.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
 from edge.view.params import PARAMS
 
 __all__ = ["CHART", "Arrays", "camera", "hello", "touch"]
@@ -75,11 +78,18 @@ def camera(frame: Frame) -> tuple[dict[str, Any], Arrays]:
         grey if step == 1 else cv2.resize(grey, (width // step, height // step), interpolation=cv2.INTER_AREA)
     )
     _, data = cv2.imencode(".jpg", shown, (cv2.IMWRITE_JPEG_QUALITY, PARAMS.jpeg_quality))
-    return {"size_px": [width, height]}, {"image": ("jpeg", data.tobytes())}
+    header = {
+        "capture_us": frame.capture_ns // 1000,
+        "size_px": [width, height],
+        "image_px": [shown.shape[1], shown.shape[0]],
+    }
+    return header, {"image": ("jpeg", data.tobytes())}
 
 
-def touch(result: Result, rest: Rest, surface: bool) -> tuple[dict[str, Any], Arrays]:
-    """Pins, cells, contacts and vectors of a frame; the surface too if it is requested and was computed."""
+def touch(result: Result, rest: Rest, wants: frozenset[str]) -> tuple[dict[str, Any], Arrays]:
+    """Pins, cells, contacts and vectors of a frame; if requested also the surface, where it was computed, and
+    the cells' corners with their colours.
+    """
     tracks, cells, features = result.tracks, result.cells, result.features
     low, high = rest.xy_img.min(axis=0), rest.xy_img.max(axis=0)
     side = float((high - low).max()) + 4 * rest.pattern.pitch_px  # space for the outer cells, and for motion
@@ -106,7 +116,7 @@ def touch(result: Result, rest: Rest, surface: bool) -> tuple[dict[str, Any], Ar
             }
             for contact in features.contacts or ()
         ]
-        if surface and features.surface is not None and features.grid_img is not None:
+        if "surface" in wants and features.surface is not None and features.grid_img is not None:
             x, y = features.grid_img
             header["grid"] = [float(x[0]), float(y[0]), float(x[1] - x[0]), len(x)]
             arrays["surface"] = _f4(features.surface)
@@ -114,7 +124,18 @@ def touch(result: Result, rest: Rest, surface: bool) -> tuple[dict[str, Any], Ar
         arrays["change"] = _f4(features.area_change)
         arrays["points"] = _f4(np.concatenate([cells.xy_img, cells.boundary_img]))
         arrays["triangles"] = ("u2", cells.triangles.astype("<u2").tobytes())
+        if "cells" in wants:
+            arrays |= _outlines(cell_polygons(cells), cell_rgba(features.area_change))
     return header, arrays
+
+
+def _outlines(polygons: Sequence[Array], rgba: Sequence[tuple[float, float, float, float]]) -> Arrays:
+    """The cells for viewers that do not make them: number of corners of each, all corners, colours."""
+    return {
+        "corners_n": ("u2", np.array([len(p) for p in polygons], "<u2").tobytes()),
+        "corners": _f4(np.concatenate(polygons)),
+        "rgba": _f4(np.array(rgba)),
+    }
 
 
 def _f4(values: Array) -> tuple[str, bytes]:

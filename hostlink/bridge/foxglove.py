@@ -5,6 +5,7 @@
     /tf                 foxglove.FrameTransforms        tips side by side, 30 mm apart
     /diagnostics        diagnostic_msgs/DiagnosticArray of all fingers, JSON
     /finger_1/tare      service, std_srvs/Trigger       JSON
+    /finger_1/camera/image ..  its camera, pins and cells, where its page is given: `foxglove_camera.py`
     finger_1.rate_hz .. parameters: what can be set, by the names of WIRE.md
 
 Rules
@@ -25,6 +26,8 @@ from math import hypot, isfinite
 from pathlib import Path
 from typing import Any
 
+from hostlink.bridge.foxglove_camera import CameraChannels
+from hostlink.bridge.page_camera import PageAddress
 from hostlink.bridge.values import Diagnosis, finger_name, stamp_ns, tare, values_of
 from hostlink.errors import LinkError, UsageError
 from hostlink.events import Sample
@@ -93,10 +96,11 @@ class FoxgloveOutlet:
     """A server for viewers, and a recording where `record` names a file (which must not exist).
 
     listen  address; on a loopback address viewers may tare and set
+    pages   live pages of fingers, for their cameras
     Raises  UsageError: extra not installed, or the address is taken
     """
 
-    def __init__(self, listen: Listen, record: Path | None = None) -> None:
+    def __init__(self, listen: Listen, record: Path | None = None, pages: Sequence[PageAddress] = ()) -> None:
         self._sdk = require("foxglove", EXTRA)
         self._channels = require("foxglove.channels", EXTRA)
         self._messages = require("foxglove.messages", EXTRA)
@@ -105,7 +109,10 @@ class FoxgloveOutlet:
         self._fingers: dict[str, Finger] = {}
         self._samples: dict[int, Any] = {}
         self._scenes: dict[int, Any] = {}
+        self._cameras: list[CameraChannels] = []
         self._control = listen.loopback
+        listener = _Parameters(self._sdk, self._fingers) if self._control else _Listener()
+        listener.cameras = self._cameras
         capabilities = [websocket.Capability.Parameters, websocket.Capability.Services]
         try:
             self.server = self._sdk.start_server(
@@ -113,7 +120,7 @@ class FoxgloveOutlet:
                 host=listen.host,
                 port=listen.port,
                 capabilities=capabilities if self._control else [],
-                server_listener=_Parameters(self._sdk, self._fingers) if self._control else None,
+                server_listener=listener,
                 supported_encodings=["json"],
                 context=self._context,
             )
@@ -122,6 +129,8 @@ class FoxgloveOutlet:
         self._file = None if record is None else self._sdk.open_mcap(record, context=self._context)
         self._tf = self._channels.FrameTransformsChannel("/tf", context=self._context)
         self._diagnostics = self._json_channel("/diagnostics", DIAGNOSTICS)
+        for page in pages:
+            self._cameras.append(CameraChannels(page, self._context, self._channels, self._messages))
 
     @property
     def url(self) -> str:
@@ -145,6 +154,9 @@ class FoxgloveOutlet:
     def publish(self, sample: Sample) -> None:
         """Publish it with the capture time of the image."""
         at_ns = stamp_ns(sample)
+        for camera in self._cameras:
+            if camera.finger == sample.finger:
+                camera.note(sample.state.capture_time_us, at_ns)
         channel, scene = self._samples[sample.finger], self._scenes[sample.finger]
         if channel.has_sinks():
             message = {
@@ -217,6 +229,9 @@ class FoxgloveOutlet:
     def close(self) -> None:
         """End the server, and complete the file."""
         self.server.stop()
+        cameras, self._cameras[:] = list(self._cameras), []
+        for camera in cameras:
+            camera.close()
         if self._file is not None:
             self._file.close()
 
@@ -268,12 +283,26 @@ def _tare_service(sdk: Any, name: str, finger: Finger) -> Any:
     return sdk.Service(f"/{name}/tare", schema=kind, handler=answer)
 
 
-class _Parameters:
+class _Listener:
+    """What the server calls, from its threads: cameras are read only while somebody watches."""
+
+    def __init__(self) -> None:
+        self.cameras: Sequence[CameraChannels] = ()
+
+    def on_subscribe(self, _client: Any, _channel: Any) -> None:
+        for camera in self.cameras:
+            camera.update()
+
+    on_unsubscribe = on_subscribe  # also called when a viewer leaves
+
+
+class _Parameters(_Listener):
     """What viewers read and set. Called from the server's threads; values are read from the fingers each
     time.
     """
 
     def __init__(self, sdk: Any, fingers: dict[str, Finger]) -> None:
+        super().__init__()
         self._sdk, self._fingers = sdk, fingers
         self._asking = threading.Lock()
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
 
 import click
 
+from hostlink.bridge.page_camera import PageAddress, parse_page
 from hostlink.bridge.run import Bridge, Outlet
 from hostlink.cli_types import WholeNumber, seconds_option
 from hostlink.client import connect
@@ -29,6 +31,13 @@ from hostlink.web import Listen, WebError, parse_listen
 @click.option(
     "--record", type=click.Path(path_type=Path), help="With --foxglove: the same topics into this .mcap file."
 )
+@click.option(
+    "--view",
+    "pages",
+    multiple=True,
+    metavar="[FINGER=]URL",
+    help="With --foxglove: a finger's live page, for its camera, pins and cells; once for each finger.",
+)
 @click.option("--overwrite", is_flag=True, help="Replace that file if it exists.")
 @click.option(
     "--ros",
@@ -48,6 +57,7 @@ def bridge(
     foxglove: bool,
     listen: str,
     record: Path | None,
+    pages: tuple[str, ...],
     overwrite: bool,
     ros: str | None,
     router: str,
@@ -60,8 +70,10 @@ def bridge(
         raise UsageError("bridge: where to? give --foxglove, --ros DISTRIBUTION or both")
     if record is not None and not foxglove:
         raise UsageError("--record: the topics of --foxglove are what is recorded; give it too")
+    if pages and not foxglove:
+        raise UsageError("--view: cameras are shown by --foxglove; give it too")
     path = None if record is None else check_output(record, (".mcap",), overwrite=overwrite)
-    where = _listen(listen)
+    where, cameras = _listen(listen), _cameras(pages)
     # `timeout` and systemd end a program with SIGTERM: as with Ctrl-C, the recording up to then is kept.
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -71,7 +83,7 @@ def bridge(
             file = stack.enter_context(nullcontext() if path is None else writing(path, overwrite))
             outlets: list[Outlet] = []
             if foxglove:
-                outlets.append(_foxglove(where, file))
+                outlets.append(_foxglove(where, file, cameras))
                 stack.callback(outlets[-1].close)
             if ros is not None:
                 outlets.append(_ros(ros, router, domain, namespace, seconds))
@@ -95,12 +107,20 @@ def _listen(text: str) -> Listen:
         raise UsageError(str(error)) from None
 
 
-def _foxglove(listen: Listen, file: Path | None) -> Outlet:
+def _cameras(pages: Sequence[str]) -> list[PageAddress]:
+    cameras = [parse_page(text) for text in pages]
+    twice = [c.finger for i, c in enumerate(cameras) if c.finger in {other.finger for other in cameras[:i]}]
+    if twice:
+        raise UsageError(f"--view: finger {twice[0]} is given twice; give each its number, as 2=URL")
+    return cameras
+
+
+def _foxglove(listen: Listen, file: Path | None, cameras: Sequence[PageAddress]) -> Outlet:
     from hostlink.bridge.foxglove import LAYOUT, FoxgloveOutlet
 
     if file is not None:
         file.unlink()  # an empty one made by `writing`; the SDK creates its own
-    outlet = FoxgloveOutlet(listen, file)
+    outlet = FoxgloveOutlet(listen, file, cameras)
     click.echo(f"foxglove: {outlet.url}; layout to import: {LAYOUT}", err=True)
     return outlet
 

@@ -11,7 +11,7 @@ aiohttp, and aiohttp only when a server starts.
 from __future__ import annotations
 
 from hostlink.web.listen import TOKEN_VARIABLE, Listen, WebError, find_token, parse_listen
-from hostlink.web.packet import pack_packet, plain
+from hostlink.web.packet import pack_packet, plain, unpack_packet
 from hostlink.web.server import CommandRefused, PageServer, shared_files
 
 __all__ = [
@@ -25,4 +25,5 @@ __all__ = [
     "parse_listen",
     "plain",
     "shared_files",
+    "unpack_packet",
 ]

@@ -11,12 +11,14 @@ end]. Types: "f4", "i2", "u1", ... and "jpeg". NaN is null in the header and NaN
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
-__all__ = ["pack_packet", "plain"]
+__all__ = ["pack_packet", "plain", "unpack_packet"]
 
+_LETTERS = {"f4": "f", "i2": "h", "u1": "B", "u2": "H"}  # types, as `struct` has them
 _ALIGN = 4  # typed arrays of 4-byte numbers must start on multiples of 4
 
 
@@ -37,6 +39,28 @@ def pack_packet(header: Mapping[str, Any], arrays: Mapping[str, tuple[str, bytes
     text = json.dumps({**plain(header), "arrays": places}, separators=(",", ":")).encode()
     text += b" " * (-len(text) % _ALIGN)
     return b"".join([len(text).to_bytes(4, "little"), text, *body])
+
+
+def unpack_packet(data: bytes) -> tuple[dict[str, Any], dict[str, bytes | tuple[float, ...]]]:
+    """Header and arrays by name: a JPEG as bytes, others as numbers.
+
+    Raises  ValueError: not such a packet
+    """
+    try:
+        length = int.from_bytes(data[:4], "little")
+        header = json.loads(data[4 : 4 + length])
+        arrays: dict[str, bytes | tuple[float, ...]] = {}
+        for name, (kind, size, at) in header.pop("arrays").items():
+            part = data[4 + length + at : 4 + length + at + size]
+            arrays[name] = part if kind == "jpeg" else _numbers(kind, part, size)
+    except (AttributeError, KeyError, RecursionError, TypeError, struct.error) as error:
+        raise ValueError(f"not a packet: {error}") from None
+    return header, arrays
+
+
+def _numbers(kind: str, data: bytes, size: int) -> tuple[float, ...]:
+    letter = _LETTERS[kind]
+    return struct.unpack(f"<{size // struct.calcsize(letter)}{letter}", data)
 
 
 def plain(value: Any) -> Any:

@@ -1,0 +1,322 @@
+"""A finger's camera in Foxglove: what the viewer gets is what the finger's page has."""
+
+from __future__ import annotations
+
+import json
+import logging
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
+from mcap.reader import make_reader
+
+from edge.cells import cell_polygons
+from hostlink.bridge.foxglove import LAYOUT, FoxgloveOutlet
+from hostlink.bridge.page_camera import PageAddress, PageCamera, Picture, parse_page
+from hostlink.errors import UsageError
+from hostlink.web import Listen, PageServer, pack_packet, parse_listen, unpack_packet
+from tests.hostlink.bridge.hand import Hand
+from tests.hostlink.bridge.test_foxglove import Viewer, state, watch
+from tests.hostlink.commands.test_cli import run
+from tests.support.viewing import Live
+from tests.support.waiting import SOON_S, until
+
+TOPICS = tuple(f"/finger_3/{name}" for name in ("camera/image", "pins/overlay", "cells/overlay"))
+HEADER = {"capture_us": 5_000_000, "size_px": [1280, 800], "image_px": [640, 400]}
+ARRAYS = {
+    "image": ("jpeg", b"\xff\xd8 not really"),
+    "pins": ("f4", np.array([[99.5, 49.5], [np.nan, np.nan]], "<f4").tobytes()),
+    "corners_n": ("u2", np.array([3, 0], "<u2").tobytes()),
+    "corners": ("f4", np.array([[-0.5, -0.5], [9.5, -0.5], [9.5, 9.5]], "<f4").tobytes()),
+    "rgba": ("f4", np.array([[1, 0, 0, 0.5], [0, 0, 1, 0]], "<f4").tobytes()),
+}
+
+
+class Page:
+    """A finger's page that always shows the same picture."""
+
+    def __init__(self, port: int = 0, token: str | None = None, hello: str = "source") -> None:
+        self.wants: list[frozenset[str] | None] = []
+        self.server = PageServer(
+            parse_listen(f"127.0.0.1:{port}", token),
+            "edge.view",
+            lambda wants: pack_packet(HEADER, ARRAYS),
+            {hello: "a camera"},
+            on_wants=self.wants.append,
+            wishes=("image", "cells"),
+        )
+        self.server.start()
+
+    @property
+    def address(self) -> PageAddress:
+        return parse_page(f"3={self.server.url}")
+
+
+@pytest.fixture
+def page() -> Iterator[Page]:
+    made = Page()
+    yield made
+    made.server.close()
+
+
+@pytest.fixture
+def hand(request: pytest.FixtureRequest) -> Iterator[Hand]:
+    made = Hand(f"fox-camera-{request.node.name}", (3,), state)
+    yield made
+    made.close()
+
+
+class Pictures:
+    """Pictures of a page, as they come."""
+
+    def __init__(self, address: PageAddress, *wants: str) -> None:
+        self.all: list[Picture] = []
+        self._came = threading.Condition()
+        self.camera = PageCamera(address, self._take)
+        self.camera.want(frozenset(wants))
+
+    def _take(self, picture: Picture) -> None:
+        with self._came:
+            self.all.append(picture)
+            self._came.notify()
+
+    def more(self) -> Picture:
+        with self._came:
+            n = len(self.all)
+            assert self._came.wait_for(lambda: len(self.all) > n, SOON_S), "no picture came"
+        return self.all[-1]
+
+    def __enter__(self) -> Pictures:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.camera.close()
+
+
+def test_image_pins_and_cells_are_the_finger_s(hand: Hand, data_dir: Path) -> None:
+    begun_ns = time.time_ns()
+    with Live(data_dir / "press.mcap", data_dir / "rings331_ball.json") as live:
+        live.show(-1)
+        outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), pages=[parse_page(f"3={live.url}")])
+        hand.bridge(outlet)
+
+        async def visit(viewer: Viewer) -> None:
+            for topic in TOPICS:
+                await viewer.subscribe(topic)
+            got = viewer.messages
+            await viewer.until(lambda: len(got.get(TOPICS[2], ())) > 3, "pictures")
+            result = live.loop.last
+            assert result is not None
+            assert result.cells is not None
+            at_ns, data = got[TOPICS[0]][-1]
+            image = CompressedImage.FromString(data)
+            assert image.format == "jpeg"
+            assert begun_ns < image.timestamp.ToNanoseconds() == at_ns < time.time_ns()
+            shown = cv2.imdecode(np.frombuffer(image.data, np.uint8), cv2.IMREAD_GRAYSCALE)
+            assert shown is not None
+            assert np.abs(shown.astype(float) - result.frame.image).mean() < 3.0  # a JPEG's error
+
+            (pins,) = ImageAnnotations.FromString(got[TOPICS[1]][-1][1]).points
+            assert pins.type == pins.POINTS
+            places = np.array([(p.x, p.y) for p in pins.points])
+            seen = result.tracks.xy_img[np.isfinite(result.tracks.xy_img).all(axis=1)]
+            errors = np.abs(places - (seen + 0.5))
+            assert np.median(errors) < 1e-3
+            assert errors.max() < 0.25  # one that is seen badly differs between two images
+
+            at_ns, data = got[TOPICS[2]][-1]
+            cells = ImageAnnotations.FromString(data).points
+            polygons = [p for p in cell_polygons(result.cells) if len(p)]
+            assert len(cells) == len(polygons) > 320
+            for cell, polygon in zip(cells, polygons, strict=True):
+                assert cell.type == cell.LINE_LOOP
+                centre = np.mean([(p.x, p.y) for p in cell.points], axis=0)
+                assert np.abs(centre - polygon.mean(axis=0) - 0.5).max() < 0.5
+            strongest = max(cells, key=lambda cell: cell.fill_color.a)
+            assert strongest.fill_color.r > 0.7 > 0.3 > strongest.fill_color.b  # compressed
+
+        watch(outlet.url, visit)
+        hand.close()
+
+
+def test_places_are_scaled_with_the_picture() -> None:
+    header, arrays = unpack_packet(pack_packet(HEADER, ARRAYS))
+    picture = Picture(header, arrays)
+    assert picture.pins() == [(50.0, 25.0)]
+    assert picture.cells() == [([(0.0, 0.0), (5.0, 0.0), (5.0, 5.0)], (1.0, 0.0, 0.0, 0.5))]
+
+
+def test_pictures_are_stamped_by_the_samples_clock_across_its_wrap(page: Page) -> None:
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), pages=[page.address])
+    (camera,) = outlet._cameras  # no public way in: the SDK alone holds the rest
+    camera.note((1 << 32) - 1_000_000, 100_000_000_000)
+
+    async def visit(viewer: Viewer) -> None:
+        await viewer.subscribe(TOPICS[0])
+        await viewer.until(lambda: viewer.messages, "a picture")
+        assert viewer.messages[TOPICS[0]][0][0] == 106_000_000_000  # 1 s before the wrap, 5 s after it
+
+    watch(outlet.url, visit)
+    outlet.close()
+
+
+def test_the_page_is_watched_only_while_somebody_watches_the_camera(hand: Hand, page: Page) -> None:
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), pages=[page.address])
+    hand.bridge(outlet)
+
+    async def visit(viewer: Viewer) -> None:
+        await viewer.subscribe("/finger_3/sample")
+        await viewer.until(lambda: viewer.messages, "a sample")
+        assert page.wants == []
+        await viewer.subscribe(TOPICS[0])
+        await viewer.until(lambda: TOPICS[0] in viewer.messages, "an image")
+        assert page.wants == [frozenset({"image"})]
+        await viewer.subscribe(TOPICS[2])
+        await viewer.until(lambda: page.wants[-1] == frozenset({"image", "cells"}), "cells")
+        for number in (2, 3):
+            await viewer.say(op="unsubscribe", subscriptionIds=[number])
+        await viewer.until(lambda: page.wants[-1] is None, "nobody watches the page")
+        await viewer.say(
+            op="subscribe", subscriptions=[{"id": 2, "channelId": viewer.channels[TOPICS[0]]["id"]}]
+        )
+        n = len(viewer.messages[TOPICS[0]])
+        await viewer.until(lambda: len(viewer.messages[TOPICS[0]]) > n, "images again")
+
+    watch(outlet.url, visit)
+    until(lambda: page.wants[-1] is None, "nobody watches the page")
+
+
+def test_a_recording_holds_the_camera(hand: Hand, page: Page, tmp_path: Path) -> None:
+    path = tmp_path / "hand.mcap"
+    hand.bridge(FoxgloveOutlet(Listen("127.0.0.1", 0), path, [page.address]))
+    until(lambda: page.server.sent_n > 5, "pictures")
+    hand.close()
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    counts = summary.statistics.channel_message_counts
+    schemas = {c.topic: summary.schemas[c.schema_id].name for c in summary.channels.values() if counts[c.id]}
+    assert [schemas[topic] for topic in TOPICS] == [
+        "foxglove.CompressedImage",
+        *2 * ["foxglove.ImageAnnotations"],
+    ]
+
+
+def test_a_page_that_goes_comes_back(caplog: pytest.LogCaptureFixture) -> None:
+    page = Page()
+    with Pictures(page.address, "image") as pictures:
+        pictures.more()
+        page.server.close()
+        until(lambda: caplog.messages, "a warning")
+        page = Page(page.server.port)
+        pictures.more()
+    page.server.close()
+    assert {record.levelno for record in caplog.records} == {logging.WARNING}
+    assert all(str(page.server.port) in line and "trying again" in line for line in caplog.messages)
+
+
+@pytest.mark.parametrize(
+    ("token", "hello", "why"),
+    [
+        ("a-long-token", "source", "the token is missing or wrong"),
+        (None, "address", "not the page of a finger"),
+    ],
+)
+def test_a_page_without_pictures_is_reported_once(
+    token: str | None, hello: str, why: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hostlink.bridge.page_camera.RETRY_S", 0.01)
+    page = Page(token=token, hello=hello)
+    address = PageAddress(3, page.address.url, "a-wrong-token" if token else "")
+    visits: list[str] = []
+    visit = PageCamera._visit
+
+    async def counted(self: PageCamera) -> str:
+        visits.append(why)
+        return await visit(self)
+
+    monkeypatch.setattr(PageCamera, "_visit", counted)
+    with Pictures(address, "image") as pictures:
+        until(lambda: len(visits) > 2, "several visits")
+    page.server.close()
+    assert pictures.all == []
+    assert len(caplog.messages) == 1
+    assert why in caplog.text
+
+
+def test_the_token_is_taken_from_the_address() -> None:
+    page = Page(token="a-long-token")
+    with Pictures(parse_page(page.server.url), "image") as pictures:
+        pictures.more()
+    page.server.close()
+
+
+@pytest.mark.parametrize(
+    ("text", "address"),
+    [
+        ("http://127.0.0.1:8765", (1, "http://127.0.0.1:8765/", "")),
+        ("2=http://finger-2:8765/#token=a-b_c=", (2, "http://finger-2:8765/", "a-b_c=")),
+        ("https://board/", (1, "https://board/", "")),
+    ],
+)
+def test_addresses(text: str, address: tuple[int, str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("VORONOI_TOUCH_VIEW_TOKEN", raising=False)
+    assert parse_page(text) == PageAddress(*address)
+    monkeypatch.setenv("VORONOI_TOUCH_VIEW_TOKEN", "from-outside")
+    assert parse_page(text).token == (address[2] or "from-outside")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "127.0.0.1:8765", "0=http://a", "128=http://a", "http://", "x=http://a", "http://a:99999", "ws://a"],
+)
+def test_bad_addresses_are_one_line(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(UsageError, match="not the page of a finger"):
+        parse_page(text)
+    assert run("bridge", "virtual:none", "--foxglove", "--view", text) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (("--ros", "jazzy", "--view", "http://a"), "--view: cameras are shown by --foxglove"),
+        (("--foxglove", "--view", "http://a", "--view", "1=http://b"), "finger 1 is given twice"),
+    ],
+)
+def test_options_that_do_not_fit(
+    arguments: tuple[str, ...], why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("bridge", "virtual:none", *arguments) == 2
+    err = capsys.readouterr().err
+    assert why in err
+    assert err.count("\n") == 1
+
+
+def test_without_the_extra_it_is_one_line() -> None:
+    program = (
+        "import sys; sys.modules['aiohttp'] = None;"
+        "from hostlink.commands.cli import main;"
+        "main(['bridge', 'virtual:none', '--foxglove', '--listen', '127.0.0.1:0', '--view', 'http://a'])"
+    )
+    refused = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    assert 'pip install "voronoi-touch[foxglove]"' in refused.stderr
+
+
+def test_the_layout_shows_the_camera() -> None:
+
+    image: dict[str, Any] = json.loads(LAYOUT.read_text())["configById"]["Image!camera"]["imageMode"]
+    shown = [image["imageTopic"], *sorted(image["annotations"], reverse=True)]
+    assert shown == [topic.replace("3", "1") for topic in TOPICS]
