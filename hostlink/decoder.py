@@ -266,6 +266,8 @@ class CanDecoder(_Decoder):
             elif kind is Kind.EMERGENCY:
                 events = node.emergency(data, arrival_s)
             elif kind is Kind.SDO_RESPONSE:
+                if len(data) != PART_SIZE:
+                    raise CorruptFrame(f"{kind.name} of {len(data)} bytes")
                 events = [SdoFrame(number, data, arrival_s)]
         except CorruptFrame:
             if tpdo is not None and len(data) == PART_SIZE:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import queue
+import struct
 import threading
 from collections.abc import Callable
 from typing import Any, Protocol
@@ -29,6 +30,8 @@ __all__ = ["ObjectClient", "SdoObjects", "SerialObjects"]
 
 TIMEOUT_S = 0.5  # of one request; a node answers within some ms
 TRIES = 3
+_HEAD = struct.Struct("<BHB")
+_NAMES_OBJECT = (0x40, 0x60, 0x80)  # read, written, aborted; an answer to a segment does not
 
 
 class ObjectClient(Protocol):
@@ -62,9 +65,20 @@ class SdoObjects:
         client.MAX_RETRIES = TRIES
         client.network = _SendOnlyNetwork(send)
         self._client = client
+        self._object = (0, 0)  # of the transfer under way
+        self._last = b""
 
     def answer(self, data: bytes) -> None:
-        """A message from the SDO server."""
+        """A message from the SDO server.
+
+        A request is repeated if its answer is late, and then there are two. The second is dropped: the toggle
+        bit makes answers to different segments differ, and all others name their object.
+        """
+        command, index, sub = _HEAD.unpack_from(data)
+        names_object = command & 0xE0 in _NAMES_OBJECT and (index, sub) != (0, 0)
+        if data == self._last or (names_object and (index, sub) != self._object):
+            return
+        self._last = bytes(data)
         self._client.on_response(self._response_id, bytearray(data), 0.0)
 
     def read(self, index: int, sub: int) -> bytes:
@@ -77,6 +91,7 @@ class SdoObjects:
         from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
         with self._asking:
+            self._object, self._last = (index, sub), b""
             try:
                 return transfer()
             except SdoAbortedError as error:

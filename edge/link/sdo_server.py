@@ -9,6 +9,8 @@ Rules
   disappeared blocks it for `idle_s` at most. A request that is repeated before the first segment restarts it.
 - A segment must belong to the transfer: the same direction, the expected toggle bit, not beyond the announced
   size. Any other ends the transfer. An abort for its object, or for none, ends it too.
+- A segment that comes again just as it was (its answer was late or lost) gets the same answer again, and
+  moves nothing. CiA 301 has no repetition; `canopen`'s client repeats after a timeout.
 - Block transfer is not offered: a block upload is answered as a plain one, as CiA 301 allows.
 """
 
@@ -40,6 +42,7 @@ UPLOAD_RESPONSE, DOWNLOAD_RESPONSE, UPLOAD_SEGMENT_RESPONSE, DOWNLOAD_SEGMENT_RE
 EXPEDITED, SIZE_GIVEN, TOGGLE, LAST = 0x02, 0x01, 0x10, 0x01
 _HEAD = struct.Struct("<BHB")
 _SEGMENT = 7
+_NO_REPEAT = (b"", b"")  # the last segment and its answer; none
 
 
 @dataclass(slots=True)
@@ -77,6 +80,7 @@ class SdoServer:
     ) -> None:
         self._objects, self._send, self._clock_s = objects, send, clock_s
         self._transfer: _Transfer | None = None
+        self._repeated = _NO_REPEAT
         self._handlers = {
             DOWNLOAD_SEGMENT: self._download_segment,
             DOWNLOAD: self._download,
@@ -93,10 +97,14 @@ class SdoServer:
 
     def reset(self) -> None:
         """Forget the transfer under way."""
-        self._transfer = None
+        self._transfer, self._repeated = None, _NO_REPEAT
 
     def request(self, data: bytes) -> None:
         """Handle the 8 bytes of a request."""
+        segment, answer = self._repeated
+        if data == segment:
+            self._send(answer)
+            return
         command, index, sub = _HEAD.unpack_from(data)
         handler = self._handlers.get(command & 0xE0)
         try:
@@ -105,7 +113,8 @@ class SdoServer:
             handler(command, index, sub, data)
         except Aborted as error:
             if command & 0xE0 in (DOWNLOAD_SEGMENT, UPLOAD_SEGMENT):  # has no object of its own
-                transfer, self._transfer = self._transfer, None
+                transfer = self._transfer
+                self.reset()
                 index, sub = (transfer.index, transfer.sub) if transfer else (0, 0)
             self._send(struct.pack("<BHBL", ABORT, index, sub, error.code))
 
@@ -140,7 +149,7 @@ class SdoServer:
             asked = (other.index, other.sub, other.writes)
             if other.moved or asked != (transfer.index, transfer.sub, transfer.writes):
                 raise Aborted(Abort.NOT_NOW)
-        self._transfer = transfer
+        self._transfer, self._repeated = transfer, _NO_REPEAT
 
     # ---- segments -----------------------------------------------------------------------------------
 
@@ -164,7 +173,7 @@ class SdoServer:
         if not transfer.data:
             head |= LAST
             self._transfer = None
-        self._send(bytes((head,)) + part.ljust(_SEGMENT, b"\0"))
+        self._answer_segment(data, bytes((head,)) + part.ljust(_SEGMENT, b"\0"))
 
     def _download_segment(self, command: int, index: int, sub: int, data: bytes) -> None:
         transfer = self._current(command, writes=True)
@@ -177,7 +186,11 @@ class SdoServer:
         if last:
             self._objects.write(transfer.index, transfer.sub, bytes(transfer.data))
             self._transfer = None
-        self._send(bytes((DOWNLOAD_SEGMENT_RESPONSE | command & TOGGLE,)) + bytes(_SEGMENT))
+        self._answer_segment(data, bytes((DOWNLOAD_SEGMENT_RESPONSE | command & TOGGLE,)) + bytes(_SEGMENT))
+
+    def _answer_segment(self, segment: bytes, answer: bytes) -> None:
+        self._repeated = (bytes(segment), answer)
+        self._send(answer)
 
     def _check_length(self, size: int) -> None:
         if size > DOWNLOAD_MAX:
@@ -188,4 +201,4 @@ class SdoServer:
         """The client aborts; not answered."""
         transfer = self._transfer
         if transfer is not None and (index, sub) in ((transfer.index, transfer.sub), (0, 0)):
-            self._transfer = None
+            self.reset()

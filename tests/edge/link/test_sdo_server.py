@@ -104,6 +104,30 @@ def test_a_request_repeated_because_its_answer_was_lost_starts_anew(bench: Bench
     assert bench.ask(bytes((0x60,)))[1:] == CONTENT[OTHER][:7]
 
 
+def test_a_segment_repeated_because_its_answer_was_late_moves_nothing(bench: Bench) -> None:
+    bench.ask(head(0x21, LONG, (9).to_bytes(4, "little")))
+    for _ in range(2):
+        assert bench.ask(segment(0, b"1234567"))[0] == 0x20
+    assert bench.ask(head(0x40, SHORT))[4:6] == b"\1\2"  # another client's, between two copies
+    assert bench.ask(segment(0, b"1234567"))[0] == 0x20
+    for _ in range(2):  # the last one, too: the value is written by then
+        assert bench.ask(segment(1, b"89", last=True))[0] == 0x30
+    assert bench.objects.written == [(LONG, b"123456789")]
+    bench.ask(head(0x40, OTHER))
+    answers = [bench.ask(bytes((command,))) for command in (0x60, 0x60, 0x70, 0x70)]
+    assert answers[0] == answers[1]
+    assert answers[2] == answers[3]
+    assert answers[0][1:] + answers[2][1:] == CONTENT[OTHER][:14]
+
+
+def test_only_the_last_segment_may_be_repeated(bench: Bench) -> None:
+    bench.ask(head(0x21, LONG, (9).to_bytes(4, "little")))
+    bench.ask(segment(0, b"1234567"))
+    assert code(bench.ask(segment(0, b"another"))) == Abort.TOGGLE
+    assert code(bench.ask(segment(0, b"1234567"))) == Abort.TOGGLE  # the transfer has ended
+    assert bench.objects.written == []
+
+
 @pytest.mark.parametrize("size", [6, 10])
 def test_a_value_of_another_length_than_announced_is_refused(bench: Bench, size: int) -> None:
     bench.ask(head(0x21, LONG, size.to_bytes(4, "little")))
