@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("edge", "hostlink", "calib", "tests")
 STDLIB = frozenset(sys.stdlib_module_names)
 
-#: Modules of hostlink that the edge uses too: the bus, clocks, command lines, files written and read.
+#: Modules of hostlink that the edge uses too: the bus, clocks, command lines, files, Foxglove's topics.
 SHARED_WITH_EDGE = (
     "hostlink.can_bus",
     "hostlink.cli_exit",
@@ -26,6 +26,7 @@ SHARED_WITH_EDGE = (
     "hostlink.interrupt",
     "hostlink.mcap_chunk",
     "hostlink.output_file",
+    "hostlink.topics",
 )
 #: Which of the project's own packages a package may import.
 MAY_IMPORT = {

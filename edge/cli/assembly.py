@@ -194,6 +194,7 @@ def start_worker(
             options.overwrite,
             options.recordings_folder(config),
             {"serial": config.sensor.serial},
+            config.sensor.node_id,
         ),
     )
     stack.push(_fail_if_lost(worker, options.record_path))

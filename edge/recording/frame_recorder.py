@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 
 from edge.cells import cell_polygons
@@ -11,16 +9,23 @@ from edge.pipeline import Result
 from edge.recording import Recorder
 from edge.types import Frame
 from edge.view.palette import cell_rgba
+from hostlink.topics import DIAGNOSIS_S, Diagnosis, finger_name, level_of, status_text
 from hostlink.wire import State, pack_state, unpack_state
 
 __all__ = ["FrameRecorder"]
 
 
 class FrameRecorder:
-    """A recorder in the loop's own process; implements `session.Recording`."""
+    """A recorder in the loop's own process; implements `session.Recording`.
 
-    def __init__(self, recorder: Recorder) -> None:
+    finger, serial  the finger's number and serial number
+    """
+
+    def __init__(self, recorder: Recorder, finger: int = 1, serial: str = "") -> None:
         self.recorder = recorder
+        self._finger, self._serial = finger, serial
+        self._since_ns: int | None = None  # of the samples counted for the next diagnosis
+        self._samples_n = 0
 
     @property
     def path(self) -> Path:
@@ -48,8 +53,30 @@ class FrameRecorder:
                 recorder.features(frame, features)
             recorder.reading(frame, result.reading)
         # Rounded and saturated as on the wire: a recording holds what the host received.
-        payload = partial(pack_state, state, state.sample)
-        recorder.sample(frame, lambda: asdict(unpack_state(payload())), payload)
+        recorder.sample(frame, self._finger, lambda: unpack_state(pack_state(state, state.sample)))
+        self._diagnose(frame, state)
+
+    def _diagnose(self, frame: Frame, state: State) -> None:
+        """Record a diagnosis with the first sample, and then once a second."""
+        self._samples_n += 1
+        passed_s = 0.0 if self._since_ns is None else (frame.capture_ns - self._since_ns) * 1e-9
+        if self._since_ns is not None and 0.0 <= passed_s < DIAGNOSIS_S:
+            return
+        problem = status_text(state.status)
+        values = {"dropped": str(self.recorder.dropped_n)}
+        if passed_s > 0.0:
+            values["rate_hz"] = f"{self._samples_n / passed_s:.0f}"
+        self.recorder.diagnosis(
+            frame,
+            Diagnosis(
+                finger_name(self._finger),
+                level_of(state.status, problem),
+                problem or "measures",
+                self._serial,
+                values,
+            ),
+        )
+        self._since_ns, self._samples_n = frame.capture_ns, 0
 
     def event(self, level: str, text: str) -> None:
         """Record a line of the log."""

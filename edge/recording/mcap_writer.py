@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 from edge.errors import SinkError
 from edge.recording.params import PARAMS
-from edge.recording.topics import TOPICS, proto, schema_of
+from edge.recording.topics import Topic, proto, schema_of
 
 __all__ = ["Compression", "McapWriter"]
 
@@ -60,18 +60,19 @@ class McapWriter:
                 self._file.close()
             raise SinkError(f"recording: cannot write {path}: {error.strerror}; free some space") from error
 
-    def add(self, key: str, log_ns: int, publish_ns: int, sequence: int, data: bytes) -> None:
-        """Append a message; `key` is one of TOPICS. Raises OSError."""
-        if key not in self._channels:
-            topic = TOPICS[key]
+    def add(self, topic: Topic, log_ns: int, publish_ns: int, sequence: int, data: bytes) -> None:
+        """Append a message. Raises OSError."""
+        if topic.name not in self._channels:
             message_encoding, schema_encoding, schema = schema_of(topic)
             schema_id = self._writer.register_schema(topic.schema, schema_encoding, schema)
-            self._channels[key] = self._writer.register_channel(topic.name, message_encoding, schema_id)
+            self._channels[topic.name] = self._writer.register_channel(
+                topic.name, message_encoding, schema_id
+            )
         if not self._chunk_bytes:
             self._chunk_since_s = time.monotonic()
-        self._writer.add_message(self._channels[key], log_ns, data, publish_ns, sequence)
+        self._writer.add_message(self._channels[topic.name], log_ns, data, publish_ns, sequence)
         self._chunk_bytes += len(data) + 1
-        self.written_n[TOPICS[key].name] += 1
+        self.written_n[topic.name] += 1
 
     def add_attachment(self, now_ns: int, name: str, data: bytes, media_type: str) -> None:
         """A file inside of the recording. Raises OSError."""

@@ -7,6 +7,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from edge.recording.topics import Topic
+
 __all__ = ["Item", "MessageQueue"]
 
 
@@ -14,12 +16,11 @@ class Item(NamedTuple):
     """A message that is not encoded yet.
 
     cost_bytes  memory that it occupies
-    topic       key of `topics.TOPICS`
     encode      called by the thread that writes
     """
 
     cost_bytes: int
-    topic: str
+    topic: Topic
     log_ns: int
     publish_ns: int
     sequence: int

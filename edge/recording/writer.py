@@ -18,15 +18,17 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 from edge.recording import messages
 from edge.recording.images import image_message
 from edge.recording.mcap_writer import Compression, McapWriter
 from edge.recording.message_queue import Item, MessageQueue
 from edge.recording.params import PARAMS
-from edge.recording.topics import TOPICS
+from edge.recording.topics import TOPICS, FoxgloveMessages, Topic, contacts_topic, sample_topic
 from edge.types import Array, Cells, Features, Frame, Reading, Tracks
+from hostlink.topics import Diagnosis, contact_scene, diagnostics_message, sample_message, tip_transforms
+from hostlink.wire import State
 
 __all__ = ["Recorder"]
 
@@ -198,25 +200,40 @@ class Recorder:
             [self._item("reading", frame, lambda: messages.to_json(messages.reading_json(frame, reading)))]
         )
 
-    def sample(
-        self,
-        frame: Frame,
-        values: Mapping[str, Any] | Callable[[], Mapping[str, Any]],
-        payload: bytes | Callable[[], bytes] = b"",
-    ) -> bool:
-        """Record the sample sent to the bus: decoded fields, and the bytes.
+    def sample(self, frame: Frame, finger: int, state: Callable[[], State]) -> bool:
+        """Record the sample sent to the bus: its values, and its contacts as a scene.
 
-        values, payload  or functions that give them, called in the recorder's thread
+        state  gives it as the host receives it; called in the recorder's thread
         """
+        log_ns = self._clock.of(frame)
 
-        def encode() -> bytes:
-            fields = values() if callable(values) else values
-            data = payload() if callable(payload) else payload
-            return messages.to_json(
-                {"sequence": frame.sequence, "values": dict(fields), "payload": data.hex()}
-            )
+        def scene() -> bytes:
+            made = contact_scene(FoxgloveMessages(), finger, state(), log_ns)
+            return bytes(made.SerializeToString())
 
-        return self._queue.put([self._item("sample", frame, encode)])
+        return self._queue.put(
+            [
+                self._item(sample_topic(finger), frame, lambda: messages.to_json(sample_message(state()))),
+                self._item(contacts_topic(finger), frame, scene),
+            ]
+        )
+
+    def diagnosis(self, frame: Frame, diagnosis: Diagnosis) -> bool:
+        """Record the state of the finger, and where its tip is."""
+        log_ns = self._clock.of(frame)
+
+        def tips() -> bytes:
+            made = tip_transforms(FoxgloveMessages(), [diagnosis.name], log_ns)
+            return bytes(made.SerializeToString())
+
+        return self._queue.put(
+            [
+                self._item(
+                    "diagnostics", frame, lambda: messages.to_json(diagnostics_message([diagnosis], log_ns))
+                ),
+                self._item("tf", frame, tips),
+            ]
+        )
 
     def event(self, level: str, text: str, name: str = "edge") -> bool:
         """Record a line of the log. level: debug, info, warning, error, fatal."""
@@ -225,7 +242,7 @@ class Recorder:
         def encode() -> bytes:
             return messages.log_message(level, text, name, log_ns)
 
-        return self._queue.put([Item(PARAMS.item_bytes, "events", log_ns, log_ns, 0, encode)])
+        return self._queue.put([Item(PARAMS.item_bytes, TOPICS["events"], log_ns, log_ns, 0, encode)])
 
     def count_lost(self, messages_n: int) -> None:
         """Count messages that were lost before the recorder; a warning in the file marks the gap."""
@@ -257,8 +274,10 @@ class Recorder:
     ) -> None:
         self.close()
 
-    def _item(self, topic: str, frame: Frame, encode: Callable[[], bytes], n_bytes: int = 0) -> Item:
+    def _item(self, topic: str | Topic, frame: Frame, encode: Callable[[], bytes], n_bytes: int = 0) -> Item:
+        """topic  or its key in TOPICS"""
         cost = PARAMS.item_bytes + n_bytes
+        topic = TOPICS[topic] if isinstance(topic, str) else topic
         return Item(cost, topic, self._clock.of(frame), frame.capture_ns, frame.sequence & 0xFFFFFFFF, encode)
 
     # -- the thread ---------------------------------------------------------------------------
@@ -299,11 +318,11 @@ class Recorder:
         except Exception as error:  # noqa: BLE001  (a viewer's callback must not end the recording)
             self.refused_n += 1
             why = f"{type(error).__name__}: {error}"
-            self._note("error", f"{TOPICS[item.topic].name} not recorded: {why}", item.log_ns)
+            self._note("error", f"{item.topic.name} not recorded: {why}", item.log_ns)
         else:
             self._writer.add(item.topic, item.log_ns, item.publish_ns, item.sequence, data)
 
     def _note(self, level: str, text: str, log_ns: int) -> None:
         """Write a line of the recorder's own log."""
         data = messages.log_message(level, text, "recorder", log_ns)
-        self._writer.add("events", log_ns, log_ns, 0, data)
+        self._writer.add(TOPICS["events"], log_ns, log_ns, 0, data)

@@ -74,7 +74,7 @@ class Worker:
         self._reported: dict[type, object] = {PageReport: PageReport(), RecordingReport: RecordingReport()}
         self._due_s = 0.0
         if begin.record:
-            self._recording = FrameRecorder(self._recorder(Path(begin.record), begin.overwrite))
+            self._recording = self._frame_recorder(self._recorder(Path(begin.record), begin.overwrite))
         self._page: Any = None
         if begin.listen is not None:
             from edge.view.page import LivePage
@@ -192,6 +192,9 @@ class Worker:
     def _recorder(self, path: Path, overwrite: bool = False) -> Recorder:
         return Recorder(path, tip=self._begin.tip, rate_hz=self._begin.rate_hz, overwrite=overwrite)
 
+    def _frame_recorder(self, recorder: Recorder) -> FrameRecorder:
+        return FrameRecorder(recorder, self._begin.finger, self._begin.tip.get("serial", ""))
+
     def _begin_recording(self) -> str:
         folder = Path(self._begin.recordings)
         name = f"{self._begin.tip.get('serial', 'tip')}-{datetime.now():%Y%m%d-%H%M%S}.mcap"
@@ -202,7 +205,7 @@ class Worker:
             raise CommandRefused(str(error)) from None
         except OSError as error:
             raise CommandRefused(f"{folder}: {error.strerror}; give another folder") from None
-        self._recording = FrameRecorder(recorder)
+        self._recording = self._frame_recorder(recorder)
         try:
             self._ask("start_recording")
         except CommandRefused:

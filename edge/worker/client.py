@@ -62,6 +62,7 @@ class WorkerConfig:
     overwrite   whether that file may exist already
     recordings  folder for recordings started on the page
     tip         about the tip, for recordings
+    finger      its number
     """
 
     listen: Listen | None = None
@@ -69,6 +70,7 @@ class WorkerConfig:
     overwrite: bool = False
     recordings: Path = Path(".")
     tip: Mapping[str, str] = field(default_factory=dict)
+    finger: int = 1
 
 
 class WorkerClient:
@@ -221,6 +223,7 @@ class WorkerClient:
             record,
             config.overwrite,
             dict(config.tip),
+            config.finger,
             logging.getLogger().getEffectiveLevel(),
         )
 

@@ -24,6 +24,7 @@ class Begin:
     record      file to record from the start; "": none
     overwrite   whether it may exist already
     tip         about the tip
+    finger      its number
     log_level   of the program
     """
 
@@ -34,6 +35,7 @@ class Begin:
     record: str
     overwrite: bool
     tip: dict[str, str]
+    finger: int
     log_level: int
 
 

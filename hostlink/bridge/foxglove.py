@@ -1,18 +1,14 @@
 """Fingers in Foxglove, Lichtblick and PlotJuggler: a websocket server, and the same topics in an MCAP file.
 
-    /finger_1/sample    voronoi_touch.Sample            the sample's values, JSON
-    /finger_1/contacts  foxglove.SceneUpdate            contacts, shear and depth in the tip's frame
-    /tf                 foxglove.FrameTransforms        tips side by side, 30 mm apart
-    /diagnostics        diagnostic_msgs/DiagnosticArray of all fingers, JSON
-    /finger_1/tare      service, std_srvs/Trigger       JSON
+    /finger_1/sample ..        samples, contacts, tips, diagnoses: `hostlink.topics`
     /finger_1/camera/image ..  its camera, pins and cells, where its page is given: `foxglove_camera.py`
-    finger_1.rate_hz .. parameters: what can be set, by the names of WIRE.md
+    /finger_1/tare             service, std_srvs/Trigger, JSON
+    finger_1.rate_hz ..        parameters: what can be set, by the names of WIRE.md
 
 Rules
 - The protocol has no passwords: everybody who can reach the server may watch. Only on a loopback address may
   viewers tare and set.
 - A message is made only while somebody watches its topic, or a file is written.
-- Lengths in metres, as in 3D panels; the sample's own values keep their units, by name.
 """
 
 from __future__ import annotations
@@ -22,72 +18,38 @@ import logging
 import threading
 import time
 from collections.abc import Sequence
-from math import hypot, isfinite
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from hostlink.bridge.foxglove_camera import CameraChannels
 from hostlink.bridge.page_camera import PageAddress
-from hostlink.bridge.values import Diagnosis, finger_name, stamp_ns, tare, values_of
+from hostlink.bridge.values import stamp_ns, tare
 from hostlink.errors import LinkError, UsageError
 from hostlink.events import Sample
 from hostlink.extras import require
 from hostlink.finger import Finger
+from hostlink.topics import (
+    DIAGNOSTICS,
+    SAMPLE,
+    Diagnosis,
+    contact_scene,
+    diagnostics_message,
+    finger_name,
+    sample_message,
+    tip_transforms,
+)
 from hostlink.web import Listen
-from hostlink.wire import State
 
-__all__ = ["DIAGNOSTICS", "LAYOUT", "PARAMETERS", "SAMPLE", "FoxgloveOutlet"]
+__all__ = ["LAYOUT", "PARAMETERS", "FoxgloveOutlet"]
 
 log = logging.getLogger(__name__)
 
 EXTRA = "foxglove"
 LAYOUT = Path(__file__).with_name("foxglove_layout.json")  # a view of five fingers to import
 PARAMETERS = ("rate_hz", "divider", "features", "detail_divider")
-SPACING_M = 0.03  # between two tips
-_CONTACT_M = 0.002  # a contact is drawn so wide, and wider with its depth
-_LIFETIME_S = 0.5  # no contact is shown for a silent finger
-_MM = 1e-3
 
-SAMPLE = {
-    "title": "voronoi_touch.Sample",
-    "type": "object",
-    "properties": {
-        "sequence": {"type": "integer", "description": "sample number; wraps at 65536"},
-        "values": {"type": "object", "description": "the state frame's fields; null: not valid"},
-        "host_error_s": {"type": "number", "description": "bound of the stamp's error"},
-        "lost_n": {"type": "integer", "description": "samples lost before this one"},
-    },
-}
-_TEXT, _WHOLE = {"type": "string"}, {"type": "integer"}
-DIAGNOSTICS = {
-    "title": "diagnostic_msgs/DiagnosticArray",
-    "type": "object",
-    "properties": {
-        "header": {
-            "type": "object",
-            "properties": {
-                "stamp": {"type": "object", "properties": {"sec": _WHOLE, "nsec": _WHOLE}},
-                "frame_id": _TEXT,
-            },
-        },
-        "status": {
-            "type": "array",
-            "items": {
-                "type": "object",
-                "properties": {
-                    "level": _WHOLE,
-                    "name": _TEXT,
-                    "message": _TEXT,
-                    "hardware_id": _TEXT,
-                    "values": {
-                        "type": "array",
-                        "items": {"type": "object", "properties": {"key": _TEXT, "value": _TEXT}},
-                    },
-                },
-            },
-        },
-    },
-}
+_TEXT = {"type": "string"}
 _TRIGGER = {"type": "object", "properties": {}}
 _TRIGGERED = {"type": "object", "properties": {"success": {"type": "boolean"}, "message": _TEXT}}
 
@@ -159,72 +121,18 @@ class FoxgloveOutlet:
                 camera.note(sample.state.capture_time_us, at_ns)
         channel, scene = self._samples[sample.finger], self._scenes[sample.finger]
         if channel.has_sinks():
-            message = {
-                "sequence": sample.state.sample,
-                "values": values_of(sample.state),
-                "host_error_s": sample.host_error_s if isfinite(sample.host_error_s) else None,
-                "lost_n": sample.lost_n,
-            }
-            channel.log(message, log_time=at_ns)
+            error_s = sample.host_error_s if isfinite(sample.host_error_s) else None
+            known = {"host_error_s": error_s, "lost_n": sample.lost_n}
+            channel.log(sample_message(sample.state) | known, log_time=at_ns)
         if scene.has_sinks():
-            scene.log(self._scene(sample.finger, sample.state, at_ns), log_time=at_ns)
+            scene.log(contact_scene(self._messages, sample.finger, sample.state, at_ns), log_time=at_ns)
 
     def report(self, diagnoses: Sequence[Diagnosis]) -> None:
         """Publish diagnoses, and the places of the tips."""
         now_ns = time.time_ns()
-        sec, nsec = divmod(now_ns, 1_000_000_000)
-        status = [
-            {
-                "level": int(d.level),
-                "name": d.name,
-                "message": d.message,
-                "hardware_id": d.serial_number,
-                "values": [{"key": key, "value": value} for key, value in d.values.items()],
-            }
-            for d in diagnoses
-        ]
-        header = {"stamp": {"sec": sec, "nsec": nsec}, "frame_id": ""}
-        self._diagnostics.log({"header": header, "status": status}, log_time=now_ns)
-        m = self._messages
-        transforms = [
-            m.FrameTransform(
-                timestamp=m.Timestamp(sec, nsec),
-                parent_frame_id="hand",
-                child_frame_id=d.name,
-                translation=m.Vector3(x=i * SPACING_M, y=0.0, z=0.0),
-                rotation=m.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
-            )
-            for i, d in enumerate(diagnoses)
-        ]
-        self._tf.log(m.FrameTransforms(transforms=transforms), log_time=now_ns)
-
-    def _scene(self, node: int, state: State, at_ns: int) -> Any:
-        """Contacts as balls; an arrow each for shear and for depth, as long as they are."""
-        m = self._messages
-        balls = [
-            m.SpherePrimitive(
-                pose=m.Pose(
-                    position=m.Vector3(x=c.x_mm * _MM, y=c.y_mm * _MM, z=0.0), orientation=_rotation(m)
-                ),
-                size=m.Vector3(**dict.fromkeys("xyz", _CONTACT_M + _known(c.depth_mm) * _MM)),
-                color=m.Color(r=0.76, g=0.29, b=0.0, a=0.9),
-            )
-            for c in state.contacts
-        ]
-        arrows = [
-            _arrow(m, state.shear_x_mm, state.shear_y_mm, 0.0),
-            _arrow(m, 0.0, 0.0, -state.displacement_mm),
-        ]
-        entity = m.SceneEntity(
-            timestamp=m.Timestamp(*divmod(at_ns, 1_000_000_000)),
-            frame_id=finger_name(node),
-            id="touch",
-            lifetime=m.Duration(0, round(_LIFETIME_S * 1e9)),
-            frame_locked=True,
-            spheres=balls,
-            arrows=[arrow for arrow in arrows if arrow is not None],
-        )
-        return m.SceneUpdate(entities=[entity])
+        self._diagnostics.log(diagnostics_message(diagnoses, now_ns), log_time=now_ns)
+        transforms = tip_transforms(self._messages, [d.name for d in diagnoses], now_ns)
+        self._tf.log(transforms, log_time=now_ns)
 
     def close(self) -> None:
         """End the server, and complete the file."""
@@ -234,36 +142,6 @@ class FoxgloveOutlet:
             camera.close()
         if self._file is not None:
             self._file.close()
-
-
-def _known(value: float) -> float:
-    return value if isfinite(value) else 0.0
-
-
-def _rotation(m: Any, x: float = 1.0, y: float = 0.0, z: float = 0.0) -> Any:
-    """The rotation that takes the x axis to this direction."""
-    length = hypot(x, y, z)
-    # half-way vector between the axis and the direction: q = (axis x direction, 1 + axis . direction)
-    w, qy, qz = length + x, -z, y
-    norm = hypot(w, qy, qz)
-    if norm == 0.0:  # opposite directions
-        return m.Quaternion(x=0.0, y=0.0, z=1.0, w=0.0)
-    return m.Quaternion(x=0.0, y=qy / norm, z=qz / norm, w=w / norm)
-
-
-def _arrow(m: Any, x_mm: float, y_mm: float, z_mm: float) -> Any:
-    length_m = hypot(x_mm, y_mm, z_mm) * _MM
-    if not isfinite(length_m) or length_m == 0.0:
-        return None
-    origin = m.Vector3(x=0.0, y=0.0, z=0.0)
-    return m.ArrowPrimitive(
-        pose=m.Pose(position=origin, orientation=_rotation(m, x_mm, y_mm, z_mm)),
-        shaft_length=0.8 * length_m,
-        shaft_diameter=5e-4,
-        head_length=0.2 * length_m,
-        head_diameter=1e-3,
-        color=m.Color(r=0.0, g=0.38, b=0.66, a=1.0),
-    )
 
 
 def _tare_service(sdk: Any, name: str, finger: Finger) -> Any:

@@ -11,7 +11,7 @@ import time
 from typing import Any
 
 from hostlink.bridge.page_camera import PageAddress, PageCamera, Picture, Place, Rgba
-from hostlink.bridge.values import finger_name
+from hostlink.topics import finger_name
 
 __all__ = ["CameraChannels"]
 

@@ -31,11 +31,12 @@ from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any, Final
 
-from hostlink.bridge.values import Diagnosis, finger_name, stamp_ns, tare
+from hostlink.bridge.values import stamp_ns, tare
 from hostlink.errors import LinkTimeout, UsageError
 from hostlink.events import Sample
 from hostlink.extras import require
 from hostlink.finger import Finger
+from hostlink.topics import Diagnosis, finger_name
 from hostlink.wire import State
 from hostlink.wire.fields import FIELDS
 

@@ -16,17 +16,17 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Protocol
 
-from hostlink.bridge.values import Diagnosis, diagnose
+from hostlink.bridge.values import diagnose
 from hostlink.client import Connection
 from hostlink.commands.monitor import Board
 from hostlink.errors import LinkError
 from hostlink.events import Sample
 from hostlink.finger import Finger
+from hostlink.topics import DIAGNOSIS_S, Diagnosis
 
 __all__ = ["Bridge", "Outlet"]
 
 QUEUE = 2048  # samples: nearly two seconds of five fingers at 240 Hz
-REPORT_S = 1.0  # rate at which `diagnostic_updater` and its viewers expect diagnoses
 
 
 class Outlet(Protocol):
@@ -66,14 +66,14 @@ class Bridge:
     def run(self, seconds: float | None = None) -> None:
         """Run until `stop`, or the time is up."""
         end_s = None if seconds is None else time.monotonic() + seconds
-        report_s = time.monotonic() + REPORT_S
+        report_s = time.monotonic() + DIAGNOSIS_S
         remove = self._hand.on_sample(self._put)
         try:
             while end_s is None or time.monotonic() < end_s:
                 wait_s = min(report_s, end_s or report_s) - time.monotonic()
                 if wait_s <= 0:
                     self._report()
-                    report_s = time.monotonic() + REPORT_S
+                    report_s = time.monotonic() + DIAGNOSIS_S
                     continue
                 with suppress(queue.Empty):
                     sample = self._samples.get(timeout=wait_s)

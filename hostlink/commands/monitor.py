@@ -13,7 +13,8 @@ from math import atan2, hypot, isnan, nan, tau
 from typing import TYPE_CHECKING
 
 from hostlink.client import Connection, Finger
-from hostlink.wire import STATUS, State, Status
+from hostlink.topics import status_text
+from hostlink.wire import State
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -184,5 +185,5 @@ def _problem(finger: Finger, state: State | None, up: bool) -> str:
     elif finger.state_nmt is not None and finger.newest is None and finger.mismatch is None:
         problems.append("a heartbeat alone: perhaps no fingertip")
     if state is not None:
-        problems += [s.meaning for s in STATUS if s.bit in state.status and s.bit is not Status.TOUCHED]
-    return "; ".join(problems)
+        problems.append(status_text(state.status))
+    return "; ".join(filter(None, problems))

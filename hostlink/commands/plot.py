@@ -1,8 +1,8 @@
 """`python -m hostlink plot`: a recording's values over time, as a picture for print.
 
 Rules
-- A recording of the bus (.log, .blf), of a line (.serial) or of the edge (.mcap, its `/bus/sample`) gives the
-  same picture, because it holds the same samples.
+- A recording of the bus (.log, .blf), of a line (.serial) or with Foxglove's topics (.mcap,
+  `/finger_1/sample`) gives the same picture, because it holds the same samples.
 - One panel a quantity with its unit, one line a finger; an unknown value leaves a gap, a known one between
   two gaps is a dot, and a quantity that is never known has no panel.
 - Times count from the recording's first sample, on the sensor's clock: capture, not arrival.
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import struct
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -33,7 +34,8 @@ __all__ = ["PANELS", "Series", "draw", "plot", "read_series"]
 log = logging.getLogger(__name__)
 
 MCAP_SUFFIX = ".mcap"
-_WITH_SAMPLES = "give what `hostlink record` or `edge run --record` wrote"
+_WITH_SAMPLES = "give what `hostlink record`, `hostlink bridge --record` or `edge run --record` wrote"
+_SAMPLES = re.compile(r"/finger_(\d{1,3})/sample")
 PICTURES = (".png", ".pdf", ".svg")
 _WIDTH_IN = 7.16  # both columns of an IEEE page
 _PANEL_IN = 1.15
@@ -166,18 +168,18 @@ def _mcap_samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]
         with path.open("rb") as file:
             # In the file's order, without its index: a truncated file has none.
             reader = StreamReader(file, emit_chunks=True, record_size_limit=UNPACKED_MAX)
-            channels: set[int] = set()
+            channels: dict[int, int] = {}
             for record in reader.records:
                 for item in breakup_chunk(unpack_chunk(record)) if isinstance(record, Chunk) else [record]:
-                    if isinstance(item, Channel) and item.topic == "/bus/sample":
-                        channels.add(item.id)
+                    if isinstance(item, Channel) and (found := _SAMPLES.fullmatch(item.topic)):
+                        channels[item.id] = int(found[1])
                     if not isinstance(item, Message) or item.channel_id not in channels:
                         continue
                     capture_us, values = _sample(item.data)
                     samples_n += 1
-                    yield 1, item.log_time * 1e-9, capture_us, values
+                    yield channels[item.channel_id], item.log_time * 1e-9, capture_us, values
     except InvalidMagic:
-        raise LogError(f"{path}: not an MCAP file; give one that `edge run --record` wrote") from None
+        raise LogError(f"{path}: not an MCAP file; {_WITH_SAMPLES}") from None
     except (*broken, ValueError, TypeError):
         if not samples_n:
             raise LogError(

@@ -26,6 +26,8 @@ from edge.recording import (
 from edge.recording.messages import annotations_of
 from edge.recording.topics import proto, stamp
 from edge.types import Cells, Clock, ContactRegion, Features, Frame, Reading, Tracks
+from hostlink.topics import Diagnosis, Level
+from hostlink.wire import State
 from tests.support.seeds import SEED
 from tests.support.waiting import SOON_S
 
@@ -158,13 +160,15 @@ def test_results_read_back(tmp_path: Path) -> None:
         recorder.cells(frame, cells, lambda: [square], lambda: [(1.0, 0.0, 0.0, 0.5)])
         recorder.features(frame, features)
         recorder.reading(frame, reading)
-        recorder.sample(frame, {"displacement_mm": 1.5}, b"\x01\xff")
+        recorder.sample(frame, 2, lambda: State(sample=7, displacement_mm=1.5, force_n=float("nan")))
+        recorder.diagnosis(frame, Diagnosis("finger_2", Level.WARN, "warm", "T-1", {"dropped": "0"}))
         recorder.event("warning", "pins lost: 1")
         recorder.attach("calibration.json", b'{"version": 1}')
         recorder.metadata("run", {"operator": "nobody"})
     assert recorder.refused_n == 0
     got = {topic: message for topic, _, message in read_messages(path)}
-    assert set(got) == {t.name for t in TOPICS.values()} - {TOPICS["truth"].name}
+    finger = {"/finger_2/sample", "/finger_2/contacts"}
+    assert set(got) == {t.name for t in TOPICS.values()} - {TOPICS["truth"].name} | finger
 
     pins = cloud_to_array(got["/pins"])
     assert np.array_equal(pins["x"], tracks.xy_img[:, 0], equal_nan=True)
@@ -189,7 +193,14 @@ def test_results_read_back(tmp_path: Path) -> None:
     assert got["/features"]["contacts"][0]["orientation_rad"] is None  # NaN: round
     assert got["/reading"]["values"] == {"displacement_mm": 1.5, "shear_x_mm": None}
     assert got["/reading"]["contacts"] == [{"x_mm": 0.5, "y_mm": -0.25, "depth_mm": 1.5}]
-    assert got["/bus/sample"]["payload"] == "01ff"
+    assert got["/finger_2/sample"]["sequence"] == 7
+    assert got["/finger_2/sample"]["values"]["displacement_mm"] == 1.5
+    assert got["/finger_2/sample"]["values"]["force_n"] is None
+    (arrow,) = got["/finger_2/contacts"].entities[0].arrows
+    assert arrow.shaft_length + arrow.head_length == pytest.approx(1.5e-3)
+    (status,) = got["/diagnostics"]["status"]
+    assert (status["name"], status["level"], status["message"]) == ("finger_2", 1, "warm")
+    assert got["/tf"].transforms[0].child_frame_id == "finger_2"
     assert got["/events"].message == "pins lost: 1"
     assert got["/events"].level == 3
     assert read_attachments(path) == {"calibration.json": b'{"version": 1}'}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
@@ -17,8 +18,13 @@ from edge.recording.frame_recorder import FrameRecorder
 from edge.recording.topics import proto
 from edge.runtime.loop import Loop
 from edge.sources import open_source
+from hostlink.bridge.foxglove import FoxgloveOutlet
 from hostlink.decoder import CanDecoder, Sample
-from hostlink.wire import unpack_state
+from hostlink.topics import Diagnosis, Level, values_of
+from hostlink.web import Listen
+from hostlink.wire import State
+from tests.hostlink.bridge.hand import Hand
+from tests.support.waiting import SOON_S
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +41,7 @@ def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
             Calibration.load(data_dir / "rings331_ball.json"),
         )
         with Recorder(path, rate_hz=60) as recorder:
-            loop.session.recorder = FrameRecorder(recorder)
+            loop.session.recorder = FrameRecorder(recorder, 3, "T-3")
             loop.run()
         sink.close()
         while (message := bus.recv(0.5)) is not None:
@@ -48,17 +54,47 @@ def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 def test_the_recording_holds_the_samples_of_the_bus(recorded: tuple[Path, list[Sample]]) -> None:
     path, received = recorded
-    samples = [message for _, _, message in read_messages(path, ["/bus/sample"])]
+    samples = [message for _, _, message in read_messages(path, ["/finger_3/sample"])]
     assert len(samples) == len(received) == 26
     for written, sent in zip(samples, received, strict=True):
-        assert unpack_state(bytes.fromhex(written["payload"])).sample == sent.state.sample
-        values = json.loads(json.dumps(written["values"]))
-        for name in ("sample", "status", "capture_time_us", "displacement_mm", "shear_x_mm", "contact_n"):
-            value = getattr(sent.state, name)
-            assert values[name] == (None if value != value else value), name
-        assert len(values["contacts"]) == len(sent.state.contacts)
-        for one, other in zip(values["contacts"], sent.state.contacts, strict=True):
-            assert (one["x_mm"], one["y_mm"]) == (other.x_mm, other.y_mm)
+        assert written["sequence"] == sent.state.sample
+        assert written["values"] == json.loads(json.dumps(values_of(sent.state)))
+    assert any(written["values"]["contacts"] for written in samples)
+    scenes = [message.entities[0] for _, _, message in read_messages(path, ["/finger_3/contacts"])]
+    for scene, sent in zip(scenes, received, strict=True):
+        places = [(s.pose.position.x * 1e3, s.pose.position.y * 1e3) for s in scene.spheres]
+        assert places == [pytest.approx((c.x_mm, c.y_mm)) for c in sent.state.contacts]
+        assert (scene.frame_id, len(scene.arrows) > 0) == ("finger_3", sent.state.displacement_mm > 0)
+    (report,) = [m["status"] for _, _, m in read_messages(path, ["/diagnostics"])]
+    assert [(s["name"], s["hardware_id"]) for s in report] == [("finger_3", "T-3")]
+
+
+def test_topics_and_schemas_are_those_of_the_bridge(
+    recorded: tuple[Path, list[Sample]], tmp_path: Path
+) -> None:
+    def shared(path: Path) -> dict[str, tuple[str, str, str, Any]]:
+        with path.open("rb") as file:
+            summary = make_reader(file).get_summary()
+        assert summary is not None
+        found = {}
+        for channel in summary.channels.values():
+            schema = summary.schemas[channel.schema_id]
+            content = json.loads(schema.data) if schema.encoding == "jsonschema" else None
+            found[channel.topic] = (channel.message_encoding, schema.name, schema.encoding, content)
+        return found
+
+    path = tmp_path / "bridge.mcap"
+    hand = Hand("same-topics", (3,), lambda number, k: State(sample=k, capture_time_us=k))
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), path)
+    sample = next(iter(hand.connection.samples(timeout_s=SOON_S)))
+    outlet.add_finger(hand.connection.fingers[3])
+    outlet.publish(sample)
+    outlet.report([Diagnosis("finger_3", Level.OK, "measures", "T-3", {})])
+    outlet.close()
+    hand.close()
+    bridge_s, edge_s = shared(path), shared(recorded[0])
+    assert set(bridge_s) == {"/finger_3/sample", "/finger_3/contacts", "/diagnostics", "/tf"}
+    assert {topic: edge_s[topic] for topic in bridge_s} == bridge_s
 
 
 def test_the_mcap_library_reads_and_checks_it(recorded: tuple[Path, list[Sample]]) -> None:
@@ -79,7 +115,7 @@ def test_the_mcap_library_reads_and_checks_it(recorded: tuple[Path, list[Sample]
                 assert (schema.encoding, channel.message_encoding) == ("protobuf", "protobuf")
                 proto(schema.name.removeprefix("foxglove.")).FromString(message.data)
     assert summary.statistics.message_count == sum(counts.values())
-    assert counts["/camera/image"] == counts["/bus/sample"] == 26
+    assert counts["/camera/image"] == counts["/finger_3/sample"] == counts["/finger_3/contacts"] == 26
     assert counts["/pins"] == counts["/cells"] == counts["/features"] == counts["/reading"] == 19
 
 

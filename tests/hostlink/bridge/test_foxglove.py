@@ -19,8 +19,9 @@ from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 
-from hostlink.bridge.foxglove import DIAGNOSTICS, LAYOUT, PARAMETERS, FoxgloveOutlet
-from hostlink.bridge.values import values_of
+from hostlink.bridge.foxglove import LAYOUT, PARAMETERS, FoxgloveOutlet
+from hostlink.commands.plot import read_series
+from hostlink.topics import DIAGNOSTICS, values_of
 from hostlink.web import Listen
 from hostlink.wire import Contact, State, Status, pack_state, unpack_state
 from tests.hostlink.bridge.hand import Hand
@@ -255,6 +256,9 @@ def test_a_recording_has_the_same_topics_and_schemas(hand: Hand, tmp_path: Path)
         samples_n = sum(1 for _ in reader.iter_messages(topics=["/finger_1/sample"]))
     assert recorded == {t: (c["encoding"], c["schemaName"], c["schemaEncoding"]) for t, c in seen.items()}
     assert samples_n > 20
+    drawn = read_series(path)
+    assert sorted(drawn) == [1, 3]
+    assert drawn[1].samples_n == samples_n
 
 
 def test_the_layout_shows_what_is_there() -> None:

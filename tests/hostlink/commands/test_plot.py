@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tracemalloc
-from dataclasses import asdict
+from functools import partial
 from math import isnan, nan
 from pathlib import Path
 
@@ -84,11 +84,11 @@ def test_silence_is_a_gap(tmp_path: Path) -> None:
     assert one.time_s[19] < one.time_s[20] < one.time_s[21]
 
 
-def write_edge(path: Path, n: int = 100) -> None:
+def write_edge(path: Path, n: int = 100, finger: int = 1) -> None:
     with Recorder(path) as recorder:
         for k, state in enumerate(states(n)):
             frame = Frame(np.zeros((4, 4), np.uint8), k * 10_000_000, k, Clock.HOST)
-            recorder.sample(frame, asdict(unpack_state(pack_state(state, k))))
+            recorder.sample(frame, finger, partial(unpack_state, pack_state(state, k)))
 
 
 def test_the_readable_part_of_a_damaged_log_is_drawn(
@@ -113,10 +113,10 @@ def test_the_readable_part_of_a_truncated_recording_is_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "a.mcap"
-    write_edge(path, 20_000)  # some chunks
+    write_edge(path, 20_000, finger=2)  # some chunks
     os.truncate(path, path.stat().st_size * 2 // 3)
     assert run("plot", str(path), "--json") == 0
-    assert 1000 < json.loads(capsys.readouterr().out)["samples"]["1"] < 20_000
+    assert 1000 < json.loads(capsys.readouterr().out)["samples"]["2"] < 20_000
     assert caplog.messages == [f"{path}: cut off or damaged; only the samples before that are drawn"]
 
 
@@ -136,7 +136,7 @@ def test_the_readable_part_of_a_truncated_recording_is_drawn(
 def test_a_sample_that_is_no_sample_counts_as_damaged(tmp_path: Path, text: str) -> None:
     builder = RecordBuilder()
     Header("", "").write(builder)
-    Channel(id=1, topic="/bus/sample", message_encoding="json", metadata={}, schema_id=0).write(builder)
+    Channel(id=1, topic="/finger_1/sample", message_encoding="json", metadata={}, schema_id=0).write(builder)
     Message(channel_id=1, sequence=0, log_time=0, publish_time=0, data=text.encode()).write(builder)
     path = tmp_path / "a.mcap"
     path.write_bytes(b"\x89MCAP0\r\n" + builder.end())
