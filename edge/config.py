@@ -31,6 +31,7 @@ class SensorTable(_Table, frozen=True, kw_only=True):
     """[sensor] which finger this is."""
 
     serial: Annotated[str, msgspec.Meta(max_length=32)] = "unnamed"
+    model: str = ""  # a name in edge/sensors, or a file; empty: found from the rest frame
     node_id: Annotated[int, msgspec.Meta(ge=1, le=127)] = 1
 
 

@@ -48,6 +48,9 @@ def test_every_kernel_is_in_it_for_every_release(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     kernels = {f"{name.replace('.', '/')}.abi3.so" for name in (*table().KERNELS, table().SHARED)}
     assert {name for name in names if name.endswith(".so")} == kernels
+    sensors = {path.relative_to(ROOT).as_posix() for path in (ROOT / "edge" / "sensors").glob("*.toml")}
+    assert sensors
+    assert sensors <= set(names)
     assert not [name for name in names if name.startswith("edge/") and name.endswith((".c", ".h"))]
 
 

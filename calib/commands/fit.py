@@ -17,6 +17,11 @@ from calib.commands.options import PATH, Frames, frames_options, overwrite_optio
 from calib.extract import executor
 from calib.fit import Choice, Prefer, Search, fit, groups_of
 from calib.hold_out import evaluate_held_out
+from edge.cli.options import sensor_option
+from edge.errors import ConfigError
+from edge.runtime.sensor_match import mm_per_px as scale_by_pitch
+from edge.sensors import load_sensor
+from edge.types import Rest
 from hostlink.cli_types import FiniteFloat, WholeNumber
 from hostlink.output_file import check_output, writing
 
@@ -31,6 +36,7 @@ from hostlink.output_file import check_output, writing
     type=FiniteFloat(min=1e-4, max=10.0),
     help="Scale at the tip's centre, if no contacts in known places give it.",
 )
+@sensor_option
 @click.option(
     "--prefer",
     type=click.Choice([p.value for p in Prefer]),
@@ -50,6 +56,7 @@ def fit_command(
     overwrite: bool,
     serial: str,
     mm_per_px: float | None,
+    sensor_name: str | None,
     prefer: str,
     hold_out: float | None,
     seed: int,
@@ -62,8 +69,8 @@ def fit_command(
 
     Columns of TARGETS.csv: sensor_image and any of pose_z (mm), pose_Rx, pose_Ry (deg), shear_x, shear_y
     (mm), shear_Rz (deg), force_z (N), area (mm2), contact_x, contact_y, contact_depth (mm). What has no
-    column is not fitted. The scale comes from contacts in known places, or from --mm-per-px; without
-    either, what is in mm of the image (places, slip speed) stays invalid.
+    column is not fitted. The scale comes from contacts in known places, from --mm-per-px, or from the pitch
+    of --sensor; without any, what is in mm of the image (places, slip speed) stays invalid.
 
     With --hold-out, a share of the poses is held out first: a fit to the others is evaluated on them, like
     `evaluate` does. The file is then fitted to all frames.
@@ -85,7 +92,7 @@ def fit_command(
             targets,
             extract,
             serial=serial,
-            mm_per_px=mm_per_px,
+            mm_per_px=mm_per_px or _scale_of(sensor_name, data.rest),
             on_group=lambda names: bar.advance(task),
             on_refused=lambda why: click.echo(f"not fitted: {why}", err=True),
             on_axes=_print_axes,
@@ -104,6 +111,18 @@ def fit_command(
             held_out_errors, f"a fit to the other frames, on held-out ones ({hold_out:g}, seed {seed})"
         )
         click.echo(f"{output} is fitted to all frames.")
+
+
+def _scale_of(name: str | None, rest: Rest) -> float | None:
+    """Scale by the pitch of a sensor. Raises ConfigError: not known, or the pins are not in its layout."""
+    if name is None:
+        return None
+    sensor = load_sensor(name)
+    scale = scale_by_pitch(sensor, rest)
+    if scale is None:
+        why = "its file has no pitch_mm" if sensor.pins.pitch_mm is None else "the pins are not in its layout"
+        raise ConfigError(f"--sensor {name}: no scale follows from it, {why}; give --mm-per-px")
+    return scale
 
 
 def _print_axes(axes: Axes) -> None:

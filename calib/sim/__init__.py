@@ -11,7 +11,7 @@ from calib.sim.camera import Camera
 from calib.sim.mechanics import Deformation, Tool, ToolPose, deform
 from calib.sim.render import Appearance, Blob, render, ugly
 from calib.sim.simulator import Simulator
-from calib.sim.tip import Tip, layout
+from calib.sim.tip import Tip
 
 __all__ = [
     "Appearance",
@@ -23,7 +23,6 @@ __all__ = [
     "Tool",
     "ToolPose",
     "deform",
-    "layout",
     "render",
     "ugly",
 ]

@@ -1,4 +1,4 @@
-"""The image of a tip: white discs on a dark skin, ugly light, a real sensor.
+"""The image of a tip: white discs on a dark skin or dark ones on a bright, ugly light, a real sensor.
 
 A pin's cap is a disc seen obliquely, hence an ellipse; blur turns its edge into a Gaussian integral. That
 profile is evaluated at the pixels' centres about the exact centre of the cap. It is band-limited by
@@ -58,7 +58,8 @@ _MOST = {
 class Appearance:
     """Light and sensor. The defaults are a clean, well lit tip; `ugly` gives a bad one.
 
-    skin, pin            grey levels of the dark skin and, over it, of a pin
+    skin, pin            grey levels of the skin and, over it, of a pin
+    dark_pins            pins are so much darker than the skin, not brighter
     blur_px              Gaussian blur of lens and demosaicing, one sigma; >= 0.5
     vignetting           loss of light in the image's corners, 0..1
     rim                  grey level of the bright ring outside of the skin; 0: none
@@ -85,6 +86,7 @@ class Appearance:
     read_noise: float = 1.0
     shot_noise: float = 0.04
     bits: int = 8
+    dark_pins: bool = False
 
     def __post_init__(self) -> None:
         if self.bits not in (8, 10, 12):
@@ -247,7 +249,8 @@ class Renderer:
             np.sqrt(rho, out=rho)
             np.subtract(size, rho, out=rho)
             cover += ndtr(rho, out=rho)
-        cover *= (self._pin_level[lit] / len(shifts))[:, None, None].astype(np.float32)
+        level = -self._pin_level if appearance.dark_pins else self._pin_level
+        cover *= (level[lit] / len(shifts))[:, None, None].astype(np.float32)
         cols = near[:, 0:1] + offsets
         rows = near[:, 1:2] + offsets
         inside = ((cols >= 0) & (cols < w))[:, None, :] & ((rows >= 0) & (rows < h))[:, :, None]

@@ -79,6 +79,16 @@ SCENES: dict[str, tuple[Move, ...]] = {
 }
 
 
+def shallower(moves: tuple[Move, ...], factor: float) -> tuple[Move, ...]:
+    """The same with all depths and shears times the factor."""
+
+    def scaled(c: ToolPose) -> ToolPose:
+        shear_x_mm, shear_y_mm = factor * c.shear_x_mm, factor * c.shear_y_mm
+        return replace(c, depth_mm=factor * c.depth_mm, shear_x_mm=shear_x_mm, shear_y_mm=shear_y_mm)
+
+    return tuple(Move(move.frames, tuple(map(scaled, move.contacts))) for move in moves)
+
+
 def play(moves: tuple[Move, ...]) -> Iterator[tuple[ToolPose, ...]]:
     """The contacts of each frame."""
     before: tuple[ToolPose, ...] = ()

@@ -5,6 +5,7 @@
     sim:press?paced=0           once, as fast as it is read
     sim:tour?pins=127&layout=hex&seed=7
     sim:tour?light=ugly             glare, reflections, dead pins, a noisy sensor
+    sim:press?sensor=gelsight-mini  a known sensor, or a file of your own
 
 Rules
 - Paced frames are rendered before the first one is due, then looped: at 640x480 that takes some 25 ms
@@ -14,14 +15,17 @@ Rules
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from calib.sim.camera import Camera
+from calib.sim.of_sensor import appearance_of, camera_of, depth_factor
 from calib.sim.render import Appearance, ugly
-from calib.sim.script import SCENES, play
+from calib.sim.script import SCENES, play, shallower
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
-from edge.errors import SourceError
+from edge.errors import ConfigError, SourceError
+from edge.sensors import KnownSensor, load_sensor
 from edge.sources import Options, Paced, convert
 from edge.types import Frame, FrameSource, Polarity
 
@@ -33,6 +37,7 @@ _KEYS = {
     "seed": ("int", "0"),
     "paced": ("bool", "1"),
     "light": ("str", "clean"),
+    "sensor": ("str", ""),
 }
 _LIGHTS = {"clean": lambda camera, seed: Appearance(), "ugly": ugly}
 
@@ -42,14 +47,16 @@ class SceneSource:
 
     live = False
 
-    def __init__(self, simulator: Simulator, scene: str, keep: bool = False) -> None:
+    def __init__(
+        self, simulator: Simulator, scene: str, keep: bool = False, depth_factor: float = 1.0
+    ) -> None:
         self.name = f"sim:{scene}"
         self.size_px = simulator.camera.size_px
         self.rate_hz = simulator.rate_hz
         self.dropped_n = 0
         self.polarity = Polarity.FOUND
         self._simulator = simulator
-        self._moves = SCENES[scene]
+        self._moves = shallower(SCENES[scene], depth_factor)
         self._kept: list[Frame] | None = list(self._render()) if keep else None
         self._closed = False
 
@@ -78,16 +85,30 @@ def open_sim(where: str, options: Options) -> FrameSource:
     texts = {name: default for name, (_, default) in _KEYS.items()} | dict(options.extra)
     values = {name: convert(_KEYS[name][0], name, text, f"sim:{where}") for name, text in texts.items()}
     try:
-        tip = Tip(n_pins=values["pins"], kind=values["layout"])
-        size = (options.width or 640, options.height or 480)
-        camera = Camera(tip=tip, size_px=size)
+        sensor = load_sensor(values["sensor"]) if values["sensor"] else None
+        camera = _camera(sensor, values, options)
         if values["light"] not in _LIGHTS:
             raise ValueError(f"light {values['light']!r} is unknown; one of {', '.join(_LIGHTS)}")
         appearance = _LIGHTS[values["light"]](camera, values["seed"])
+        if sensor is not None:
+            appearance = appearance_of(sensor, appearance)
         simulator = Simulator(camera, appearance, values["seed"], options.rate_hz or RATE_HZ)
-    except ValueError as error:
+    except (ValueError, ConfigError) as error:
         raise SourceError(f"source sim:{where}: {error}") from None
-    source = SceneSource(simulator, scene, keep=values["paced"])
+    factor = 1.0 if sensor is None else depth_factor(sensor)
+    source = SceneSource(simulator, scene, keep=values["paced"], depth_factor=factor)
     if not values["paced"]:
         return source
     return Paced(source, simulator.rate_hz, loop=True)
+
+
+def _camera(sensor: KnownSensor | None, values: Mapping[str, Any], options: Options) -> Camera:
+    """Raises ValueError."""
+    given = (options.width, options.height)
+    if sensor is None:
+        tip = Tip(n_pins=values["pins"], kind=values["layout"])
+        return Camera(tip=tip, size_px=(given[0] or 640, given[1] or 480))
+    both = [key for key in ("pins", "layout") if key in options.extra]
+    if both:
+        raise ValueError(f"{both[0]}= beside sensor=: the sensor has its own; leave one of them out")
+    return camera_of(sensor, given)

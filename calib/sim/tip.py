@@ -22,49 +22,8 @@ from math import radians, sin
 
 import numpy as np
 
-from edge.limits import PINS_MAX, PINS_MIN
+from edge.geometry.layout import pin_layout
 from edge.types import Array
-
-LAYOUTS = ("hex", "rings", "square")
-
-
-def layout(kind: str, n_pins: int) -> Array:
-    """Regular pattern of pins, scaled so that the outermost lies on the unit circle.
-
-    kind     "hex": hexagonal lattice; "rings": 1 + 6 + 12 + ... on concentric circles; "square": grid
-    n_pins   hex and rings: 1 + 3 k (k + 1), thus 127 (k = 6) and 331 (k = 10); square: a square number
-    Returns  (n, 2) float64, row 0 nearest to the centre, then by radius and angle
-    Raises   ValueError: no such kind, or a number that makes no whole pattern
-    """
-    if not 1 <= n_pins <= PINS_MAX:
-        raise ValueError(f"{n_pins} pins; give {PINS_MIN} to {PINS_MAX}")
-    if kind == "square":
-        side = round(n_pins**0.5)
-        if side * side != n_pins or side < 2:
-            raise ValueError(f"layout square: {n_pins} pins is no square number; try {max(side, 2) ** 2}")
-        line = np.arange(side) - (side - 1) / 2
-        xy = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
-    elif kind in ("hex", "rings"):
-        k = round((-3 + (9 + 12 * (n_pins - 1)) ** 0.5) / 6)
-        if 1 + 3 * k * (k + 1) != n_pins or k < 1:
-            k = max(k, 1)
-            raise ValueError(f"layout {kind}: {n_pins} pins makes no whole rings; try {1 + 3 * k * (k + 1)}")
-        if kind == "hex":
-            i, j = (a.ravel() for a in np.mgrid[-k : k + 1, -k : k + 1])
-            keep = np.abs(i + j) <= k
-            xy = np.stack([i + 0.5 * j, j * 3**0.5 / 2], axis=1)[keep]
-        else:
-            rings = [np.zeros((1, 2))]
-            for ring in range(1, k + 1):
-                angle = 2 * np.pi * np.arange(6 * ring) / (6 * ring)
-                rings.append(ring * np.stack([np.cos(angle), np.sin(angle)], axis=1))
-            xy = np.concatenate(rings)
-    else:
-        raise ValueError(f"layout {kind!r} is unknown; one of {', '.join(LAYOUTS)}")
-    radius = np.hypot(xy[:, 0], xy[:, 1])
-    angle = np.arctan2(xy[:, 1], xy[:, 0])
-    order = np.lexsort((np.round(angle, 9), np.round(radius, 9)))
-    return np.asarray(xy[order] / radius.max(), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -76,7 +35,7 @@ class Tip:
     and < 3 deg tilt: 3.9 8.3 10.8 10.3 7.7 4.9 px; here 3.5 8.4 8.8 5.5 4.2 3.5 px), and 2 mm of shear
     at 3 mm depth moves the mean of all pins by 6 px (there: 5 px for 2.3 mm).
 
-    n_pins, kind        see `layout`
+    n_pins, kind        see `edge.geometry.layout.pin_layout`
     dome_radius_mm      radius of the skin's sphere
     rim_deg             polar angle at which the skin is clamped
     pins_deg            polar angle of the outermost pins
@@ -109,7 +68,7 @@ class Tip:
     friction: float = 1.0
 
     def __post_init__(self) -> None:
-        layout(self.kind, self.n_pins)  # refuses what makes no pattern
+        pin_layout(self.kind, self.n_pins)  # refuses what makes no pattern
         for name in ("pin_length_mm", "pin_radius_mm", "skin_mm", "layer_mm", "reach_mm", "clamp_mm"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"tip: {name} = {getattr(self, name)}; must be > 0")
@@ -130,7 +89,7 @@ class Tip:
         theta = np.deg2rad(self.pins_deg)
         r = self.dome_radius_mm - self.pin_length_mm
         widest = r * np.sin(theta) / (self.camera_distance_mm + r * np.cos(theta))
-        return np.asarray(layout(self.kind, self.n_pins) * widest)
+        return np.asarray(pin_layout(self.kind, self.n_pins) * widest)
 
     @cached_property
     def normals(self) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -19,12 +20,15 @@ if TYPE_CHECKING:
     from edge.pipeline import Result
     from edge.runtime.loop import Loop
     from edge.runtime.settings import SettingsFile
+    from edge.sensors import KnownSensor
     from edge.types import FrameSource
     from edge.worker import WorkerClient
     from hostlink.web import Listen
     from hostlink.wire import State
 
-__all__ = ["load_calibration", "make_loop", "open_configured", "start_worker"]
+__all__ = ["expect_sensor", "load_calibration", "make_loop", "open_configured", "start_worker"]
+
+log = logging.getLogger("edge")
 
 
 def open_configured(table: SourceTable, spec: str | None = None) -> FrameSource:
@@ -50,6 +54,19 @@ def load_calibration(path: str | Path | None) -> Calibration | None:
     return Calibration.load(path)
 
 
+def expect_sensor(source: FrameSource, config: Config) -> KnownSensor | None:
+    """The configured sensor; the source's pins are looked for as it has them, unless its address says how."""
+    from edge.sensors import load_sensor
+    from edge.types import Polarity
+
+    if not config.sensor.model:
+        return None
+    sensor = load_sensor(config.sensor.model)
+    if source.polarity is Polarity.FOUND:
+        source.polarity = sensor.polarity
+    return sensor
+
+
 def make_loop(
     stack: ExitStack,
     source: FrameSource,
@@ -68,6 +85,7 @@ def make_loop(
     from edge.runtime.systemd import Notifier
     from edge.runtime.tare import TareParams
 
+    sensor = expect_sensor(source, config)
     state_dir = _state_directory(config)
     store = None if state_dir is None else CalibrationStore(state_dir)
     if store is not None:
@@ -94,6 +112,8 @@ def make_loop(
         board=monitor,
         notifier=notifier,
     )
+    if sensor is not None:
+        loop.result_callbacks.append(_report_missing_pins(sensor))
     loop.measurement.fallbacks = tuple(stored[1:])
     registry.listeners.append(FaultLog(registry, notifier.status))
     device = LoopDevice(loop, config.sensor.serial, store)
@@ -106,6 +126,22 @@ def make_loop(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: loop.stop())
     return loop
+
+
+def _report_missing_pins(sensor: KnownSensor) -> Callable[[Result, State], None]:
+    """A callback that warns when a rest frame has fewer pins than the sensor."""
+    from edge.runtime.sensor_match import missing_pins
+
+    reported = ""
+
+    def check(result: Result, state: State) -> None:
+        nonlocal reported
+        message = missing_pins(sensor, len(result.tracks.xy_img))
+        if message and message != reported:
+            log.warning("%s: clean lens and skin, light it evenly; or is it another sensor?", message)
+        reported = message
+
+    return check
 
 
 def _state_directory(config: Config) -> Path | None:

@@ -22,7 +22,9 @@ from edge.pins import take_rest
 from edge.runtime.board_monitor import PARAMS as BOARD
 from edge.runtime.image_quality import PARAMS as IMAGE
 from edge.runtime.image_quality import level_of
+from edge.runtime.sensor_match import missing_pins, mm_per_px, recognise
 from edge.runtime.tip_match import in_order_of
+from edge.sensors import KnownSensor, known_sensors
 from edge.types import AdjustableSource, Frame, FrameSource, LiveSource, Polarity, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
 
@@ -38,6 +40,7 @@ __all__ = [
     "link",
     "pins",
     "processor",
+    "sensor",
     "worst",
 ]
 
@@ -183,6 +186,31 @@ def pins(frames: Sequence[Frame], polarity: Polarity = Polarity.FOUND) -> tuple[
         )
     )  # fmt: skip
     return lines, rest
+
+
+def sensor(rest: Rest | None, named: KnownSensor | None) -> list[Line]:
+    """Which known sensor the rest frame looks like, or whether it is the one named."""
+    if rest is None:
+        return []
+    if named is None:
+        match = recognise(rest, known_sensors())
+        if match is None:
+            return [Line("sensor", "ok", "looks like none of the known ones, which is no fault")]
+        known = match.sensor
+        return [Line("sensor", "ok", f"looks like {known.title} ({known.name}){_scale(known, rest)}")]
+    missing = missing_pins(named, len(rest))
+    if missing:
+        advice = "clean lens and skin, light it evenly; or is it another sensor?"
+        return [Line("sensor", "warn", missing, advice)]
+    if named.pins.layout and recognise(rest, [named]) is None:
+        found = f"the pins do not stand as those of {named.title}"
+        return [Line("sensor", "warn", found, "is something touching it, or is it another sensor?")]
+    return [Line("sensor", "ok", named.title + _scale(named, rest))]
+
+
+def _scale(known: KnownSensor, rest: Rest) -> str:
+    scale = mm_per_px(known, rest)
+    return "" if scale is None else f", {scale:.4f} mm a px"
 
 
 def calibration(path: Path | None, rest: Rest | None) -> list[Line]:

@@ -2,6 +2,7 @@
 
     camera       found, rate, exposure, darkness
     pins         found, sharp, clear of the image's border, as many as the calibration knows
+    sensor       which known one it looks like, or whether it is the one named
     calibration  belongs to this tip, age, residual
     link         CAN interface up, bit rates, error counters; serial line there
     processor, clock, disk
@@ -23,10 +24,17 @@ from pathlib import Path
 import click
 
 from edge.cli import checks
-from edge.cli.assembly import open_configured
+from edge.cli.assembly import expect_sensor, open_configured
 from edge.cli.checks import LEVELS, LIMITS, Line, worst
 from edge.cli.machine import Machine
-from edge.cli.options import calibration_option, config_option, sink_option, source_option
+from edge.cli.options import (
+    calibration_option,
+    config_option,
+    sensor_option,
+    sink_option,
+    source_option,
+    with_sensor,
+)
 from edge.cli.progress import waiting
 from edge.config import Config, load_config
 from edge.errors import InputError
@@ -42,12 +50,14 @@ _COLOURS = {"ok": "green", "warn": "yellow", "fail": "red"}
 @source_option
 @sink_option
 @calibration_option
+@sensor_option
 @click.option("--json", "as_json", is_flag=True, help="Print the lines as JSON.")
 def doctor(
     config_path: Path | None,
     source_spec: str | None,
     sink_specs: Sequence[str],
     calibration_path: Path | None,
+    sensor_name: str | None,
     as_json: bool,
 ) -> None:
     """Check camera, pins, calibration, link, processor, clock and disk.
@@ -59,7 +69,7 @@ def doctor(
 
     from edge.runtime.calibration_store import CalibrationStore
 
-    config = load_config(config_path)
+    config = with_sensor(load_config(config_path), sensor_name)
     if source_spec:
         config = replace(config, source=replace(config.source, spec=source_spec))
     if sink_specs:
@@ -102,6 +112,7 @@ def examine(
         )
         asked_hz = config.source.rate_hz
     else:
+        sensor = expect_sensor(source, config)
         try:
             frames, seconds = _watch(source)
         finally:
@@ -111,6 +122,7 @@ def examine(
         if frames:
             found, rest = checks.pins(frames[: LIMITS.rest_frames_n], source.polarity)
             lines += found
+            lines += checks.sensor(rest, sensor)
     lines += checks.calibration(calibration_path, rest)
     for spec in config.link.sinks:
         lines += checks.link(spec, machine)

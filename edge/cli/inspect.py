@@ -9,36 +9,49 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from edge.cli.options import overwrite_option
+from edge.cli.options import overwrite_option, sensor_option
 from edge.errors import EdgeError, InputError
 from hostlink.cli_exit import print_error
 from hostlink.interrupt import exit_on_interrupt
 from hostlink.output_file import check_output, writing
 
 if TYPE_CHECKING:
-    from edge.types import Image, Pins
+    from edge.sensors import KnownSensor
+    from edge.types import Image, Pins, Rest
 
 
 @click.command()
 @click.argument("images", nargs=-1, required=True, metavar="IMAGE...", type=click.Path(path_type=Path))
 @click.option(
-    "--json", "as_json", is_flag=True, help='Print [{"image":..., "n_pins":..., "xy_px":[[x,y],...]}].'
+    "--json",
+    "as_json",
+    is_flag=True,
+    help='Print [{"image":..., "n_pins":..., "dark":..., "sensor":..., "mm_per_px":..., "xy_px":...}].',
 )
 @click.option(
     "--overlay",
     type=click.Path(path_type=Path, file_okay=False),
     help="Folder for pictures with the pins marked.",
 )
+@sensor_option
 @overwrite_option
-def inspect(images: Sequence[Path], as_json: bool, overlay: Path | None, overwrite: bool) -> None:
+def inspect(
+    images: Sequence[Path], as_json: bool, overlay: Path | None, sensor_name: str | None, overwrite: bool
+) -> None:
     """Find the pins in each IMAGE, without prior knowledge, and list them.
 
-    Use it to check focus, illumination and exposure: every pin should be found, and nothing else.
+    Use it to check focus, illumination and exposure: every pin should be found, and nothing else. Of an
+    untouched tip it also says which known sensor it looks like, and the scale where its pitch is known.
     """
     with exit_on_interrupt():
-        from edge.pins import detect
+        from edge.pins import take_rest
+        from edge.sensors import known_sensors, load_sensor
         from edge.sources import read_image
+        from edge.types import Polarity
 
+    named = None if sensor_name is None else load_sensor(sensor_name)
+    sensors = known_sensors() if named is None else [named]
+    polarity = Polarity.FOUND if named is None else named.polarity
     pictures = {} if overlay is None else _pictures(images, overlay, overwrite)
     found: list[dict[str, Any]] = []
     failed = False
@@ -46,24 +59,52 @@ def inspect(images: Sequence[Path], as_json: bool, overlay: Path | None, overwri
         entry: dict[str, Any] = {"image": str(path), "n_pins": 0, "xy_px": []}
         try:
             image = read_image(path)
-            pins = detect(image)
+            rest = take_rest([image], polarity)
         except EdgeError as error:
             failed = True
             message = str(error) if str(path) in str(error) else f"{path}: {error}"
             print_error(message)
             entry["error"] = message
         else:
-            entry["n_pins"] = len(pins)
-            entry["xy_px"] = [[round(float(x), 3), round(float(y), 3)] for x, y in pins.xy_img]
+            entry |= _findings(rest, sensors)
             if path in pictures:
-                _draw(pictures[path], image, pins, overwrite)
+                _draw(pictures[path], image, rest.pins, overwrite)
+            if not as_json:
+                click.echo(f"{path}: {_in_words(entry, sensors)}")
         found.append(entry)
-        if not as_json and "error" not in entry:
-            click.echo(f"{path}: {entry['n_pins']} pins")
     if as_json:
         click.echo(json.dumps(found))
     if failed:
         raise SystemExit(2)
+
+
+def _findings(rest: Rest, sensors: Sequence[KnownSensor]) -> dict[str, Any]:
+    from edge.runtime.sensor_match import mm_per_px, recognise
+
+    match = recognise(rest, sensors)
+    scale = None if match is None else mm_per_px(match.sensor, rest)
+    return {
+        "n_pins": len(rest),
+        "dark": rest.pattern.dark,
+        "sensor": None if match is None else match.sensor.name,
+        "mm_per_px": None if scale is None else round(scale, 5),
+        "xy_px": [[round(float(x), 3), round(float(y), 3)] for x, y in rest.xy_img],
+    }
+
+
+def _in_words(entry: dict[str, Any], sensors: Sequence[KnownSensor]) -> str:
+    from edge.runtime.sensor_match import missing_pins
+
+    known = next((s for s in sensors if s.name == entry["sensor"]), None)
+    words = f"{entry['n_pins']} {'dark' if entry['dark'] else 'bright'} pins, "
+    if known is not None:
+        words += f"as of {known.title} ({known.name})"
+    else:
+        words += f"not as of {sensors[0].title}" if len(sensors) == 1 else "as of no known sensor"
+    if entry["mm_per_px"] is not None:
+        words += f", {entry['mm_per_px']:.4f} mm a px"
+    missing = missing_pins(sensors[0], entry["n_pins"]) if len(sensors) == 1 else ""
+    return f"{words}: {missing}" if missing else words
 
 
 def _pictures(images: Sequence[Path], folder: Path, overwrite: bool) -> dict[Path, Path]:

@@ -28,8 +28,10 @@ __all__ = [
     "loop_options",
     "overwrite_option",
     "rest_option",
+    "sensor_option",
     "sink_option",
     "source_option",
+    "with_sensor",
 ]
 
 Command = Callable[..., None]
@@ -52,12 +54,19 @@ sink_option = click.option(
 calibration_option = click.option(
     "--calibration", "calibration_path", type=click.Path(path_type=Path), help="Calibration file."
 )
+sensor_option = click.option(
+    "--sensor",
+    "sensor_name",
+    metavar="NAME|FILE.toml",
+    help="What the fingertip is: a known sensor, or a file of your own. Default: found from its pins.",
+)
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that exist already.")
 
 _LOOP_OPTIONS = (
     config_option,
     sink_option,
     calibration_option,
+    sensor_option,
     click.option(
         "--record",
         "record_path",
@@ -102,6 +111,7 @@ class LoopOptions:
     config_path: Path | None
     sink_specs: tuple[str, ...]
     calibration_path: Path | None
+    sensor_name: str | None
     record_path: Path | None
     overwrite: bool
     view_here: bool
@@ -117,7 +127,7 @@ class LoopOptions:
             import edge.sources  # noqa: F401
             from edge.config import load_config
 
-        return load_config(self.config_path)
+        return with_sensor(load_config(self.config_path), self.sensor_name)
 
     def check_record(self, *inputs: str | Path) -> None:
         """Raises OutputError: there is a file already, or it is one that is read."""
@@ -144,6 +154,19 @@ class LoopOptions:
         if self.recordings is not None:
             return self.recordings
         return Path(config.state.directory) / "recordings" if config.state.directory else Path(".")
+
+
+def with_sensor(config: Config, name: str | None) -> Config:
+    """The configuration, of this sensor if one is named. Raises ConfigError: it is not known."""
+    from msgspec.structs import replace
+
+    from edge.sensors import load_sensor
+
+    if name is not None:
+        config = replace(config, sensor=replace(config.sensor, model=name))
+    if config.sensor.model:
+        load_sensor(config.sensor.model)
+    return config
 
 
 def loop_options(command: Command) -> Command:

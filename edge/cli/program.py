@@ -29,6 +29,10 @@ COMMANDS = {
         "edge.cli.inspect:inspect",
         "Find the pins in each IMAGE, without prior knowledge, and list them.",
     ),
+    "sensor": CommandRow(
+        "edge.cli.sensor:sensor",
+        "Describe a sensor of your own by one IMAGE of its untouched skin.",
+    ),
     "doctor": CommandRow(
         "edge.cli.doctor:doctor",
         "Check camera, pins, calibration, link, processor, clock and disk.",

@@ -1,14 +1,16 @@
-"""Small facts about a set of pins."""
+"""Regular layouts of pins, and small facts about a set of pins."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from edge.errors import DegenerateLayout
+from edge.limits import PINS_MAX, PINS_MIN
 from edge.types import Array
 
-__all__ = ["affine_terms", "must_span", "spans"]
+__all__ = ["LAYOUTS", "affine_terms", "must_span", "pin_layout", "spans"]
 
+LAYOUTS = ("hex", "rings", "square")
 # Directions in which pins spread less than this share of their longest extent count as a line.
 LINE = 1e-9
 # Determinant over squared trace of the scatter matrix beyond which the pins certainly span a plane: 1e-3 to 1
@@ -39,3 +41,42 @@ def spans(xy: Array) -> bool:
 def affine_terms(xy: Array, centre: Array, scale: float) -> Array:
     """(n, 3): 1, x, y about `centre` in units of `scale`."""
     return np.column_stack([np.ones(len(xy)), (xy - centre) / scale])
+
+
+def pin_layout(kind: str, n_pins: int) -> Array:
+    """Regular pattern of pins, scaled so that the outermost lies on the unit circle.
+
+    kind     "hex": hexagonal lattice; "rings": 1 + 6 + 12 + ... on concentric circles; "square": grid
+    n_pins   hex and rings: 1 + 3 k (k + 1), thus 127 (k = 6) and 331 (k = 10); square: a square number
+    Returns  (n, 2) float64, row 0 nearest to the centre, then by radius and angle
+    Raises   ValueError: no such kind, or a number that makes no whole pattern
+    """
+    if not 1 <= n_pins <= PINS_MAX:
+        raise ValueError(f"{n_pins} pins; give {PINS_MIN} to {PINS_MAX}")
+    if kind == "square":
+        side = round(n_pins**0.5)
+        if side * side != n_pins or side < 2:
+            raise ValueError(f"layout square: {n_pins} pins is no square number; try {max(side, 2) ** 2}")
+        line = np.arange(side) - (side - 1) / 2
+        xy = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    elif kind in ("hex", "rings"):
+        k = round((-3 + (9 + 12 * (n_pins - 1)) ** 0.5) / 6)
+        if 1 + 3 * k * (k + 1) != n_pins or k < 1:
+            k = max(k, 1)
+            raise ValueError(f"layout {kind}: {n_pins} pins makes no whole rings; try {1 + 3 * k * (k + 1)}")
+        if kind == "hex":
+            i, j = (a.ravel() for a in np.mgrid[-k : k + 1, -k : k + 1])
+            keep = np.abs(i + j) <= k
+            xy = np.stack([i + 0.5 * j, j * 3**0.5 / 2], axis=1)[keep]
+        else:
+            rings = [np.zeros((1, 2))]
+            for ring in range(1, k + 1):
+                angle = 2 * np.pi * np.arange(6 * ring) / (6 * ring)
+                rings.append(ring * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+            xy = np.concatenate(rings)
+    else:
+        raise ValueError(f"layout {kind!r} is unknown; one of {', '.join(LAYOUTS)}")
+    radius = np.hypot(xy[:, 0], xy[:, 1])
+    angle = np.arctan2(xy[:, 1], xy[:, 0])
+    order = np.lexsort((np.round(angle, 9), np.round(radius, 9)))
+    return np.asarray(xy[order] / radius.max(), dtype=np.float64)

@@ -14,11 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Voronoi
 
-from calib.sim import Appearance, Camera, Simulator, Tip, Tool, ToolPose, deform, layout, ugly
+from calib.sim import Appearance, Camera, Simulator, Tip, Tool, ToolPose, deform, ugly
 from calib.sim.render import Blob, Renderer
 from calib.sim.script import REST_FRAMES, SCENES, play
 from calib.sim.source import open_sim
 from edge.errors import SourceError
+from edge.geometry.layout import pin_layout
 from edge.pins import detect, take_rest
 from edge.recording import RecordingSource
 from edge.sources import Options, open_source
@@ -102,7 +103,7 @@ def test_a_spinning_contact_carries_the_torque_of_a_round_one() -> None:
     ("kind", "n"), [("hex", 127), ("hex", 331), ("rings", 127), ("rings", 331), ("square", 121)]
 )
 def test_layouts_are_regular_as_the_camera_sees_them(kind: str, n: int) -> None:
-    xy = layout(kind, n)
+    xy = pin_layout(kind, n)
     assert xy.shape == (n, 2)
     assert np.hypot(*xy.T).max() == pytest.approx(1)
     gaps = np.sort(np.hypot(*(xy[:, None] - xy).transpose(2, 0, 1)), axis=1)[:, 1]
@@ -127,7 +128,7 @@ def test_layouts_are_regular_as_the_camera_sees_them(kind: str, n: int) -> None:
 )
 def test_an_impossible_layout_is_refused_with_a_possible_one(kind: str, n: int, right: str) -> None:
     with pytest.raises(ValueError, match=right):
-        layout(kind, n)
+        pin_layout(kind, n)
 
 
 # -- mechanics ----------------------------------------------------------------------------------

@@ -22,6 +22,7 @@ import pytest
 from edge.__main__ import main
 from edge.cli.options import LoopOptions
 from edge.recording import Recorder
+from edge.sensors import load_sensor
 from edge.sources import open_source
 from tests.support.waiting import SOON_S, until
 
@@ -60,6 +61,54 @@ def test_inspect_lists_the_pins(
     assert found["image"] == str(tip_image)
     assert found["n_pins"] == len(found["xy_px"]) == 127
     assert (tmp_path / "seen" / "tip_pins.png").is_file()
+
+
+def test_inspect_names_the_sensor_and_its_scale(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tip_image: Path
+) -> None:
+    assert run(monkeypatch, "inspect", tip_image) == 0
+    assert "127 bright pins, as of TacTip, 127 pins (tactip-127), 0." in capsys.readouterr().out
+    assert run(monkeypatch, "inspect", tip_image, "--sensor", "tactip-331") == 0
+    assert "not as of TacTip, 331 pins: 127 pins found" in capsys.readouterr().out
+
+
+def test_a_sensor_of_ones_own_is_made_from_one_image_and_one_length(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tip_image: Path, tmp_path: Path
+) -> None:
+    mine = tmp_path / "mine.toml"
+    assert run(monkeypatch, "sensor", tip_image, "-o", mine, "--across-mm", "36", "--title", "my tip") == 0
+    made = load_sensor(str(mine))
+    assert (made.title, made.pins.count, made.pins.layout, made.pins.polarity) == (
+        "my tip",
+        127,
+        "hex",
+        "bright",
+    )
+    # Twelve pitches across; the lens of the picture makes those outside narrower.
+    assert made.pins.pitch_mm == pytest.approx(3.0, rel=0.04)
+    before = mine.read_bytes()
+    assert run(monkeypatch, "sensor", tip_image, "-o", mine) == 2
+    assert mine.read_bytes() == before
+    capsys.readouterr()
+    assert run(monkeypatch, "inspect", tip_image, "--sensor", mine, "--json") == 0
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found["sensor"] == "mine"
+    pins = np.array(found["xy_px"])
+    across_px = np.hypot(*(pins[:, None] - pins).transpose(2, 0, 1)).max()
+    assert found["mm_per_px"] * across_px == pytest.approx(36.0, rel=0.001)
+
+
+def test_run_warns_of_fewer_pins_than_the_sensor_has(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    source = "sim:nothing?sensor=tactip-127&paced=0"
+    assert (
+        run(monkeypatch, "run", "--source", source, "--sink", "memory:", "--sensor", "tactip-331", "-q") == 0
+    )
+    missing = [
+        message for message in caplog.messages if "127 pins found, TacTip, 331 pins has 331" in message
+    ]
+    assert len(missing) == 1
 
 
 def test_replay_prints_what_was_held_and_sent(
@@ -259,6 +308,16 @@ def _text(folder: Path, name: str, content: str) -> Path:
         (["run", "--source", "v4l2:77"], "77"),
         (["run", "--source", "nothing:here"], "nothing"),
         (["inspect", "text.png"], "text.png"),
+        (["inspect", "black.png", "--sensor", "thumb"], "sensor 'thumb' is unknown; one of digitac, "),
+        (["run", "--sensor", "absent.toml"], "absent.toml: cannot be read"),
+        (
+            ["run", "--source", "sim:tour?sensor=digitac"],
+            "digitac cannot be simulated: its file has no pins.layout",
+        ),
+        (["run", "--source", "sim:tour?sensor=tactip-127&pins=7"], "pins= beside sensor="),
+        (["sensor", "black.png", "-o", "mine.toml"], "no pattern of pins"),
+        (["sensor", "black.png", "-o", "mine.txt"], "mine.txt"),
+        (["sensor", "black.png", "-o", "mine.toml", "--across-mm", "0"], "give a number from 0.1 to 1000"),
         (["inspect"], "IMAGE"),
         (["dance"], "No such command 'dance'; see python -m edge --help"),
         (["run", "--frames", "few"], "'few'"),

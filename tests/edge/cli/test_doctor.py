@@ -143,7 +143,7 @@ def test_everything_in_order_gives_ok(examined: Examined) -> None:
     assert bad(found) == {}
     assert set(found) == {
         "camera", "rate", "light", "pins", "focus", "margin", "calibration", "age", "residual", "link",
-        "errors", "processor", "temperature", "clock", "disk",
+        "errors", "processor", "temperature", "clock", "disk", "sensor",
     }  # fmt: skip
     assert found["link"].words == "can0 is up, 1 Mbit/s and 5"
 

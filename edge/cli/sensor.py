@@ -1,0 +1,85 @@
+"""`edge sensor`: the description of a sensor of one's own, from one image and one length."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from edge.cli.options import overwrite_option
+from edge.errors import InputError, NoPins
+from hostlink.cli_types import FiniteFloat
+from hostlink.interrupt import exit_on_interrupt
+from hostlink.output_file import check_output, writing
+
+if TYPE_CHECKING:
+    from edge.types import Rest
+
+
+@click.command()
+@click.argument("image", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File to write (.toml).")
+@click.option(
+    "--across-mm",
+    type=FiniteFloat(0.1, 1000),
+    help="By ruler, from centre to centre of the two pins that are furthest apart.",
+)
+@click.option("--title", help="What people call it; default: the file's name.")
+@overwrite_option
+def sensor(image: Path, output: Path, across_mm: float | None, title: str | None, overwrite: bool) -> None:
+    """Describe a sensor by one IMAGE of its untouched skin, for --sensor and [sensor] model.
+
+    Written are the pins' number, layout and polarity, and with --across-mm their pitch. Without it nothing
+    in mm is known.
+    """
+    with exit_on_interrupt():
+        from edge.pins import take_rest
+        from edge.sensors import load_sensor
+        from edge.sources import read_image
+
+    check_output(output, (".toml",), (image,), overwrite)
+    title = title or output.stem
+    if not 0 < len(title) <= 64 or not title.isprintable():
+        raise InputError(f"--title {title!r}: give 1 to 64 printable characters")
+    try:
+        rest = take_rest([read_image(image)])
+    except NoPins as error:
+        raise InputError(f"{image}: {error}") from None
+    with writing(output, overwrite) as unfinished:
+        unfinished.write_text(_description(rest, title, across_mm, image.name), encoding="utf-8")
+    made = load_sensor(str(output))
+    layout = made.pins.layout or "of no regular layout"
+    pitch = "" if made.pins.pitch_mm is None else f", pitch {made.pins.pitch_mm:g} mm"
+    click.echo(f"{output}: {made.pins.count} {made.pins.polarity} pins, {layout}{pitch}")
+
+
+def _description(rest: Rest, title: str, across_mm: float | None, image: str) -> str:
+    """The file. The pitch is that of the middle: of the layout, or without one of the three nearest."""
+    import numpy as np
+
+    from edge.runtime.sensor_match import layout_of
+
+    found = layout_of(rest)
+    seen = f"found in {image}"
+    pins: dict[str, object] = {"count": len(rest), "polarity": "dark" if rest.pattern.dark else "bright"}
+    sources = dict.fromkeys(["pins.count", "pins.polarity"], seen)
+    if found is not None:
+        pins["layout"], sources["pins.layout"] = found[0], seen
+    width, height = rest.pattern.size_px
+    lines = [f"title = {json.dumps(title)}", "", "[pins]"]
+    camera = [f"size_px = [{width}, {height}]"]
+    sources["camera.size_px"] = seen
+    if across_mm is not None:
+        gap = rest.xy_img[:, None] - rest.xy_img
+        scale = across_mm / float(np.hypot(gap[..., 0], gap[..., 1]).max())
+        pitch_px = rest.pattern.pitch_px if found is None else found[1].pitch_px
+        measured = f"{across_mm:g} mm across by ruler, {seen}"
+        pins["pitch_mm"] = round(scale * pitch_px, 4)
+        camera.append(f"mm_per_px = {scale:.5f}")
+        sources |= dict.fromkeys(["pins.pitch_mm", "camera.mm_per_px"], measured)
+    lines += [f"{key} = {json.dumps(value)}" for key, value in pins.items()]
+    lines += ["", "[camera]", *camera, "", "[sources]"]
+    lines += [f"{json.dumps(key)} = {json.dumps(text, ensure_ascii=False)}" for key, text in sources.items()]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,132 @@
+"""Known sensors as data: one TOML file each. A figure that no source gives is left out.
+
+    sensor = load_sensor("gelsight-mini")       # or the path of a file of one's own
+    sensor.pins.pitch_mm                        # None: nobody has published it
+
+Rules
+- Each figure has its source in [sources], under its key; a test compares the two for the files in this
+  folder.
+- Lengths are the sensor's own. What it looks like in pixels is learnt from its image, never taken from
+  here.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from edge import limits
+from edge.errors import ConfigError
+from edge.types import Polarity
+
+__all__ = [
+    "KnownSensor",
+    "SensorCamera",
+    "SensorPins",
+    "SensorTip",
+    "known_sensors",
+    "load_sensor",
+    "sensor_names",
+]
+
+_FOLDER = Path(__file__).resolve().parent
+Length = Annotated[float, msgspec.Meta(gt=0, le=1000)]
+
+
+class _Closed(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A table of the file; it takes no keys but its own."""
+
+
+class SensorPins(_Closed, frozen=True, kw_only=True):
+    """[pins] the markers that the camera sees.
+
+    layout     as `edge.geometry.layout.pin_layout` names it
+    count      of the untouched sensor, all of them in view; of a grid that the image's border cuts, at least
+    polarity   bright or dark against the skin
+    pitch_mm   distance of neighbours at the middle, in the plane across the camera's axis
+    radius_mm  of a marker
+    length_mm  of a lever from skin to marker
+    """
+
+    layout: Literal["hex", "rings", "square"] | None = None
+    count: Annotated[int, msgspec.Meta(ge=limits.PINS_MIN, le=limits.PINS_MAX)] | None = None
+    polarity: Literal["bright", "dark"] | None = None
+    pitch_mm: Length | None = None
+    radius_mm: Length | None = None
+    length_mm: Length | None = None
+
+
+class SensorTip(_Closed, frozen=True, kw_only=True):
+    """[tip] shape of the skin; radius_mm of a dome's sphere."""
+
+    shape: Literal["dome", "flat"] | None = None
+    radius_mm: Length | None = None
+
+
+class SensorCamera(_Closed, frozen=True, kw_only=True):
+    """[camera] size_px: of its images, width and height; mm_per_px: scale at their middle."""
+
+    size_px: tuple[limits.ImageSide, limits.ImageSide] | None = None
+    mm_per_px: Length | None = None
+
+
+class KnownSensor(_Closed, frozen=True, kw_only=True):
+    """The whole file.
+
+    title    what people call it
+    sources  where each figure is from, by its key: "pins.pitch_mm"
+    name     of the file, without its suffix
+    """
+
+    title: limits.Name
+    pins: SensorPins = SensorPins()
+    tip: SensorTip = SensorTip()
+    camera: SensorCamera = SensorCamera()
+    sources: dict[limits.Name, Annotated[str, msgspec.Meta(min_length=1, max_length=400)]] = {}
+    name: str = ""
+
+    @property
+    def polarity(self) -> Polarity:
+        return Polarity(self.pins.polarity or "")
+
+    @property
+    def cut(self) -> bool:
+        """Whether the image's border cuts its pins: a flat grid that is larger than the view."""
+        return self.pins.layout == "square" and self.tip.shape == "flat"
+
+
+def sensor_names() -> list[str]:
+    """Names of the sensors that come with this package."""
+    return sorted(path.stem for path in _FOLDER.glob("*.toml"))
+
+
+def known_sensors() -> list[KnownSensor]:
+    """The sensors that come with this package."""
+    return [load_sensor(name) for name in sensor_names()]
+
+
+def load_sensor(name: str) -> KnownSensor:
+    """A sensor by its name, or by the path of a file (*.toml).
+
+    Raises  ConfigError, one line: no such sensor, or what is wrong in its file
+    """
+    path = Path(name) if name.endswith(".toml") else _FOLDER / f"{name}.toml"
+    if not name.endswith(".toml") and name not in sensor_names():
+        known = ", ".join(sensor_names())
+        raise ConfigError(
+            f"sensor {limits.quote(name)} is unknown; one of {known}, or a file of your own (.toml)"
+        )
+    try:
+        table = limits.read_toml(path)
+        limits.check_numbers(table)
+        if "name" in table:
+            raise limits.BadContent("unknown key 'name'; a sensor is named as its file")
+        return msgspec.convert({**table, "name": path.stem}, KnownSensor)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except limits.BadContent as error:
+        raise ConfigError(f"{path}: not a sensor: {error}") from None
+    except msgspec.ValidationError as error:
+        raise ConfigError(f"{path}: {limits.explain(str(error))}") from None

@@ -1,0 +1,155 @@
+"""Sensors are recognised by the layout of their pins, simulated and real; what is none of them is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.sim.camera import Camera
+from calib.sim.of_sensor import appearance_of, camera_of
+from calib.sim.render import Appearance
+from calib.sim.simulator import Simulator
+from calib.sim.tip import Tip
+from calib.simulated_calibration import mm_per_px as true_mm_per_px
+from edge.pins import take_rest
+from edge.pipeline import Pipeline
+from edge.runtime.layout_match import CLEAR, match_layout
+from edge.runtime.sensor_match import layout_of, missing_pins, mm_per_px, recognise
+from edge.sensors import known_sensors, load_sensor
+from edge.sources import open_source, read_image
+from edge.types import Image, Pins, Rest
+
+SIMULATED = ("gelsight-mini", "square-grid", "tactip-127", "tactip-331")
+KNOWN = known_sensors()
+
+
+@lru_cache
+def simulator(name: str) -> Simulator:
+    sensor = load_sensor(name)
+    return Simulator(camera_of(sensor), appearance_of(sensor, Appearance()))
+
+
+@lru_cache
+def rest_of(name: str) -> Rest:
+    return take_rest([simulator(name).frame().image])
+
+
+@pytest.mark.parametrize("name", SIMULATED)
+def test_a_simulated_sensor_is_recognised(name: str) -> None:
+    found = recognise(rest_of(name), KNOWN)
+    assert found is not None
+    assert found.sensor.name == name
+    assert found.match.pins_on == 1.0
+
+
+@pytest.mark.parametrize("name", ["gelsight-mini", "tactip-127"])
+def test_the_pitch_gives_the_scale_without_a_ruler(name: str) -> None:
+    scale = mm_per_px(load_sensor(name), rest_of(name))
+    assert scale == pytest.approx(true_mm_per_px(simulator(name)), rel=0.003)
+
+
+def test_without_a_known_pitch_there_is_no_scale() -> None:
+    assert mm_per_px(load_sensor("tactip-331"), rest_of("tactip-331")) is None
+    assert mm_per_px(load_sensor("digitac"), rest_of("tactip-331")) is None
+    assert mm_per_px(load_sensor("tactip-127"), rest_of("tactip-331")) is None  # it is another one
+
+
+def test_the_same_pins_in_another_layout_are_another_tip() -> None:
+    """127 pins in rings are no hexagonal lattice of 127."""
+    rings = take_rest([Simulator(Camera(Tip(127, "rings"), size_px=(320, 320))).frame().image])
+    assert recognise(rings, KNOWN) is None
+    found = layout_of(rings)
+    assert found is not None
+    assert found[0] == "rings"
+
+
+def test_pins_in_no_layout_are_no_sensor() -> None:
+    """A dart-throwing pattern: even spacing, no order."""
+    rng, placed = np.random.default_rng(19), [np.array([200.0, 200.0])]
+    while len(placed) < 127:
+        xy = rng.uniform(20, 380, 2)
+        if np.hypot(*(np.array(placed) - xy).T).min() > 22:
+            placed.append(xy)
+    regular = rest_of("tactip-127")
+    ones = np.ones(len(placed))
+    rest = Rest(Pins(np.array(placed), 0.05 * ones, 5 * ones, 100 * ones), regular.pattern)
+    assert recognise(rest, KNOWN) is None
+    assert layout_of(rest) is None
+
+
+def test_the_polarity_counts() -> None:
+    sensor = load_sensor("gelsight-mini")
+    image = 255 - simulator("gelsight-mini").frame().image
+    found = recognise(take_rest([image]), KNOWN)
+    assert found is not None
+    assert found.sensor.name == "square-grid"
+    assert recognise(take_rest([image]), [sensor]) is None
+
+
+@pytest.mark.parametrize("lost_n", [5, 30])
+def test_a_few_missing_pins_are_counted_and_many_make_it_unknown(lost_n: int) -> None:
+    whole, sensor = rest_of("tactip-127"), load_sensor("tactip-127")
+    keep = np.sort(np.random.default_rng(7).permutation(127)[lost_n:])
+    pins = whole.pins
+    fewer = Rest(
+        Pins(pins.xy_img[keep], pins.sigma_px[keep], pins.radius_px[keep], pins.brightness[keep]),
+        whole.pattern,
+    )
+    assert (recognise(fewer, [sensor]) is not None) == (lost_n == 5)
+    assert missing_pins(sensor, len(fewer)) == f"{127 - lost_n} pins found, TacTip, 127 pins has 127"
+    assert missing_pins(sensor, 127) == ""
+
+
+def test_a_grid_behind_a_fisheye_is_still_a_grid() -> None:
+    """Pins at the border half as far apart as in the middle."""
+    line = np.arange(-8.0, 9.0)
+    xy = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    far = np.hypot(*xy.T)
+    bent = xy * (np.arctan(0.09 * far) / np.maximum(0.09 * far, 1e-9))[:, None]
+    ones = np.ones(len(xy))
+    pattern = replace(rest_of("square-grid").pattern, centre_img=np.array([320.0, 320.0]), pitch_px=25.0)
+    rest = Rest(Pins(320 + 30 * bent, 0.05 * ones, 5 * ones, 100 * ones), pattern)
+    match = match_layout(rest, "square")
+    assert match.pins_on == 1.0
+    assert match.residual < 0.5 * CLEAR
+
+
+def _first_images(video: Path) -> list[Image]:
+    return [frame.image for frame in islice(open_source(str(video)), 8)]
+
+
+@pytest.mark.real
+def test_real_sensors_are_recognised(real_dir: Path) -> None:
+    binary = recognise(take_rest([read_image(real_dir / "tactip331_binary" / "rest.png")]), KNOWN)
+    assert binary is not None
+    assert binary.sensor.name == "tactip-331"
+    mini = take_rest(_first_images(real_dir / "gelsight_mini" / "press.avi"))
+    found = recognise(mini, KNOWN)
+    assert found is not None
+    assert found.sensor.name == "gelsight-mini"
+    # The maker writes 0.0625 and, elsewhere, 0.0634 mm a pixel.
+    assert mm_per_px(found.sensor, mini) == pytest.approx(0.063, abs=0.001)
+
+
+@pytest.mark.real
+def test_home_made_tips_are_no_known_sensor(real_dir: Path) -> None:
+    for name in ("north", "west", "Movement4"):
+        assert recognise(take_rest(_first_images(real_dir / "video" / f"{name}.avi")), KNOWN) is None
+
+
+@pytest.mark.parametrize("name", SIMULATED)
+def test_every_simulated_sensor_holds_its_pins_through_a_press(name: str) -> None:
+    frames = list(open_source(f"sim:press?sensor={name}&paced=0"))
+    rest = take_rest([frame.image for frame in frames[:8]])
+    assert bool(rest.pattern.dark) == (name == "gelsight-mini")
+    pipeline = Pipeline(rest)
+    results = [pipeline.process(frame) for frame in frames]
+    assert min(result.tracks.n_seen for result in results) >= 0.95 * len(rest)
+    touched = [result.features is not None and result.features.in_contact for result in results]
+    assert touched[-1]
+    assert not any(touched[:8])

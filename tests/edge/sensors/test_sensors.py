@@ -1,0 +1,61 @@
+"""The known sensors' files: each figure with its source, each mistake one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from edge.errors import ConfigError
+from edge.sensors import KnownSensor, known_sensors, load_sensor, sensor_names
+
+
+def figures(sensor: KnownSensor) -> set[str]:
+    """Keys of all that the file states."""
+    tables = {"pins": sensor.pins, "tip": sensor.tip, "camera": sensor.camera}
+    return {
+        f"{table}.{key}"
+        for table, content in tables.items()
+        for key, value in msgspec.structs.asdict(content).items()
+        if value is not None
+    }
+
+
+def test_the_sensors_asked_for_are_there() -> None:
+    assert sensor_names() == ["digitac", "gelsight-mini", "square-grid", "tactip-127", "tactip-331"]
+
+
+@pytest.mark.parametrize("sensor", known_sensors(), ids=lambda s: s.name)
+def test_each_figure_has_its_source_and_each_source_a_figure(sensor: KnownSensor) -> None:
+    assert figures(sensor) == sensor.sources.keys()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[pins]\n", "lacks title"),
+        ('title = "a"\n[pins]\npitch_mm = -1.0\n', "pins.pitch_mm: must be more than 0"),
+        ('title = "a"\n[pins]\nlayout = "spiral"\n', "pins.layout: unknown value 'spiral'"),
+        ('title = "a"\n[pins]\ncount = 3\n', "pins.count: must be at least 12"),
+        ('title = "a"\npin = 3\n', "unknown key 'pin'"),
+        ('title = "a"\nname = "b"\n', "unknown key 'name'; a sensor is named as its file"),
+        ('title = "a"\n[pins]\npitch_mm = nan\n', "pins.pitch_mm = nan: give a finite number"),
+        ("title =\n", "not TOML"),
+    ],
+)
+def test_a_mistake_is_one_line_with_the_file(tmp_path: Path, text: str, expected: str) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as raised:
+        load_sensor(str(path))
+    assert str(path) in str(raised.value)
+    assert expected in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(ConfigError, match=r"'tactip' is unknown; one of digitac, .* or a file of your own"):
+        load_sensor("tactip")
+    with pytest.raises(ConfigError, match=r"absent\.toml: cannot be read"):
+        load_sensor("absent.toml")
