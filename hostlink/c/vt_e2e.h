@@ -39,8 +39,8 @@ extern "C" {
 #define VT_DATA_ID_DETAIL                0xF64Du        /* profile 5 */
 #define VT_DATA_ID_PART                  0x2D0u         /* profile 11C; or'ed with the part's index */
 #define VT_PARTS                         12u            /* classic parts, at most */
-#define VT_BASE_STATE                    0x180u         /* CAN FD; + node id; classic: part 1 */
-#define VT_BASE_DETAIL                   0x480u         /* CAN FD; + node id; classic: part 4 */
+#define VT_BASE_STATE                    0x180u         /* CAN FD; + node id; classic: TPDO1 */
+#define VT_BASE_DETAIL                   0x480u         /* CAN FD; + node id; classic: TPDO4 */
 #define VT_BASE_EMERGENCY                0x080u         /* + node id */
 #define VT_BASE_HEARTBEAT                0x700u         /* + node id */
 #define VT_BASE_SDO_REQUEST              0x600u         /* host to node; + node id */

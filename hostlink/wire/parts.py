@@ -1,5 +1,4 @@
-"""A sample on classic CAN: 8 to 12 messages of 8 bytes (6 without contacts and features that are not in
-demand, at least 4), and their reassembly.
+"""A sample on classic CAN: 4 to 12 messages of 8 bytes, and their reassembly.
 
     byte 0    1            2                     3 ...                       7
     +--------+-----+------+----------+----------+---------------------------+
@@ -7,7 +6,7 @@ demand, at least 4), and their reassembly.
     |        | 4   | 4    | low 5    | (or data)|                           |
     +--------+-----+------+----------+----------+---------------------------+
 
-    TPDO1  displacement, shear x, shear y: enough to control a grasp
+    TPDO1  displacement, shear x, shear y: with the status enough to control a grasp
     TPDO2  status, rest of the sample number, pins tracked, number of contacts, number of parts
     TPDO3  page 0 time, check; 1 sigmas, latency, temperature; 2 force, pressure; 3 area, orientation;
            4 tilt; 5 torsion, slip; 6 forces along the surface; 7 torque, friction, slip margin.
@@ -145,7 +144,7 @@ class PartFrame:
     raws: dict[str, int]
 
     def values(self) -> dict[str, float]:
-        """Physical values of its measured fields, NaN where invalid: enough to use part 1 alone."""
+        """Physical values of its measured fields, NaN where invalid, without reassembly."""
         rows = ((name, field_named(name), raw) for name, raw in self.raws.items() if name not in CLASSIC_BITS)
         return {
             name: raw if f.plain else float("nan") if raw == f.raw_nan(8 * f.size) else raw * f.scale

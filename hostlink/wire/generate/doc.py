@@ -46,8 +46,8 @@ _WHY: Final = (
     ("Sample number beside the counter", "the counter tells losses on the link, the sample number survives "
      "long gaps and joins state, detail stream and classic parts"),
     ("Counter and sample number in every classic part", "with them no receiver ever joins two samples"),
-    ("Displacement and shear alone in part 1", "a grasp controller needs one 8-byte frame, the first of the "
-     "sample, and no reassembly"),
+    ("Displacement, shear and status in the first two classic messages", "a grasp controller needs no others, "
+     "and no reassembly"),
     ("Classic pages only where a value is valid", "a bus of five fingers at 1 Mbit/s has no room for pages of "
      "invalid values"),
     ("A CRC-32 on serial lines only", "CAN's controllers check and repeat frames below ours; a bare line does "
@@ -176,9 +176,11 @@ def _classic() -> list[str]:
     lines = [
         "## Classic CAN",
         "",
-        "The same sample in 4 to 12 messages of 8 bytes, in this order, on the identifiers of TPDO1..4. Part",
-        "1 alone is enough to control a grasp. TPDO3 and TPDO4 are multiplexed by `page`; pages that are not",
-        "sent hold invalid values only. `part_n` says how many messages the sample has.",
+        "The same sample in 4 to 12 messages of 8 bytes, in this order, on the identifiers of TPDO1..4 (in the",
+        "DBC: Part1..Part4). TPDO1 and TPDO2 are enough to control a grasp: depth and shear, and the status that",
+        "says whether they may move a hand. They are of one sample where `counter` and `sample_low` agree.",
+        "TPDO3 and TPDO4 are multiplexed by `page`; pages that are not sent hold invalid values only. `part_n`",
+        "says how many messages the sample has.",
         "",
     ]
     rows = [
@@ -281,8 +283,9 @@ def _unprotected() -> list[str]:
         "",
         "A receiver tells it from noise so: for each frame with a wrong CRC there is exactly one data id that",
         "would make it right. Noise implies another one each time; three different frames that imply the same",
-        "one, with the same version byte, are another version (chance of noise: 2^-48). The error names both. A",
-        "single frame whose CRC is right for our data id and whose version byte is not ours is noise.",
+        "one, with the same version byte, are another version (chance of noise: 2^-48). On classic CAN, where a",
+        "part implies 12 bits of data id and version, it takes six different TPDO1 (2^-60). The error names both",
+        "versions. A single frame whose CRC is right for our data id and whose version byte is not ours is noise.",
         "",
     ]
 
@@ -359,8 +362,8 @@ def _canopen() -> list[str]:
                     "SYNC, accepted: latches a sample where `tpdo1_transmission` is 1..240",
                 ),
                 (f"0x{ids.emergency:03X} + node", "EMCY"),
-                (f"0x{ids.tpdo1:03X} + node", "state frame (FD) or part 1 (classic)"),
-                (f"0x{ids.tpdo2:03X} + node", "part 2 (classic)"),
+                (f"0x{ids.tpdo1:03X} + node", "state frame (FD) or TPDO1 (classic)"),
+                (f"0x{ids.tpdo2:03X} + node", "TPDO2 (classic)"),
                 (f"0x{ids.tpdo3:03X} + node", "parts on TPDO3 (classic)"),
                 (f"0x{ids.tpdo4:03X} + node", "detail stream (FD) or parts on TPDO4 (classic)"),
                 (f"0x{ids.sdo_response:03X} + node", "SDO, node to host"),
