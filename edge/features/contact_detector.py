@@ -29,6 +29,7 @@ import numpy as np
 
 from edge.features.params import PARAMS, FeatureParams
 from edge.geometry.lattice import slope_stencil
+from edge.geometry.select import SIGMA_OF_MAD
 from edge.types import Rest
 
 if cython.compiled:
@@ -41,7 +42,7 @@ else:
     from edge.geometry.select import median
 
 #: Standard deviation of normal noise over the median of its size.
-_MAD_TO_SIGMA = cython.declare(cython.double, 1.4826)
+_SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)
 
 
 @cython.cclass
@@ -311,7 +312,7 @@ class ContactDetector:
         # About zero rather than about the median: drift is noise too.
         ratio: cython.double = 1.0
         if predicted > 0.0:
-            ratio = _MAD_TO_SIGMA * median(self._values, known) / (self._cell_noise * predicted)
+            ratio = _SIGMA_OF_MAD * median(self._values, known) / (self._cell_noise * predicted)
         if not isfinite(ratio):
             return
         ratio = min(max(ratio, 1.0 / self._noise_ratio_max), self._noise_ratio_max)

@@ -15,6 +15,7 @@ import cython
 import numpy as np
 
 from edge.geometry.lattice import residual_stencil
+from edge.geometry.select import SIGMA_OF_MAD
 from edge.types import Array
 
 if cython.compiled:
@@ -26,7 +27,7 @@ else:
     from edge.geometry.select import median
 
 #: Standard deviation of normal noise over the median of its size.
-_MAD_TO_SIGMA = cython.declare(cython.double, 1.4826)
+_SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)
 
 
 @cython.cclass
@@ -74,4 +75,4 @@ class PinNoise:
             self._sizes[n_sizes] = fabs(x)
             self._sizes[n_sizes + 1] = fabs(y)
             n_sizes += 2
-        return _MAD_TO_SIGMA * median(self._sizes, n_sizes) if n_sizes else 0.0
+        return _SIGMA_OF_MAD * median(self._sizes, n_sizes) if n_sizes else 0.0

@@ -14,6 +14,10 @@ else:
     from math import nan as NAN  # noqa: N812
 
 
+#: The median absolute deviation of normal noise, times this, is its standard deviation.
+SIGMA_OF_MAD = 1.4826
+
+
 def kth_smallest(values: Array, k: int) -> float:
     """k-th smallest, from 0, of values (n,) float64 without NaN; reorders them.
 

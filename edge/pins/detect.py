@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 
 from edge.errors import NoPins
 from edge.geometry.lattice import pitch_of
+from edge.geometry.select import SIGMA_OF_MAD
 from edge.pins.blobs import Spots, find_spots, join, measure_discs
 from edge.pins.params import PARAMS
 from edge.pins.partial import find_cut
@@ -85,7 +86,7 @@ def noise_of(grey: Image) -> float:
     """Standard deviation of the grey level from pixel to pixel, gradients removed; robust to edges."""
     # weights 1 1 -4 1 1 give sqrt(20) times the noise
     residual = cv2.Laplacian(grey.astype(np.float32), cv2.CV_32F)
-    return float(np.median(np.abs(residual)) / 0.6745 / np.sqrt(20.0))
+    return float(SIGMA_OF_MAD * np.median(np.abs(residual)) / np.sqrt(20.0))
 
 
 def learn(grey: Image, polarity: Polarity = Polarity.FOUND) -> tuple[PinPattern, Pins]:

@@ -18,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from edge.geometry.lattice import pitch_of
+from edge.geometry.select import SIGMA_OF_MAD
 from edge.pins.blobs import Spots
 from edge.pins.params import PARAMS
 from edge.types import Array, Index, Mask
@@ -91,7 +92,7 @@ def unevenness(spots: Spots) -> float:
     distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=PARAMS.neighbours + 1)
     values = (spots.radius_px, spots.depth, distance[:, 1])
     scatter = [np.median(np.abs(_log_ratio(value, near[:, 1:]))) for value in values]
-    return float(1.4826 * (scatter[0] + 1.5 * scatter[1] + 2.0 * scatter[2]))
+    return float(SIGMA_OF_MAD * (scatter[0] + 1.5 * scatter[1] + 2.0 * scatter[2]))
 
 
 def _outlierness(spots: Spots) -> Array:
@@ -105,7 +106,9 @@ def _outlierness(spots: Spots) -> Array:
             np.maximum(_log_ratio(distance[:, :2].mean(axis=1), near), 0.0),
         ]
     )
-    scatter = np.clip(1.4826 * np.median(np.abs(difference), axis=1), PARAMS.scatter_min, PARAMS.scatter_max)
+    scatter = np.clip(
+        SIGMA_OF_MAD * np.median(np.abs(difference), axis=1), PARAMS.scatter_min, PARAMS.scatter_max
+    )
     outlierness: Array = ((difference / scatter[:, None]) ** 2).sum(axis=0)
     size, depth = np.exp(difference[0]), np.exp(difference[1])
     outlierness[

@@ -15,6 +15,7 @@ from __future__ import annotations
 import cython
 import numpy as np
 
+from edge.geometry.select import SIGMA_OF_MAD
 from edge.tracking.params import TrackingParams
 from edge.types import Array, Mask, Pins
 
@@ -30,7 +31,7 @@ else:
     from edge.tracking.affine import Fit, LocalAffine
 
 #: Standard deviation of normal noise, in median absolute deviations.
-SIGMA_OF_MAD = cython.declare(cython.double, 1.4826)
+_SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)
 UNKNOWN = cython.declare(cython.double, -2)
 UNSUPPORTED = cython.declare(cython.double, -1)
 
@@ -148,7 +149,7 @@ class PhotometricFilter:
         gain = _median(self.values, m, self.median_halvings)
         for i in range(m):
             self.values[i] = fabs(self.values[i] - cython.cast(cython.float, gain))
-        change_max = self.brightness_sigmas * SIGMA_OF_MAD * _median(self.values, m, self.median_halvings)
+        change_max = self.brightness_sigmas * _SIGMA_OF_MAD * _median(self.values, m, self.median_halvings)
         change_max = max(change_max, self.brightness_change_min * gain)
         m = 0
         for i in range(self.n):

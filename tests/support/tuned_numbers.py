@@ -51,8 +51,9 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/tracking/outliers.py:UNSUPPORTED",
     }),
     "mathematics": frozenset({
-        "edge/calibration/checks.py:_CELL_AREA", "edge/features/contact_detector.py:_MAD_TO_SIGMA",
-        "edge/features/pin_noise.py:_MAD_TO_SIGMA", "edge/tracking/outliers.py:SIGMA_OF_MAD",
+        "edge/calibration/checks.py:_CELL_AREA", "edge/features/contact_detector.py:_SIGMA_OF_MAD",
+        "edge/features/pin_noise.py:_SIGMA_OF_MAD", "edge/tracking/outliers.py:_SIGMA_OF_MAD",
+        "edge/geometry/select.py:SIGMA_OF_MAD",
         "edge/features/pin_motion.py:_ELLIPSE", "edge/features/modes.py:MODE_POWERS",
         "edge/features/slip.py:NO_SLIP", "edge/pins/blobs.py:_ANGLES", "edge/runtime/measurement.py:_NOTHING",
         "edge/geometry/lattice.py:N_RING", "edge/runtime/layout_match.py:_SYMMETRY",
