@@ -24,7 +24,8 @@ __all__ = ["Axes", "Handedness", "recognise_axes", "recognise_handedness"]
 #: Inputs that shear, tilt and place follow most closely.
 TERMS: tuple[list[str], ...] = (["c00"], ["p"], ["c11"], ["c21"], ["volume", "p"], ["volume", "c00"], [])
 RIDGE = 1e-3  # share of the rows: keeps a few rows from being explained by chance
-#: Difference of the squared errors over its standard error: below it the data do not decide.
+#: Mean difference of squared errors, each frame's over their sum, over its standard error: below it the data
+#: do not decide.
 CERTAIN = 4.0
 QUARTER_DEG = 15.0  # an axis this close to one of the image's is named after it
 
@@ -33,7 +34,8 @@ QUARTER_DEG = 15.0  # an axis this close to one of the image's is named after it
 class Handedness:
     """The evidence of one vector.
 
-    certain      difference of the squared errors over its standard error, positive for mirrored
+    certain      mean difference of the frames' squared errors, each over their sum, over its standard error;
+                 positive for mirrored
     turn_deg     direction of the rig's x in the image, after mirroring, if it is mirrored
     """
 
@@ -65,22 +67,30 @@ class Axes:
 
 
 def recognise_handedness(
-    outputs: tuple[str, ...], inputs: Complex, names: Sequence[str], y: Complex
+    outputs: tuple[str, ...],
+    inputs: Complex,
+    names: Sequence[str],
+    y: Complex,
+    expected: Complex | None = None,
 ) -> Handedness:
     """Which of y and its mirror image the inputs explain better.
 
-    inputs  (n, k) complex128, finite, columns `names`
-    y       (n,) complex128, the truth x + i y in the rig's axes
+    inputs    (n, k) complex128, finite, columns `names`
+    y         (n,) complex128, the truth x + i y in the rig's axes
+    expected  (n,) complex128, not mirrored, by another tip's model: it explains alone; None: there is none
     """
     psi = evaluate_terms(inputs, term_columns(TERMS, names))
     size = np.sqrt((np.abs(psi) ** 2).mean(axis=0))
     psi = psi[:, size > 0] / size[size > 0]
-    gram = psi.conj().T @ psi + RIDGE * len(y) * np.eye(psi.shape[1])
-    hat = psi @ np.linalg.solve(gram, psi.conj().T)
+    by = psi if expected is None else expected[:, None] / np.sqrt((np.abs(expected) ** 2).mean())
+    gram = by.conj().T @ by + RIDGE * len(y) * np.eye(by.shape[1])
+    hat = by @ np.linalg.solve(gram, by.conj().T)
     # Errors of each row by weights fitted without it.
     left_out = 1.0 - np.minimum(np.diag(hat).real, 0.99)
     straight, mirrored = ((target - hat @ target) / left_out for target in (y, y.conj()))
-    gain = np.abs(straight) ** 2 - np.abs(mirrored) ** 2
+    squares = np.abs(straight) ** 2, np.abs(mirrored) ** 2
+    # A share, from -1 to 1: a few frames that all agree are certain, whatever their sizes.
+    gain = (squares[0] - squares[1]) / np.maximum(squares[0] + squares[1], 1e-300)
     error = float(gain.std()) / math.sqrt(len(gain))
     certain = float(gain.mean()) / error if error > 0 else 0.0
     # The mean motion carries shear, the place tilt and place: whichever follows y better.

@@ -7,15 +7,15 @@ with the fewest terms within one standard error of the best is chosen. Its sigma
 held-out errors, divided by the widening that follows from the distance to the data.
 
 A symmetric Gaussian process (`calib.process_fit`), with the contact's place among its inputs, is a candidate
-like the others. If the axes of a rig are mirrored against the image (`calib.axes`), its vectors are fitted
-mirrored.
+like the others; so is another tip's model that was changed as these frames say (`calib.carry_over`). If the
+axes of a rig are mirrored against the image (`calib.axes`), its vectors are fitted mirrored.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from functools import partial
@@ -25,6 +25,7 @@ import msgspec
 import numpy as np
 
 from calib.axes import Axes, recognise_axes, recognise_handedness
+from calib.carry_over import KnownModel
 from calib.curve import CURVE, fit_curve
 from calib.designs import GROUPS, MEAN_MOTION, Group, designs, is_round, went_all_round
 from calib.errors import FitError
@@ -82,6 +83,10 @@ class ModelKind(StrEnum):
     PLAIN = "curve"  # the paper's: a curve of the volume, the plain mean motion
     POLYNOMIAL = "polynomial"
     PROCESS = "process"
+    CARRIED = "carried over"  # another tip's model, changed
+
+
+PROCESS_KINDS = (ModelKind.CARRIED, ModelKind.PROCESS)
 
 
 class Prefer(StrEnum):
@@ -96,11 +101,13 @@ class Search:
     """What is tried, and which of several sufficient models is taken.
 
     terms_max  of a process: more are left out, those with the smallest prior variance first
+    known      another tip's models, by their outputs
     """
 
     prefer: Prefer = Prefer.SPEED
     kinds: frozenset[ModelKind] = frozenset(ModelKind)
     terms_max: int = TERMS_MAX
+    known: Mapping[tuple[str, ...], KnownModel] = field(default_factory=dict)
 
 
 EVERYTHING = Search()
@@ -133,7 +140,7 @@ class Choice:
 def _kind_of(name: str) -> ModelKind:
     if name in (CURVE, MEAN_MOTION):
         return ModelKind.PLAIN
-    return ModelKind.PROCESS if name == ModelKind.PROCESS else ModelKind.POLYNOMIAL
+    return ModelKind(name) if name in PROCESS_KINDS else ModelKind.POLYNOMIAL
 
 
 def fit(
@@ -163,11 +170,11 @@ def fit(
     """
     sensor = sensor_of(rest, serial)
     _checked(sensor, mm_per_px, [], Data("", "", 0, ""))
-    usable = _usable_frames(targets, extract)
+    usable = _usable_frames(targets, extract, PARAMS.known_rows_min if search.known else PARAMS.rows_min)
     choices: list[Choice] = []
     refused: list[str] = []
     problems = list(_problems(rest, targets, extract, usable))
-    axes = _axes(problems)
+    axes = _axes(problems, search.known)
     on_axes(axes)
     problems = [problem.in_the_image(axes) for problem in problems]
     started = [_start_processes(problem, search, pool) for problem in problems]
@@ -213,13 +220,13 @@ class Processes:
 
 def fit_processes(rest: Rest, targets: Targets, extract: Extract, pool: Executor | None = None) -> Processes:
     """The processes alone. Raises FitError: too few frames can be used, or none varies."""
-    usable = _usable_frames(targets, extract)
+    usable = _usable_frames(targets, extract, PARAMS.rows_min)
     problems = [p for p in _problems(rest, targets, extract, usable) if not p.groups[0].of_contact]
-    axes = _axes(problems)
+    axes = _axes(problems, {})
     problems = [problem.in_the_image(axes) for problem in problems]
     jobs = [job for problem in problems for job in _start_processes(problem, EVERYTHING, pool)]
     groups = [group for problem in problems for group in problem.groups]
-    found = [(g, fitted) for g, job in zip(groups, jobs, strict=True) if (fitted := job()) is not None]
+    found = [(g, run()) for g, job in zip(groups, jobs, strict=True) for run in job.values()]
     if not found:
         raise FitError(f"{targets.where}: {int(usable.sum())} usable frames are too few for a process")
     groups_found, processes = zip(*found, strict=True)
@@ -244,7 +251,7 @@ def _checked(sensor: Sensor, mm_per_px: float | None, models: list[Model], data:
     )
 
 
-def _usable_frames(targets: Targets, extract: Extract) -> Mask:
+def _usable_frames(targets: Targets, extract: Extract, rows_min: int) -> Mask:
     """(frames,) bool: identities certain, touched, inputs computed. Raises FitError: too few, and why."""
     reasons = {
         "pins not identified": ~extract.trusted,
@@ -258,10 +265,10 @@ def _usable_frames(targets: Targets, extract: Extract) -> Mask:
         usable[new] = False
         if len(new):
             why.append(f"{words} in {len(new)} (first: {targets.frames[new[0]].name})")
-    if usable.sum() < PARAMS.rows_min:
+    if usable.sum() < rows_min:
         raise FitError(
             f"{targets.where}: {int(usable.sum())} of {len(targets)} frames can be used, at least "
-            f"{PARAMS.rows_min} are needed" + "".join(f"; {words}" for words in why)
+            f"{rows_min} are needed" + "".join(f"; {words}" for words in why)
         )
     return usable
 
@@ -327,31 +334,35 @@ class _Problem:
         )
 
 
-def _axes(problems: Sequence[_Problem]) -> Axes:
+def _axes(problems: Sequence[_Problem], models: Mapping[tuple[str, ...], KnownModel]) -> Axes:
     """Orientation of the rig's axes in the image, from all vectors that cover more directions than one."""
     found = []
     for problem in problems:
         known = np.isfinite(problem.frame_inputs).all(axis=1)
         for group, y in zip(problem.groups, problem.y.T, strict=True):
             if len(group.outputs) == 2 and is_round(np.stack([y.real, y.imag])[:, known]):
-                inputs = problem.frame_inputs[known]
-                found.append(recognise_handedness(group.outputs, inputs, FRAME_INPUTS, y[known]))
+                inputs, expected = problem.frame_inputs[known], None
+                if group.outputs in models:
+                    model = models[group.outputs].in_the_image(inputs, FRAME_INPUTS)
+                    expected = model.values(inputs, FRAME_INPUTS)
+                found.append(recognise_handedness(group.outputs, inputs, FRAME_INPUTS, y[known], expected))
     return recognise_axes(found)
 
 
-def _start_processes(
-    problem: _Problem, search: Search, pool: Executor | None
-) -> list[Callable[[], FittedProcess | None]]:
-    """Functions that return the process of each group; None if frames are too few or inputs are missing."""
-    usable = (
-        ModelKind.PROCESS in search.kinds
-        and len(problem.inputs) >= PARAMS.process_rows_min
-        and bool(np.isfinite(problem.inputs).all())
-    )
-    if problem.noise is None or not usable:
-        return [lambda: None for _ in problem.groups]
-    calls = [
-        partial(
+_Jobs = Mapping[ModelKind, Callable[[], FittedProcess]]
+
+
+def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -> list[_Jobs]:
+    """For each group, functions that return a process of these frames alone, and one carried over.
+
+    Without those that are not wanted, and those that frames or inputs are missing for.
+    """
+    rows = len(problem.inputs)
+    if problem.noise is None or not np.isfinite(problem.inputs).all():
+        return [{} for _ in problem.groups]
+    jobs: list[_Jobs] = []
+    for group, y in zip(problem.groups, problem.y.T, strict=True):
+        call = partial(
             fit_process,
             problem.inputs,
             problem.names,
@@ -361,11 +372,16 @@ def _start_processes(
             problem.fold,
             problem.lossy,
             all_round=problem.all_round,
-            terms_max=search.terms_max,
         )
-        for group, y in zip(problem.groups, problem.y.T, strict=True)
-    ]
-    return list(calls) if pool is None else [pool.submit(call).result for call in calls]
+        calls: dict[ModelKind, Callable[[], FittedProcess]] = {}
+        if rows >= PARAMS.process_rows_min:
+            calls[ModelKind.PROCESS] = partial(call, terms_max=search.terms_max)
+        if rows >= PARAMS.known_rows_min and group.outputs in search.known:
+            known = search.known[group.outputs].in_the_image(problem.inputs, problem.names)
+            calls[ModelKind.CARRIED] = partial(call, known=known)
+        wanted = {kind: run for kind, run in calls.items() if kind in search.kinds}
+        jobs.append(wanted if pool is None else {k: pool.submit(run).result for k, run in wanted.items()})
+    return jobs
 
 
 def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> Iterator[_Problem]:
@@ -423,31 +439,34 @@ _Tried = tuple[Candidate, list[list[str]], Complex]
 
 
 def _choose(
-    problem: _Problem, processes: Sequence[Callable[[], FittedProcess | None]], search: Search
+    problem: _Problem, processes: Sequence[_Jobs], search: Search
 ) -> Iterator[tuple[Group, Choice | FitError]]:
     """One model for each group."""
     n = len(problem.inputs)
-    if n < PARAMS.rows_min:
-        why = f"{n} usable frames, {PARAMS.rows_min} are needed"
-        for g in problem.groups:
-            yield g, FitError(f"{problem.where}: {' and '.join(g.outputs)}: {why}")
-        return
     tried: list[list[_Tried]] = [[] for _ in problem.groups]
     for name, terms in designs(problem.groups[0], problem.all_round):
         if [] not in terms:
             terms = [*terms, []]  # preload: the paper's offset at zero shear
-        if len(terms) * PARAMS.rows_per_term > n or _kind_of(name) not in search.kinds:
+        if n < max(PARAMS.rows_min, len(terms) * PARAMS.rows_per_term) or _kind_of(name) not in search.kinds:
             continue
         psi, moved = term_values(problem.inputs, problem.noise, term_columns(terms, problem.names))
         results = cross_validate(name, psi, moved, problem.y, problem.fold, real=problem.real)
         for known, (candidate, predicted) in zip(tried, results, strict=True):
             known.append((candidate, terms, predicted))
-    for i, (group, known, process) in enumerate(zip(problem.groups, tried, processes, strict=True)):
-        yield group, _best(problem, i, known, process(), search)
+    for i, (group, known, jobs) in enumerate(zip(problem.groups, tried, processes, strict=True)):
+        if n < PARAMS.rows_min and not jobs:
+            why = f"{n} usable frames, {PARAMS.rows_min} are needed"
+            yield group, FitError(f"{problem.where}: {' and '.join(group.outputs)}: {why}")
+        else:
+            yield group, _best(problem, i, known, {kind: run() for kind, run in jobs.items()}, search)
 
 
 def _best(
-    problem: _Problem, i: int, tried: list[_Tried], process: FittedProcess | None, search: Search
+    problem: _Problem,
+    i: int,
+    tried: list[_Tried],
+    processes: Mapping[ModelKind, FittedProcess],
+    search: Search,
 ) -> Choice | FitError:
     """The smallest model of group i within one standard error of the best, or the best."""
     outputs, y = problem.groups[i].outputs, problem.y[:, i]
@@ -455,14 +474,15 @@ def _best(
     if (
         outputs == ("displacement_mm",)
         and ModelKind.PLAIN in search.kinds
+        and len(y) >= PARAMS.rows_min
         and np.all(np.isfinite(problem.inputs[:, 0]))
     ):
         fitted = fit_curve(problem.inputs[:, 0].real, y.real, problem.fold)
         if fitted is not None:
             curve, candidate, predicted = fitted
             tried.insert(0, (candidate, [], predicted))
-    if process is not None:
-        tried.append((_as_candidate(process, y), process.terms, process.held_out))
+    for kind, process in processes.items():
+        tried.append((_as_candidate(kind, process, y), process.terms, process.held_out))
     if not tried:
         return FitError(f"{problem.where}: {' and '.join(outputs)}: no model of the kinds that are wanted")
     best, _, predicted = min(tried, key=lambda t: t[0].rms)
@@ -480,10 +500,13 @@ def _best(
     if curve is not None and chosen.name == CURVE:
         model = curve
     else:
-        if process is not None and chosen.name == ModelKind.PROCESS:
-            model = _process(problem, i, process)
+        kind = _kind_of(chosen.name)
+        if kind in processes:
+            model = _process(problem, i, processes[kind])
         else:
             model = _polynomial(problem, i, terms, chosen.ridge, predicted)
+        if kind is ModelKind.CARRIED:
+            model = _valid_too(model, search.known[outputs])
         if problem.groups[i] in problem.mirrored:
             model, predicted = _mirrored(model), predicted.conj()
     return Choice(outputs, model, chosen, tuple(t[0] for t in tried), allowed, predicted)
@@ -512,13 +535,13 @@ def _polynomial(
     )
 
 
-def _as_candidate(process: FittedProcess, y: Complex) -> Candidate:
+def _as_candidate(kind: ModelKind, process: FittedProcess, y: Complex) -> Candidate:
     """The process as a candidate like the polynomials."""
     squares = np.abs(process.held_out - y) ** 2
     rms = float(np.sqrt(squares.mean() + process.pin_noise))
     # Standard error of a root of a mean of squares, by the delta method.
     error = float(squares.std() / np.sqrt(len(y)) / (2 * rms)) if rms else 0.0
-    return Candidate(ModelKind.PROCESS, len(process.terms), rms, error, 0.0)
+    return Candidate(kind, len(process.terms), rms, error, 0.0)
 
 
 def _process(problem: _Problem, i: int, fitted: FittedProcess) -> Process:
@@ -548,6 +571,13 @@ def _valid(y: Complex, *, real: bool) -> list[tuple[float, float]]:
     # A range known in one direction holds in all: the tip is round.
     far = round(float(np.abs([y.real, y.imag]).max()), 4)
     return [(-far, far), (-far, far)]
+
+
+def _valid_too(model: Polynomial | Process, known: KnownModel) -> Polynomial | Process:
+    """The model, valid where the other tip's is, too."""
+    both = zip(model.valid, known.valid, strict=True)
+    valid = [(min(low, other_low), max(high, other_high)) for (low, high), (other_low, other_high) in both]
+    return msgspec.structs.replace(model, valid=valid)
 
 
 def _mirrored(model: Polynomial | Process) -> Polynomial | Process:

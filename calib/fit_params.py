@@ -13,6 +13,7 @@ class FitParams:
 
     rows_min: int = 12  # frames: with fewer a model cannot be distinguished from chance
     process_rows_min: int = 24  # frames: a process has a weight for each of 25 inputs
+    known_rows_min: int = 6  # frames: with another tip's model few numbers are left to find
     rows_per_term: float = 1.5  # frames for each term: more terms would fit noise, ridge or not
     variation_min: float = 1e-3  # of a column, in its unit: below it the value was not varied
     roundness_min: float = (

@@ -10,10 +10,12 @@ How wrong it is, it is asked of frames that it has not seen: the frames are spli
 fitted without each, and all that is said of errors rests on these. (The errors of settings that have seen
 every frame are too small, by a third with a hundred frames.)
 
-The noise differs from frame to frame (a light contact slips and tells less), and along the value's direction
-from across it. Its logarithm is a polynomial in what no turn changes, the likeliest for those errors. Judged
-by a noise that has not seen their group either, they say how much wider or narrower sigma has to be to cover
-as many of them as it should.
+The noise (`calib.process_noise`) is the likeliest for those errors, along the value's direction and across.
+Judged by a noise that has not seen their group either, they say how much wider or narrower sigma has to be to
+cover as many of them as it should.
+
+If a model of another tip is known (`calib.carry_over`), its weights and what changes them take the place of
+the kernel: few frames are enough then.
 """
 
 from __future__ import annotations
@@ -28,9 +30,10 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
-from scipy.optimize import minimize
 
+from calib.carry_over import KnownModel, changed
 from calib.process_likelihood import Settings, Symmetry, fit_settings
+from calib.process_noise import NoiseModel, fit_lost, fit_noise, scale_of
 from edge.calibration.file import TERMS_MAX, Lost
 from edge.calibration.inputs import evaluate_terms, term_columns
 from edge.types import Array, Complex, Index, Mask
@@ -59,16 +62,6 @@ INPUTS = (
     Input("peak", 0, 1, real=True),
     Input("size", 0, 1, real=True),
 )
-#: What the effect of lost pins may depend on: how much of them is not known, the load, and how far on the
-#: contact's side, or ahead of the shear, they are.
-LOST_TERMS: list[list[str]] = [
-    ["gap"], ["volume"], ["size"], ["p", "p*"], ["c00", "c00*"], ["gap_place", "gap_place*"],
-    ["gap_place", "p*"], ["gap_place", "c00*"], ["gap", "gap_place", "p*"], ["volume", "gap_place", "p*"],
-]  # fmt: skip
-#: What the noise may depend on: load, shear, place.
-NOISE_TERMS: tuple[list[str], ...] = (
-    ["volume"], ["volume", "volume"], ["c00", "c00*"], ["p", "p*"], ["c00", "c00*", "volume"],
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,17 +72,14 @@ class ProcessParams:
     rows_max: int = 32  # of the covariance's root
     open_share: float = 0.99  # of what the weights leave open, that these rows hold
     apart: float = 0.1  # share of inputs that go their own ways in what the rows must hold
-    noise_prior: float = 0.5  # weight of squared coefficients of the noise's logarithm
     constant: float = 0.1  # prior deviation of the constant, in units of the output's own
-    losses_min: int = 50  # frames with pins taken away: fewer do not tell what losses do
     groups_min: int = 3  # that settings are fitted without
     rows_groups: int = 1440  # frames of all groups' fits together that are worth their time, with more groups
     far: float = 4.0  # times the largest of held-out frames: twice their sigma
 
 
+EVERY = slice(None)
 SIGMA_MIN = 1e-6  # in the output's unit: data without any error
-#: Shares of Gaussian errors within one and within two sigma.
-WITHIN = ((1.0, 0.6827), (2.0, 0.9545))
 PARAMS = ProcessParams()
 
 
@@ -148,51 +138,61 @@ def fit_process(
     *,
     all_round: bool,
     terms_max: int = TERMS_MAX,
+    known: KnownModel | None = None,
 ) -> FittedProcess:
     """Settings of largest likelihood, then the weights.
 
     inputs     (n, k) complex128, columns `names`, finite
     moved      draws of what the inputs may be off, each (n, k)
-    y          (n,) complex128, x + i y, or real
-    fold       (n,) rows that stay together when held out
+    y          (n,) complex128, x + i y, or real; fold (n,): rows that stay together when held out
     lossy      (n, losses, k) complex128, the inputs with some of the pins taken away; NaN: not known
     all_round  False: the data went one way only, and cannot tell what is not symmetric
     terms_max  more are left out, those with the smallest prior variance first
+    known      another tip's model of these outputs, whose terms it then has; None: none
     """
-    mean = float(y.real.mean()) if symmetry is Symmetry.EVEN else 0.0
-    unit = float(np.sqrt((np.abs(y - mean) ** 2).mean()))
-    target = (y - mean) / unit
-    prior = partial(_prior, names=names, symmetry=symmetry, all_round=all_round, terms_max=terms_max)
-    features, settings = prior(inputs, target=target)
-    posterior = _posterior(features, inputs, moved, target, settings.noise)
+    mean, unit, target = _standardised(y, symmetry)
+    find = partial(_prior, names=names, symmetry=symmetry, all_round=all_round, terms_max=terms_max)
+    if known is not None:
+        known = known.scaled(unit, mean)
+        find = partial(_changed, known, names=names, symmetry=symmetry)
+    prior = find(inputs, target=target)
+    features = prior.features
+    posterior = _posterior(prior, inputs, moved, target)
     factor = posterior.factor()
     group = fold % _n_groups(fold)
-    unseen, learnt = _held_out(partial(prior, start=settings.start), inputs, moved, target, fold, group)
+    unseen, learnt = _held_out(partial(find, start=prior.start), inputs, moved, target, fold, group)
     learnt *= posterior.share_held(features.rows(inputs), factor)
     if features.turning:  # the variance of a complex weight is that of its two parts together
         factor, learnt = factor / math.sqrt(2.0), learnt / 2.0
-    errors = _Errors(inputs, names, unseen, target, learnt, symmetry, all_round=all_round)
-    along, across, level = errors.noise(np.ones(len(y), dtype=np.bool_))
-    scale = _scale(errors.standardised(group))
+    errors = _Errors(inputs, names, unseen, target, learnt, symmetry, all_round=all_round, known=known)
+    along, across, level = errors.noise()
+    scale = scale_of(errors.standardised(group))
     over = max(math.sqrt(level * float((scale**2).mean())), SIGMA_MIN / unit)
+    weights = prior.mean + features.of_terms(posterior.weights[None])[0]
+    off = [features.values(inputs + d, weights) - features.values(inputs - d, weights) for d in moved]
     rows = lossy.reshape(-1, len(names))
-    change = (features.rows(rows) @ posterior.weights).reshape(lossy.shape[:2])
-    change = change - (features.rows(inputs) @ posterior.weights)[:, None]
-    weights = features.of_terms(posterior.weights[None])[0] * unit
-    weights[0] += mean
+    change = features.values(rows, weights) - np.repeat(features.values(inputs, weights), lossy.shape[1])
+    lost = fit_lost(rows, names, change / over, turning=features.turning)
     return FittedProcess(
         terms=features.terms,
-        weights=weights,
+        weights=(weights + mean / unit * np.eye(1, len(weights))[0]) * unit,
         factor=features.of_terms(factor / math.sqrt(level)),
         sigma=np.maximum(scale * unit * math.sqrt(level), SIGMA_MIN),
         far=PARAMS.far * float(learnt.max()) / level,
         noise=along,
         across=across,
-        lost=_fit_lost(rows, names, change.ravel() / over, turning=features.turning),
-        pin_noise=posterior.pin_noise * unit**2,
+        lost=known.lost_over(over) if lost is None and known is not None else lost,
+        pin_noise=float(np.mean(np.abs(off) ** 2)) / 4.0 * unit**2 if off else 0.0,
         held_out=unseen * unit + mean,
         uncertainty=Uncertainty(features, posterior.root() * (unit / math.sqrt(1.0 + features.turning))),
     )
+
+
+def _standardised(y: Complex, symmetry: Symmetry) -> tuple[float, float, Complex]:
+    """Mean and deviation, and y in these terms; the mean of what turns, or a mirror changes, is 0."""
+    mean = float(y.real.mean()) if symmetry is Symmetry.EVEN else 0.0
+    unit = float(np.sqrt((np.abs(y - mean) ** 2).mean()))
+    return mean, unit, (y - mean) / unit
 
 
 def _n_groups(fold: Index) -> int:
@@ -201,23 +201,16 @@ def _n_groups(fold: Index) -> int:
     return min(folds, max(PARAMS.groups_min, PARAMS.rows_groups // len(fold)))
 
 
-def _scale(standardised: Sequence[Array]) -> Array:
-    """What sigma of each part must be multiplied by to cover as many errors as it should."""
-    return np.array(
-        [np.mean([np.quantile(np.abs(z), share) / k for k, share in WITHIN]) for z in standardised]
-    )
-
-
-def _posterior(
-    features: _Features, inputs: Complex, moved: Sequence[Complex], target: Complex, noise: float
-) -> _Posterior:
+def _posterior(prior: _Prior, inputs: Complex, moved: Sequence[Complex], target: Complex) -> _Posterior:
+    features = prior.features
     design = features.rows(inputs)
     off = [(features.rows(inputs + d) - features.rows(inputs - d)) / 2.0 for d in moved]
-    return _Posterior(design, _mean_square(design, off), target if features.turning else target.real, noise)
+    left = target - features.values(inputs, prior.mean)
+    return _Posterior(design, _mean_square(design, off), left if features.turning else left.real, prior.noise)
 
 
 def _held_out(
-    prior: Callable[..., tuple[_Features, Settings]],
+    find: Callable[..., _Prior],
     inputs: Complex,
     moved: Sequence[Complex],
     target: Complex,
@@ -232,8 +225,9 @@ def _held_out(
     predicted, learnt = np.empty_like(target), np.empty(len(target))
     for k in range(int(group.max()) + 1):
         unseen = group == k
-        features, settings = prior(inputs[~unseen], target=target[~unseen])
-        found, left = _posterior(features, inputs, moved, target, settings.noise).held_out(fold)
+        prior = find(inputs[~unseen], target=target[~unseen])
+        found, left = _posterior(prior, inputs, moved, target).held_out(fold)
+        found = found + prior.features.values(inputs, prior.mean)
         predicted[unseen], learnt[unseen] = found[unseen], left[unseen]
     return predicted, learnt
 
@@ -245,6 +239,7 @@ class _Errors:
     learnt             (n,) variance of the prediction that the weights leave open
     symmetry           turning: two outputs, whose errors are looked at along the prediction and across it
     all_round          False: the data went one way only, and say nothing of errors across it
+    known              another tip's model, whose noise is where that of this one is looked for; None: none
     """
 
     def __init__(
@@ -257,21 +252,24 @@ class _Errors:
         symmetry: Symmetry,
         *,
         all_round: bool,
+        known: KnownModel | None,
     ) -> None:
+        self._before = (None, None) if known is None else (known.noise, known.across or known.noise)
         self._inputs, self._names, self._learnt = inputs, names, learnt
         self._turning, self._all_round = symmetry is Symmetry.TURNING, all_round
         self._error = predicted - target
         length = np.abs(predicted)
         self._direction = np.where(length > 0, predicted / np.where(length > 0, length, 1.0), 1.0)
 
-    def noise(self, rows: Mask) -> tuple[NoiseModel, NoiseModel | None, float]:
+    def noise(self, rows: Mask | slice = EVERY) -> tuple[NoiseModel, NoiseModel | None, float]:
         """Of one output; or of two along the value, and across it. Then their level: its typical variance."""
-        fitted = partial(_fit_noise, self._inputs[rows], self._names, learnt=self._learnt[rows])
+        fitted = partial(fit_noise, self._inputs[rows], self._names, learnt=self._learnt[rows])
         if not self._turning or not self._all_round:
-            one = fitted(squares=np.abs(self._error[rows]) ** 2)
+            one = fitted(squares=np.abs(self._error[rows]) ** 2, before=self._before[0])
             return one.over(one.level), None, one.level
         error = (self._error * self._direction.conj())[rows]
-        along, across = fitted(squares=error.real**2), fitted(squares=error.imag**2)
+        along = fitted(squares=error.real**2, before=self._before[0])
+        across = fitted(squares=error.imag**2, before=self._before[1])
         level = (along.level + across.level) / 2.0
         return along.over(level), across.over(level), level
 
@@ -307,6 +305,33 @@ def _mean_square(design: Complex, off: Sequence[Complex]) -> Complex:
     return square
 
 
+@dataclass(frozen=True, slots=True)
+class _Prior:
+    """Of the weights, and the noise, in units of the target.
+
+    mean  (terms,) complex128
+    start that led to the settings; None: there are no others
+    """
+
+    features: _Features
+    mean: Complex
+    noise: float
+    start: int | None
+
+
+def _changed(
+    known: KnownModel,
+    inputs: Complex,
+    names: Sequence[str],
+    target: Complex,
+    symmetry: Symmetry,
+    start: int | None = None,
+) -> _Prior:
+    """Another tip's weights, and what is likely to have changed them."""
+    mean, root, noise = changed(known, inputs, names, target, symmetry)
+    return _Prior(_Features(names, known.terms, root, symmetry), mean, noise, start)
+
+
 def _prior(
     inputs: Complex,
     names: Sequence[str],
@@ -316,8 +341,8 @@ def _prior(
     all_round: bool,
     terms_max: int,
     start: int | None = None,
-) -> tuple[_Features, Settings]:
-    """The features of the likeliest kernel that are not negligible, and its settings.
+) -> _Prior:
+    """The features of the likeliest kernel that are not negligible.
 
     start  the search's only one; None: all are tried
     """
@@ -340,8 +365,25 @@ def _prior(
     for term, power, size in _products(letters, scale[used], settings, symmetry):
         terms.append(term)
         prior.append([math.sqrt(part) / size for part in power])
-    features = _Features(names, terms, np.array(prior), symmetry)
-    return features.without_negligible(inputs, settings.noise, terms_max), settings
+    deviation = np.array(prior)
+    kept = _not_negligible(names, terms, deviation, inputs, settings.noise, terms_max)
+    terms, deviation = [terms[i] for i in kept], deviation[kept]
+    root = np.diag(deviation[:, 0] + 0j)
+    if symmetry is not Symmetry.TURNING:  # the real and the imaginary part of a weight are two features
+        root = np.hstack([root, 1j * np.diag(deviation[:, 1])])
+    features = _Features(names, terms, root[:, np.abs(root).any(axis=0)], symmetry)
+    return _Prior(features, np.zeros(len(terms), dtype=np.complex128), settings.noise, settings.start)
+
+
+def _not_negligible(
+    names: Sequence[str], terms: list[list[str]], deviation: Array, inputs: Complex, noise: float, most: int
+) -> Index:
+    """Which terms have a prior variance that is not far below the noise's. The constant stays first."""
+    size = (np.abs(evaluate_terms(inputs, term_columns(terms, names))) ** 2).mean(axis=0)
+    share = (deviation**2).max(axis=1) * size / noise
+    share[0] = np.inf
+    kept = np.sort(np.argsort(-share, kind="stable")[:most])
+    return np.asarray(kept[share[kept] > PARAMS.negligible])
 
 
 def _products(
@@ -380,50 +422,36 @@ def _products(
 
 
 class _Features:
-    """Terms with the prior deviation of their weights.
+    """Sums of terms whose weights have unit prior variance, independent of each other.
 
-    Of a turning output a weight is complex; of a real one its real and its imaginary part are features of
-    their own, and those without prior variance are left out.
+    Of a turning output the weights are complex; of a real one they are real, and the real parts count.
 
-    prior  (terms, 2) deviation of the weight's real and imaginary part
+    root  (terms, features) complex128: weights of the terms in each feature
     """
 
     def __init__(
-        self, names: Sequence[str], terms: list[list[str]], prior: Array, symmetry: Symmetry
+        self, names: Sequence[str], terms: list[list[str]], root: Complex, symmetry: Symmetry
     ) -> None:
-        self.names, self.terms, self._prior, self._symmetry = names, terms, prior, symmetry
+        self.terms, self._root = terms, root
         self.turning = symmetry is Symmetry.TURNING
         self._columns = term_columns(terms, names)
-        self._real, self._imag = np.flatnonzero(prior[:, 0]), np.flatnonzero(prior[:, 1])
 
-    def rows(self, inputs: Complex) -> Complex:
-        """Features of each frame, times their prior deviation: (n, features)."""
-        psi = evaluate_terms(inputs, self._columns)
-        if self.turning:
-            result: Complex = psi * self._prior[:, 0]
-            return result
-        real = psi.real[:, self._real] * self._prior[self._real, 0]
-        return np.hstack([real, -psi.imag[:, self._imag] * self._prior[self._imag, 1]])
+    def rows(self, inputs: Complex) -> Any:
+        """Features of each frame: (n, features)."""
+        found = evaluate_terms(inputs, self._columns) @ self._root
+        return found if self.turning else found.real
 
-    def of_terms(self, rows: Complex) -> Complex:
+    def values(self, inputs: Complex, weights: Complex) -> Complex:
+        """(n,) of these weights of the terms."""
+        value: Complex = evaluate_terms(inputs, self._columns) @ weights
+        if not self.turning:
+            value.imag = 0.0
+        return value
+
+    def of_terms(self, rows: Any) -> Complex:
         """Rows (r, features) over the features as rows (r, terms) over the terms."""
-        if self.turning:
-            result: Complex = rows * self._prior[:, 0]
-            return result
-        over = np.zeros((len(rows), len(self.terms)), dtype=np.complex128)
-        n = len(self._real)
-        over.real[:, self._real] = rows[:, :n] * self._prior[self._real, 0]
-        over.imag[:, self._imag] = rows[:, n:] * self._prior[self._imag, 1]
-        return over
-
-    def without_negligible(self, inputs: Complex, noise: float, terms_max: int) -> _Features:
-        """Without the terms whose prior variance is far below the noise's. The constant stays first."""
-        size = (np.abs(evaluate_terms(inputs, self._columns)) ** 2).mean(axis=0)
-        share = (self._prior**2).max(axis=1) * size / noise
-        share[0] = np.inf
-        kept = np.sort(np.argsort(-share, kind="stable")[:terms_max])
-        kept = kept[share[kept] > PARAMS.negligible]
-        return _Features(self.names, [self.terms[i] for i in kept], self._prior[kept], self._symmetry)
+        result: Complex = rows @ self._root.T
+        return result
 
 
 class _Posterior:
@@ -443,7 +471,6 @@ class _Posterior:
         self._precision = gram + off + noise * np.eye(len(gram))
         self._second_moment = gram / len(design)
         self.weights: Complex = np.linalg.solve(self._precision, design.conj().T @ y)
-        self.pin_noise = float((self.weights.conj() @ off @ self.weights).real) / len(design)
 
     def held_out(self, fold: Index) -> tuple[Complex, Array]:
         """Prediction of each row by weights that have not seen its fold; what they leave open of it."""
@@ -489,83 +516,3 @@ class _Posterior:
         whole = self._noise * (design * np.linalg.solve(self._precision, design.conj().T).T).sum(axis=1).real
         held: Array = (np.abs(design @ factor.T) ** 2).sum(axis=1) / np.maximum(whole, 1e-300)
         return np.minimum(held, 1.0)
-
-
-def _fit_lost(lossy: Complex, names: Sequence[str], change: Complex, *, turning: bool) -> Lost | None:
-    """Likeliest for these changes of the value, over sigma, that the loss of pins brought about."""
-    gap, volume = lossy[:, names.index("gap")].real, lossy[:, names.index("volume")].real
-    known = np.isfinite(change) & (gap > 0) & (volume > 0)
-    if known.sum() < PARAMS.losses_min:
-        return None
-    lossy, gap, volume = lossy[known], gap[known], volume[known]
-    parts = [change[known].real, change[known].imag] if turning else [change[known].real]
-    psi = evaluate_terms(lossy, term_columns(LOST_TERMS, names)).real
-    design = np.column_stack([np.ones(len(gap)), np.log(gap), np.log(volume), psi])
-    fitted = _fit_log_variance(design, np.mean(np.square(parts), axis=0), np.zeros(len(gap)))
-    # Few losses do much, most do little: no Gaussian, so that sigma is what covers as many as it should.
-    deviation = np.exp(0.5 * (design @ fitted))
-    scale, gap_power, volume_power, *weights = fitted.tolist()
-    scale += 2.0 * math.log(float(np.mean(_scale([np.concatenate([part / deviation for part in parts])]))))
-    return Lost(scale, gap_power, volume_power, float(gap.max()), LOST_TERMS, weights)
-
-
-@dataclass(frozen=True, slots=True)
-class NoiseModel:
-    """Logarithm of the noise's variance: a polynomial within the range that the data showed.
-
-    level  geometric mean of the variance, in the same unit
-    """
-
-    terms: list[list[str]]
-    weights: Array
-    low: float
-    high: float
-    level: float
-
-    def variance(self, inputs: Complex, names: Sequence[str]) -> Array:
-        """(n,)"""
-        psi = evaluate_terms(inputs, term_columns(self.terms, names)).real
-        return np.exp(np.clip(psi @ self.weights, self.low, self.high))
-
-    def over(self, level: float) -> NoiseModel:
-        """The same in units of this variance."""
-        log, weights = math.log(level), self.weights.copy()
-        weights[0] -= log
-        return NoiseModel(self.terms, weights, self.low - log, self.high - log, self.level / level)
-
-
-def _fit_noise(inputs: Complex, names: Sequence[str], squares: Array, learnt: Array) -> NoiseModel:
-    """Likeliest for errors with these squares, of which the weights explain `learnt`."""
-    terms = [[], *NOISE_TERMS]
-    psi = evaluate_terms(inputs, term_columns(terms, names)).real
-    weights = _fit_log_variance(psi, squares, learnt)
-    logs = psi @ weights
-    low, high = float(logs.min()), float(logs.max())
-    return NoiseModel(terms, weights, low, high, math.exp(float(logs.mean())))
-
-
-def _fit_log_variance(design: Array, squares: Array, known: Array) -> Array:
-    """Weights b that make errors with these squares likeliest: variance = exp(design b) + known.
-
-    design   (n, k), the first column 1
-    Returns  (k,); 0 for a column that is the same in all rows
-    """
-    centre, scale = design.mean(axis=0), design.std(axis=0)
-    varies = scale > 0
-    unit = np.where(varies, (design - centre) / np.where(varies, scale, 1.0), 0.0)
-    unit[:, 0] = 1.0
-
-    def cost(b: Array) -> tuple[float, Array]:
-        noise = np.exp(np.clip(unit @ b, -60.0, 60.0))
-        total = noise + known
-        slope = unit.T @ ((1.0 / total - squares / total**2) * noise)
-        slope[1:] += 2.0 * PARAMS.noise_prior * b[1:]
-        penalty = PARAMS.noise_prior * float(b[1:] @ b[1:])
-        return float((np.log(total) + squares / total).sum()) + penalty, slope
-
-    start = np.zeros(design.shape[1])
-    start[0] = math.log(max(float(squares.mean()), 1e-300))
-    b = minimize(cost, start, jac=True, method="L-BFGS-B").x
-    weights: Array = np.where(varies, b / np.where(varies, scale, 1.0), 0.0)
-    weights[0] = b[0] - float((weights[1:] * centre[1:]).sum())
-    return weights

@@ -12,13 +12,16 @@ from rich.console import Console
 from rich.table import Table
 
 from calib.axes import Axes
+from calib.carry_over import KnownModel, known_models
 from calib.commands.evaluate import print_report
 from calib.commands.options import PATH, Frames, frames_options, overwrite_option, progress_bar
 from calib.extract import executor
 from calib.fit import Choice, Prefer, Search, fit, groups_of
 from calib.hold_out import evaluate_held_out
+from edge.calibration import Calibration
+from edge.calibration.checks import is_of_contact, outputs_of
 from edge.cli.options import sensor_option
-from edge.errors import ConfigError
+from edge.errors import CalibrationError, ConfigError
 from edge.runtime.sensor_match import mm_per_px as scale_by_pitch
 from edge.sensors import load_sensor
 from edge.types import Rest
@@ -50,6 +53,12 @@ from hostlink.output_file import check_output, writing
     help="Share of the poses to hold out; a fit to the others is evaluated on them, e.g. 0.2.",
 )
 @click.option("--seed", type=WholeNumber(0, 2**31 - 1), default=0, show_default=True, help="Of --hold-out.")
+@click.option(
+    "--prior",
+    type=PATH,
+    metavar="FILE",
+    help="Calibration of another tip: its models, changed as these frames say, are tried too.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print what was fitted as one JSON object.")
 def fit_command(
     output: Path,
@@ -60,6 +69,7 @@ def fit_command(
     prefer: str,
     hold_out: float | None,
     seed: int,
+    prior: Path | None,
     as_json: bool,
     **frames: Any,
 ) -> None:
@@ -71,15 +81,14 @@ def fit_command(
     (mm), shear_Rz (deg), force_z (N), area (mm2), contact_x, contact_y, contact_depth (mm). What has no
     column is not fitted. The scale comes from contacts in known places, from --mm-per-px, or from the pitch
     of --sensor; without any, what is in mm of the image (places, slip speed) stays invalid.
-
-    With --hold-out, a share of the poses is held out first: a fit to the others is evaluated on them, like
-    `evaluate` does. The file is then fitted to all frames.
+    With --hold-out, a share of the poses is held out first: a fit to the others is evaluated on them. The
+    file is then fitted to all frames. With --prior, a few frames of a new tip are enough.
     """
     given = Frames(**frames)
-    check_output(output, (".json",), given.inputs, overwrite)
+    check_output(output, (".json",), [*given.inputs, *([prior] if prior else [])], overwrite)
+    search = Search(Prefer(prefer), known={} if prior is None else _known_models(prior))
     data = given.open()
     targets, extract = data.targets, given.extract(data)
-    search = Search(Prefer(prefer))
     held_out_errors = None
     with executor(given.dask, given.workers) as pool, progress_bar(given.quiet) as bar:
         if hold_out is not None:
@@ -123,6 +132,22 @@ def _scale_of(name: str | None, rest: Rest) -> float | None:
         why = "its file has no pitch_mm" if sensor.pins.pitch_mm is None else "the pins are not in its layout"
         raise ConfigError(f"--sensor {name}: no scale follows from it, {why}; give --mm-per-px")
     return scale
+
+
+def _known_models(prior: Path) -> dict[tuple[str, ...], KnownModel]:
+    """Of another tip. Raises CalibrationError: cannot be read, or nothing in it carries over."""
+    content = Calibration.load(prior).content
+    known = known_models(content)
+    if not known:
+        raise CalibrationError(
+            f"{prior}: has no process and no polynomial, which alone carry over to another tip; fit it again "
+            "with --prefer accuracy"
+        )
+    left = [name for model in content.models for name in outputs_of(model) if not is_of_contact(model)]
+    left = [name for name in left if not any(name in outputs for outputs in known)]
+    if left:
+        click.echo(f"{prior}: {', '.join(left)}: a curve does not carry over to another tip", err=True)
+    return known
 
 
 def _print_axes(axes: Axes) -> None:

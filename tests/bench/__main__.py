@@ -14,6 +14,7 @@ COMMANDS = {
     "accuracy": "Time of a frame against its error, for every kind of model.",
     "axes": "Errors on the published recordings, with eight forms of the rig's axes.",
     "bridge": "Fingers through the ROS 2 bridge to a peer: losses and latency.",
+    "carry_over": "Another tip with few frames: alone, and with a first tip's calibration.",
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
     "identity": "Pin identity after a jump, on real and simulated frames.",
     "instructions": "Instructions and cache misses of a frame, counted.",

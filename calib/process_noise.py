@@ -1,0 +1,142 @@
+"""The noise of a process, and what lost pins add to it: logarithms that are polynomials in a frame's inputs.
+
+The noise differs from frame to frame (a light contact slips and tells less). Its logarithm is a polynomial in
+what no turn changes, the likeliest for the errors of frames that were not seen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from edge.calibration.file import Lost
+from edge.calibration.inputs import evaluate_terms, term_columns
+from edge.types import Array, Complex
+
+__all__ = ["NoiseModel", "NoiseParams", "fit_lost", "fit_noise", "scale_of"]
+
+#: What the effect of lost pins may depend on: how much of them is not known, the load, and how far on the
+#: contact's side, or ahead of the shear, they are.
+LOST_TERMS: list[list[str]] = [
+    ["gap"], ["volume"], ["size"], ["p", "p*"], ["c00", "c00*"], ["gap_place", "gap_place*"],
+    ["gap_place", "p*"], ["gap_place", "c00*"], ["gap", "gap_place", "p*"], ["volume", "gap_place", "p*"],
+]  # fmt: skip
+#: What the noise may depend on: load, shear, place.
+NOISE_TERMS: tuple[list[str], ...] = (
+    ["volume"], ["volume", "volume"], ["c00", "c00*"], ["p", "p*"], ["c00", "c00*", "volume"],
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseParams:
+    """Evidence: docs/tuning.md, "Fit by a Gaussian process"."""
+
+    noise_prior: float = 0.5  # weight of squared coefficients of the noise's logarithm
+    losses_min: int = 50  # frames with pins taken away: fewer do not tell what losses do
+
+
+PARAMS = NoiseParams()
+#: Shares of Gaussian errors within one and within two sigma.
+WITHIN = ((1.0, 0.6827), (2.0, 0.9545))
+
+
+def scale_of(standardised: Sequence[Array]) -> Array:
+    """What sigma of each part must be multiplied by to cover as many errors as it should."""
+    return np.array(
+        [np.mean([np.quantile(np.abs(z), share) / k for k, share in WITHIN]) for z in standardised]
+    )
+
+
+def fit_lost(lossy: Complex, names: Sequence[str], change: Complex, *, turning: bool) -> Lost | None:
+    """Likeliest for these changes of the value, over sigma, that the loss of pins brought about."""
+    gap, volume = lossy[:, names.index("gap")].real, lossy[:, names.index("volume")].real
+    known = np.isfinite(change) & (gap > 0) & (volume > 0)
+    if known.sum() < PARAMS.losses_min:
+        return None
+    lossy, gap, volume = lossy[known], gap[known], volume[known]
+    parts = [change[known].real, change[known].imag] if turning else [change[known].real]
+    psi = evaluate_terms(lossy, term_columns(LOST_TERMS, names)).real
+    design = np.column_stack([np.ones(len(gap)), np.log(gap), np.log(volume), psi])
+    fitted = _fit_log_variance(
+        design, np.mean(np.square(parts), axis=0), np.zeros(len(gap)), np.ones(len(gap))
+    )
+    # Few losses do much, most do little: no Gaussian, so that sigma is what covers as many as it should.
+    deviation = np.exp(0.5 * (design @ fitted))
+    scale, gap_power, volume_power, *weights = fitted.tolist()
+    scale += 2.0 * math.log(float(np.mean(scale_of([np.concatenate([part / deviation for part in parts])]))))
+    return Lost(scale, gap_power, volume_power, float(gap.max()), LOST_TERMS, weights)
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseModel:
+    """Logarithm of the noise's variance: a polynomial within the range that the data showed.
+
+    level  geometric mean of the variance, in the same unit
+    """
+
+    terms: list[list[str]]
+    weights: Array
+    low: float
+    high: float
+    level: float
+
+    def variance(self, inputs: Complex, names: Sequence[str]) -> Array:
+        """(n,)"""
+        psi = evaluate_terms(inputs, term_columns(self.terms, names)).real
+        return np.exp(np.clip(psi @ self.weights, self.low, self.high))
+
+    def over(self, level: float) -> NoiseModel:
+        """The same in units of this variance."""
+        log, weights = math.log(level), self.weights.copy()
+        weights[0] -= log
+        return NoiseModel(self.terms, weights, self.low - log, self.high - log, self.level / level)
+
+
+def fit_noise(
+    inputs: Complex, names: Sequence[str], squares: Array, learnt: Array, before: NoiseModel | None = None
+) -> NoiseModel:
+    """Likeliest for errors with these squares, of which the weights explain `learnt`.
+
+    before  another tip's, which this one departs from no further than the errors show; None: a constant
+    """
+    terms = before.terms if before else [[], *NOISE_TERMS]
+    psi = evaluate_terms(inputs, term_columns(terms, names)).real
+    weights = before.weights if before else np.zeros(len(terms))
+    change = _fit_log_variance(psi, squares, learnt, np.exp(np.clip(psi @ weights, -60.0, 60.0)))
+    logs = psi @ (weights + change)
+    low, high = float(logs.min()), float(logs.max())
+    if before:
+        shift = float((psi @ change).mean())
+        low, high = min(low, before.low + shift), max(high, before.high + shift)
+    return NoiseModel(terms, weights + change, low, high, math.exp(float(logs.mean())))
+
+
+def _fit_log_variance(design: Array, squares: Array, known: Array, times: Array) -> Array:
+    """Weights b that make errors with these squares likeliest: variance = times exp(design b) + known.
+
+    design   (n, k), the first column 1
+    Returns  (k,); 0 for a column that is the same in all rows
+    """
+    centre, scale = design.mean(axis=0), design.std(axis=0)
+    varies = scale > 0
+    unit = np.where(varies, (design - centre) / np.where(varies, scale, 1.0), 0.0)
+    unit[:, 0] = 1.0
+
+    def cost(b: Array) -> tuple[float, Array]:
+        noise = times * np.exp(np.clip(unit @ b, -60.0, 60.0))
+        total = noise + known
+        slope = unit.T @ ((1.0 / total - squares / total**2) * noise)
+        slope[1:] += 2.0 * PARAMS.noise_prior * b[1:]
+        penalty = PARAMS.noise_prior * float(b[1:] @ b[1:])
+        return float((np.log(total) + squares / total).sum()) + penalty, slope
+
+    start = np.zeros(design.shape[1])
+    start[0] = math.log(max(float((squares / times).mean()), 1e-300))
+    b = minimize(cost, start, jac=True, method="L-BFGS-B").x
+    weights: Array = np.where(varies, b / np.where(varies, scale, 1.0), 0.0)
+    weights[0] = b[0] - float((weights[1:] * centre[1:]).sum())
+    return weights
