@@ -200,6 +200,13 @@ def _send_detail(node: Node) -> Callable[[Result, State], None]:
     return send
 
 
+def _finger_number(loop: Loop, config: Config) -> int:
+    """As hosts know it: a sink's address may name another number than the configuration does."""
+    from edge.link.node import Node
+
+    return next((sink.number for sink in loop.sinks if isinstance(sink, Node)), config.sensor.node_id)
+
+
 def _fail_if_lost(worker: WorkerClient, record: Path | None) -> Callable[[Any, Any, Any], None]:
     """At the end: exit code 1 if the recording that was asked for is not complete. The worker says why."""
 
@@ -230,7 +237,7 @@ def start_worker(
             options.overwrite,
             options.recordings_folder(config),
             {"serial": config.sensor.serial},
-            config.sensor.node_id,
+            _finger_number(loop, config),
         ),
     )
     stack.push(_fail_if_lost(worker, options.record_path))

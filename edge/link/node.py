@@ -47,6 +47,7 @@ class Node:
     device    the application
     settings  where settings live; several nodes of one finger may share one
     node      CANopen node number on a serial line; on CAN it is the sink's
+    number    the one of the two that holds
     """
 
     def __init__(
@@ -67,16 +68,16 @@ class Node:
         self._detail_frames = 0
         self._active: set[FaultCode] = set()
         self._link_faults: frozenset[FaultCode] = frozenset()
-        number = sink.node if isinstance(sink, CanSink) else node
+        self.number = sink.node if isinstance(sink, CanSink) else node
         ids = sink.ids if isinstance(sink, CanSink) else None
         self.objects = ObjectServer(
-            device, self._settings, number, ids or _STANDARD_IDS, self._changed, self._statistics
+            device, self._settings, self.number, ids or _STANDARD_IDS, self._changed, self._statistics
         )
         self._port: CanPort | SerialPort
         if isinstance(sink, CanSink):
             self._port = CanPort(sink, self.objects, self._on_nmt, self._on_sync)
         else:
-            self._port = SerialPort(sink, number, self.objects, self._on_nmt, self._on_sync)
+            self._port = SerialPort(sink, self.number, self.objects, self._on_nmt, self._on_sync)
         sink.on_faults = self.watch_link
         self._changed("features")
         self._start()

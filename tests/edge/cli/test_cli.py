@@ -21,7 +21,7 @@ import pytest
 
 from edge.__main__ import main
 from edge.cli.options import LoopOptions
-from edge.recording import Recorder
+from edge.recording import Recorder, read_messages
 from edge.sensors import load_sensor
 from edge.sources import open_source
 from tests.support.waiting import SOON_S, until
@@ -149,6 +149,29 @@ def test_a_recording_of_a_replay_replays_the_same(
 
     assert values(once) == values(again)
     assert len(values(once)) == 33
+
+
+@pytest.mark.parametrize(
+    ("sink", "finger"), [("virtual:numbered?node=5", 5), ("virtual:numbered", 4), ("memory:", 4)]
+)
+def test_a_recording_numbers_the_finger_as_the_bus_does(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, sink: str, finger: int
+) -> None:
+    (tmp_path / "edge.toml").write_text("[sensor]\nnode_id = 4\n")
+    arguments = (
+        "run",
+        "--config",
+        tmp_path / "edge.toml",
+        "--source",
+        "sim:nothing?pins=37&layout=hex&paced=0",
+    )
+    path = tmp_path / "a.mcap"
+    assert run(monkeypatch, *arguments, "--frames", "2", "-q", "--sink", sink, "--record", path) == 0
+    topics = {topic for topic, _, _ in read_messages(path)}
+    assert {topic for topic in topics if topic.startswith("/finger")} == {
+        f"/finger_{finger}/sample",
+        f"/finger_{finger}/contacts",
+    }
 
 
 @pytest.mark.parametrize(("speed", "way_out"), [("100", "--loop plays it on"), ("max", "a longer one")])
