@@ -31,7 +31,7 @@ VALUES = tuple(UNTOUCHED)
     "rig",
     required=True,
     metavar="SPEC",
-    help="sim, sim:FILE.toml, gcode:PORT, gcode:FILE.toml or manual.",
+    help="sim, sim:FILE.toml, sim:SENSOR, gcode:PORT, gcode:FILE.toml or manual.",
 )
 @click.option(
     "--protocol", required=True, metavar="NAME", help=f"{', '.join(PROTOCOLS)}, {ADAPTIVE} or FILE.toml."

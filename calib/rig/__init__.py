@@ -28,7 +28,8 @@ def open_rig(
 ) -> Rig:
     """Open a rig.
 
-    spec            "sim", "sim:FILE.toml", "gcode:PORT", "gcode:FILE.toml" or "manual"
+    spec            "sim", "sim:FILE.toml", "sim:SENSOR" (a known one: `edge.sensors`), "gcode:PORT",
+                    "gcode:FILE.toml" or "manual"
     camera          source of frames for rigs that have none of their own (see `edge.sources`)
     first_sequence  number of the next frame; a simulated rig continues its noise there
     ask             shows a line to the person at the rig, returns when it is done
@@ -36,8 +37,11 @@ def open_rig(
     """
     kind, _, rest = spec.partition(":")
     if kind == "sim":
-        from calib.rig.simulated import SimulatedRig, load_simulation
+        from calib.rig.simulated import SimulatedRig, load_simulation, simulation_of
+        from edge.sensors import sensor_names
 
+        if rest in sensor_names():
+            return SimulatedRig(simulation_of(rest), first_sequence)
         return SimulatedRig(load_simulation(Path(rest) if rest else None), first_sequence)
     if kind == "gcode" and rest:
         from calib.rig.gcode import GcodeRig
@@ -57,4 +61,6 @@ def open_rig(
         from edge.sources import open_source
 
         return ManualRig(open_source(camera), ask)
-    raise RigError(f"rig {spec!r} is unknown; one of sim, sim:FILE.toml, gcode:PORT, gcode:FILE.toml, manual")
+    raise RigError(
+        f"rig {spec!r} is unknown; one of sim, sim:FILE.toml, sim:SENSOR, gcode:PORT, gcode:FILE.toml, manual"
+    )

@@ -7,14 +7,17 @@ Rules
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 
 from calib.errors import RigError
 from calib.rig.base import Pose
 from calib.sim import Appearance, Camera, Simulator, Tip, Tool, ToolPose
+from calib.sim.of_sensor import appearance_of, camera_of
 from calib.toml_file import load_toml
+from edge.errors import ConfigError
 from edge.limits import PINS_MAX, PINS_MIN
+from edge.sensors import load_sensor
 from edge.sources.image_header import check_size
 from edge.types import Frame
 
@@ -60,6 +63,17 @@ def load_simulation(path: Path | None) -> Simulation:
         return known
     except ValueError as error:
         raise RigError(f"{path}: {error}") from None
+
+
+def simulation_of(name: str) -> Simulation:
+    """The simulation of a known sensor. Raises RigError: its file lacks what a simulation needs."""
+    try:
+        sensor = load_sensor(name)
+        camera = camera_of(sensor)
+    except (ConfigError, ValueError) as error:
+        raise RigError(f"sim:{name}: {error}") from None
+    table = {field.name: getattr(camera, field.name) for field in fields(CameraTable)}
+    return Simulation(camera.tip, CameraTable(**table), appearance_of(sensor, Appearance()))
 
 
 def _refuse_unknown(table: dict[str, object], known: object) -> None:

@@ -20,6 +20,7 @@ from calib.rig.manual import ManualRig, describe_pose
 from calib.rig.simulated import SimulatedRig, load_simulation
 from calib.rig.stage import AxisTable, GcodeStage, StageFile, StageTable, load_stage
 from calib.sim import Tool
+from edge.pins import take_rest
 from edge.types import Clock, Frame, Polarity
 from tests.support.fake_stage import FakeStage
 from tests.support.waiting import SOON_S
@@ -383,3 +384,22 @@ def test_a_stage_that_is_not_there_is_one_plain_line(tmp_path: Path) -> None:
     assert (
         str(error.value) == f"stage {tmp_path}/nope: No such file or directory; give the stage's serial port"
     )
+
+
+def test_a_known_sensor_is_a_simulated_rig() -> None:
+    rig = open_rig("sim:gelsight-mini")
+    rig.mount(Tool("sphere"))
+    resting = take_rest([rig.frame().image])
+    assert resting.pattern.dark
+    assert resting.pattern.size_px == (320, 240)
+    rig.move(Pose(depth_mm=1.0))
+    pressed = rig.frame()
+    assert pressed.truth is not None
+    assert pressed.truth["depth_mm"] == 1.0
+    again = open_rig("sim:gelsight-mini")
+    assert np.array_equal(again.frame().image, open_rig("sim:gelsight-mini").frame().image)
+
+
+def test_a_sensor_without_a_layout_is_no_rig() -> None:
+    with pytest.raises(RigError, match="sim:digitac: sensor digitac cannot be simulated: its file has no"):
+        open_rig("sim:digitac")
