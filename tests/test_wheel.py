@@ -8,6 +8,7 @@ import subprocess
 import sys
 import sysconfig
 import tarfile
+import tomllib
 import venv
 import zipfile
 from pathlib import Path
@@ -16,6 +17,7 @@ import pytest
 
 from tests.support.kernels import ROOT, table
 
+VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
 #: Imports the pipeline from the wheel without Cython, and calls a kernel.
 PROGRAM = """
 import sys
@@ -40,6 +42,22 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     subprocess.run([*command, "-w", str(folder), "."], cwd=ROOT, check=True, timeout=900)
     (made,) = folder.glob("*.whl")
     return made
+
+
+@pytest.mark.parametrize(
+    ("file", "line"),
+    [
+        ("CITATION.cff", "version: {}"),
+        ("deploy/oakapp.toml", 'app_version = "{}"'),
+        ("hostlink/bridge/voronoi_touch_msgs/package.xml", "  <version>{}</version>"),
+    ],
+)
+def test_the_version_is_the_same_wherever_it_stands(file: str, line: str) -> None:
+    assert line.format(VERSION) in (ROOT / file).read_text().splitlines()
+
+
+def test_the_changelog_has_this_version() -> None:
+    assert f"\n## {VERSION} - " in (ROOT / "CHANGELOG.md").read_text()
 
 
 def test_every_kernel_is_in_it_for_every_release(wheel: Path) -> None:
@@ -71,7 +89,7 @@ def test_the_wheel_runs_without_a_compiler(wheel: Path, tmp_path: Path) -> None:
     assert float(area) == 2.0
     program = [str(python.parent / "voronoi-touch-edge"), "--version"]
     version = subprocess.check_output(program, cwd=tmp_path, env=environment, text=True)
-    assert version.split()[-1] == "0.1.0"
+    assert version.split()[-1] == VERSION
 
 
 @pytest.mark.slow
