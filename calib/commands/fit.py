@@ -101,7 +101,7 @@ def fit_command(
             targets,
             extract,
             serial=serial,
-            mm_per_px=mm_per_px or _scale_of(sensor_name, data.rest),
+            mm_per_px=mm_per_px or scale_of(sensor_name, data.rest),
             on_group=lambda names: bar.advance(task),
             on_refused=lambda why: click.echo(f"not fitted: {why}", err=True),
             on_axes=_print_axes,
@@ -122,7 +122,7 @@ def fit_command(
         click.echo(f"{output} is fitted to all frames.")
 
 
-def _scale_of(name: str | None, rest: Rest) -> float | None:
+def scale_of(name: str | None, rest: Rest) -> float | None:
     """Scale by the pitch of a sensor. Raises ConfigError: not known, or the pins are not in its layout."""
     if name is None:
         return None

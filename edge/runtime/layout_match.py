@@ -7,6 +7,8 @@ fisheye too; on a wrong one they are as good as chance.
 
 Rules
 - A pin takes a site that is predicted nearer than half a pitch: beyond, another site is next to it.
+- The first neighbours must stand as the layout has them, but for rotation and zoom: what grows from them may
+  be sheared, and a sheared hexagonal lattice is a square one.
 - Growth ends when half of a round's predictions are no better than half of what chance gives.
 - A square grid has no end: the image's border cuts it. Of its sites those among the pins count.
 """
@@ -88,6 +90,9 @@ def _grow(z: Complex, sites: Complex, layout: str) -> tuple[NDArray[np.integer],
     first = np.argsort(np.abs(z))[: 1 + _SYMMETRY[layout]]
     turn = _first_turn(z[first], sites[middle], _SYMMETRY[layout])
     _assign(z, middle, turn * sites[middle], site_of, error)
+    if np.median(error[first[1:]]) > CLEAR:
+        site_of[first[1:]] = -1
+        return site_of, error
     for _ in range(2 * int(np.abs(sites).max()) + 2):  # a round adds a ring
         on = np.flatnonzero(site_of >= 0)
         free = np.setdiff1d(np.arange(len(sites)), site_of[on])

@@ -8,8 +8,15 @@ from pathlib import Path
 import pytest
 
 from calib.__main__ import main
+from calib.commands.fit import scale_of
 from calib.errors import TableError
 from calib.extract import executor
+from calib.sim import Simulator
+from calib.sim.of_sensor import camera_of
+from calib.simulated_calibration import mm_per_px
+from edge.errors import ConfigError
+from edge.pins import take_rest
+from edge.sensors import load_sensor
 from hostlink.output_file import WriteError
 
 
@@ -110,3 +117,14 @@ def test_a_disk_that_fills_during_the_pictures_leaves_none_behind(
     with pytest.raises(WriteError, match=r"trade\.png: cannot be written: No space left on device"):
         plots._save(Figure(), tmp_path / "trade.png")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_scale_of_a_fit_follows_from_the_pitch_of_the_sensor() -> None:
+    simulator = Simulator(camera_of(load_sensor("tactip-127"), (320, 240)))
+    rest = take_rest([simulator.frame().image])
+    assert scale_of("tactip-127", rest) == pytest.approx(mm_per_px(simulator), rel=0.003)
+    assert scale_of(None, rest) is None
+    with pytest.raises(ConfigError, match="tactip-331: no scale follows from it, its file has no pitch_mm"):
+        scale_of("tactip-331", rest)
+    with pytest.raises(ConfigError, match=r"gelsight-mini: no scale .* the pins are not in its layout"):
+        scale_of("gelsight-mini", rest)

@@ -68,6 +68,14 @@ def test_the_same_pins_in_another_layout_are_another_tip() -> None:
     assert found[0] == "rings"
 
 
+def test_a_hexagonal_lattice_is_no_square_grid() -> None:
+    """One is the other, sheared."""
+    hexagonal = rest_of("tactip-127")
+    assert recognise(hexagonal, [load_sensor("square-grid")]) is None
+    assert match_layout(hexagonal, "square").pins_on < 0.1
+    assert match_layout(rest_of("square-grid"), "hex", 127).pins_on < 0.1
+
+
 def test_pins_in_no_layout_are_no_sensor() -> None:
     """A dart-throwing pattern: even spacing, no order."""
     rng, placed = np.random.default_rng(19), [np.array([200.0, 200.0])]
