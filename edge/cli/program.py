@@ -31,7 +31,7 @@ COMMANDS = {
     ),
     "sensor": CommandRow(
         "edge.cli.sensor:sensor",
-        "Describe a sensor of your own by one IMAGE of its untouched skin.",
+        "Describe a sensor by one IMAGE of its untouched skin, for --sensor and [sensor] model.",
     ),
     "doctor": CommandRow(
         "edge.cli.doctor:doctor",
