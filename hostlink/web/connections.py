@@ -78,6 +78,8 @@ class _Connection(web.RequestHandler):
 
     def log_exception(self, *args: Any, **kw: Any) -> None:
         error = kw.get("exc_info")
+        if isinstance(error, asyncio.InvalidStateError):
+            return  # aiohttp's own: the server closes while a request ends
         if isinstance(error, HttpProcessingError | asyncio.CancelledError | ConnectionError):
             self._refused.write("view: a request that is not HTTP was refused")
         else:
