@@ -3,7 +3,6 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
-DEMO := .venv/.demo
 # What is compiled, and what that is made of: setup.py has the table.
 SOURCES := pyproject.toml constraints.txt setup.py $(wildcard edge/*/*.pxd \
 	$(shell sed -n 's|^ *"\(edge\.[a-z_.]*\)": .*|\1|p' setup.py | tr . / | sed 's|$$|.py|'))
@@ -16,7 +15,7 @@ help:
 	@sed -n 's/^## //p' Makefile
 
 ## make demo       replay bundled recordings through the whole chain; pictures and a table in out/demo
-demo: $(or $(wildcard $(READY)),$(DEMO))
+demo: $(READY)
 	$(BIN)/python -m calib demo --out out/demo --overwrite
 
 ## make test       lint, types and tests; UNIT=coverage counts the lines that run
@@ -101,12 +100,9 @@ clean:
 	find edge -name "*.so" -delete
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# The demo needs a third of the packages that the tests need.
-$(DEMO): EXTRA := calib
-$(READY): EXTRA := dev
-$(DEMO) $(READY): $(SOURCES)
+$(READY): $(SOURCES)
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[$(EXTRA)]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	touch $@
 
 build/%/.ready: $(READY)
