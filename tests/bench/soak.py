@@ -18,11 +18,7 @@ Promises
 - SIGTERM ends cleanly within 1 s; after kill -9, at any moment of an upload too, settings and calibration are
   those last acknowledged or those being written, complete, and the next start uses them
 
-Not promised
-- A frozen image can be recognised only after 45 ms.
-- A knock of the camera during a touch, while this machine drops images: between images three and more apart
-  the touch itself moves the pins by as much (one knock in four to one in two is missed), and only its end
-  shows the knock.
+Not promised: a frozen image can be recognised only after 45 ms.
 
 The checker's records are in memory allocated at the start: any growth is the program's.
 
@@ -121,7 +117,6 @@ UNUSABLE = (
     | Status.CAMERA_MOVED | Status.CLOCK_STEP
 )  # fmt: skip
 FLOOD_S, FLOODED_SHARE = 5.0, 0.5  # of the samples must arrive while the bus is flooded; 0.25 did before
-KNOCK_GAP_FRAMES = 3
 BRISK_S = (0.3, 0.5)  # episodes and pauses of a short run
 VALUES = ("displacement_mm", "shear_x_mm", "shear_y_mm")
 
@@ -220,7 +215,7 @@ class Row:
     injected: int = 0
     announced: int = 0
     cleared: int = 0
-    unseen: int = 0  # not observable: no sample within it, or a knock while images were missing
+    unseen: int = 0  # not observable: no sample within the episode
     announce_ms: list[float] = field(default_factory=list)
     announce_net_ms: list[float] = field(default_factory=list)
     clear_ms: list[float] = field(default_factory=list)
@@ -308,8 +303,6 @@ class Soak:
         self.host.on_sample(self.on_sample)
 
         self.changes: list[tuple[float, FaultCode, bool]] = []
-        self.newest = (0, "")  # number of the newest image that was measured, and its fault
-        self.knocked_in_gap: set[Episode] = set()
         self.arrivals_s = Times(outcome.seconds * 2 * rate_hz)
         self.sent: dict[int, State] = {}
         self.error: BaseException | None = None
@@ -346,7 +339,6 @@ class Soak:
         self.sent[state.sample & 0xFFFF] = state
         if len(self.sent) > 4096:
             self.sent.pop(next(iter(self.sent)))
-        self.note_knock(result.frame.sequence, now_s)
         self.outcome.counts["samples judged"] += 1
         if state.status & UNUSABLE:
             self.outcome.counts["samples flagged"] += 1
@@ -359,22 +351,12 @@ class Soak:
         episode = self.episode("camera", now_s)
         if kind == "freeze" and episode is not None and now_s - episode.start_s < 2 * ANNOUNCED_S:
             self.outcome.counts["samples wrong, cannot be known yet (freeze)"] += 1
-        elif kind == "shift" and episode in self.knocked_in_gap and state.status & Status.TOUCHED:
-            self.outcome.counts["samples wrong, cannot be known yet (knock between images)"] += 1
         else:
             by = (
                 f"{', '.join(f'{v:.2f}' for v in off)} mm (frame {k}, {kind or 'no fault'}, "
                 f"{result.tracks.n_seen} pins, confidence {result.tracks.confidence:.2f})"
             )
             self.outcome.fail(f"{now_s:.3f} s: unflagged, and wrong by {by}")
-
-    def note_knock(self, sequence: int, now_s: float) -> None:
-        """Whether images were dropped just when the camera was knocked, or put back."""
-        kind = self.source.kinds.get(sequence, "")
-        (last, last_kind), self.newest = self.newest, (sequence, kind)
-        if (kind == "shift") != (last_kind == "shift") and sequence - last >= KNOCK_GAP_FRAMES:
-            shifts = [e for e in self.rows["camera"] if e.kind == "shift" and e.start_s <= now_s]
-            self.knocked_in_gap.update(shifts[-1:])
 
     def on_sample(self, sample: Sample) -> None:
         self.arrivals_s.append(self.clock())
@@ -404,9 +386,6 @@ class Soak:
 
     def check_announced(self, e: Episode, entry: Row) -> None:
         since_s = e.start_s
-        if e in self.knocked_in_gap:
-            entry.unseen += 1
-            return
         if e.kind in LINK:  # it cannot be observed before a sample is sent
             i = bisect_left(self.refused_s, e.start_s)
             if i == len(self.refused_s) or self.refused_s[i] > e.end_s - ANNOUNCED_S:
