@@ -60,7 +60,7 @@ def replay(
     listen = options.listen()
     with ExitStack() as stack:
         with waiting(f"opening {recording}", not quiet):
-            source, total_n = _open(recording, speed, again)
+            source, total_n = _open(recording, speed, again, config.tare.frames_n)
             stack.callback(source.close)
             loop = make_loop(stack, source, config, options.sink_specs, options.calibration_path)
             if rest is not None:
@@ -97,14 +97,19 @@ def _use_rest(loop: Loop, recording: str, how: str, quiet: bool) -> None:
         click.echo(f"rest frame: {given.message}", err=True)
 
 
-def _open(recording: str, speed: float | str, again: bool) -> tuple[FrameSource, int]:
-    """The source, and how many frames it has; 0: not known. Raises SourceError."""
+def _open(recording: str, speed: float | str, again: bool, rest_n: int) -> tuple[FrameSource, int]:
+    """The source, and how many frames it has; 0: not known. Raises SourceError.
+
+    rest_n  images of the rest frame, of which none may be missed
+    """
     from edge.sources import Paced, open_source
     from edge.types import RecordedSource
 
     source = open_source(recording)
     total_n = source.frames_n if isinstance(source, RecordedSource) else 0
-    return (source if isinstance(speed, str) else Paced(source, speed=speed, loop=again)), total_n
+    if isinstance(speed, str):
+        return source, total_n
+    return Paced(source, speed=speed, loop=again, rest_n=rest_n), total_n
 
 
 class _PassedBefore:

@@ -165,6 +165,7 @@ class ThreadedSource(ABC):
             self._changed.wait_for(lambda: self._slot is not None or self._ended, timeout_s)
             frame, self._slot = self._slot, None
             self.frame_condition = self._slot_condition if frame is not None else ""
+            self._changed.notify_all()
         if frame is None and self._failure is not None:
             failure, self._failure = self._failure, None
             raise failure
@@ -182,6 +183,8 @@ class ThreadedSource(ABC):
 
     def close(self) -> None:
         self._closing.set()
+        with self._changed:
+            self._changed.notify_all()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             # Do not wait for a driver that hangs in the kernel; the thread is a daemon.
             self._thread.join(PARAMS.close_s)

@@ -5,6 +5,7 @@
 - It waits on the closing event: `close` ends a replay at once.
 - Frames get the time of their deadline on the host's monotonic clock, so that latency has the same meaning as
   with a camera. Sequence, truth and pixels are unchanged.
+- Time waits until the first images, which are the rest frame, have been read: a busy machine misses none.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ class Paced(ThreadedSource):
     rate_hz    0: the recording's own times
     speed      factor on the speed of playing
     loop       start again at the end, for ever; times and sequence numbers continue
+    rest_n     so many first images are each given when the one before has been read; time waits for that
     clock_ns   the host's monotonic clock
     """
 
@@ -38,6 +40,7 @@ class Paced(ThreadedSource):
         *,
         speed: float = 1.0,
         loop: bool = False,
+        rest_n: int = 0,
         clock_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         super().__init__(source.name)
@@ -47,6 +50,7 @@ class Paced(ThreadedSource):
         self._speed = speed
         self._own_times = not rate_hz
         self._loop = loop
+        self._rest_n = rest_n
         self._clock_ns = clock_ns
 
     def _due(self) -> Iterator[tuple[int, Frame]]:
@@ -73,7 +77,10 @@ class Paced(ThreadedSource):
     def _work(self) -> None:
         start_ns = self._clock_ns()
         period_ns = 1e9 / self.rate_hz if self.rate_hz else 0.0
-        for due_ns, frame in self._due():
+        for n, (due_ns, frame) in enumerate(self._due()):
+            if n < self._rest_n:
+                self._wait_until_read()
+                start_ns = max(start_ns, self._clock_ns() - due_ns)
             wait_ns = start_ns + due_ns - self._clock_ns()
             if wait_ns > 0:
                 self._closing.wait(wait_ns / 1e9)
@@ -82,6 +89,11 @@ class Paced(ThreadedSource):
             if self._closing.is_set():
                 return
             self._offer(replace(frame, capture_ns=start_ns + due_ns, clock=Clock.HOST))
+
+    def _wait_until_read(self) -> None:
+        """Wait until the loop has taken the frame that was offered last, or the source is closed."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._slot is None or self._closing.is_set())
 
     def close(self) -> None:
         super().close()

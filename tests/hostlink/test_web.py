@@ -223,7 +223,7 @@ def test_a_hundred_viewers_come_and_go(served: Served) -> None:
             served.until(lambda: server.viewers_n <= 1, "all have left but one")
 
             def grown() -> int:
-                """Connections that are just closing hold their last packet, without being viewers any more."""
+                """Connections that are just closing hold a packet, without being viewers any more."""
                 gc.collect()
                 return tracemalloc.get_traced_memory()[0] - before
 

@@ -486,6 +486,31 @@ def test_replay_in_a_loop_goes_on_counting() -> None:
     assert np.diff([f.capture_ns for f in frames]).tolist() == [1_000_000] * 7
 
 
+def test_a_replay_waits_for_the_reader_of_the_rest_frame() -> None:
+    """Time begins when the first images have been read, however long that takes."""
+    paced = Paced(Listed([i * 1_000 for i in range(12)], 1e6), rest_n=8)
+    paced.start()
+    frames: list[Frame] = []
+    for n in range(8):
+        with paced._changed:
+            assert paced._changed.wait_for(lambda: paced.received_n > len(frames), SOON_S)
+        assert n == 7 or paced.received_n == n + 1
+        frame = paced.read(SOON_S)
+        assert frame is not None
+        frames.append(frame)
+    paced.close()
+    assert [f.sequence for f in frames[:7]] == [10 * i for i in range(7)]
+    assert all(step_ns >= 1_000 for step_ns in np.diff([f.capture_ns for f in frames]))
+
+
+def test_closing_ends_a_replay_that_waits_for_its_reader() -> None:
+    paced = Paced(Listed([0, 1, 2], 1000.0), rest_n=3)
+    paced.start()
+    assert paced.read(SOON_S) is not None
+    paced.close()
+    assert not paced._thread.is_alive()
+
+
 def test_closing_ends_a_replay_at_once() -> None:
     paced = Paced(Listed([0, 3_600_000_000_000], 1.0))
     paced.start()
