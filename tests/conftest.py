@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,9 @@ from hypothesis import HealthCheck, settings
 from tests.support import kernels
 
 kernels.install()
+
+from edge.sources import ThreadedSource  # noqa: E402  (with the kernels that were installed)
+
 # A background job begins with SIGINT ignored, and so would the programs that tests interrupt.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 # No times: a busy machine is slow.
@@ -36,6 +40,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.parent in COMPUTING:
             item.add_marker(pytest.mark.filterwarnings("error::RuntimeWarning"))
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """No source is left open: a thread that decodes an image when the interpreter ends aborts it."""
+    left = [thread.name for thread in threading.enumerate() if _is_of_a_source(thread)]
+    if left:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+        print(f"\nsources that no test closed: {', '.join(left)}")
+
+
+def _is_of_a_source(thread: threading.Thread) -> bool:
+    return isinstance(getattr(getattr(thread, "_target", None), "__self__", None), ThreadedSource)
 
 
 @pytest.fixture(scope="session")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -400,11 +402,17 @@ def test_on_a_mostly_touched_recording_no_wrong_tare_is_accepted(
     assert outcomes == {ACCEPTED, REFUSED}
 
 
+@pytest.fixture
+def pressed_for_ever(data_dir: Path) -> Iterator[Paced]:
+    """A touch that is played again and again; its thread ends with the test."""
+    with contextlib.closing(Paced(open_source(str(data_dir / "press.mcap")), 30.0, loop=True)) as source:
+        yield source
+
+
 def test_samples_go_on_while_a_rest_frame_is_checked(
-    data_dir: Path, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
+    pressed_for_ever: Paced, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    source = Paced(open_source(str(data_dir / "press.mcap")), 30.0, loop=True)
-    finger = Finger([], calibration, source=source)
+    finger = Finger([], calibration, source=pressed_for_ever)
     measured = threading.Semaphore(0)
     finger.loop.result_callbacks.append(lambda *_: measured.release())
     thread = threading.Thread(target=finger.loop.run)
@@ -429,13 +437,12 @@ def test_samples_go_on_while_a_rest_frame_is_checked(
     assert request.done.result(SOON_S).state in (ACCEPTED, FORCED)
     finger.loop.stop()
     thread.join(SOON_S)
-    source.close()
 
 
 def test_a_loop_ends_at_once_while_its_first_rest_frame_is_checked(
-    data_dir: Path, monkeypatch: pytest.MonkeyPatch
+    pressed_for_ever: Paced, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    finger = Finger([], None, source=Paced(open_source(str(data_dir / "press.mcap")), 30.0, loop=True))
+    finger = Finger([], None, source=pressed_for_ever)
     begun, over = threading.Event(), threading.Event()
 
     def endless(*_: Any, **__: Any) -> RestFrame:
