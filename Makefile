@@ -2,7 +2,10 @@
 # make and a C compiler.
 PYTHON ?= python3
 BIN := .venv/bin
+# What README's commands need, and what the tests need beside it.
+USABLE := .venv/.usable
 READY := .venv/.ready
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
 # What is compiled, and what that is made of: setup.py has the table.
 SOURCES := pyproject.toml constraints.txt setup.py $(wildcard edge/*/*.pxd \
 	$(shell sed -n 's|^ *"\(edge\.[a-z_.]*\)": .*|\1|p' setup.py | tr . / | sed 's|$$|.py|'))
@@ -15,7 +18,7 @@ help:
 	@sed -n 's/^## //p' Makefile
 
 ## make demo       replay bundled recordings through the whole chain; pictures and a table in out/demo
-demo: $(READY)
+demo: $(USABLE)
 	$(BIN)/python -m calib demo --out out/demo --overwrite
 
 ## make test       lint, types and tests; UNIT=coverage counts the lines that run
@@ -100,9 +103,13 @@ clean:
 	find edge -name "*.so" -delete
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-$(READY): $(SOURCES)
+$(USABLE): $(SOURCES)
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(INSTALL) -e '.[calib,view]'
+	touch $@
+
+$(READY): $(USABLE)
+	$(INSTALL) -e '.[dev]'
 	touch $@
 
 build/%/.ready: $(READY)
