@@ -2,7 +2,8 @@
 # make and a C compiler.
 PYTHON ?= python3
 BIN := .venv/bin
-# What README's commands need, and what the tests need beside it.
+# What README's commands need, and what the tests need beside it. Both build with the same Cython, so that what
+# the first has compiled is up to date for the second.
 USABLE := .venv/.usable
 READY := .venv/.ready
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
@@ -105,11 +106,12 @@ clean:
 
 $(USABLE): $(SOURCES)
 	$(PYTHON) -m venv .venv
-	$(INSTALL) -e '.[calib,view]'
+	$(INSTALL) cython setuptools
+	$(INSTALL) --no-build-isolation -e '.[calib,view]'
 	touch $@
 
 $(READY): $(USABLE)
-	$(INSTALL) -e '.[dev]'
+	$(INSTALL) --no-build-isolation -e '.[dev]'
 	touch $@
 
 build/%/.ready: $(READY)
