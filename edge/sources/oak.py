@@ -10,14 +10,19 @@ depthai's own ReplayVideo or a host node.
 - Frames are read from the queue, never in a host node of our own: an exception in a node's thread would abort
   the process.
 - Capture time is depthai's, synchronised to the host's monotonic clock (`Clock.DRIVER`), or with
-  `clock=device` the module's own (`Clock.DEVICE`).
+  `clock=device` the module's own (`Clock.DEVICE`). Its stamps are of the end of the exposure; we ask for the
+  start.
+- `crop=x,y,width,height` is done by the module: only that part of the image goes over USB.
+- `sync=output` makes a camera's frame sync pin clock others, `sync=input` follows such a pin or any signal
+  at the same rate. Of cameras of one module at one rate, frames with one sequence number belong together.
 
-Source: depthai 3.12, its type stubs and its behaviour without hardware.
+Source: depthai 3.12, its type stubs and its behaviour without hardware; the maker's page on frame sync.
 """
 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import timedelta
@@ -35,7 +40,16 @@ from edge.types import Array, Clock, Frame
 if TYPE_CHECKING:
     import depthai as dai
 
-__all__ = ["Lens", "OakSource", "camera_output", "find_module", "lens_of", "open_oak", "replay_output"]
+__all__ = [
+    "Crop",
+    "Lens",
+    "OakSource",
+    "camera_output",
+    "find_module",
+    "lens_of",
+    "open_oak",
+    "replay_output",
+]
 
 MakeOutput = Callable[["dai.Pipeline"], "dai.Node.Output"]
 
@@ -84,8 +98,14 @@ def find_module(where: str) -> dai.DeviceInfo:
     )
 
 
-def camera_output(options: Options, socket: str = "CAM_B") -> MakeOutput:
-    """Mono camera of a module: manual exposure and focus, no anti-banding, one chunk a frame."""
+def camera_output(
+    options: Options, socket: str = "CAM_B", crop: Crop | None = None, sync: str = ""
+) -> MakeOutput:
+    """Mono camera of a module: manual exposure and focus, no anti-banding, one chunk a frame.
+
+    crop  of the image of the options' size; None: all of it
+    sync  what the camera's frame sync pin is: a key of `SYNC_MODES`; "": as depthai has it
+    """
 
     def make(pipeline: dai.Pipeline) -> dai.Node.Output:
         import depthai as dai
@@ -97,10 +117,52 @@ def camera_output(options: Options, socket: str = "CAM_B") -> MakeOutput:
         control.setAntiBandingMode(dai.CameraControl.AntiBandingMode.OFF)
         if options.focus is not None:
             control.setManualFocus(options.focus)
+        if sync:
+            control.setFrameSyncMode(getattr(dai.CameraControl.FrameSyncMode, SYNC_MODES[sync]))
         pipeline.setXLinkChunkSize(0)
-        return camera.requestOutput(_size(options), type=dai.ImgFrame.Type.GRAY8, fps=rate_hz)
+        output = camera.requestOutput(_size(options), type=dai.ImgFrame.Type.GRAY8, fps=rate_hz)
+        return output if crop is None else crop.of(pipeline, output)
 
     return make
+
+
+#: What a camera's frame sync pin does, by the value of `sync=`; depthai's name for it.
+SYNC_MODES = {"output": "OUTPUT", "input": "INPUT", "ptp": "TIME_PTP"}
+
+
+@dataclass(frozen=True, slots=True)
+class Crop:
+    """A part of the image, px."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+    @classmethod
+    def parse(cls, text: str, size_px: tuple[int, int]) -> Crop:
+        """Of "x,y,width,height". Raises SourceError: not that, or not within an image of this size."""
+        width, height = size_px
+        match = re.fullmatch(r"(\d{1,5}),(\d{1,5}),(\d{1,5}),(\d{1,5})", text)
+        crop = cls(*(int(number) for number in match.groups())) if match else cls(0, 0, 0, 0)
+        within = crop.x + crop.width <= width and crop.y + crop.height <= height
+        if not (crop.width and crop.height and within):
+            raise SourceError(
+                f"source oak: crop={text}: give x,y,width,height within the image of {width}x{height}, "
+                f"e.g. crop={width // 4},{height // 4},{width // 2},{height // 2}"
+            )
+        return crop
+
+    def of(self, pipeline: dai.Pipeline, output: dai.Node.Output) -> dai.Node.Output:
+        """The cropped output, grey."""
+        import depthai as dai
+
+        node = pipeline.create(dai.node.ImageManip)
+        node.initialConfig.addCrop(self.x, self.y, self.width, self.height)
+        node.initialConfig.setFrameType(dai.ImgFrame.Type.GRAY8)
+        node.setMaxOutputFrameSize(self.width * self.height)
+        output.link(node.inputImage)
+        return node.out
 
 
 def _size(options: Options) -> tuple[int, int]:
@@ -142,8 +204,10 @@ class Lens:
     size_px: tuple[int, int]
 
 
-def lens_of(handler: dai.CalibrationHandler, socket: str, size_px: tuple[int, int]) -> Lens | None:
-    """Lens model for this image size; None: the module has none."""
+def lens_of(
+    handler: dai.CalibrationHandler, socket: str, size_px: tuple[int, int], crop: Crop | None = None
+) -> Lens | None:
+    """Lens model for this image size, or a part of such an image; None: the module has none."""
     board = _socket(socket)
     try:
         matrix = handler.getCameraIntrinsics(board, *size_px)
@@ -151,7 +215,11 @@ def lens_of(handler: dai.CalibrationHandler, socket: str, size_px: tuple[int, in
         model = handler.getDistortionModel(board)
     except RuntimeError:  # not calibrated at the factory
         return None
-    return Lens(np.array(matrix), np.array(distortion), model.name, size_px)
+    if crop is None:
+        return Lens(np.array(matrix), np.array(distortion), model.name, size_px)
+    corner = np.zeros((3, 3))
+    corner[:2, 2] = crop.x, crop.y
+    return Lens(np.array(matrix) - corner, np.array(distortion), model.name, (crop.width, crop.height))
 
 
 # -- without hardware -----------------------------------------------------------------------------
@@ -189,6 +257,7 @@ class OakSource(ThreadedSource):
     module       gives the module to open; None: host only, and the source ends with the stream
     socket       of the camera, for checks and lens
     own_clock    the module's clock instead of the host's
+    crop         that the nodes make
     Raises       SourceError: no module, no such camera, no frames, too slow
     """
 
@@ -201,6 +270,7 @@ class OakSource(ThreadedSource):
         module: Callable[[], dai.DeviceInfo] | None = None,
         socket: str = "CAM_B",
         own_clock: bool = False,
+        crop: Crop | None = None,
         patience_s: float = PARAMS.patience_s,
     ) -> None:
         super().__init__(name)
@@ -208,13 +278,15 @@ class OakSource(ThreadedSource):
         self._make_output, self._module, self._socket_name = make_output, module, socket
         self._own_clock = own_clock
         self._options = options
+        self._crop = crop
         self._watch = Watch()
         self._base = 0  # added to the module's counter, which starts again with the module
         self._next = 0
         self.lens: Lens | None = None
         self._pipeline, self._queue = self._open()
         if module is None:  # not for a replay, which would lose its first frames
-            self.size_px, self.rate_hz = _size(options), options.rate_hz
+            self.size_px = _size(options) if crop is None else (crop.width, crop.height)
+            self.rate_hz = options.rate_hz
             return
         try:
             least_hz = LIVE.slow_rel * options.rate_hz if options.check_rate else 0.0
@@ -231,7 +303,7 @@ class OakSource(ThreadedSource):
         else:
             device = dai.Device(self._module())
             check_socket(device, self._socket_name)
-            self.lens = lens_of(device.readCalibration(), self._socket_name, _size(self._options))
+            self.lens = lens_of(device.readCalibration(), self._socket_name, _size(self._options), self._crop)
             pipeline = dai.Pipeline(device)
         queue = self._make_output(pipeline).createOutputQueue(maxSize=PARAMS.queue_n, blocking=False)
         pipeline.start()
@@ -281,7 +353,8 @@ class OakSource(ThreadedSource):
         if sequence > self._next and self.received_n:
             self.faults["missed frame"] += sequence - self._next
         self._next = sequence + 1
-        stamp = message.getTimestampDevice() if self._own_clock else message.getTimestamp()
+        end = message.getTimestampDevice() if self._own_clock else message.getTimestamp()
+        stamp = end - message.getExposureTime()
         clock = Clock.DEVICE if self._own_clock else Clock.DRIVER
         frame = Frame(image, stamp // timedelta(microseconds=1) * 1000, sequence, clock)
         self._set_condition(self._watch.check(frame))
@@ -289,19 +362,24 @@ class OakSource(ThreadedSource):
 
 
 def open_oak(where: str, options: Options) -> OakSource:
-    """The scheme `oak:`; its own keys: socket=CAM_B, clock=device."""
+    """The scheme `oak:`; its own keys: socket=CAM_B, clock=device, crop=x,y,width,height, sync=output."""
     extra = dict(options.extra)
     socket, clock = extra.pop("socket", "CAM_B"), extra.pop("clock", "host")
+    crop_text, sync = extra.pop("crop", None), extra.pop("sync", "")
     options = replace(options, extra=extra).without_extra(f"oak:{where}")
     if clock not in ("host", "device"):
         raise SourceError(f"source oak: no clock {clock!r}; known: host, device")
+    if sync and sync not in SYNC_MODES:
+        raise SourceError(f"source oak: no sync {sync!r}; known: {', '.join(SYNC_MODES)}")
+    crop = None if crop_text is None else Crop.parse(crop_text, _size(options))
     load_depthai()
     _socket(socket)
     return OakSource(
-        camera_output(options, socket),
+        camera_output(options, socket, crop, sync),
         options,
         name=f"camera oak:{where}".rstrip(":"),
         module=lambda: find_module(where),
         socket=socket,
         own_clock=clock == "device",
+        crop=crop,
     )

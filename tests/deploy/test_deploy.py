@@ -134,12 +134,13 @@ def test_the_oak_manifest_has_documented_keys_only() -> None:
     manifest = tomllib.loads((DEPLOY / "oakapp.toml").read_text())
     documented = {
         "identifier", "app_version", "entrypoint", "prepare_container", "prepare_build_container",
-        "build_steps",
+        "build_steps", "allowed_devices", "additional_mounts",
     }  # fmt: skip
     assert manifest.keys() <= documented
     assert {"identifier", "entrypoint"} <= manifest.keys()
     assert all(step["type"] in ("COPY", "RUN") for step in manifest["prepare_container"])
     assert not manifest["identifier"].startswith(("com.luxonis", "com.example"))
+    assert [mount["target"] for mount in manifest["additional_mounts"]] == ["/dev"]  # M8: UART, USB adapters
 
 
 # ---- the installer, on a file tree of its own -------------------------------------------------------

@@ -209,6 +209,10 @@ def test_no_module_is_one_clear_line(dai: Any) -> None:
         ("oak:?socket=CAM_Q", "no socket 'CAM_Q'"),
         ("oak:?clock=x", "no clock 'x'"),
         ("oak:?fps=3", "unknown key 'fps'"),
+        ("oak:?sync=x", "no sync 'x'; known: output, input, ptp"),
+        ("oak:?crop=1,2,3", "crop=1,2,3: give x,y,width,height within the image of 640x400"),
+        ("oak:?crop=600,0,100,100", "crop=600,0,100,100: give x,y,width,height within the image of 640x400"),
+        ("oak:?width=320&height=200&crop=0,0,400,100", "within the image of 320x200"),
     ],
 )
 def test_bad_keys(dai: Any, spec: str, stated: str) -> None:
@@ -266,12 +270,37 @@ def test_the_camera_is_asked_for_what_was_set(dai: Any) -> None:
     options = Options(width=640, height=400, rate_hz=240.0, exposure_us=1500, gain=300, focus=120)
     oak.camera_output(options, "CAM_C")(Calls(log))  # type: ignore[arg-type]
     calls = {name: (positional, named) for name, positional, named in log}
+    assert not {"setFrameSyncMode", "addCrop"} & calls.keys()
     assert calls["build"] == ((dai.CameraBoardSocket.CAM_C,), {"sensorFps": 240.0})
     assert calls["setManualExposure"][0] == (1500, 300)
     assert calls["setManualFocus"][0] == (120,)
     assert calls["setAntiBandingMode"][0] == (dai.CameraControl.AntiBandingMode.OFF,)
     assert calls["setXLinkChunkSize"][0] == (0,)
     assert calls["requestOutput"] == (((640, 400),), {"type": dai.ImgFrame.Type.GRAY8, "fps": 240.0})
+
+
+def test_crop_and_sync_are_left_to_the_module(dai: Any) -> None:
+    log: list[tuple[str, Any, Any]] = []
+    make = oak.camera_output(Options(width=640, height=400), "CAM_B", oak.Crop(100, 50, 320, 240), "input")
+    make(Calls(log))  # type: ignore[arg-type]
+    calls = {name: (positional, named) for name, positional, named in log}
+    assert calls["setFrameSyncMode"][0] == (dai.CameraControl.FrameSyncMode.INPUT,)
+    assert calls["requestOutput"][0] == ((640, 400),)
+    assert calls["addCrop"][0] == (100, 50, 320, 240)
+    assert calls["setMaxOutputFrameSize"][0] == (320 * 240,)
+    assert all(hasattr(dai.CameraControl.FrameSyncMode, name) for name in oak.SYNC_MODES.values())
+
+
+def test_times_are_of_the_start_of_the_exposure(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = FakeModule()
+    source = opened(module, monkeypatch)
+    frame = source.read(SOON_S)
+    assert frame is not None
+    assert frame.capture_ns == 1000 * (frame.sequence * module.step_us - EXPOSURE_US)
+    source.close()
+
+
+EXPOSURE_US = 1500
 
 
 class FakeModule:
@@ -320,15 +349,18 @@ class FakeModule:
         if not self.plugged:
             raise self.MessageQueue.QueueException("closed")
         n, self.n = self.n, self.n + 1
-        stamp = timedelta(microseconds=n * self.step_us)
+        end = timedelta(microseconds=n * self.step_us)
         return SimpleNamespace(
-            getFrame=lambda: noise(n), getSequenceNum=lambda: n, getTimestamp=lambda: stamp
+            getFrame=lambda: noise(n),
+            getSequenceNum=lambda: n,
+            getTimestamp=lambda: end,
+            getExposureTime=lambda: timedelta(microseconds=EXPOSURE_US),
         )
 
 
 def opened(module: FakeModule, monkeypatch: pytest.MonkeyPatch, **settings: Any) -> oak.OakSource:
     monkeypatch.setattr(oak, "load_depthai", lambda: module)
-    monkeypatch.setattr(oak, "lens_of", lambda handler, socket, size: None)
+    monkeypatch.setattr(oak, "lens_of", lambda handler, socket, size, crop: None)
     monkeypatch.setattr(oak, "PARAMS", replace(oak.PARAMS, retry_s=0.01))
     return oak.OakSource(lambda pipeline: pipeline, Options(**settings), module=lambda: SimpleNamespace())  # type: ignore[arg-type,return-value]
 
@@ -376,6 +408,10 @@ def test_lens_of_a_module_from_its_calibration_file(dai: Any) -> None:
     assert lens.matrix[0, 0] == pytest.approx(400.0)  # half the size, half the focal length
     assert lens.distortion[:2] == pytest.approx([0.1, -0.2])
     assert lens.size_px == (640, 400)
+    part = oak.lens_of(again, "CAM_B", (640, 400), oak.Crop(100, 50, 320, 240))
+    assert part is not None
+    assert part.matrix[:2, 2] == pytest.approx(lens.matrix[:2, 2] - (100, 50))
+    assert part.size_px == (320, 240)
 
 
 @pytest.mark.hardware
