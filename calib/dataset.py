@@ -1,7 +1,7 @@
 """Frames with known truth, wherever they are: a table beside a folder of images, or captures.
 
     TARGETS.csv --frames DIR [--rest IMAGE]    one table, one folder, one image of the untouched tip;
-                                               without it the least deformed of the frames
+                                               without it the rest frame is estimated from the frames
     A.mcap [B.mcap ...]                        captures of `calib capture`: their own rest frames and tables
 
 A data set is a list of parts, each with its own rest frame: the camera may have moved between two captures,
@@ -15,11 +15,14 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from calib.capture import read_capture, read_rows
 from calib.errors import CaptureError, TableError
 from calib.extract import Extract, extract, join_extracts
 from calib.fit import tip_of
 from calib.targets import Targets, join, read_targets, targets_of_capture
+from calib.unloaded import load_of, unloaded
 from edge.calibration import Calibration
 from edge.errors import CalibrationError, NoPins
 from edge.pins import take_rest
@@ -27,6 +30,7 @@ from edge.runtime.rest_choice import aligned, choose_rest
 from edge.runtime.tip_match import in_order_of
 from edge.sources import read_image
 from edge.types import Image, Rest
+from hostlink.cli_types import counted
 
 __all__ = ["Dataset", "RestGroup", "open_dataset"]
 
@@ -52,7 +56,7 @@ class RestGroup:
 class Dataset:
     """Everything to fit to, or to evaluate on.
 
-    rest_message  how the rest frame was chosen from the frames; "": it was given
+    rest_message  how the rest frame was found from the frames; "": it was given
     """
 
     parts: tuple[RestGroup, ...]
@@ -116,15 +120,30 @@ def open_dataset(tables: Sequence[Path], folder: Path | None, rest_image: Path |
 
 
 def _without_rest(table: Path, targets: Targets) -> Dataset:
-    """With the least deformed of the table's frames as rest frame."""
-    frames = targets.frames
-    paths = [frames[k] for k in range(0, len(frames), max(1, -(-len(frames) // CANDIDATES_MAX)))]
+    """With a rest frame from the table's frames: those without load, or else what they were without it."""
+    load = load_of(targets.values)
+    without_load = [] if load is None else np.flatnonzero(load <= 0)[:RESTS_MAX].tolist()
     try:
-        choice = choose_rest([read_image(path) for path in paths])
+        if without_load:
+            rest = take_rest([read_image(targets.frames[k]) for k in without_load])
+            message = f"of {counted(len(without_load), 'frame')} that the table says are without load"
+        else:
+            rest, message = _estimated(targets)
     except NoPins as error:
         raise TableError(f"{table}: {error}; give --rest an image of the untouched tip") from None
-    message = f"{paths[choice.index].name}: {choice.message}"
-    return Dataset((RestGroup(choice.rest, targets, lambda: targets.frames),), message)
+    return Dataset((RestGroup(rest, targets, lambda: targets.frames),), message)
+
+
+def _estimated(targets: Targets) -> tuple[Rest, str]:
+    """Of frames of which the table says no one is untouched, or says nothing. Raises NoPins."""
+    some = range(0, len(targets), max(1, -(-len(targets) // CANDIDATES_MAX)))
+    images = [read_image(targets.frames[k]) for k in some]
+    choice = choose_rest(images)
+    name = targets.frames[some[choice.index]].name
+    rest = unloaded(choice.rest, (read_image(path) for path in targets.frames), targets.values)
+    if rest is None:
+        return choice.rest, f"{name}: {choice.message}"
+    return rest, f"the pins of {name}, at their places in {len(targets)} frames extrapolated to no load"
 
 
 def _capture(path: Path) -> RestGroup:

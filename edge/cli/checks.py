@@ -23,6 +23,7 @@ from edge.runtime.board_monitor import PARAMS as BOARD
 from edge.runtime.image_quality import PARAMS as IMAGE
 from edge.runtime.image_quality import level_of
 from edge.runtime.sensor_match import missing_pins, mm_per_px, recognise
+from edge.runtime.symmetry import symmetry_of
 from edge.runtime.tip_match import in_order_of
 from edge.sensors import KnownSensor, known_sensors
 from edge.types import AdjustableSource, Frame, FrameSource, LiveSource, Polarity, Rest
@@ -150,7 +151,7 @@ def _brightness(frames: Sequence[Frame]) -> Line:
 
 
 def pins(frames: Sequence[Frame], polarity: Polarity = Polarity.FOUND) -> tuple[list[Line], Rest | None]:
-    """Found, sharp, clear of the border; and their rest frame."""
+    """Found, sharp, clear of the border, untouched; and their rest frame."""
     try:
         rest = take_rest([f.image for f in frames], polarity)
     except NoPins as error:
@@ -183,6 +184,14 @@ def pins(frames: Sequence[Frame], polarity: Polarity = Polarity.FOUND) -> tuple[
             "margin", "warn" if close else "ok",
             f"outermost pin {margin:.0f} px from the image's border",
             f"centre the tip: pins need {p.pitch_px:.0f} px of space to move" if close else "",
+        )
+    )  # fmt: skip
+    symmetry = symmetry_of(rest)
+    lines.append(
+        Line(
+            "touch", "warn" if symmetry.touched else "ok",
+            f"something touches the tip: {symmetry.message}" if symmetry.touched else "none seen",
+            "let go; or is the camera not square to the tip?" if symmetry.touched else "",
         )
     )  # fmt: skip
     return lines, rest

@@ -2,6 +2,7 @@
 
     camera       found, rate, exposure, darkness
     pins         found, sharp, clear of the image's border, as many as the calibration knows
+    touch        whether something touches the tip, as far as the pins alone show it
     sensor       which known one it looks like, or whether it is the one named
     calibration  belongs to this tip, age, residual
     link         CAN interface up, bit rates, error counters; serial line there

@@ -1,4 +1,4 @@
-"""`edge inspect`: which pins are found in single images."""
+"""`edge inspect`: which pins are found in single images, or in the rest frame of a recording."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from edge.cli.options import overwrite_option, sensor_option
+from edge.cli.options import calibration_option, overwrite_option, rest_option, sensor_option
 from edge.errors import EdgeError, InputError
 from hostlink.cli_exit import print_error
 from hostlink.interrupt import exit_on_interrupt
 from hostlink.output_file import check_output, writing
 
 if TYPE_CHECKING:
+    from edge.calibration import Calibration
     from edge.sensors import KnownSensor
-    from edge.types import Image, Pins, Rest
+    from edge.types import Image, Pins, Polarity, Rest
 
 
 @click.command()
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
     "--json",
     "as_json",
     is_flag=True,
-    help='Print [{"image":..., "n_pins":..., "dark":..., "sensor":..., "mm_per_px":..., "xy_px":...}].',
+    help='Print [{"image":..., "n_pins":..., "dark":..., "sensor":..., "mm_per_px":..., '
+    '"touched":..., "xy_px":...}]; with --rest "rest":... and "untouched":... too.',
 )
 @click.option(
     "--overlay",
@@ -34,21 +36,32 @@ if TYPE_CHECKING:
     help="Folder for pictures with the pins marked.",
 )
 @sensor_option
+@rest_option
+@calibration_option
 @overwrite_option
 def inspect(
-    images: Sequence[Path], as_json: bool, overlay: Path | None, sensor_name: str | None, overwrite: bool
+    images: Sequence[Path],
+    as_json: bool,
+    overlay: Path | None,
+    sensor_name: str | None,
+    rest: str | None,
+    calibration_path: Path | None,
+    overwrite: bool,
 ) -> None:
     """Find the pins in each IMAGE, without prior knowledge, and list them.
 
     Use it to check focus, illumination and exposure: every pin should be found, and nothing else. Of an
     untouched tip it also says which known sensor it looks like, and the scale where its pitch is known.
+    With --rest each IMAGE is a recording (MCAP, video, folder), and the pins are those of its rest frame.
     """
     with exit_on_interrupt():
-        from edge.pins import take_rest
+        from edge.cli.assembly import load_calibration
         from edge.sensors import known_sensors, load_sensor
-        from edge.sources import read_image
         from edge.types import Polarity
 
+    if calibration_path is not None and rest is None:
+        raise InputError("--calibration: is for the rest frame of a recording; give --rest too")
+    calibration = load_calibration(calibration_path)
     named = None if sensor_name is None else load_sensor(sensor_name)
     sensors = known_sensors() if named is None else [named]
     polarity = Polarity.FOUND if named is None else named.polarity
@@ -58,19 +71,24 @@ def inspect(
     for path in images:
         entry: dict[str, Any] = {"image": str(path), "n_pins": 0, "xy_px": []}
         try:
-            image = read_image(path)
-            rest = take_rest([image], polarity)
+            if rest is None:
+                image, found_rest = _single(path, polarity)
+            else:
+                image, found_rest, about = _of_recording(path, rest, calibration, polarity)
+                entry |= about
         except EdgeError as error:
             failed = True
             message = str(error) if str(path) in str(error) else f"{path}: {error}"
             print_error(message)
             entry["error"] = message
         else:
-            entry |= _findings(rest, sensors)
+            entry |= _findings(found_rest, sensors)
             if path in pictures:
-                _draw(pictures[path], image, rest.pins, overwrite)
+                _draw(pictures[path], image, found_rest.pins, overwrite)
             if not as_json:
                 click.echo(f"{path}: {_in_words(entry, sensors)}")
+                if rest is not None:
+                    click.echo(f"{path}: rest frame: {entry['rest']}")
         found.append(entry)
     if as_json:
         click.echo(json.dumps(found))
@@ -78,8 +96,35 @@ def inspect(
         raise SystemExit(2)
 
 
+def _single(path: Path, polarity: Polarity) -> tuple[Image, Rest]:
+    """Raises SourceError, NoPins."""
+    from edge.pins import take_rest
+    from edge.sources import read_image
+
+    image = read_image(path)
+    return image, take_rest([image], polarity)
+
+
+def _of_recording(
+    path: Path, how: str, calibration: Calibration | None, polarity: Polarity
+) -> tuple[Image, Rest, dict[str, Any]]:
+    """The rest frame of a recording, as `replay` takes it. Raises SourceError, CalibrationError."""
+    from contextlib import closing
+
+    from edge.runtime.rest_choice import rest_of_source
+    from edge.sources import open_source
+    from edge.types import Polarity
+
+    with closing(open_source(str(path))) as source:
+        if source.polarity is Polarity.FOUND:
+            source.polarity = polarity
+        given = rest_of_source(source, how, calibration)
+    return given.frame.image, given.rest, {"rest": given.message, "untouched": given.untouched}
+
+
 def _findings(rest: Rest, sensors: Sequence[KnownSensor]) -> dict[str, Any]:
     from edge.runtime.sensor_match import mm_per_px, recognise
+    from edge.runtime.symmetry import symmetry_of
 
     match = recognise(rest, sensors)
     scale = None if match is None else mm_per_px(match.sensor, rest)
@@ -88,6 +133,7 @@ def _findings(rest: Rest, sensors: Sequence[KnownSensor]) -> dict[str, Any]:
         "dark": rest.pattern.dark,
         "sensor": None if match is None else match.sensor.name,
         "mm_per_px": None if scale is None else round(scale, 5),
+        "touched": symmetry_of(rest).touched,
         "xy_px": [[round(float(x), 3), round(float(y), 3)] for x, y in rest.xy_img],
     }
 
@@ -103,6 +149,8 @@ def _in_words(entry: dict[str, Any], sensors: Sequence[KnownSensor]) -> str:
         words += f"not as of {sensors[0].title}" if len(sensors) == 1 else "as of no known sensor"
     if entry["mm_per_px"] is not None:
         words += f", {entry['mm_per_px']:.4f} mm a px"
+    if entry["touched"]:
+        words += ", something touches it"
     missing = missing_pins(sensors[0], entry["n_pins"]) if len(sensors) == 1 else ""
     return f"{words}: {missing}" if missing else words
 

@@ -30,7 +30,7 @@ from edge.cli.progress import bar
 from edge.cli.summary import damage_of, json_line
 from edge.errors import NoPins, SourceError
 from edge.pipeline import Pipeline, Result
-from edge.runtime.rest_choice import GivenRest, rest_of_source
+from edge.runtime.rest_choice import GivenRest, rest_if_touched, rest_of_source
 from edge.runtime.tare import TareParams, tare
 from edge.sources import open_source
 from edge.types import Feature, FrameSource, Reading, RecordedSource
@@ -138,7 +138,8 @@ def render_recording(
     """Write the video.
 
     progress  show a bar on stderr
-    rest      "auto", "none" or the number of an image; None: the rest frame is made of the first images
+    rest      "auto", "none" or the number of an image; None: the rest frame is made of the first images,
+              if they do not show a touch
     Raises    SourceError: no such recording, or no pins in its first frames; SinkError: cannot be written;
               OSError: the disk is full; CalibrationError: of another tip
     """
@@ -146,7 +147,11 @@ def render_recording(
     with closing(source):
         if source.live:
             raise SourceError(f"source {recording}: is live; record it first, then render the recording")
-        given = None if rest is None else rest_of_source(source, rest, calibration)
+        given = (
+            rest_if_touched(source, calibration)
+            if rest is None
+            else rest_of_source(source, rest, calibration)
+        )
         if given is not None:
             log.info("rest frame: %s", given.message)
         made = _render(source, recording, out, calibration, style or Style(), progress, given)

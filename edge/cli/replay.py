@@ -50,8 +50,9 @@ def replay(
 ) -> None:
     """Send RECORDING (MCAP, video, folder of images) as if it were live.
 
-    The first frames must show the untouched tip: they are the rest frame, unless --rest says another. A
-    closing summary lists the pins that were seen, the shear in px and, with a calibration, the depth in mm.
+    The first frames must show the untouched tip: they are the rest frame, unless --rest says another. If
+    they are seen to show a touch, the rest frame is chosen as by --rest auto. A closing summary lists the
+    pins that were seen, the shear in px and, with a calibration, the depth in mm.
     """
     if again and isinstance(speed, str):
         raise InputError("--loop: has no end at --speed max; give a factor")
@@ -63,8 +64,7 @@ def replay(
             source, total_n = _open(recording, speed, again, config.tare.frames_n)
             stack.callback(source.close)
             loop = make_loop(stack, source, config, options.sink_specs, options.calibration_path)
-            if rest is not None:
-                _use_rest(loop, recording, rest, quiet)
+            _use_rest(loop, recording, rest, quiet)
             url = start_worker(stack, loop, options, listen, config)
         if url:
             click.echo(f"live page: {url}", err=True)
@@ -83,15 +83,24 @@ def replay(
             raise SystemExit(print_error(f"{recording}: {message}", 1))
 
 
-def _use_rest(loop: Loop, recording: str, how: str, quiet: bool) -> None:
-    """Raises SourceError, CalibrationError."""
+def _use_rest(loop: Loop, recording: str, how: str | None, quiet: bool) -> None:
+    """Use another rest frame than the first images, if one is asked for or they show a touch.
+
+    Raises  SourceError, CalibrationError
+    """
     from contextlib import closing
 
-    from edge.runtime.rest_choice import rest_of_source
+    from edge.runtime.rest_choice import rest_if_touched, rest_of_source
     from edge.sources import open_source
 
     with closing(open_source(recording)) as source:
-        given = rest_of_source(source, how, loop.calibration)
+        source.polarity = loop.source.polarity
+        if how is not None:
+            given = rest_of_source(source, how, loop.calibration)
+        elif source.live or (found := rest_if_touched(source, loop.calibration)) is None:
+            return
+        else:
+            given = found
     loop.measurement.use_rest(given.rest, given.frame)
     if not quiet:
         click.echo(f"rest frame: {given.message}", err=True)

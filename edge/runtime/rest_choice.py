@@ -7,6 +7,7 @@ Idea
   does not change areas, and a zoom is removed.
 - An untouched tip looks the same each time, a touch rarely does: if images show the same cells to within
   the noise, the one is chosen among those with which most agree, and it is trusted.
+- How many pins such an image must show, and how many images beside it are averaged, is as for a tare.
 - With a calibration its rest pins are taken, moved onto the chosen image by a shift, a rotation and a zoom.
   The half of the pins that fits best decides them.
 """
@@ -24,11 +25,22 @@ from edge.cells import Tessellator
 from edge.errors import DegenerateLayout, NoPins, SourceError
 from edge.features.params import PARAMS as CONTACT
 from edge.pins import CentroidRefiner, detect, take_rest
+from edge.runtime.tare import PARAMS as TARE
+from edge.runtime.tare import TareRefused, take_rest_frame
 from edge.runtime.tip_match import match_rest
 from edge.tracking import Tracker
 from edge.types import Array, Frame, FrameSource, Image, Mask, Pins, Polarity, Rest, Tracks
+from hostlink.wire import RestFrameReason
 
-__all__ = ["GivenRest", "RestChoice", "RestChoiceParams", "aligned", "choose_rest", "rest_of_source"]
+__all__ = [
+    "GivenRest",
+    "RestChoice",
+    "RestChoiceParams",
+    "aligned",
+    "choose_rest",
+    "rest_if_touched",
+    "rest_of_source",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,20 +49,15 @@ class RestChoiceParams:
 
     images_n     images that are compared, at least, evenly over the recording; at most twice as many
     area_low     quantile of a cell's area over the images that counts as untouched
-    agree_min_n  so many others that show the same cells as an image make it untouched
+    agree_min_rel  so large a share of the others, that show the same cells as an image, makes it untouched;
+                 two at least, because any image may have a double
     agree_rel    an image may be chosen if so many others agree with it, of the largest number that do
-    seen_rel     ... and if so many pins are seen in it, of the median of those images
-    average_n    images next to the chosen one that are averaged, if the pins rest in them
-    steady_px    median motion of the pins below which they rest
     """
 
     images_n: int = 32
     area_low: float = 0.1
-    agree_min_n: int = 3
+    agree_min_rel: float = 0.1
     agree_rel: float = 0.5
-    seen_rel: float = 0.9
-    average_n: int = 8
-    steady_px: float = 0.25
 
 
 PARAMS = RestChoiceParams()
@@ -77,7 +84,7 @@ class RestChoice:
     @property
     def trusted(self) -> bool:
         """Whether it shows the untouched tip, as far as a recording can show it."""
-        return self.agree_n >= PARAMS.agree_min_n
+        return self.agree_n >= _agree_min_n(self.compared_n, PARAMS)
 
     @property
     def message(self) -> str:
@@ -143,10 +150,15 @@ def _compare(images: Sequence[Image], rest: Rest, params: RestChoiceParams) -> _
         agrees[k, known] = _rms(area[known] - area[k]) < CONTACT.noise_ratio_max * noise
     agree_n = agrees.sum(axis=1) - 1
     candidates = known
-    if agree_n.max() >= params.agree_min_n:
+    if agree_n.max() >= _agree_min_n(int(known.sum()) - 1, params):
         candidates = known & (agree_n >= params.agree_rel * agree_n.max())
-    candidates = candidates & (seen >= params.seen_rel * np.median(seen[candidates]))
+    candidates = candidates & (seen >= TARE.kept_rel * np.median(seen[candidates]))
     return _Comparison(int(np.argmin(np.where(candidates, deformation, np.inf))), deformation, agrees)
+
+
+def _agree_min_n(compared_n: int, params: RestChoiceParams) -> float:
+    """Other images that must show the same cells."""
+    return max(2.0, params.agree_min_rel * compared_n)
 
 
 def _rms(change: Array) -> Array:
@@ -207,11 +219,15 @@ def aligned(calibration: Calibration, rest: Rest) -> Rest:
 
 @dataclass(frozen=True, slots=True)
 class GivenRest:
-    """The rest frame of a recording, the frame it is taken from, and a message for people."""
+    """The rest frame of a recording, the frame it is taken from, and a message for people.
+
+    untouched  whether the frame shows the untouched tip; None: that was not looked at
+    """
 
     rest: Rest
     frame: Frame
     message: str
+    untouched: bool | None
 
 
 def rest_of_source(
@@ -234,16 +250,35 @@ def rest_of_source(
             images, step = _thinned(source, params.images_n)
             choice = choose_rest(images, source.polarity, params)
             index = choice.index * step
-            message = f"image {index}: {choice.message}"
+            message, untouched = f"image {index}: {choice.message}", choice.trusted
         else:
-            index, message = int(how), f"image {how}"
-        rest, frame = _averaged(source, index, params)
+            index, message, untouched = int(how), f"image {how}", None
+        rest, frame = _averaged(source, index)
     except NoPins as error:
         raise SourceError(f"{source.name}: --rest {how}: {error}") from None
     if calibration is None:
-        return GivenRest(rest, frame, message)
+        return GivenRest(rest, frame, message, untouched)
     moved = f"{message}; the calibration's rest pins are moved onto it"
-    return GivenRest(aligned(calibration, rest), frame, moved)
+    return GivenRest(aligned(calibration, rest), frame, moved, untouched)
+
+
+def rest_if_touched(source: FrameSource, calibration: Calibration | None = None) -> GivenRest | None:
+    """An untouched rest frame for a recording that begins under a touch.
+
+    Returns  None: it begins untouched, as far as can be seen, or it has no image that surely is
+    Raises   SourceError, CalibrationError
+    """
+    images = [frame.image for frame in islice(source, TARE.frames_n)]
+    try:
+        take_rest_frame(images, replace(TARE, steady_px=np.inf, polarity=source.polarity), calibration)
+    except TareRefused as error:
+        if error.reason is not RestFrameReason.TOUCHED:
+            return None
+        given = rest_of_source(source, "auto", calibration)
+        if not given.untouched:
+            return None
+        return replace(given, message=f"the first images are no rest frame: {error.problem}; {given.message}")
+    return None
 
 
 def _thinned(source: FrameSource, least_n: int) -> tuple[list[Image], int]:
@@ -259,13 +294,13 @@ def _thinned(source: FrameSource, least_n: int) -> tuple[list[Image], int]:
     return kept, step
 
 
-def _averaged(source: FrameSource, index: int, params: RestChoiceParams) -> tuple[Rest, Frame]:
+def _averaged(source: FrameSource, index: int) -> tuple[Rest, Frame]:
     """The rest frame of an image, and of those next to it in which the pins are at the same places.
 
     Raises  SourceError: no such image; NoPins
     """
-    first = max(0, index - params.average_n // 2)
-    frames = list(islice(source, first, first + params.average_n))
+    first = max(0, index - TARE.frames_n // 2)
+    frames = list(islice(source, first, first + TARE.frames_n))
     if index - first >= len(frames):
         raise SourceError(f"{source.name}: has no image {index}; give --rest a smaller number, or auto")
     chosen = frames[index - first]
@@ -274,7 +309,7 @@ def _averaged(source: FrameSource, index: int, params: RestChoiceParams) -> tupl
 
     def rests(pins: Pins) -> bool:
         motion = np.hypot(*(pins.xy_img - rest.xy_img).T)
-        return bool(np.nanmedian(motion) < params.steady_px)
+        return bool(np.nanpercentile(motion, 90) < TARE.steady_px)
 
     steady = [f.image for f in frames if f is chosen or rests(refiner.refine(f.image, rest.xy_img))]
     return take_rest(steady, source.polarity), chosen

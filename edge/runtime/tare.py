@@ -6,8 +6,8 @@ any sign of it. So each candidate is checked:
         within itself    the pins do not move from the first image to the last
         by known pins    those of the calibration, or else of the last accepted rest frame, seen from where
                                           the camera is now: the residual after a homography (a camera that
-                                          turned in its mount, another focus) must be untouched. Without known
-                                          pins, the last image by the first
+                                          turned in its mount, another focus) must be untouched
+        without known pins   the last image by the first, and the symmetry of its cells
 
 "Untouched" is decided by the contact detector, with the noise that it expects of the pins' positions. The
 noise is also measured in the candidate, because creep and temperature bend a tip a little: if the typical
@@ -31,6 +31,7 @@ from edge.features import FeatureExtractor
 from edge.features.params import PARAMS as CONTACT
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.pins import CentroidRefiner, take_rest
+from edge.runtime.symmetry import symmetry_of
 from edge.runtime.tip_match import in_order_of, match_rest
 from edge.tracking import Tracker
 from edge.types import Image, Pins, Polarity, Rest, Tracks
@@ -129,6 +130,7 @@ def take_rest_frame(
         check(_changed(reference, rest, params))
     else:
         check(_begins(rest, first, last))
+        check(_lopsided(rest))
     if not problems:
         return RestFrame(rest)
     return RestFrame(rest, problems[0].reason, "; ".join(problem.problem for problem in problems))
@@ -150,6 +152,14 @@ def _begins(rest: Rest, first: Pins, last: Pins) -> TareRefused | None:
     sigma = np.where(seen, last.sigma_px, np.nan)
     if _touch_sigmas(before, Tracks(xy, sigma, seen, 1.0)):
         return TareRefused(Reason.UNSTEADY, "a touch began or ended while the rest frame was taken", LET_GO)
+    return None
+
+
+def _lopsided(rest: Rest) -> TareRefused | None:
+    """Whether the cells are as no untouched tip's are."""
+    symmetry = symmetry_of(rest)
+    if symmetry.touched:
+        return TareRefused(Reason.TOUCHED, f"something touches the tip ({symmetry.message})", LET_GO)
     return None
 
 

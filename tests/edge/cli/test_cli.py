@@ -19,6 +19,10 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.sim.camera import Camera
+from calib.sim.mechanics import ToolPose
+from calib.sim.simulator import Simulator
+from calib.sim.tip import Tip
 from edge.__main__ import main
 from edge.cli.options import LoopOptions
 from edge.recording import Recorder, read_messages
@@ -239,6 +243,36 @@ def test_without_a_sink_a_warning_is_logged(
     assert "no sink" not in caplog.text
 
 
+def test_inspect_shows_the_rest_frame_of_a_recording(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], data_dir: Path, tmp_path: Path
+) -> None:
+    press = data_dir / "press.mcap"
+    assert run(monkeypatch, "inspect", press, "--rest", "auto", "--json", "--overlay", tmp_path) == 0
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found["untouched"] is True
+    assert found["n_pins"] == 331
+    assert "cells are" in found["rest"]
+    assert (tmp_path / "press_pins.png").is_file()
+    calibration = data_dir / "rings331_ball.json"
+    assert run(monkeypatch, "inspect", press, "--rest", "none", "--calibration", calibration) == 0
+    assert "the calibration's rest pins are moved onto it" in capsys.readouterr().out
+    assert run(monkeypatch, "inspect", press, "--rest", "25", "--json") == 0
+    assert json.loads(capsys.readouterr().out)[0]["untouched"] is None
+
+
+def test_replay_of_a_recording_that_begins_touched_corrects_its_rest_frame(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    tip = Simulator(Camera(tip=Tip(n_pins=127, kind="hex"), size_px=(320, 320)))
+    touch = (ToolPose(depth_mm=3.0, tilt_x_deg=15.0),)
+    for number in range(24):
+        write(tmp_path / f"{number}.png", tip.frame(touch if number < 8 else ()).image)
+    assert run(monkeypatch, "replay", tmp_path, "--sink", "memory:", "--speed", "max", "--samples", "-q") == 0
+    lines = capsys.readouterr().out.strip().splitlines()
+    contacts = [json.loads(line)["contact_n"] > 0 for line in lines]
+    assert contacts == [True] * 8 + [False] * 16
+
+
 BLACK, WHITE = np.zeros((240, 320), np.uint8), np.full((240, 320), 255, np.uint8)
 
 
@@ -298,6 +332,12 @@ def _text(folder: Path, name: str, content: str) -> Path:
         (["run", "--frames", "1e3"], "'1e3' is not a whole number"),
         (["inspect", "black.png", "--overlay", "seen"], "black_pins.png: exists already"),
         (["inspect", "black.png", "--overlay", "."], "black.png is there too; give another folder"),
+        (
+            ["inspect", "black.png", "--calibration", "a.json"],
+            "--calibration: is for the rest frame of a rec",
+        ),
+        (["inspect", "{press}", "--rest", "none"], "--rest none: needs --calibration"),
+        (["inspect", "{press}", "--rest", "9999"], "has no image 9999"),
         (["inspect", "missing.png"], "error: image missing.png: no such file"),
         (["inspect", "seen"], "error: image seen: is a folder; give the images in it, one by one"),
         (["inspect", "black.png", "seen/black.png", "--overlay", "new"], "two images are named black"),

@@ -12,6 +12,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from calib.sim.camera import Camera as SimulatedCamera
+from calib.sim.mechanics import ToolPose
+from calib.sim.simulator import Simulator
+from calib.sim.tip import Tip
 from edge.calibration import Calibration
 from edge.cli.checks import LIMITS
 from edge.cli.doctor import Line, Machine, examine, worst
@@ -143,7 +147,7 @@ def test_everything_in_order_gives_ok(examined: Examined) -> None:
     assert bad(found) == {}
     assert set(found) == {
         "camera", "rate", "light", "pins", "focus", "margin", "calibration", "age", "residual", "link",
-        "errors", "processor", "temperature", "clock", "disk", "sensor",
+        "errors", "processor", "temperature", "clock", "disk", "sensor", "touch",
     }  # fmt: skip
     assert found["link"].words == "can0 is up, 1 Mbit/s and 5"
 
@@ -195,6 +199,14 @@ def test_a_calibration_that_cannot_be_read(examined: Examined, tmp_path: Path) -
     (tmp_path / "a.json").write_text("{}")
     assert bad(examined(calibration=tmp_path / "a.json")) == {"calibration": "fail"}
     assert bad(examined(calibration=None)) == {"calibration": "warn"}
+
+
+def test_something_touches_the_tip(examined: Examined) -> None:
+    tip = Simulator(SimulatedCamera(tip=Tip(n_pins=127, kind="hex"), size_px=(320, 320)))
+    touch = tip.frame((ToolPose(depth_mm=3.0, tilt_x_deg=15.0),)).image
+    line = examined([touch])["touch"]
+    assert line.level == "warn"
+    assert "lopsided" in line.words
 
 
 def test_half_of_the_pins_lost(examined: Examined, rest: list[Image]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -15,10 +16,10 @@ from calib.targets import read_targets
 from edge.calibration import Calibration
 from edge.errors import NoPins, SourceError
 from edge.pins import take_rest
-from edge.runtime.rest_choice import aligned, choose_rest, rest_of_source
+from edge.runtime.rest_choice import aligned, choose_rest, rest_if_touched, rest_of_source
 from edge.runtime.tip_match import in_order_of
 from edge.sources import open_source, read_image
-from edge.types import Image, Rest
+from edge.types import Image, RecordedSource, Rest
 
 TIP = Tip(n_pins=127, kind="hex")
 RNG = np.random.default_rng(19)
@@ -26,6 +27,11 @@ RNG = np.random.default_rng(19)
 
 def simulator() -> Simulator:
     return Simulator(Camera(tip=TIP, size_px=(320, 320)))
+
+
+def touch_of(depth_mm: float, tilt_deg: float) -> Image:
+    """Of a flat surface."""
+    return simulator().frame((ToolPose(depth_mm=depth_mm, tilt_x_deg=tilt_deg),)).image
 
 
 def touches(depths_mm: np.ndarray) -> list[Image]:
@@ -79,6 +85,29 @@ def test_a_calibration_s_rest_pins_are_moved_onto_a_touched_image(data_dir: Path
     shifted = np.roll(images[0], (3, -2), (0, 1))
     moved = aligned(calibration, take_rest([shifted]))
     assert moved.xy_img - true.xy_img == pytest.approx(np.tile([-2.0, 3.0], (len(true), 1)), abs=0.2)
+
+
+def recording(folder: Path, images: list[Image]) -> RecordedSource:
+    folder.mkdir()
+    for number, image in enumerate(images):
+        cv2.imwrite(str(folder / f"{number}.png"), image)
+    source = open_source(str(folder))
+    assert isinstance(source, RecordedSource)
+    return source
+
+
+def test_a_recording_that_begins_touched_gets_an_untouched_rest_frame(tmp_path: Path) -> None:
+    under_load = [touch_of(depth_mm=3.0, tilt_deg=15.0)] * 8
+    resting = [simulator().frame().image for _ in range(8)]
+    given = rest_if_touched(recording(tmp_path / "begins_touched", [*under_load, *resting]))
+    assert given is not None
+    assert given.untouched
+    assert given.frame.sequence >= 8
+    assert "something touches the tip" in given.message
+    true = take_rest(resting)
+    assert np.abs(given.rest.xy_img - true.xy_img).max() < 0.05
+    assert rest_if_touched(recording(tmp_path / "begins_untouched", [*resting, *under_load])) is None
+    assert rest_if_touched(recording(tmp_path / "never_untouched", under_load[:1])) is None
 
 
 @pytest.mark.parametrize(("how", "message"), [("9999", "has no image 9999"), ("none", "needs --calibration")])

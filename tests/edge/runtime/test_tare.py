@@ -13,6 +13,10 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.sim.camera import Camera
+from calib.sim.mechanics import ToolPose
+from calib.sim.simulator import Simulator
+from calib.sim.tip import Tip
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
 from edge.link.device import LoopDevice
@@ -255,6 +259,18 @@ def test_a_finger_that_starts_touched_waits_until_it_is_released(
         finger.see(frames[k].image)
     assert not finger.faults
     assert finger.loop.pipeline is not None
+
+
+def test_a_first_rest_frame_under_load_is_refused_without_knowing_the_tip() -> None:
+    tip = Simulator(Camera(tip=Tip(n_pins=127, kind="hex"), size_px=(320, 320)))
+    touch = tip.frame((ToolPose(depth_mm=3.0, tilt_x_deg=15.0),)).image
+    finger = Finger([Frame(touch, k, k) for k in range(8)], None)
+    assert finger.loop.pipeline is None
+    assert "something touches the tip" in finger.registry.active[FaultCode.TARE_IMPLAUSIBLE]
+    for _ in range(8):
+        finger.see(tip.frame().image)
+    assert finger.loop.pipeline is not None
+    assert FaultCode.TARE_IMPLAUSIBLE not in finger.faults
 
 
 # ---- a calibration from a host ----------------------------------------------------------------------------

@@ -1,0 +1,103 @@
+"""Whether a rest frame shows a touch, where nothing is known of the tip: by the symmetry of its cells.
+
+Idea
+- Of an untouched tip cell areas change smoothly for two reasons: dome and lens, alike in all directions,
+  and a camera that looks on at a slant, evenly across. Both are fitted and removed.
+- What is left and still smooth is asymmetry. A touch beside the middle, or a tilted one, makes it.
+- Pins that stand unevenly make some too, by chance. So it counts only if it exceeds the irregularity from
+  cell to cell.
+
+Rules
+- A touch straight onto the middle is as symmetric as a dome: it cannot be told from one, and is not.
+- Home-made tips with uneven pins are never suspected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edge.cells import Tessellator
+from edge.errors import DegenerateLayout
+from edge.types import Array, Complex, Rest, Tracks
+
+__all__ = ["PARAMS", "Symmetry", "SymmetryParams", "symmetry_of"]
+
+
+@dataclass(frozen=True, slots=True)
+class SymmetryParams:
+    """Parameters by name; evidence in docs/tuning.md, "Rest frame".
+
+    inner            tip radii within which cells are used: outside the boundary decides their area
+    asymmetry_max    rms relative area that lens and mount make
+    irregular_ratio  asymmetry over irregularity that chance makes
+    """
+
+    inner: float = 0.85
+    asymmetry_max: float = 0.03
+    irregular_ratio: float = 1.5
+
+
+PARAMS = SymmetryParams()
+
+
+@dataclass(frozen=True, slots=True)
+class Symmetry:
+    """Of the cells of a rest frame, as rms relative area.
+
+    asymmetry     smooth, and neither alike in all directions nor even across
+    irregularity  from cell to cell
+    """
+
+    asymmetry: float
+    irregularity: float
+
+    @property
+    def touched(self) -> bool:
+        """Whether something touches the tip, as far as that can be seen."""
+        return self.asymmetry > max(PARAMS.asymmetry_max, PARAMS.irregular_ratio * self.irregularity)
+
+    @property
+    def message(self) -> str:
+        """A message for people."""
+        return f"its cells are lopsided by {self.asymmetry:.1%}, pin by pin by {self.irregularity:.1%}"
+
+
+def symmetry_of(rest: Rest) -> Symmetry:
+    """Asymmetry and irregularity; too few pins have none."""
+    pattern = rest.pattern
+    all_seen = np.ones(len(rest), dtype=np.bool_)
+    try:
+        cells = Tessellator(rest).cells(Tracks(rest.xy_img, rest.pins.sigma_px, all_seen, 1.0))
+    except DegenerateLayout:
+        return Symmetry(0.0, 0.0)
+    place = np.asarray((rest.xy_img - pattern.centre_img) / pattern.tip_radius_px @ (1, 1j))
+    used = (np.abs(place) < PARAMS.inner) & np.isfinite(cells.area_px2)
+    symmetric, smooth = _columns(place[used])
+    free_n = int(used.sum()) - symmetric.shape[1] - smooth.shape[1]
+    if free_n < smooth.shape[1]:
+        return Symmetry(0.0, 0.0)
+    base = np.linalg.qr(symmetric)[0]
+    log_area = np.log(cells.area_px2[used])
+    log_area = log_area - base @ (base.T @ log_area)
+    base = np.linalg.qr(smooth - base @ (base.T @ smooth))[0]
+    found = base.T @ log_area
+    variance = float(np.sum((log_area - base @ found) ** 2)) / free_n
+    # Irregularity alone leaves its variance in each column.
+    asymmetry = max(float(np.sum(found**2)) - base.shape[1] * variance, 0.0) / int(used.sum())
+    return Symmetry(float(np.sqrt(asymmetry)), float(np.sqrt(variance)))
+
+
+def _columns(place: Complex) -> tuple[Array, Array]:
+    """Terms of a symmetric tip seen at a slant, and smooth terms of any other."""
+    square = np.abs(place) ** 2
+    symmetric = [np.ones_like(square), square, square**2, square**3, place.real, place.imag]
+    other = [
+        part
+        for order in (1, 2, 3)
+        for power in (0, 1, 2)
+        if (order, power) != (1, 0)
+        for part in ((place**order).real * square**power, (place**order).imag * square**power)
+    ]
+    return np.column_stack(symmetric), np.column_stack(other)

@@ -1,0 +1,114 @@
+"""The untouched tip, estimated from frames that are all pressed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from calib.dataset import open_dataset
+from calib.errors import TableError
+from calib.sim.camera import Camera
+from calib.sim.mechanics import ToolPose
+from calib.sim.simulator import Simulator
+from calib.sim.tip import Tip
+from calib.targets import read_targets
+from calib.unloaded import load_of, unloaded
+from edge.pins import take_rest
+from edge.sources import read_image
+from edge.tracking import Tracker
+from edge.types import Array, Image, Rest
+
+N = 40
+RNG = np.random.default_rng(7)
+TRUTH = {
+    "displacement_mm": RNG.uniform(0.6, 3.0, N),
+    "tilt_x_deg": RNG.uniform(-15.0, 15.0, N),
+    "tilt_y_deg": RNG.uniform(-15.0, 15.0, N),
+    "shear_x_mm": RNG.uniform(-1.5, 1.5, N),
+    "shear_y_mm": RNG.uniform(-1.5, 1.5, N),
+}
+
+
+def tip() -> Simulator:
+    return Simulator(Camera(tip=Tip(n_pins=127, kind="hex"), size_px=(320, 320)))
+
+
+@pytest.fixture(scope="module")
+def pressed() -> list[Image]:
+    one = tip()
+    rows = zip(*TRUTH.values(), strict=True)
+    return [
+        one.frame((ToolPose(depth_mm=d, tilt_x_deg=a, tilt_y_deg=b, shear_x_mm=x, shear_y_mm=y),)).image
+        for d, a, b, x, y in rows
+    ]
+
+
+def error_px(rest: Rest, true: Rest) -> float:
+    """Rms distance of the pins from their true places."""
+    tracks = Tracker(true).identify(rest.pins)
+    assert tracks.seen.all()
+    return float(np.sqrt(np.mean(np.sum((tracks.xy_img - true.xy_img) ** 2, axis=1))))
+
+
+def test_the_estimate_is_nearer_to_the_truth_than_any_frame(pressed: list[Image]) -> None:
+    true = take_rest([tip().frame().image])
+    chosen = take_rest([pressed[int(np.argmin(TRUTH["displacement_mm"]))]])
+    found = unloaded(chosen, pressed, TRUTH)
+    assert found is not None
+    frames = [take_rest([image]) for image in pressed[::4]]
+    assert error_px(found, true) < 0.75 * min(error_px(frame, true) for frame in [chosen, *frames])
+
+
+def test_without_a_load_or_with_few_frames_there_is_none(pressed: list[Image]) -> None:
+    chosen = take_rest([pressed[0]])
+    shear: dict[str, Array] = {"shear_x_mm": TRUTH["shear_x_mm"]}
+    assert load_of(shear) is None
+    assert unloaded(chosen, pressed, shear) is None
+    assert unloaded(chosen, pressed[:4], {name: column[:4] for name, column in TRUTH.items()}) is None
+
+
+def table(folder: Path, images: list[Image], depths: list[float]) -> Path:
+    lines = ["sensor_image,pose_z"]
+    for number, (image, depth) in enumerate(zip(images, depths, strict=True)):
+        cv2.imwrite(str(folder / f"{number}.png"), image)
+        lines.append(f"{number}.png,{depth:.4f}")
+    path = folder / "targets.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_a_table_of_pressed_frames_gets_the_estimate(pressed: list[Image], tmp_path: Path) -> None:
+    path = table(tmp_path, pressed, TRUTH["displacement_mm"].tolist())
+    data = open_dataset([path], tmp_path, None)
+    assert "in 40 frames extrapolated to no load" in data.rest_message
+
+
+def test_frames_that_the_table_says_are_untouched_are_the_rest_frame(
+    pressed: list[Image], tmp_path: Path
+) -> None:
+    untouched = tip().frame().image
+    path = table(tmp_path, [*pressed[:6], untouched, untouched], [*TRUTH["displacement_mm"][:6], 0.0, 0.0])
+    data = open_dataset([path], tmp_path, Path("auto"))
+    assert "2 frames that the table says are without load" in data.rest_message
+    assert error_px(data.rest, take_rest([untouched])) < 0.02
+
+
+def test_a_table_without_pins_is_one_line(tmp_path: Path) -> None:
+    path = table(tmp_path, [np.zeros((240, 320), np.uint8)] * 2, [1.0, 2.0])
+    with pytest.raises(TableError, match="give --rest an image of the untouched tip"):
+        open_dataset([path], tmp_path, None)
+
+
+@pytest.mark.real
+def test_published_frames_of_one_tip(real_dir: Path) -> None:
+    """All pressed by 1 mm and more; a twentieth of a pitch is what a tilt of one degree moves pins by."""
+    folder = real_dir / "tactip331_binary"
+    true = take_rest([read_image(folder / "rest.png")])
+    targets = read_targets(folder / "targets.csv", folder / "frames").rows(range(0, 600, 5))
+    data_rest = take_rest([read_image(targets.frames[int(np.argmin(targets.values["displacement_mm"]))])])
+    found = unloaded(data_rest, [read_image(path) for path in targets.frames], targets.values)
+    assert found is not None
+    assert error_px(found, true) < 0.08 * true.pattern.pitch_px

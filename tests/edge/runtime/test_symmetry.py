@@ -1,0 +1,86 @@
+"""A touch that is seen without knowing the tip, and what must not be taken for one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.sim.camera import Camera
+from calib.sim.mechanics import ToolPose
+from calib.sim.simulator import Simulator
+from calib.sim.tip import Tip
+from edge.pins import take_rest
+from edge.runtime.symmetry import Symmetry, symmetry_of
+from edge.sources import open_source, read_image
+from edge.types import Image
+
+SENSORS = ("gelsight-mini", "square-grid", "tactip-127", "tactip-331")
+
+
+def simulated(kind: str, pins_n: int, *poses: ToolPose) -> Image:
+    return Simulator(Camera(tip=Tip(n_pins=pins_n, kind=kind), size_px=(480, 480))).frame(poses).image
+
+
+def symmetry(image: Image) -> Symmetry:
+    return symmetry_of(take_rest([image]))
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_untouched_sensors_are_symmetric(sensor: str) -> None:
+    source = open_source(f"sim:tour?sensor={sensor}&paced=0")
+    image = next(iter(source)).image
+    source.close()
+    found = symmetry(image)
+    assert not found.touched
+    assert found.asymmetry < 0.02
+
+
+@pytest.mark.parametrize(("kind", "pins_n"), [("hex", 127), ("rings", 331)])
+def test_a_tilted_touch_is_seen_and_one_straight_onto_the_middle_is_not(kind: str, pins_n: int) -> None:
+    tilted = symmetry(simulated(kind, pins_n, ToolPose(depth_mm=3.0, tilt_x_deg=15.0)))
+    assert tilted.touched
+    assert "lopsided" in tilted.message
+    assert not symmetry(simulated(kind, pins_n, ToolPose(depth_mm=2.0))).touched
+
+
+def test_a_camera_at_a_slant_and_a_lens_are_no_touch() -> None:
+    """What they do to the pins of a flat grid, of 6 % across and of 10 % outwards."""
+    rest = take_rest([simulated("hex", 127)])
+    place = (rest.xy_img - rest.pattern.centre_img) / rest.pattern.tip_radius_px
+    scale = 1.0 + 0.1 * (place**2).sum(axis=1) + 0.06 * place[:, 0]
+    xy = rest.pattern.centre_img + rest.pattern.tip_radius_px * place * scale[:, None]
+    seen = replace(rest, pins=replace(rest.pins, xy_img=xy))
+    assert not symmetry_of(seen).touched
+
+
+def test_uneven_pins_are_no_touch() -> None:
+    rest = take_rest([simulated("hex", 127)])
+    noise = np.random.default_rng(5).normal(0.0, 0.08 * rest.pattern.pitch_px, rest.xy_img.shape)
+    seen = replace(rest, pins=replace(rest.pins, xy_img=rest.xy_img + noise))
+    found = symmetry_of(seen)
+    assert found.irregularity > 0.04
+    assert not found.touched
+
+
+def test_too_few_pins_are_never_suspected() -> None:
+    assert symmetry(simulated("hex", 37, ToolPose(depth_mm=3.0, tilt_x_deg=15.0))) == Symmetry(0.0, 0.0)
+
+
+@pytest.mark.real
+def test_published_recordings(real_dir: Path) -> None:
+    """Untouched images pass; of touched ones of a regular tip most are seen."""
+    binary = real_dir / "tactip331_binary"
+    assert not symmetry(read_image(binary / "rest.png")).touched
+    touched = [symmetry(read_image(path)).touched for path in sorted((binary / "frames").iterdir())[::30]]
+    assert np.mean(touched) > 0.8
+    for video in ("gelsight_mini/press.avi", "video/Movement4.avi", "video/north.avi"):
+        source = open_source(str(real_dir / video))
+        for number, frame in enumerate(source):
+            if number == 40:
+                break
+            if number % 20 == 0:
+                assert not symmetry(frame.image).touched
+        source.close()
