@@ -29,7 +29,7 @@ from edge.pins import take_rest
 from edge.runtime.rest_choice import aligned, choose_rest
 from edge.runtime.tip_match import in_order_of
 from edge.sources import read_image
-from edge.types import Image, Rest
+from edge.types import Image, Lens, Rest
 from hostlink.cli_types import counted
 
 __all__ = ["Dataset", "RestGroup", "open_dataset"]
@@ -93,7 +93,9 @@ class Dataset:
         return join_extracts([extract(p.rest, p.frames(), pool, on_done) for p in self.parts])
 
 
-def open_dataset(tables: Sequence[Path], folder: Path | None, rest_image: Path | None) -> Dataset:
+def open_dataset(
+    tables: Sequence[Path], folder: Path | None, rest_image: Path | None, lens: Lens | None = None
+) -> Dataset:
     """Open a table with its frames, or captures.
 
     Raises  TableError, CaptureError: one line with file, row and column
@@ -104,7 +106,7 @@ def open_dataset(tables: Sequence[Path], folder: Path | None, rest_image: Path |
             raise TableError(f"{tables[0]} and {captures[0]}: either one table or captures, not both")
         if folder is not None or rest_image is not None:
             raise TableError(f"{captures[0]}: a capture has its own frames; omit --frames and --rest")
-        parts = tuple(_capture(path) for path in captures)
+        parts = tuple(_capture(path, lens) for path in captures)
         for path, part in zip(captures[1:], parts[1:], strict=True):
             _must_be_same_tip(captures[0], parts[0].rest, path, part.rest)
         return Dataset(parts)
@@ -114,31 +116,31 @@ def open_dataset(tables: Sequence[Path], folder: Path | None, rest_image: Path |
         raise TableError(f"{tables[0]}: a table needs --frames DIR, the folder of its pictures")
     targets = read_targets(tables[0], folder)
     if rest_image is None or str(rest_image) == "auto":
-        return _without_rest(tables[0], targets)
-    rest = _rest([read_image(rest_image)], rest_image)
+        return _without_rest(tables[0], targets, lens)
+    rest = _rest([read_image(rest_image)], rest_image, lens)
     return Dataset((RestGroup(rest, targets, lambda: targets.frames),))
 
 
-def _without_rest(table: Path, targets: Targets) -> Dataset:
+def _without_rest(table: Path, targets: Targets, lens: Lens | None) -> Dataset:
     """With a rest frame from the table's frames: those without load, or else what they were without it."""
     load = load_of(targets.values)
     without_load = [] if load is None else np.flatnonzero(load <= 0)[:RESTS_MAX].tolist()
     try:
         if without_load:
-            rest = take_rest([read_image(targets.frames[k]) for k in without_load])
+            rest = take_rest([read_image(targets.frames[k]) for k in without_load], lens=lens)
             message = f"of {counted(len(without_load), 'frame')} that the table says are without load"
         else:
-            rest, message = _estimated(targets)
+            rest, message = _estimated(targets, lens)
     except NoPins as error:
         raise TableError(f"{table}: {error}; give --rest an image of the untouched tip") from None
     return Dataset((RestGroup(rest, targets, lambda: targets.frames),), message)
 
 
-def _estimated(targets: Targets) -> tuple[Rest, str]:
+def _estimated(targets: Targets, lens: Lens | None) -> tuple[Rest, str]:
     """Of frames of which the table says no one is untouched, or says nothing. Raises NoPins."""
     some = range(0, len(targets), max(1, -(-len(targets) // CANDIDATES_MAX)))
     images = [read_image(targets.frames[k]) for k in some]
-    choice = choose_rest(images)
+    choice = choose_rest(images, lens=lens)
     name = targets.frames[some[choice.index]].name
     rest = unloaded(choice.rest, (read_image(path) for path in targets.frames), targets.values)
     if rest is None:
@@ -146,7 +148,7 @@ def _estimated(targets: Targets) -> tuple[Rest, str]:
     return rest, f"the pins of {name}, at their places in {len(targets)} frames extrapolated to no load"
 
 
-def _capture(path: Path) -> RestGroup:
+def _capture(path: Path, lens: Lens | None) -> RestGroup:
     rows = read_rows(path)
     samples = tuple(row for row in rows if row["role"] != "rest")
     if not samples:
@@ -164,12 +166,12 @@ def _capture(path: Path) -> RestGroup:
             if row["role"] != "rest":
                 yield frame.image
 
-    return RestGroup(_rest(rests, path), targets_of_capture(str(path), samples), frames, samples)
+    return RestGroup(_rest(rests, path, lens), targets_of_capture(str(path), samples), frames, samples)
 
 
-def _rest(images: Sequence[Image], where: Path) -> Rest:
+def _rest(images: Sequence[Image], where: Path, lens: Lens | None) -> Rest:
     try:
-        return take_rest(images)
+        return take_rest(images, lens=lens)
     except NoPins as error:
         raise TableError(f"{where}: {error}; an image of the untouched tip is needed") from None
 

@@ -20,10 +20,13 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, Protocol, runtime_checkable
+from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
+
+from edge.limits import IMAGE_SIDE_PX, ImageSide, Pixels
 
 __all__ = [
     "Array",
@@ -35,6 +38,7 @@ __all__ = [
     "Frame",
     "FrameSource",
     "Image",
+    "Lens",
     "LiveSource",
     "PinPattern",
     "Pins",
@@ -49,6 +53,9 @@ Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 Index = NDArray[np.int32]
 Image = NDArray[np.uint8] | NDArray[np.uint16]
+#: Of a lens, px; beyond a hundred image sides nothing is seen at an angle.
+Focal = Annotated[float, msgspec.Meta(ge=1.0, le=100 * IMAGE_SIDE_PX)]
+Coefficient = Annotated[float, msgspec.Meta(ge=-1e3, le=1e3)]
 
 
 class Clock(StrEnum):
@@ -66,6 +73,28 @@ class Polarity(StrEnum):
     FOUND = ""  # not said: found when the rest frame is taken
     BRIGHT = "bright"
     DARK = "dark"
+
+
+class Lens(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Distortion of a lens, in OpenCV's models and order of coefficients; also a table of files.
+
+    model       pinhole: k1 k2 p1 p2 [k3 [k4 k5 k6 ...]]; fisheye: k1 k2 k3 k4
+    size_px     of the images that it is for, width and height
+    focal_px    along x and y
+    centre_px   where the optical axis meets the image
+    """
+
+    model: Literal["pinhole", "fisheye"] = "pinhole"
+    size_px: tuple[ImageSide, ImageSide]
+    focal_px: tuple[Focal, Focal]
+    centre_px: tuple[Pixels, Pixels]
+    distortion: Annotated[tuple[Coefficient, ...], msgspec.Meta(min_length=4, max_length=14)]
+
+    def __post_init__(self) -> None:
+        allowed = (4,) if self.model == "fisheye" else (4, 5, 8, 12, 14)
+        if len(self.distortion) not in allowed:
+            numbers = " or ".join(map(str, allowed))
+            raise ValueError(f"distortion: {len(self.distortion)} numbers; a {self.model} has {numbers}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +129,7 @@ class FrameSource(Protocol):
     rate_hz: float  # nominal; 0 where unknown
     live: bool  # True: frames come at the camera's pace; False: as fast as they are read
     polarity: Polarity  # of its pins, as far as its address says
+    lens: Lens | None  # whose distortion is removed from the pins' places; None: none
     dropped_n: int  # frames that were discarded because the reader was slow
 
     def __iter__(self) -> Iterator[Frame]: ...
@@ -119,6 +149,17 @@ class RecordedSource(FrameSource, Protocol):
 
     @property
     def frames_n(self) -> int: ...
+
+
+@runtime_checkable
+class MeasuredSource(FrameSource, Protocol):
+    """A camera that was measured by its maker.
+
+    factory_lens  None: this one was not
+    """
+
+    @property
+    def factory_lens(self) -> Lens | None: ...
 
 
 @runtime_checkable
@@ -196,6 +237,8 @@ class PinPattern:
     count            pins of the untouched tip; 0: not known, and pins cut by the view's border are not
                      searched for
     glints_img       bright arcs at rest that resemble a cut pin's edge but are none
+    lens             whose distortion is removed from the pins' places, and from centre, radius, pitch, glints
+                     here; None: they are as the camera sees them
     """
 
     pin_radius_px: float
@@ -211,6 +254,7 @@ class PinPattern:
     dark: bool = False
     count: int = 0
     glints_img: tuple[tuple[float, float], ...] = ()
+    lens: Lens | None = None
 
 
 @dataclass(frozen=True, slots=True)

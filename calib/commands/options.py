@@ -15,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from calib.dataset import Dataset, open_dataset
 from calib.extract import Extract, executor
 from calib.targets import COLUMNS
+from edge.sources.lens_file import load_lens
 from hostlink.cli_types import WholeNumber
 
 __all__ = ["PATH", "Frames", "frames_options", "overwrite_option", "progress_bar", "worker_options"]
@@ -35,6 +36,13 @@ _FRAMES: list[Callable[[Any], Any]] = [
         type=PATH,
         metavar="IMAGE|auto",
         help="Image of the untouched tip, for TARGETS.csv; default: the least deformed frame.",
+    ),
+    click.option(
+        "--lens",
+        "lens_file",
+        type=PATH,
+        metavar="FILE",
+        help="Lens of the frames, by `edge lens`: its distortion is removed from the pins' places.",
     ),
     *_WORKERS,
     click.option("-q", "--quiet", is_flag=True, help="No progress bar."),
@@ -64,6 +72,7 @@ class Frames:
     tables: tuple[Path, ...]
     folder: Path | None
     rest_image: Path | None
+    lens_file: Path | None
     workers: int | None
     dask: str | None
     quiet: bool
@@ -77,7 +86,8 @@ class Frames:
 
     def open(self) -> Dataset:
         """Raises TableError, CaptureError. Unknown columns of the table are reported on stderr."""
-        data = open_dataset(self.tables, self.folder, self.rest_image)
+        lens = None if self.lens_file is None else load_lens(self.lens_file)
+        data = open_dataset(self.tables, self.folder, self.rest_image, lens)
         if data.rest_message:
             click.echo(f"rest frame: {data.rest_message}", err=True)
         if data.targets.unread:

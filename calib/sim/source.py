@@ -27,7 +27,7 @@ from calib.sim.tip import Tip
 from edge.errors import ConfigError, SourceError
 from edge.sensors import KnownSensor, load_sensor
 from edge.sources import Options, Paced, convert
-from edge.types import Frame, FrameSource, Polarity
+from edge.types import Frame, FrameSource, Lens, Polarity
 
 RATE_HZ = 60.0
 #: The scheme's own keys: kind and default.
@@ -55,6 +55,7 @@ class SceneSource:
         self.rate_hz = simulator.rate_hz
         self.dropped_n = 0
         self.polarity = Polarity.FOUND
+        self.lens: Lens | None = None
         self._simulator = simulator
         self._moves = shallower(SCENES[scene], depth_factor)
         self._kept: list[Frame] | None = list(self._render()) if keep else None

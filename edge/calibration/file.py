@@ -26,7 +26,7 @@ import numpy as np
 from edge import limits
 from edge.errors import CalibrationError
 from edge.limits import BadContent, ImageSide, Name, Number, Pixels
-from edge.types import PinPattern, Pins, Rest
+from edge.types import Lens, PinPattern, Pins, Rest
 from hostlink.output_file import writing
 
 FORMAT = "voronoi-touch-calibration"
@@ -156,7 +156,10 @@ Model = Curve | Polynomial | Process
 
 
 class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The tip and camera that the file belongs to."""
+    """The tip and camera that the file belongs to.
+
+    lens  whose distortion is removed from places, centre, radius and pitch here; None: none
+    """
 
     serial: Name
     size_px: tuple[ImageSide, ImageSide]
@@ -170,6 +173,7 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rest_xy_px: Annotated[
         list[tuple[Pixels, Pixels]], msgspec.Meta(min_length=limits.PINS_MIN, max_length=limits.PINS_MAX)
     ]
+    lens: Lens | None = None
 
 
 class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -264,6 +268,7 @@ def sensor_of(rest: Rest, serial: str) -> Sensor:
         brightness=p.brightness,
         noise=p.noise,
         rest_xy_px=[(round(float(x), 3), round(float(y), 3)) for x, y in rest.xy_img],
+        lens=p.lens,
     )
 
 
@@ -279,6 +284,7 @@ def rest_of(sensor: Sensor) -> Rest:
         brightness=sensor.brightness,
         noise=sensor.noise,
         size_px=sensor.size_px,
+        lens=sensor.lens,
     )
     n = len(xy)
     pins = Pins(

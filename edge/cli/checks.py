@@ -26,7 +26,7 @@ from edge.runtime.sensor_match import missing_pins, mm_per_px, recognise
 from edge.runtime.symmetry import symmetry_of
 from edge.runtime.tip_match import in_order_of
 from edge.sensors import KnownSensor, known_sensors
-from edge.types import AdjustableSource, Frame, FrameSource, LiveSource, Polarity, Rest
+from edge.types import AdjustableSource, Frame, FrameSource, Lens, LiveSource, Polarity, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
 
 __all__ = [
@@ -150,10 +150,12 @@ def _brightness(frames: Sequence[Frame]) -> Line:
     return Line("light", "ok", finding)
 
 
-def pins(frames: Sequence[Frame], polarity: Polarity = Polarity.FOUND) -> tuple[list[Line], Rest | None]:
+def pins(
+    frames: Sequence[Frame], polarity: Polarity = Polarity.FOUND, lens: Lens | None = None
+) -> tuple[list[Line], Rest | None]:
     """Found, sharp, clear of the border, untouched; and their rest frame."""
     try:
-        rest = take_rest([f.image for f in frames], polarity)
+        rest = take_rest([f.image for f in frames], polarity, lens)
     except NoPins as error:
         return [
             Line("pins", "fail", str(error), "focus the lens; look at `python -m edge inspect IMAGE`")
@@ -189,9 +191,9 @@ def pins(frames: Sequence[Frame], polarity: Polarity = Polarity.FOUND) -> tuple[
     symmetry = symmetry_of(rest)
     lines.append(
         Line(
-            "touch", "warn" if symmetry.touched else "ok",
-            f"something touches the tip: {symmetry.message}" if symmetry.touched else "none seen",
-            "let go; or is the camera not square to the tip?" if symmetry.touched else "",
+            "touch", "warn" if symmetry.in_contact else "ok",
+            f"something touches the tip: {symmetry.message}" if symmetry.in_contact else "none seen",
+            "let go; or is the camera not square to the tip?" if symmetry.in_contact else "",
         )
     )  # fmt: skip
     return lines, rest

@@ -121,7 +121,7 @@ def examine(
         asked_hz = config.source.rate_hz or source.rate_hz
         lines += checks.camera(source, frames, seconds, config)
         if frames:
-            found, rest = checks.pins(frames[: LIMITS.rest_frames_n], source.polarity)
+            found, rest = checks.pins(frames[: LIMITS.rest_frames_n], source.polarity, source.lens)
             lines += found
             lines += checks.sensor(rest, sensor)
     lines += checks.calibration(calibration_path, rest)

@@ -133,7 +133,7 @@ def _findings(rest: Rest, sensors: Sequence[KnownSensor]) -> dict[str, Any]:
         "dark": rest.pattern.dark,
         "sensor": None if match is None else match.sensor.name,
         "mm_per_px": None if scale is None else round(scale, 5),
-        "touched": symmetry_of(rest).touched,
+        "touched": symmetry_of(rest).in_contact,
         "xy_px": [[round(float(x), 3), round(float(y), 3)] for x, y in rest.xy_img],
     }
 

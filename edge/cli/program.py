@@ -33,6 +33,10 @@ COMMANDS = {
         "edge.cli.sensor:sensor",
         "Describe a sensor by one IMAGE of its untouched skin, for --sensor and [sensor] model.",
     ),
+    "lens": CommandRow(
+        "edge.cli.lens:lens",
+        "Measure a lens by IMAGEs of a checkerboard, for ?lens=FILE in a source's address.",
+    ),
     "doctor": CommandRow(
         "edge.cli.doctor:doctor",
         "Check camera, pins, calibration, link, processor, clock and disk.",

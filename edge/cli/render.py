@@ -177,7 +177,7 @@ def _render(
         rest = (
             given.rest
             if given
-            else tare([frame.image for frame in first], np.inf, calibration, source.polarity)
+            else tare([frame.image for frame in first], np.inf, calibration, source.polarity, source.lens)
         )
     except NoPins as error:
         raise SourceError(f"source {recording}: {error}") from None

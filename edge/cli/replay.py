@@ -94,7 +94,7 @@ def _use_rest(loop: Loop, recording: str, how: str | None, quiet: bool) -> None:
     from edge.sources import open_source
 
     with closing(open_source(recording)) as source:
-        source.polarity = loop.source.polarity
+        source.polarity, source.lens = loop.source.polarity, loop.source.lens
         if how is not None:
             given = rest_of_source(source, how, loop.calibration)
         elif source.live or (found := rest_if_touched(source, loop.calibration)) is None:

@@ -22,6 +22,7 @@ from edge.errors import NoPins
 from edge.geometry.lattice import pitch_of
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.pins.blobs import Spots, find_spots, join, measure_discs
+from edge.pins.lens import corrected_pins, pattern_as_seen
 from edge.pins.params import PARAMS
 from edge.pins.partial import find_cut
 from edge.pins.pattern import belongs, fills_gap, one_of_each, unevenness
@@ -51,6 +52,8 @@ def detect(image: Image, pattern: PinPattern | None = None) -> Pins:
     grey = to_grey(image)
     if pattern is None:
         return learn(grey)[1]
+    if pattern.lens is not None:
+        return corrected_pins(detect(grey, pattern_as_seen(pattern)), pattern.lens)
     grey = as_bright(grey, pattern.dark)
     pattern = replace(pattern, dark=False)
     whole = _centroids(grey, _find(grey, pattern), pattern)[0]

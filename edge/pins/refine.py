@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from edge.geometry.lens import corrected, magnification, seen
 from edge.pins.centroids import CentroidKernel
+from edge.pins.lens import rest_as_seen
 from edge.pins.params import PARAMS, PinParams
 from edge.pins.templates import STEP_MAX, templates_of
 from edge.types import Array, Image, Pins, Rest
@@ -14,7 +16,11 @@ class CentroidRefiner:
     """Reads the pins of `rest` in image after image, each near where it is predicted."""
 
     def __init__(self, rest: Rest, params: PinParams = PARAMS) -> None:
+        self._lens = rest.pattern.lens
+        rest = rest_as_seen(rest)
         pattern = rest.pattern
+        if self._lens is not None:
+            self._magnification = magnification(self._lens, rest.xy_img)
         radius = np.asarray(rest.pins.radius_px, np.float64)
         kinds, kind_of = np.unique(
             np.rint(np.log(radius) / np.log(params.radius_kind_step)), return_inverse=True
@@ -48,9 +54,13 @@ class CentroidRefiner:
         xy_img_predicted  (n, 2) float64, px; within half a pitch of the truth; NaN gives NaN
         Raises            ValueError: another image or another number of predictions
         """
-        answer = self._kernel.read(image, np.ascontiguousarray(xy_img_predicted, np.float64))
+        predicted = xy_img_predicted if self._lens is None else seen(self._lens, xy_img_predicted)
+        answer = self._kernel.read(image, np.ascontiguousarray(predicted, np.float64))
         self._fit = answer[:, 4]
-        return Pins(answer[:, :2].copy(), answer[:, 2].copy(), self._radius, answer[:, 3].copy())
+        xy, sigma = answer[:, :2].copy(), answer[:, 2].copy()
+        if self._lens is not None:
+            xy, sigma = corrected(self._lens, xy), sigma * self._magnification
+        return Pins(xy, sigma, self._radius, answer[:, 3].copy())
 
     @property
     def fit(self) -> Array:

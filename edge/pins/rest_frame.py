@@ -12,12 +12,13 @@ from scipy.spatial import cKDTree
 
 from edge.errors import NoPins
 from edge.pins.detect import as_bright, detect, in_view, learn, noise_of, to_grey
+from edge.pins.lens import corrected_rest
 from edge.pins.params import PARAMS
 from edge.pins.refine import CentroidRefiner
-from edge.types import Image, PinPattern, Pins, Polarity, Rest
+from edge.types import Image, Lens, PinPattern, Pins, Polarity, Rest
 
 
-def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND) -> Rest:
+def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens: Lens | None = None) -> Rest:
     """The rest frame from one or more images of the untouched tip; row i defines pin i.
 
     Pins are found on the mean of the largest set of images among which nothing moves: in the mean of a moving
@@ -25,7 +26,8 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND) -> R
     first images, as cameras give, are not used.
 
     polarity  FOUND: as the first image that shows pins has them
-    Raises    NoPins: no image, images of different size, or no pins in them
+    lens      whose distortion is removed from the pins' places
+    Raises    NoPins: no image, images of different size or another than the lens's, or no pins in them
     """
     greys = [to_grey(image) for image in images]
     if not greys:
@@ -47,7 +49,8 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND) -> R
     pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])), dark=dark)
     order = np.lexsort((pins.xy_img[:, 0], np.rint(pins.xy_img[:, 1] / pattern.pitch_px)))
     pins = Pins(pins.xy_img[order], pins.sigma_px[order], pins.radius_px[order], pins.brightness[order])
-    return Rest(pins, pattern)
+    rest = Rest(pins, pattern)
+    return rest if lens is None else corrected_rest(rest, lens)
 
 
 def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple[PinPattern, Pins]:

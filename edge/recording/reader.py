@@ -32,7 +32,7 @@ from edge.recording.mcap_file import (
 )
 from edge.recording.params import PARAMS
 from edge.recording.topics import TOPICS, proto
-from edge.types import Clock, Frame, Image, Polarity
+from edge.types import Clock, Frame, Image, Lens, Polarity
 
 __all__ = ["RecordingSource", "open_recording", "read_attachments", "read_messages", "read_metadata"]
 
@@ -104,6 +104,7 @@ class RecordingSource:
         self.name = f"recording {self.path}"
         self.dropped_n = 0
         self.polarity = Polarity.FOUND
+        self.lens: Lens | None = None
         self.faults: Counter[str] = Counter()
         self._closed = False
         self.metadata = read_metadata(self.path)

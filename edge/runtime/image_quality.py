@@ -15,6 +15,7 @@ from math import nan
 
 import numpy as np
 
+from edge.pins.lens import rest_as_seen
 from edge.runtime.checks import Check
 from edge.runtime.measures import FocusWindows, median_length, sample_levels
 from edge.types import Array, Frame, Image, Rest
@@ -79,6 +80,7 @@ class ImageQuality:
     def learn(self, rest: Rest, frame: Frame) -> None:
         """Take this image of the untouched tip as the reference."""
         height, width = frame.image.shape
+        rest = rest_as_seen(rest)
         half, tail = max(3, round(rest.pattern.pitch_px / 2)), self._params.focus_tail
         xy = np.rint(rest.xy_img).astype(np.int32)
         inside = np.all((xy >= half) & (xy < [width - half, height - half]), axis=1)

@@ -29,7 +29,7 @@ from edge.runtime.tare import PARAMS as TARE
 from edge.runtime.tare import TareRefused, take_rest_frame
 from edge.runtime.tip_match import match_rest
 from edge.tracking import Tracker
-from edge.types import Array, Frame, FrameSource, Image, Mask, Pins, Polarity, Rest, Tracks
+from edge.types import Array, Frame, FrameSource, Image, Lens, Mask, Pins, Polarity, Rest, Tracks
 from hostlink.wire import RestFrameReason
 
 __all__ = [
@@ -99,20 +99,23 @@ class RestChoice:
 
 
 def choose_rest(
-    images: Sequence[Image], polarity: Polarity = Polarity.FOUND, params: RestChoiceParams = PARAMS
+    images: Sequence[Image],
+    polarity: Polarity = Polarity.FOUND,
+    params: RestChoiceParams = PARAMS,
+    lens: Lens | None = None,
 ) -> RestChoice:
     """The least deformed of some images, in any order.
 
     Raises  NoPins: no image shows pins
     """
-    start, rest = _first_with_pins(images, polarity)
+    start, rest = _first_with_pins(images, polarity, lens)
     found = _compare(images, rest, params)
     if not found.agrees[found.index, start]:  # the touch in it may have hidden pins
-        again = _compare(images, take_rest([images[found.index]], polarity), params)
+        again = _compare(images, take_rest([images[found.index]], polarity, lens), params)
         found = again if again.known_n >= found.known_n else found
     return RestChoice(
         found.index,
-        take_rest([images[found.index]], polarity),
+        take_rest([images[found.index]], polarity, lens),
         float(found.deformation[found.index]),
         float(np.nanmedian(found.deformation)),
         int(found.agrees[found.index].sum()) - 1,
@@ -166,11 +169,11 @@ def _rms(change: Array) -> Array:
     return np.asarray(np.sqrt(np.nanmean(change**2, axis=1)))
 
 
-def _first_with_pins(images: Sequence[Image], polarity: Polarity) -> tuple[int, Rest]:
+def _first_with_pins(images: Sequence[Image], polarity: Polarity, lens: Lens | None) -> tuple[int, Rest]:
     complaint = NoPins("no images; give a recording with images of the tip")
     for index, image in enumerate(images):
         try:
-            return index, take_rest([image], polarity)
+            return index, take_rest([image], polarity, lens)
         except NoPins as error:
             complaint = error
     raise complaint
@@ -248,7 +251,7 @@ def rest_of_source(
     try:
         if how in ("auto", "none"):
             images, step = _thinned(source, params.images_n)
-            choice = choose_rest(images, source.polarity, params)
+            choice = choose_rest(images, source.polarity, params, source.lens)
             index = choice.index * step
             message, untouched = f"image {index}: {choice.message}", choice.trusted
         else:
@@ -270,7 +273,11 @@ def rest_if_touched(source: FrameSource, calibration: Calibration | None = None)
     """
     images = [frame.image for frame in islice(source, TARE.frames_n)]
     try:
-        take_rest_frame(images, replace(TARE, steady_px=np.inf, polarity=source.polarity), calibration)
+        take_rest_frame(
+            images,
+            replace(TARE, steady_px=np.inf, polarity=source.polarity, lens=source.lens),
+            calibration,
+        )
     except TareRefused as error:
         if error.reason is not RestFrameReason.TOUCHED:
             return None
@@ -304,7 +311,7 @@ def _averaged(source: FrameSource, index: int) -> tuple[Rest, Frame]:
     if index - first >= len(frames):
         raise SourceError(f"{source.name}: has no image {index}; give --rest a smaller number, or auto")
     chosen = frames[index - first]
-    rest = take_rest([chosen.image], source.polarity)
+    rest = take_rest([chosen.image], source.polarity, source.lens)
     refiner = CentroidRefiner(rest)
 
     def rests(pins: Pins) -> bool:
@@ -312,4 +319,4 @@ def _averaged(source: FrameSource, index: int) -> tuple[Rest, Frame]:
         return bool(np.nanpercentile(motion, 90) < TARE.steady_px)
 
     steady = [f.image for f in frames if f is chosen or rests(refiner.refine(f.image, rest.xy_img))]
-    return take_rest(steady, source.polarity), chosen
+    return take_rest(steady, source.polarity, source.lens), chosen

@@ -22,7 +22,7 @@ from edge.cells import Tessellator
 from edge.errors import DegenerateLayout
 from edge.types import Array, Complex, Rest, Tracks
 
-__all__ = ["PARAMS", "Symmetry", "SymmetryParams", "symmetry_of"]
+__all__ = ["PARAMS", "RestSymmetry", "SymmetryParams", "symmetry_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ PARAMS = SymmetryParams()
 
 
 @dataclass(frozen=True, slots=True)
-class Symmetry:
+class RestSymmetry:
     """Of the cells of a rest frame, as rms relative area.
 
     asymmetry     smooth, and neither alike in all directions nor even across
@@ -54,7 +54,7 @@ class Symmetry:
     irregularity: float
 
     @property
-    def touched(self) -> bool:
+    def in_contact(self) -> bool:
         """Whether something touches the tip, as far as that can be seen."""
         return self.asymmetry > max(PARAMS.asymmetry_max, PARAMS.irregular_ratio * self.irregularity)
 
@@ -64,20 +64,20 @@ class Symmetry:
         return f"its cells are lopsided by {self.asymmetry:.1%}, pin by pin by {self.irregularity:.1%}"
 
 
-def symmetry_of(rest: Rest) -> Symmetry:
+def symmetry_of(rest: Rest) -> RestSymmetry:
     """Asymmetry and irregularity; too few pins have none."""
     pattern = rest.pattern
     all_seen = np.ones(len(rest), dtype=np.bool_)
     try:
         cells = Tessellator(rest).cells(Tracks(rest.xy_img, rest.pins.sigma_px, all_seen, 1.0))
     except DegenerateLayout:
-        return Symmetry(0.0, 0.0)
+        return RestSymmetry(0.0, 0.0)
     place = np.asarray((rest.xy_img - pattern.centre_img) / pattern.tip_radius_px @ (1, 1j))
     used = (np.abs(place) < PARAMS.inner) & np.isfinite(cells.area_px2)
     symmetric, smooth = _columns(place[used])
     free_n = int(used.sum()) - symmetric.shape[1] - smooth.shape[1]
     if free_n < smooth.shape[1]:
-        return Symmetry(0.0, 0.0)
+        return RestSymmetry(0.0, 0.0)
     base = np.linalg.qr(symmetric)[0]
     log_area = np.log(cells.area_px2[used])
     log_area = log_area - base @ (base.T @ log_area)
@@ -86,7 +86,7 @@ def symmetry_of(rest: Rest) -> Symmetry:
     variance = float(np.sum((log_area - base @ found) ** 2)) / free_n
     # Irregularity alone leaves its variance in each column.
     asymmetry = max(float(np.sum(found**2)) - base.shape[1] * variance, 0.0) / int(used.sum())
-    return Symmetry(float(np.sqrt(asymmetry)), float(np.sqrt(variance)))
+    return RestSymmetry(float(np.sqrt(asymmetry)), float(np.sqrt(variance)))
 
 
 def _columns(place: Complex) -> tuple[Array, Array]:

@@ -34,7 +34,7 @@ from edge.pins import CentroidRefiner, take_rest
 from edge.runtime.symmetry import symmetry_of
 from edge.runtime.tip_match import in_order_of, match_rest
 from edge.tracking import Tracker
-from edge.types import Image, Pins, Polarity, Rest, Tracks
+from edge.types import Image, Lens, Pins, Polarity, Rest, Tracks
 from hostlink.wire import RestFrameReason
 
 __all__ = ["RestFrame", "TareParams", "TareRefused", "take_rest_frame", "tare"]
@@ -51,12 +51,14 @@ class TareParams:
     steady_px  largest motion of 90 % of the pins from the first image to the last
     kept_rel   smallest share of the last rest frame's pins that must be found, without a calibration
     polarity   of the pins, as far as it is known
+    lens       whose distortion is removed from the pins' places
     """
 
     frames_n: int = 8
     steady_px: float = 0.5
     kept_rel: float = 0.9
     polarity: Polarity = Polarity.FOUND
+    lens: Lens | None = None
 
 
 PARAMS = TareParams()
@@ -105,7 +107,7 @@ def take_rest_frame(
     Raises       TareRefused
     """
     try:
-        rest = take_rest(images, params.polarity)
+        rest = take_rest(images, params.polarity, params.lens)
     except NoPins as error:
         raise TareRefused(Reason.NO_PIN_PATTERN, str(error)) from None
     problems: list[TareRefused] = []
@@ -158,7 +160,7 @@ def _begins(rest: Rest, first: Pins, last: Pins) -> TareRefused | None:
 def _lopsided(rest: Rest) -> TareRefused | None:
     """Whether the cells are as no untouched tip's are."""
     symmetry = symmetry_of(rest)
-    if symmetry.touched:
+    if symmetry.in_contact:
         return TareRefused(Reason.TOUCHED, f"something touches the tip ({symmetry.message})", LET_GO)
     return None
 
@@ -254,6 +256,7 @@ def tare(
     steady_px: float,
     calibration: Calibration | None = None,
     polarity: Polarity = Polarity.FOUND,
+    lens: Lens | None = None,
 ) -> Rest:
     """The rest frame from a few images of a recording's untouched tip.
 
@@ -262,7 +265,7 @@ def tare(
     steady_px  largest motion of 90 % of the pins from the first to the last image
     Raises     NoPins: no pins in view, or they move; CalibrationError: another tip, another image size
     """
-    rest = take_rest(images, polarity)
+    rest = take_rest(images, polarity, lens)
     refiner = CentroidRefiner(rest)
     first, last = (refiner.refine(images[k], rest.xy_img).xy_img for k in (0, -1))
     motion_px = float(np.nanpercentile(np.hypot(*(last - first).T), 90))

@@ -17,7 +17,7 @@ import numpy as np
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
 from edge.tracking import Tracker
-from edge.types import Pins, Rest, Tracks
+from edge.types import Lens, Pins, Rest, Tracks
 
 __all__ = ["in_order_of", "match_rest"]
 
@@ -57,6 +57,7 @@ def match_rest(made_with: Rest, rest: Rest) -> tuple[Rest, Tracks]:
             f"the calibration was made at {width}x{height}, the images are {now_width}x{now_height}: "
             "give the calibration of this tip, or set the camera to that size"
         )
+    _check_lens(made_with.pattern.lens, rest.pattern.lens)
     tracks = Tracker(made_with).identify(rest.pins)
     _check_counts(tracks, len(made_with), len(rest))
     _check_shift(made_with, tracks)
@@ -70,6 +71,19 @@ def match_rest(made_with: Rest, rest: Rest) -> tuple[Rest, Tracks]:
     of_rest = np.hypot(*(tracks.xy_img[seen][:, None] - rest.xy_img).transpose(2, 0, 1)).argmin(1)
     brightness[seen] = rest.pins.brightness[of_rest]
     return Rest(Pins(xy, sigma, made_with.pins.radius_px, brightness), rest.pattern), tracks
+
+
+def _check_lens(made_with: Lens | None, now: Lens | None) -> None:
+    """Raises CalibrationError: the pins' places are not those behind the same lens."""
+    if made_with == now:
+        return
+    if made_with is None:
+        raise CalibrationError("the calibration was made without a lens: omit ?lens= in the source's address")
+    how = "none is given" if now is None else "another one is given"
+    raise CalibrationError(
+        f"the calibration was made with a lens (focal length {made_with.focal_px[0]:.1f} px), {how}: "
+        "give its file as ?lens=FILE in the source's address"
+    )
 
 
 def _check_counts(tracks: Tracks, known_n: int, seen_n: int) -> None:

@@ -23,6 +23,7 @@ from typing import Any
 from edge.errors import SourceError
 from edge.limits import RATE_MIN_HZ
 from edge.sources.files import IMAGE_SUFFIXES, FolderSource, VideoSource, read_image
+from edge.sources.lens_file import lens_for
 from edge.sources.live import ThreadedSource
 from edge.sources.options import Options, Spec, convert, parse_spec
 from edge.sources.paced import Paced
@@ -132,4 +133,9 @@ def open_source(spec: str, **settings: Any) -> FrameSource:
         plain = parsed
     source = _opener(plain)(plain.where, plain.options)
     source.polarity = plain.options.pins
+    try:
+        source.lens = lens_for(source, plain.options.lens)
+    except SourceError:
+        source.close()
+        raise
     return source

@@ -24,7 +24,7 @@ from cv2.utils import logging
 from edge.errors import SourceError
 from edge.limits import RATE_MAX_HZ
 from edge.sources.image_header import check_image_header, check_size
-from edge.types import Clock, Frame, Image, Polarity
+from edge.types import Clock, Frame, Image, Lens, Polarity
 
 __all__ = ["IMAGE_SUFFIXES", "FolderSource", "VideoSource", "quiet_opencv", "read_image", "to_grey"]
 
@@ -127,6 +127,7 @@ class FolderSource:
         self.rate_hz = rate_hz or PARAMS.stills_hz
         self.dropped_n = 0
         self.polarity = Polarity.FOUND
+        self.lens: Lens | None = None
         self.faults: Counter[str] = Counter()
         self._closed = False
         if self.path.is_dir():
@@ -187,6 +188,7 @@ class VideoSource:
         self.name = f"video {self.path}"
         self.dropped_n = 0
         self.polarity = Polarity.FOUND
+        self.lens: Lens | None = None
         self.faults: Counter[str] = Counter()
         self._closed = False
         self._own_rate = not rate_hz

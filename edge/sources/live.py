@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edge.errors import SourceError
-from edge.types import Frame, Polarity
+from edge.types import Frame, Lens, Polarity
 
 __all__ = ["PARAMS", "LiveParams", "ThreadedSource", "Watch"]
 
@@ -81,6 +81,7 @@ class ThreadedSource(ABC):
         self.size_px = (0, 0)
         self.rate_hz = 0.0
         self.polarity = Polarity.FOUND
+        self.lens: Lens | None = None
         self.dropped_n = 0
         self.received_n = 0
         self.faults: Counter[str] = Counter()

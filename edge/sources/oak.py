@@ -27,7 +27,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -35,14 +35,13 @@ from edge.errors import SourceError
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options
-from edge.types import Array, Clock, Frame
+from edge.types import Clock, Frame, Lens
 
 if TYPE_CHECKING:
     import depthai as dai
 
 __all__ = [
     "Crop",
-    "Lens",
     "OakSource",
     "camera_output",
     "find_module",
@@ -189,19 +188,8 @@ def check_socket(device: Any, name: str) -> None:
 # -- lens ---------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Lens:
-    """Factory calibration of a camera.
-
-    matrix      (3, 3) px, for images of size_px
-    distortion  (k,) coefficients, OpenCV's order
-    model       Perspective, Fisheye, ...
-    """
-
-    matrix: Array
-    distortion: Array
-    model: str
-    size_px: tuple[int, int]
+#: Ours, of depthai's names of models; others are not OpenCV's.
+_MODELS: dict[str, Literal["pinhole", "fisheye"]] = {"Perspective": "pinhole", "Fisheye": "fisheye"}
 
 
 def lens_of(
@@ -215,11 +203,17 @@ def lens_of(
         model = handler.getDistortionModel(board)
     except RuntimeError:  # not calibrated at the factory
         return None
-    if crop is None:
-        return Lens(np.array(matrix), np.array(distortion), model.name, size_px)
-    corner = np.zeros((3, 3))
-    corner[:2, 2] = crop.x, crop.y
-    return Lens(np.array(matrix) - corner, np.array(distortion), model.name, (crop.width, crop.height))
+    if model.name not in _MODELS:
+        return None
+    kind = _MODELS[model.name]
+    x, y = (crop.x, crop.y) if crop else (0, 0)
+    return Lens(
+        model=kind,
+        size_px=(crop.width, crop.height) if crop else size_px,
+        focal_px=(matrix[0][0], matrix[1][1]),
+        centre_px=(matrix[0][2] - x, matrix[1][2] - y),
+        distortion=tuple(distortion[: 4 if kind == "fisheye" else 14]),
+    )
 
 
 # -- without hardware -----------------------------------------------------------------------------
@@ -282,7 +276,7 @@ class OakSource(ThreadedSource):
         self._watch = Watch()
         self._base = 0  # added to the module's counter, which starts again with the module
         self._next = 0
-        self.lens: Lens | None = None
+        self.factory_lens: Lens | None = None
         self._pipeline, self._queue = self._open()
         if module is None:  # not for a replay, which would lose its first frames
             self.size_px = _size(options) if crop is None else (crop.width, crop.height)
@@ -303,7 +297,9 @@ class OakSource(ThreadedSource):
         else:
             device = dai.Device(self._module())
             check_socket(device, self._socket_name)
-            self.lens = lens_of(device.readCalibration(), self._socket_name, _size(self._options), self._crop)
+            self.factory_lens = lens_of(
+                device.readCalibration(), self._socket_name, _size(self._options), self._crop
+            )
             pipeline = dai.Pipeline(device)
         queue = self._make_output(pipeline).createOutputQueue(maxSize=PARAMS.queue_n, blocking=False)
         pipeline.start()

@@ -36,6 +36,7 @@ class Options:
     focus          lens position in the camera's own unit; None: unchanged
     format         pixel format: GREY, Y10, Y12, Y16, MJPG, YUYV; "": the best that the camera has
     pins           dark or bright; "": found when the rest frame is taken
+    lens           file of `edge lens`, or factory: distortion that is removed from the pins' places; "": none
     buffers        kernel buffers of a V4L2 camera
     check_rate     measure the rate at the start, and refuse a camera that is slower than asked
     extra          keys of the specification that are the source's own
@@ -49,6 +50,7 @@ class Options:
     focus: int | None = None
     format: str = ""
     pins: Polarity = Polarity.FOUND
+    lens: str = ""
     buffers: int = 1
     check_rate: bool = True
     extra: Mapping[str, str] = field(default_factory=dict)

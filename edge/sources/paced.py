@@ -45,7 +45,7 @@ class Paced(ThreadedSource):
     ) -> None:
         super().__init__(source.name)
         self.source = source
-        self.size_px, self.polarity = source.size_px, source.polarity
+        self.size_px, self.polarity, self.lens = source.size_px, source.polarity, source.lens
         self.rate_hz = rate_hz or source.rate_hz * speed
         self._speed = speed
         self._own_times = not rate_hz

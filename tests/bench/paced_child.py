@@ -31,7 +31,7 @@ from edge.link.node import Node  # noqa: E402
 from edge.link.sinks import CanSink, SinkCounters, open_sink  # noqa: E402
 from edge.runtime.loop import Loop  # noqa: E402
 from edge.sources.paced import Paced  # noqa: E402
-from edge.types import Clock, Frame, Polarity  # noqa: E402
+from edge.types import Clock, Frame, Lens, Polarity  # noqa: E402
 from hostlink.wire import State, unpack_state  # noqa: E402
 
 BUS = "virtual:paced"
@@ -43,6 +43,7 @@ class Images:
 
     live = False
     polarity = Polarity.FOUND
+    lens: Lens | None = None
     dropped_n = 0
     name = "images"
 

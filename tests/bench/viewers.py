@@ -39,7 +39,7 @@ from rich.table import Table
 from edge.runtime.loop import Loop
 from edge.runtime.process import limit_threads
 from edge.sources import Paced
-from edge.types import Frame, Polarity
+from edge.types import Frame, Lens, Polarity
 from edge.worker import WorkerClient, WorkerConfig
 from hostlink.web import parse_listen
 from hostlink.web.limits import WebLimits
@@ -56,6 +56,7 @@ class _Frames:
 
     live, dropped_n, name = False, 0, "bench"
     polarity = Polarity.FOUND
+    lens: Lens | None = None
 
     def __init__(self, rate_hz: float) -> None:
         frames = scene("press")

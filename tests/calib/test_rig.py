@@ -21,7 +21,7 @@ from calib.rig.simulated import SimulatedRig, load_simulation
 from calib.rig.stage import AxisTable, GcodeStage, StageFile, StageTable, load_stage
 from calib.sim import Tool
 from edge.pins import take_rest
-from edge.types import Clock, Frame, Polarity
+from edge.types import Clock, Frame, Lens, Polarity
 from tests.support.fake_stage import FakeStage
 from tests.support.waiting import SOON_S
 
@@ -36,6 +36,7 @@ class FakeCamera:
     size_px = (4, 4)
     rate_hz = 1000.0
     polarity = Polarity.FOUND
+    lens: Lens | None = None
     dropped_n = 0
 
     def __init__(self, clock: Clock = Clock.HOST, n: int = 1000, step_ns: int = 1_000_000) -> None:

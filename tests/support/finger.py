@@ -9,7 +9,7 @@ from edge.calibration import Calibration
 from edge.link.sinks import MemorySink
 from edge.runtime.fault_registry import FaultRegistry
 from edge.runtime.loop import Loop, LoopConfig
-from edge.types import Clock, Frame, FrameSource, Image, Polarity
+from edge.types import Clock, Frame, FrameSource, Image, Lens, Polarity
 from hostlink.wire import FaultCode, State
 
 PERIOD_NS = 10_000_000
@@ -19,6 +19,7 @@ class Camera:
     """A live camera whose state the test sets."""
 
     polarity = Polarity.FOUND
+    lens: Lens | None = None
     name, size_px, rate_hz, live, dropped_n = "test camera", (320, 320), 100.0, True, 0
     condition = frame_condition = ""
     recorded = False

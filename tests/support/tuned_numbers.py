@@ -51,7 +51,8 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/tracking/outliers.py:UNSUPPORTED",
     }),
     "mathematics": frozenset({
-        "edge/calibration/checks.py:_CELL_AREA", "edge/features/contact_detector.py:_SIGMA_OF_MAD",
+        "edge/calibration/checks.py:_CELL_AREA", "edge/cli/lens.py:VIEWS_MIN", "edge/geometry/lens.py",
+        "edge/features/contact_detector.py:_SIGMA_OF_MAD",
         "edge/features/pin_noise.py:_SIGMA_OF_MAD", "edge/tracking/outliers.py:_SIGMA_OF_MAD",
         "edge/geometry/select.py:SIGMA_OF_MAD",
         "edge/features/pin_motion.py:_ELLIPSE", "edge/features/modes.py:MODE_POWERS",

@@ -23,7 +23,7 @@ from edge.cli.program import cli
 from edge.config import Config, LinkTable, SourceTable, StateTable
 from edge.errors import SourceError
 from edge.sources import open_source
-from edge.types import Clock, Frame, Image, Polarity
+from edge.types import Clock, Frame, Image, Lens, Polarity
 
 UP: dict[str, Any] = {
     "ifname": "can0", "flags": ["NOARP", "UP", "LOWER_UP"], "mtu": 72,
@@ -66,6 +66,7 @@ class Camera:
     """A camera that shows the given images, at 100 frames/s."""
 
     polarity = Polarity.FOUND
+    lens: Lens | None = None
     name, size_px, rate_hz, live, dropped_n = "camera v4l2:0", (320, 320), 100.0, True, 0
     condition = frame_condition = ""
     recorded = ended = False

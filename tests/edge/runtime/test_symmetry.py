@@ -13,7 +13,7 @@ from calib.sim.mechanics import ToolPose
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from edge.pins import take_rest
-from edge.runtime.symmetry import Symmetry, symmetry_of
+from edge.runtime.symmetry import RestSymmetry, symmetry_of
 from edge.sources import open_source, read_image
 from edge.types import Image
 
@@ -24,7 +24,7 @@ def simulated(kind: str, pins_n: int, *poses: ToolPose) -> Image:
     return Simulator(Camera(tip=Tip(n_pins=pins_n, kind=kind), size_px=(480, 480))).frame(poses).image
 
 
-def symmetry(image: Image) -> Symmetry:
+def symmetry(image: Image) -> RestSymmetry:
     return symmetry_of(take_rest([image]))
 
 
@@ -34,16 +34,16 @@ def test_untouched_sensors_are_symmetric(sensor: str) -> None:
     image = next(iter(source)).image
     source.close()
     found = symmetry(image)
-    assert not found.touched
+    assert not found.in_contact
     assert found.asymmetry < 0.02
 
 
 @pytest.mark.parametrize(("kind", "pins_n"), [("hex", 127), ("rings", 331)])
 def test_a_tilted_touch_is_seen_and_one_straight_onto_the_middle_is_not(kind: str, pins_n: int) -> None:
     tilted = symmetry(simulated(kind, pins_n, ToolPose(depth_mm=3.0, tilt_x_deg=15.0)))
-    assert tilted.touched
+    assert tilted.in_contact
     assert "lopsided" in tilted.message
-    assert not symmetry(simulated(kind, pins_n, ToolPose(depth_mm=2.0))).touched
+    assert not symmetry(simulated(kind, pins_n, ToolPose(depth_mm=2.0))).in_contact
 
 
 def test_a_camera_at_a_slant_and_a_lens_are_no_touch() -> None:
@@ -53,7 +53,7 @@ def test_a_camera_at_a_slant_and_a_lens_are_no_touch() -> None:
     scale = 1.0 + 0.1 * (place**2).sum(axis=1) + 0.06 * place[:, 0]
     xy = rest.pattern.centre_img + rest.pattern.tip_radius_px * place * scale[:, None]
     seen = replace(rest, pins=replace(rest.pins, xy_img=xy))
-    assert not symmetry_of(seen).touched
+    assert not symmetry_of(seen).in_contact
 
 
 def test_uneven_pins_are_no_touch() -> None:
@@ -62,19 +62,19 @@ def test_uneven_pins_are_no_touch() -> None:
     seen = replace(rest, pins=replace(rest.pins, xy_img=rest.xy_img + noise))
     found = symmetry_of(seen)
     assert found.irregularity > 0.04
-    assert not found.touched
+    assert not found.in_contact
 
 
 def test_too_few_pins_are_never_suspected() -> None:
-    assert symmetry(simulated("hex", 37, ToolPose(depth_mm=3.0, tilt_x_deg=15.0))) == Symmetry(0.0, 0.0)
+    assert symmetry(simulated("hex", 37, ToolPose(depth_mm=3.0, tilt_x_deg=15.0))) == RestSymmetry(0.0, 0.0)
 
 
 @pytest.mark.real
 def test_published_recordings(real_dir: Path) -> None:
     """Untouched images pass; of touched ones of a regular tip most are seen."""
     binary = real_dir / "tactip331_binary"
-    assert not symmetry(read_image(binary / "rest.png")).touched
-    touched = [symmetry(read_image(path)).touched for path in sorted((binary / "frames").iterdir())[::30]]
+    assert not symmetry(read_image(binary / "rest.png")).in_contact
+    touched = [symmetry(read_image(path)).in_contact for path in sorted((binary / "frames").iterdir())[::30]]
     assert np.mean(touched) > 0.8
     for video in ("gelsight_mini/press.avi", "video/Movement4.avi", "video/north.avi"):
         source = open_source(str(real_dir / video))
@@ -82,5 +82,5 @@ def test_published_recordings(real_dir: Path) -> None:
             if number == 40:
                 break
             if number % 20 == 0:
-                assert not symmetry(frame.image).touched
+                assert not symmetry(frame.image).in_contact
         source.close()

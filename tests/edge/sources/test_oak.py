@@ -405,12 +405,12 @@ def test_lens_of_a_module_from_its_calibration_file(dai: Any) -> None:
     again = dai.CalibrationHandler.fromJson(handler.eepromToJson(), validateExtrinsics=False)
     lens = oak.lens_of(again, "CAM_B", (640, 400))
     assert lens is not None
-    assert lens.matrix[0, 0] == pytest.approx(400.0)  # half the size, half the focal length
+    assert lens.focal_px[0] == pytest.approx(400.0)  # half the size, half the focal length
     assert lens.distortion[:2] == pytest.approx([0.1, -0.2])
     assert lens.size_px == (640, 400)
     part = oak.lens_of(again, "CAM_B", (640, 400), oak.Crop(100, 50, 320, 240))
     assert part is not None
-    assert part.matrix[:2, 2] == pytest.approx(lens.matrix[:2, 2] - (100, 50))
+    assert part.centre_px == pytest.approx((lens.centre_px[0] - 100, lens.centre_px[1] - 50))
     assert part.size_px == (320, 240)
 
 

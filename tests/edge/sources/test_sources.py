@@ -23,7 +23,7 @@ from edge.sources import (
 )
 from edge.sources.live import PARAMS, Watch
 from edge.sources.options import Options, parse_spec
-from edge.types import Clock, Frame, Polarity
+from edge.types import Clock, Frame, Lens, Polarity
 from tests.support.waiting import SOON_S
 
 
@@ -414,6 +414,7 @@ class Listed:
     """A recording of given times."""
 
     polarity = Polarity.FOUND
+    lens: Lens | None = None
     name, size_px, live, dropped_n = "listed", (4, 4), False, 0
 
     def __init__(self, times_ns: list[int], rate_hz: float) -> None:

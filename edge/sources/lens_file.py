@@ -1,0 +1,61 @@
+"""A lens as a file: `edge lens` writes it, `?lens=FILE` in a source's address reads it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from edge import limits
+from edge.errors import SourceError
+from edge.types import FrameSource, Lens, MeasuredSource
+
+__all__ = ["lens_for", "load_lens", "text_of"]
+
+#: In a source's address: what the camera's maker measured.
+FACTORY = "factory"
+
+
+def load_lens(path: str | Path) -> Lens:
+    """Raises SourceError, one line: cannot be read, or what is wrong in it."""
+    try:
+        table = limits.read_toml(Path(path))
+        limits.check_numbers(table)
+        return msgspec.convert(table, Lens)
+    except OSError as error:
+        raise SourceError(f"lens {path}: cannot be read: {error.strerror}; `edge lens` makes one") from None
+    except limits.BadContent as error:
+        raise SourceError(f"lens {path}: {error}") from None
+    except msgspec.ValidationError as error:
+        raise SourceError(f"lens {path}: {limits.explain(str(error))}") from None
+
+
+def text_of(lens: Lens, heading: str) -> str:
+    """The file's text. heading: a comment, one line."""
+    rows = [f"# {heading}", f'model = "{lens.model}"']
+    rows += [f"{name} = {list(getattr(lens, name))}" for name in lens.__struct_fields__[1:]]
+    return "\n".join(rows) + "\n"
+
+
+def lens_for(source: FrameSource, text: str) -> Lens | None:
+    """The lens that an address asks for.
+
+    text    a file, "factory", or "" for none
+    Raises  SourceError: no such lens, or of another image size
+    """
+    if not text:
+        return None
+    if text == FACTORY:
+        lens = source.factory_lens if isinstance(source, MeasuredSource) else None
+        if lens is None:
+            raise SourceError(
+                f"{source.name}: its maker's measurement of the lens is not known; give lens=FILE"
+            )
+    else:
+        lens = load_lens(text)
+    if source.size_px != (0, 0) and lens.size_px != source.size_px:
+        made, now = ("{}x{}".format(*size) for size in (lens.size_px, source.size_px))
+        raise SourceError(
+            f"{source.name}: lens {text} was measured at {made}, the images are {now}; measure it at {now}"
+        )
+    return lens
