@@ -114,7 +114,7 @@ def fit_command(
         fitted = {"output": str(output), "models": [_row(c) for c in choices]}
         click.echo(json.dumps(fitted if held_out_errors is None else fitted | {"held_out": held_out_errors}))
         return
-    _print(choices, output)
+    print_choices(choices, output)
     if held_out_errors is not None:
         print_report(
             held_out_errors, f"a fit to the other frames, on held-out ones ({hold_out:g}, seed {seed})"
@@ -170,7 +170,8 @@ def _row(choice: Choice) -> dict[str, Any]:
     }
 
 
-def _print(choices: list[Choice], output: Path) -> None:
+def print_choices(choices: list[Choice], output: Path) -> None:
+    """A table of what was fitted."""
     # Narrow enough for 80 columns: a terminal's usual width, and that of a pipe.
     table = Table(title=f"{output}: what was fitted", box=box.SIMPLE, padding=0, pad_edge=False)
     table.caption = "Errors: rms on held-out frames. Of the models up to the limit, the smallest is chosen."

@@ -12,10 +12,14 @@ from calib.commands.fit import scale_of
 from calib.errors import TableError
 from calib.extract import executor
 from calib.sim import Simulator
+from calib.sim.mechanics import Tool, ToolPose
 from calib.sim.of_sensor import camera_of
 from calib.simulated_calibration import mm_per_px
+from edge.calibration import Calibration
 from edge.errors import ConfigError
 from edge.pins import take_rest
+from edge.pipeline import Pipeline
+from edge.runtime.tip_match import in_order_of
 from edge.sensors import load_sensor
 from hostlink.output_file import WriteError
 
@@ -48,6 +52,11 @@ from hostlink.output_file import WriteError
         ("fit {data}/press.mcap -o {data}/press.mcap", "press.mcap: the name must end in .json"),
         ("demo --data {data} --out {data}/pictures", "exists already; give another name, or --overwrite"),
         ("demo --data {out} --out {out}/demo", "no press.mcap in it; give --data"),
+        (
+            "simulate digitac -o {out}/tip.json",
+            "digitac cannot be simulated: its file has no pins.layout",
+        ),
+        ("simulate thumb -o {out}/tip.json", "sensor 'thumb' is unknown; one of digitac, "),
         ("demo --data {out}/absent --out {out}/demo", "no such folder of recordings"),
     ],
 )
@@ -128,3 +137,23 @@ def test_the_scale_of_a_fit_follows_from_the_pitch_of_the_sensor() -> None:
         scale_of("tactip-331", rest)
     with pytest.raises(ConfigError, match=r"gelsight-mini: no scale .* the pins are not in its layout"):
         scale_of("gelsight-mini", rest)
+
+
+def test_a_simulated_sensor_is_calibrated_by_one_command(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    path = tmp_path / "sim127.json"
+    arguments = ["simulate", "tactip-127", "-o", str(path), "--presses", "50", "-q"]
+    monkeypatch.setattr("sys.argv", ["calib", *arguments])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert not end.value.code
+    calibration = Calibration.load(path)
+    assert calibration.content.sensor.serial == "simulated tactip-127"
+    tip = Simulator(camera_of(load_sensor("tactip-127")), seed=99)
+    pipeline = Pipeline(in_order_of(calibration, take_rest([tip.frame().image])), calibration)
+    for depth_mm in (1.0, 2.5):
+        pipeline.forget()
+        pose = ToolPose(Tool("sphere", 3.0), depth_mm=depth_mm, x_mm=2.0)
+        reading = pipeline.process(tip.frame((pose,))).reading
+        assert reading.values["displacement_mm"] == pytest.approx(depth_mm, abs=0.15)
