@@ -66,7 +66,8 @@ class Pipeline:
     def process(self, frame: Frame, drift: Drift | None = None, *, even_untrusted: bool = False) -> Result:
         """Compute everything in demand from one frame.
 
-        drift           subtracted from the pins' places before anything is computed from them
+        drift           subtracted from the pins' places before anything is computed from them; the result's
+                        tracks are where the pins are seen
         even_untrusted  give values for identities that are not trusted too: for statistics
         """
         if self.demand is not self._asked:
@@ -75,11 +76,12 @@ class Pipeline:
         tracks, searched = self._locate(frame.image)
         if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
             return Result(frame, tracks, None, None, uncalibrated(), searched)
+        moved = tracks if drift is None else drift.correct(tracks)
         try:
-            cells = self._tessellator.cells(tracks) if self._needed & OF_CELLS else None
+            cells = self._tessellator.cells(moved) if self._needed & OF_CELLS else None
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
-        features = self._extractor.extract(tracks, cells, self._needed)
+        features = self._extractor.extract(moved, cells, self._needed)
         if self.calibration is None:
             reading = uncalibrated(features)
         else:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
@@ -15,11 +16,12 @@ from edge.calibration.checks import outputs_of
 from edge.calibration.file import Polynomial
 from edge.errors import CalibrationError, NoPins
 from edge.pins import take_rest
-from edge.pipeline import ALL, Pipeline
+from edge.pipeline import ALL, Pipeline, Result
+from edge.runtime.drift import Drift, DriftParams
 from edge.runtime.tare import tare
 from edge.runtime.tip_match import in_order_of
 from edge.sources import open_source
-from edge.types import Feature, Frame, Image, Rest, Tracks
+from edge.types import Array, Feature, Frame, Image, Rest, Tracks
 
 TARE = 8
 
@@ -94,6 +96,37 @@ def _with_friction(calibration: Calibration) -> Calibration:
         added.append(msgspec.structs.replace(model, outputs=outputs, weights=weights, sigma=sigma))
     content = msgspec.structs.replace(calibration.content, models=[*models.values(), *added])
     return Calibration.of(content, "with friction")
+
+
+def test_learnt_drift_is_subtracted_from_the_values(frames: list[Frame], rest: Rest) -> None:
+    """A tip that has settled reads as one that has not; its tracks stay where they are seen."""
+    still, touched = (replace(frame, image=_moved(frame.image)) for frame in (frames[TARE - 1], frames[-1]))
+    drift = Drift(rest, DriftParams(time_s=1.0))
+    settled = Pipeline(rest).process(still).tracks
+    for k in range(300):
+        drift.learn(settled, k * 100_000_000, True)
+    assert 0.1 < drift.offset_px < 0.25
+    true_px = _displaced_px(Pipeline(rest).process(frames[-1], even_untrusted=True))
+    raw = Pipeline(rest).process(touched, even_untrusted=True)
+    result = Pipeline(rest).process(touched, drift, even_untrusted=True)
+    assert np.abs(_displaced_px(raw) - true_px).min() > 0.08
+    np.testing.assert_allclose(_displaced_px(result), true_px, atol=0.03)
+    np.testing.assert_array_equal(result.tracks.xy_img, raw.tracks.xy_img)
+    assert result.cells is not None
+    np.testing.assert_allclose(result.cells.xy_img, drift.correct(raw.tracks).xy_img)
+
+
+def _displaced_px(result: Result) -> Array:
+    """Mean motion of the pins since rest, x and y."""
+    assert result.features is not None
+    return np.asarray(np.nanmean(result.features.displacement_px, axis=0))
+
+
+def _moved(image: Image) -> Image:
+    """The image, moved by an eighth of a pixel to the right and up."""
+    height, width = image.shape
+    by = np.array([[1.0, 0.0, 0.125], [0.0, 1.0, -0.125]])
+    return np.asarray(cv2.warpAffine(image, by, (width, height), flags=cv2.INTER_CUBIC), np.uint8)
 
 
 def test_a_jump_gives_the_same_as_following(frames: list[Frame], rest: Rest) -> None:
