@@ -144,6 +144,7 @@ class _Comparison:
 def _compare(images: Sequence[Image], rest: Rest, params: RestChoiceParams) -> _Comparison:
     area, sigma, seen = _cells(images, rest)
     known = np.isfinite(sigma)
+    area = area[:, np.isfinite(area[known]).any(axis=0)]  # a pin may be seen in no other image
     untouched = np.nanquantile(area[known], params.area_low, axis=0)
     deformation = np.full(len(area), np.nan)
     deformation[known] = _rms(area[known] - untouched)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,10 +18,11 @@ from calib.targets import read_targets
 from edge.calibration import Calibration
 from edge.errors import NoPins, SourceError
 from edge.pins import take_rest
+from edge.runtime import rest_choice
 from edge.runtime.rest_choice import aligned, choose_rest, rest_if_touched, rest_of_source
 from edge.runtime.tip_match import in_order_of
 from edge.sources import open_source, read_image
-from edge.types import Image, RecordedSource, Rest
+from edge.types import Array, Image, RecordedSource, Rest
 
 TIP = Tip(n_pins=127, kind="hex")
 RNG = np.random.default_rng(19)
@@ -126,3 +129,19 @@ def test_real_tables_least_deformed_frame_is_a_shallow_one(real_dir: Path) -> No
     depth = targets.values["displacement_mm"][some]
     assert depth[choice.index] <= np.quantile(depth, 0.15)
     assert not choice.trusted
+
+
+def test_a_pin_that_no_identified_image_shows_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a warning of NumPy on the command line."""
+    images = [simulator().frame().image for _ in range(4)]
+    cells = rest_choice._cells
+
+    def without_the_first_pin(*arguments: Any) -> tuple[Array, Array, Array]:
+        area, sigma, seen = cells(*arguments)
+        area[:, 0] = np.nan
+        return area, sigma, seen
+
+    monkeypatch.setattr(rest_choice, "_cells", without_the_first_pin)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert choose_rest(images).trusted
