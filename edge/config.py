@@ -58,7 +58,9 @@ class TareTable(_Table, frozen=True, kw_only=True):
     """[tare] the rest frame, taken at start-up while nothing touches the tip."""
 
     frames_n: Count = 8
-    steady_px: Annotated[float, msgspec.Meta(ge=0.01, le=100)] = 0.5  # largest motion of a pin while taring
+    steady_px: Annotated[float, msgspec.Meta(ge=0.01, le=100)] = (
+        0.5  # largest motion of 90 % of the pins while taring
+    )
     drift_px: Annotated[float, msgspec.Meta(ge=0, le=1)] = (
         0.3  # largest slow drift that is subtracted; 0: none
     )

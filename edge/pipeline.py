@@ -1,6 +1,6 @@
 """All stages composed: one frame in, one result out. No input, no output, no threads.
 
-    Frame -> pins -> track -> tessellate -> features -> calibrate -> Result
+    Frame -> pins -> tracking -> cells -> features -> calibration -> Result
 
 While identities are held, only the windows round the predicted pins are read. On loss the whole frame is
 searched and the pins are identified again, in the same frame. Only features in demand are computed, and a

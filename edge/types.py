@@ -1,7 +1,7 @@
 """The types that flow between the stages; stages share nothing else.
 
-    FrameSource -> Frame -> [pins] Pins -> [track] Tracks -> [tessellate] Cells
-                -> [features] Features -> [calibration] Reading -> [pack] hostlink.wire.State
+    FrameSource -> Frame -> [pins] Pins -> [tracking] Tracks -> [cells] Cells
+                -> [features] Features -> [calibration] Reading -> [link] hostlink.wire.State
 
 Rules
 - Row i is always pin i, from the rest frame on. A lost pin is NaN and `seen[i] == False`, never a
@@ -120,8 +120,8 @@ class FrameSource(Protocol):
     """An iterator of frames that gives the newest one and counts those that it dropped.
 
     Ends with StopIteration at the end of a recording; a live source ends only on `close`.
-    Raises SourceError when it cannot be opened; a device that is lost later appears in `faults`, not as an
-    exception.
+    Raises SourceError when it cannot be opened; a device that is lost later is a `LiveSource.condition`, not
+    an exception.
     """
 
     name: str

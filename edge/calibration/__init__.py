@@ -3,7 +3,7 @@
 file     the JSON file: structure, checks, load, save
 inputs   what models depend on, from a frame's features or one contact
 grip     friction and slip margin, from the forces that a touch has held
-model    curves and polynomials ready to run; `Calibration.apply`: features in, a reading out
+model    curves, polynomials and processes ready to run; `Calibration.apply`: features in, a reading out
 """
 
 from edge.calibration.file import CalibrationFile

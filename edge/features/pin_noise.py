@@ -1,8 +1,8 @@
 """Noise of a pin, measured from the pins' motion: behind glare it is 3 to 10 times what their sigmas
 claim.
 
-Idea: over two pitches the motion of the skin is nearly a quadratic of the rest place. How far a pin is off
-Its residual from the quadratic through its two rings is the pin's error.
+Idea: over two pitches the motion of the skin is nearly a quadratic of the rest place. A pin's
+residual from the quadratic through its two rings is its error.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """

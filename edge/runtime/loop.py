@@ -7,13 +7,14 @@
 Rules
 - One thread runs the loop. Other threads (bus nodes, viewers) never touch the pipeline: they `post` a
   command, which runs between two frames, and wait for its answer.
-- Only the computation can stop the loop: any other failure is a status bit, an emergency and a counter.
-  - A frame whose pins cannot be identified is sent with its status bits and without values, never skipped:
-the host must see that the finger is alive but has no values.
-  - Without images the loop wakes all the same: faults are announced within 0.1 s, and samples without values
-are sent every `keepalive_s`. Signals and commands only set a flag; the loop acts on it within that time.
-  - The garbage collector runs at fixed times: objects of the start-up are frozen, a frame makes no cycles,
-and once a minute, after a sample has left, garbage of other threads is collected.
+- No frame stops the loop: a failure is a status bit, an emergency and a counter. Only an unusable
+  recording raises.
+- A frame whose pins cannot be identified is sent with its status bits and without values, never skipped:
+  the host must see that the finger is alive but has no values.
+- Without images the loop wakes all the same: faults are announced within 0.1 s, and samples without values
+  are sent every `keepalive_s`. Signals and commands only set a flag; the loop acts on it within that time.
+- The garbage collector runs at fixed times: objects of the start-up are frozen, a frame makes no cycles,
+  and once a minute, after a sample has left, garbage of other threads is collected.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from edge.calibration import Calibration
-from edge.link.pack import to_state
+from edge.link.sample import to_state
 from edge.link.sinks import Sink
 from edge.pipeline import Pipeline, Result
 from edge.recording.session import RecordingSession

@@ -102,7 +102,7 @@ def take_rest_frame(
     """The rest frame from a few images of the tip, checked.
 
     calibration  gives the order of the pins, and the pins of the untouched tip
-    reference    last accepted rest frame; gives the latter if there is no calibration
+    reference    last accepted rest frame; gives the untouched pins if there is no calibration
     force        accept a frame with a touch, motion or lost pins, and report it; never another tip
     Raises       TareRefused
     """

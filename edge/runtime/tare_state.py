@@ -1,6 +1,6 @@
 """Requests for a rest frame, and the outcome of the last one.
 
-        request() -> images are collected -> a job takes and checks the rest frame -> accepted or refused
+        ask() -> images are collected -> a job takes and checks the rest frame -> accepted or refused
                                                                                   (in another thread; the loop
                                                                                   goes on with the old rest
                                                                                   frame)

@@ -1,4 +1,4 @@
-"""Figures for print, by matplotlib (extra `calib`): the same two panels with axes, and the 3D surface.
+"""Figures for print, by matplotlib (extra `plot`): the same two panels with axes, and the 3D surface.
 
 matplotlib is loaded inside the functions: the edge draws without it.
 """
@@ -27,7 +27,7 @@ def _figure(width_in: float, height_in: float) -> Any:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise InputError(f"figures: {error}; install voronoi-touch[calib]") from error
+        raise InputError(f"figures: {error}; install voronoi-touch[plot]") from error
     made = Figure(figsize=(width_in, height_in), layout="constrained")
     FigureCanvasAgg(made)
     return made

@@ -34,7 +34,7 @@ from rich.console import Console
 from rich.table import Table
 
 from edge.calibration import Calibration
-from edge.link.pack import to_state
+from edge.link.sample import to_state
 from edge.pipeline import ALL, Pipeline, Result
 from edge.runtime.tare import tare
 from edge.types import Feature, Frame

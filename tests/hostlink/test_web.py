@@ -222,12 +222,12 @@ def test_a_hundred_viewers_come_and_go(served: Served) -> None:
                 seen += asyncio.run(wave(10))
             served.until(lambda: server.viewers_n <= 1, "all have left but one")
 
-            def grown() -> int:
+            def kept_bytes() -> int:
                 """Connections that are just closing hold a packet, without being viewers any more."""
                 gc.collect()
                 return tracemalloc.get_traced_memory()[0] - before
 
-            served.until(lambda: grown() < 500_000, "memory comes back")
+            served.until(lambda: kept_bytes() < 500_000, "memory comes back")
         finally:
             tracemalloc.stop()
     assert seen.count(3) == 100

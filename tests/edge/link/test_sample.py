@@ -8,7 +8,7 @@ from math import isnan
 import numpy as np
 import pytest
 
-from edge.link.pack import VALUES, to_state
+from edge.link.sample import VALUES, to_state
 from edge.types import Reading, Tracks
 from hostlink.wire import FIELDS, Contact, Status, pack_state, unpack_state
 
