@@ -26,6 +26,7 @@ FRAME_INPUTS: tuple[str, ...] = ("volume", "shear", *MODES, "p", "peak", "size",
 #: Inputs made of one contact: place on the tip's unit disc, height of the maximum, the frame's mean motion
 #: (a shear moves the maximum within the contact), and the root of the contact's area.
 CONTACT_INPUTS: tuple[str, ...] = ("p", "peak", "shear", "size")
+_NO_MODES = [math.nan] * len(MODES)
 
 
 def frame_inputs(features: Features, pattern: PinPattern) -> Complex:
@@ -33,19 +34,19 @@ def frame_inputs(features: Features, pattern: PinPattern) -> Complex:
 
     Returns  (28,) complex128, dimensionless
     """
-    z = np.full(len(FRAME_INPUTS), np.nan, dtype=np.complex128)
     r = pattern.tip_radius_px
-    if features.volume_px2 is not None:
-        z[0] = features.volume_px2 / (math.pi * r * r)
-    if features.shear_px is not None:
-        z[1] = complex(*features.shear_px.tolist()) / r
-    if features.modes_px is not None:
-        z[2 : 2 + len(MODES)] = features.modes_px / r
+    volume = math.nan if features.volume_px2 is None else features.volume_px2 / (math.pi * r * r)
+    modes = _NO_MODES if features.modes_px is None else (features.modes_px / r).tolist()
+    contact: tuple[complex, float, float] = (math.nan, math.nan, math.nan)
     if features.contacts is not None:
-        z[-5:-2] = _place_peak_size(features.contacts[0], pattern) if features.contacts else 0.0
-    z[-2] = features.gap
-    z[-1] = 0.0 if features.gap_img is None else _on_disc(features.gap_img, pattern)
-    return z
+        contact = _place_peak_size(features.contacts[0], pattern) if features.contacts else (0.0, 0.0, 0.0)
+    gap_place = 0.0 if features.gap_img is None else _on_disc(features.gap_img, pattern)
+    return np.array([volume, _shear(features) / r, *modes, *contact, features.gap, gap_place], np.complex128)
+
+
+def _shear(features: Features) -> complex:
+    """px; NaN: not computed."""
+    return math.nan if features.shear_px is None else complex(*features.shear_px.tolist())
 
 
 def _place_peak_size(contact: ContactRegion, pattern: PinPattern) -> tuple[complex, float, float]:
@@ -66,9 +67,8 @@ def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPatte
 
     Returns  (4,) complex128, dimensionless
     """
-    shear = math.nan if features.shear_px is None else complex(*features.shear_px.tolist())
     place, peak, size = _place_peak_size(contact, pattern)
-    return np.array([place, peak, shear / pattern.tip_radius_px, size], dtype=np.complex128)
+    return np.array([place, peak, _shear(features) / pattern.tip_radius_px, size], np.complex128)
 
 
 def term_columns(terms: Sequence[Sequence[str]], inputs: Sequence[str]) -> list[list[int]]:

@@ -6,7 +6,7 @@ out one after the other in a few arrays, and evaluated in one call.
 
 Rules
 - The terms of a polynomial are products of inputs, given as columns of the row (inputs, their conjugates).
-- Complex numbers are pairs of float64.
+- Complex numbers are pairs of float64. A factor, which widens the sigma alone, is in single precision.
 - A NaN among a model's inputs gives NaN, within the model's range.
 - The GIL is held: the scratch belongs to the object, and the work is short.
 """
@@ -19,10 +19,10 @@ from collections.abc import Sequence
 
 import cython
 import numpy as np
+from numpy.typing import NDArray
 
 from edge.calibration.file import Curve, Polynomial
 from edge.calibration.inputs import term_columns
-from edge.types import Array
 
 if cython.compiled:
     from cython.cimports.libc.math import isnan, sqrt
@@ -57,7 +57,7 @@ class ModelKernel:
     _first_factor: cython.Py_ssize_t[::1]  # of each term, in `_columns`; the last row is the end
     _columns: cython.int[::1]
     _weights: cython.double[:, ::1]
-    _spread: cython.double[:, ::1]  # four rows of a factor, term by term: their real, then imaginary parts
+    _spread: cython.float[:, ::1]  # four rows of a factor, term by term: their real, then imaginary parts
     _low: cython.double[::1]  # of each output
     _high: cython.double[::1]
     _sigma: cython.double[::1]
@@ -72,7 +72,7 @@ class ModelKernel:
         knots: list[tuple[float, float]] = []
         columns: list[list[int]] = []
         weights: list[tuple[float, float]] = []
-        spread = np.zeros((0, 2 * ROWS))
+        spread = np.zeros((0, 2 * ROWS), np.float32)
         for model in models:
             if isinstance(model, Curve):
                 curve_inputs.append(_curve_input(model, inputs))
@@ -203,24 +203,24 @@ class ModelKernel:
 @cython.exceptval(check=False)
 def _add_squares_of_four(
     total: cython.double,
-    spread: cython.double[:, ::1],
+    spread: cython.float[:, ::1],
     first: cython.Py_ssize_t,
     terms: cython.double[:, ::1],
     n: cython.Py_ssize_t,
 ) -> cython.double:
     """A total, and the squares of four rows of a factor times the terms."""
-    a: cython.double = 0.0
-    b: cython.double = 0.0
-    c: cython.double = 0.0
-    d: cython.double = 0.0
-    ia: cython.double = 0.0
-    ib: cython.double = 0.0
-    ic: cython.double = 0.0
-    id_: cython.double = 0.0
+    a: cython.float = 0.0
+    b: cython.float = 0.0
+    c: cython.float = 0.0
+    d: cython.float = 0.0
+    ia: cython.float = 0.0
+    ib: cython.float = 0.0
+    ic: cython.float = 0.0
+    id_: cython.float = 0.0
     i: cython.Py_ssize_t
     for i in range(n):
-        re: cython.double = terms[i, 0]
-        im: cython.double = terms[i, 1]
+        re: cython.float = cython.cast(cython.float, terms[i, 0])
+        im: cython.float = cython.cast(cython.float, terms[i, 1])
         a += spread[first + i, 0] * re - spread[first + i, 4] * im
         b += spread[first + i, 1] * re - spread[first + i, 5] * im
         c += spread[first + i, 2] * re - spread[first + i, 6] * im
@@ -235,11 +235,11 @@ def _add_squares_of_four(
     return total + (d * d + id_ * id_)
 
 
-def _rows_by_four(model: Polynomial) -> Array:
+def _rows_by_four(model: Polynomial) -> NDArray[np.float32]:
     """A factor's rows, four at a time and filled up with zeros, as `_add_squares_of_four` takes them."""
     n = len(model.terms)
     padding = [[(0.0, 0.0)] * n] * ((ROWS - len(model.spread) % ROWS) % ROWS)
-    rows = np.array([*model.spread, *padding], np.float64).reshape(-1, ROWS, n, 2)
+    rows = np.array([*model.spread, *padding], np.float32).reshape(-1, ROWS, n, 2)
     return np.ascontiguousarray(rows.transpose(0, 2, 3, 1).reshape(-1, 2 * ROWS))
 
 

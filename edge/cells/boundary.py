@@ -33,8 +33,8 @@ __all__ = ["RimMotion", "make_boundary", "make_fence", "rim_motion"]
 
 # Arcs of the ball's path shorter than this (rad) come from rounding: the ball touches three pins at once.
 ARC_MIN = 1e-6
-# Weights below this share of the largest vanish in rounding.
-NEGLIGIBLE = 1e-17
+# Weights below this share of the largest vanish in the rounding of single precision.
+NEGLIGIBLE = 1e-8
 
 
 def make_boundary(xy: Array, pitch_px: float, params: CellsParams = PARAMS) -> tuple[Array, Index]:

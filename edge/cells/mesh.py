@@ -24,8 +24,8 @@ Idea
 Rules
   - Decisions are exact (`predicates`). So every flip lowers the lifted surface and the loop terminates;
     equality (cocircular) never flips.
-  - Areas carry a running error bound; a cell whose bound exceeds AREA_TOLERANCE of its area is
-    summed again from exact weights, where each term is good to a few ulp for any input.
+  - Areas carry an error bound, 1e-12 of the area at most: a cell for which it may be more is summed again
+    from exact weights, where each term is good to a few ulp for any input.
   - Only differences of coordinates enter: no origin, no scale.
   - Points come in this order: pins, whose areas are wanted; boundary points, that bound their cells;
     fence points, that stand round the boundary. A cell that reaches the fence is not bounded; its
@@ -64,8 +64,9 @@ NAN = cython.declare(cython.double, float("nan"))
 EPSILON = cython.declare(cython.double, 2.0**-53)
 # Twice a triangle's area over the sum of its squared edges, below which its weights are taken exactly.
 SLIVER = cython.declare(cython.double, 1e-10)
-# Relative error bound beyond which a cell is summed from exact weights.
-AREA_TOLERANCE = cython.declare(cython.double, 1e-12)
+# Largest error bound of an edge, as a share of its part of the area; larger ones are added up, and must be
+# below this share of the cell's area. Otherwise the cell is summed from exact weights.
+AREA_TOLERANCE = cython.declare(cython.double, 0.5e-12)
 # Corners of a rectangle round the points.
 N_GUARD = cython.declare(cython.Py_ssize_t, 4)
 # Points of a kind: keeps every index of a half-edge within 32 bits.
@@ -116,7 +117,7 @@ class Mesh:
     x: cython.double[::1]  # per point
     y: cython.double[::1]
     area: cython.double[::1]
-    bound: cython.double[::1]  # of the area's error
+    bound: cython.double[::1]  # of the error of the area's parts that are not accurate by themselves
     exactly: cython.uchar[::1]  # whether the area must be summed from exact weights
     same_as: cython.int[::1]  # the point whose vertex it uses, mostly itself
     tail: cython.int[::1]  # per half-edge
@@ -300,10 +301,14 @@ class Mesh:
     def _follow(self) -> cython.bint:
         """Measure the kept triangles where they are now; false where flips cannot repair them."""
         valid: cython.bint = True
+        plain: cython.bint = True
         flips: cython.Py_ssize_t = self.flips
         t: cython.Py_ssize_t
         for t in range(self.n_triangles):
-            valid &= self._measure(t)
+            plain &= self._measure_plain(t)
+        if not plain:
+            for t in range(self.n_triangles):
+                valid &= self.error[t] < INFINITY or self._measure(t)
         if not valid:
             valid = self._repair()
         self.changes += self.flips != flips
@@ -351,11 +356,23 @@ class Mesh:
     # ---- triangles and areas
 
     @cython.cfunc
-    @cython.inline
     @cython.nogil
     @cython.exceptval(check=False)
     def _measure(self, t: cython.Py_ssize_t) -> cython.bint:
         """Cotangents, squared lengths and error bound of triangle t; false if it is turned over or flat."""
+        return self._measure_plain(t) or (
+            self.predicates.orient(self.tail[3 * t], self.tail[3 * t + 1], self.tail[3 * t + 2]) > 0.0
+        )
+
+    @cython.cfunc
+    @cython.inline
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _measure_plain(self, t: cython.Py_ssize_t) -> cython.bint:
+        """The same; false, and an infinite bound, where rounding does not allow cotangents.
+
+        It calls nothing, so that in a loop the C compiler keeps the arrays' addresses.
+        """
         h: cython.Py_ssize_t = 3 * t
         a: cython.Py_ssize_t = self.tail[h]
         b: cython.Py_ssize_t = self.tail[h + 1]
@@ -376,7 +393,7 @@ class Mesh:
         self.length2[h + 2] = ca2
         if not cross > SLIVER * sum2:
             self.error[t] = INFINITY
-            return self.predicates.orient(a, b, c) > 0.0
+            return False
         inverse: cython.double = 1.0 / cross
         self.cot[h] = -(bcx * cax + bcy * cay) * inverse
         self.cot[h + 1] = -(cax * abx + cay * aby) * inverse
@@ -391,7 +408,14 @@ class Mesh:
     @cython.exceptval(check=False)
     def _sweep(self) -> cython.void:
         """Check every edge and sum the areas; edges that are not Delaunay are put onto the stack."""
+        tail: cython.int[::1] = self.tail
+        twin: cython.int[::1] = self.twin
+        cot: cython.double[::1] = self.cot
+        length2: cython.double[::1] = self.length2
+        errors: cython.double[::1] = self.error
+        area: cython.double[::1] = self.area
         n: cython.Py_ssize_t = self.n_bounded
+        t: cython.Py_ssize_t
         h: cython.Py_ssize_t
         g: cython.Py_ssize_t
         p: cython.Py_ssize_t
@@ -400,30 +424,45 @@ class Mesh:
         error: cython.double
         part: cython.double
         for p in range(self.n_points + N_GUARD):
-            self.area[p] = 0.0
+            area[p] = 0.0
             self.bound[p] = 0.0
-        for h in range(3 * self.n_triangles):
-            g = self.twin[h]
-            if g < h:  # seen from the other side, or the hull
-                continue
-            weight = self.cot[h] + self.cot[g]
-            error = self.error[h // 3] + self.error[g // 3]
-            if not weight > error:
-                if self._incircle(h, g) > 0.0:
-                    self._push(h)
+        for t in range(self.n_triangles):
+            for h in range(3 * t, 3 * t + 3):
+                g = twin[h]
+                if g < h:  # seen from the other side, or the hull
                     continue
-                weight = self._exact_weight(h, g)
-                error = 8.0 * EPSILON * weight
-            p, q = self.tail[h], self.tail[g]
-            if p >= n or q >= n:
-                self.area[p] = self.area[q] = INFINITY
-                continue
-            part = self.length2[h] * weight
-            error = self.length2[h] * error
-            self.area[p] += part
-            self.area[q] += part
-            self.bound[p] += error
-            self.bound[q] += error
+                weight = cot[h] + cot[g]
+                error = errors[t] + errors[g // 3]
+                if not error < AREA_TOLERANCE * weight:
+                    weight = self._weight(h, g, weight, error)
+                    if weight < 0.0:
+                        continue
+                p, q = tail[h], tail[g]
+                if p >= n or q >= n:
+                    area[p] = area[q] = INFINITY
+                    continue
+                part = length2[h] * weight
+                area[p] += part
+                area[q] += part
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _weight(
+        self, h: cython.Py_ssize_t, g: cython.Py_ssize_t, weight: cython.double, error: cython.double
+    ) -> cython.double:
+        """Weight of an edge with a large bound, which is added to that of its cells; -1: it is not Delaunay,
+        and put onto the stack.
+        """
+        if not weight > error:
+            if self._incircle(h, g) > 0.0:
+                self._push(h)
+                return -1.0
+            weight = self._exact_weight(h, g)
+            error = 8.0 * EPSILON * weight
+        self.bound[self.tail[h]] += self.length2[h] * error
+        self.bound[self.tail[g]] += self.length2[h] * error
+        return weight
 
     @cython.cfunc
     @cython.nogil

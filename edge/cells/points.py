@@ -5,6 +5,7 @@ A kernel (`CONTRIBUTING.md`, "Kernels"): compiled by Cython, and the same when i
 Rules
 - A missing pin stands where the motion of the seen ones makes it most likely to be (`edge.cells.missing`).
 - The points round the pins move as the rim pins do (`edge.cells.boundary.RimMotion`).
+- The rim pins' weights are in single precision: 1e-7 of their motion beside the affine one.
 - One pin's motion is subtracted from all before sums are formed, so that an origin far away costs no digits.
 """
 
@@ -37,7 +38,7 @@ class FramePoints:
     fit: cython.double[:, ::1]
     terms: cython.double[:, ::1]
     near: cython.int[:, ::1]
-    weight: cython.double[:, ::1]
+    weight: cython.float[:, ::1]
     around_rest: cython.double[:, ::1]
     residual: cython.double[:, ::1]  # (r, 2) motion of the rim pins less the affine fit
     missing: cython.int[::1]
@@ -67,7 +68,7 @@ class FramePoints:
         self.fit = np.array(fit, np.float64, order="C")
         self.terms = np.array(terms, np.float64, order="C")
         self.near = np.array(near, np.int32, order="C")
-        self.weight = np.array(weight, np.float64, order="C")
+        self.weight = np.array(weight, np.float32, order="C")
         self.around_rest = np.array(around_rest, np.float64, order="C")
         self.residual = np.zeros((r, 2))
         self.motion = np.zeros(2 * n)

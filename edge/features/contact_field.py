@@ -22,12 +22,13 @@ import cython
 import numpy as np
 
 from edge.features.params import PARAMS, FeatureParams
-from edge.features.quantized_operator import QuantizedOperator
 from edge.types import Array, Index
 
 if cython.compiled:
+    from cython.cimports.edge.features.quantized_operator import QuantizedOperator
     from cython.cimports.edge.geometry.plane import solve_plane
 else:
+    from edge.features.quantized_operator import QuantizedOperator
     from edge.geometry.plane import solve_plane
 
 

@@ -124,6 +124,7 @@ class FeatureExtractor:
         self._rest, self._grid, self._params = rest, grid, params
         self._xy_rest = np.ascontiguousarray(rest.xy_img)
         self._area_change = AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_area_px2)
+        self._changes = np.asarray(self._area_change.values)  # the kernel's array
         self._inverse_area = 1.0 / rest_area_px2
         self._everyone = np.ones(len(rest), dtype=np.bool_)
         self._detector = ContactDetector(rest, params)
@@ -217,10 +218,10 @@ class FeatureExtractor:
             threshold = self._params.volume_sigma * self._detector.cell_noise(sigma_px)
             given["volume_px2"] = changes.volume(threshold)
         if plan.surface:
-            given["surface"] = self.surface.picture(changes.values)
+            given["surface"] = self.surface.picture(self._changes)
             given["grid_img"] = (self.surface.x_img, self.surface.y_img)
         if plan.contacts:
-            self.surface.field.find(changes.values, xy_img)
+            self.surface.field.find(self._changes, xy_img)
             given["contacts"] = self.finder.find(xy_img, seen, sigma_px)
 
     def _add_contact_motion(self, given: dict[str, Any], motion: _Motion, area_change: Array) -> None:

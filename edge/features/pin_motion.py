@@ -24,9 +24,9 @@ from edge.types import Index, Rest
 
 if cython.compiled:
     from cython.cimports.edge.geometry.plane import solve_plane
-    from cython.cimports.libc.math import NAN, atan2, isnan
+    from cython.cimports.libc.math import NAN, atan2, fabs, isnan
 else:
-    from math import atan2, isnan
+    from math import atan2, fabs, isnan
     from math import nan as NAN  # noqa: N812
 
     from edge.geometry.plane import solve_plane
@@ -207,6 +207,34 @@ class PinMotion:
                 im += bx * ay - by * ax
         return atan2(im, re)
 
+    def is_pressing(
+        self,
+        now: cython.const[cython.double][::1],
+        before: cython.const[cython.double][::1],
+        pins: cython.const[cython.int][::1],
+        least_rel: cython.double,
+    ) -> bool:
+        """Whether the areas of these pins' cells increase, or decrease, together.
+
+        now, before  (n,) float64, relative area change; NaN where lost
+        pins         (k,) int32, rows
+        least_rel    share of the sum of the changes' sizes that the size of their sum exceeds then
+        Raises       ValueError: sizes that do not fit, no such pin
+        """
+        if now.shape[0] != self._n or before.shape[0] != self._n:
+            raise ValueError(f"now and before ({self._n},) are wanted")
+        self._check_pins(pins)
+        p: cython.Py_ssize_t
+        change: cython.double
+        total: cython.double = 0.0
+        size: cython.double = 0.0
+        for p in range(pins.shape[0]):
+            change = now[pins[p]] - before[pins[p]]
+            if not isnan(change):
+                total += change
+                size += fabs(change)
+        return fabs(total) > least_rel * size
+
     def fit_step(
         self,
         now: cython.const[cython.double][:, ::1],
@@ -260,13 +288,17 @@ class PinMotion:
         self, motion: cython.const[cython.double][:, ::1], pins: cython.const[cython.int][::1]
     ) -> cython.bint:
         """Raises ValueError: sizes that do not fit, no such pin."""
-        n: cython.Py_ssize_t = self._n
+        if motion.shape[0] != self._n or motion.shape[1] != 2:
+            raise ValueError(f"motion ({self._n}, 2) is wanted")
+        return self._check_pins(pins)
+
+    @cython.cfunc
+    def _check_pins(self, pins: cython.const[cython.int][::1]) -> cython.bint:
+        """Raises ValueError: no such pin."""
         p: cython.Py_ssize_t
-        if motion.shape[0] != n or motion.shape[1] != 2:
-            raise ValueError(f"motion ({n}, 2) is wanted")
         for p in range(pins.shape[0]):
-            if pins[p] < 0 or pins[p] >= n:
-                raise ValueError(f"pins: rows of 0 to {n - 1} are wanted, not {pins[p]}")
+            if pins[p] < 0 or pins[p] >= self._n:
+                raise ValueError(f"pins: rows of 0 to {self._n - 1} are wanted, not {pins[p]}")
         return True
 
     @cython.cfunc

@@ -33,6 +33,7 @@ _ROUND = cython.declare(cython.float, 1.5 * 2.0**23)
 _BLOCK = 16
 
 
+@cython.final
 @cython.cclass
 class QuantizedOperator:
     """A (k, m) matrix; `values` in, `result` out, both good until the next call.
@@ -41,14 +42,6 @@ class QuantizedOperator:
     result   (k,) float32; of `apply` or `apply_rows`
     step     float32, of the quantized values
     """
-
-    values = cython.declare(cython.float[::1], visibility="readonly")
-    result = cython.declare(cython.float[::1], visibility="readonly")
-    _rows: cython.short[:, ::1]  # (k, w), whole steps
-    _row_step: cython.float[::1]
-    _vector: cython.short[::1]  # (w,), the values in whole steps
-    _sums: cython.int[::1]  # (k,)
-    _step: cython.float
 
     def __init__(self, matrix: Array) -> None:
         """Raises ValueError: the matrix is empty, or a weight is not finite."""
@@ -67,14 +60,14 @@ class QuantizedOperator:
         self.values = np.zeros(m, np.float32)
         self.result = np.empty(k, np.float32)
 
-    def apply(self) -> None:
+    def apply(self) -> cython.void:
         """`result`: the matrix times `values`."""
         with cython.nogil:
             self._quantize()
             all_rows(self._rows, self._vector, self._sums)
             self._scale(self._row_step.shape[0])
 
-    def apply_rows(self, which: cython.const[cython.int][::1], n: cython.Py_ssize_t) -> None:
+    def apply_rows(self, which: cython.const[cython.int][::1], n: cython.Py_ssize_t) -> cython.void:
         """The first n of `result`: the first n of these rows times `values`.
 
         which    (at least n,) int32
@@ -93,9 +86,6 @@ class QuantizedOperator:
         for p in range(n):
             self.result[p] = cython.cast(cython.float, self._sums[p]) * self._row_step[which[p]] * self._step
 
-    @cython.cfunc
-    @cython.nogil
-    @cython.exceptval(check=False)
     def _quantize(self) -> cython.void:
         i: cython.Py_ssize_t
         size: cython.float
@@ -110,9 +100,6 @@ class QuantizedOperator:
             self._vector[i] = cython.cast(cython.short, size - _ROUND)
         self._step = highest / _VALUE_MAX
 
-    @cython.cfunc
-    @cython.nogil
-    @cython.exceptval(check=False)
     def _scale(self, k: cython.Py_ssize_t) -> cython.void:
         p: cython.Py_ssize_t
         for p in range(k):

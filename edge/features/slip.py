@@ -15,19 +15,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
-
-import numpy as np
 
 from edge.features.params import PARAMS, FeatureParams
 from edge.features.partial_slip import PartialSlip
 from edge.features.pin_motion import PinMotion
-from edge.types import Array, Index, Rest
+from edge.types import Array, Index, Rest, per_frame
 
 __all__ = ["Slip", "SlipState"]
 
 
-@dataclass(frozen=True, slots=True)
+@per_frame
 class SlipState:
     """Slip of one frame.
 
@@ -70,7 +67,8 @@ class Slip:
         span = len(past)
         before_px, area_change_before = past[0]
         past.append((motion_px, area_change))
-        if self._is_pressing(area_change[pins] - area_change_before[pins]):
+        pressing_rel = self._params.slip_pressing_rel
+        if self._motion.is_pressing(area_change, area_change_before, pins, pressing_rel):
             self._partial.forget()
             return NO_SLIP
         self._partial.update(motion_px, pins, sigma_px)
@@ -81,11 +79,3 @@ class Slip:
             return SlipState(0.0, probability)
         rms = math.sqrt(max(unexplained - 2.0 * sigma_px**2 * free, 0.0) / used)
         return SlipState(probability * rms / span, probability)
-
-    def _is_pressing(self, area_change: Array) -> bool:
-        """Whether the areas of a contact's cells increase, or decrease, together; area_change (k,), NaN where
-        not known.
-        """
-        return bool(
-            abs(np.nansum(area_change)) > self._params.slip_pressing_rel * np.nansum(np.abs(area_change))
-        )

@@ -19,14 +19,16 @@ from numpy.typing import NDArray
 from edge.features.contact_field import ContactField
 from edge.features.params import PARAMS, FeatureParams
 from edge.features.peaks import PeakFinder
-from edge.features.quantized_operator import QuantizedOperator
 from edge.features.regions import Regions
 from edge.types import Array
 
 if cython.compiled:
+    from cython.cimports.edge.features.quantized_operator import QuantizedOperator
     from cython.cimports.libc.math import cos, fabs, hypot, sin
 else:
     from math import cos, fabs, hypot, sin
+
+    from edge.features.quantized_operator import QuantizedOperator
 
 _NOTHING = cython.declare(cython.float, -np.inf)
 

@@ -12,8 +12,9 @@ phase, so the result does not depend on where the window started.
 Rules
 - Templates (`templates.py`) are in 16-bit integers for PHASES x PHASES subpixel offsets, zero outside of the
   support circle. d is orthogonal to 1; tx and ty to 1 and d.
-- One pass over a window's pixels; nine pins in ten need only one step. Divisions here are those of the pin;
-  what depends on the template alone is precomputed in `norms`.
+- One pass over the pixels of the support, which are copied from the image without the gaps between its rows;
+  nine pins in ten need only one step. Divisions here are those of the pin; what depends on the template alone
+  is precomputed in `norms`.
 - Levels are taken relative to the window's middle, so that all sums are exact integers.
 - Dark pins are bright ones in the inverted image. Its levels are the negative ones, so that the result is the
   same to the last bit.
@@ -32,14 +33,14 @@ from edge.types import Array, Image, Index
 
 if cython.compiled:
     from cython.cimports.edge.pins.rejection import Answer, CentroidFilter
-    from cython.cimports.edge.pins.windows import copy_rows, prefetch, sums_of_bytes, sums_of_shorts
-    from cython.cimports.libc.math import NAN, floor, isfinite, ldexp, sqrt
+    from cython.cimports.edge.pins.windows import copy_spans, prefetch, sums_of_bytes, sums_of_shorts
+    from cython.cimports.libc.math import NAN, isfinite, ldexp, sqrt
 else:
-    from math import floor, isfinite, ldexp, sqrt
+    from math import isfinite, ldexp, sqrt
     from math import nan as NAN  # noqa: N812
 
     from edge.pins.rejection import Answer, CentroidFilter
-    from edge.pins.windows import copy_rows, prefetch, sums_of_bytes, sums_of_shorts
+    from edge.pins.windows import copy_spans, prefetch, sums_of_bytes, sums_of_shorts
 
 N_PHASES = cython.declare(cython.int, PHASES)
 LEVEL_MAX = cython.declare(cython.int, STEP_MAX)
@@ -57,6 +58,7 @@ Norm = cython.struct(
 ANSWER = np.dtype([(name, np.float64) for name in ("x", "y", "sigma", "amplitude", "fit")])
 
 
+@cython.final
 @cython.cclass
 class CentroidKernel:
     """Centroids of the n pins of one tip."""
@@ -77,10 +79,12 @@ class CentroidKernel:
     _columns: cython.Py_ssize_t
     _image8: cython.const[cython.uchar][:, :]
     _image16: cython.const[cython.ushort][:, :]
-    _kind: cython.Py_ssize_t  # kind whose window size the buffers are padded for
     _kind_of: cython.int[::1]
     _half: cython.int[::1]
-    _stride: cython.int[::1]
+    _spans: cython.int[:, ::1]  # of all kinds
+    _first_span: cython.int[::1]  # of each kind; the last row is the end
+    _row_bytes: cython.int[::1]  # copied of each row of a window: the longest, filled up
+    _right: cython.int[::1]  # columns from a window's middle that the copies reach
     _first: cython.Py_ssize_t[::1]
     _plane: cython.Py_ssize_t[::1]
     _templates: cython.short[::1]
@@ -115,9 +119,15 @@ class CentroidKernel:
         """
         self._kind_of = np.array(kind_of, np.int32)
         self.n = self._kind_of.shape[0]
-        self._kind = -1
         self._half = np.array(templates.half, np.int32)
-        self._stride = np.array(templates.stride, np.int32)
+        row_bytes = [-(-int(spans[:, 2].max()) // LANES) * LANES for spans in templates.spans]
+        self._spans = np.concatenate(templates.spans)
+        self._first_span = np.cumsum([0, *map(len, templates.spans)], dtype=np.int32)
+        self._row_bytes = np.array(row_bytes, np.int32)
+        self._right = np.array(
+            [spans[:, 0].max() + size for spans, size in zip(templates.spans, row_bytes, strict=True)],
+            np.int32,
+        )
         self._first = np.array(templates.first, np.intp)
         self._plane = np.array(templates.plane, np.intp)
         self._templates = templates.values
@@ -139,7 +149,7 @@ class CentroidKernel:
         self._answers = np.empty((self.n, len(ANSWER.names or ())))
         self._out = self._answers.view(ANSWER)[:, 0].view(np.recarray)
         plane_max = int(np.max(templates.plane))
-        self._pixels = np.zeros(plane_max, np.uint8)
+        self._pixels = np.zeros(plane_max + max(row_bytes), np.uint8)
         self._window = np.zeros(plane_max, np.int16)
         self._sums = np.empty(7)
         self._normal = np.empty((4, 5))
@@ -184,7 +194,8 @@ class CentroidKernel:
     @cython.inline
     @cython.exceptval(check=False)
     def _prefetch(self, i: cython.Py_ssize_t) -> cython.void:
-        half: cython.int = self._half[self._kind_of[i]]
+        kind: cython.Py_ssize_t = self._kind_of[i]
+        half: cython.int = self._half[kind]
         x: cython.double = self._predicted[i, 0]
         y: cython.double = self._predicted[i, 1]
         inside: cython.bint = (
@@ -193,10 +204,10 @@ class CentroidKernel:
         if inside:
             prefetch(
                 self._image8,
-                cython.cast(cython.Py_ssize_t, x + 0.5) - half,
-                cython.cast(cython.Py_ssize_t, y + 0.5) - half,
-                2 * half + 1,
-                2 * half + 1,
+                cython.cast(cython.Py_ssize_t, x + 0.5) - half + 1,
+                cython.cast(cython.Py_ssize_t, y + 0.5) + self._spans[self._first_span[kind], 1],
+                self._first_span[kind + 1] - self._first_span[kind],
+                2 * half - 1,
             )
 
     @cython.cfunc
@@ -213,15 +224,22 @@ class CentroidKernel:
     def _take_bytes(
         self, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, kind: cython.Py_ssize_t
     ) -> cython.bint:
-        """Copy the window round (cx, cy) of an 8-bit image; False if it reaches beyond the image."""
+        """Copy the support round (cx, cy) of an 8-bit image; False if it may reach beyond the image."""
         half: cython.int = self._half[kind]
-        stride: cython.int = self._stride[kind]
-        size: cython.int = 2 * half + 1
-        x0: cython.Py_ssize_t = cx - half
-        y0: cython.Py_ssize_t = cy - half
-        if self._wide or x0 < 0 or y0 < 0 or x0 + stride > self._columns or y0 + size > self._rows:
+        if self._wide or cx < half or cy < half or cx + self._right[kind] > self._columns:
             return False
-        copy_rows(self._image8, x0, y0, size, stride, self._pixels)
+        if cy + half >= self._rows:
+            return False
+        copy_spans(
+            self._image8,
+            cx,
+            cy,
+            self._spans,
+            self._first_span[kind],
+            self._first_span[kind + 1],
+            self._row_bytes[kind],
+            self._pixels,
+        )
         return True
 
     @cython.cfunc
@@ -229,31 +247,27 @@ class CentroidKernel:
     def _take_window(
         self, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, kind: cython.Py_ssize_t, level: cython.int
     ) -> cython.bint:
-        """Pixels less `level`, as of bright pins, zero outside of support and image.
+        """Pixels of the support less `level`, as of bright pins, zero outside of the image.
 
-        Returns  whether the window lies within the image
+        Returns  whether the square round the support lies within the image
         """
         half: cython.int = self._half[kind]
-        stride: cython.int = self._stride[kind]
-        size: cython.int = 2 * half + 1
-        x0: cython.Py_ssize_t = cx - half
-        y0: cython.Py_ssize_t = cy - half
         i: cython.int
         j: cython.int
         x: cython.Py_ssize_t
         y: cython.Py_ssize_t
-        at: cython.Py_ssize_t
+        at: cython.Py_ssize_t = 0
         step: cython.int
-        for j in range(size):
-            y = y0 + j
-            for i in range(stride):
-                x = x0 + i
-                at = j * stride + i
+        for j in range(self._first_span[kind], self._first_span[kind + 1]):
+            y = cy + self._spans[j, 1]
+            for i in range(self._spans[j, 2]):
+                x = cx + self._spans[j, 0] + i
                 step = 0
-                if self._templates[self._first[kind] + at] and 0 <= y < self._rows and 0 <= x < self._columns:
+                if 0 <= y < self._rows and 0 <= x < self._columns:
                     step = (self._sign * (self._level(x, y) - level)) >> self._shift
                 self._window[at] = cython.cast(cython.short, min(max(step, -LEVEL_MAX), LEVEL_MAX))
-        return x0 >= 0 and y0 >= 0 and x0 + size <= self._columns and y0 + size <= self._rows
+                at += 1
+        return cx >= half and cy >= half and cx + half < self._columns and cy + half < self._rows
 
     @cython.cfunc
     @cython.inline
@@ -264,16 +278,6 @@ class CentroidKernel:
         self._out[i].sigma = NAN
         self._out[i].amplitude = 0.0
         self._out[i].fit = 0.0
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _clear(self, kind: cython.Py_ssize_t) -> cython.void:
-        """Zero the padding behind the rows of such a window; the rows themselves are written each time."""
-        k: cython.Py_ssize_t
-        for k in range((2 * self._half[kind] + 1) * self._stride[kind], self._plane[kind]):
-            self._pixels[k] = 0
-            self._window[k] = 0
-        self._kind = kind
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -297,8 +301,6 @@ class CentroidKernel:
         cy: cython.Py_ssize_t
         px: cython.int
         py: cython.int
-        if kind != self._kind:
-            self._clear(kind)
         done: cython.int = 0
         for iteration in range(self._steps_max):
             if x < 0 or y < 0 or x > self._columns - 1 or y > self._rows - 1:
@@ -491,8 +493,6 @@ class CentroidKernel:
         self, kind: cython.Py_ssize_t, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, phase: cython.int
     ) -> cython.void:
         """Normal equations of 1, d, tx, ty over the pixels in view; `_sums` takes their energy and number."""
-        half: cython.int = self._half[kind]
-        stride: cython.int = self._stride[kind]
         plane: cython.Py_ssize_t = self._plane[kind]
         t: cython.Py_ssize_t = self._phase_at(kind, phase)
         unit_d: cython.double = self._norms[kind, phase].unit_d
@@ -503,7 +503,7 @@ class CentroidKernel:
         c: cython.int
         x: cython.Py_ssize_t
         y: cython.Py_ssize_t
-        at: cython.Py_ssize_t
+        at: cython.Py_ssize_t = -1
         basis: cython.double
         level: cython.double
         for r in range(4):
@@ -511,13 +511,11 @@ class CentroidKernel:
                 self._normal[r, c] = 0
         self._sums[0] = 0
         self._sums[1] = 0
-        for j in range(2 * half + 1):
-            for i in range(2 * half + 1):
-                at = j * stride + i
-                x = cx - half + i
-                y = cy - half + j
-                if not self._templates[self._first[kind] + at]:
-                    continue
+        for j in range(self._first_span[kind], self._first_span[kind + 1]):
+            y = cy + self._spans[j, 1]
+            for i in range(self._spans[j, 2]):
+                x = cx + self._spans[j, 0] + i
+                at += 1
                 if x < 0 or y < 0 or x >= self._columns or y >= self._rows:
                     continue
                 level = cython.cast(cython.double, self._window[at])
@@ -575,8 +573,8 @@ def square(x: cython.double, y: cython.double) -> cython.double:
 @cython.exceptval(check=False)
 def phase_of(fraction: cython.double) -> cython.int:
     """Index of the subpixel offset nearest to a fraction of (-0.5, 0.5]."""
-    p: cython.int = cython.cast(cython.int, floor((fraction + 0.5) * N_PHASES))
-    return 0 if p < 0 else (N_PHASES - 1 if p >= N_PHASES else p)
+    p: cython.int = cython.cast(cython.int, (fraction + 0.5) * N_PHASES)
+    return N_PHASES - 1 if p >= N_PHASES else p
 
 
 @cython.cfunc
@@ -603,14 +601,17 @@ def _check(templates: TemplateSet, kind_of: Index, rest_amplitude: Array) -> Non
     n_kinds = len(templates.half)
     if kind_of.size and (kind_of.min() < 0 or kind_of.max() >= n_kinds):
         raise ValueError(f"a pin's kind is out of range: 0 to {n_kinds - 1}")
-    for half, stride, first, plane in zip(
-        templates.half, templates.stride, templates.first, templates.plane, strict=True
+    for half, spans, first, plane in zip(
+        templates.half, templates.spans, templates.first, templates.plane, strict=True
     ):
-        if not (1 <= half <= HALF_MAX and stride % LANES == 0 and stride >= 2 * half + 1):
-            raise ValueError(
-                f"a template of half width {half}, stride {stride}: 1 to {HALF_MAX}, a multiple of {LANES}"
-            )
-        if plane % BLOCK or plane < (2 * half + 1) * stride:
+        if not 1 <= half <= HALF_MAX:
+            raise ValueError(f"a template of half width {half}: 1 to {HALF_MAX} is wanted")
+        column, row, length = spans.T
+        if np.abs(row).max() > half or column.min() < -half or length.min() < 1:
+            raise ValueError(f"spans of a template beyond its half width {half}")
+        if (column + length).max() > half + 1 or (np.diff(row) != 1).any():
+            raise ValueError(f"spans of a template beyond its half width {half}, or with a row left out")
+        if plane % BLOCK or plane < length.sum():
             raise ValueError(f"a template's plane of {plane} numbers is too short for its rows")
         if first < 0 or first + 3 * plane * (PHASES * PHASES + 1) > templates.values.size:
             raise ValueError("a template that does not fit its table")

@@ -52,6 +52,7 @@ class CentroidFilter:
         self.clash_px = clash_px
         self.ratio = np.empty(self.n)
         self.order = np.arange(self.n, dtype=np.int32)
+        self.x, self.y = np.empty(self.n), np.empty(self.n)  # of the pins in that order
 
     def reject(self, found: Answer[::1], predicted: cython.const[cython.double][:, ::1]) -> cython.void:
         """NaN in x, y, sigma of the pins that do not count.
@@ -98,26 +99,39 @@ class CentroidFilter:
         self, found: Answer[::1], predicted: cython.const[cython.double][:, ::1]
     ) -> cython.void:
         """Of two pins on one blob the one that moved further is lost."""
+        x: cython.double[::1] = self.x
+        y: cython.double[::1] = self.y
         i: cython.Py_ssize_t
         j: cython.Py_ssize_t
-        a: cython.int
-        b: cython.int
+        m: cython.Py_ssize_t = 0  # of the pins that are not lost, which come first in order
         dx: cython.double
         dy: cython.double
-        for i in range(self.n):
-            a = self.order[i]
-            for j in range(i + 1, self.n):
-                b = self.order[j]
-                if isnan(found[a].x):
-                    break
-                if isnan(found[b].x):
-                    continue
-                dx = found[b].x - found[a].x
+        clash2: cython.double = self.clash_px * self.clash_px
+        while m < self.n and not isnan(found[self.order[m]].x):
+            x[m] = found[self.order[m]].x
+            y[m] = found[self.order[m]].y
+            m += 1
+        for i in range(m):
+            for j in range(i + 1, m):
+                dx = x[j] - x[i]
                 if dx > self.clash_px:
                     break
-                dy = found[b].y - found[a].y
-                if dx * dx + dy * dy <= self.clash_px * self.clash_px:
-                    _forget(found, a if _went2(found, predicted, a) > _went2(found, predicted, b) else b)
+                dy = y[j] - y[i]  # NaN where one is lost by now
+                if dx * dx + dy * dy <= clash2:
+                    self._reject_one(found, predicted, i, j)
+
+    def _reject_one(
+        self,
+        found: Answer[::1],
+        predicted: cython.const[cython.double][:, ::1],
+        i: cython.Py_ssize_t,
+        j: cython.Py_ssize_t,
+    ) -> cython.void:
+        """The i-th or the j-th in order: the one that moved further."""
+        if not _went2(found, predicted, self.order[i]) > _went2(found, predicted, self.order[j]):
+            i = j
+        _forget(found, self.order[i])
+        self.y[i] = NAN
 
 
 @cython.cfunc

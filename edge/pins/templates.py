@@ -4,6 +4,7 @@ Rules
 - Radii come in kinds 5 % apart: a template that is 2.5 % off in radius is still symmetric, so it costs a
   little noise (1 %) and no bias.
 - 16-bit integers, scaled so that no sum over a window overflows 32 bits.
+- Only the support circle is kept, row after row without gaps: half of the square round it is outside.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erfc
 
-from edge.types import Array
+from edge.types import Array, Index, Mask
 
 PHASES = 4  # subpixel offsets along each axis
-LANES = 8  # a row's stride is a multiple of it
+LANES = 8  # bytes: a window's rows are copied in multiples of it
 BLOCK = 32  # a plane's length is a multiple of it: loops have no remainder
 HALF_MAX = 39  # px, half width of a window
 RADIUS_MAX_PX = 34  # largest pin that fits such a window with its edge and surroundings
@@ -66,14 +67,17 @@ Norms = NDArray[np.void]
 class TemplateSet:
     """Templates of k kinds of pins.
 
-    half, stride  (k,) window is (2 half + 1) rows of `stride` numbers
-    first, plane  (k,) where a kind begins in `values`, and the length of each of its planes there
+    half          (k,) px; a kind's window is the square of 2 half + 1 round its middle
+    spans         of each kind (r, 3) int32: of each row of its support, first column and row against the
+                  window's middle, and number of pixels
+    first, plane  (k,) where a kind begins in `values`, and the length of each of its planes there: the
+                  pixels of its spans, then zeros
     values        int16; a kind is the support, u, v, then d, tx, ty of each phase
     norms         (k, PHASES^2) NORM
     """
 
     half: tuple[int, ...]
-    stride: tuple[int, ...]
+    spans: tuple[Index, ...]
     first: tuple[int, ...]
     plane: tuple[int, ...]
     values: Shorts
@@ -87,7 +91,7 @@ def templates_of(radii: tuple[float, ...], edge_px: float, pitch_px: float) -> T
     sizes = [planes.size for _, _, planes, _ in parts]
     return TemplateSet(
         half=tuple(half for half, *_ in parts),
-        stride=tuple(stride for _, stride, *_ in parts),
+        spans=tuple(spans for _, spans, *_ in parts),
         first=tuple(int(first) for first in np.cumsum([0, *sizes[:-1]])),
         plane=tuple(planes.shape[2] for _, _, planes, _ in parts),
         values=np.concatenate([planes.ravel() for _, _, planes, _ in parts]),
@@ -96,8 +100,8 @@ def templates_of(radii: tuple[float, ...], edge_px: float, pitch_px: float) -> T
 
 
 @lru_cache(maxsize=64)
-def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int, Shorts, Norms]:
-    """Half width, row stride, planes (17, 3, rows * stride, padded) and norms (16,) of one radius.
+def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, Index, Shorts, Norms]:
+    """Half width, spans, planes (17, 3, pixels of the spans, padded) and norms (16,) of one radius.
 
     The first three planes are the support and the columns and rows in it; then for each phase the disc, made
     orthogonal to a constant, and its slopes in x and y, made orthogonal to both.
@@ -106,8 +110,6 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int
         radius + 3.0 * edge_px + 0.5, max(radius + 1.5 * edge_px, 0.85 * pitch_px - radius - 1.5 * edge_px)
     )
     half = min(int(np.ceil(support + 0.5)), HALF_MAX)
-    size = 2 * half + 1
-    stride = -(-size // LANES) * LANES
     offset = (np.arange(PHASES) + 0.5) / PHASES - 0.5
     grid = np.arange(-half, half + 1, dtype=np.float64)
     columns, rows = np.meshgrid(grid, grid)
@@ -131,14 +133,23 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, int
     pixels, _, tx2, ty2, tx_u, ty_v, u2, v2 = map(np.asarray, norm[:8])
     divisors = (*norm[:4], tx2 * u2 - tx_u**2, ty2 * v2 - ty_v**2, np.where(pixels > 8, pixels - 6, 2))
     norm += [1.0 / divisor for divisor in divisors]
-    planes = np.zeros((PHASES * PHASES + 1, 3, -(-size * stride // BLOCK) * BLOCK), np.int16)
-    rows_of = planes[:, :, : size * stride].reshape(-1, 3, size, stride)[..., :size]
-    rows_of[0] = np.stack([one[0], columns * one[0], rows * one[0]])
-    rows_of[1:] = np.rint(np.stack([d * scale[0], tx * scale[1], ty * scale[1]], axis=1))
+    inside = one[0] > 0
+    n = np.count_nonzero(inside)
+    planes = np.zeros((PHASES * PHASES + 1, 3, -(-n // BLOCK) * BLOCK), np.int16)
+    planes[0, :, :n] = np.stack([one[0], columns, rows])[:, inside]
+    planes[1:, :, :n] = np.rint(np.stack([d * scale[0], tx * scale[1], ty * scale[1]], axis=1))[:, :, inside]
     norms = np.zeros(PHASES * PHASES, NORM)
     for name, value in zip(NORM.names or (), norm, strict=True):
         norms[name] = np.asarray(value, np.float64).ravel()
-    return half, stride, planes, norms
+    return half, _spans(inside), planes, norms
+
+
+def _spans(inside: Mask) -> Index:
+    """First column, row and length of each row of a support; the middle of the square is (0, 0)."""
+    rows = np.flatnonzero(inside.any(axis=1))
+    first, length = inside[rows].argmax(axis=1), inside[rows].sum(axis=1)
+    half = len(inside) // 2
+    return np.stack([first - half, rows - half, length], axis=1).astype(np.int32)
 
 
 def _scale(plane: Array) -> float:

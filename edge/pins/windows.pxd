@@ -11,17 +11,18 @@ cdef extern from *:
     #define VT_WIDE
     #endif
 
-    /* with a constant length a row compiles to two or three moves */
-    #define VT_ROWS(STRIDE) \
-        for (int j = 0; j < rows; j++, from += row_bytes, to += (STRIDE)) memcpy(to, from, (size_t)(STRIDE))
-    static inline void vt_copy_rows(const unsigned char *from, Py_ssize_t row_bytes, int rows, int stride,
-                                    unsigned char *to)
+    /* with a constant length a row compiles to two or three moves; rows of spans are consecutive */
+    #define VT_ROWS(BYTES) \
+        for (; span < end; span += 3, row += row_bytes, to += span[-1]) memcpy(to, row + span[0], (size_t)(BYTES))
+    static inline void vt_copy_spans(const unsigned char *row, Py_ssize_t row_bytes, const int *span,
+                                     const int *end, int bytes, unsigned char *to)
     {
-        switch (stride) {
+        row += span[1] * row_bytes;
+        switch (bytes) {
         case 16: VT_ROWS(16); break;
         case 24: VT_ROWS(24); break;
         case 32: VT_ROWS(32); break;
-        default: VT_ROWS(stride);
+        default: VT_ROWS(bytes);
         }
     }
 
@@ -68,16 +69,17 @@ cdef extern from *:
         else VT_SUMS(int);
     }
     """
-    void vt_copy_rows(const unsigned char *, Py_ssize_t, int, int, unsigned char *) noexcept nogil
+    void vt_copy_spans(const unsigned char *, Py_ssize_t, const int *, const int *, int, unsigned char *) noexcept nogil
     void vt_prefetch(const unsigned char *, Py_ssize_t, int, int) noexcept nogil
     void vt_sums_of_bytes(const unsigned char *, short, const short *, const short *, int, double *) noexcept nogil
     void vt_sums_of_shorts(const short *, int, const short *, const short *, int, double *) noexcept nogil
 
 
-cdef inline void copy_rows(
-    const unsigned char[:, :] image, Py_ssize_t x, Py_ssize_t y, int rows, int stride, unsigned char[::1] to
+cdef inline void copy_spans(
+    const unsigned char[:, :] image, Py_ssize_t x, Py_ssize_t y, int[:, ::1] spans, Py_ssize_t begin, Py_ssize_t end,
+    int row_bytes, unsigned char[::1] to
 ) noexcept nogil:
-    vt_copy_rows(&image[y, x], image.strides[0], rows, stride, &to[0])
+    vt_copy_spans(&image[y, x], image.strides[0], &spans[begin, 0], &spans[begin, 0] + 3 * (end - begin), row_bytes, &to[0])
 
 
 cdef inline void prefetch(const unsigned char[:, :] image, Py_ssize_t x, Py_ssize_t y, int rows, int length) noexcept nogil:

@@ -8,15 +8,24 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.types import Array, Image
+from edge.types import Array, Image, Index
 
 Bytes = NDArray[np.uint8]
 Shorts = NDArray[np.int16]
 
 
-def copy_rows(image: Image, x: int, y: int, rows: int, stride: int, to: Bytes) -> None:
-    """The `rows` rows of `stride` pixels from (x, y) of an 8-bit image, one after the other."""
-    to[: rows * stride] = image[y : y + rows, x : x + stride].ravel()
+def copy_spans(
+    image: Image, x: int, y: int, spans: Index, begin: int, end: int, row_bytes: int, to: Bytes
+) -> None:
+    """Some spans (column and row against (x, y), length) of an 8-bit image, one after the other.
+
+    Of each row `row_bytes` are copied, as many as the longest span has or more: the next span overwrites what
+    is too many, and behind the last one they stay.
+    """
+    at = 0
+    for column, row, length in spans[begin:end]:
+        to[at : at + row_bytes] = image[y + row, x + column : x + column + row_bytes]
+        at += length
 
 
 def prefetch(image: Image, x: int, y: int, rows: int, length: int) -> None:

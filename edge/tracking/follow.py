@@ -8,6 +8,9 @@ residual, changes little from one frame to the next.
     found -> residual and its innovation -> two on one blob -> photometric outliers -> positions of all pins
 
 A rejected pin counts as lost, not as moved: it moves with its neighbours, and its residual decays.
+
+Loops that store take their arrays as local names: the C compiler then knows that the arrays stay where they
+are, and does not look their address up again after every store.
 """
 
 # mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
@@ -58,7 +61,7 @@ class Follower:
     weight: cython.double[::1]
     closest: cython.int[:, ::1]
     pairs: cython.int[:, ::1]
-    distance_min: cython.double[::1]
+    distance2_min: cython.double[::1]
     # of the last frame that was accepted
     last: cython.double[:, ::1]
     velocity: cython.double[:, ::1]
@@ -92,7 +95,7 @@ class Follower:
         self.weight = np.array(mean.data, np.float64)
         self.closest = np.array(lattice.closest, np.int32, order="C")
         self.pairs = np.array(lattice.pairs, np.int32, order="C")
-        self.distance_min = np.array(lattice.distance_min_px, np.float64)
+        self.distance2_min = np.array(lattice.distance_min_px, np.float64) ** 2
         self.last, self.velocity, self.last_residual = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2))
         self.now, self.residual = np.empty((n, 2)), np.empty((n, 2))
         self.predicted, self.motion = np.empty((n, 2)), np.empty((n, 2))
@@ -143,23 +146,14 @@ class Follower:
         xys: cython.double[:, ::1] = xy
         sigmas: cython.double[::1] = sigma_out
         is_seen: cython.uchar[::1] = seen.view(np.uint8)
-        i: cython.Py_ssize_t
-        seen_n: cython.Py_ssize_t = 0
+        seen_n: cython.Py_ssize_t
         innovation: cython.double
         with cython.nogil:
             self._find_residuals(found)
             self._keep_apart(found)
-            for i in range(n):
-                self.motion[i, 0] = found[i, 0] - self.rest[i, 0]
-                self.motion[i, 1] = found[i, 1] - self.rest[i, 1]
-            self.photometric.filter(brightness, sigma, self.motion, self.residual, self.seen, False)
+            self._filter(found, sigma, brightness)
             self._place(found)
-            for i in range(n):
-                is_seen[i] = self.seen[i]
-                seen_n += self.seen[i]
-                xys[i, 0] = found[i, 0] if self.seen[i] else NAN
-                xys[i, 1] = found[i, 1] if self.seen[i] else NAN
-                sigmas[i] = sigma[i] if self.seen[i] else NAN
+            seen_n = self._give(found, sigma, xys, sigmas, is_seen)
             innovation = self._median_innovation(self.now)
         return xy, sigma_out, seen, seen_n, innovation
 
@@ -167,14 +161,17 @@ class Follower:
         """Make the frame that was followed the last one; damping: share of its motion that is expected
         again.
         """
+        last: cython.double[:, ::1] = self.last
+        now: cython.double[:, ::1] = self.now
+        velocity: cython.double[:, ::1] = self.velocity
         i: cython.Py_ssize_t
-        d: cython.int
         for i in range(self.n):
-            for d in range(2):
-                self.velocity[i, d] = damping * (self.now[i, d] - self.last[i, d])
-                self.last[i, d] = self.now[i, d]
-                self.last_residual[i, d] = self.residual[i, d]
-            self.last_seen[i] = self.seen[i]
+            velocity[i, 0] = damping * (now[i, 0] - last[i, 0])
+            velocity[i, 1] = damping * (now[i, 1] - last[i, 1])
+        # The next frame writes all of the three that are exchanged.
+        self.last, self.now = self.now, self.last
+        self.last_residual, self.residual = self.residual, self.last_residual
+        self.last_seen, self.seen = self.seen, self.last_seen
 
     def settle(self, xy: Array, residual: Array, seen: Mask) -> None:
         """Make what a search found the last frame, at a standstill.
@@ -204,6 +201,12 @@ class Follower:
         """Residuals of all found pins, and which pins are seen: those whose residual is like that of the last
         frame.
         """
+        last: cython.double[:, ::1] = self.last
+        velocity: cython.double[:, ::1] = self.velocity
+        rest: cython.double[:, ::1] = self.rest
+        predicted: cython.double[:, ::1] = self.predicted
+        limits: cython.double[::1] = self.limit
+        seen: cython.uchar[::1] = self.seen
         i: cython.Py_ssize_t
         limit: cython.double
         iteration: cython.int
@@ -211,14 +214,14 @@ class Follower:
         missing: cython.bint
         for i in range(self.n):
             limit = self._innovation_limit(i)
-            self.limit[i] = limit * limit
-            self.seen[i] = found[i, 0] == found[i, 0]
-            self.predicted[i, 0] = self.last[i, 0] + self.velocity[i, 0] - self.rest[i, 0]
-            self.predicted[i, 1] = self.last[i, 1] + self.velocity[i, 1] - self.rest[i, 1]
+            limits[i] = limit * limit
+            seen[i] = found[i, 0] == found[i, 0]
+            predicted[i, 0] = last[i, 0] + velocity[i, 0] - rest[i, 0]
+            predicted[i, 1] = last[i, 1] + velocity[i, 1] - rest[i, 1]
         for iteration in range(2):
             missing = False
             for i in range(self.n):
-                missing |= not self.seen[i]
+                missing |= not seen[i]
             # A lost pin moves with its neighbours; some of these may be lost themselves and move with theirs.
             for step in range(2 if missing else 1):
                 self._predict_from_neighbours(found, iteration > 0 or step > 0)
@@ -250,6 +253,11 @@ class Follower:
         """Motion of each pin as predicted by its neighbours; a neighbour that is not seen takes part with its
         own prediction.
         """
+        motion: cython.double[:, ::1] = self.motion
+        predicted: cython.double[:, ::1] = self.predicted
+        start: cython.int[::1] = self.start
+        column: cython.int[::1] = self.column
+        weight: cython.double[::1] = self.weight
         i: cython.Py_ssize_t
         k: cython.Py_ssize_t
         at: cython.Py_ssize_t
@@ -259,47 +267,51 @@ class Follower:
         for i in range(self.n):
             for d in range(2):
                 if self.seen[i]:
-                    self.motion[i, d] = found[i, d] - self.rest[i, d]
+                    motion[i, d] = found[i, d] - self.rest[i, d]
                 elif add_residual:
-                    self.motion[i, d] = self.predicted[i, d] + self.last_residual[i, d]
+                    motion[i, d] = predicted[i, d] + self.last_residual[i, d]
                 else:
-                    self.motion[i, d] = self.predicted[i, d]
+                    motion[i, d] = predicted[i, d]
         for i in range(self.n):
             x = 0
             y = 0
-            for k in range(self.start[i], self.start[i + 1]):
-                at = self.column[k]
-                x += self.weight[k] * self.motion[at, 0]
-                y += self.weight[k] * self.motion[at, 1]
-            self.predicted[i, 0] = x
-            self.predicted[i, 1] = y
+            for k in range(start[i], start[i + 1]):
+                at = column[k]
+                x += weight[k] * motion[at, 0]
+                y += weight[k] * motion[at, 1]
+            predicted[i, 0] = x
+            predicted[i, 1] = y
 
     @cython.cfunc
     @cython.exceptval(check=False)
     @cython.nogil
     def _reject_by_residual(self, found: cython.const[cython.double][:, ::1]) -> cython.bint:
         """Update which pins are seen, by the residual and its change; true if that altered any."""
+        rest: cython.double[:, ::1] = self.rest
+        predicted: cython.double[:, ::1] = self.predicted
+        residual: cython.double[:, ::1] = self.residual
+        before: cython.double[:, ::1] = self.last_residual
+        local_pitch: cython.double[::1] = self.local_pitch
+        limits: cython.double[::1] = self.limit
+        seen: cython.uchar[::1] = self.seen
         i: cython.Py_ssize_t
-        d: cython.int
-        residual: cython.double
-        square: cython.double
-        change: cython.double
+        x: cython.double
+        y: cython.double
         limit: cython.double
         good: cython.bint
         changed: cython.bint = False
         for i in range(self.n):
-            square = 0
-            change = 0
-            for d in range(2):
-                residual = found[i, d] - self.rest[i, d] - self.predicted[i, d]
-                self.residual[i, d] = residual
-                square += residual * residual
-                residual -= self.last_residual[i, d]
-                change += residual * residual
-            limit = self.residual_max * self.local_pitch[i]
-            good = change < self.limit[i] and square < limit * limit  # NaN, not found, is false
-            changed |= good != self.seen[i]
-            self.seen[i] = good
+            x = found[i, 0] - rest[i, 0] - predicted[i, 0]
+            y = found[i, 1] - rest[i, 1] - predicted[i, 1]
+            residual[i, 0] = x
+            residual[i, 1] = y
+            limit = self.residual_max * local_pitch[i]
+            good = x * x + y * y < limit * limit  # NaN, not found, is false
+            x -= before[i, 0]
+            y -= before[i, 1]
+            good &= x * x + y * y < limits[i]
+            changed |= good != seen[i]
+            seen[i] = good
         return changed
 
     @cython.cfunc
@@ -307,6 +319,23 @@ class Follower:
     @cython.nogil
     def _keep_apart(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
         """Of two pins that came too near to each other the one with the larger innovation is lost."""
+        pairs: cython.int[:, ::1] = self.pairs
+        distance2_min: cython.double[::1] = self.distance2_min
+        p: cython.Py_ssize_t
+        dx: cython.double
+        dy: cython.double
+        for p in range(pairs.shape[0]):
+            dx = found[pairs[p, 0], 0] - found[pairs[p, 1], 0]
+            dy = found[pairs[p, 0], 1] - found[pairs[p, 1], 1]
+            if dx * dx + dy * dy < distance2_min[p]:
+                self._reject_near(found)
+                return
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    @cython.nogil
+    def _reject_near(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
+        """`_keep_apart` where there is such a pair."""
         p: cython.Py_ssize_t
         a: cython.Py_ssize_t
         b: cython.Py_ssize_t
@@ -319,9 +348,7 @@ class Follower:
             b = self.pairs[p, 1]
             dx = found[a, 0] - found[b, 0]
             dy = found[a, 1] - found[b, 1]
-            if not (dx * dx + dy * dy < self.distance_min[p] * self.distance_min[p]):
-                continue
-            if self.before[a] and self.before[b]:
+            if dx * dx + dy * dy < self.distance2_min[p] and self.before[a] and self.before[b]:
                 self.seen[a if self._innovation2(a) > self._innovation2(b) else b] = False
 
     @cython.cfunc
@@ -337,18 +364,63 @@ class Follower:
     @cython.cfunc
     @cython.exceptval(check=False)
     @cython.nogil
+    def _filter(
+        self,
+        found: cython.const[cython.double][:, ::1],
+        sigma: cython.const[cython.double][::1],
+        brightness: cython.const[cython.double][::1],
+    ) -> cython.void:
+        """Reject the photometric outliers among the seen pins."""
+        motion: cython.double[:, ::1] = self.motion
+        i: cython.Py_ssize_t
+        for i in range(self.n):
+            motion[i, 0] = found[i, 0] - self.rest[i, 0]
+            motion[i, 1] = found[i, 1] - self.rest[i, 1]
+        self.photometric.filter(brightness, sigma, self.motion, self.residual, self.seen, False)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    @cython.nogil
     def _place(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
         """Place every pin: the seen ones where they were found, the others where their neighbours predict
         them."""
+        now: cython.double[:, ::1] = self.now
+        residual: cython.double[:, ::1] = self.residual
         i: cython.Py_ssize_t
         d: cython.int
         for i in range(self.n):
             for d in range(2):
                 if self.seen[i]:
-                    self.now[i, d] = found[i, d]
+                    now[i, d] = found[i, d]
                 else:
-                    self.residual[i, d] = self.residual_decay * self.last_residual[i, d]
-                    self.now[i, d] = self.rest[i, d] + self.predicted[i, d] + self.residual[i, d]
+                    residual[i, d] = self.residual_decay * self.last_residual[i, d]
+                    now[i, d] = self.rest[i, d] + self.predicted[i, d] + residual[i, d]
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    @cython.nogil
+    def _give(
+        self,
+        found: cython.const[cython.double][:, ::1],
+        sigma: cython.const[cython.double][::1],
+        xy: cython.double[:, ::1],
+        sigma_out: cython.double[::1],
+        is_seen: cython.uchar[::1],
+    ) -> cython.Py_ssize_t:
+        """Write the results of `follow`; returns how many pins are seen."""
+        seen: cython.uchar[::1] = self.seen
+        i: cython.Py_ssize_t
+        seen_n: cython.Py_ssize_t = 0
+        for i in range(self.n):
+            is_seen[i] = seen[i]
+            if seen[i]:
+                xy[i, 0] = found[i, 0]
+                xy[i, 1] = found[i, 1]
+                sigma_out[i] = sigma[i]
+                seen_n += 1
+            else:
+                xy[i, 0] = xy[i, 1] = sigma_out[i] = NAN
+        return seen_n
 
     @cython.cfunc
     @cython.exceptval(check=False)

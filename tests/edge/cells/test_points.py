@@ -37,7 +37,7 @@ def test_points_round_move_by_the_affine_fit_and_what_the_near_rim_pins_do_besid
     np.put_along_axis(weights, motion.near, motion.weight, axis=1)
     wanted = around + motion.terms @ fitted + weights @ (moved - motion.rim_terms @ fitted)
     assert (out[: len(rest)] == xy).all()
-    assert np.allclose(out[len(rest) :], wanted, rtol=0, atol=1e-12)
+    assert np.allclose(out[len(rest) :], wanted, rtol=0, atol=1e-6)  # weights in single precision
 
 
 def test_an_affine_motion_is_followed_exactly() -> None:

@@ -24,7 +24,8 @@ def test_least_squares_over_the_seen_pins(pins: int, lost: int) -> None:
     basis = mode_basis(rest)
     b, d = basis[seen], motion[seen] @ [1.0, 1j]
     expected = np.linalg.solve(b.conj().T @ b + PARAMS.modes_ridge * np.eye(b.shape[1]), b.conj().T @ d)
-    np.testing.assert_allclose(Modes(rest).fit(motion, seen), expected, rtol=0, atol=1e-11)
+    rounding = 1e-11 if lost else 1e-6 * np.abs(d).max()  # of all pins, in single precision
+    np.testing.assert_allclose(Modes(rest).fit(motion, seen), expected, rtol=0, atol=rounding)
 
 
 def test_modes_turn_by_their_spin() -> None:
@@ -39,7 +40,7 @@ def test_modes_turn_by_their_spin() -> None:
     before = Modes(rest).fit(motion, seen)
     after = Modes(turned_rest).fit(np.column_stack([d.real, d.imag]), seen)
     spins = np.array([1 - a + b for a, b in MODE_POWERS])
-    np.testing.assert_allclose(after, before * np.exp(1j * spins * angle), atol=1e-9)
+    np.testing.assert_allclose(after, before * np.exp(1j * spins * angle), atol=1e-6 * np.abs(d).max())
 
 
 def test_terms_that_the_layout_cannot_resolve_are_zero() -> None:

@@ -99,6 +99,25 @@ def test_a_plane_removes_the_motion_that_a_load_explains() -> None:
     assert PinMotion(rest).fit_step(now, before, pins[:0]) == (0, 0.0, 0.0)
 
 
+def test_a_contact_is_pressed_where_its_cells_grow_together() -> None:
+    made = PinMotion(tip(127))
+    pins = np.arange(40, 60, dtype=np.int32)
+    before = np.random.default_rng(2).normal(0.0, 0.02, 127)
+    sizes = np.linspace(0.01, 0.2, 127)
+    mixed = sizes * np.where(np.arange(127) % 2, 1.0, -1.0)
+    for sign in (1.0, -1.0):
+        assert made.is_pressing(before + sign * sizes, before, pins, 0.9)
+        assert not made.is_pressing(before + sign * mixed, before, pins, 0.9)
+    change = mixed[pins]
+    share = abs(change.sum()) / np.abs(change).sum()
+    assert made.is_pressing(before + mixed, before, pins, share - 1e-9)
+    assert not made.is_pressing(before + mixed, before, pins, share + 1e-9)
+    lost = before + sizes
+    lost[45], before[46] = np.nan, np.nan
+    assert made.is_pressing(lost, before, pins, 0.9)
+    assert not made.is_pressing(np.full(127, np.nan), before, pins, 0.9)
+
+
 def test_a_rest_frame_without_two_coordinates_a_pin_is_refused() -> None:
     rest = tip(127)
     pins = replace(rest.pins, xy_img=rest.xy_img[:, :1])
@@ -128,6 +147,13 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
         made.since_rest(xy, sigma, seen[:-1], np.empty((127, 2)))
     with pytest.raises(ValueError, match="wanted"):
         made.in_contact(sigma[:-1], 0.0)
+    for now, before, rows in (
+        (sigma[:-1], sigma, pins),
+        (sigma, sigma[:-1], pins),
+        (sigma, sigma, pins + 123),
+    ):
+        with pytest.raises(ValueError, match="wanted"):
+            made.is_pressing(now, before, rows, 0.5)
     for row in (-1, 127, 2**31 - 1):
         pins[3] = row
         with pytest.raises(ValueError, match="pins"):
