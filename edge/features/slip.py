@@ -15,16 +15,17 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import dataclass
 
 from edge.features.params import PARAMS, FeatureParams
 from edge.features.partial_slip import PartialSlip
 from edge.features.pin_motion import PinMotion
-from edge.types import Array, Index, Rest, per_frame
+from edge.types import Array, Index, Rest
 
 __all__ = ["Slip", "SlipState"]
 
 
-@per_frame
+@dataclass(frozen=True, slots=True)
 class SlipState:
     """Slip of one frame.
 
