@@ -284,8 +284,7 @@ class Tracks:
     xy_img       (n, 2) float64 px; NaN where lost
     sigma_px     (n,) float64; NaN where lost
     seen         (n,) bool
-    confidence   0..1, probability that the identities are right. Below `LOW_CONFIDENCE` they must not be
-                 used.
+    confidence   0..1; certainty of the identities. Below `LOW_CONFIDENCE` they must not be used.
     """
 
     xy_img: Array
@@ -293,7 +292,7 @@ class Tracks:
     seen: Mask
     confidence: float
 
-    LOW_CONFIDENCE = 0.9
+    LOW_CONFIDENCE = 0.5
 
     @property
     def n_seen(self) -> int:

@@ -155,7 +155,7 @@ class Process(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="proc
 Model = Curve | Polynomial | Process
 
 
-class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """The tip and camera that the file belongs to.
 
     lens  whose distortion is removed from places, centre, radius and pitch here; None: none

@@ -30,9 +30,10 @@ class TrackingParams:
     outlier_support_min: float = 1.2  # sum of the neighbours' weights that this needs: two near ones
     median_halvings: int = 14  # of the range in which a median is looked for: its 16000th part
     # --- whether the identities are held
-    innovation_sigma: float = 0.26  # of the motion that was not predicted, a median over the pins
+    median_innovation_max: float = (
+        0.35  # motion that was not predicted: as near to the next pin as to the own
+    )
     seen_share_min: float = 0.4
-    held_in_view_min: float = 0.6  # share of the pins that were found which must fit their neighbours
     baseline_share_min: float = 0.65  # of the baseline: the share seen lately
     baseline_frames: float = 30.0  # time constant of the baseline, frames
     full_share_min: float = 0.85  # of the largest share that a search found; less is searched again ...
@@ -63,7 +64,7 @@ class TrackingParams:
     bridge_gain_min: float = 1.2  # ... where that makes it so many times as large
     agree: float = 0.22  # difference in motion of a pin and the mean of its neighbours
     same_share: float = 0.9  # share of a coarse match that makes it one that was tried
-    trusted_confidence: float = 0.99  # ends the search, ...
+    trusted_confidence: float = 0.6  # ends the search, ...
     trusted_clashes_max: int = 2  # ... with no more clashes
     guess_share_min: float = 0.9  # of pins or blobs: a guess that grew so far needs no coarse fits beside it
     guess_cost_max: float = 10.0  # pins; unless its deformation cost is higher
@@ -76,11 +77,15 @@ class TrackingParams:
     free_space: float = 0.5  # pitches; an unassigned blob nearer to a matched one is not a pin
     cost_per_pitch: float = 3.0  # pins, for a root-mean-square motion of one local pitch
     cost_of_rotation: float = 40.0  # pins, for the square of a mean rotation of one pitch
-    # Confidence: weights of `MatchScorer.evidence` in its log odds.
-    log_odds: tuple[float, ...] = (3.18, 1.13, -1.93, -1.99)
-    undecided_confidence: float = 0.89  # at most, where an alternative explains as many pins, or ...
-    inconsistent_min: float = 0.14  # ... hardly a blob is missing or false, and more pins than this disagree
+    rotation_max: float = 0.15  # pitches; beyond, a lower deformation cost gives no margin
+    full_margin: float = 6.0  # pins ahead of the best alternative that give full confidence
+    chance_clashes: float = 0.08  # clashes by chance, for each pin without a blob
+    clash_sigmas_max: float = 6.0  # standard deviations above chance that leave no confidence
+    forgiven_share: float = 0.025  # clashes of a sharp contact, forgiven where between ...
+    forgiven_range: tuple[float, float] = (0.8, 0.9)  # ... none and all of them, so many pins agree
     complete_share: float = 0.03  # difference of the counts of pins and blobs: hardly one missing or false
+    unmatched_range: tuple[float, float] = (0.08, 0.2)  # unmatched pins then: full confidence, none
+    agreeing_range: tuple[float, float] = (0.38, 0.86)  # agreeing pins: no confidence, full
     # --- inliers of a match
     inlier_rounds: int = 2
     inlier_residual: float = 0.06

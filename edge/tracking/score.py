@@ -1,16 +1,13 @@
-"""How good a match is, how probable it is, and which of its pins are certain.
+"""How good a match is, how far it is ahead of another, and which of its pins are certain.
 
 Idea: pins agree where they move as their neighbours do. Two things count against a match: clashes (groups of
 unmatched pins with unassigned blobs near, which should have been theirs) and the deformation that it takes. A
-match that is one lattice step off looks just as regular: what tells is its margin over the best alternative,
-and the deformation.
-The confidence is a posterior probability. Its log odds are linear in three pieces of evidence, with weights
-that were fitted once to simulated jumps (`python -m tests.bench confidence --fit`).
+match that is one lattice step off looks just as regular, so only the margin to the best alternative shows
+whether it is the right one.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +27,9 @@ class Match:
     blob (n,), motion (n, 2) px, known (n,)   which blob each pin has, and whether it has one
     agree (n,)        known, and moving as its neighbours
     clashes_n         pins in clumps without an agreeing blob that have an unassigned blob near
+    inconsistent_n    pins without an agreeing blob, where as many blobs are unassigned and hardly one is
+                      missing
+    mean_rotation     mean motion around the tip's centre, pitches
     deformation_cost  how far the pins moved, in pins: of two matches that are equally good, the one that
                       needs less motion is better
     """
@@ -39,6 +39,8 @@ class Match:
     known: Mask
     agree: Mask
     clashes_n: int
+    inconsistent_n: int
+    mean_rotation: float
     deformation_cost: float
 
     @property
@@ -74,38 +76,51 @@ class MatchScorer:
 
     def score(self, blob_xy: Array, blob: Index, motion: Array, known: Mask) -> Match:
         """Count the evidence for and against a match; blob_xy (m, 2) px, all blobs."""
-        p = self._tip.params
+        p, n = self._tip.params, len(known)
         off = self._tip.adjacency.disagreement(motion[None], known[None])[0]
         agree = off < p.agree * self._tip.local_pitch_px
-        cost = self._deformation_cost(motion, agree)
-        clashes = self._clashes(motion, agree, blob_xy, _unassigned(blob_xy, blob, agree))
-        return Match(blob, motion, known, agree, clashes, cost)
+        rotation, cost = self._deformation(motion, agree)
+        unassigned = _unassigned(blob_xy, blob, agree)
+        complete = abs(len(unassigned) - n) < p.complete_share * n
+        inconsistent = (n - np.count_nonzero(agree), np.count_nonzero(unassigned)) if complete else (0,)
+        match = Match(blob, motion, known, agree, 0, int(min(inconsistent)), rotation, cost)
+        clashes = self._clashes(match, blob_xy, unassigned)
+        return Match(blob, motion, known, agree, clashes, match.inconsistent_n, rotation, cost)
 
-    def evidence(self, best: Match, alternatives: list[Match], blobs_n: int) -> tuple[float, ...]:
-        """What the confidence is made of; blobs_n: of the frame.
+    def repaired(self, match: Match, blob: Index, matched: Mask, blob_xy: Array) -> Match:
+        """The match after its repair: only pins that are still unmatched count as clashes."""
+        motion = blob_xy[blob] - self._tip.rest_xy
+        lost = len(matched) - int(np.count_nonzero(matched))
+        rotation, cost = self._deformation(motion, matched)
+        clashes, inconsistent = min(match.clashes_n, lost), min(match.inconsistent_n, lost)
+        return Match(blob, motion, matched, matched, clashes, inconsistent, rotation, cost)
 
-        A constant; root of the margin over the best alternative; log of 1 + the deformation cost; share of
-        the pins in view that do not agree. The margin is the log ratio of the likelihoods of so many misses,
-        at an unknown rate of misses: five pins are a lot where all others agree, and little where half do.
+    def margin(self, best: Match, alternative: Match) -> float:
+        """0..1, from how many pins the match is ahead of an alternative.
+
+        A lower deformation cost makes up for a few pins at most, and for none if the match is rotated further
+        than the skin can be.
         """
-        in_view_n = max(min(len(best.known), blobs_n), 1)
-        alternative_n = max(other.agree_n for other in alternatives)
-        margin = _log_ways(in_view_n, alternative_n) - _log_ways(in_view_n, best.agree_n)
-        missed = 1.0 - best.agree_n / in_view_n
-        return 1.0, math.sqrt(max(margin, 0.0)), math.log1p(best.deformation_cost), missed
+        p = self._tip.params
+        most = 0.0 if abs(best.mean_rotation) > p.rotation_max else p.full_margin
+        saved = min(alternative.deformation_cost - best.deformation_cost, most)
+        ahead = best.agree_n - alternative.agree_n + (alternative.clashes_n - best.clashes_n) / 2 + saved
+        return float(np.clip(ahead / p.full_margin, 0, 1))
 
-    def confidence(self, evidence: tuple[float, ...], blobs_n: int) -> float:
-        """0..1, the probability that a match with this evidence is right; blobs_n: of the frame.
-
-        Undecided: an alternative explains as many pins; or hardly a blob is missing or false, and pins do not
-        agree all the same.
-        """
-        p, n = self._tip.params, len(self._tip)
-        odds = sum(weight * value for weight, value in zip(p.log_odds, evidence, strict=True))
-        confidence = 0.5 * (1.0 + math.tanh(0.5 * odds))
-        complete = abs(blobs_n - n) < p.complete_share * n
-        undecided = evidence[1] == 0.0 or (complete and evidence[3] > p.inconsistent_min)
-        return min(confidence, p.undecided_confidence) if undecided else confidence
+    def quality(self, match: Match) -> float:
+        """0..1, from the clashes and the share of the pins that agree, without regard to alternatives."""
+        p, n = self._tip.params, len(match.known)
+        agreeing = match.agree_n / n
+        # A sharp contact bends the skin more than an affine map can follow: a few pins in one place disagree
+        # though they are right. That is forgiven where nearly all the others agree.
+        forgiven = p.forgiven_share * n * _ramp(agreeing, *p.forgiven_range)
+        by_chance = p.chance_clashes * (n - match.agree_n)
+        sigmas = max(0.0, match.clashes_n - by_chance - forgiven) / np.sqrt(by_chance + 2)
+        least, full = p.agreeing_range
+        share = (agreeing - least) / (full - least)
+        few, many = p.unmatched_range
+        consistent = (many - match.inconsistent_n / n) / (many - few)
+        return float(np.clip(min(1 - sigmas / p.clash_sigmas_max, share, consistent), 0, 1))
 
     def inliers(self, match: Match) -> Mask:
         """(n,) the agreeing pins without those that fit their neighbours much worse than the neighbours fit
@@ -184,30 +199,31 @@ class MatchScorer:
         predicted, _, _ = self._tip.affine.predict(motion, known)
         return np.asarray(np.hypot(*(motion - predicted).T) / self._tip.local_pitch_px)
 
-    def _deformation_cost(self, motion: Array, agree: Mask) -> float:
-        """The deformation of the pins that agree, in pins.
+    def _deformation(self, motion: Array, agree: Mask) -> tuple[float, float]:
+        """Mean rotation in pitches, and the deformation cost in pins, of the pins that agree.
 
         The mean is subtracted from both motion and direction: otherwise a shift of a partly seen tip counts
         as rotation.
         """
         if not agree.any():
-            return 0.0
+            return 0.0, 0.0
         p = self._tip.params
         moved = motion[agree] / self._tip.local_pitch_px[agree, None]
         around = self._tip.tangential[agree]
         around = around - around.mean(0)
         rotation = float(np.sum((moved - moved.mean(0)) * around)) / max(float(np.sum(around**2)), 1e-9)
-        return p.cost_per_pitch * float(np.sqrt(np.mean(moved**2))) + p.cost_of_rotation * rotation**2
+        cost = p.cost_per_pitch * float(np.sqrt(np.mean(moved**2))) + p.cost_of_rotation * rotation**2
+        return rotation, cost
 
-    def _clashes(self, motion: Array, agree: Mask, blob_xy: Array, unassigned: Mask) -> int:
+    def _clashes(self, match: Match, blob_xy: Array, unassigned: Mask) -> int:
         """Pins in clumps without an agreeing blob that have an unassigned blob near."""
         p, adjacent = self._tip.params, self._tip.lattice.adjacent
-        clump = ~agree & (2 * np.append(~agree, False)[adjacent].sum(1) >= self._adjacent_n)
-        if not agree.any() or not unassigned.any() or not clump.any():
+        clump = ~match.agree & (2 * np.append(~match.agree, False)[adjacent].sum(1) >= self._adjacent_n)
+        if not match.agree.any() or not unassigned.any() or not clump.any():
             return 0
         blobs = blob_xy[unassigned]
         has_space = cdist(blobs, blob_xy[~unassigned]).min(1) > p.free_space * self._tip.pitch_px
-        predicted, _, _ = self._tip.affine.predict(motion, agree)
+        predicted, _, _ = self._tip.affine.predict(match.motion, match.agree)
         place = (self._tip.rest_xy + predicted)[clump]
         clash = cdist(blobs[has_space], place) < p.clash_reach * self._tip.pitch_px
         return min(int(clash.any(0).sum()), int(clash.any(1).sum()))
@@ -220,7 +236,5 @@ def _unassigned(blob_xy: Array, blob: Index, matched: Mask) -> Mask:
     return free
 
 
-def _log_ways(n: int, agree_n: int) -> float:
-    """Log of the number of ways in which so many of n pins can fail to agree; at most half do."""
-    missed = min(max(n - agree_n, 0), n / 2)
-    return math.lgamma(n + 1) - math.lgamma(missed + 1) - math.lgamma(n - missed + 1)
+def _ramp(value: float, low: float, high: float) -> float:
+    return float(np.clip((value - low) / (high - low), 0, 1))

@@ -11,7 +11,7 @@ row off looks as regular as the right one. Nearest neighbour from rest fails on 
 4. The hypothesis with the best score wins (`score`). Its alternatives are itself shifted by one lattice
    step: along six directions, around the tip, and in or out. Pins in rings fit themselves when each ring
    is rotated by one pin, but for the innermost six, so a wrong match can have 98 % of the pins agree.
-   The confidence is the match's posterior probability.
+   Where an alternative comes near, the identities cannot be known, and the confidence is low.
 """
 
 from __future__ import annotations
@@ -35,18 +35,11 @@ __all__ = ["Identifier", "Identity"]
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """The most likely match.
-
-    blob        (n,) int32, the blob that is pin i, -1 where none
-    agree_n     pins that agree with their neighbours
-    confidence  0..1, the probability that it is right
-    evidence    what that is made of; empty: too few blobs to search
-    """
+    """blob (n,) int32, the blob that is pin i, -1 where none; pins that agree with their neighbours; 0..1"""
 
     blob: Index
     agree_n: int
     confidence: float
-    evidence: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,14 +80,14 @@ class Identifier:
         scorer = self._scorer
         blobs = _BlobIndex(blob_xy, _nearest_blob(blob_xy, self._low, self._high, self._tip.params.raster_px))
         best, alternatives = self._search(blobs, guesses or [])
-        evidence = scorer.evidence(best, alternatives, len(blob_xy))
-        confidence = scorer.confidence(evidence, len(blob_xy))
+        # A repair makes a match better in itself, but does not raise its margin over the alternatives.
+        margin = min(scorer.margin(best, other) for other in alternatives)
         inliers, inconsistent = scorer.inliers(best), best.clashes_n > 0
         blob, matched = repair(self._tip, blob_xy, best.blob, inliers)
-        repaired_n = int(np.count_nonzero(matched))
-        agree_n = repaired_n if repaired_n > np.count_nonzero(inliers) else best.agree_n
+        if np.count_nonzero(matched) > np.count_nonzero(inliers):
+            best = scorer.repaired(best, blob, matched, blob_xy)
         matched = scorer.neighbour_consistent(blob_xy, blob, matched, inconsistent)
-        return Identity(np.where(matched, blob, -1), agree_n, confidence, evidence)
+        return Identity(np.where(matched, blob, -1), best.agree_n, min(margin, scorer.quality(best)))
 
     def _search(self, blobs: _BlobIndex, guesses: list[Array]) -> tuple[Match, list[Match]]:
         """The best match and its alternatives; ends with a match that can be trusted, or after
@@ -137,8 +130,7 @@ class Identifier:
     def _trusted(self, best: Match, alternative: Match, blobs_n: int, is_guess: bool) -> bool:
         """Whether the search may end here."""
         p = self._tip.params
-        evidence = self._scorer.evidence(best, [alternative], blobs_n)
-        confidence = self._scorer.confidence(evidence, blobs_n)
+        confidence = min(self._scorer.margin(best, alternative), self._scorer.quality(best))
         trusted = confidence > p.trusted_confidence and best.clashes_n <= p.trusted_clashes_max
         if is_guess:
             trusted &= best.agree_n > p.guess_share_min * min(len(self._tip), blobs_n)

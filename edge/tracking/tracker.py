@@ -10,7 +10,6 @@ None until `identify` finds the identities again with high confidence.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -39,7 +38,6 @@ class Tracker:
         """Treat the next frame on its own, as after a jump from rest."""
         self._follower.reset()
         self._held = False
-        self._identity_confidence = 0.0  # of the search that found the identities that are held
         self._unheld_frames = self._params.fresh_frames  # since the identities were held
         self._baseline_share = 0.0  # of the pins, seen lately
         self._found_share = 0.0  # the largest that a search found
@@ -63,9 +61,7 @@ class Tracker:
             np.ascontiguousarray(pins.brightness, np.float64),
         )
         share = seen_n / len(self._tip)
-        confidence = min(self._identity_confidence, self._continuity(innovation))
-        if share < p.seen_share_min or self._contradicted(seen_n, pins.xy_img):
-            confidence = 0.0
+        confidence = self._continuity(innovation, share)
         tracks = Tracks(xy, sigma, seen, confidence)
         self._frames_since_search += 1
         refused = self._too_few(share, innovation)
@@ -93,14 +89,12 @@ class Tracker:
         self._frames_since_search = 0
         share = float(np.count_nonzero(seen)) / len(self._tip)
         confidence = identity.confidence
-        fresh = self._unheld_frames < self._params.fresh_frames
-        if fresh and identity.agree_n >= self._params.seen_share_min * len(self._tip):
-            continued = self._continuity(self._follower.median_innovation(now))
-            confidence = max(confidence, min(self._identity_confidence, continued))
+        if self._unheld_frames < self._params.fresh_frames:
+            innovation = self._follower.median_innovation(now)
+            confidence = max(confidence, self._continuity(innovation, identity.agree_n / len(self._tip)))
         if fallback is not None and fallback.n_seen > identity.agree_n:
             confidence = 0.0
         if confidence >= Tracks.LOW_CONFIDENCE:
-            self._identity_confidence = confidence
             self._baseline_share, self._found_share = share, max(share, self._found_share)
             self._follower.settle(now, now - self._tip.rest_xy - predicted, seen)
             self._hold()
@@ -148,23 +142,13 @@ class Tracker:
         leapt = innovation > p.leap_innovation and share < p.leap_share_min * self._baseline_share
         return vanished or (incomplete and self._frames_since_search >= p.research_frames) or leapt
 
-    def _contradicted(self, seen_n: int, found: Array) -> bool:
-        """Whether too few of the pins in view are held: where a region is visible, its pins fit their
-        neighbours' motion, or the identities are wrong.
-
-        found  (n, 2) px, NaN where nothing was found
-        """
-        least = self._params.held_in_view_min
-        if seen_n >= least * len(self._tip):
-            return False
-        return bool(seen_n < least * np.count_nonzero(np.isfinite(found[:, 0])))
-
-    def _continuity(self, innovation: float) -> float:
-        """0..1, the probability that every pin went to where it is, and not its neighbour.
-
-        The one is so far from the prediction as the innovation says, the other the rest of a pitch.
+    def _continuity(self, innovation: float, share: float) -> float:
+        """0..1, how certain it is that every pin went to where it is, and not its neighbour.
 
         innovation  median over the pins of the motion that was not predicted, in local pitches
+        share       of the pins that were seen
         """
-        odds = (1.0 - 2.0 * innovation) / (2.0 * self._params.innovation_sigma**2)
-        return 0.5 * (1.0 + math.tanh(0.5 * odds))
+        p = self._params
+        return min(
+            1.0, share / (2 * p.seen_share_min), max(0.0, 1 - innovation / (2 * p.median_innovation_max))
+        )

@@ -118,9 +118,7 @@ def untouched(images: Sequence[Image]) -> Rest:
     tracks, _ = run(images, first)
     mean = np.array(
         [
-            np.nanmean(t.xy_img - first.xy_img, axis=0)
-            if t.confidence >= Tracks.LOW_CONFIDENCE
-            else (np.inf, np.inf)
+            np.nanmean(t.xy_img - first.xy_img, axis=0) if t.confidence >= 0.5 else (np.inf, np.inf)
             for t in tracks
         ]
     )

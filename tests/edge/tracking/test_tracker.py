@@ -116,7 +116,7 @@ def test_a_third_missing_and_false_blobs_swap_no_pins(layout: str) -> None:
             assert swapped(tracks, now) == 0
             there = {tuple(xy) for xy in blobs} & {tuple(xy) for xy in now}
             assert tracks.n_seen > 0.8 * len(there)
-    assert trusted >= 7
+    assert trusted >= 8
 
 
 def test_beside_an_inconsistent_place_a_pin_is_lost_but_not_swapped() -> None:
@@ -288,22 +288,6 @@ def test_a_leap_that_loses_pins_is_searched_even_if_most_are_found() -> None:
     np.testing.assert_array_equal(tracks.xy_img, now)
 
 
-@pytest.mark.parametrize(("in_view", "trusted"), [(True, False), (False, True)])
-def test_a_region_in_plain_view_that_is_not_held_is_evidence_against_the_rest(
-    in_view: bool, trusted: bool
-) -> None:
-    """Almost half of the tip moves on by itself; hidden, it would say nothing."""
-    xy = LAYOUTS["rings331"]
-    tracker = held(xy)
-    for _ in range(30):  # the baseline falls to what is seen: only the pins in view can tell
-        lower = xy[:, 1] > np.quantile(xy[:, 1], 0.55)
-        seen = np.where(lower[:, None], np.nan, xy)
-        if tracker.follow(pins_at(seen)).confidence < Tracks.LOW_CONFIDENCE:
-            tracker.identify(pins_at(seen[~lower]))
-    moved = np.where(lower[:, None], xy + np.array([0.3, 0.0]) * PITCH_PX, xy) if in_view else seen
-    assert (tracker.follow(pins_at(moved)).confidence >= Tracks.LOW_CONFIDENCE) == trusted
-
-
 def test_after_dark_frames_the_same_identities_return() -> None:
     rng = np.random.default_rng(6)
     xy = LAYOUTS["rings331"]
@@ -434,4 +418,4 @@ def test_movement4_there_and_back_ends_where_it_began(real_dir: Path, step: int)
     assert off.max() < 0.3 * rest.pattern.pitch_px
     assert tracks.n_seen > 0.9 * len(rest)
     assert np.median(seen_n) > 0.7 * len(rest)
-    assert untrusted <= 4  # at every 8th frame: less than 60 % of the pins in view are held there
+    assert untrusted <= 2
