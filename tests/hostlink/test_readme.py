@@ -18,6 +18,7 @@ from hostlink.recording import LogWriter
 from hostlink.sequence import RESTART_RUN
 from hostlink.wire import NO_CONTROL, State, Status, pack_state
 from tests.hostlink.test_client import make_node
+from tests.support.waiting import SOON_S
 
 NONE = Status(0)
 ROOT = Path(hostlink.__file__).parents[1]
@@ -44,7 +45,7 @@ def patiently(program: str) -> str:
 
 
 def test_python_control_loop_moves_on_valid_live_samples_alone(
-    request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+    request: pytest.FixtureRequest,
 ) -> None:
     bus = f"virtual:{request.node.name}"
     node, application = make_node(f"{bus}?node=1")
@@ -57,6 +58,13 @@ def test_python_control_loop_moves_on_valid_live_samples_alone(
         (1.5, Status(0), "-0.400"),
     ]
 
+    moves: list[str] = []
+    moved = threading.Semaphore(0)
+
+    def note(line: str) -> None:
+        moves.append(line.split()[0])
+        moved.release()
+
     def send() -> None:
         k = 0
         while not application.tares:  # its messages arrive, so that it can be queried
@@ -64,19 +72,20 @@ def test_python_control_loop_moves_on_valid_live_samples_alone(
             k += 1
             time.sleep(0.005)
         for mm, status, _ in sequence:
-            for _ in range(4):
+            while moved.acquire(blocking=False):
+                pass
+            for _ in range(4):  # the first may be an answer to a sample of before
                 node.send(sample(k, mm, status))
                 k += 1
-                time.sleep(0.005)
+                assert moved.acquire(timeout=SOON_S)
 
     sender = threading.Thread(target=send)
     sender.start()
     with pytest.raises(SystemExit, match=r"no sample for 2 s"):  # silence ends it
-        exec(patiently(code("Python: a control loop", "python").replace("can:can0", bus)), {})
+        exec(patiently(code("Python: a control loop", "python").replace("can:can0", bus)), {"print": note})
     sender.join()
     node.close()
-    output = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
-    changes = [speed for i, speed in enumerate(output) if i == 0 or output[i - 1] != speed]
+    changes = [speed for i, speed in enumerate(moves) if i == 0 or moves[i - 1] != speed]
     assert [c for c in changes if c != "+0.400"] == ["+0.600", "+0.000", "+0.600", "-0.400", "+0.000"]
 
 
