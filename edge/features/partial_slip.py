@@ -1,7 +1,7 @@
 """How much of a contact slides under a tangential load, before all of it does.
 
 A contact that is dragged slips from its rim inwards. Its core still sticks and moves with the object, by s;
-the force that drags the skin around it along, and with it that skin's own motion q, lags more and more. For a
+the skin around it is dragged along by q, which lags more and more behind s. For a
 round contact with Hertz's pressure (Mindlin)
 
     q(s) ~ 1 - (1 - x)^(3/2),   x = s / s_slip

@@ -6,7 +6,7 @@ Idea
 - Each image is as deformed as its cells differ from that, as a relative root mean square. A shift or rotation
   does not change areas, and a zoom is removed.
 - An untouched tip looks the same each time, a touch rarely does: if images show the same cells to within
-  the noise, the one is chosen among those with which most agree, and it is trusted.
+  the noise, the image is chosen among those that most others agree with, and is trusted.
 - How many pins such an image must show, and how many images beside it are averaged, is as for a tare.
 - With a calibration its rest pins are taken, moved onto the chosen image by a shift, a rotation and a zoom.
   The half of the pins that fits best decides them.

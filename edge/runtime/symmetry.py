@@ -8,8 +8,8 @@ Idea
   cell to cell.
 
 Rules
-- A touch straight onto the middle is as symmetric as a dome: it cannot be told from one, and is not.
-- Home-made tips with uneven pins are never suspected.
+- A touch straight onto the middle is as symmetric as a dome, and is not detected.
+- Home-made tips with uneven pins are not judged: their irregularity hides a touch.
 """
 
 from __future__ import annotations
