@@ -38,12 +38,11 @@ def live(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[L
 @pytest.fixture
 def page(live: Live, chrome: Chrome) -> Iterator[Page]:
     live.show(0)
-    opened = chrome.open(live.url)
-    opened.until(LIVE)
-    opened.until("Number(document.body.dataset.packets) > 0")  # the first picture came
-    yield opened
-    assert opened.errors == []
-    opened.close()
+    with chrome.open(live.url) as opened:
+        opened.until(LIVE)
+        opened.until("Number(document.body.dataset.packets) > 0")  # the first picture came
+        yield opened
+        assert opened.errors == []
 
 
 def pixels(page: Page) -> np.ndarray:
@@ -75,6 +74,13 @@ def red(image: np.ndarray) -> np.ndarray:
     """Pixels of cells that are compressed for more than half of the scale."""
     r, g, b = (image[..., k].astype(int) for k in range(3))
     return (r > 190) & (g < 120) & (b < 125)
+
+
+def until_red(page: Page) -> None:
+    """Wait until pressed cells are in the picture."""
+    end_s = time.monotonic() + SOON_S
+    while not red(pixels(page)).any():
+        assert time.monotonic() < end_s, f"no red; {page.about()}"
 
 
 def orange(image: np.ndarray) -> np.ndarray:
@@ -213,19 +219,17 @@ def test_record_button(live: Live, page: Page) -> None:
 
 
 def test_read_only_without_the_token(live: Live, chrome: Chrome) -> None:
-    page = chrome.open(live.url.partition("#")[0])
-    page.until(LIVE)
-    assert page.evaluate("document.getElementById('tare').disabled")
-    tares_n = live.loop.tares_n
-    page.press("t")
-    page.click("#tare")
-    page.until("document.getElementById('tare').title.includes('token')")
-    assert live.loop.tares_n == tares_n
-    page.close()
-    wrong = chrome.open(live.url.replace(TOKEN, "not-the-token"))
-    shown(wrong, "the token is missing or wrong")
-    assert wrong.evaluate("document.body.dataset.state") == "refused"
-    wrong.close()
+    with chrome.open(live.url.partition("#")[0]) as page:
+        page.until(LIVE)
+        assert page.evaluate("document.getElementById('tare').disabled")
+        tares_n = live.loop.tares_n
+        page.press("t")
+        page.click("#tare")
+        page.until("document.getElementById('tare').title.includes('token')")
+        assert live.loop.tares_n == tares_n
+    with chrome.open(live.url.replace(TOKEN, "not-the-token")) as wrong:
+        shown(wrong, "the token is missing or wrong")
+        assert wrong.evaluate("document.body.dataset.state") == "refused"
 
 
 def test_a_stalled_camera_shows(live: Live, page: Page) -> None:
@@ -250,21 +254,20 @@ def test_hold_keeps_the_picture(live: Live, page: Page) -> None:
 
 def test_phone(live: Live, chrome: Chrome) -> None:
     live.show(PRESSED)
-    page = chrome.open(live.url, phone=True)
-    page.until(LIVE)
-    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "it must not scroll sideways"
-    boxes = page.evaluate(
-        "[...document.querySelectorAll('nav button')].map(b => { const r = b.getBoundingClientRect();"
-        "return [r.left, r.right, r.height, r.bottom] })"
-    )
-    for left, right, height, bottom in boxes:
-        assert left >= 0
-        assert right <= 390
-        assert bottom <= 844
-        assert height >= 44, "a thumb needs 44 px"
-    assert red(pixels(page)).any()
-    assert page.errors == []
-    page.close()
+    with chrome.open(live.url, phone=True) as page:
+        page.until(LIVE)
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "it scrolls sideways"
+        boxes = page.evaluate(
+            "[...document.querySelectorAll('nav button')].map(b => { const r = b.getBoundingClientRect();"
+            "return [r.left, r.right, r.height, r.bottom] })"
+        )
+        for left, right, height, bottom in boxes:
+            assert left >= 0
+            assert right <= 390
+            assert bottom <= 844
+            assert height >= 44, "a thumb needs 44 px"
+        until_red(page)
+        assert page.errors == []
 
 
 def test_no_connection_leaves_this_machine(live: Live, page: Page) -> None:
@@ -290,12 +293,11 @@ def test_a_second_viewer_does_not_slow_the_loop(
 
     live.until(lambda: live.worker.page.viewers_n == 1, "the first alone")
     one = quantiles()
-    second = chrome.open(live.url)
-    second.until("Number(document.body.dataset.packets) > 30")
-    two = quantiles()
-    second.until("Number(document.body.dataset.packets) > 60")
-    assert live.worker.page.viewers_n == 2
-    second.close()
+    with chrome.open(live.url) as second:
+        second.until("Number(document.body.dataset.packets) > 30")
+        two = quantiles()
+        second.until("Number(document.body.dataset.packets) > 60")
+        assert live.worker.page.viewers_n == 2
     live.loop.result_callbacks.pop()
     live.until(lambda: live.worker.page.viewers_n == 1, "the second has left")
     with capsys.disabled():
@@ -339,26 +341,18 @@ class Replay:
         return self._process.returncode
 
 
-def until_red(page: Page) -> None:
-    """Wait until the recording shows the pressed tip."""
-    end_s = time.monotonic() + SOON_S
-    while not red(pixels(page)).any():
-        assert time.monotonic() < end_s, f"no red; {page.about()}"
-
-
 def test_disconnect_and_reconnect_are_shown(data_dir: Path, chrome: Chrome) -> None:
     replay = Replay(data_dir)
-    page = chrome.open(replay.url)
-    page.until(LIVE)
-    shown(page, "press.mcap")
-    until_red(page)
-    replay.kill()
-    page.until("document.body.dataset.state === 'disconnected'")
-    assert re.search(r"trying again in \d+ s", page.evaluate(STATE))
-    assert pixels(page).std() > 10, "the last picture stays"
-    again = Replay(data_dir, replay.port)
-    page.until(LIVE)
-    until_red(page)
-    assert again.stop() == 0
-    page.until("document.body.dataset.state === 'disconnected'")
-    page.close()
+    with chrome.open(replay.url) as page:
+        page.until(LIVE)
+        shown(page, "press.mcap")
+        until_red(page)
+        replay.kill()
+        page.until("document.body.dataset.state === 'disconnected'")
+        assert re.search(r"trying again in \d+ s", page.evaluate(STATE))
+        assert pixels(page).std() > 10, "the last picture stays"
+        again = Replay(data_dir, replay.port)
+        page.until(LIVE)
+        until_red(page)
+        assert again.stop() == 0
+        page.until("document.body.dataset.state === 'disconnected'")

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import threading
 import time
+from itertools import count
 from math import isnan, nan
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from hostlink.recording import LogWriter
 from hostlink.sequence import RESTART_RUN
 from hostlink.wire import NO_CONTROL, State, Status, pack_state
 from tests.hostlink.test_client import make_node
-from tests.support.waiting import SOON_S
+from tests.support.waiting import SOON_S, until
 
 NONE = Status(0)
 ROOT = Path(hostlink.__file__).parents[1]
@@ -41,15 +42,14 @@ def sample(number: int, mm: float, status: Status = NONE) -> State:
 def patiently(program: str) -> str:
     """With longer times: on a busy machine 50 ms may pass between two samples."""
     assert program.count("0.05") == 2
-    return program.replace("0.05", "2.0")
+    return program.replace("0.05", "5.0")
 
 
 def test_python_control_loop_moves_on_valid_live_samples_alone(
     request: pytest.FixtureRequest,
 ) -> None:
     bus = f"virtual:{request.node.name}"
-    node, application = make_node(f"{bus}?node=1")
-    moving = sample(0, 0.5)
+    node, _ = make_node(f"{bus}?node=1")
     sequence = [
         (0.25, Status(0), "+0.600"),
         (nan, Status(0), "+0.000"),
@@ -60,28 +60,27 @@ def test_python_control_loop_moves_on_valid_live_samples_alone(
 
     moves: list[str] = []
     moved = threading.Semaphore(0)
+    numbers = count()
 
     def note(line: str) -> None:
         moves.append(line.split()[0])
         moved.release()
 
+    def answered() -> bool:
+        """Whether the program, which hears nothing before its tare has succeeded, answers samples."""
+        node.send(sample(next(numbers), 0.5))
+        return moved.acquire(timeout=0.005)
+
     def send() -> None:
-        k = 0
-        while not application.tares:  # its messages arrive, so that it can be queried
-            node.send(sample(k, moving.displacement_mm))
-            k += 1
-            time.sleep(0.005)
+        until(answered)
         for mm, status, _ in sequence:
-            while moved.acquire(blocking=False):
-                pass
-            for _ in range(4):  # the first may be an answer to a sample of before
-                node.send(sample(k, mm, status))
-                k += 1
+            for _ in range(4):
+                node.send(sample(next(numbers), mm, status))
                 assert moved.acquire(timeout=SOON_S)
 
     sender = threading.Thread(target=send)
     sender.start()
-    with pytest.raises(SystemExit, match=r"no sample for 2 s"):  # silence ends it
+    with pytest.raises(SystemExit, match=r"no sample for 5 s"):  # silence ends it
         exec(patiently(code("Python: a control loop", "python").replace("can:can0", bus)), {"print": note})
     sender.join()
     node.close()
