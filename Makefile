@@ -107,6 +107,7 @@ clean:
 $(USABLE): $(SOURCES)
 	$(PYTHON) -m venv .venv
 	$(INSTALL) cython setuptools
+	$(BIN)/python setup.py --quiet build_ext --inplace & # while pip fetches the rest; its own build waits for this
 	$(INSTALL) --no-build-isolation -e '.[calib,view]'
 	touch $@
 

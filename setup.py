@@ -9,6 +9,7 @@ A kernel is a Python module that Cython compiles. A new one needs a line in KERN
 
 from __future__ import annotations
 
+import fcntl
 import os
 from pathlib import Path
 from typing import NamedTuple
@@ -25,7 +26,7 @@ EXACT = ["-O3", "-ffp-contract=off"]
 #: Kernel -> flags of the C compiler.
 KERNELS = {
     "edge.calibration.polynomial": FAST,
-    "edge.calibration.process": FAST,
+    "edge.calibration.gaussian_process": FAST,
     "edge.cells.mesh": EXACT,
     "edge.cells.points": EXACT,
     "edge.cells.predicates": EXACT,
@@ -69,6 +70,7 @@ RELEASE = {
     "wraparound": False,
     "cdivision": True,
     "initializedcheck": False,
+    "auto_pickle": False,
 }
 CHECKED = RELEASE | {"boundscheck": True, "initializedcheck": True}
 SANITIZE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined")
@@ -118,14 +120,18 @@ class BuildKernels(build_ext):
             self.build_lib = str(self.place)
 
     def run(self) -> None:
-        wanted, self.build_lib = self.build_lib, str(self.place)
-        super().run()
-        made, self.build_lib = self.get_outputs(), wanted
-        for source in made:
-            target = Path(wanted, Path(source).relative_to(self.place))
-            if target != Path(source):
-                self.mkpath(str(target.parent))
-                self.copy_file(source, str(target))
+        self.place.mkdir(parents=True, exist_ok=True)
+        # One build at a time: pip's finds all done that make has compiled while pip fetched packages.
+        with (self.place / "lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            wanted, self.build_lib = self.build_lib, str(self.place)
+            super().run()
+            made, self.build_lib = self.get_outputs(), wanted
+            for source in made:
+                target = Path(wanted, Path(source).relative_to(self.place))
+                if target != Path(source):
+                    self.mkpath(str(target.parent))
+                    self.copy_file(source, str(target))
 
     def build_extensions(self) -> None:
         self._translate()

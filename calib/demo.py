@@ -14,8 +14,10 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -235,23 +237,9 @@ def demo(data: Path, out: Path, console: Console, overwrite: bool = False) -> No
     for name in ("recording", "samples", "pins", "links\nagree", "contacts", "place\nmm", "depth\nmm",
                  "shear\nmm", "angle\ndeg"):  # fmt: skip
         table.add_column(name, justify="left" if name == "recording" else "right", no_wrap=True)
-    for name, calibration in calibrations.items():
-        received = play(data / f"{name}.mcap", calibration)
-        found = errors(received)
-        last = received.can[max(received.can)]
-        same = received.can.keys() == received.serial.keys() and all(
-            _same(received.can[k], received.serial[k]) and _same(received.can[k], on_wire(state))
-            for k, state in received.sent.items()
-        )
-        table.add_row(
-            name,
-            str(len(received.sent)),
-            str(received.last.tracks.n_seen),
-            "yes" if same else f"{len(received.sent)}/{len(received.can)}/{len(received.serial)}",
-            f"{last.contact_n}" + (f" ({found['wrong_n']:.0f} wrong)" if found["wrong_n"] else ""),
-            *(_cell(found[key]) for key in ("place_mm", "depth_mm", "shear_mm", "direction_deg")),
-        )
-        _pictures(received, out)
+    with ProcessPoolExecutor(max_workers=len(os.sched_getaffinity(0))) as processes:
+        for row in processes.map(partial(_row, data, out), calibrations.keys(), calibrations.values()):
+            table.add_row(*row)
     console.print(table)
     console.print("Links agree: what CAN FD and serial brought equals what the edge computed.")
     console.print("Errors: mean absolute, over the frames pressed by 0.8 mm or more.")
@@ -269,6 +257,26 @@ def _check_folder(data: Path, out: Path, overwrite: bool) -> None:
     for name in RECORDINGS:
         for picture in (f"{name}.png", f"{name}_surface.png"):
             check_output(out / picture, (".png",), (), overwrite)
+
+
+def _row(data: Path, out: Path, name: str, calibration: Calibration) -> list[str]:
+    """Play one recording, draw its pictures. Returns  its row of the table."""
+    received = play(data / f"{name}.mcap", calibration)
+    found = errors(received)
+    last = received.can[max(received.can)]
+    same = received.can.keys() == received.serial.keys() and all(
+        _same(received.can[k], received.serial[k]) and _same(received.can[k], on_wire(state))
+        for k, state in received.sent.items()
+    )
+    _pictures(received, out)
+    return [
+        name,
+        str(len(received.sent)),
+        str(received.last.tracks.n_seen),
+        "yes" if same else f"{len(received.sent)}/{len(received.can)}/{len(received.serial)}",
+        f"{last.contact_n}" + (f" ({found['wrong_n']:.0f} wrong)" if found["wrong_n"] else ""),
+        *(_cell(found[key]) for key in ("place_mm", "depth_mm", "shear_mm", "direction_deg")),
+    ]
 
 
 def _cell(value: float) -> str:

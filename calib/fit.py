@@ -260,15 +260,15 @@ def _usable_frames(targets: Targets, extract: Extract, rows_min: int) -> Mask:
     }
     usable: Mask = np.ones(len(targets), dtype=np.bool_)
     why = []
-    for words, bad in reasons.items():
+    for message, bad in reasons.items():
         new = np.flatnonzero(usable & bad)
         usable[new] = False
         if len(new):
-            why.append(f"{words} in {len(new)} (first: {targets.frames[new[0]].name})")
+            why.append(f"{message} in {len(new)} (first: {targets.frames[new[0]].name})")
     if usable.sum() < rows_min:
         raise FitError(
             f"{targets.where}: {int(usable.sum())} of {len(targets)} frames can be used, at least "
-            f"{rows_min} are needed" + "".join(f"; {words}" for words in why)
+            f"{rows_min} are needed" + "".join(f"; {message}" for message in why)
         )
     return usable
 

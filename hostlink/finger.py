@@ -63,14 +63,14 @@ class Info:
 class RestFrameOutcome:
     """The outcome of a request for a rest frame.
 
-    state   ACCEPTED, or FORCED: in use although it is implausible
-    reason  why a forced one is implausible
-    words   the same as text from the finger
+    state    ACCEPTED, or FORCED: in use although it is implausible
+    reason   why a forced one is implausible
+    message  the same as text from the finger
     """
 
     state: RestFrameState
     reason: RestFrameReason = RestFrameReason.NONE
-    words: str = ""
+    message: str = ""
 
 
 class Finger:
@@ -153,10 +153,10 @@ class Finger:
     def _explained(self, error: ObjectAborted) -> ObjectAborted:
         """The same error with the node's own reason, if it gives one."""
         try:
-            words = self.get("refusal") if error.code in _EXPLAINED else ""
+            message = self.get("refusal") if error.code in _EXPLAINED else ""
         except LinkError:  # an older release has no such object
-            words = ""
-        return ObjectAborted(error.index, error.sub, error.code, str(words) or error.reason, error.name)
+            message = ""
+        return ObjectAborted(error.index, error.sub, error.code, str(message) or error.reason, error.name)
 
     def info(self) -> Info:
         """Identity, settings and statistics."""
@@ -200,10 +200,10 @@ class Finger:
                 if state is RestFrameState.BUSY:
                     threading.Event().wait(POLL_S)
                     continue
-                reason, words = self._reason(), str(self.get("rest_frame_words"))
+                reason, message = self._reason(), str(self.get("rest_frame_message"))
                 newest_n = int(self.get("rest_frame_request_n"))
                 if newest_n == request_n:
-                    return self._accepted(what, RestFrameOutcome(state, reason, words))
+                    return self._accepted(what, RestFrameOutcome(state, reason, message))
                 if (newest_n - request_n) & 0xFFFF > 0x8000:
                     raise LinkError(f"the finger restarted during the {what}; ask again")
                 request_n = newest_n  # another host made a later request: its outcome counts
@@ -221,8 +221,8 @@ class Finger:
     def _accepted(self, what: str, frame: RestFrameOutcome) -> RestFrameOutcome:
         if frame.state is not RestFrameState.REFUSED:
             return frame
-        words = frame.words.removeprefix("tare: ") or REST_FRAME_REASONS[frame.reason]
-        raise RestFrameRefused(f"{what} refused: {words}", frame.reason)
+        message = frame.message.removeprefix("tare: ") or REST_FRAME_REASONS[frame.reason]
+        raise RestFrameRefused(f"{what} refused: {message}", frame.reason)
 
     def set_rate(self, rate_hz: float) -> None:
         """Largest number of samples per second; 0: one for every image."""

@@ -65,9 +65,10 @@ RENAMED = {
     "touched": "in_contact",
     "unsure": "untrusted",
     "watchers": "result_callbacks",
+    "words": "message",
 }
 #: Of these the names of tests are free: there they are plain English.
-IN_SOURCES_ONLY = {"feed", "light", "look", "stretch", "touched"}
+IN_SOURCES_ONLY = {"feed", "light", "look", "stretch", "touched", "words"}
 #: Parts of names, as in `_tell_of_link`: no name may contain one, in any package or test.
 PARTS = {
     "believed": "inliers",

@@ -40,9 +40,9 @@ from edge.calibration.file import (
     rest_of,
     save,
 )
+from edge.calibration.gaussian_process import ProcessKernel, wanted_models
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, contact_inputs, frame_inputs
 from edge.calibration.polynomial import ModelKernel
-from edge.calibration.process import ProcessKernel, wanted_models
 from edge.errors import CalibrationError
 from edge.limits import BadContent
 from edge.types import Array, Complex, Feature, Features, PinPattern, Reading

@@ -95,7 +95,7 @@ class Line:
 
     topic: str
     level: str
-    words: str
+    message: str
     advice: str = ""
 
 

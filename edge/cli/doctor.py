@@ -87,7 +87,7 @@ def doctor(
     else:
         for line in lines:
             level = click.style(f"{line.level:4s}", _COLOURS[line.level])
-            click.echo(f"{level} {line.topic:12s} {line.words}")
+            click.echo(f"{level} {line.topic:12s} {line.message}")
             if line.advice:
                 click.echo(f"{'':17s} -> {line.advice}")
     raise SystemExit(worst(lines) == "fail")

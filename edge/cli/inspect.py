@@ -142,17 +142,17 @@ def _in_words(entry: dict[str, Any], sensors: Sequence[KnownSensor]) -> str:
     from edge.runtime.sensor_match import missing_pins
 
     known = next((s for s in sensors if s.name == entry["sensor"]), None)
-    words = f"{entry['n_pins']} {'dark' if entry['dark'] else 'bright'} pins, "
+    message = f"{entry['n_pins']} {'dark' if entry['dark'] else 'bright'} pins, "
     if known is not None:
-        words += f"as of {known.title} ({known.name})"
+        message += f"as of {known.title} ({known.name})"
     else:
-        words += f"not as of {sensors[0].title}" if len(sensors) == 1 else "as of no known sensor"
+        message += f"not as of {sensors[0].title}" if len(sensors) == 1 else "as of no known sensor"
     if entry["mm_per_px"] is not None:
-        words += f", {entry['mm_per_px']:.4f} mm a px"
+        message += f", {entry['mm_per_px']:.4f} mm a px"
     if entry["touched"]:
-        words += ", something touches it"
+        message += ", something touches it"
     missing = missing_pins(sensors[0], entry["n_pins"]) if len(sensors) == 1 else ""
-    return f"{words}: {missing}" if missing else words
+    return f"{message}: {missing}" if missing else message
 
 
 def _pictures(images: Sequence[Path], folder: Path, overwrite: bool) -> dict[Path, Path]:

@@ -79,7 +79,7 @@ class LoopDevice:
             "rest_frame_request_n": outcome.number,
             "rest_frame_state": outcome.state,
             "rest_frame_reason": outcome.reason,
-            "rest_frame_words": outcome.message,
+            "rest_frame_message": outcome.message,
         }
 
     def calibration_bytes(self) -> bytes:

@@ -44,4 +44,4 @@ def tare(finger: Finger, force: bool = False) -> tuple[bool, str]:
         outcome = finger.tare(force)
     except LinkError as error:
         return False, str(error)
-    return True, f"rest frame in use{f': {outcome.words}' if outcome.words else ''}"
+    return True, f"rest frame in use{f': {outcome.message}' if outcome.message else ''}"

@@ -144,7 +144,7 @@ extern "C" {
 #define VT_REASON_OTHER_TIP              5u             /* the pins are not those of the calibration */
 #define VT_REASON_NO_IMAGES              6u             /* the camera gave no images */
 #define VT_REASON_NOT_STORED             7u             /* the calibration cannot be stored */
-#define VT_REASON_OTHER                  255u           /* another reason, see `rest_frame_words` */
+#define VT_REASON_OTHER                  255u           /* another reason, see `rest_frame_message` */
 
 /* CRC-16/CCITT-FALSE and CRC-8 (polynomial 0x1D) registers; start: 0xFFFF and 0. */
 uint16_t vt_crc16(const uint8_t *data, size_t size, uint16_t start);

@@ -69,8 +69,8 @@ def tare(address: str, finger: int | None, force: bool) -> None:
         asked = hand.finger(finger)
         outcome = asked.tare(force)
     if outcome.state is RestFrameState.FORCED:
-        words = outcome.words or REST_FRAME_REASONS[outcome.reason]
-        click.echo(f"finger {asked.node}: rest frame forced: {words}")
+        message = outcome.message or REST_FRAME_REASONS[outcome.reason]
+        click.echo(f"finger {asked.node}: rest frame forced: {message}")
     else:
         click.echo(f"finger {asked.node}: new rest frame in use")
 

@@ -144,7 +144,7 @@ class HandView:
             "rate_hz": row.rate_hz,
             "lost_n": row.lost_n,
             "corrupt_n": row.corrupt_n,
-            "words": row.problem,
+            "message": row.problem,
         }, recent
 
     # ---- worker threads -----------------------------------------------------------------------------

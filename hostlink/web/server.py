@@ -331,19 +331,19 @@ class PageServer:
         """Run a command if the viewer may, and send it the outcome."""
         ok, command = False, self._commands.get(name)
         if command is None:
-            words = f"no command {name!r:.40}"
+            message = f"no command {name!r:.40}"
         elif not viewer.may_command:
-            words = "read-only: open the page with its token"
+            message = "read-only: open the page with its token"
         else:
             try:
-                words, ok = await asyncio.to_thread(command, fields), True
+                message, ok = await asyncio.to_thread(command, fields), True
             except CommandRefused as error:
-                words = str(error)
+                message = str(error)
             except Exception as error:  # noqa: BLE001  (logged, and the page goes on)
                 self._failures.write(f"view: command {name} failed", error, logging.ERROR)
-                words = f"{name} failed; see the program's log"
+                message = f"{name} failed; see the program's log"
         with suppress(ConnectionError):  # it may have left meanwhile
-            await viewer.socket.send_str(json.dumps({"did": name[:40], "ok": ok, "words": words}))
+            await viewer.socket.send_str(json.dumps({"did": name[:40], "ok": ok, "message": message}))
 
     async def _pump(self) -> None:
         """Send packets to viewers that are ready, at the page's rate; asleep while nobody watches."""

@@ -169,7 +169,7 @@ REST_FRAME_REASONS: Final = {
     RestFrameReason.OTHER_TIP: "the pins are not those of the calibration",
     RestFrameReason.NO_IMAGES: "the camera gave no images",
     RestFrameReason.NOT_STORED: "the calibration cannot be stored",
-    RestFrameReason.OTHER: "another reason, see `rest_frame_words`",
+    RestFrameReason.OTHER: "another reason, see `rest_frame_message`",
 }
 
 # Bits of `features`: what the sensor computes and sends; names of `edge.types.Feature`.
@@ -278,7 +278,7 @@ OBJECTS: Final = (
        "request, see below"),
     _O(0x2032, 3, "rest_frame_reason", "unsigned8", "ro", RestFrameReason.NONE, "", "why it was refused, or "
        "what a forced one shows, see below"),
-    _O(0x2032, 4, "rest_frame_words", "visible_string", "ro", "", "", "the same in words"),
+    _O(0x2032, 4, "rest_frame_message", "visible_string", "ro", "", "", "the same in words"),
     # --- statistics ---
     _O(0x2040, 0, "statistics_max_sub", "unsigned8", "const", 9, "", "highest sub-index"),
     _O(0x2040, 1, "uptime_s", "unsigned32", "ro", 0, "s", "since the software started"),

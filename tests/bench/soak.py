@@ -241,8 +241,8 @@ class Outcome:
     sigterm_s: list[float] = field(default_factory=list)
     statistics: dict[str, Any] = field(default_factory=dict)
 
-    def fail(self, words: str) -> None:
-        self.violations.append(words)
+    def fail(self, message: str) -> None:
+        self.violations.append(message)
 
 
 def rss_mb(pid: int | str = "self") -> float:
@@ -321,7 +321,7 @@ class Soak:
 
     # ---- listening --------------------------------------------------------------------------------
 
-    def on_fault(self, code: FaultCode, active: bool, words: str) -> None:
+    def on_fault(self, code: FaultCode, active: bool, message: str) -> None:
         self.changes.append((self.clock(), code, active))
 
     def episode(self, row: str, now_s: float) -> Episode | None:
@@ -568,8 +568,8 @@ class Process:
         finally:
             os.close(handle)
         with self.process.stderr as pipe:
-            words = pipe.read().decode(errors="replace")
-        return code, took_s, words
+            message = pipe.read().decode(errors="replace")
+        return code, took_s, message
 
 
 def end_cleanly(outcome: Outcome, random: Random, metronome: Metronome, folder: Path) -> None:
@@ -580,11 +580,11 @@ def end_cleanly(outcome: Outcome, random: Random, metronome: Metronome, folder: 
         next(host.samples(timeout_s=60.0))
         time.sleep(random.uniform(0.0, 0.5))  # the moment is what is random here
         began_s = time.monotonic()
-        code, took_s, words = loop.end(signal.SIGTERM)
+        code, took_s, message = loop.end(signal.SIGTERM)
     net_s = took_s - metronome.held_up_s(began_s, began_s + took_s)
     outcome.sigterm_s.append(round(took_s, 3))
     if code != 0 or net_s > ENDED_S:
-        outcome.fail(f"SIGTERM: exit status {code} after {took_s:.2f} s: {words.strip()[-200:]}")
+        outcome.fail(f"SIGTERM: exit status {code} after {took_s:.2f} s: {message.strip()[-200:]}")
 
 
 def kill_while_writing(outcome: Outcome, random: Random, folder: Path) -> None:
@@ -854,8 +854,8 @@ def tell(outcome: Outcome, console: Console) -> None:
     console.print(f"longest time the machine ran nothing of one process: {outcome.machine_held_up_ms:.0f} ms")
     typical_ms, worst_ms = outcome.heartbeat_late_ms
     console.print(f"threads of this process woken late, ms: 99.9 % {typical_ms:.0f}, worst {worst_ms:.0f}")
-    for words in outcome.violations[:50]:
-        console.print(f"VIOLATION {words}", style="red")
+    for message in outcome.violations[:50]:
+        console.print(f"VIOLATION {message}", style="red")
     console.print(f"{len(outcome.violations)} violations")
 
 

@@ -125,7 +125,7 @@ async def _press(url: str, token: str, button: str) -> None:
             if message.type is message.type.TEXT:
                 output = json.loads(message.data)
                 if not output["ok"]:
-                    raise RuntimeError(output["words"])
+                    raise RuntimeError(output["message"])
                 return
 
 

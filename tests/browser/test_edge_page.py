@@ -99,8 +99,8 @@ def on_canvas(live: Live, xy_img: Any, width: int) -> np.ndarray:
     return place
 
 
-def shown(page: Page, words: str) -> None:
-    page.until(f"document.body.innerText.includes({words!r})")
+def shown(page: Page, message: str) -> None:
+    page.until(f"document.body.innerText.includes({message!r})")
 
 
 def test_red_where_the_simulator_pressed(live: Live, page: Page) -> None:
@@ -212,10 +212,10 @@ def test_record_button(live: Live, page: Page) -> None:
     page.until("/Stop \\d\\d/.test(document.getElementById('record').textContent)")
     page.press("r")
     page.until("/[1-9]\\d* frames/.test(document.getElementById('toast').textContent)")
-    words = page.evaluate("document.getElementById('toast').textContent")
-    frames_n = len(list(RecordingSource(live.recordings / words.split(":")[0])))
-    assert f"{frames_n} frames" in words
-    assert "lost" not in words
+    message = page.evaluate("document.getElementById('toast').textContent")
+    frames_n = len(list(RecordingSource(live.recordings / message.split(":")[0])))
+    assert f"{frames_n} frames" in message
+    assert "lost" not in message
 
 
 def test_read_only_without_the_token(live: Live, chrome: Chrome) -> None:

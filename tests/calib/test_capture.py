@@ -252,7 +252,7 @@ def test_a_table_that_is_not_the_capture_s_own_is_kept(
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    ("content", "message"),
     [
         (b"", "no column pose_Rx"),
         (b"\x8c\xff\x00rubbish", "not a table"),
@@ -261,9 +261,9 @@ def test_a_table_that_is_not_the_capture_s_own_is_kept(
         (b"HEAD\nshort.mcap,3\n", "line 2 is not one"),
     ],
 )
-def test_a_damaged_table_is_one_line(tmp_path: Path, content: bytes, words: str) -> None:
+def test_a_damaged_table_is_one_line(tmp_path: Path, content: bytes, message: str) -> None:
     head = ",".join(("recording", "sequence", "role", *POSE_COLUMNS)).encode()
     (tmp_path / "short.csv").write_bytes(content.replace(b"HEAD", head))
     (tmp_path / "short.mcap").write_bytes(b"")
-    with pytest.raises(CaptureError, match=words):
+    with pytest.raises(CaptureError, match=message):
         read_rows(tmp_path / "short.mcap")

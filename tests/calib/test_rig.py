@@ -118,7 +118,7 @@ def test_simulation_file_sets_tip_camera_and_look(tmp_path: Path) -> None:
     assert len(frame.truth["pins_img"]) == 127
 
 
-@pytest.mark.parametrize(("text", "words"), [
+@pytest.mark.parametrize(("text", "parts"), [
     ("[tip]\npins = 3", ["pins", "n_pins"]),
     ("[look]\nbits = 9", ["bits", "12"]),
     ("[look]\ndead = [400]", ["dead", "0..330"]),
@@ -140,14 +140,14 @@ def test_simulation_file_sets_tip_camera_and_look(tmp_path: Path) -> None:
     ("seed = 'x'", ["seed"]),
     ("seed", ["="]),
 ])  # fmt: skip
-def test_wrong_simulation_file_is_one_line_with_the_key(tmp_path: Path, text: str, words: list[str]) -> None:
+def test_wrong_simulation_file_is_one_line_with_the_key(tmp_path: Path, text: str, parts: list[str]) -> None:
     path = tmp_path / "tip.toml"
     path.write_text(text)
     with pytest.raises(RigError) as error:
         load_simulation(path)
     message = str(error.value)
     assert "\n" not in message
-    assert all(word in message for word in [str(path), *words])
+    assert all(word in message for word in [str(path), *parts])
 
 
 @pytest.mark.parametrize("spec", ["simulator", "gcode:", "robot:1", ""])

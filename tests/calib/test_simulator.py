@@ -493,7 +493,7 @@ def test_flat_press_moves_the_pins_as_on_a_published_frame(real_dir: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("keys", "words"),
+    ("keys", "message"),
     [
         ("pins=-5", "-5 pins; give 12 to 2048"),
         ("pins=1000000000", "give 12 to 2048"),
@@ -501,10 +501,10 @@ def test_flat_press_moves_the_pins_as_on_a_published_frame(real_dir: Path) -> No
         ("rate_hz=1e-300", "rate_hz=1e-300: give 0 (its own) or 0.01 and more"),
     ],
 )
-def test_wrong_keys_of_a_scene_are_one_line(keys: str, words: str) -> None:
+def test_wrong_keys_of_a_scene_are_one_line(keys: str, message: str) -> None:
     with pytest.raises(SourceError) as error:
         open_source(f"sim:nothing?{keys}")
-    assert words in str(error.value)
+    assert message in str(error.value)
 
 
 @pytest.mark.parametrize(

@@ -317,7 +317,7 @@ def test_the_wheel_workflow_names_existing_files() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "message"),
     [
         (["--node", "128"], "1 to 127"),
         (["--node", "x"], "1 to 127"),
@@ -328,15 +328,15 @@ def test_the_wheel_workflow_names_existing_files() -> None:
         (["--wheels", "/no/such"], "--wheels /no/such: no such folder"),
     ],
 )
-def test_mistakes_are_one_line(options: list[str], words: str) -> None:
+def test_mistakes_are_one_line(options: list[str], message: str) -> None:
     done = run("sh", DEPLOY / "install.sh", *options)
     assert done.returncode == 2
-    assert words in done.stderr
+    assert message in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(
-    ("words", "expected"),
+    ("arguments", "expected"),
     [
         (["can77"], "no interface can77; CAN interfaces here: "),
         (["can77", "fast"], "BITRATE fast"),
@@ -345,8 +345,8 @@ def test_mistakes_are_one_line(options: list[str], words: str) -> None:
         (["can77", "1", "2", "3"], "one word too many"),
     ],
 )
-def test_mistakes_with_the_bus_are_one_line(words: list[str], expected: str) -> None:
-    done = run("sh", DEPLOY / "can-up.sh", *words)
+def test_mistakes_with_the_bus_are_one_line(arguments: list[str], expected: str) -> None:
+    done = run("sh", DEPLOY / "can-up.sh", *arguments)
     assert done.returncode == 2
     (output,) = done.stderr.splitlines()
     assert expected in output

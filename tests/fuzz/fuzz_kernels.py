@@ -150,7 +150,7 @@ class Recorder:
 def play() -> None:
     """A scene that reaches every kernel."""
     from edge.calibration import Calibration
-    from edge.calibration.process import ProcessKernel
+    from edge.calibration.gaussian_process import ProcessKernel
     from edge.geometry import select
     from edge.pipeline import Pipeline
     from edge.runtime import measures

@@ -67,7 +67,7 @@ class Application:
             "rest_frame_request_n": self.requests_n,
             "rest_frame_state": RestFrameState.BUSY if busy else self.outcome.state,
             "rest_frame_reason": self.outcome.reason,
-            "rest_frame_words": self.outcome.words,
+            "rest_frame_message": self.outcome.message,
         }
 
     def clock_us(self) -> int | None:
@@ -92,7 +92,7 @@ class Application:
 
     def reboot(self) -> None: ...
 
-    def report(self, code: FaultCode, active: bool, words: str = "") -> None: ...
+    def report(self, code: FaultCode, active: bool, message: str = "") -> None: ...
 
 
 def state(sample: int) -> State:
@@ -649,7 +649,7 @@ def test_a_failing_tap_is_removed_and_the_link_goes_on(request: pytest.FixtureRe
 
 
 @pytest.mark.parametrize(
-    ("address", "words"),
+    ("address", "message"),
     [
         ("can:nosuch0", "nosuch0"),
         ("serial:/dev/nosuch", "nosuch"),
@@ -657,8 +657,8 @@ def test_a_failing_tap_is_removed_and_the_link_goes_on(request: pytest.FixtureRe
         ("x", "starts"),
     ],
 )
-def test_unusable_address_is_one_line(address: str, words: str) -> None:
-    with pytest.raises(hostlink.ConnectError, match=words) as caught:
+def test_unusable_address_is_one_line(address: str, message: str) -> None:
+    with pytest.raises(hostlink.ConnectError, match=message) as caught:
         hostlink.connect(address)
     assert "\n" not in str(caught.value)
 

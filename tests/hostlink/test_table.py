@@ -121,7 +121,7 @@ def test_a_damaged_recording_is_read_up_to_the_damage(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         ("--csv out.parquet", "out.parquet: the name must end in .csv"),
         ("--csv out.csv --parquet out.parquet", "give one of them"),
@@ -131,13 +131,17 @@ def test_a_damaged_recording_is_read_up_to_the_damage(
     ],
 )
 def test_mistakes_write_nothing(
-    log: Path, arguments: str, words: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    log: Path,
+    arguments: str,
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(log.parent)
     Path("there.parquet").write_text("mine")
     assert run("decode", log.name, *arguments.split()) == 2
     err = capsys.readouterr().err
-    assert words in err
+    assert message in err
     assert err.count("\n") == 1
     assert sorted(p.name for p in Path().iterdir()) == ["hand.log", "there.parquet"]
     assert Path("there.parquet").read_text() == "mine"

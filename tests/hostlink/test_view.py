@@ -144,7 +144,7 @@ def test_tare_needs_the_token(setup: Setup) -> None:
     setup.applications[4].touched = True
     _, answer = watch(setup, TOKEN, ask)
     assert not answer["ok"]
-    assert answer["words"].startswith("finger 4: ")
+    assert answer["message"].startswith("finger 4: ")
 
 
 def test_packets_keep_numbers_in_their_places() -> None:
@@ -158,7 +158,7 @@ def test_packets_keep_numbers_in_their_places() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["--listen", "0.0.0.0:1"], "give a token"),
         (["--hand", "a,b"], "--hand a,b"),
@@ -166,13 +166,13 @@ def test_packets_keep_numbers_in_their_places() -> None:
     ],
 )
 def test_mistakes_are_one_line(
-    capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+    capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
 ) -> None:  # fmt: skip
     with pytest.raises(SystemExit) as caught:
         main(["view", BUS, *arguments])
     assert caught.value.code == 2
     output = capsys.readouterr().err
-    assert words in output
+    assert message in output
     assert len(output.strip().splitlines()) == 1
 
 

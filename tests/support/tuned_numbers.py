@@ -43,7 +43,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     "names of states and of places in an array": frozenset({
         "edge/cells/mesh.py:DONE", "edge/cells/mesh.py:NOT_FINITE", "edge/cells/mesh.py:NO_EXTENT",
         "edge/cells/mesh.py:NOT_BUILT", "edge/cells/predicates.py", "edge/calibration/polynomial.py:FIELDS",
-        "edge/calibration/polynomial.py:ROWS", "edge/calibration/process.py:FIELDS",
+        "edge/calibration/polynomial.py:ROWS", "edge/calibration/gaussian_process.py:FIELDS",
         "edge/features/peaks.py:_UNKNOWN", "edge/features/peaks.py:_SLOPE", "edge/features/peaks.py:_TOP",
         "edge/features/peaks.py:_PLATEAU", "edge/features/peaks.py:_REACHED",
         "edge/features/regions.py:_NONE", "edge/features/modes.py:ROW", "edge/tracking/match.py:UNMATCHED",
@@ -66,9 +66,9 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     "rounding and the width of a number": frozenset({
         "edge/cells/mesh.py:EPSILON", "edge/cells/mesh.py:SLIVER", "edge/cells/mesh.py:AREA_TOLERANCE",
         "edge/cells/mesh.py:EXTENT_MIN", "edge/cells/mesh.py:EXTENT_MAX", "edge/cells/mesh.py:SNAP",
-        "edge/cells/mesh.py:MAX_POINTS", "edge/calibration/process.py:LOST_MAX",
+        "edge/cells/mesh.py:MAX_POINTS", "edge/calibration/gaussian_process.py:LOST_MAX",
         "edge/cells/boundary.py:ARC_MIN", "edge/cells/boundary.py:NEGLIGIBLE",
-        "edge/calibration/process.py:VOLUME_MIN", "edge/features/modes.py:INDEPENDENT_REL",
+        "edge/calibration/gaussian_process.py:VOLUME_MIN", "edge/features/modes.py:INDEPENDENT_REL",
         "edge/features/pin_motion.py:_RIDGE", "edge/features/pin_motion.py:_FLAT",
         "edge/features/quantized_operator.py", "edge/features/regions.py:_VARIANCE_MIN",
         "edge/geometry/lattice.py:RANK_TOLERANCE", "edge/geometry/layout.py",
@@ -76,8 +76,9 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/recording/reader.py:_SEQUENCE_MAX", "edge/view/panels.py:_SHIFT", "edge/view/panels.py:_ONE",
     }),
     "a processor's lanes and cache lines": frozenset({
-        "edge/calibration/process.py:BLOCK", "edge/features/modes.py:BLOCK", "edge/pins/templates.py:LANES",
-        "edge/pins/templates.py:BLOCK", "edge/worker/shared_memory.py:ALIGN", "edge/pins/centroids.py:AHEAD",
+        "edge/calibration/gaussian_process.py:BLOCK", "edge/features/modes.py:BLOCK",
+        "edge/pins/templates.py:LANES", "edge/pins/templates.py:BLOCK",
+        "edge/worker/shared_memory.py:ALIGN", "edge/pins/centroids.py:AHEAD",
     }),
     "colours": frozenset({
         "edge/view/palette.py:PAPER", "edge/view/palette.py:SAFE", "edge/view/panels.py:_CROSS",

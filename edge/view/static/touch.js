@@ -198,8 +198,8 @@ function drawTouch(packet) {
     g.fillStyle = "#59626d";
     g.font = "14px system-ui, sans-serif";
     g.textAlign = "center";
-    const words = packet.taring ? "taking the rest frame: leave the tip untouched" : "no pins yet";
-    g.fillText(words, width / 2, width / 2);
+    const message = packet.taring ? "taking the rest frame: leave the tip untouched" : "no pins yet";
+    g.fillText(message, width / 2, width / 2);
     return;
   }
   if (motion) {
@@ -307,7 +307,7 @@ drawn = true;
 // ---- words ------------------------------------------------------------------------------------------------
 
 function showWords(packet) {
-  const faults = packet.faults.map(([meaning, words]) => (words && words !== meaning ? `${meaning}: ${words}` : meaning));
+  const faults = packet.faults.map(([meaning, message]) => (message && message !== meaning ? `${meaning}: ${message}` : meaning));
   if (packet.recording?.fault) faults.push(`recording ended: ${packet.recording.fault}`);
   if (packet.recording?.dropped_n) faults.push(`recording: ${packet.recording.dropped_n} messages lost, the disk is too slow`);
   if (packet.sure === false) faults.push("pins cannot be identified: values are withheld");
@@ -315,7 +315,7 @@ function showWords(packet) {
   if (list.dataset.shown !== faults.join("\n")) {
     list.dataset.shown = faults.join("\n");
     list.replaceChildren(
-      ...faults.map((words) => Object.assign(document.createElement("li"), { textContent: words })),
+      ...faults.map((message) => Object.assign(document.createElement("li"), { textContent: message })),
     );
   }
   const n = packet.contacts?.length ?? 0;
@@ -344,8 +344,8 @@ function mayDo() {
 
 const line = new Line(
   {
-    state(state, words) {
-      showState(state, words);
+    state(state, message) {
+      showState(state, message);
       if (state !== "live") schedule();
     },
     hello(said, allowed) {
@@ -373,9 +373,9 @@ const line = new Line(
       document.body.dataset.packets = Number(document.body.dataset.packets ?? 0) + 1;
       schedule();
     },
-    answer({ did, ok, words }) {
-      const force = did === "tare" && !ok && words.includes("force") ? ["Tare anyway", () => line.do("tare", { force: true })] : null;
-      toast(words, ok, force);
+    answer({ did, ok, message }) {
+      const force = did === "tare" && !ok && message.includes("force") ? ["Tare anyway", () => line.do("tare", { force: true })] : null;
+      toast(message, ok, force);
     },
   },
   ["image"],

@@ -125,7 +125,7 @@ function makeCards() {
     box.onclick = () => choose(node);
     $("hand").append(box);
     const values = box.querySelectorAll("dd:not(.unit)");
-    cards.set(node, { box, canvas: box.querySelector("canvas"), values, words: box.querySelector("p") });
+    cards.set(node, { box, canvas: box.querySelector("canvas"), values, message: box.querySelector("p") });
   }
   if (!cards.has(chosen)) choose(cards.keys().next().value ?? null);
 }
@@ -135,8 +135,8 @@ function showFinger(finger) {
   const state = finger.state;
   card.values.forEach((cell, i) => (cell.textContent = state ? VALUES[i][2](state) : "–"));
   card.box.querySelector(".rate").textContent = `${number(finger.rate_hz, 0)} Hz`;
-  const words = [state ? "" : "no samples", finger.words, finger.lost_n ? `${finger.lost_n} lost` : ""];
-  card.words.textContent = words.filter(Boolean).join("; ");
+  const parts = [state ? "" : "no samples", finger.message, finger.lost_n ? `${finger.lost_n} lost` : ""];
+  card.message.textContent = parts.filter(Boolean).join("; ");
 }
 
 function drawTip(canvas, state) {
@@ -216,8 +216,8 @@ function showColours() {
 // ---- the line -----------------------------------------------------------------------------------------------
 
 const line = new Line({
-  state(state, words) {
-    showState(state, words);
+  state(state, message) {
+    showState(state, message);
     if (state !== "live") schedule();
   },
   hello(said, allowed) {
@@ -241,14 +241,14 @@ const line = new Line({
     if ($("faults").dataset.shown !== faults) {
       $("faults").dataset.shown = faults;
       $("faults").replaceChildren(
-        ...fresh.faults.map((words) => Object.assign(document.createElement("li"), { textContent: words })),
+        ...fresh.faults.map((message) => Object.assign(document.createElement("li"), { textContent: message })),
       );
     }
     document.body.dataset.packets = Number(document.body.dataset.packets ?? 0) + 1;
     schedule();
   },
-  answer({ did, ok, words }) {
-    toast(words, ok, did === "tare" && !ok ? ["Tare anyway", () => line.do("tare", { finger: chosen, force: true })] : null);
+  answer({ did, ok, message }) {
+    toast(message, ok, did === "tare" && !ok ? ["Tare anyway", () => line.do("tare", { finger: chosen, force: true })] : null);
   },
 });
 

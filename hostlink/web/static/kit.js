@@ -24,7 +24,7 @@ export function unpack(buffer) {
   return packet;
 }
 
-/** The line to the server. `on` has hello(hello, may), packet(packet), state(name, words), answer(answer). */
+/** The line to the server. `on` has hello(hello, may), packet(packet), state(name, message), answer(answer). */
 export class Line {
   constructor(on, wants = []) {
     this.on = on;
@@ -102,10 +102,10 @@ export class Line {
     }
   }
 
-  say(state, words) {
-    if (state === this.state && words === this.words) return;
-    [this.state, this.words] = [state, words];
-    this.on.state(state, words);
+  say(state, message) {
+    if (state === this.state && message === this.message) return;
+    [this.state, this.message] = [state, message];
+    this.on.state(state, message);
   }
 
   want(name, on) {
@@ -289,9 +289,9 @@ export function number(value, digits) {
 
 let toastTimer;
 /** Words that go by themselves; with a button if `more` is [label, function]. */
-export function toast(words, ok = true, more = null) {
+export function toast(message, ok = true, more = null) {
   const box = document.getElementById("toast");
-  box.textContent = words;
+  box.textContent = message;
   box.className = ok ? "" : "bad";
   if (more) {
     const button = document.createElement("button");
@@ -320,9 +320,9 @@ export function keys() {
 }
 
 /** The connection's state as words and a class; the whole page is dimmed by it where it is not live. */
-export function showState(state, words) {
+export function showState(state, message) {
   const box = document.getElementById("state");
-  box.textContent = words;
+  box.textContent = message;
   document.body.dataset.state = state;
 }
 

@@ -394,7 +394,7 @@ def _rest_frame() -> list[str]:
         "",
         "1. reads `rest_frame_request_n`: the number of its own request, or of a later one of another host;",
         "2. reads `rest_frame_state` until it is not BUSY;",
-        "3. reads `rest_frame_reason` and `rest_frame_words`, which do not change any more, and",
+        "3. reads `rest_frame_reason` and `rest_frame_message`, which do not change any more, and",
         "   `rest_frame_request_n` once more: a higher number is a later request, and 2 begins anew; a lower one",
         "   says that the node has restarted.",
         "",

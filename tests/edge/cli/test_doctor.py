@@ -150,13 +150,13 @@ def test_everything_in_order_gives_ok(examined: Examined) -> None:
         "camera", "rate", "light", "pins", "focus", "margin", "calibration", "age", "residual", "link",
         "errors", "processor", "temperature", "clock", "disk", "sensor", "touch",
     }  # fmt: skip
-    assert found["link"].words == "can0 is up, 1 Mbit/s and 5"
+    assert found["link"].message == "can0 is up, 1 Mbit/s and 5"
 
 
 def test_no_camera(examined: Examined) -> None:
     found = examined(camera=SourceError("source v4l2:0: no such camera; cameras here: none"))
     assert bad(found) == {"camera": "fail"}
-    assert "no such camera" in found["camera"].words
+    assert "no such camera" in found["camera"].message
     assert not {"light", "pins", "focus"} & set(found)  # topics that cannot be checked are not guessed
 
 
@@ -166,7 +166,7 @@ def test_a_camera_without_images(examined: Examined, monkeypatch: pytest.MonkeyP
     camera.condition = "stalled"
     found = examined(camera=camera)
     assert bad(found) == {"camera": "fail"}
-    assert "stalled" in found["camera"].words
+    assert "stalled" in found["camera"].message
 
 
 def test_a_dark_camera(examined: Examined, rest: list[Image]) -> None:
@@ -185,7 +185,7 @@ def test_an_overexposed_camera(examined: Examined, rest: list[Image]) -> None:
 def test_a_slow_camera(examined: Examined, rest: list[Image]) -> None:
     found = examined(camera=Camera(rest, period_ns=20_000_000))
     assert bad(found) == {"rate": "fail"}
-    assert found["rate"].words == "50.0 frames/s, 100 asked"
+    assert found["rate"].message == "50.0 frames/s, 100 asked"
 
 
 def test_another_tip_s_calibration(examined: Examined, data_dir: Path) -> None:
@@ -207,7 +207,7 @@ def test_something_touches_the_tip(examined: Examined) -> None:
     touch = tip.frame((ToolPose(depth_mm=3.0, tilt_x_deg=15.0),)).image
     line = examined([touch])["touch"]
     assert line.level == "warn"
-    assert "lopsided" in line.words
+    assert "lopsided" in line.message
 
 
 def test_half_of_the_pins_lost(examined: Examined, rest: list[Image]) -> None:
@@ -218,11 +218,11 @@ def test_half_of_the_pins_lost(examined: Examined, rest: list[Image]) -> None:
         half.append(covered)
     found = examined(half)
     assert found["pins"].level == "fail"
-    assert "of the calibration's 331 pins" in found["pins"].words
+    assert "of the calibration's 331 pins" in found["pins"].message
 
 
 @pytest.mark.parametrize(
-    ("change", "expected", "words"),
+    ("change", "expected", "message"),
     [
         (None, {"link": "fail"}, "no CAN interface can0"),
         ({"flags": ["NOARP"]}, {"link": "fail"}, "can0 is down"),
@@ -233,7 +233,9 @@ def test_half_of_the_pins_lost(examined: Examined, rest: list[Image]) -> None:
         ({"berr_counter": {"tx": 128, "rx": 0}}, {"errors": "warn"}, "tx 128"),
     ],
 )
-def test_can(examined: Examined, change: dict[str, Any] | None, expected: dict[str, str], words: str) -> None:
+def test_can(
+    examined: Examined, change: dict[str, Any] | None, expected: dict[str, str], message: str
+) -> None:
     machine = Well()
     if change is None:
         machine.can = None
@@ -244,7 +246,7 @@ def test_can(examined: Examined, change: dict[str, Any] | None, expected: dict[s
         machine.can = UP | {"linkinfo": {"info_kind": "can", "info_data": data}}
     found = examined(machine=machine)
     assert bad(found) == expected
-    assert words in found[next(iter(expected))].words
+    assert message in found[next(iter(expected))].message
 
 
 @pytest.mark.parametrize(

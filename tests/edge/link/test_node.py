@@ -80,7 +80,7 @@ class Finger:
             "rest_frame_request_n": len(self.tares),
             "rest_frame_state": RestFrameState.ACCEPTED if self.tares else RestFrameState.UNKNOWN,
             "rest_frame_reason": 0,
-            "rest_frame_words": "",
+            "rest_frame_message": "",
         }
 
     def calibration_bytes(self) -> bytes:
@@ -208,7 +208,7 @@ def test_every_readable_object_answers(bench: Bench) -> None:
             bench.remote.sdo.upload(row.index, row.sub)
         except canopen.SdoAbortedError as error:
             silent.add((row.name, error.code))
-    empty = {"calibration", "calibration_id", "camera", "refusal", "rest_frame_words"}
+    empty = {"calibration", "calibration_id", "camera", "refusal", "rest_frame_message"}
     empty |= {f"error_{i}" for i in range(1, 9)}
     assert silent == {(name, Abort.NO_DATA) for name in empty}
 
@@ -259,14 +259,14 @@ def test_unusable_values_are_refused(bench: Bench, name: str, data: bytes, code:
 
 def test_the_node_gives_the_reason_of_a_refusal(bench: Bench) -> None:
     bench.finger.touched = True
-    for name, value, words in (
+    for name, value, message in (
         ("tare", 1, "touched"),
         ("calibration", b"no JSON", "not JSON"),
         ("tpdo1_transmission", 245, "transmission type 245: 1..240 or 254"),
     ):
         with pytest.raises(canopen.SdoAbortedError):
             bench.write(name, value)
-        assert bench.read("refusal") == words
+        assert bench.read("refusal") == message
     bench.write("tare", 2)
     with refused(Abort.NO_DATA):  # there is no reason any more
         bench.read("refusal")

@@ -104,7 +104,7 @@ def test_memory_keeps_the_samples() -> None:
 
 
 @pytest.mark.parametrize(
-    ("spec", "words"),
+    ("spec", "message"),
     [
         ("can:nosuch0", "nosuch0"),
         ("serial:/dev/nosuch", "/dev/nosuch"),
@@ -118,10 +118,10 @@ def test_memory_keeps_the_samples() -> None:
         ("", "starts with"),
     ],
 )
-def test_unusable_address_is_one_line(spec: str, words: str) -> None:
+def test_unusable_address_is_one_line(spec: str, message: str) -> None:
     with pytest.raises(SinkError) as caught:
         open_sink(spec)
-    assert words in str(caught.value)
+    assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

@@ -62,7 +62,7 @@ def test_each_fault_is_logged_when_it_appears_and_clears(caplog: pytest.LogCaptu
 def test_a_fault_that_flickers_does_not_flood_the_log(caplog: pytest.LogCaptureFixture) -> None:
     now_s = 0.0
     registry = FaultRegistry()
-    registry.listeners.append(FaultLog(registry, lambda words: None, lambda: now_s))
+    registry.listeners.append(FaultLog(registry, lambda message: None, lambda: now_s))
     for _ in range(240):
         registry.report(FaultCode.PINS_LOST, True, "few")
         registry.report(FaultCode.PINS_LOST, False)
@@ -80,7 +80,7 @@ def test_many_threads_leave_a_consistent_set() -> None:
     registry = FaultRegistry()
     balance = dict.fromkeys(FaultCode, 0)
 
-    def listen(code: FaultCode, active: bool, words: str) -> None:
+    def listen(code: FaultCode, active: bool, message: str) -> None:
         balance[code] += 1 if active else -1
         assert balance[code] in (0, 1)
 
@@ -127,8 +127,8 @@ def test_heat_is_reported_and_cleared_with_hysteresis() -> None:
 
 
 def test_a_storage_fault_is_reported_with_its_message() -> None:
-    registry, words = FaultRegistry(), ["", "disk A", ""]
-    monitor = BoardMonitor(registry, lambda: math.nan, [lambda: "", lambda: words.pop(0)])
+    registry, messages = FaultRegistry(), ["", "disk A", ""]
+    monitor = BoardMonitor(registry, lambda: math.nan, [lambda: "", lambda: messages.pop(0)])
     monitor.check()
     assert not registry.active
     monitor.check()
@@ -224,13 +224,13 @@ def test_without_a_manager_nothing_happens(tmp_path: Path) -> None:
 def test_messages_are_composed_only_for_faults_that_appear() -> None:
     registry, made = FaultRegistry(), []
 
-    def words() -> str:
+    def message() -> str:
         made.append(1)
         return "gone"
 
-    registry.report(FaultCode.CAMERA_LOST, False, words)
+    registry.report(FaultCode.CAMERA_LOST, False, message)
     assert not made
-    registry.report(FaultCode.CAMERA_LOST, True, words)
-    registry.report(FaultCode.CAMERA_LOST, True, words)
+    registry.report(FaultCode.CAMERA_LOST, True, message)
+    registry.report(FaultCode.CAMERA_LOST, True, message)
     assert len(made) == 1
     assert registry.active == {FaultCode.CAMERA_LOST: "gone"}

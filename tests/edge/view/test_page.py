@@ -150,14 +150,14 @@ def test_bad_addresses_are_one_line(text: str, token: str | None) -> None:
 
 def test_a_wrong_command_line_is_explained(data_dir: Path) -> None:
     run = [sys.executable, "-m", "edge", "replay", str(data_dir / "nothing.mcap"), "--sink", "memory:"]
-    for options, words in (
+    for options, message in (
         (["--view-at", "0.0.0.0:8765"], "give a token"),
         (["--view-token", "auto"], "give --view too"),
         (["--view-at", "127.0.0.1:x"], "no port"),
     ):
         done = subprocess.run([*run, *options], capture_output=True, text=True, timeout=SOON_S)
         assert done.returncode == 2
-        assert words in done.stderr
+        assert message in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
 
 
@@ -205,7 +205,7 @@ def test_without_the_token_a_viewer_may_only_watch(live: Live) -> None:
         assert (await viewer.packet())["pins_n"] == 331
         answer = await viewer.do("tare")
         assert not answer["ok"]
-        assert "token" in answer["words"]
+        assert "token" in answer["message"]
         assert not (await viewer.do("record"))["ok"]
         assert not (await viewer.do("rm -rf"))["ok"]
 
@@ -357,7 +357,7 @@ def test_tare(live: Live) -> None:
         assert viewer.hello["may"] == ["record", "tare"]
         answer = await viewer.do("tare")
         assert not answer["ok"]
-        assert "touches" in answer["words"]
+        assert "touches" in answer["message"]
         tares_n = (await viewer.packet())["tares_n"]
         await viewer.meanwhile(lambda: live.show(0))
         assert (await viewer.do("tare"))["ok"]
@@ -376,13 +376,13 @@ def test_record_loses_nothing(live: Live) -> None:
         answer = await viewer.do("record")
         assert answer["ok"], answer
         await viewer.until(lambda p: "recording" not in p)
-        return str(answer["words"])
+        return str(answer["message"])
 
     live.show(PRESSED)
-    words = watch(live, press, TOKEN)
-    path = live.recordings / words.split(":")[0]
+    message = watch(live, press, TOKEN)
+    path = live.recordings / message.split(":")[0]
     frames = list(RecordingSource(path))
-    assert f"{len(frames)} frames" in words
+    assert f"{len(frames)} frames" in message
     sequences = [frame.sequence for frame in frames]
     dropped_n = live.source.dropped_n
     assert len(frames) > 20
@@ -406,7 +406,7 @@ def test_an_unwritable_folder_is_reported(live: Live) -> None:
     if away.exists():
         away.rename(folder)
     assert not answer["ok"]
-    assert "give another folder" in answer["words"]
+    assert "give another folder" in answer["message"]
     assert live.loop.session.recorder is None
 
 

@@ -303,7 +303,7 @@ def test_own_message_has_every_field() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         ("", "where to? give --foxglove, --ros DISTRIBUTION or both"),
         ("--ros noetic", "'noetic' is not one of"),
@@ -315,10 +315,10 @@ def test_own_message_has_every_field() -> None:
         ("--ros jazzy --record x.mcap", "--record"),
     ],
 )
-def test_mistakes_are_one_line(arguments: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mistakes_are_one_line(arguments: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("bridge", "virtual:none", *arguments.split()) == 2
     out, err = capsys.readouterr()
-    assert words in err
+    assert message in err
     assert (out, err.count("\n")) == ("", 1)
 
 

@@ -86,7 +86,7 @@ def record(address: str, file: Path, samples_n: int = 11) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         ("nosuch", "No such command 'nosuch'"),
         ("monitor", "Missing argument 'ADDRESS'"),
@@ -125,11 +125,11 @@ def record(address: str, file: Path, samples_n: int = 11) -> None:
         ("busload --bitrate 1000000 --dbitrate 500000", "data phase"),
     ],
 )
-def test_mistakes_are_one_line(arguments: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mistakes_are_one_line(arguments: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(*arguments.split()) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert words in err
+    assert message in err
     assert err.count("\n") == 1
     assert err.startswith("error: ")
 

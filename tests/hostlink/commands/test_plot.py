@@ -211,7 +211,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["none.log"], "no such file"),
         (["a.log", "-o", "a.gif"], "the name must end in .png or .pdf or .svg"),
@@ -227,7 +227,7 @@ def test_mistakes_are_one_line(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     arguments: list[str],
-    words: str,
+    message: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write_bus(tmp_path / "a.log")
@@ -238,7 +238,7 @@ def test_mistakes_are_one_line(
     os.truncate(tmp_path / "cut.mcap", 500)
     assert run("plot", *arguments) == 2
     output = capsys.readouterr().err
-    assert words in output
+    assert message in output
     assert len(output.strip().splitlines()) == 1
 
 

@@ -64,10 +64,10 @@ def machine(tmp_path: Path) -> dict[str, Path]:
 def test_why_it_does_not_open_and_what_to_do(
     machine: dict[str, Path], address: str, error: Exception, expected: str
 ) -> None:
-    words = cannot_open(parse_address(address), error, **machine)
-    assert expected.format(**machine) in words
-    assert "\n" not in words
-    assert "{" not in words
+    message = cannot_open(parse_address(address), error, **machine)
+    assert expected.format(**machine) in message
+    assert "\n" not in message
+    assert "{" not in message
 
 
 def test_every_advice_is_complete() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from edge.calibration.file import Lost, Process
-from edge.calibration.process import ProcessKernel, wanted_models
+from edge.calibration.gaussian_process import ProcessKernel, wanted_models
 from edge.errors import CalibrationError
 from edge.types import Array, Complex
 from tests.support.calibrations import calibration_content, parsed
