@@ -107,7 +107,7 @@ clean:
 $(USABLE): $(SOURCES)
 	$(PYTHON) -m venv .venv
 	$(INSTALL) cython setuptools
-	$(BIN)/python setup.py --quiet build_ext --inplace & # while pip fetches the rest; its own build waits for this
+	$(BIN)/python setup.py --quiet build_ext --inplace 2>/dev/null & # while pip fetches: its own build waits, and reports
 	$(INSTALL) --no-build-isolation -e '.[calib,view]'
 	touch $@
 
