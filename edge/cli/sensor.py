@@ -36,6 +36,7 @@ def sensor(image: Path, output: Path, across_mm: float | None, title: str | None
     """
     with exit_on_interrupt():
         from edge.pins import take_rest
+        from edge.runtime.symmetry import symmetry_of
         from edge.sensors import load_sensor
         from edge.sources import read_image
 
@@ -53,6 +54,9 @@ def sensor(image: Path, output: Path, across_mm: float | None, title: str | None
     layout = made.pins.layout or "of no regular layout"
     pitch = "" if made.pins.pitch_mm is None else f", pitch {made.pins.pitch_mm:g} mm"
     click.echo(f"{output}: {made.pins.count} {made.pins.polarity} pins, {layout}{pitch}")
+    symmetry = symmetry_of(rest)
+    if symmetry.in_contact:
+        click.echo(f"warning: {image}: something touches the tip: {symmetry.message}; take another", err=True)
 
 
 def _description(rest: Rest, title: str, across_mm: float | None, image: str) -> str:

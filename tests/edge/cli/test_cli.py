@@ -102,6 +102,16 @@ def test_a_sensor_of_ones_own_is_made_from_one_image_and_one_length(
     assert found["mm_per_px"] * across_px == pytest.approx(36.0, rel=0.001)
 
 
+def test_a_sensor_from_a_touched_image_is_made_with_a_warning(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], real_dir: Path, tmp_path: Path
+) -> None:
+    for image, touched in (("tactip331_gray/frames/image_1.png", True), ("tactip331_binary/rest.png", False)):
+        made = tmp_path / f"{touched}.toml"
+        assert run(monkeypatch, "sensor", real_dir / image, "-o", made) == 0
+        assert ("something touches the tip" in capsys.readouterr().err) == touched
+        assert load_sensor(str(made)).pins.count == 331
+
+
 def test_run_warns_of_fewer_pins_than_the_sensor_has(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
