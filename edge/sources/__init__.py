@@ -7,6 +7,8 @@
     picamera:0                  a Raspberry Pi's CSI camera, through picamera2
     sim:...                     the simulator
 
+Each takes options after a question mark: `north.avi?pins=dark`, `v4l2:0?rate_hz=120&lens=lens.toml`.
+
 Further schemes come from installed packages through the entry point group `voronoi_touch.sources`: a
 callable `(where, options) -> FrameSource`, named as the scheme. The recording reader and the simulator
 are found that way too, so that this package does not import them.
@@ -15,6 +17,7 @@ are found that way too, so that this package does not import them.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -125,10 +128,10 @@ def open_source(spec: str, **settings: Any) -> FrameSource:
     if 0 < parsed.options.rate_hz < RATE_MIN_HZ:
         rate_hz = parsed.options.rate_hz
         raise SourceError(f"source {spec}: rate_hz={rate_hz:g}: give 0 (its own) or {RATE_MIN_HZ:g} and more")
-    if not parsed.scheme or _exists(spec):  # a file may have a colon in its name
-        plain = Spec(
-            spec, _scheme_of(spec), spec, parsed.options if not parsed.scheme else Options(**settings)
-        )
+    if _exists(spec):  # a file may have a colon or a question mark in its name
+        plain = Spec(spec, _scheme_of(spec), spec, Options(**settings))
+    elif not parsed.scheme:
+        plain = replace(parsed, scheme=_scheme_of(parsed.where))
     else:
         plain = parsed
     source = _opener(plain)(plain.where, plain.options)

@@ -120,8 +120,7 @@ def parse_spec(text: str, options: Options) -> Spec:
     """Split a specification; its keys override `options`. Raises SourceError."""
     match = _SCHEME.match(text)
     scheme, rest = match.groups() if match else ("", text)
-    # A plain path may contain a question mark; only a scheme has keys.
-    where, _, query = rest.partition("?") if scheme else (rest, "", "")
+    where, _, query = rest.partition("?")
     changes: dict[str, Any] = {}
     extra = dict(options.extra)
     for key, value in parse_qsl(query, keep_blank_values=True):

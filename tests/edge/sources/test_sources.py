@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +66,8 @@ def test_schemes_of_this_installation() -> None:
         ("v4l2:/dev/v4l/by-id/usb-a:b?exposure_us=5", "v4l2", "/dev/v4l/by-id/usb-a:b", 5, {}),
         ("oak:", "oak", "", 0, {}),
         ("sim:tip127?seed=3", "sim", "tip127", 0, {"seed": "3"}),
-        ("plain/path?.avi", "", "plain/path?.avi", 0, {}),
+        ("plain/path.avi", "", "plain/path.avi", 0, {}),
+        ("plain/path.avi?exposure_us=5", "", "plain/path.avi", 5, {}),
         ("/dev/video0", "", "/dev/video0", 0, {}),
     ],
 )
@@ -77,6 +79,15 @@ def test_specifications(text: str, scheme: str, where: str, exposure_us: int, ex
         exposure_us,
         extra,
     )
+
+
+def test_a_plain_path_takes_options_and_may_have_a_question_mark(data_dir: Path, tmp_path: Path) -> None:
+    odd = tmp_path / "is it?pins=dark.mcap"
+    odd.symlink_to(data_dir / "nothing.mcap")
+    with_options = f"{data_dir}/nothing.mcap?pins=bright"
+    for spec, polarity in ((str(odd), Polarity.FOUND), (with_options, Polarity.BRIGHT)):
+        with closing(open_source(spec)) as source:
+            assert source.polarity is polarity
 
 
 def test_keys_win_over_settings() -> None:
