@@ -77,8 +77,8 @@ class Tracker:
     def identify(self, pins: Pins) -> Tracks:
         """Find the identities of unordered pins, from rest or from where they were last seen.
 
-        If the search is uncertain or finds less, and `follow` refused this frame only because too few pins
-        were found, the result of `follow` is kept.
+        If the search is uncertain or holds fewer pins, and `follow` refused this frame only because too few
+        pins were found, the result of `follow` is kept.
         """
         identity = self._identifier.identify(pins.xy_img, [self._follower.last_xy()])
         fallback, self._fallback = self._fallback, None
@@ -92,7 +92,7 @@ class Tracker:
         if self._unheld_frames < self._params.fresh_frames:
             innovation = self._follower.median_innovation(now)
             confidence = max(confidence, self._continuity(innovation, identity.agree_n / len(self._tip)))
-        if fallback is not None and fallback.n_seen > identity.agree_n:
+        if fallback is not None and fallback.n_seen > np.count_nonzero(seen):
             confidence = 0.0
         if confidence >= Tracks.LOW_CONFIDENCE:
             self._baseline_share, self._found_share = share, max(share, self._found_share)

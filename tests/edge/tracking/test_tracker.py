@@ -18,7 +18,7 @@ from edge.tracking import Tracker
 from edge.tracking.links import Adjacency
 from edge.tracking.params import TrackingParams
 from edge.tracking.score import Match
-from edge.tracking.search import Identifier
+from edge.tracking.search import Identifier, Identity
 from edge.types import Array, Image, PinPattern, Pins, Rest, Tracks
 from tests.bench import identity
 
@@ -312,6 +312,21 @@ def test_after_a_failed_search_the_followed_pins_are_kept() -> None:
     assert tracks.confidence >= Tracks.LOW_CONFIDENCE
     np.testing.assert_array_equal(tracks.xy_img, np.where(tracks.seen[:, None], xy, np.nan))
     assert tracks.n_seen > 0.5 * 331
+
+
+def test_a_search_that_holds_fewer_pins_than_were_followed_is_not_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Most agree, but few are left by the checks that follow, as under a hard press."""
+    xy = LAYOUTS["rings331"]
+    tracker = held(xy)
+    gone = np.where((np.arange(331) % 5 < 2)[:, None], np.nan, xy)
+    followed = tracker.follow(pins_at(gone))
+    assert followed.confidence < Tracks.LOW_CONFIDENCE
+    few = np.where(np.arange(331) < 100, np.arange(331), -1).astype(np.int32)
+    found = Identity(few, agree_n=300, confidence=1.0)
+    monkeypatch.setattr(tracker._identifier, "identify", lambda blobs, guesses: found)
+    assert tracker.identify(pins_at(xy)).n_seen == followed.n_seen > 100
     assert tracker.predict() is not None
 
 
