@@ -15,6 +15,7 @@ COMMANDS = {
     "axes": "Errors on the published recordings, with eight forms of the rig's axes.",
     "bridge": "Fingers through the ROS 2 bridge to a peer: losses and latency.",
     "carry_over": "Another tip with few frames: alone, and with a first tip's calibration.",
+    "contacts": "Contacts on a second, independent simulator, against their bounds.",
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
     "identity": "Pin identity after a jump, on real and simulated frames.",
     "instructions": "Instructions and cache misses of a frame, counted.",

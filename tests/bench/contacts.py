@@ -1,0 +1,405 @@
+"""Contacts on a second simulator: two, three, a shallow one beside a deep one, bars, shear, light touches.
+
+An elastic half-space with pins (`half_space`, `flat_gel`), written from textbooks and independently of
+`calib.sim`, on which the parameters of `edge.features` were set. What holds on one simulator alone may be a
+property of that simulator.
+
+    tools --half-space--> pins --camera--> pictures --all stages, calibrated--> contacts, against the truth
+
+Rules
+- Tools come in steps of half a millimetre at most, as in a video; the last picture of each scene counts.
+- The calibration is of single presses of the same tool with shear, fitted to the pins' true places with a
+  centroid's noise: no picture is needed for it.
+- Place is where a tool touched the untouched skin, depth is below the untouched surface: what two close tools
+  push down together belongs to both.
+- `probe` is as blunt as 1.2 pitches, so that two of them 2 pitches apart are two; `ball` has 5 mm.
+- Errors of place and depth are of the scenes in which the number of contacts is right.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from itertools import permutations
+from math import ceil, nan
+from pathlib import Path
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from calib.extract import DEMAND, Measured, gather
+from calib.fit import ModelKind, Search, fit
+from calib.targets import Targets
+from edge.calibration import Calibration
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, contact_inputs, frame_inputs
+from edge.pipeline import Pipeline, Result
+from edge.runtime.tare import tare
+from edge.types import Array, Feature, Frame, Rest, Tracks
+from tests.bench.flat_gel import RADIUS_MM, FlatGel
+from tests.bench.half_space import Ball, Bar, own_depths_mm
+from tests.bench.output import writes_results
+
+__all__ = ["SCENES", "Scene", "SecondTip", "measure", "read"]
+
+TARE_N = 8
+STEP_MM = 0.5
+REACH_MM = 0.6 * RADIUS_MM  # of places from the axis: further out half of a contact has no pins
+PROBE_PITCHES, BALL_MM = 1.2, 5.0
+CALIBRATION_N = 300
+CALIBRATION_DEPTH_MM, CALIBRATION_SHEAR_MM = (0.1, 3.5), 2.0
+CENTROID_PX = 0.04  # rms error of a cap's place in the pictures
+SHEAR_MM = 2.0
+HEADINGS = ("right", "place", "bias", "depth", "angle", "worst")
+Tools = tuple[Ball | Bar, ...]
+Maker = Callable[[float, np.random.Generator], Tools]
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Of one kind of scene: measured, or the bound (`right` at least, the others at most); NaN: none.
+
+    right        share of the scenes with the true number of contacts
+    place_mm, depth_mm, direction_deg  mean absolute error
+    bias_mm      mean error of the place along the shear, without its sign
+    worst_deg    largest error of the direction
+    """
+
+    right: float = nan
+    place_mm: float = nan
+    bias_mm: float = nan
+    depth_mm: float = nan
+    direction_deg: float = nan
+    worst_deg: float = nan
+
+    def keeps(self, bounds: Measures) -> bool:
+        """Whether each that is bounded keeps its bound; one that is missing does not."""
+        held = [
+            value >= bound if name == "right" else value <= bound
+            for (name, value), bound in zip(asdict(self).items(), asdict(bounds).values(), strict=True)
+            if bound == bound
+        ]
+        return all(held)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A kind of scene.
+
+    tools     of one scene, from the tip's pitch in mm and a generator
+    ball      the calibration is of the ball; else of the probe
+    """
+
+    name: str
+    tools: Maker
+    bounds: Measures
+    ball: bool = False
+
+
+def _probe(pitch_mm: float, place: complex, depth_mm: float) -> Ball:
+    return Ball(place.real, place.imag, depth_mm, radius_mm=PROBE_PITCHES * pitch_mm)
+
+
+def _somewhere(rng: np.random.Generator, reach_mm: float = REACH_MM) -> complex:
+    return complex(reach_mm * np.sqrt(rng.random()) * np.exp(2j * np.pi * rng.random()))
+
+
+def _pair(pitches: float, depths_mm: tuple[tuple[float, float], tuple[float, float]]) -> Maker:
+    """Two probes that far apart, each of a depth in a range."""
+
+    def tools(pitch_mm: float, rng: np.random.Generator) -> Tools:
+        half = 0.5 * pitches * pitch_mm * complex(np.exp(2j * np.pi * rng.random()))
+        middle = _somewhere(rng, max(REACH_MM - abs(half), 0.0))
+        return tuple(
+            _probe(pitch_mm, middle + way, rng.uniform(*depth_mm))
+            for way, depth_mm in zip((-half, half), depths_mm, strict=True)
+        )
+
+    return tools
+
+
+def _three(pitch_mm: float, rng: np.random.Generator) -> Tools:
+    """Corners of a triangle of three pitches a side."""
+    middle, turn = _somewhere(rng, 2.0), 2.0 * np.pi * rng.random()
+    out = np.sqrt(3.0) * pitch_mm
+    return tuple(
+        _probe(
+            pitch_mm,
+            middle + out * complex(np.exp(1j * (turn + k * 2.0 * np.pi / 3.0))),
+            rng.uniform(0.5, 1.0),
+        )
+        for k in range(3)
+    )
+
+
+def _bar(pitch_mm: float, rng: np.random.Generator) -> Tools:
+    place = _somewhere(rng, 4.0)
+    return (
+        Bar(
+            place.real,
+            place.imag,
+            rng.uniform(-np.pi / 2, np.pi / 2),
+            rng.uniform(0.5, 2.0),
+            rng.uniform(10.0, 16.0),
+        ),
+    )
+
+
+def _sheared(pitch_mm: float, rng: np.random.Generator) -> Tools:
+    place, way = _somewhere(rng), SHEAR_MM * complex(np.exp(2j * np.pi * rng.random()))
+    return (Ball(place.real, place.imag, rng.uniform(1.5, 2.5), (way.real, way.imag), BALL_MM),)
+
+
+def _light(pitch_mm: float, rng: np.random.Generator) -> Tools:
+    place = _somewhere(rng)
+    return (Ball(place.real, place.imag, rng.uniform(0.15, 0.5), radius_mm=BALL_MM),)
+
+
+_ALIKE = ((0.5, 1.0), (0.5, 1.0))
+_TWO = Measures(right=1.0, place_mm=0.2, depth_mm=0.15)
+SCENES = (
+    *(Scene(f"two, {d:g} pitches apart", _pair(d, _ALIKE), _TWO) for d in (2.0, 2.5, 3.0, 4.0, 6.0)),
+    *(
+        Scene(f"1 mm beside 3 mm, {d:g} pitches", _pair(d, ((1.0, 1.0), (3.0, 3.0))), Measures(right=0.95))
+        for d in (3.0, 4.0, 5.0)
+    ),
+    Scene("three, 3 pitches apart", _three, Measures(right=1.0)),
+    Scene("bar", _bar, Measures(right=1.0, direction_deg=1.5, worst_deg=4.0)),
+    Scene(f"sheared by {SHEAR_MM:g} mm", _sheared, Measures(right=1.0, bias_mm=0.15), ball=True),
+    Scene("0.15 to 0.5 mm deep", _light, Measures(depth_mm=0.1), ball=True),
+    Scene("untouched", lambda pitch_mm, rng: (), Measures(right=1.0)),
+)
+
+
+@dataclass
+class SecondTip:
+    """A tip of the second simulator, tared and calibrated.
+
+    gel          the pins
+    rest         as tared from pictures
+    pipelines    calibrated for the ball (True) and for the probe (False)
+    """
+
+    gel: FlatGel
+    rest: Rest
+    pipelines: dict[bool, Pipeline] = field(default_factory=dict)
+
+    @classmethod
+    def made(cls, n_pins: int, seed: int, presses: int = CALIBRATION_N) -> SecondTip:
+        """Tared, and calibrated by that many presses of each tool."""
+        gel, rng = FlatGel(n_pins, seed), np.random.default_rng(seed)
+        tip = cls(gel, tare([gel.picture((), rng) for _ in range(TARE_N)], np.inf))
+        for ball in (False, True):
+            radius = BALL_MM if ball else PROBE_PITCHES * gel.pitch_mm
+            calibration = tip._calibrated(radius, presses, rng)
+            demand = frozenset({*DEMAND, Feature.ORIENTATION})
+            tip.pipelines[ball] = Pipeline(tip.rest, calibration, demand=demand)
+        return tip
+
+    def show(self, ball: bool, tools: Tools, rng: np.random.Generator) -> Result:
+        """The result of the last picture of an approach."""
+        pipeline = self.pipelines[ball]
+        pipeline.forget()
+        for k, step in enumerate(_approach(tools)):
+            result = pipeline.process(Frame(self.gel.picture(step, rng), k, k))
+        return result
+
+    def _calibrated(self, radius_mm: float, presses: int, rng: np.random.Generator) -> Calibration:
+        """By presses of one ball in random places, with shear as far as it sticks."""
+        pipeline = Pipeline(self.rest, demand=DEMAND)
+        at_rest = self.gel.project(self.gel.caps_mm())
+        own = np.hypot(*(self.rest.xy_img[:, None] - at_rest).transpose(2, 0, 1)).argmin(axis=1)
+        balls = [_press(radius_mm, rng) for _ in range(presses)]
+        rows = []
+        for ball in balls:
+            xy = self.gel.project(self.gel.caps_mm((ball,)))[own]
+            noisy = xy + CENTROID_PX * rng.standard_normal(xy.shape)
+            rows.append(self._row(pipeline, noisy))
+        values = {
+            "displacement_mm": np.array([b.depth_mm for b in balls]),
+            "contact_x_mm": np.array([b.x_mm for b in balls]),
+            "contact_y_mm": np.array([b.y_mm for b in balls]),
+            "contact_depth_mm": np.array([b.depth_mm for b in balls]),
+        }
+        frames = tuple(Path(f"press-{i}") for i in range(presses))
+        kinds = frozenset({ModelKind.PLAIN, ModelKind.POLYNOMIAL})  # a process takes minutes to fit
+        targets = Targets(f"a ball of {radius_mm:.1f} mm", frames, values, "")
+        return fit(self.rest, targets, gather(rows), mm_per_px=None, search=Search(kinds=kinds))[0]
+
+    def _row(self, pipeline: Pipeline, xy_img: Array) -> Measured:
+        """What a calibration is fitted to, of pins at given places."""
+        seen = np.ones(len(xy_img), np.bool_)
+        features = pipeline.features(Tracks(xy_img, self.rest.pins.sigma_px, seen, 1.0))
+        contact = np.full(len(CONTACT_INPUTS), nan, np.complex128)
+        if features.contacts:
+            contact = contact_inputs(features.contacts[0], features, self.rest.pattern)
+        inputs, found = frame_inputs(features, self.rest.pattern), len(features.contacts or ())
+        lossy = np.full((1, len(FRAME_INPUTS)), nan, np.complex128)  # no pins are removed
+        return inputs, contact, 1.0, len(xy_img), True, features.in_contact, found, nan, 0.0, lossy
+
+
+def _press(radius_mm: float, rng: np.random.Generator) -> Ball:
+    """One of a calibration."""
+    place, depth = _somewhere(rng, REACH_MM + 1.0), rng.uniform(*CALIBRATION_DEPTH_MM)
+    way = min(CALIBRATION_SHEAR_MM, depth) * _somewhere(rng, 1.0)
+    return Ball(place.real, place.imag, depth, (way.real, way.imag), radius_mm)
+
+
+def _approach(tools: Tools) -> Iterator[Tools]:
+    """The tools, pressed in steps and then sheared in steps."""
+    down = max(1, ceil(max((tool.depth_mm for tool in tools), default=0.0) / STEP_MM))
+    sheared = [float(np.hypot(*tool.shear_mm)) for tool in tools if isinstance(tool, Ball)]
+    sideways = ceil(max(sheared, default=0.0) / STEP_MM)
+    for k in range(1, down + 1):
+        yield tuple(_part(tool, k / down, 0.0) for tool in tools)
+    for k in range(1, sideways + 1):
+        yield tuple(_part(tool, 1.0, k / sideways) for tool in tools)
+
+
+def _part(tool: Ball | Bar, pressed: float, sheared: float) -> Ball | Bar:
+    """A tool on its way."""
+    if isinstance(tool, Bar):
+        return replace(tool, depth_mm=pressed * tool.depth_mm)
+    x, y = tool.shear_mm
+    return replace(tool, depth_mm=pressed * tool.depth_mm, shear_mm=(sheared * x, sheared * y))
+
+
+@dataclass(frozen=True)
+class Errors:
+    """One scene read; empty where the number of contacts is wrong, or there is nothing to compare.
+
+    right     the number of contacts is that of the tools
+    place_mm  distance of each contact from its tool's place
+    bias_mm   of each contact from its tool's place, along the shear
+    """
+
+    right: bool
+    place_mm: tuple[float, ...] = ()
+    bias_mm: tuple[float, ...] = ()
+    depth_mm: tuple[float, ...] = ()
+    direction_deg: tuple[float, ...] = ()
+
+
+def read(result: Result, tools: Tools) -> Errors:
+    """The contacts found against the tools."""
+    features = result.features
+    found = None if features is None else features.contacts
+    if found is None or len(found) != len(tools):
+        return Errors(False)
+    if not tools:
+        return Errors(True)
+    bar = tools[0]
+    if isinstance(bar, Bar):
+        off = (found[0].orientation_rad - bar.angle_rad) / math.pi
+        return Errors(True, direction_deg=(180.0 * abs(off - round(off)) if math.isfinite(off) else 90.0,))
+    balls = [tool for tool in tools if isinstance(tool, Ball)]
+    contacts = _in_order(result.reading.contacts, balls)
+    off_mm = contacts[:, :2] - [(ball.x_mm, ball.y_mm) for ball in balls]
+    shear = np.array([ball.shear_mm for ball in balls]).reshape(-1, 2)
+    size = np.hypot(*shear.T)
+    along = ((off_mm * shear).sum(axis=1)[size > 0.0] / size[size > 0.0]).tolist()
+    depth = np.abs(contacts[:, 2] - [ball.depth_mm for ball in balls])
+    return Errors(True, tuple(np.hypot(*off_mm.T).tolist()), tuple(along), tuple(depth.tolist()))
+
+
+def _in_order(contacts: Array, balls: Sequence[Ball]) -> Array:
+    """The contacts as they fit the balls best: least sum of distances."""
+    place = np.array([(ball.x_mm, ball.y_mm) for ball in balls]).reshape(-1, 2)
+
+    orders = [contacts[list(order)] for order in permutations(range(len(balls)))]
+    distances = [np.hypot(*(ordered[:, :2] - place).T).sum() for ordered in orders]
+    return orders[int(np.argmin(distances))]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One kind of scene on one tip.
+
+    scenes   how many
+    """
+
+    tip: str
+    scene: str
+    scenes: int
+    measured: Measures
+    holds: bool
+
+
+def measure(tip: SecondTip, scene: Scene, n: int, seed: int) -> Row:
+    """Read n scenes of a kind."""
+    rng = np.random.default_rng(seed)
+    errors = []
+    for _ in range(n):
+        tools = scene.tools(tip.gel.pitch_mm, rng)
+        while min(own_depths_mm([t for t in tools if isinstance(t, Ball)]), default=1.0) <= 0.0:
+            tools = scene.tools(tip.gel.pitch_mm, rng)  # one of them hangs over the other's dent
+        errors.append(read(tip.show(scene.ball, tools, rng), tools))
+    measured = Measures(
+        right=float(np.mean([e.right for e in errors])),
+        place_mm=_mean(errors, "place_mm"),
+        bias_mm=abs(_mean(errors, "bias_mm")),
+        depth_mm=_mean(errors, "depth_mm"),
+        direction_deg=_mean(errors, "direction_deg"),
+        worst_deg=max((v for e in errors for v in e.direction_deg), default=nan),
+    )
+    return Row(f"{len(tip.rest)} pins", scene.name, n, measured, measured.keeps(scene.bounds))
+
+
+def _mean(errors: Sequence[Errors], name: str) -> float:
+    values = [v for e in errors for v in getattr(e, name)]
+    return float(np.mean(values)) if values else nan
+
+
+def _table(tip: str, rows: Sequence[Row]) -> Table:
+    bounds = {scene.name: asdict(scene.bounds) for scene in SCENES}
+    table = Table("scene", "n", *HEADINGS, "holds", title=f"{tip}; right: % of the scenes; mm, deg; (bound)")
+    for row in rows:
+        cells = []
+        for name, bound in bounds[row.scene].items():
+            scale, digits = (100.0, 1) if name == "right" else (1.0, 2)
+            value = scale * getattr(row.measured, name)
+            text = "" if value != value else f"{value:.{digits}f}"
+            cells.append(text + ("" if bound != bound else f" ({scale * bound:g})"))
+        table.add_row(row.scene, str(row.scenes), *cells, "yes" if row.holds else "no")
+    return table
+
+
+@click.command(name="contacts", help="Contacts on a second, independent simulator, against their bounds.")
+@click.option(
+    "--scenes", "n_scenes", default=8, show_default=True, help="Of each kind.", type=click.IntRange(1)
+)
+@click.option("--bars", "n_bars", default=16, show_default=True, type=click.IntRange(1))
+@click.option(
+    "--untouched", "n_untouched", default=100, show_default=True, help="Frames.", type=click.IntRange(1)
+)
+@click.option("--seed", default=1, show_default=True)
+@click.option("--json", "as_json", is_flag=True, help="One JSON array on stdout.")
+@writes_results
+def command(n_scenes: int, n_bars: int, n_untouched: int, seed: int, as_json: bool, out: Path) -> None:
+    """Exit code 1 if a bound is not kept. In brackets: the bound."""
+    counts = {"bar": n_bars, "untouched": n_untouched}
+    rows = []
+    console = Console(stderr=as_json)
+    for n_pins in (127, 331):
+        tip = SecondTip.made(n_pins, seed)
+        for i, scene in enumerate(track(SCENES, f"{n_pins} pins", console=console)):
+            rows.append(measure(tip, scene, counts.get(scene.name, n_scenes), seed + i))
+    text = json.dumps([_plain(row) for row in rows], indent=1)
+    (out / "contacts.json").write_text(text + "\n", encoding="utf-8")
+    if as_json:
+        click.echo(text)
+    else:
+        for name in dict.fromkeys(row.tip for row in rows):
+            console.print(_table(name, [row for row in rows if row.tip == name]))
+    if not all(row.holds for row in rows):
+        raise SystemExit(1)
+
+
+def _plain(row: Row) -> dict[str, object]:
+    """As JSON has it: None for NaN."""
+    measured = {name: None if value != value else value for name, value in asdict(row.measured).items()}
+    return {**asdict(row), "measured": measured}

@@ -1,0 +1,121 @@
+"""The second contact simulator: its closed forms against sums of point forces, its pictures, a few scenes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from edge.runtime.tare import tare
+from edge.types import Array
+from tests.bench.contacts import SCENES, Measures, SecondTip, measure
+from tests.bench.flat_gel import FlatGel
+from tests.bench.half_space import FRICTION, POISSON, Ball, Bar, displace, own_depths_mm
+
+SEED = 3
+BALL = Ball(0.3, -0.2, 1.2, (0.5, 0.8))
+
+
+@pytest.fixture(scope="module")
+def tip() -> SecondTip:
+    return SecondTip.made(127, SEED, presses=60)
+
+
+def by_point_forces(x: float, y: float, ball: Ball) -> tuple[Array, float]:
+    """Boussinesq's and Cerruti's displacements under Hertz's pressure and partial slip; shear modulus 1."""
+    a = np.sqrt(ball.radius_mm * ball.depth_mm)
+    r = (np.arange(300) + 0.5)[:, None] / 300 * a
+    angle = np.arange(200) / 200 * 2.0 * np.pi
+    area = r * (a / 300) * (2.0 * np.pi / 200)
+    dx, dy = x - ball.x_mm - r * np.cos(angle), y - ball.y_mm - r * np.sin(angle)
+    top = 4.0 * a / ((1.0 - POISSON) * np.pi * ball.radius_mm)
+    shear_mm = np.hypot(*ball.shear_mm)
+    sticks = 1.0 - shear_mm * 2.0 * (1.0 - POISSON) / (FRICTION * (2.0 - POISSON) * ball.depth_mm)
+    c = a * np.sqrt(sticks)
+    load = top * np.sqrt(1.0 - (r / a) ** 2) * area
+    drag = FRICTION * (load - top * c / a * np.sqrt(np.maximum(1.0 - (r / c) ** 2, 0.0)) * area)
+    along, far = np.array(ball.shear_mm) / shear_mm, np.hypot(dx, dy)
+    ahead = dx * along[0] + dy * along[1]
+    pushed = (1.0 - 2.0 * POISSON) / (4.0 * np.pi) * load / far**2
+    dragged = drag / (2.0 * np.pi)
+    u = [
+        (-pushed * d + dragged * ((1.0 - POISSON) / far * w + POISSON * ahead * d / far**3)).sum()
+        for d, w in ((dx, along[0]), (dy, along[1]))
+    ]
+    return np.array(u), float(((1.0 - POISSON) / (2.0 * np.pi) * load / far).sum())
+
+
+@pytest.mark.parametrize("place", [(2.5, 1.0), (-3.0, 0.4), (5.0, -6.0)])
+def test_outside_of_a_ball_the_surface_moves_as_under_its_point_forces(place: tuple[float, float]) -> None:
+    found = displace(np.array([place]), [BALL])
+    along, w = by_point_forces(*place, BALL)
+    assert found.along_mm[0] == pytest.approx(along, rel=1e-3)
+    assert found.w_mm[0] == pytest.approx(w, rel=1e-3)
+
+
+def test_skin_that_sticks_goes_with_the_ball() -> None:
+    middle = displace(np.array([[BALL.x_mm, BALL.y_mm]]), [BALL])
+    assert middle.along_mm[0] == pytest.approx(BALL.shear_mm)
+    assert middle.w_mm[0] == pytest.approx(BALL.depth_mm)
+
+
+def test_each_of_several_balls_is_as_deep_as_it_is_pressed() -> None:
+    balls = [Ball(0.0, 0.0, 3.0), Ball(5.1, 0.0, 1.0), Ball(-1.0, 6.0, 0.8)]
+    places = np.array([(ball.x_mm, ball.y_mm) for ball in balls])
+    assert displace(places, balls).w_mm == pytest.approx([3.0, 1.0, 0.8], abs=1e-6)
+    assert own_depths_mm(balls)[1] < 0.5  # the deep one has pushed the surface down there
+
+
+def test_a_ball_over_anothers_dent_does_not_touch() -> None:
+    assert own_depths_mm([Ball(0.0, 0.0, 3.0), Ball(3.0, 0.0, 0.5)])[1] == 0.0
+
+
+@pytest.mark.parametrize("tool", [BALL, Bar(0.3, 0.2, 0.7, 1.0)])
+def test_slope_is_the_gradient_of_the_indentation(tool: Ball | Bar) -> None:
+    places, step = np.array([[2.5, 1.0], [-3.0, 0.4], [0.5, 0.9]]), 1e-5
+    for axis in np.eye(2):
+        there, back = (displace(places + way * step * axis, [tool]).w_mm for way in (1.0, -1.0))
+        assert displace(places, [tool]).slope @ axis == pytest.approx((there - back) / (2.0 * step), abs=1e-4)
+
+
+def test_a_bar_is_deepest_in_its_middle_and_longer_than_wide() -> None:
+    bar = Bar(1.0, -2.0, 0.5, 1.5)
+    along = np.array([np.cos(0.5), np.sin(0.5)])
+    middle = np.array([1.0, -2.0])
+    w = displace(np.array([middle, middle + 4 * along, middle + 4 * along[::-1] * (-1, 1)]), [bar]).w_mm
+    assert w[0] == pytest.approx(1.5)
+    assert w[0] > w[1] > 1.5 * w[2]
+
+
+def test_caps_are_found_where_they_were_drawn() -> None:
+    gel, rng = FlatGel(331, SEED), np.random.default_rng(SEED)
+    rest = tare([gel.picture((), rng) for _ in range(4)], np.inf)
+    true = gel.project(gel.caps_mm())
+    off = np.hypot(*(rest.xy_img[:, None] - true).transpose(2, 0, 1)).min(axis=1)
+    assert len(rest) == 331
+    assert off.max() < 0.15
+
+
+def test_a_press_moves_caps_outwards() -> None:
+    gel = FlatGel(127, SEED)
+    ball = Ball(0.0, 0.0, 1.5, radius_mm=4.0)
+    radii = [np.hypot(*gel.caps_mm(tools)[1:7, :2].T) for tools in ((), (ball,))]
+    assert (radii[1] > radii[0]).all()
+
+
+@pytest.mark.parametrize("name", ["two, 6 pitches apart", "sheared by 2 mm", "bar", "untouched"])
+def test_scenes_are_compared_with_their_tools(tip: SecondTip, name: str) -> None:
+    scene = next(scene for scene in SCENES if scene.name == name)
+    found = measure(tip, scene, 2, SEED).measured
+    compared = {"two": "place_mm", "sheared": "bias_mm", "bar": "direction_deg", "untouched": "right"}
+    assert found.right == 1.0
+    assert np.isfinite(getattr(found, compared[name.split()[0].rstrip(",")]))
+    if name.startswith("two"):
+        assert found.place_mm < 1.0  # half a pitch would be 1.4
+
+
+def test_a_bound_is_kept_by_a_value_and_not_by_its_absence() -> None:
+    bounds = Measures(right=0.95, depth_mm=0.1)
+    assert Measures(right=0.95, depth_mm=0.1, place_mm=9.0).keeps(bounds)
+    assert not Measures(right=0.9, depth_mm=0.1).keeps(bounds)
+    assert not Measures(right=1.0, depth_mm=0.2).keeps(bounds)
+    assert not Measures(right=1.0).keeps(bounds)
