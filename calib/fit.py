@@ -107,7 +107,7 @@ class Search:
     prefer: Prefer = Prefer.SPEED
     kinds: frozenset[ModelKind] = frozenset(ModelKind)
     terms_max: int = TERMS_MAX
-    known: Mapping[tuple[str, ...], KnownModel] = field(default_factory=dict)
+    known: Mapping[tuple[str, ...], KnownModel] = field(default_factory=dict, hash=False)
 
 
 EVERYTHING = Search()

@@ -71,8 +71,7 @@ class Pipeline:
         even_untrusted  give values for identities that are not trusted too: for statistics
         """
         if self.demand is not self._asked:
-            self._asked = self.demand
-            self._needed = self.demand if self.calibration is None else self.calibration.needed(self.demand)
+            self._asked, self._needed = self.demand, self._features_for(self.demand)
         tracks, searched = self._locate(frame.image)
         if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
             return Result(frame, tracks, None, None, uncalibrated(), searched)
@@ -98,6 +97,14 @@ class Pipeline:
         elif Feature.FORCE in self.demand:
             area_mm2 = calibration.area_mm2(features, reading.values)
             reading.values.update(self._grip.update(reading.values, reading.sigmas, area_mm2))
+
+    def prepare(self) -> None:
+        """Make now what otherwise the first contacts would wait for (100 ms). From any thread."""
+        self._extractor.prepare(self._features_for(self.demand))
+
+    def _features_for(self, demand: frozenset[Feature]) -> frozenset[Feature]:
+        """The demand, and the features that the calibration needs for it."""
+        return demand if self.calibration is None else self.calibration.needed(demand)
 
     def features(self, tracks: Tracks) -> Features:
         """Features of pins at given places.

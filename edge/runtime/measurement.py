@@ -275,6 +275,7 @@ class Measurement:
             self._faults.report(FaultCode.TARE_IMPLAUSIBLE, True, f"rest frame forced: {found.message}")
             state = RestFrameState.FORCED
         self.tare.finish(state, found.reason, found.message)
+        self.tare.afterwards(self.pipeline.prepare)
         log.info("%s: rest frame with %d pins", self._source.name, len(found.rest))
 
     def _refuse_tare(self, error: TareRefused) -> None:

@@ -197,6 +197,10 @@ def refused(values: dict[str, Array], n: int | None = None) -> str:
     return text
 
 
+def test_equal_searches_are_one_key_of_a_table() -> None:
+    assert {Search(): 1}[Search(kinds=frozenset(ModelKind))] == 1
+
+
 def test_too_few_rows() -> None:
     _, values = make(9)
     text = refused(values)

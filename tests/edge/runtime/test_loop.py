@@ -21,6 +21,8 @@ import numpy as np
 import pytest
 
 from edge.calibration import Calibration
+from edge.features import contacts
+from edge.features.split import SplitTest
 from edge.link.sinks import MemorySink
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.drift import DriftParams
@@ -315,6 +317,24 @@ def test_brightness_of_a_waiting_image_is_reported_during_a_search(finger: Finge
 
 # ---- the loop stays alive
 # ------------------------------------------------------------------------------------
+
+
+def test_contacts_are_prepared_while_nothing_touches_yet(
+    finger: Finger, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = threading.Event()
+
+    def split_test(*arguments: Any) -> SplitTest:
+        made.set()
+        return SplitTest(*arguments)
+
+    monkeypatch.setattr(contacts, "SplitTest", split_test)
+    finger.loop.measurement.tare.in_thread = True
+    before_n = finger.loop.tares_n
+    finger.loop.request_tare()
+    until(lambda: finger.see(finger.frames[0].image) and finger.loop.tares_n > before_n)
+    assert made.wait(SOON_S)
+    finger.loop.measurement.tare.close()
 
 
 def in_thread(loop: Loop) -> threading.Thread:
