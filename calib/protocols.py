@@ -36,7 +36,7 @@ import numpy as np
 from calib.errors import ProtocolError
 from calib.rig.base import CLEAR, Pose
 from calib.sim.mechanics import Tool
-from calib.toml_file import load_toml
+from edge.limits import read_toml_as
 from edge.types import Frame
 
 SHEAR_DEPTH_MM = 3.0  # paper: "pressing the sensor into a flat level object approximately 3 mm"
@@ -242,7 +242,7 @@ def load_protocol(spec: str) -> Plan:
     if path.suffix != ".toml":
         raise ProtocolError(f"protocol {spec!r} is unknown; one of {', '.join(PROTOCOLS)}, FILE.toml")
     try:
-        _, file = load_toml(path, _File)
+        _, file = read_toml_as(path, _File)
         return _plan(file, path.stem)
     except ValueError as error:
         raise ProtocolError(f"{path}: {error}") from None

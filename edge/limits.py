@@ -42,6 +42,7 @@ __all__ = [
     "quote",
     "read_bounded",
     "read_toml",
+    "read_toml_as",
 ]
 
 CALIBRATION_BYTES = 2 << 20  # a 1000-pin tip with every model takes about 0.5 MB
@@ -110,6 +111,24 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise BadContent(f"not TOML: byte {error.start} is not UTF-8 text") from None
     except RecursionError:
         raise BadContent("lists and tables are nested too deeply") from None
+
+
+def read_toml_as(path: Path, kind: type[T], **added: object) -> tuple[dict[str, Any], T]:
+    """A TOML file's table, and the same decoded as a type.
+
+    added   keys that follow from the file's name
+    Raises  BadContent: it cannot be read, or what is wrong in it
+    """
+    try:
+        table = read_toml(path)
+        for name in added.keys() & table.keys():
+            raise BadContent(f"unknown key {name!r}; it follows from the file's name")
+        check_numbers(table)
+        return table, msgspec.convert(table | added, kind)
+    except OSError as error:
+        raise BadContent(f"cannot be read: {error.strerror}") from None
+    except msgspec.ValidationError as error:
+        raise BadContent(explain(str(error))) from None
 
 
 def check_numbers(value: object, place: str = "") -> None:

@@ -14,9 +14,8 @@ from calib.errors import RigError
 from calib.rig.base import Pose
 from calib.sim import Appearance, Camera, Simulator, Tip, Tool, ToolPose
 from calib.sim.of_sensor import appearance_of, camera_of
-from calib.toml_file import load_toml
 from edge.errors import ConfigError
-from edge.limits import PINS_MAX, PINS_MIN
+from edge.limits import PINS_MAX, PINS_MIN, read_toml_as
 from edge.sensors import load_sensor
 from edge.sources.image_header import check_size
 from edge.types import Frame
@@ -54,7 +53,7 @@ def load_simulation(path: Path | None) -> Simulation:
     if path is None:
         return Simulation()
     try:
-        table, known = load_toml(path, Simulation)
+        table, known = read_toml_as(path, Simulation)
         _refuse_unknown(table, known)
         if not PINS_MIN <= known.tip.n_pins <= PINS_MAX:
             raise ValueError(f"tip: n_pins = {known.tip.n_pins}; give {PINS_MIN} to {PINS_MAX}")

@@ -24,8 +24,7 @@ import msgspec
 import serial
 
 from calib.errors import RigError
-from calib.toml_file import load_toml
-from edge.limits import Number
+from edge.limits import Number, read_toml_as
 from hostlink.wire.open_errors import message_of
 
 # GRBL v1.1, the codes that a calibration can meet.
@@ -109,7 +108,7 @@ def load_stage(spec: str) -> StageFile:
         return StageFile(stage=StageTable(port=spec))
     path = Path(spec)
     try:
-        _, known = load_toml(path, StageFile)
+        _, known = read_toml_as(path, StageFile)
     except ValueError as error:
         raise RigError(f"{path}: {error}") from None
     if known.stage.dialect not in DIALECTS:

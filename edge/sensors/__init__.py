@@ -119,14 +119,6 @@ def load_sensor(name: str) -> KnownSensor:
             f"sensor {limits.quote(name)} is unknown; one of {known}, or a file of your own (.toml)"
         )
     try:
-        table = limits.read_toml(path)
-        limits.check_numbers(table)
-        if "name" in table:
-            raise limits.BadContent("unknown key 'name'; a sensor is named as its file")
-        return msgspec.convert({**table, "name": path.stem}, KnownSensor)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+        return limits.read_toml_as(path, KnownSensor, name=path.stem)[1]
     except limits.BadContent as error:
-        raise ConfigError(f"{path}: not a sensor: {error}") from None
-    except msgspec.ValidationError as error:
-        raise ConfigError(f"{path}: {limits.explain(str(error))}") from None
+        raise ConfigError(f"{path}: {error}") from None

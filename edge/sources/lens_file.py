@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import msgspec
-
 from edge import limits
 from edge.errors import SourceError
 from edge.types import FrameSource, Lens, MeasuredSource
@@ -19,15 +17,9 @@ FACTORY = "factory"
 def load_lens(path: str | Path) -> Lens:
     """Raises SourceError, one line: cannot be read, or what is wrong in it."""
     try:
-        table = limits.read_toml(Path(path))
-        limits.check_numbers(table)
-        return msgspec.convert(table, Lens)
-    except OSError as error:
-        raise SourceError(f"lens {path}: cannot be read: {error.strerror}; `edge lens` makes one") from None
+        return limits.read_toml_as(Path(path), Lens)[1]
     except limits.BadContent as error:
-        raise SourceError(f"lens {path}: {error}") from None
-    except msgspec.ValidationError as error:
-        raise SourceError(f"lens {path}: {limits.explain(str(error))}") from None
+        raise SourceError(f"lens {path}: {error}; `edge lens` makes one") from None
 
 
 def text_of(lens: Lens, heading: str) -> str:

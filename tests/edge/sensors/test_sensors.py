@@ -39,7 +39,7 @@ def test_each_figure_has_its_source_and_each_source_a_figure(sensor: KnownSensor
         ('title = "a"\n[pins]\nlayout = "spiral"\n', "pins.layout: unknown value 'spiral'"),
         ('title = "a"\n[pins]\ncount = 3\n', "pins.count: must be at least 12"),
         ('title = "a"\npin = 3\n', "unknown key 'pin'"),
-        ('title = "a"\nname = "b"\n', "unknown key 'name'; a sensor is named as its file"),
+        ('title = "a"\nname = "b"\n', "unknown key 'name'; it follows from the file's name"),
         ('title = "a"\n[pins]\npitch_mm = nan\n', "pins.pitch_mm = nan: give a finite number"),
         ("title =\n", "not TOML"),
     ],
