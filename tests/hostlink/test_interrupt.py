@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.environment import uncounted
 from tests.support.waiting import SOON_S
 
 # Interrupts itself where the module named first is imported, in the program named second.
@@ -44,7 +45,7 @@ runpy.run_module(program, run_name="__main__", alter_sys=True)
 def test_an_interrupted_import_is_no_traceback(arguments: str, tmp_path: Path) -> None:
     ended = subprocess.run(
         [sys.executable, "-c", PROGRAM, *arguments.split()],
-        capture_output=True, text=True, check=False, timeout=SOON_S, cwd=tmp_path,
+        capture_output=True, text=True, check=False, timeout=SOON_S, cwd=tmp_path, env=uncounted(),
     )  # fmt: skip
     assert ended.stdout == "interrupted\n", "the module was not imported"
     assert (ended.returncode, ended.stderr) == (130, "")

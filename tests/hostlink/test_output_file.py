@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from hostlink.output_file import OutputError, WriteError, check_output, find_unfinished, writing
+from tests.support.environment import uncounted
 
 
 def test_new_file_is_allowed_and_nothing_is_left_by_the_check(tmp_path: Path) -> None:
@@ -156,6 +157,7 @@ def test_command_on_a_full_disk_ends_with_one_line_and_code_1(tmp_path: Path) ->
     path = tmp_path / "x.json"
     run = subprocess.run(
         [sys.executable, "-c", PROGRAM, str(path)],
+        env=uncounted(),
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 16, 1 << 16)),
         capture_output=True,
         text=True,

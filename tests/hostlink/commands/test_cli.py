@@ -25,6 +25,7 @@ from hostlink.commands.cli import COMMANDS, cli, main
 from hostlink.recording import read_log
 from hostlink.wire import VERSION
 from tests.hostlink.test_client import Application, Pty, make_node, need_multicast, state
+from tests.support.environment import uncounted
 from tests.support.waiting import SOON_S, size_of, until
 
 PORT = 20_000 + os.getpid() % 20_000
@@ -313,6 +314,7 @@ def test_record_on_a_full_disk_is_one_line_and_keeps_what_it_has(
         str(file),
         "--seconds",
         "30",
+        env=uncounted(),
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
     )
     _, err = child.communicate(timeout=2 * SOON_S)
