@@ -156,7 +156,7 @@ def play() -> None:
     from edge.runtime import measures
     from edge.runtime.tare import tare
     from tests.bench.frames import REST_FRAMES, calibration_of, scene
-    from tests.edge.calibration.test_process import INPUTS, MODELS
+    from tests.edge.calibration.test_gaussian_process import INPUTS, MODELS
 
     frames = scene("two", 61, (320, 240))[: REST_FRAMES + 40]
     calibration: Calibration = calibration_of(frames)
