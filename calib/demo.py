@@ -14,10 +14,8 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +26,7 @@ from rich.table import Table
 
 import hostlink
 from calib.errors import TableError
+from calib.extract import executor
 from edge.calibration import Calibration
 from edge.cells import cell_polygons
 from edge.errors import SourceError
@@ -226,7 +225,8 @@ def demo(data: Path, out: Path, console: Console, overwrite: bool = False) -> No
     for name in RECORDINGS:
         if not (data / f"{name}.mcap").is_file():
             raise TableError(f"{data}: no {name}.mcap in it; give --data the bundled recordings")
-    calibrations = {name: Calibration.load(data / file) for name, file in RECORDINGS.items()}
+    for file in set(RECORDINGS.values()):
+        Calibration.load(data / file)
     _check_folder(data, out, overwrite)
     table = Table(
         title="What the host decoded, against the simulator's truth",
@@ -237,9 +237,10 @@ def demo(data: Path, out: Path, console: Console, overwrite: bool = False) -> No
     for name in ("recording", "samples", "pins", "links\nagree", "contacts", "place\nmm", "depth\nmm",
                  "shear\nmm", "angle\ndeg"):  # fmt: skip
         table.add_column(name, justify="left" if name == "recording" else "right", no_wrap=True)
-    with ProcessPoolExecutor(max_workers=len(os.sched_getaffinity(0))) as processes:
-        for row in processes.map(partial(_row, data, out), calibrations.keys(), calibrations.values()):
-            table.add_row(*row)
+    with executor() as processes:
+        rows = [processes.submit(_row, data, out, name) for name in RECORDINGS]
+        for row in rows:
+            table.add_row(*row.result())
     console.print(table)
     console.print("Links agree: what CAN FD and serial brought equals what the edge computed.")
     console.print("Errors: mean absolute, over the frames pressed by 0.8 mm or more.")
@@ -259,9 +260,9 @@ def _check_folder(data: Path, out: Path, overwrite: bool) -> None:
             check_output(out / picture, (".png",), (), overwrite)
 
 
-def _row(data: Path, out: Path, name: str, calibration: Calibration) -> list[str]:
+def _row(data: Path, out: Path, name: str) -> list[str]:
     """Play one recording, draw its pictures. Returns  its row of the table."""
-    received = play(data / f"{name}.mcap", calibration)
+    received = play(data / f"{name}.mcap", Calibration.load(data / RECORDINGS[name]))
     found = errors(received)
     last = received.can[max(received.can)]
     same = received.can.keys() == received.serial.keys() and all(

@@ -169,5 +169,7 @@ def test_the_edge_loads_no_heavy_libraries() -> None:
 
 
 def test_coverage_leaves_out_the_kernels_and_nothing_else() -> None:
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["coverage"]["report"]
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["coverage"][
+        "report"
+    ]
     assert settings["omit"] == [f"{name.replace('.', '/')}.py" for name in kernels.table().KERNELS]

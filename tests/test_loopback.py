@@ -8,9 +8,10 @@ from threading import Event
 from uuid import uuid4
 
 import pytest
+from rich.console import Console
 
 import hostlink
-from calib.demo import RECORDINGS, on_wire, play, serial_line
+from calib.demo import RECORDINGS, demo, on_wire, play, serial_line
 from edge.calibration import Calibration
 from edge.link.device import LoopDevice
 from edge.link.node import Node
@@ -23,6 +24,19 @@ from hostlink.wire import State
 from tests.support.waiting import SOON_S
 
 NODE = 5
+
+
+def test_the_demo_compares_and_draws_all_recordings(
+    data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    demo(data_dir, tmp_path, Console(width=100))
+    rows = {
+        line.split()[0]: line.split()[1:4] for line in capsys.readouterr().out.splitlines() if line.split()
+    }
+    assert [rows[name][1:] for name in RECORDINGS] == [[n, "yes"] for n in ("331", "127", "331", "127")]
+    pictures = {path.name for path in tmp_path.iterdir()}
+    assert {f"{name}.png" for name in RECORDINGS} <= pictures
+    assert "press_surface.png" in pictures
 
 
 def same(a: State, b: State) -> bool:
