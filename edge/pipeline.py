@@ -98,9 +98,9 @@ class Pipeline:
             area_mm2 = calibration.area_mm2(features, reading.values)
             reading.values.update(self._grip.update(reading.values, reading.sigmas, area_mm2))
 
-    def prepare(self) -> None:
-        """Make now what otherwise the first contacts would wait for (100 ms). From any thread."""
-        self._extractor.prepare(self._features_for(self.demand))
+    def prepare(self, demand: frozenset[Feature]) -> None:
+        """Make now what otherwise the first contacts would wait for (100 ms); before the first frame."""
+        self._extractor.prepare(self._features_for(demand))
 
     def _features_for(self, demand: frozenset[Feature]) -> frozenset[Feature]:
         """The demand, and the features that the calibration needs for it."""

@@ -150,7 +150,7 @@ class FeatureExtractor:
         return self._finder
 
     def prepare(self, demand: frozenset[Feature]) -> None:
-        """Make now what otherwise the first contacts would wait for (100 ms). From any thread."""
+        """Make now what otherwise the first contacts would wait for (100 ms)."""
         if Feature.CONTACTS in demand:
             self.finder.prepare()
 

@@ -234,6 +234,8 @@ class Measurement:
                 raise
             calibration, rest_frame = self._fall_back(frames, error)
         pipeline = Pipeline(rest_frame.rest, calibration)
+        if self.tare.in_thread:
+            pipeline.prepare(self.demand)
         if request.store is not None:
             request.store()
         return Prepared(rest_frame, pipeline, frames[-1])
@@ -275,7 +277,6 @@ class Measurement:
             self._faults.report(FaultCode.TARE_IMPLAUSIBLE, True, f"rest frame forced: {found.message}")
             state = RestFrameState.FORCED
         self.tare.finish(state, found.reason, found.message)
-        self.tare.afterwards(self.pipeline.prepare)
         log.info("%s: rest frame with %d pins", self._source.name, len(found.rest))
 
     def _refuse_tare(self, error: TareRefused) -> None:

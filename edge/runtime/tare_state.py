@@ -137,11 +137,6 @@ class TareState:
         except Exception as error:  # noqa: BLE001  (`result` raises it)
             self._job.set_exception(error)
 
-    def afterwards(self, job: Callable[[], None]) -> None:
-        """Do what no frame should have to wait for, in the thread that checks rest frames if there is one."""
-        if self._executor is not None:
-            self._executor.submit(job)
-
     @property
     def checking(self) -> bool:
         """Whether a job is under way, or done but not collected."""

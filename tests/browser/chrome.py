@@ -247,14 +247,6 @@ class Page:
     def close(self) -> None:
         self._chrome.call("Target.closeTarget", {"targetId": self._target})
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def wait_s(self, seconds: float) -> None:
         """Let the page run for a while: for pictures, never for a condition."""
         time.sleep(seconds)

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ def live(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[L
 @pytest.fixture
 def page(live: Live, chrome: Chrome) -> Iterator[Page]:
     live.show(0)
-    with chrome.open(live.url) as opened:
+    with closing(chrome.open(live.url)) as opened:
         opened.until(LIVE)
         opened.until("Number(document.body.dataset.packets) > 0")  # the first picture came
         yield opened
@@ -219,7 +220,7 @@ def test_record_button(live: Live, page: Page) -> None:
 
 
 def test_read_only_without_the_token(live: Live, chrome: Chrome) -> None:
-    with chrome.open(live.url.partition("#")[0]) as page:
+    with closing(chrome.open(live.url.partition("#")[0])) as page:
         page.until(LIVE)
         assert page.evaluate("document.getElementById('tare').disabled")
         tares_n = live.loop.tares_n
@@ -227,7 +228,7 @@ def test_read_only_without_the_token(live: Live, chrome: Chrome) -> None:
         page.click("#tare")
         page.until("document.getElementById('tare').title.includes('token')")
         assert live.loop.tares_n == tares_n
-    with chrome.open(live.url.replace(TOKEN, "not-the-token")) as wrong:
+    with closing(chrome.open(live.url.replace(TOKEN, "not-the-token"))) as wrong:
         shown(wrong, "the token is missing or wrong")
         assert wrong.evaluate("document.body.dataset.state") == "refused"
 
@@ -254,7 +255,7 @@ def test_hold_keeps_the_picture(live: Live, page: Page) -> None:
 
 def test_phone(live: Live, chrome: Chrome) -> None:
     live.show(PRESSED)
-    with chrome.open(live.url, phone=True) as page:
+    with closing(chrome.open(live.url, phone=True)) as page:
         page.until(LIVE)
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "it scrolls sideways"
         boxes = page.evaluate(
@@ -293,7 +294,7 @@ def test_a_second_viewer_does_not_slow_the_loop(
 
     live.until(lambda: live.worker.page.viewers_n == 1, "the first alone")
     one = quantiles()
-    with chrome.open(live.url) as second:
+    with closing(chrome.open(live.url)) as second:
         second.until("Number(document.body.dataset.packets) > 30")
         two = quantiles()
         second.until("Number(document.body.dataset.packets) > 60")
@@ -343,7 +344,7 @@ class Replay:
 
 def test_disconnect_and_reconnect_are_shown(data_dir: Path, chrome: Chrome) -> None:
     replay = Replay(data_dir)
-    with chrome.open(replay.url) as page:
+    with closing(chrome.open(replay.url)) as page:
         page.until(LIVE)
         shown(page, "press.mcap")
         until_red(page)
