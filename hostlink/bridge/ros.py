@@ -37,7 +37,6 @@ from hostlink.events import Sample
 from hostlink.extras import require
 from hostlink.finger import Finger
 from hostlink.topics import Diagnosis, finger_name
-from hostlink.wire import State
 from hostlink.wire.fields import FIELDS
 
 __all__ = ["DISTRIBUTIONS", "MESSAGES", "TRIGGER_HASH", "RosOutlet", "Types", "endpoint_name"]
@@ -219,13 +218,14 @@ class RosOutlet:
         threading.Thread(target=work, daemon=True).start()
 
     def publish(self, sample: Sample) -> None:
-        """Stamped with when the image was taken."""
+        """Stamped with when the image was taken; only what somebody subscribes to is made."""
         name = finger_name(sample.finger)
-        header = self._header(stamp_ns(sample), name)
-        state = sample.state
-        self._put(f"/{name}/wrench", self._wrench(header, state))
-        self._put(f"/{name}/contacts", self._cloud(header, state))
-        self._put(f"/{name}/sample", self._sample(header, sample))
+        header = None
+        for kind, make in (("wrench", self._wrench), ("contacts", self._cloud), ("sample", self._sample)):
+            topic = self._topics[f"/{name}/{kind}"]
+            if topic.wanted:
+                header = header or self._header(stamp_ns(sample), name)
+                topic.put(self._types.pack(make(header, sample)))
 
     def report(self, diagnoses: Sequence[Diagnosis]) -> None:
         """All fingers' diagnoses."""
@@ -241,10 +241,8 @@ class RosOutlet:
             )
             for d in diagnoses
         ]
-        self._put("/diagnostics", make(DIAGNOSTICS, header=self._header(time.time_ns(), ""), status=status))
-
-    def _put(self, topic: str, message: Any) -> None:
-        self._topics[topic].put(self._types.pack(message))
+        message = make(DIAGNOSTICS, header=self._header(time.time_ns(), ""), status=status)
+        self._topics["/diagnostics"].put(self._types.pack(message))
 
     def _header(self, at_ns: int, frame: str) -> Any:
         sec, nanosec = divmod(at_ns, 1_000_000_000)
@@ -252,17 +250,18 @@ class RosOutlet:
         stamp = make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
         return make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
 
-    def _wrench(self, header: Any, state: State) -> Any:
+    def _wrench(self, header: Any, sample: Sample) -> Any:
         """z points out of the skin: what presses the tip is a force against it."""
-        make = self._types.make
+        make, state = self._types.make, sample.state
         force = make("geometry_msgs/msg/Vector3", x=state.force_x_n, y=state.force_y_n, z=-state.force_n)
         torque = make("geometry_msgs/msg/Vector3", x=nan, y=nan, z=state.torque_z_nmm * _MM)
         wrench = make("geometry_msgs/msg/Wrench", force=force, torque=torque)
         return make(WRENCH, header=header, wrench=wrench)
 
-    def _cloud(self, header: Any, state: State) -> Any:
+    def _cloud(self, header: Any, sample: Sample) -> Any:
         import numpy as np
 
+        state = sample.state
         rows = [(c.x_mm * _MM, c.y_mm * _MM, 0.0, c.depth_mm * _MM) for c in state.contacts]
         data = np.array(rows, "<f4").reshape(-1).view(np.uint8)
         step = _FIELD_BYTES * len(self._fields)
@@ -294,6 +293,11 @@ class _Topic:
     def __init__(self, publisher: Any, sender: bytes) -> None:
         self._publisher, self._sender = publisher, sender
         self._numbers = count(1)
+
+    @property
+    def wanted(self) -> bool:
+        """Whether somebody subscribes to it, as far as the router has said."""
+        return bool(self._publisher.matching_status.matching)
 
     def put(self, payload: bytes) -> None:
         attachment = _ATTACHMENT.pack(next(self._numbers), time.time_ns(), len(self._sender), self._sender)

@@ -19,7 +19,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from hostlink.bridge.ros import DISTRIBUTIONS, SAMPLE, TRIGGER, WRENCH, RosOutlet, Types
+from hostlink.bridge.ros import CLOUD, DISTRIBUTIONS, SAMPLE, TRIGGER, WRENCH, RosOutlet, Types
 from hostlink.wire import State, pack_state, unpack_state
 from hostlink.wire.fields import FIELDS
 from tests.hostlink.bridge.hand import Hand
@@ -130,6 +130,23 @@ def test_attachments_count_and_name_the_sender(scene: Scene) -> None:
         senders |= {h.sender for h in received}
         assert all(len(h.sender) == 16 for h in received)
     assert len(senders) == 2
+
+
+def test_only_what_is_subscribed_to_is_made(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    pack, made = Types.pack, set()
+
+    def noted(types: Types, message: Any) -> bytes:
+        made.add(message.__msgtype__)
+        return pack(types, message)
+
+    monkeypatch.setattr(Types, "pack", noted)
+    scene.peer.subscribe("7/*/sample/**")
+    until(lambda: len(scene.peer.of("/finger_1/sample")) > 20, "samples")
+    assert SAMPLE in made
+    assert not made & {WRENCH, CLOUD}
+    scene.peer.subscribe("7/*/wrench/**")
+    until(lambda: scene.peer.of("/finger_3/wrench"), "a wrench")
+    assert CLOUD not in made
 
 
 @pytest.mark.parametrize("scene", DISTRIBUTIONS, indirect=True)
