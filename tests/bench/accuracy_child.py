@@ -26,14 +26,15 @@ def main(stills: str, calibration: str, demand: str, n: int) -> None:
     paper = calibration == "paper"
     features = frozenset(Feature(name) for name in demand.split(","))
     pipeline = Pipeline(rest, None if paper else Calibration.load(Path(calibration)), features)
-    reference = Reference(rest_image, rest.pattern.pin_radius_px, rest_img=rest.xy_img)
+    reference = Reference(rest_image, rest.pattern.pin_radius_px, rest_img=rest.xy_img) if paper else None
     gc.disable()
     for image in images:
         pipeline.forget()
         tracks = pipeline.process(Frame(image, 0, 0)).tracks
-        reference.place(tracks.xy_img)
+        if reference is not None:
+            reference.place(tracks.xy_img)
         for _ in range(n):
-            if paper:
+            if reference is not None:
                 reference.step(image)
             else:
                 pipeline.process(Frame(image, 0, 0))

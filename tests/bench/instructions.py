@@ -68,16 +68,18 @@ def count(kind: str, frames: Path, folder: Path) -> Counts:
     return count_child(child, LENGTHS[kind], folder / f"cachegrind.{kind}")
 
 
-def count_child(child: list[str], lengths: tuple[int, int], out: Path) -> Counts:
+def count_child(child: list[str], lengths: tuple[int, int], out: Path, *, caches: bool = True) -> Counts:
     """Count what a module does in one more round: its last argument is the number of rounds.
 
-    out  where counts go; the number of rounds is appended
+    out     where counts go; the number of rounds is appended
+    caches  False: instructions alone, in a third of the time; no misses
     """
     _run([], child, 1)  # writes the compiled Python files for both runs
+    simulated = ("--cache-sim=yes", *CACHES) if caches else ("--cache-sim=no",)
     runs = []
     for n in lengths:
         counts = f"{out}.{n}"
-        valgrind = ["valgrind", "--tool=cachegrind", "--cache-sim=yes", *CACHES]
+        valgrind = ["valgrind", "--tool=cachegrind", *simulated]
         _run([*valgrind, f"--cachegrind-out-file={counts}"], child, n)
         runs.append(_read(Path(counts)))
     (before, before_misses), (after, after_misses) = runs
@@ -100,6 +102,7 @@ def record(variant: str, folder: Path) -> Path:
 def _run(before: list[str], work: list[str], n: int) -> None:
     child = [sys.executable, "-m", *work, str(n)]
     env = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
+    env.pop("PYTHONDONTWRITEBYTECODE", None)  # compiling each import under valgrind takes minutes
     done = subprocess.run([*before, *child], cwd=ROOT, env=env, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{' '.join([*before, *child])}: {done.stderr[-2000:]}")
