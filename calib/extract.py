@@ -54,8 +54,8 @@ class Extract:
     contact     (n, k) complex128, `edge.calibration.inputs.CONTACT_INPUTS` of the strongest contact, or NaN
     confidence  (n,) certainty of the pins' identities
     seen_n      (n,) pins found
-    sure        (n,) whether the edge would have sent values
-    in_contact     (n,) whether it saw a touch; without one it sends zeros instead of a model's value
+    trusted     (n,) whether the edge would have sent values
+    in_contact  (n,) whether it saw a touch; without one it sends zeros instead of a model's value
     counts      (n,) contacts found
     angle_rad   (n,) direction of the strongest contact's long axis; NaN: round, or none
     lossy       (n, LOSSES, k) complex128, the inputs with some of the pins removed; NaN: not possible
