@@ -9,8 +9,6 @@ frame whose identities are not trusted yields no values at all.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from edge.calibration import Calibration, Grip, uncalibrated
@@ -20,14 +18,14 @@ from edge.features import FeatureExtractor
 from edge.pins import CentroidRefiner, detect
 from edge.runtime.drift import Drift
 from edge.tracking import Tracker
-from edge.types import Cells, Feature, Features, Frame, Image, Reading, Rest, Tracks
+from edge.types import Cells, Feature, Features, Frame, Image, Reading, Rest, Tracks, per_frame
 
 #: Features that need cell areas; the others need only the pins' motion.
 OF_CELLS = frozenset(Feature) - {Feature.SHEAR, Feature.TORSION}
 ALL = frozenset(Feature)
 
 
-@dataclass(frozen=True, slots=True)
+@per_frame
 class Result:
     """The result of one frame.
 

@@ -15,17 +15,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
 
 from edge.features.params import PARAMS, FeatureParams
 from edge.features.partial_slip import PartialSlip
 from edge.features.pin_motion import PinMotion
-from edge.types import Array, Index, Rest
+from edge.types import Array, Index, Rest, per_frame
 
 __all__ = ["Slip", "SlipState"]
 
 
-@dataclass(frozen=True, slots=True)
+@per_frame
 class SlipState:
     """Slip of one frame.
 
