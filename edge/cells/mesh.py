@@ -111,8 +111,6 @@ class Mesh:
     changes: cython.Py_ssize_t  # how often the triangles changed
     busy: cython.bint
     guard_reach: cython.double
-    flips_per_triangle: cython.Py_ssize_t
-    repair_passes: cython.Py_ssize_t
     predicates: Predicates
     x: cython.double[::1]  # per point
     y: cython.double[::1]
@@ -144,8 +142,6 @@ class Mesh:
         self.flips = self.builds = self.changes = 0
         self.busy = False
         self.guard_reach = params.guard_reach
-        self.flips_per_triangle = params.flips_per_triangle
-        self.repair_passes = params.repair_passes
         x, y = np.zeros(n_all), np.zeros(n_all)
         self.predicates = Predicates(x, y)
         self.x = x
@@ -232,7 +228,8 @@ class Mesh:
             if self.n_stack == 0:
                 break
             self.changes += 1
-            if not self._legalize(True, self.flips_per_triangle * self.n_triangles) and not self._build():
+            # More flips than triangles would take longer than a new triangulation.
+            if not self._legalize(True, self.n_triangles) and not self._build():
                 return NOT_BUILT
         self._sum_exactly()
         self._share()
@@ -318,19 +315,21 @@ class Mesh:
     @cython.nogil
     @cython.exceptval(check=False)
     def _repair(self) -> cython.bint:
-        """Flip the edge that a point crossed, where that makes both triangles valid; true if all are then."""
+        """Flip the edge that a point crossed, where that makes both triangles valid; true if all are then.
+
+        Again and again, while fewer and fewer are turned over.
+        """
         h: cython.Py_ssize_t
         g: cython.Py_ssize_t
         t: cython.Py_ssize_t
-        turned: cython.Py_ssize_t
-        repaired: cython.Py_ssize_t
+        turned: cython.Py_ssize_t = 0
+        before: cython.Py_ssize_t = self.n_triangles + 1
         p: cython.Py_ssize_t
         q: cython.Py_ssize_t
         r: cython.Py_ssize_t
         s: cython.Py_ssize_t
-        attempt: cython.Py_ssize_t
-        for attempt in range(self.repair_passes):  # noqa: B007  (typed)
-            turned = repaired = 0
+        while True:
+            turned = 0
             for t in range(self.n_triangles):
                 if self.error[t] < INFINITY or self._measure(t):
                     continue
@@ -345,13 +344,12 @@ class Mesh:
                         self._flip(h)
                         self._measure(t)
                         self._measure(g // 3)
-                        repaired += 1
                         break
             if turned == 0:
                 return True
-            if repaired == 0:
+            if turned >= before:
                 return False
-        return False
+            before = turned
 
     # ---- triangles and areas
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from edge.cells.boundary import make_boundary, make_fence, rim_motion
+from edge.cells.first_order import FirstOrderAreas
 from edge.cells.mesh import Mesh
 from edge.cells.missing import Gap, LostPins
 from edge.cells.params import PARAMS, CellsParams
@@ -47,7 +48,8 @@ class Tessellator:
         self._gap = 0.0
         self._gap_img: Array | None = None
         self._changes = -1
-        self._triangles: Index = np.empty((0, 3), dtype=np.int32)
+        self._rest_triangles = self._triangles = self._mesh.triangles()
+        self._first_order = self._make_first_order(params)
 
     @property
     def rest_area_px2(self) -> Array:
@@ -68,6 +70,29 @@ class Tessellator:
         self._points = points = np.empty_like(self._points)
         self._frame_points.place(np.ascontiguousarray(tracks.xy_img), points)
         area = np.empty(n)
+        if self._first_order is not None and self._first_order.update(points, area):
+            triangles = self._rest_triangles
+        else:
+            triangles = self._tessellate(tracks, area)
+        lost, whole = self._lost.gap[0], None
+        if len(lost):
+            whole = area
+            area = area.copy()
+            area[lost] = np.nan
+        return Cells(
+            area_px2=area,
+            rest_area_px2=self._rest_area_px2,
+            xy_img=points[:n],
+            triangles=triangles,
+            boundary_img=points[n : n + self._n_boundary],
+            whole_px2=whole,
+            gap=self._gap,
+            gap_img=self._gap_img,
+        )
+
+    def _tessellate(self, tracks: Tracks, area: Array) -> Index:
+        """Write the exact areas of the points of this frame; returns the triangles."""
+        n, points = len(area), self._points
         try:
             changes = self._mesh.update(points, area)
         except ValueError as error:
@@ -80,21 +105,26 @@ class Tessellator:
         if changes != self._changes:
             self._triangles = self._mesh.triangles()
             self._changes = changes
-        lost, whole = self._lost.gap[0], None
-        if len(lost):
-            whole = area
-            area = area.copy()
-            area[lost] = np.nan
-        return Cells(
-            area_px2=area,
-            rest_area_px2=self._rest_area_px2,
-            xy_img=points[:n],
-            triangles=self._triangles,
-            boundary_img=points[n : n + self._n_boundary],
-            whole_px2=whole,
-            gap=self._gap,
-            gap_img=self._gap_img,
-        )
+        return self._triangles
+
+    def _make_first_order(self, params: CellsParams) -> FirstOrderAreas | None:
+        """None: a cell is not bounded at rest."""
+        n, b = len(self._rest_img), self._n_boundary
+        if not np.isfinite(self._rest_area_px2).all():
+            return None
+        first_order = FirstOrderAreas(self._points[: n + b], self._rest_area_px2, self._rest_triangles)
+        mesh, points, areas = Mesh(n, b, len(self._points) - n - b), np.empty_like(self._points), np.empty(n)
+
+        def place(xy: Array) -> Array:
+            self._frame_points.place(xy, points)
+            return points
+
+        def exact(points: Array) -> Array:
+            mesh.update(points, areas)
+            return areas
+
+        first_order.measure(place, exact, params)
+        return first_order
 
 
 def _size_and_place(gap: Gap, rest_img: Array) -> tuple[float, Array | None]:

@@ -1,0 +1,162 @@
+"""Areas of cells near rest: linear in the motion of each pin and its neighbours.
+
+A kernel (`CONTRIBUTING.md`, "Kernels"): compiled by Cython, and the same when it is not.
+
+Idea: most frames show an untouched tip, whose pins move by their noise. A neighbour that moves by d relative
+to the pin shifts the edge of length l between their cells, whose middle is m:
+
+    area = area at rest + sum over neighbours of l (q - m) . d / |q - p|      p, q: the two at rest
+
+What is left out is of second order, at most c times the sum of |d|^2. Each cell's c is measured when the tip
+is made, against the exact areas of random motions.
+"""
+
+# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cython
+import numpy as np
+
+from edge.cells.params import PARAMS, CellsParams
+from edge.types import Array, Index
+
+
+@cython.cclass
+class FirstOrderAreas:
+    """Areas of the n pins' cells of one tip.
+
+    rest       (n + b, 2) px, the pins and the boundary points
+    area_px2   (n,) of the cells at rest, finite
+    triangles  (t, 3), Delaunay triangles that touch a pin
+    Raises     ValueError: sizes that do not fit, no such point
+    """
+
+    _n: cython.Py_ssize_t
+    _rest: cython.double[:, ::1]
+    _x: cython.double[::1]  # (n + b,) motion
+    _y: cython.double[::1]
+    _area: cython.double[::1]
+    _start: cython.int[::1]  # (n + 1,) in the next two: neighbours of the first pin, of the second, ...
+    _neighbour: cython.int[::1]
+    _slope_x: cython.double[::1]  # of the area over a neighbour's motion, px
+    _slope_y: cython.double[::1]
+    _square_max: cython.double[::1]  # (n,) px2, of the sum of |d|^2
+    _hint: cython.Py_ssize_t  # the cell that moved too much in the frame before
+
+    def __init__(self, rest: Array, area_px2: Array, triangles: Index) -> None:
+        n = len(area_px2)
+        if rest.ndim != 2 or rest.shape[1] != 2 or len(rest) < n or not np.isfinite(area_px2).all():
+            raise ValueError(f"rest (n + b, 2) and {n} finite areas are wanted, not {rest.shape}")
+        if triangles.size and (triangles.min() < 0 or triangles.max() >= len(rest)):
+            raise ValueError(f"triangles: points of 0 to {len(rest) - 1} are wanted")
+        self._n, self._hint = n, 0
+        self._rest = np.array(rest, np.float64, order="C")
+        self._area = np.array(area_px2, np.float64)
+        pin, self._neighbour, slope = _slopes(rest, triangles, n)
+        self._start = np.searchsorted(pin, np.arange(n + 1)).astype(np.int32)
+        self._slope_x, self._slope_y = slope.T.copy()
+        self._square_max = np.full(n, np.inf)
+        self._x, self._y = np.zeros(len(rest)), np.zeros(len(rest))
+
+    def measure(
+        self, place: Callable[[Array], Array], exact: Callable[[Array], Array], params: CellsParams = PARAMS
+    ) -> None:
+        """Measure how far the cells may move.
+
+        place    from pins' places (n, 2) to all points (n + b or more, 2)
+        exact    from all points to areas (n,)
+        """
+        n = self._n
+        rest, area = np.asarray(self._rest), np.asarray(self._area)
+        pin = np.repeat(np.arange(n), np.diff(self._start))
+        random = np.random.default_rng(0)
+        curvature, areas = np.zeros(n), np.empty(n)
+        for _ in range(params.first_order_trials):
+            sigma_px = params.first_order_error**0.5 * np.sqrt(area)[:, None]
+            points = place(rest[:n] + sigma_px * random.standard_normal((n, 2)))
+            self.update(points, areas)
+            motion = points[: len(rest)] - rest
+            moved = motion[np.asarray(self._neighbour)] - motion[pin]
+            square = np.bincount(pin, (moved**2).sum(axis=1), n)
+            off = np.abs(exact(points) - areas)
+            curvature = np.maximum(curvature, off / np.maximum(square, np.finfo(np.float64).tiny))
+        limit = params.first_order_error * area
+        self._square_max = limit / np.maximum(curvature, np.finfo(np.float64).tiny)
+
+    def update(self, points: cython.const[cython.double][:, ::1], areas: cython.double[::1]) -> bool:
+        """Write the areas of one frame; False, and not all are written: a cell has moved too much.
+
+        points   (n + b or more, 2) px, finite
+        areas    (n,) px2
+        Raises   ValueError: sizes that do not fit
+        """
+        k: cython.Py_ssize_t = self._rest.shape[0]
+        if points.shape[0] < k or points.shape[1] != 2 or areas.shape[0] != self._n:
+            raise ValueError(f"points ({k} or more, 2) and areas ({self._n},) are wanted")
+        return self._update(points, areas)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _update(self, points: cython.const[cython.double][:, ::1], areas: cython.double[::1]) -> cython.bint:
+        x: cython.double[::1] = self._x
+        y: cython.double[::1] = self._y
+        i: cython.Py_ssize_t
+        for i in range(self._rest.shape[0]):
+            x[i] = points[i, 0] - self._rest[i, 0]
+            y[i] = points[i, 1] - self._rest[i, 1]
+        if not self._find_area(self._hint, areas):
+            return False
+        for i in range(self._n):
+            if not self._find_area(i, areas):
+                self._hint = i
+                return False
+        return True
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _find_area(self, i: cython.Py_ssize_t, areas: cython.double[::1]) -> cython.bint:
+        """The area of one cell; False: it has moved too much."""
+        x: cython.double[::1] = self._x
+        y: cython.double[::1] = self._y
+        k: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        dx: cython.double
+        dy: cython.double
+        area: cython.double = self._area[i]
+        square: cython.double = 0.0
+        for k in range(self._start[i], self._start[i + 1]):
+            j = self._neighbour[k]
+            dx = x[j] - x[i]
+            dy = y[j] - y[i]
+            area += self._slope_x[k] * dx + self._slope_y[k] * dy
+            square += dx * dx + dy * dy
+        areas[i] = area
+        return square <= self._square_max[i]
+
+
+def _slopes(rest: Array, triangles: Index, n: int) -> tuple[Index, Index, Array]:
+    """Pin and neighbour (k,) of each edge of a cell, in the pins' order, and the area's slope (k, 2) px."""
+    a, b, c = (rest[triangles[:, corner]] for corner in range(3))
+    u, v = b - a, c - a
+    twice_cross = 2.0 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+    u2, v2 = (u * u).sum(axis=1), (v * v).sum(axis=1)
+    centre = a + (
+        np.stack([v[:, 1] * u2 - u[:, 1] * v2, u[:, 0] * v2 - v[:, 0] * u2], axis=1) / twice_cross[:, None]
+    )
+    # Round each triangle, counter-clockwise: an edge's two triangles have it in opposite directions.
+    start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    left = {(int(p), int(q)): centre[k // 3] for k, (p, q) in enumerate(zip(start, end, strict=True))}
+    edges = sorted(edge for edge in left if edge[0] < n and edge[::-1] in left)
+    pin, neighbour = np.array(edges, np.int32).reshape(-1, 2).T.copy()
+    ends = np.array([[left[edge], left[edge[::-1]]] for edge in edges]).reshape(-1, 2, 2)
+    along = rest[neighbour] - rest[pin]
+    distance = np.hypot(along[:, 0], along[:, 1])
+    # Counter-clockwise about the pin the edge is passed from right to left of the way to the neighbour.
+    way = ends[:, 0] - ends[:, 1]
+    length = (along[:, 0] * way[:, 1] - along[:, 1] * way[:, 0]) / distance
+    slope = (rest[neighbour] - ends.mean(axis=1)) * (length / distance)[:, None]
+    return pin, neighbour, np.ascontiguousarray(slope)
