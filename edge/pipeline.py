@@ -78,7 +78,8 @@ class Pipeline:
             cells = self._tessellator.cells(moved) if self._needed & OF_CELLS else None
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
-        features = self._extractor.extract(moved, cells, self._needed)
+        calibrated = self.calibration is not None
+        features = self._extractor.extract(moved, cells, self._needed, modes_at_rest=not calibrated)
         if self.calibration is None:
             reading = uncalibrated(features)
         else:
@@ -119,7 +120,7 @@ class Pipeline:
     def _locate(self, image: Image) -> tuple[Tracks, bool]:
         predicted = self.tracker.predict()
         if predicted is not None:
-            tracks = self.tracker.follow(self._refiner.refine(image, predicted))
+            tracks = self.tracker.follow(self._refiner.read(image, predicted))
             if tracks.confidence >= Tracks.LOW_CONFIDENCE:
                 return tracks, False
         return self.tracker.identify(detect(image, self.rest.pattern)), True

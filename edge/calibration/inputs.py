@@ -26,7 +26,6 @@ FRAME_INPUTS: tuple[str, ...] = ("volume", "shear", *MODES, "p", "peak", "size",
 #: Inputs made of one contact: place on the tip's unit disc, height of the maximum, the frame's mean motion
 #: (a shear moves the maximum within the contact), and the root of the contact's area.
 CONTACT_INPUTS: tuple[str, ...] = ("p", "peak", "shear", "size")
-_NO_MODES = [math.nan] * len(MODES)
 
 
 def frame_inputs(features: Features, pattern: PinPattern) -> Complex:
@@ -34,14 +33,21 @@ def frame_inputs(features: Features, pattern: PinPattern) -> Complex:
 
     Returns  (28,) complex128, dimensionless
     """
-    r = pattern.tip_radius_px
-    volume = math.nan if features.volume_px2 is None else features.volume_px2 / (math.pi * r * r)
-    modes = _NO_MODES if features.modes_px is None else (features.modes_px / r).tolist()
-    contact: tuple[complex, float, float] = (math.nan, math.nan, math.nan)
-    if features.contacts is not None:
-        contact = _place_peak_size(features.contacts[0], pattern) if features.contacts else (0.0, 0.0, 0.0)
-    gap_place = 0.0 if features.gap_img is None else _on_disc(features.gap_img, pattern)
-    return np.array([volume, _shear(features) / r, *modes, *contact, features.gap, gap_place], np.complex128)
+    r, first = pattern.tip_radius_px, 2 + len(MODES)
+    volume, modes, contacts = features.volume_px2, features.modes_px, features.contacts
+    z = np.empty(len(FRAME_INPUTS), np.complex128)
+    z[0] = math.nan if volume is None else volume / (math.pi * r * r)
+    z[1] = _shear(features) / r
+    z[2:first] = math.nan if modes is None else modes / r
+    if contacts is None:
+        z[first] = z[first + 1] = z[first + 2] = math.nan
+    elif contacts:
+        z[first], z[first + 1], z[first + 2] = _place_peak_size(contacts[0], pattern)
+    else:
+        z[first] = z[first + 1] = z[first + 2] = 0.0
+    z[first + 3] = features.gap
+    z[first + 4] = 0.0 if features.gap_img is None else _on_disc(features.gap_img, pattern)
+    return z
 
 
 def _shear(features: Features) -> complex:

@@ -62,6 +62,8 @@ class ContactField:
     divergence = cython.declare(cython.float[::1], visibility="readonly")
     blend = cython.declare(cython.float[::1], visibility="readonly")
     plane_divergence = cython.declare(cython.float, visibility="readonly")
+    _given: cython.const[cython.double][::1]  # area change, given last
+    _given_array: object  # the same memory
     _n: cython.Py_ssize_t
     _interpolator: QuantizedOperator
     _divergences: QuantizedOperator
@@ -92,6 +94,7 @@ class ContactField:
             raise ValueError(
                 f"pins (n, 2), points (k, 2), interpolator (k, n), divergences (k, 2 n) are wanted: {shapes}"
             )
+        self._given_array = None
         self._n = n
         self._rest = np.array(rest_xy, np.float64, order="C")
         self._interpolator = QuantizedOperator(interpolator)
@@ -110,21 +113,23 @@ class ContactField:
         self._divergence_rel, self._heights_rel = params.divergence_rel, 1.0 - params.divergence_rel
         self._sum_gram()
 
-    def find(
-        self, area_change: cython.const[cython.double][::1], xy: cython.const[cython.double][:, ::1]
-    ) -> None:
+    def find(self, area_change: Array, xy: cython.const[cython.double][:, ::1]) -> None:
         """All fields of a frame.
 
         area_change  (n,) float64, relative; finite
         xy           (n, 2) float64 px, where the pins are; finite
         Raises       ValueError: sizes that do not fit
         """
-        if area_change.shape[0] != self._n or xy.shape[0] != self._n or xy.shape[1] != 2:
+        if area_change is not self._given_array:
+            self._given = self._given_array = area_change
+        if self._given.shape[0] != self._n or xy.shape[0] != self._n or xy.shape[1] != 2:
             raise ValueError(f"area_change ({self._n},) and xy ({self._n}, 2) are wanted")
         i: cython.Py_ssize_t
         p: cython.Py_ssize_t
+        given: cython.const[cython.double][::1] = self._given
+        single: cython.float[::1] = self.area_change
         for i in range(self._n):
-            self.area_change[i] = cython.cast(cython.float, area_change[i])
+            single[i] = cython.cast(cython.float, given[i])
         self._find_active()
         self._detrend(xy)
         self._interpolator.apply_rows(self.active, self.n_active)
@@ -149,17 +154,20 @@ class ContactField:
     @cython.exceptval(check=False)
     def _find_active(self) -> cython.void:
         """`active`, and zero in all fields where it was before."""
+        is_active: cython.uchar[::1] = self._is_active
+        active: cython.int[::1] = self.active
+        near: cython.int[::1] = self._near
         i: cython.Py_ssize_t
         p: cython.Py_ssize_t
+        n_active: cython.Py_ssize_t = 0
         most: cython.float = 0.0
         level: cython.float = _NOTHING
         for i in range(self.n_active):
-            p = self.active[i]
+            p = active[i]
             self.heights[p] = 0.0
             self.divergence[p] = 0.0
             self.blend[p] = 0.0
-        for p in range(self._is_active.shape[0]):
-            self._is_active[p] = False
+            is_active[p] = False
         for i in range(self._n):
             most = max(most, self.area_change[i])
         if most > 0.0:  # otherwise no area has increased, and all are taken
@@ -167,11 +175,11 @@ class ContactField:
         for i in range(self._n):
             if self.area_change[i] > level:
                 for p in range(self._near_start[i], self._near_start[i + 1]):
-                    self._is_active[self._near[p]] = True
-        self.n_active = 0
-        for p in range(self._is_active.shape[0]):
-            self.active[self.n_active] = cython.cast(cython.int, p)
-            self.n_active += 1 if self._is_active[p] else 0
+                    is_active[near[p]] = True
+        for p in range(is_active.shape[0]):
+            active[n_active] = cython.cast(cython.int, p)
+            n_active += 1 if is_active[p] else 0
+        self.n_active = n_active
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -197,32 +205,45 @@ class ContactField:
         quantize more finely.
         """
         g: cython.double[:, ::1] = self._g
+        rest: cython.double[:, ::1] = self._rest
+        detrended: cython.float[::1] = self.detrended
         i: cython.Py_ssize_t
         x: cython.double
         y: cython.double
         dx: cython.double
         dy: cython.double
+        # Sums, then coefficients, in x and y.
+        x0: cython.double = 0.0
+        xx: cython.double = 0.0
+        xy_: cython.double = 0.0
+        y0: cython.double = 0.0
+        yx: cython.double = 0.0
+        yy: cython.double = 0.0
+        for i in range(self._n):
+            x = rest[i, 0] - rest[0, 0]
+            y = rest[i, 1] - rest[0, 1]
+            dx = xy[i, 0] - rest[i, 0]
+            dy = xy[i, 1] - rest[i, 1]
+            x0 += dx
+            xx += x * dx
+            xy_ += y * dx
+            y0 += dy
+            yx += x * dy
+            yy += y * dy
         g[:, :] = self._gram
-        for i in range(self._n):
-            x = self._rest[i, 0] - self._rest[0, 0]
-            y = self._rest[i, 1] - self._rest[0, 1]
-            dx = xy[i, 0] - self._rest[i, 0]
-            dy = xy[i, 1] - self._rest[i, 1]
-            g[0, 3] += dx
-            g[1, 3] += x * dx
-            g[2, 3] += y * dx
-            g[0, 4] += dy
-            g[1, 4] += x * dy
-            g[2, 4] += y * dy
+        g[0, 3], g[1, 3], g[2, 3] = x0, xx, xy_
+        g[0, 4], g[1, 4], g[2, 4] = y0, yx, yy
         solve_plane(g)
+        x0, xx, xy_ = g[0, 3], g[1, 3], g[2, 3]
+        y0, yx, yy = g[0, 4], g[1, 4], g[2, 4]
         for i in range(self._n):
-            x = self._rest[i, 0] - self._rest[0, 0]
-            y = self._rest[i, 1] - self._rest[0, 1]
-            dx = xy[i, 0] - self._rest[i, 0]
-            dy = xy[i, 1] - self._rest[i, 1]
-            self.detrended[2 * i] = dx - g[0, 3] - g[1, 3] * x - g[2, 3] * y
-            self.detrended[2 * i + 1] = dy - g[0, 4] - g[1, 4] * x - g[2, 4] * y
-        self.plane_divergence = g[1, 3] + g[2, 4]
+            x = rest[i, 0] - rest[0, 0]
+            y = rest[i, 1] - rest[0, 1]
+            dx = xy[i, 0] - rest[i, 0]
+            dy = xy[i, 1] - rest[i, 1]
+            detrended[2 * i] = dx - x0 - xx * x - xy_ * y
+            detrended[2 * i + 1] = dy - y0 - yx * x - yy * y
+        self.plane_divergence = xx + yy
 
 
 def _points_near(pins: Array, points: Array, radius: float) -> tuple[Index, Index]:

@@ -20,8 +20,8 @@ from edge.features.peaks import PeakFinder
 from edge.features.pin_noise import PinNoise
 from edge.features.regions import CONTACTS_MAX, Regions
 from edge.features.split import SplitTest
-from edge.features.surface import Heights, Surface
-from edge.types import Array, ContactRegion, Mask
+from edge.features.surface import Surface
+from edge.types import Array, ContactRegion, Heights, Mask
 
 __all__ = ["ContactFinder", "maxima"]
 

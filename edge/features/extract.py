@@ -7,8 +7,8 @@
 Rules
 - The demand is data: `NEEDS` maps each feature to the quantities it depends on; a quantity that is not needed
   is None in the result. Only motion, area change and the detector's bit are always computed.
-- No contact: no surface, no peaks. Volume, torsion and slip are zero, contacts none; shear and modes are
-  computed all the same (a calibration decides what an untouched tip reads).
+- No contact: no surface, no peaks. Volume, torsion and slip are zero, contacts none; shear is computed all
+  the same, and so are modes, unless the caller knows what an untouched tip reads, as a calibration does.
 - Without cells everything that depends on areas stays None, area change all NaN.
 - State: the detector's bit and learnt noise, and the last frames' motion for slip. Nothing else depends on
   the frame before.
@@ -154,11 +154,19 @@ class FeatureExtractor:
         if Feature.CONTACTS in demand:
             self.finder.prepare()
 
-    def extract(self, tracks: Tracks, cells: Cells | None, demand: frozenset[Feature]) -> Features:
+    def extract(
+        self,
+        tracks: Tracks,
+        cells: Cells | None,
+        demand: frozenset[Feature],
+        *,
+        modes_at_rest: bool = True,
+    ) -> Features:
         """The features of one frame.
 
-        cells    of the same frame; None when nobody asked for what needs areas
-        Returns  Features; fields outside of the demand are None
+        cells          of the same frame; None when nobody asked for what needs areas
+        modes_at_rest  False: modes are not wanted of an untouched tip
+        Returns        Features; fields outside of the demand are None
         """
         if demand is not self._plan.demand:
             self._plan = _Plan(demand)
@@ -171,12 +179,12 @@ class FeatureExtractor:
         }
         if plan.shear:
             given["shear_px"] = np.array(motion.mean_px)
-        if plan.modes:
-            given["modes_px"] = self._modes.fit(motion.whole_px, motion.known)
         if cells is None:
             in_contact = self._detector.by_motion(np.ascontiguousarray(tracks.xy_img), motion.sigma_px)
         else:
             in_contact = self._detector.by_area(whole_change, cells.xy_img, motion.sigma_px)
+        if plan.modes and (in_contact or modes_at_rest):
+            given["modes_px"] = self._modes.fit(motion.whole_px, motion.known)
         if in_contact:
             if cells is not None and plan.areas:
                 self._add_areas(given, whole_change, cells.xy_img, tracks.seen, motion.sigma_px)

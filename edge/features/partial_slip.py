@@ -118,7 +118,7 @@ class PartialSlip:
 
 def _mean(px: Array) -> complex:
     """Mean motion of the pins that are seen, x + i y; NaN: none is."""
-    x, y = px.mean(axis=0).tolist()
+    x, y = (np.add.reduce(px) / len(px)).tolist()
     if math.isnan(x):
         known = px[~np.isnan(px[:, 0])]
         x, y = known.mean(axis=0).tolist() if len(known) else (math.nan, math.nan)

@@ -18,7 +18,7 @@ import cython
 import numpy as np
 
 from edge.features.params import PARAMS
-from edge.types import Mask
+from edge.types import Heights, Mask
 
 #: The size of the tables of peaks.
 PEAKS_MAX = PARAMS.peaks_max
@@ -56,6 +56,10 @@ class PeakFinder:
     at = cython.declare(cython.int[::1], visibility="readonly")
     point = cython.declare(cython.int[::1], visibility="readonly")
     height = cython.declare(cython.float[::1], visibility="readonly")
+    _field: cython.const[cython.float][::1]  # given last
+    _field_array: object  # the same memory
+    _noise: cython.const[cython.float][::1]
+    _noise_array: object
     _around: cython.int[::1]  # (8,) from a place to its neighbours
     _stack: cython.int[::1]
 
@@ -67,42 +71,51 @@ class PeakFinder:
         self.mark, self._stack = np.zeros(padded.size, np.int32), np.empty(padded.size, np.int32)
         self.at, self.point = np.zeros(PEAKS_MAX, np.int32), np.zeros(PEAKS_MAX, np.int32)
         self.height = np.zeros(PEAKS_MAX, np.float32)
+        self._field_array = self._noise_array = None
         self.n_peaks = 0
         w = self.width
         self._around = np.array([-w - 1, -w, -w + 1, -1, 1, w - 1, w, w + 1], np.int32)
 
-    def set_field(self, field: cython.const[cython.float][::1]) -> None:
-        """The field at the k points, row by row. Raises ValueError: another number of points."""
+    def set_field(self, field: Heights) -> None:
+        """The field (k,) float32 at the points, row by row. Raises ValueError: another number of points."""
         p: cython.Py_ssize_t
-        if field.shape[0] != self.place.shape[0]:
+        if field is not self._field_array:
+            self._field = self._field_array = field
+        if self._field.shape[0] != self.place.shape[0]:
             raise ValueError(f"field ({self.place.shape[0]},) is wanted")
-        for p in range(self.place.shape[0]):
-            self.grid[self.place[p]] = field[p]
+        values: cython.const[cython.float][::1] = self._field
+        place: cython.int[::1] = self.place
+        grid: cython.float[::1] = self.grid
+        for p in range(place.shape[0]):
+            grid[place[p]] = values[p]
 
     def mark_maxima(self) -> Mask:
         """(k,) bool, which points are regional maxima."""
         self.mark[:] = _UNKNOWN
         return np.array([self._is_maximum(place) for place in self.place], np.bool_)
 
-    def find(
-        self, noise: cython.const[cython.float][::1], noise_factor: cython.float, least: cython.float
-    ) -> cython.Py_ssize_t:
+    def find(self, noise: Heights, noise_factor: cython.float, least: cython.float) -> cython.Py_ssize_t:
         """Find the peaks above noise_factor times the noise at the point, and above `least`.
 
         noise    (k,) float32
         Returns  number of peaks, PEAKS_MAX at most
         Raises   ValueError: another number of points
         """
-        if noise.shape[0] != self.place.shape[0]:
+        if noise is not self._noise_array:
+            self._noise = self._noise_array = noise
+        if self._noise.shape[0] != self.place.shape[0]:
             raise ValueError(f"noise ({self.place.shape[0]},) is wanted")
         p: cython.Py_ssize_t
         h: cython.float
+        noises: cython.const[cython.float][::1] = self._noise
+        place: cython.int[::1] = self.place
+        grid: cython.float[::1] = self.grid
         self.mark[:] = _UNKNOWN
         self.n_peaks = 0
-        for p in range(self.place.shape[0]):
-            h = self.grid[self.place[p]]
+        for p in range(place.shape[0]):
+            h = grid[place[p]]
             # The height first: most points lie below the noise, and their neighbours need not be read.
-            if h > max(noise[p] * noise_factor, least) and self._is_maximum(self.place[p]):
+            if h > least and h > noises[p] * noise_factor and self._is_maximum(place[p]):
                 self._insert(p, h)
         return self.n_peaks
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from edge.features.params import PARAMS, FeatureParams
 from edge.features.peaks import PEAKS_MAX, PeakFinder
-from edge.types import Array
+from edge.types import Array, Heights
 
 if cython.compiled:
     from cython.cimports.libc.math import atan2, hypot, isfinite, sqrt
@@ -65,6 +65,8 @@ class Regions:
     _n_points: cython.Py_ssize_t[::1]  # of each region
     _level: cython.float[::1]  # a region's edge
     _sums: cython.double[:, ::1]  # of each region: weight, first and second moments
+    _noise: cython.const[cython.float][::1]  # given last
+    _noise_array: object  # the same memory
     _n_peaks: cython.Py_ssize_t
     _at: cython.int[::1]  # of each peak: its place in the padded grid
     _height: cython.float[::1]
@@ -87,6 +89,7 @@ class Regions:
         self, peaks: PeakFinder, x0: float, y0: float, step_px: float, params: FeatureParams = PARAMS
     ) -> None:
         table = PEAKS_MAX + CONTACTS_MAX  # the split test may turn one contact into two
+        self._noise_array = None
         self.n_contacts, self._n_peaks = 0, 0
         self.middle = np.zeros((CONTACTS_MAX, 2))
         self.semi_axis, self.elongation = np.zeros(CONTACTS_MAX), np.zeros(CONTACTS_MAX)
@@ -105,7 +108,7 @@ class Regions:
         self._min_prominence_rel = params.min_prominence_rel
         self._min_prominence_sigma = params.min_prominence_sigma
 
-    def merge(self, noise: cython.const[cython.float][::1], noise_px: cython.double) -> cython.Py_ssize_t:
+    def merge(self, noise: Heights, noise_px: cython.double) -> cython.Py_ssize_t:
         """Group the peaks into contacts by prominence, and measure their regions.
 
         noise     (k,) float32, noise of the field at each point per px of a pin's
@@ -113,11 +116,14 @@ class Regions:
         Returns   number of contacts
         Raises    ValueError: another number of points
         """
-        if noise.shape[0] != self._place.shape[0]:
+        if noise is not self._noise_array:
+            self._noise = self._noise_array = noise
+        if self._noise.shape[0] != self._place.shape[0]:
             raise ValueError(f"noise ({self._place.shape[0]},) is wanted")
         j: cython.Py_ssize_t
         first: cython.Py_ssize_t
         depth: cython.float
+        valley: cython.float
         pins: cython.float = self._min_prominence_sigma * noise_px
         self._n_peaks = self._peaks.n_peaks
         self.n_contacts = 0
@@ -126,7 +132,8 @@ class Regions:
             self._height[j] = self._found_height[j]
             first = j
             if j > 0:
-                depth = max(self._min_prominence_rel * self._height[j], pins * noise[self._found_point[j]])
+                valley = pins * self._noise[self._found_point[j]]
+                depth = max(self._min_prominence_rel * self._height[j], valley)
                 first = self._peaks.first_connected(j, self._height[j] - depth)
             if first < j:
                 self._contact[j] = self._contact[first]

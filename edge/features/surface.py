@@ -24,11 +24,9 @@ from edge.features.contact_field import ContactField
 from edge.features.params import PARAMS, FeatureParams
 from edge.geometry.motion_field import SHARP, divergence_operator
 from edge.geometry.thin_plate import thin_plate_operators
-from edge.types import Array, Mask, Rest
+from edge.types import Array, Heights, Mask, Rest
 
-__all__ = ["Heights", "Surface"]
-
-Heights = NDArray[np.float32]
+__all__ = ["Surface"]
 
 
 class Surface:

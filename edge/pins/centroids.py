@@ -61,10 +61,21 @@ ANSWER = np.dtype([(name, np.float64) for name in ("x", "y", "sigma", "amplitude
 @cython.final
 @cython.cclass
 class CentroidKernel:
-    """Centroids of the n pins of one tip."""
+    """Centroids of the n pins of one tip. All arrays are good until the next image.
 
+    xy, sigma       (n, 2) and (n,) px; NaN where a pin is lost
+    amplitude, fit  (n,) levels, and the share of the window's variation that the disc explained
+    """
+
+    xy = cython.declare(object, visibility="readonly")
+    sigma = cython.declare(object, visibility="readonly")
+    amplitude = cython.declare(object, visibility="readonly")
+    fit = cython.declare(object, visibility="readonly")
     n: cython.Py_ssize_t
-    _answers: Array
+    _xy: cython.double[:, ::1]  # the same memory
+    _sigma: cython.double[::1]
+    _amplitude: cython.double[::1]
+    _fit: cython.double[::1]
     _reach2: cython.double
     _noise2: cython.double
     _steps_max: cython.int
@@ -90,6 +101,7 @@ class CentroidKernel:
     _templates: cython.short[::1]
     _norms: Norm[:, ::1]
     _predicted: cython.double[:, ::1]
+    _predicted_array: object  # the same memory
     _out: Answer[::1]  # the answers, by name
     _filter: CentroidFilter
     _pixels: cython.uchar[::1]
@@ -146,18 +158,22 @@ class CentroidKernel:
         self._filter = CentroidFilter(
             rest_amplitude, limits["fit_min"], limits["amplitude_share_min"], limits["clash_px"]
         )
-        self._answers = np.empty((self.n, len(ANSWER.names or ())))
-        self._out = self._answers.view(ANSWER)[:, 0].view(np.recarray)
+        self.xy = self._xy = np.full((self.n, 2), np.nan)
+        self.sigma = self._sigma = np.full(self.n, np.nan)
+        self.amplitude = self._amplitude = np.full(self.n, np.nan)
+        self.fit = self._fit = np.full(self.n, np.nan)
+        self._out = np.zeros(self.n, ANSWER).view(np.recarray)
         plane_max = int(np.max(templates.plane))
         self._pixels = np.zeros(plane_max + max(row_bytes), np.uint8)
         self._window = np.zeros(plane_max, np.int16)
         self._sums = np.empty(7)
+        self._predicted_array = None
         self._normal = np.empty((4, 5))
         self._inverse = np.empty((4, 4))
         self._basis = np.empty(4)
 
-    def read(self, image: Image, predicted: Array) -> Array:
-        """(n, 5) x, y, sigma, amplitude, fit, good until the next image; NaN in x, y, sigma of a lost pin.
+    def read(self, image: Image, predicted: Array) -> None:
+        """Find the pins of one image.
 
         image      (h, w) uint8 or uint16
         predicted  (n, 2) float64, px
@@ -174,12 +190,25 @@ class CentroidKernel:
         self._rows, self._columns = image.shape
         if self._rows < 1 or self._columns < 1:
             raise ValueError("an image without pixels")
-        self._predicted = predicted
+        if predicted is not self._predicted_array:  # to take an array costs 2,000 instructions
+            self._predicted = self._predicted_array = predicted
         if self._predicted.shape[0] != self.n or self._predicted.shape[1] != 2:
             raise ValueError(f"predictions of {self.n} pins are wanted, not of {self._predicted.shape[0]}")
         self._read()
         self._filter.reject(self._out, self._predicted)
-        return self._answers
+        self._give()
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _give(self) -> cython.void:
+        xy: cython.double[:, ::1] = self._xy
+        i: cython.Py_ssize_t
+        for i in range(self.n):
+            xy[i, 0] = self._out[i].x
+            xy[i, 1] = self._out[i].y
+            self._sigma[i] = self._out[i].sigma
+            self._amplitude[i] = self._out[i].amplitude
+            self._fit[i] = self._out[i].fit
 
     @cython.cfunc
     @cython.exceptval(check=False)

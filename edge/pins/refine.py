@@ -25,8 +25,6 @@ class CentroidRefiner:
         kinds, kind_of = np.unique(
             np.rint(np.log(radius) / np.log(params.radius_kind_step)), return_inverse=True
         )
-        self._radius = radius
-        self._fit: Array = np.full(len(rest), np.nan)
         self._kernel = CentroidKernel(
             templates_of(tuple(params.radius_kind_step**kinds), pattern.edge_px, pattern.pitch_px),
             kind_of.astype(np.int32),
@@ -46,6 +44,8 @@ class CentroidRefiner:
             },
             pattern.dark,
         )
+        kernel = self._kernel
+        self._pins = Pins(kernel.xy, kernel.sigma, radius, kernel.amplitude)  # the kernel's memory
 
     def refine(self, image: Image, xy_img_predicted: Array) -> Pins:
         """Centroid of each pin near its prediction; row i is pin i, NaN where there is none.
@@ -54,15 +54,20 @@ class CentroidRefiner:
         xy_img_predicted  (n, 2) float64, px; within half a pitch of the truth; NaN gives NaN
         Raises            ValueError: another image or another number of predictions
         """
+        pins = self.read(image, xy_img_predicted)
+        return Pins(pins.xy_img.copy(), pins.sigma_px.copy(), pins.radius_px, pins.brightness.copy())
+
+    def read(self, image: Image, xy_img_predicted: Array) -> Pins:
+        """As `refine`, but the arrays are good until the next image: for a frame's hot path."""
         predicted = xy_img_predicted if self._lens is None else seen(self._lens, xy_img_predicted)
-        answer = self._kernel.read(image, np.ascontiguousarray(predicted, np.float64))
-        self._fit = answer[:, 4]
-        xy, sigma = answer[:, :2].copy(), answer[:, 2].copy()
-        if self._lens is not None:
-            xy, sigma = corrected(self._lens, xy), sigma * self._magnification
-        return Pins(xy, sigma, self._radius, answer[:, 3].copy())
+        self._kernel.read(image, np.ascontiguousarray(predicted, np.float64))
+        pins = self._pins
+        if self._lens is None:
+            return pins
+        xy, sigma = corrected(self._lens, pins.xy_img), pins.sigma_px * self._magnification
+        return Pins(xy, sigma, pins.radius_px, pins.brightness)
 
     @property
     def fit(self) -> Array:
         """(n,) share of the window's variation that the disc explained in the last image."""
-        return self._fit.copy()
+        return self._kernel.fit.copy()

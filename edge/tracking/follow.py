@@ -67,10 +67,17 @@ class Follower:
     velocity: cython.double[:, ::1]
     last_residual: cython.double[:, ::1]
     last_seen: cython.uchar[::1]
+    # given last; the arrays beside them are the same memory
+    found: cython.const[cython.double][:, ::1]
+    sigma: cython.const[cython.double][::1]
+    brightness: cython.const[cython.double][::1]
+    given: tuple[Array, Array, Array] | None
     # of the frame in hand
     now: cython.double[:, ::1]
     residual: cython.double[:, ::1]
     seen: cython.uchar[::1]
+    expected: cython.double[:, ::1]  # places, of `predict`
+    expected_array: Array  # the same memory
     predicted: cython.double[:, ::1]  # motion since rest, by the neighbours
     motion: cython.double[:, ::1]
     limit: cython.double[::1]
@@ -98,10 +105,12 @@ class Follower:
         self.distance2_min = np.array(lattice.distance_min_px, np.float64) ** 2
         self.last, self.velocity, self.last_residual = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2))
         self.now, self.residual = np.empty((n, 2)), np.empty((n, 2))
+        self.expected_array = self.expected = np.empty((n, 2))
         self.predicted, self.motion = np.empty((n, 2)), np.empty((n, 2))
         self.last_seen, self.seen = np.empty(n, np.uint8), np.empty(n, np.uint8)
         self.before = np.empty(n, np.uint8)
         self.limit, self.some = np.empty(n), np.empty(n)
+        self.given = None
         self.reset()
 
     def reset(self) -> None:
@@ -116,21 +125,15 @@ class Follower:
         return np.array(self.last)
 
     def predict(self) -> Array:
-        """(n, 2) px, where each pin is expected in the next frame."""
-        xy = np.empty((self.n, 2))
-        out: cython.double[:, ::1] = xy
+        """(n, 2) px, where each pin is expected in the next frame; good until the next call."""
+        out: cython.double[:, ::1] = self.expected
         i: cython.Py_ssize_t
         for i in range(self.n):
             out[i, 0] = self.last[i, 0] + self.velocity[i, 0]
             out[i, 1] = self.last[i, 1] + self.velocity[i, 1]
-        return xy
+        return self.expected_array
 
-    def follow(
-        self,
-        found: cython.const[cython.double][:, ::1],
-        sigma: cython.const[cython.double][::1],
-        brightness: cython.const[cython.double][::1],
-    ) -> tuple[Array, Array, Mask, int, float]:
+    def follow(self, found: Array, sigma: Array, brightness: Array) -> tuple[Array, Array, Mask, int, float]:
         """Evaluate one frame; `accept` makes it the last one.
 
         found, sigma  (n, 2) and (n,) float64, px; row i is pin i, NaN where nothing was found
@@ -140,7 +143,16 @@ class Follower:
         Raises        ValueError: sizes that do not fit
         """
         n: cython.Py_ssize_t = self.n
-        if found.shape[0] != n or found.shape[1] != 2 or sigma.shape[0] != n or brightness.shape[0] != n:
+        given = self.given
+        if given is None or given[0] is not found or given[1] is not sigma or given[2] is not brightness:
+            self.found, self.sigma, self.brightness = found, sigma, brightness
+            self.given = found, sigma, brightness
+        if (
+            self.found.shape[0] != n
+            or self.found.shape[1] != 2
+            or self.sigma.shape[0] != n
+            or self.brightness.shape[0] != n
+        ):
             raise ValueError(f"found ({n}, 2), sigma ({n},) and brightness ({n},) are wanted")
         xy, sigma_out, seen = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
         xys: cython.double[:, ::1] = xy
@@ -149,11 +161,11 @@ class Follower:
         seen_n: cython.Py_ssize_t
         innovation: cython.double
         with cython.nogil:
-            self._find_residuals(found)
-            self._keep_apart(found)
-            self._filter(found, sigma, brightness)
-            self._place(found)
-            seen_n = self._give(found, sigma, xys, sigmas, is_seen)
+            self._find_residuals(self.found)
+            self._keep_apart(self.found)
+            self._filter(self.found, self.sigma, self.brightness)
+            self._place(self.found)
+            seen_n = self._give(self.found, self.sigma, xys, sigmas, is_seen)
             innovation = self._median_innovation(self.now)
         return xy, sigma_out, seen, seen_n, innovation
 
