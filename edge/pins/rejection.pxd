@@ -9,8 +9,8 @@ cdef struct Answer:
 
 cdef class CentroidFilter:
     cdef Py_ssize_t n
-    cdef double fit_min, amplitude_share_min, clash_px
-    cdef double[::1] rest_amplitude, ratio, x, y
+    cdef double fit_min, amplitude_share_min, clash_slanted
+    cdef double[::1] rest_amplitude, ratio, along, x, y
     cdef int[::1] order
 
     cdef void reject(self, Answer[::1] found, const double[:, ::1] predicted) noexcept nogil

@@ -31,6 +31,10 @@ else:
         x=cython.double, y=cython.double, sigma=cython.double, amplitude=cython.double, fit=cython.double
     )
 
+#: Pins are compared in their order along (1, slant), turned and scaled: along x, whole columns of a lattice
+#: would come together.
+_SLANT = cython.declare(cython.double, 0.3)
+
 
 @cython.cclass
 class CentroidFilter:
@@ -49,10 +53,11 @@ class CentroidFilter:
         self.n = self.rest_amplitude.shape[0]
         self.fit_min = fit_min
         self.amplitude_share_min = amplitude_share_min
-        self.clash_px = clash_px
+        self.clash_slanted = clash_px * (1.0 + _SLANT * _SLANT) ** 0.5
         self.ratio = np.empty(self.n)
         self.order = np.arange(self.n, dtype=np.int32)
-        self.x, self.y = np.empty(self.n), np.empty(self.n)  # of the pins in that order
+        self.along = np.empty(self.n)
+        self.x, self.y = np.empty(self.n), np.empty(self.n)  # slanted, of the pins in that order
 
     def reject(self, found: Answer[::1], predicted: cython.const[cython.double][:, ::1]) -> cython.void:
         """NaN in x, y, sigma of the pins that do not count.
@@ -75,25 +80,23 @@ class CentroidFilter:
         self._reject_clashes(found, predicted)
 
     def _sort(self, found: Answer[::1]) -> cython.void:
-        """`order` by x, lost pins last. It is kept from image to image, so it is nearly sorted already."""
+        """`order` by `along`, lost pins last. It is kept from image to image, so it is nearly sorted
+        already.
+        """
+        along: cython.double[::1] = self.along
+        order: cython.int[::1] = self.order
         i: cython.Py_ssize_t
         j: cython.Py_ssize_t
         who: cython.int
-        key: cython.double
-        before: cython.double
+        for i in range(self.n):
+            along[i] = HUGE_VAL if isnan(found[i].x) else found[i].x + _SLANT * found[i].y
         for i in range(1, self.n):
-            who = self.order[i]
-            key = found[who].x
-            if isnan(key):
-                key = HUGE_VAL
+            who = order[i]
             j = i
-            while j > 0:
-                before = found[self.order[j - 1]].x
-                if not (before > key or (isnan(before) and key < HUGE_VAL)):
-                    break
-                self.order[j] = self.order[j - 1]
+            while j > 0 and along[order[j - 1]] > along[who]:
+                order[j] = order[j - 1]
                 j -= 1
-            self.order[j] = who
+            order[j] = who
 
     def _reject_clashes(
         self, found: Answer[::1], predicted: cython.const[cython.double][:, ::1]
@@ -106,18 +109,18 @@ class CentroidFilter:
         m: cython.Py_ssize_t = 0  # of the pins that are not lost, which come first in order
         dx: cython.double
         dy: cython.double
-        clash2: cython.double = self.clash_px * self.clash_px
-        while m < self.n and not isnan(found[self.order[m]].x):
-            x[m] = found[self.order[m]].x
-            y[m] = found[self.order[m]].y
+        clash: cython.double = self.clash_slanted
+        while m < self.n and self.along[self.order[m]] < HUGE_VAL:
+            x[m] = self.along[self.order[m]]
+            y[m] = found[self.order[m]].y - _SLANT * found[self.order[m]].x
             m += 1
         for i in range(m):
             for j in range(i + 1, m):
                 dx = x[j] - x[i]
-                if dx > self.clash_px:
+                if dx > clash:
                     break
                 dy = y[j] - y[i]  # NaN where one is lost by now
-                if dx * dx + dy * dy <= clash2:
+                if dx * dx + dy * dy <= clash * clash:
                     self._reject_one(found, predicted, i, j)
 
     def _reject_one(
