@@ -12,7 +12,7 @@ Rules
 - The number of contacts has no unit: it is sent without a calibration too.
 - Every value has a standard deviation: the residual of the fit on held-out frames, widened where a frame
   lies far from the data (leverage), as in Bayesian linear regression; that of a process is each frame's own.
-- Only the processes in demand are evaluated. They may need more of a frame than the demand itself
+- Only the models in demand are evaluated. Processes may need more of a frame than the demand itself
   does (`Calibration.needed`).
 """
 
@@ -75,7 +75,7 @@ class _Models:
     """
 
     def __init__(self, models: Sequence[Model], inputs: Sequence[str]) -> None:
-        others = [model for model in models if not isinstance(model, Process)]
+        self._others = others = [model for model in models if not isinstance(model, Process)]
         self.processes = [model for model in models if isinstance(model, Process)]
         ordered = [*others, *self.processes]
         self.outputs = tuple(name for model in ordered for name in outputs_of(model))
@@ -88,8 +88,13 @@ class _Models:
         self._wanted = wanted_models(self.processes, None)
 
     def want(self, outputs: frozenset[str] | None) -> None:
-        """Select the processes to evaluate from now on: those of these outputs; None: all."""
+        """Select the models to evaluate from now on: those of these outputs; None: all."""
         self._wanted = wanted_models(self.processes, outputs)
+        self._kernel.want(
+            np.array(
+                [outputs is None or not outputs.isdisjoint(outputs_of(m)) for m in self._others], np.bool_
+            )
+        )
 
     def run(self, z: Complex) -> Array:
         """Value, sigma, and 1 where out of range, else 0.

@@ -23,11 +23,13 @@ from numpy.typing import NDArray
 
 from edge.calibration.file import Curve, Polynomial
 from edge.calibration.inputs import term_columns
+from edge.types import Mask
 
 if cython.compiled:
-    from cython.cimports.libc.math import isnan, sqrt
+    from cython.cimports.libc.math import NAN, isnan, sqrt
 else:
     from math import isnan, sqrt
+    from math import nan as NAN  # noqa: N812
 
 #: Of each output: value, sigma, whether the model is out of its range (0 or 1).
 FIELDS = cython.declare(cython.Py_ssize_t, 3)
@@ -47,6 +49,7 @@ class ModelKernel:
     n_inputs: cython.Py_ssize_t
     n_outputs: cython.Py_ssize_t
     _n_models: cython.Py_ssize_t
+    _wanted: cython.uchar[::1]  # of each model
     # Of each model: where its part of the arrays below begins. Row n_models marks the end.
     _first_output: cython.Py_ssize_t[::1]
     _first_knot: cython.Py_ssize_t[::1]  # a model without knots is a polynomial
@@ -66,6 +69,7 @@ class ModelKernel:
 
     def __init__(self, inputs: Sequence[str], models: Sequence[Curve | Polynomial]) -> None:
         self.n_inputs, self._n_models = len(inputs), len(models)
+        self._wanted = np.ones(len(models), np.uint8)
         outputs: list[tuple[float, float, float]] = []
         first: list[tuple[int, int, int, int]] = [(0, 0, 0, 0)]
         curve_inputs: list[int] = []
@@ -98,6 +102,15 @@ class ModelKernel:
         self._row = np.zeros((2 * len(inputs), 2))
         self._terms = np.zeros((np.diff(begins[2]).max(initial=1), 2))
 
+    def want(self, wanted: Mask) -> None:
+        """Evaluate from now on the models of which this is true, (models,) bool; those of others become NaN.
+
+        Raises   ValueError: another number of models
+        """
+        if wanted.shape != (self._n_models,):
+            raise ValueError(f"want: a flag for each of {self._n_models} models is wanted")
+        self._wanted = wanted.astype(np.uint8)
+
     def run(self, z: cython.const[cython.double][:, ::1], out: cython.double[:, :, ::1]) -> None:
         """Write value, sigma, and whether out of range, of every output.
 
@@ -118,10 +131,21 @@ class ModelKernel:
                 self._row[i, 1] = z[r, 2 * i + 1]
                 self._row[n + i, 1] = -z[r, 2 * i + 1]
             for i in range(self._n_models):
-                if self._first_knot[i] < self._first_knot[i + 1]:
+                if not self._wanted[i]:
+                    self._leave_out(i, out[r])
+                elif self._first_knot[i] < self._first_knot[i + 1]:
                     self._run_curve(i, out[r])
                 else:
                     self._run_polynomial(i, out[r])
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _leave_out(self, m: cython.Py_ssize_t, out: cython.double[:, ::1]) -> cython.void:
+        output: cython.Py_ssize_t
+        for output in range(self._first_output[m], self._first_output[m + 1]):
+            out[output, 0] = NAN
+            out[output, 1] = NAN
+            out[output, 2] = 0.0
 
     @cython.cfunc
     @cython.exceptval(check=False)

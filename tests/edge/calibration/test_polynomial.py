@@ -64,6 +64,22 @@ def test_all_models_in_one_call_agree_with_numpy(outputs: int, spread_rows: int)
         assert 0 < np.count_nonzero(out[:, 1 + i, 2]) < 200
 
 
+def test_models_that_are_not_wanted_are_nan_and_change_nothing() -> None:
+    z = np.array([[0.1 + 0.2j, -0.3j, 0.2 + 0.1j]])
+    kernel = ModelKernel(INPUTS, (CURVE, polynomial(2, 4)))
+    whole, part = np.empty((1, 3, 3)), np.empty((1, 3, 3))
+    kernel.run(z.view(np.float64), whole)
+    for wanted in ([True, False], [False, True], [False, False], [True, True]):
+        kernel.want(np.array(wanted))
+        kernel.run(z.view(np.float64), part)
+        is_there = np.repeat(wanted, [1, 2])
+        np.testing.assert_array_equal(part[0, is_there], whole[0, is_there])
+        assert np.isnan(part[0, ~is_there, :2]).all()
+        assert (part[0, ~is_there, 2] == 0.0).all()
+    with pytest.raises(ValueError, match="each of 2 models"):
+        kernel.want(np.array([True]))
+
+
 def test_no_models_no_outputs() -> None:
     ModelKernel(INPUTS, ()).run(np.zeros((2, 6)), np.empty((2, 0, 3)))
 
