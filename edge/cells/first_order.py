@@ -44,7 +44,7 @@ class FirstOrderAreas:
     _slope_x: cython.double[::1]  # of the area over a neighbour's motion, px
     _slope_y: cython.double[::1]
     _square_max: cython.double[::1]  # (n,) px2, of the sum of |d|^2
-    _hint: cython.Py_ssize_t  # the cell that moved too much in the frame before
+    _moved: cython.Py_ssize_t  # the cell that was last found to have moved too much
 
     def __init__(self, rest: Array, area_px2: Array, triangles: Index) -> None:
         n = len(area_px2)
@@ -52,7 +52,7 @@ class FirstOrderAreas:
             raise ValueError(f"rest (n + b, 2) and {n} finite areas are wanted, not {rest.shape}")
         if triangles.size and (triangles.min() < 0 or triangles.max() >= len(rest)):
             raise ValueError(f"triangles: points of 0 to {len(rest) - 1} are wanted")
-        self._n, self._hint = n, 0
+        self._n, self._moved = n, 0
         self._rest = np.array(rest, np.float64, order="C")
         self._area = np.array(area_px2, np.float64)
         pin, self._neighbour, slope = _slopes(rest, triangles, n)
@@ -104,34 +104,48 @@ class FirstOrderAreas:
         x: cython.double[::1] = self._x
         y: cython.double[::1] = self._y
         i: cython.Py_ssize_t
-        for i in range(self._rest.shape[0]):
+        k: cython.Py_ssize_t
+        # Within a touch this cell alone is looked at in most frames.
+        i = self._moved
+        self._take(points, i)
+        for k in range(self._start[i], self._start[i + 1]):
+            self._take(points, self._neighbour[k])
+        if not self._find_area(i, areas):
+            return False
+        for i in range(x.shape[0]):
             x[i] = points[i, 0] - self._rest[i, 0]
             y[i] = points[i, 1] - self._rest[i, 1]
-        if not self._find_area(self._hint, areas):
-            return False
         for i in range(self._n):
             if not self._find_area(i, areas):
-                self._hint = i
+                self._moved = i
                 return False
         return True
 
     @cython.cfunc
     @cython.inline
     @cython.exceptval(check=False)
+    def _take(self, points: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t) -> cython.void:
+        """The motion of one point."""
+        self._x[i] = points[i, 0] - self._rest[i, 0]
+        self._y[i] = points[i, 1] - self._rest[i, 1]
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
     def _find_area(self, i: cython.Py_ssize_t, areas: cython.double[::1]) -> cython.bint:
         """The area of one cell; False: it has moved too much."""
-        x: cython.double[::1] = self._x
-        y: cython.double[::1] = self._y
         k: cython.Py_ssize_t
         j: cython.Py_ssize_t
         dx: cython.double
         dy: cython.double
+        x: cython.double = self._x[i]
+        y: cython.double = self._y[i]
         area: cython.double = self._area[i]
         square: cython.double = 0.0
         for k in range(self._start[i], self._start[i + 1]):
             j = self._neighbour[k]
-            dx = x[j] - x[i]
-            dy = y[j] - y[i]
+            dx = self._x[j] - x
+            dy = self._y[j] - y
             area += self._slope_x[k] * dx + self._slope_y[k] * dy
             square += dx * dx + dy * dy
         areas[i] = area

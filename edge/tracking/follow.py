@@ -58,7 +58,7 @@ class Follower:
     local_pitch: cython.double[::1]
     start: cython.int[::1]  # rows of the sparse matrix of full neighbourhoods
     column: cython.int[::1]
-    weight: cython.double[::1]
+    weight: cython.float[::1]  # an error of 1e-7 of the motion
     closest: cython.int[:, ::1]
     pairs: cython.int[:, ::1]
     distance2_min: cython.double[::1]
@@ -72,6 +72,10 @@ class Follower:
     sigma: cython.const[cython.double][::1]
     brightness: cython.const[cython.double][::1]
     given: tuple[Array, Array, Array] | None
+    results: tuple[Array, Array, Mask]  # of `follow`, and their memory
+    result_xy: cython.double[:, ::1]
+    result_sigma: cython.double[::1]
+    result_seen: cython.uchar[::1]
     # of the frame in hand
     now: cython.double[:, ::1]
     residual: cython.double[:, ::1]
@@ -99,7 +103,7 @@ class Follower:
         mean = photometric.affine.matrix()
         self.start = mean.indptr.astype(np.int32)
         self.column = mean.indices.astype(np.int32)
-        self.weight = np.array(mean.data, np.float64)
+        self.weight = np.array(mean.data, np.float32)
         self.closest = np.array(lattice.closest, np.int32, order="C")
         self.pairs = np.array(lattice.pairs, np.int32, order="C")
         self.distance2_min = np.array(lattice.distance_min_px, np.float64) ** 2
@@ -111,6 +115,8 @@ class Follower:
         self.before = np.empty(n, np.uint8)
         self.limit, self.some = np.empty(n), np.empty(n)
         self.given = None
+        self.results = xy, sigma, seen = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
+        self.result_xy, self.result_sigma, self.result_seen = xy, sigma, seen.view(np.uint8)
         self.reset()
 
     def reset(self) -> None:
@@ -154,10 +160,6 @@ class Follower:
             or self.brightness.shape[0] != n
         ):
             raise ValueError(f"found ({n}, 2), sigma ({n},) and brightness ({n},) are wanted")
-        xy, sigma_out, seen = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
-        xys: cython.double[:, ::1] = xy
-        sigmas: cython.double[::1] = sigma_out
-        is_seen: cython.uchar[::1] = seen.view(np.uint8)
         seen_n: cython.Py_ssize_t
         innovation: cython.double
         with cython.nogil:
@@ -165,9 +167,10 @@ class Follower:
             self._keep_apart(self.found)
             self._filter(self.found, self.sigma, self.brightness)
             self._place(self.found)
-            seen_n = self._give(self.found, self.sigma, xys, sigmas, is_seen)
+            seen_n = self._give(self.found, self.sigma)
             innovation = self._median_innovation(self.now)
-        return xy, sigma_out, seen, seen_n, innovation
+        xy, sigma, seen = self.results
+        return xy.copy(), sigma.copy(), seen.copy(), seen_n, innovation
 
     def accept(self, damping: cython.double) -> None:
         """Make the frame that was followed the last one; damping: share of its motion that is expected
@@ -269,7 +272,7 @@ class Follower:
         predicted: cython.double[:, ::1] = self.predicted
         start: cython.int[::1] = self.start
         column: cython.int[::1] = self.column
-        weight: cython.double[::1] = self.weight
+        weight: cython.float[::1] = self.weight
         i: cython.Py_ssize_t
         k: cython.Py_ssize_t
         at: cython.Py_ssize_t
@@ -415,12 +418,12 @@ class Follower:
         self,
         found: cython.const[cython.double][:, ::1],
         sigma: cython.const[cython.double][::1],
-        xy: cython.double[:, ::1],
-        sigma_out: cython.double[::1],
-        is_seen: cython.uchar[::1],
     ) -> cython.Py_ssize_t:
-        """Write the results of `follow`; returns how many pins are seen."""
+        """Write `results`; returns how many pins are seen."""
         seen: cython.uchar[::1] = self.seen
+        xy: cython.double[:, ::1] = self.result_xy
+        sigma_out: cython.double[::1] = self.result_sigma
+        is_seen: cython.uchar[::1] = self.result_seen
         i: cython.Py_ssize_t
         seen_n: cython.Py_ssize_t = 0
         for i in range(self.n):
