@@ -70,4 +70,5 @@ class CentroidRefiner:
     @property
     def fit(self) -> Array:
         """(n,) share of the window's variation that the disc explained in the last image."""
-        return self._kernel.fit.copy()
+        fit: Array = self._kernel.fit.copy()
+        return fit
