@@ -16,7 +16,7 @@ class TrackingParams:
     support_min: float = 1.2  # sum of the neighbours' weights that carries a prediction: two near ones
     velocity_damping: float = 0.7  # share of the last motion that is expected again
     # --- which followed pins are seen: residual = motion off the neighbours' map
-    residual_max: float = 0.6
+    residual_max: float = 0.5
     innovation_max: float = 0.25  # change of the residual from one frame to the next
     innovation_max_lost: float = 0.35  # the same of a pin that was lost
     near_seen_min: float = 0.5  # share of a lost pin's nearest that must be seen for it to return
