@@ -21,7 +21,7 @@ AT_MOST = {
     "recording": 6,
     "runtime": 77,
     "sources": 28,
-    "tracking": 92,
+    "tracking": 93,
     "view": 15,
     "worker": 16,
 }

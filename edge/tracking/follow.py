@@ -67,7 +67,6 @@ class Follower:
     velocity: cython.double[:, ::1]
     last_residual: cython.double[:, ::1]
     last_seen: cython.uchar[::1]
-    last_searched: cython.bint  # by a search: no residual was compared with the one before
     # given last; the arrays beside them are the same memory
     found: cython.const[cython.double][:, ::1]
     sigma: cython.const[cython.double][::1]
@@ -126,7 +125,6 @@ class Follower:
         self.velocity[:] = 0
         self.last_residual[:] = 0
         self.last_seen[:] = False
-        self.last_searched = False
 
     def last_xy(self) -> Array:
         """(n, 2) px, where each pin was in the last frame that was accepted."""
@@ -189,7 +187,6 @@ class Follower:
         self.last, self.now = self.now, self.last
         self.last_residual, self.residual = self.residual, self.last_residual
         self.last_seen, self.seen = self.seen, self.last_seen
-        self.last_searched = False
 
     def settle(self, xy: Array, residual: Array, seen: Mask) -> None:
         """Make what a search found the last frame, at a standstill.
@@ -203,7 +200,6 @@ class Follower:
         np.asarray(self.last_residual)[:] = residual
         np.asarray(self.last_seen)[:] = np.asarray(seen, np.bool_)
         self.velocity[:] = 0
-        self.last_searched = True
 
     def median_innovation(self, xy: Array) -> float:
         """Median over the pins of the distance from where they were predicted, in local pitches; xy (n, 2)
@@ -391,15 +387,11 @@ class Follower:
     ) -> cython.void:
         """Reject the photometric outliers among the seen pins."""
         motion: cython.double[:, ::1] = self.motion
-        innovation2: cython.double[::1] = self.some
         i: cython.Py_ssize_t
-        known: cython.bint
         for i in range(self.n):
             motion[i, 0] = found[i, 0] - self.rest[i, 0]
             motion[i, 1] = found[i, 1] - self.rest[i, 1]
-            known = self.last_seen[i] and not self.last_searched
-            innovation2[i] = self._innovation2(i) if known else NAN
-        self.photometric.filter(brightness, sigma, self.motion, self.residual, self.some, self.seen, False)
+        self.photometric.filter(brightness, sigma, self.motion, self.residual, self.seen, False)
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -5,23 +5,19 @@ cdef class PhotometricFilter:
     cdef readonly Py_ssize_t n
     cdef LocalAffine affine
     cdef double brightness_sigmas, brightness_change_min, sigma_ratio_max
-    cdef double residual_max, residual_max_search, residual_ratio, support_min, gain
+    cdef double residual_max, residual_max_search, residual_ratio, support_min
     cdef int median_halvings
-    cdef double[::1] local_pitch, radius, rest_brightness, rest_sigma_ratio, ratio, off, some, unknown
+    cdef double[::1] local_pitch, rest_brightness, rest_sigma_ratio, off, some
     cdef float[::1] values
     cdef unsigned char[::1] suspect, trusted
 
     cdef void filter(
         self, const double[::1] brightness, const double[::1] sigma, const double[:, ::1] motion,
-        const double[:, ::1] residual, const double[::1] innovation2, unsigned char[::1] seen, bint searched
+        const double[:, ::1] residual, unsigned char[::1] seen, bint searched
     ) noexcept nogil
     cdef void _find_trusted(
         self, const double[::1] brightness, const double[::1] sigma, const unsigned char[::1] seen,
         double sigma_ratio_max
     ) noexcept nogil
-    cdef bint _has_moved(
-        self, double sigma, const double[:, ::1] residual, const double[::1] innovation2, Py_ssize_t i
-    ) noexcept nogil
     cdef bint _fits(self, const double[:, ::1] motion, Py_ssize_t i, double residual_max) noexcept nogil
     cdef double _off_trusted(self, const double[:, ::1] motion, Py_ssize_t i) noexcept nogil
-    cdef Py_ssize_t _gather(self, const double[::1] square, Py_ssize_t i) noexcept nogil

@@ -3,17 +3,9 @@
 A kernel: compiled by Cython, and the same when it is not.
 
 Idea: stray light beside a pin biases its centroid, and a speck may lie where a dark pin was. A pin with an
-anomalous brightness or sigma is therefore accepted in two cases only:
-
-- It moves with the others: its residual is small, or like those of the pins around it.
-- It has moved itself: its residual is larger than stray light can make it, and has changed since the last
-  frame by no more than a few times as much as those of the pins around it. A speck appears at once.
-
-Anomalous is what differs from the gain or the sigma that all pins share by more than their scatter allows,
-scaled by the pin's own ratio at rest (permanent glare is no anomaly).
-
-Light that changes a pin's brightness by a share e moves its centroid by e radii. A disc of which a share m is
-not explained is off by m radii at most, and its sigma counts m^2 radii.
+anomalous brightness or sigma is therefore accepted only with a small residual. The limits come from the frame
+itself: from the gain that all pins share and the scatter of the others, scaled by the pin's own ratio at rest
+(permanent glare is no anomaly).
 """
 
 # mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
@@ -30,9 +22,9 @@ from edge.types import Array, Mask, Pins
 if cython.compiled:
     from cython.cimports.edge.geometry.select import select_kth
     from cython.cimports.edge.tracking.affine import Fit, LocalAffine
-    from cython.cimports.libc.math import HUGE_VAL, fabs, sqrt
+    from cython.cimports.libc.math import HUGE_VAL, fabs
 else:
-    from math import fabs, sqrt
+    from math import fabs
     from math import inf as HUGE_VAL  # noqa: N812
 
     from edge.geometry.select import select_kth
@@ -48,7 +40,7 @@ UNSUPPORTED = cython.declare(cython.double, -1)
 class PhotometricFilter:
     """Rejects the outliers among the n pins of one tip.
 
-    at_rest         brightness, sigma and radius of each pin
+    at_rest         how bright each pin is at rest, and its sigma
     local_pitch_px  (n,) float64
     Raises          ValueError: arrays of another number of pins
     """
@@ -61,11 +53,12 @@ class PhotometricFilter:
             raise ValueError(
                 f"arrays of {n} pins are wanted, not of {len(at_rest)} and {len(local_pitch_px)}"
             )
-        constants = (at_rest.brightness, at_rest.sigma_px, at_rest.radius_px, np.asarray(local_pitch_px))
-        if any(array.shape != (n,) for array in constants):
-            raise ValueError(
-                f"brightness, sigma_px, radius_px and local_pitch_px of {n} numbers each are wanted"
-            )
+        if (
+            at_rest.brightness.shape != (n,)
+            or at_rest.sigma_px.shape != (n,)
+            or np.shape(local_pitch_px) != (n,)
+        ):
+            raise ValueError(f"brightness, sigma_px and local_pitch_px of {n} numbers each are wanted")
         self.n = n
         self.affine = affine
         self.brightness_sigmas = params.brightness_sigmas
@@ -74,14 +67,12 @@ class PhotometricFilter:
         self.residual_max = params.outlier_residual_max
         self.residual_max_search = params.outlier_residual_max_search
         self.residual_ratio = params.outlier_residual_ratio
-        self.support_min = params.support_min
+        self.support_min = params.outlier_support_min
         self.median_halvings = params.median_halvings
         self.local_pitch = np.array(local_pitch_px, np.float64)
-        self.radius = np.array(at_rest.radius_px, np.float64)
         self.rest_brightness = np.array(at_rest.brightness, np.float64)
         self.rest_sigma_ratio = np.maximum(at_rest.sigma_px / np.median(at_rest.sigma_px), 1.0)
-        self.ratio, self.off, self.some = np.empty(n), np.empty(n), np.empty(n)
-        self.unknown, self.values = np.full(n, np.nan), np.empty(n, np.float32)
+        self.off, self.some, self.values = np.empty(n), np.empty(n), np.empty(n, np.float32)
         self.suspect, self.trusted = np.empty(n, np.uint8), np.empty(n, np.uint8)
 
     def accepted(self, pins: Pins, motion: Array, residual: Array, seen: Mask, searched: bool) -> Mask:
@@ -104,7 +95,6 @@ class PhotometricFilter:
             np.ascontiguousarray(pins.sigma_px, np.float64),
             np.ascontiguousarray(motion, np.float64),
             np.ascontiguousarray(residual, np.float64),
-            self.unknown,
             is_seen,
             searched,
         )
@@ -116,14 +106,10 @@ class PhotometricFilter:
         sigma: cython.const[cython.double][::1],
         motion: cython.const[cython.double][:, ::1],
         residual: cython.const[cython.double][:, ::1],
-        innovation2: cython.const[cython.double][::1],
         seen: cython.uchar[::1],
         searched: cython.bint,
     ) -> cython.void:
-        """`accepted` for arrays of the right size; updates seen.
-
-        innovation2  (n,) px2, square of the change of each residual; NaN where it is not known
-        """
+        """`accepted` for arrays of the right size; updates seen."""
         i: cython.Py_ssize_t
         limit: cython.double
         residual_max: cython.double = self.residual_max_search if searched else self.residual_max
@@ -141,9 +127,7 @@ class PhotometricFilter:
             self.off[i] = UNKNOWN
         for i in range(self.n):
             if self.suspect[i] and not self.trusted[i]:
-                seen[i] = self._has_moved(sigma[i], residual, innovation2, i) or self._fits(
-                    motion, i, residual_max
-                )
+                seen[i] = self._fits(motion, i, residual_max)
 
     def _find_trusted(
         self,
@@ -154,14 +138,15 @@ class PhotometricFilter:
     ) -> cython.void:
         """The seen pins, one at least, of normal brightness and sigma."""
         i: cython.Py_ssize_t
+        gain: cython.double
         change_max: cython.double
         sigma_max: cython.double
         m: cython.Py_ssize_t = 0
         for i in range(self.n):
-            self.ratio[i] = brightness[i] / self.rest_brightness[i]
-            self.values[m] = self.ratio[i]
+            self.off[i] = brightness[i] / self.rest_brightness[i]
+            self.values[m] = self.off[i]
             m += seen[i]
-        gain: cython.double = _median(self.values, m, self.median_halvings)
+        gain = _median(self.values, m, self.median_halvings)
         for i in range(m):
             self.values[i] = fabs(self.values[i] - cython.cast(cython.float, gain))
         change_max = self.brightness_sigmas * _SIGMA_OF_MAD * _median(self.values, m, self.median_halvings)
@@ -171,32 +156,12 @@ class PhotometricFilter:
             self.values[m] = sigma[i]
             m += seen[i]
         sigma_max = sigma_ratio_max * _median(self.values, m, self.median_halvings)
-        self.gain = gain
         for i in range(self.n):
             self.trusted[i] = (
                 seen[i]
-                and not fabs(self.ratio[i] - gain) > change_max
+                and not fabs(self.off[i] - gain) > change_max
                 and not sigma[i] > sigma_max * self.rest_sigma_ratio[i]
             )
-
-    def _has_moved(
-        self,
-        sigma: cython.double,
-        residual: cython.const[cython.double][:, ::1],
-        innovation2: cython.const[cython.double][::1],
-        i: cython.Py_ssize_t,
-    ) -> cython.bint:
-        """Whether a pin has moved itself: light cannot have done it, and a speck would have come at once."""
-        by_light: cython.double = self.radius[i] * (self.ratio[i] / self.gain - 1)
-        reach2: cython.double = by_light * by_light + self.radius[i] * sigma
-        limit: cython.double = self.residual_max * self.local_pitch[i]
-        m: cython.Py_ssize_t
-        if not residual[i, 0] * residual[i, 0] + residual[i, 1] * residual[i, 1] > reach2:
-            return False
-        m = self._gather(innovation2, i)
-        if m > 0:
-            limit = max(limit, self.residual_ratio * sqrt(select_kth(self.some, m, m - 1)))
-        return innovation2[i] < limit * limit  # NaN is false
 
     def _fits(
         self, motion: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t, residual_max: cython.double
@@ -207,31 +172,22 @@ class PhotometricFilter:
         limit: cython.double = residual_max * self.local_pitch[i]
         c: cython.Py_ssize_t
         at: cython.Py_ssize_t
-        m: cython.Py_ssize_t
+        m: cython.Py_ssize_t = 0
         if own < limit * limit:
             return True
         for c in range(self.affine.k):
             at = self.affine.near[i, c]
-            if self.trusted[at] and self.affine.weight[i, c] > 0 and self.off[at] == UNKNOWN:
+            if not self.trusted[at] or not self.affine.weight[i, c] > 0:
+                continue
+            if self.off[at] == UNKNOWN:
                 self.off[at] = self._off_trusted(motion, at)
-        m = self._gather(self.off, i)
+            if self.off[at] >= 0:
+                self.some[m] = self.off[at]
+                m += 1
         if m == 0:
             return True
         limit = self.residual_ratio
         return own < limit * limit * select_kth(self.some, m, 2 * m // 3)
-
-    def _gather(self, square: cython.const[cython.double][::1], i: cython.Py_ssize_t) -> cython.Py_ssize_t:
-        """Copy the values of a pin's trusted neighbours to `some`, without negative ones and NaN; returns how
-        many."""
-        c: cython.Py_ssize_t
-        at: cython.Py_ssize_t
-        m: cython.Py_ssize_t = 0
-        for c in range(self.affine.k):
-            at = self.affine.near[i, c]
-            if self.trusted[at] and self.affine.weight[i, c] > 0 and square[at] >= 0:
-                self.some[m] = square[at]
-                m += 1
-        return m
 
     def _off_trusted(
         self, motion: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t

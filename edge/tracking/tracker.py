@@ -1,10 +1,11 @@
 """Identity from frame to frame, and the decision when it is lost.
 
 Held: each pin is searched for where the last frames predict it (`predict`), and `follow` checks what was
-found there: its residual, the motion off what the neighbours predict, must have changed little since the last
-frame. A pin with an anomalous brightness or centroid sigma is accepted only if stray light cannot cause
-its residual. A rejected pin counts as lost, not as moved: it moves with its neighbours until it is found
-again. Not held: `predict` is None until `identify` finds the identities again with high confidence.
+found there: a pin's motion since rest must be near that of its neighbours, and its residual must have changed
+little since the last frame. A pin with an anomalous brightness or centroid sigma is accepted only with a
+small residual: stray light biases the centroid, and a speck may lie where a dark pin was. A rejected pin
+counts as lost, not as moved: it moves with its neighbours until it is found again. Not held: `predict` is
+None until `identify` finds the identities again with high confidence.
 """
 
 from __future__ import annotations
