@@ -44,6 +44,7 @@ KERNELS = {
     "edge.features.split": FAST,
     "edge.geometry.plane": FAST,
     "edge.geometry.select": FAST,
+    "edge.geometry.separation": FAST,
     "edge.pins.centroids": FAST,
     "edge.pins.rejection": FAST,
     "edge.runtime.measures": FAST,

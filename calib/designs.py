@@ -91,6 +91,12 @@ CONTACT_LETTERS: Letters = (("p", 1), ("p*", -1), ("shear", 1), ("shear*", -1), 
 #: The size is used for the depth only: for the place it gains nothing.
 DEPTH_LETTERS: Letters = (*CONTACT_LETTERS, ("size", 0))
 
+#: For the place: its middle at rest, and how a shear shifts it.
+MOMENT_LETTERS: Letters = (
+    ("middle", 1), ("middle*", -1), ("shear", 1), ("shear*", -1), ("divergence_moment", 1),
+    ("divergence_moment*", -1), ("curl_moment", 1), ("curl_moment*", -1), ("peak", 0),
+)  # fmt: skip
+
 
 def terms_of_spin(spin: int, alphabet: Letters, factors: int) -> list[list[str]]:
     """Products of up to `factors` inputs with this total spin. Spin 0 includes the constant.
@@ -127,9 +133,11 @@ def is_round(xy: Array) -> bool:
 def designs(group: Group, all_round: bool) -> Iterator[tuple[str, list[list[str]]]]:
     """Candidates by name: the terms of each."""
     if group.of_contact:
-        for factors in (1, 2, 3):
-            alphabet = CONTACT_LETTERS if group.spin == 1 else DEPTH_LETTERS
-            yield f"place of contact{_products(factors)}", terms_of_spin(group.spin, alphabet, factors)
+        alphabets = {"place of contact": CONTACT_LETTERS if group.spin == 1 else DEPTH_LETTERS}
+        if group.spin == 1:
+            alphabets["place and moments of contact"] = MOMENT_LETTERS
+        for (name, alphabet), factors in itertools.product(alphabets.items(), (1, 2, 3)):
+            yield f"{name}{_products(factors)}", terms_of_spin(group.spin, alphabet, factors)
         return
     if group.spin == 1:
         yield MEAN_MOTION, [["shear"]]

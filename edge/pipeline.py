@@ -79,7 +79,10 @@ class Pipeline:
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         calibrated = self.calibration is not None
-        features = self._extractor.extract(moved, cells, self._needed, modes_at_rest=not calibrated)
+        moments = self.calibration is None or self.calibration.of_moments
+        features = self._extractor.extract(
+            moved, cells, self._needed, modes_at_rest=not calibrated, moments=moments
+        )
         if self.calibration is None:
             reading = uncalibrated(features)
         else:

@@ -368,6 +368,10 @@ class ContactRegion:
     orientation_rad  direction of the long axis, in (-pi/2, pi/2], from x towards y; NaN when round
     elongation       long over short axis, >= 1
     ridge_img        (k, 2) px, the chain of maxima merged into this contact (k >= 1)
+    middle_img       (2,) px, centre of gravity of the region, where its skin lies at rest
+    divergence_moment_px, curl_moment_px
+                     (2,) first moments of the motion's divergence, and of its curl turned by a right angle,
+                     about the middle, over the sum of the divergence: how a shear shifts the contact
     """
 
     xy_img: Array
@@ -376,6 +380,9 @@ class ContactRegion:
     orientation_rad: float
     elongation: float
     ridge_img: Array
+    middle_img: Array
+    divergence_moment_px: Array
+    curl_moment_px: Array
 
 
 @per_frame

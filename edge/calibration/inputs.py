@@ -23,9 +23,12 @@ MODES = tuple(f"c{a}{d - a}" for d in range(6) for a in range(d, -1, -1))  # as 
 #: contact, as below, all 0 if a touch is too weak for one; `gap` is real, the uncertainty due to lost pins,
 #: `gap_place` their mean place on the tip's unit disc, weighted by it, 0 if none is lost.
 FRAME_INPUTS: tuple[str, ...] = ("volume", "shear", *MODES, "p", "peak", "size", "gap", "gap_place")
+#: First moments about a contact's middle: computed only for models that depend on them.
+MOMENTS = ("divergence_moment", "curl_moment")
 #: Inputs made of one contact: place on the tip's unit disc, height of the maximum, the frame's mean motion
-#: (a shear moves the maximum within the contact), and the root of the contact's area.
-CONTACT_INPUTS: tuple[str, ...] = ("p", "peak", "shear", "size")
+#: (a shear moves the maximum within the contact), the root of the contact's area; where the contact's middle
+#: lies at rest, and the first moments of divergence and curl about it.
+CONTACT_INPUTS: tuple[str, ...] = ("p", "peak", "shear", "size", "middle", *MOMENTS)
 
 
 def frame_inputs(features: Features, pattern: PinPattern) -> Complex:
@@ -71,10 +74,22 @@ def _on_disc(xy_img: Array, pattern: PinPattern) -> complex:
 def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPattern) -> Complex:
     """The inputs `CONTACT_INPUTS` of one contact of a frame.
 
-    Returns  (4,) complex128, dimensionless
+    Returns  (7,) complex128, dimensionless
     """
     place, peak, size = _place_peak_size(contact, pattern)
-    return np.array([place, peak, _shear(features) / pattern.tip_radius_px, size], np.complex128)
+    r = pattern.tip_radius_px
+    return np.array(
+        [
+            place,
+            peak,
+            _shear(features) / r,
+            size,
+            _on_disc(contact.middle_img, pattern),
+            complex(*contact.divergence_moment_px.tolist()) / r,
+            complex(*contact.curl_moment_px.tolist()) / r,
+        ],
+        np.complex128,
+    )
 
 
 def term_columns(terms: Sequence[Sequence[str]], inputs: Sequence[str]) -> list[list[int]]:

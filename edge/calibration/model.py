@@ -33,6 +33,7 @@ from edge.calibration.file import (
     CalibrationFile,
     Curve,
     Model,
+    Polynomial,
     Process,
     decode,
     encode,
@@ -41,7 +42,7 @@ from edge.calibration.file import (
     save,
 )
 from edge.calibration.gaussian_process import ProcessKernel, wanted_models
-from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, contact_inputs, frame_inputs
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS, contact_inputs, frame_inputs
 from edge.calibration.polynomial import ModelKernel
 from edge.errors import CalibrationError
 from edge.limits import BadContent
@@ -121,6 +122,7 @@ class Calibration:
     rest       the tip it belongs to, in the file's order of pins
     mm_per_px  scale at the tip's centre; None: not known, places of contact are NaN
     content_id 32 bits of the content's hash; goes over the wire as the calibration's identity
+    of_moments whether a model depends on a contact's moments
     """
 
     def __init__(self, content: CalibrationFile) -> None:
@@ -132,6 +134,13 @@ class Calibration:
         self._frame = _Models([m for m in content.models if not is_of_contact(m)], FRAME_INPUTS)
         self._contact = _Models([m for m in content.models if is_of_contact(m)], CONTACT_INPUTS)
         self.outputs = frozenset((*self._frame.outputs, *self._contact.outputs))
+        self.of_moments = any(
+            name.rstrip("*") in MOMENTS
+            for model in content.models
+            if isinstance(model, Polynomial)
+            for term in model.terms
+            for name in term
+        )
         self._columns = [CONTACT_OUTPUTS.index(name) for name in self._contact.outputs]
         self._placed = self.outputs >= {"contact_x_mm", "contact_y_mm"}
         self._untouched = {name: UNTOUCHED[name] for name in self._frame.outputs}

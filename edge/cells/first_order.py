@@ -21,6 +21,7 @@ import cython
 import numpy as np
 
 from edge.cells.params import PARAMS, CellsParams
+from edge.geometry.layout import circumcentres
 from edge.types import Array, Index
 
 
@@ -62,21 +63,25 @@ class FirstOrderAreas:
         self._x, self._y = np.zeros(len(rest)), np.zeros(len(rest))
 
     def measure(
-        self, place: Callable[[Array], Array], exact: Callable[[Array], Array], params: CellsParams = PARAMS
+        self,
+        place: Callable[[Array], Array],
+        exact: Callable[[Array], Array],
+        trials: Array,
+        params: CellsParams = PARAMS,
     ) -> None:
         """Measure how far the cells may move.
 
         place    from pins' places (n, 2) to all points (n + b or more, 2)
         exact    from all points to areas (n,)
+        trials   (t, n, 2) motions to try, of standard deviation 1
         """
         n = self._n
         rest, area = np.asarray(self._rest), np.asarray(self._area)
         pin = np.repeat(np.arange(n), np.diff(self._start))
-        random = np.random.default_rng(0)
         curvature, areas = np.zeros(n), np.empty(n)
-        for _ in range(params.first_order_trials):
+        for trial in trials:
             sigma_px = params.first_order_error**0.5 * np.sqrt(area)[:, None]
-            points = place(rest[:n] + sigma_px * random.standard_normal((n, 2)))
+            points = place(rest[:n] + sigma_px * trial)
             self.update(points, areas)
             motion = points[: len(rest)] - rest
             moved = motion[np.asarray(self._neighbour)] - motion[pin]
@@ -154,13 +159,7 @@ class FirstOrderAreas:
 
 def _slopes(rest: Array, triangles: Index, n: int) -> tuple[Index, Index, Array]:
     """Pin and neighbour (k,) of each edge of a cell, in the pins' order, and the area's slope (k, 2) px."""
-    a, b, c = (rest[triangles[:, corner]] for corner in range(3))
-    u, v = b - a, c - a
-    twice_cross = 2.0 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
-    u2, v2 = (u * u).sum(axis=1), (v * v).sum(axis=1)
-    centre = a + (
-        np.stack([v[:, 1] * u2 - u[:, 1] * v2, u[:, 0] * v2 - v[:, 0] * u2], axis=1) / twice_cross[:, None]
-    )
+    centre = circumcentres(rest, triangles)
     # Round each triangle, counter-clockwise: an edge's two triangles have it in opposite directions.
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     left = {(int(p), int(q)): centre[k // 3] for k, (p, q) in enumerate(zip(start, end, strict=True))}

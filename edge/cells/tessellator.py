@@ -14,7 +14,7 @@ from edge.cells.params import PARAMS, CellsParams
 from edge.cells.points import FramePoints
 from edge.errors import DegenerateLayout
 from edge.geometry.lattice import side_length_of
-from edge.geometry.layout import must_span, spans
+from edge.geometry.layout import circumcentres, must_span, spans
 from edge.types import Array, Cells, Index, Rest, Tracks
 
 __all__ = ["Tessellator", "cell_polygons"]
@@ -123,7 +123,8 @@ class Tessellator:
             mesh.update(points, areas)
             return areas
 
-        first_order.measure(place, exact, params)
+        trials = np.random.default_rng(0).standard_normal((params.first_order_trials, n, 2))
+        first_order.measure(place, exact, trials, params)
         return first_order
 
 
@@ -151,14 +152,7 @@ def cell_polygons(cells: Cells) -> list[Array]:
     Returns  one (k, 2) px array a pin, going round the pin; (0, 2) where the area is NaN
     """
     points = np.concatenate([cells.xy_img, cells.boundary_img])
-    a, b, c = (points[cells.triangles[:, k]] for k in range(3))
-    u, v = b - a, c - a
-    cross = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    u2, v2 = (u * u).sum(axis=1), (v * v).sum(axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        centre = a + np.stack([v[:, 1] * u2 - u[:, 1] * v2, u[:, 0] * v2 - v[:, 0] * u2], axis=1) / (
-            2 * cross[:, None]
-        )
+    centre = circumcentres(points, cells.triangles)
     pin = cells.triangles.ravel()
     corner = np.repeat(centre, 3, axis=0)
     arm = corner - points[pin]

@@ -9,7 +9,8 @@ Rules
 - The contact field is a blend. The divergence is sharp, while a cell's area averages over two pitches; but
   areas are less noisy where pins are poorly seen.
 - Most of the skin does nothing in most frames. The fields are computed at the active points alone, those near
-  a pin whose cell has grown by enough to matter beside the most grown one; everywhere else they are zero.
+  a pin whose cell has grown by more than drift; everywhere else they are zero. A share of the most grown cell
+  would leave out a shallow contact beside a deep one.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -43,12 +44,12 @@ class ContactField:
     active            (k,) int32, the first n_active: points at which the fields are computed, ascending
     heights           (k,) float32, the surface through the area changes; zero where not active
     detrended         (2 n,) float32 px, the motion less its plane
-    plane_divergence  float, the plane's share of `divergence`
+    plane_divergence, plane_curl  floats, the plane's share of `divergence` and of the curl
     divergence        (k,) float32, relative change of area, to first order; zero where not active
     blend             (k,) float32, of both: the contact field
+    points            (k, 2) float64 px, of the grid
 
     rest_xy, pitch_px  (n, 2) px, and their pitch
-    points             (k, 2) px, of the grid
     interpolator       (k, n): heights from the area changes
     divergences        (k, 2 n): divergence from the motion, x and y of the first pin, of the second, ...
     Raises             ValueError: sizes that do not fit
@@ -62,6 +63,8 @@ class ContactField:
     divergence = cython.declare(cython.float[::1], visibility="readonly")
     blend = cython.declare(cython.float[::1], visibility="readonly")
     plane_divergence = cython.declare(cython.float, visibility="readonly")
+    plane_curl = cython.declare(cython.float, visibility="readonly")
+    points = cython.declare(cython.double[:, ::1], visibility="readonly")
     _given: cython.const[cython.double][::1]  # area change, given last
     _given_array: object  # the same memory
     _n: cython.Py_ssize_t
@@ -69,10 +72,11 @@ class ContactField:
     _divergences: QuantizedOperator
     _height_row: cython.float[::1]  # results of the operators' rows
     _divergence_row: cython.float[::1]
+    _curl_array: object  # the same memory
     _near: cython.int[::1]  # points near each pin, pin after pin
     _near_start: cython.int[::1]  # (n + 1,)
     _is_active: cython.uchar[::1]  # (k,)
-    _active_rel: cython.float
+    _min_area_change: cython.float
     _rest: cython.double[:, ::1]
     _gram: cython.double[:, ::1]  # (3, 5), a plane's equations for all pins; right sides zero
     _g: cython.double[:, ::1]  # scratch
@@ -101,14 +105,15 @@ class ContactField:
         self._divergences = QuantizedOperator(divergences)
         self.area_change, self._height_row = self._interpolator.values, self._interpolator.result
         self.detrended, self._divergence_row = self._divergences.values, self._divergences.result
+        self._curl_array = self._divergences.result
         self.heights, self.divergence = np.zeros(k, np.float32), np.zeros(k, np.float32)
         self.blend = np.zeros(k, np.float32)
         self.active, self.n_active = np.zeros(k, np.int32), 0
         self._is_active = np.zeros(k, np.uint8)
-        # A peak below `min_peak_rel` of the highest is none; half of it leaves room for what the cells blur.
-        self._active_rel = 0.5 * params.min_peak_rel
+        self._min_area_change = params.min_area_change
         self._near_start, self._near = _points_near(rest_xy, points, pitch_px)
-        self.plane_divergence = 0.0
+        self.plane_divergence = self.plane_curl = 0.0
+        self.points = np.array(points, np.float64, order="C")
         self._gram, self._g = np.zeros((3, 5)), np.empty((3, 5))
         self._divergence_rel, self._heights_rel = params.divergence_rel, 1.0 - params.divergence_rel
         self._sum_gram()
@@ -140,6 +145,31 @@ class ContactField:
             self.divergence[p] = self._divergence_row[i] + self.plane_divergence
             self.blend[p] = self._divergence_rel * self.divergence[p] + self._heights_rel * self.heights[p]
 
+    def curl(self, which: cython.const[cython.int][::1], n: cython.Py_ssize_t) -> object:
+        """(n or more,) float32, rotation of the motion at the first n of these points, per length; good until
+        the next call.
+
+        which    (n or more,) int32, of the k points
+        Raises   ValueError: no such point
+        """
+        # With motion (u, v) the rows make du/dx + dv/dy; with (v, -u) they make dv/dx - du/dy.
+        i: cython.Py_ssize_t
+        u: cython.float
+        motion: cython.float[::1] = self.detrended
+        result: cython.float[::1] = self._divergence_row
+        for i in range(self._n):
+            u = motion[2 * i]
+            motion[2 * i] = motion[2 * i + 1]
+            motion[2 * i + 1] = -u
+        self._divergences.apply_rows(which, n)
+        for i in range(self._n):
+            u = motion[2 * i]
+            motion[2 * i] = -motion[2 * i + 1]
+            motion[2 * i + 1] = u
+        for i in range(n):
+            result[i] += self.plane_curl
+        return self._curl_array
+
     def whole_surface(self, area_change: cython.const[cython.double][::1]) -> Array:
         """(k,) float32, new: the surface through area changes (n,) at all points, for a picture."""
         if area_change.shape[0] != self._n:
@@ -170,8 +200,8 @@ class ContactField:
             is_active[p] = False
         for i in range(self._n):
             most = max(most, self.area_change[i])
-        if most > 0.0:  # otherwise no area has increased, and all are taken
-            level = self._active_rel * most
+        if most > self._min_area_change:  # otherwise no area has increased, and all are taken
+            level = self._min_area_change
         for i in range(self._n):
             if self.area_change[i] > level:
                 for p in range(self._near_start[i], self._near_start[i + 1]):
@@ -244,6 +274,7 @@ class ContactField:
             detrended[2 * i] = dx - x0 - xx * x - xy_ * y
             detrended[2 * i + 1] = dy - y0 - yx * x - yy * y
         self.plane_divergence = xx + yy
+        self.plane_curl = yx - xy_
 
 
 def _points_near(pins: Array, points: Array, radius: float) -> tuple[Index, Index]:

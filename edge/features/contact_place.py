@@ -1,10 +1,11 @@
-"""The pins round a contact: its present place, whether its cells' areas increased, how many pins are seen.
+"""The pins round a contact: its present place, how a shear shifts it, and how many of them are seen.
 
 Rules
 - A contact's place is the mean of its pins' present positions, weighted by area change. A shear shifts both
   the pattern of area changes and the pins; in this mean the two errors nearly cancel.
-- Near a peak the areas must have increased. At the rim, where the surface has pins on one side only, the
-  noise of a single pin tilts the surface and makes a maximum; but no area has increased there.
+- What a shear adds shows in first moments about the middle: of the divergence, which a press makes
+  symmetrical, and of the curl, which a press does not make at all. A shear makes both, as large (of an even
+  spread: exactly), so that a calibration can take the one off the other.
 - Cells of lost pins are interpolated from others: where most pins are lost, a contact is only a guess.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
@@ -19,16 +20,8 @@ import numpy as np
 
 from edge.features.contact_field import ContactField
 from edge.features.params import PARAMS, FeatureParams
-from edge.features.peaks import PEAKS_MAX, PeakFinder
 from edge.features.regions import CONTACTS_MAX, Regions
 from edge.types import Array
-
-if cython.compiled:
-    from cython.cimports.libc.math import exp
-else:
-    from math import exp
-
-_INFINITY = cython.declare(cython.double, float("inf"))
 
 
 @cython.cclass
@@ -36,21 +29,25 @@ class ContactPlace:
     """Places of one frame's contacts among the n pins of one tip.
 
     place    (CONTACTS_MAX, 2) float64 px, of `find_places`; good until the next frame
+    divergence_moment, curl_moment  (CONTACTS_MAX, 2) float64 px, of `find_moments`: over the sum of the
+                                    divergence; that of the curl is turned by a right angle
     """
 
     place = cython.declare(cython.double[:, ::1], visibility="readonly")
-    _peaks: PeakFinder
-    _peak_at: cython.int[::1]
-    _near: cython.double[::1]  # area change near each peak, share of visible pins round each contact
+    divergence_moment = cython.declare(cython.double[:, ::1], visibility="readonly")
+    curl_moment = cython.declare(cython.double[:, ::1], visibility="readonly")
+    _field: ContactField
+    _points: cython.double[:, ::1]
+    _active: cython.int[::1]
+    _divergence: cython.float[::1]
+    _near: cython.int[::1]  # grid points round a contact, and their weights
+    _weight: cython.double[::1]
     _kept: cython.uchar[::1]
     _rest: cython.double[:, ::1]
     _area_change: cython.float[::1]  # of the frame's field
     _regions: Regions
     _middle: cython.double[:, ::1]
     _semi_axis: cython.double[::1]
-    _pitch_px: cython.double
-    _near_max: cython.double  # squared distance from a peak within which pins count, pitches
-    _min_peak_rel: cython.double
     _min_visible_rel: cython.double
     _visibility_radius_px: cython.double
     _place_radius_px: cython.double
@@ -61,41 +58,24 @@ class ContactPlace:
         rest_xy: Array,
         pitch_px: float,
         field: ContactField,
-        peaks: PeakFinder,
         regions: Regions,
         params: FeatureParams = PARAMS,
     ) -> None:
         if rest_xy.shape != (len(field.area_change), 2):
             raise ValueError(f"rest_xy ({len(field.area_change)}, 2) is wanted, not {rest_xy.shape}")
         self.place = np.zeros((CONTACTS_MAX, 2))
+        self.divergence_moment, self.curl_moment = np.zeros((CONTACTS_MAX, 2)), np.zeros((CONTACTS_MAX, 2))
+        self._field, self._points, self._active = field, field.points, field.active
+        self._divergence = field.divergence
+        self._near, self._weight = np.zeros(len(field.points), np.int32), np.zeros(len(field.points))
         self._rest = np.array(rest_xy, np.float64, order="C")
         self._area_change = field.area_change
         self._regions, self._middle, self._semi_axis = regions, regions.middle, regions.semi_axis
-        self._pitch_px, self._near_max = pitch_px, params.peak_radius_pitch**2
-        self._peaks, self._peak_at = peaks, peaks.at
-        self._near, self._kept = np.zeros(PEAKS_MAX), np.zeros(PEAKS_MAX, np.uint8)
-        self._min_peak_rel, self._min_visible_rel = params.min_peak_rel, params.min_visible_rel
+        self._kept = np.zeros(CONTACTS_MAX, np.uint8)
+        self._min_visible_rel = params.min_visible_rel
         self._visibility_radius_px = params.visibility_radius_pitch * pitch_px
         self._place_radius_px = params.place_radius_pitch * pitch_px
         self._place_radius_axis = params.place_radius_axis
-
-    def drop_peaks_without_area_change(self) -> None:
-        """Drop from `peaks` those near which the area change is below a share of the largest."""
-        j: cython.Py_ssize_t
-        n_peaks: cython.Py_ssize_t = self._peaks.n_peaks
-        width: cython.int = self._peaks.width
-        x0: cython.double = self._regions.x0
-        y0: cython.double = self._regions.y0
-        step_px: cython.double = self._regions.step_px
-        most: cython.double = -_INFINITY
-        for j in range(n_peaks):
-            self._near[j] = self.area_change_near(
-                x0 + step_px * (self._peak_at[j] % width), y0 + step_px * (self._peak_at[j] // width)
-            )
-            most = max(most, self._near[j])
-        for j in range(n_peaks):  # under shear even the largest may be negative
-            self._kept[j] = self._near[j] >= min(self._min_peak_rel * most, most)
-        self._peaks.keep(self._kept)
 
     def drop_guesses(self, seen: cython.const[cython.uchar][::1]) -> None:
         """Drop from `regions` the contacts with few seen pins around, unless no other is left.
@@ -112,27 +92,6 @@ class ContactPlace:
             n_known += self._kept[i]
         if 0 < n_known < n_contacts:
             self._regions.keep(self._kept)
-
-    @cython.ccall
-    def area_change_near(self, x: cython.double, y: cython.double) -> cython.double:
-        """Mean area change of the cells within about a pitch of a place at rest, px; 0 of none."""
-        i: cython.Py_ssize_t
-        dx: cython.double
-        dy: cython.double
-        d2: cython.double
-        w: cython.double
-        total: cython.double = 0.0
-        weight: cython.double = 0.0
-        scale: cython.double = -1.0 / (self._pitch_px * self._pitch_px)
-        for i in range(self._rest.shape[0]):
-            dx = self._rest[i, 0] - x
-            dy = self._rest[i, 1] - y
-            d2 = (dx * dx + dy * dy) * scale
-            if d2 >= -self._near_max:
-                w = exp(d2)
-                total += w * cython.cast(cython.double, self._area_change[i])
-                weight += w
-        return total / weight if weight > 0.0 else 0.0
 
     @cython.ccall
     def visible_share(
@@ -171,6 +130,74 @@ class ContactPlace:
         for i in range(n_contacts):
             self._find_place(xy, i, n_contacts)
 
+    def find_moments(self) -> None:
+        """`divergence_moment` and `curl_moment` of each contact, over the points nearest to its middle."""
+        i: cython.Py_ssize_t
+        for i in range(self._regions.n_contacts):
+            self._find_moments(i, self._find_near(i))
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _find_near(self, i: cython.Py_ssize_t) -> cython.Py_ssize_t:
+        """The active points round contact i and their weights; how many."""
+        k: cython.Py_ssize_t
+        p: cython.int
+        dx: cython.double
+        dy: cython.double
+        d2: cython.double
+        n: cython.Py_ssize_t = 0
+        n_contacts: cython.Py_ssize_t = self._regions.n_contacts
+        radius: cython.double = self._radius_px(i)
+        for k in range(self._field.n_active):
+            p = self._active[k]
+            dx = self._points[p, 0] - self._middle[i, 0]
+            dy = self._points[p, 1] - self._middle[i, 1]
+            d2 = dx * dx + dy * dy
+            if d2 >= radius * radius:
+                continue
+            if self._is_nearer_to_another(self._points[p, 0], self._points[p, 1], d2, i, n_contacts):
+                continue
+            self._near[n] = p
+            self._weight[n] = 1.0 - d2 / (radius * radius)
+            n += 1
+        return n
+
+    @cython.cfunc
+    def _find_moments(self, i: cython.Py_ssize_t, n: cython.Py_ssize_t) -> cython.bint:
+        k: cython.Py_ssize_t
+        dx: cython.double
+        dy: cython.double
+        divergence: cython.double
+        turning: cython.double
+        total: cython.double = 0.0
+        divergence_x: cython.double = 0.0
+        divergence_y: cython.double = 0.0
+        curl_x: cython.double = 0.0
+        curl_y: cython.double = 0.0
+        curl: cython.float[::1] = self._field.curl(self._near, n)
+        for k in range(n):
+            dx = self._points[self._near[k], 0] - self._middle[i, 0]
+            dy = self._points[self._near[k], 1] - self._middle[i, 1]
+            divergence = self._weight[k] * cython.cast(cython.double, self._divergence[self._near[k]])
+            turning = self._weight[k] * cython.cast(cython.double, curl[k])
+            total += max(divergence, 0.0)
+            divergence_x += divergence * dx
+            divergence_y += divergence * dy
+            curl_x -= turning * dy
+            curl_y += turning * dx
+        scale: cython.double = 1.0 / total if total > 0.0 else 0.0
+        self.divergence_moment[i, 0] = scale * divergence_x
+        self.divergence_moment[i, 1] = scale * divergence_y
+        self.curl_moment[i, 0] = scale * curl_x
+        self.curl_moment[i, 1] = scale * curl_y
+        return True
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _radius_px(self, i: cython.Py_ssize_t) -> cython.double:
+        """Round the middle of contact i, of what belongs to it."""
+        return max(self._place_radius_axis * self._semi_axis[i], self._place_radius_px)
+
     @cython.cfunc
     @cython.exceptval(check=False)
     def _find_place(
@@ -184,7 +211,7 @@ class ContactPlace:
         total: cython.double = 0.0
         x: cython.double = 0.0
         y: cython.double = 0.0
-        radius: cython.double = max(self._place_radius_axis * self._semi_axis[i], self._place_radius_px)
+        radius: cython.double = self._radius_px(i)
         limit: cython.double = radius * radius
         for p in range(xy.shape[0]):
             dx = xy[p, 0] - self._middle[i, 0]

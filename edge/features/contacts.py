@@ -1,7 +1,6 @@
 """Contacts of a frame, from the contact field to their places.
 
-    contact field --peaks--> above the noise --area changes--> real ones --prominence--> contacts, each a
-    region
+    contact field --peaks--> above the noise --prominence--> contacts, each a region
     --seen pins--> no guesses --sharper field--> close pairs separated --pins round it--> place
 
 A probe makes one peak, a long edge a chain of them, a flat surface a ring or a rough plateau. Peaks with no
@@ -25,6 +24,8 @@ from edge.types import Array, ContactRegion, Heights, Mask
 
 __all__ = ["ContactFinder", "maxima"]
 
+_UNKNOWN = np.full(2, np.nan)
+
 
 def maxima(grid: Heights) -> Mask:
     """Regional maxima, plateaus included.
@@ -46,9 +47,7 @@ class ContactFinder:
         self._peaks = PeakFinder(surface.inside)
         x0, y0, step_px = float(surface.x_img[0]), float(surface.y_img[0]), surface.step_px
         self._regions = Regions(self._peaks, x0, y0, step_px, params)
-        self._place = ContactPlace(
-            surface.rest_img, surface.pitch_px, surface.field, self._peaks, self._regions, params
-        )
+        self._place = ContactPlace(surface.rest_img, surface.pitch_px, surface.field, self._regions, params)
         self._pin_noise = PinNoise(surface.rest_img, surface.pitch_px)
         self._split_test: SplitTest | None = None
         self._noise_px: float | None = None  # of a pin in this frame; None: not measured yet
@@ -59,7 +58,9 @@ class ContactFinder:
             np.asarray(self._regions.elongation),
         )
         self._direction = np.asarray(self._regions.direction)
-        self._placed = np.asarray(self._place.place)
+        self._placed, self._middle = np.asarray(self._place.place), np.asarray(self._regions.middle)
+        self._divergence_moment = np.asarray(self._place.divergence_moment)
+        self._curl_moment = np.asarray(self._place.curl_moment)
 
     def prepare(self) -> None:
         """Make now what otherwise the first small long contact would wait for (100 ms)."""
@@ -76,12 +77,15 @@ class ContactFinder:
             )
         return self._split_test
 
-    def find(self, xy_img: Array, seen: Mask, sigma_px: float) -> tuple[ContactRegion, ...]:
+    def find(
+        self, xy_img: Array, seen: Mask, sigma_px: float, *, moments: bool = True
+    ) -> tuple[ContactRegion, ...]:
         """Contacts of the frame that the surface's fields were last computed for, strongest first.
 
         xy_img    (n, 2) px, where each pin is now; finite
         seen      (n,) bool
         sigma_px  noise of one coordinate of a pin's motion since rest
+        moments   False: they are not wanted, and NaN
         Source    paper, "Contact Location and Multi-Contact Detection"
         """
         params, regions, peaks = self._params, self._regions, self._peaks
@@ -90,39 +94,40 @@ class ContactFinder:
         peaks.set_field(self._blend)
         if not peaks.find(field_noise, params.contact_sigma * sigma_px, params.min_area_change):
             return ()
-        if peaks.n_peaks > 1 and peaks.drop_low(params.min_peak_rel) > 1:
-            self._place.drop_peaks_without_area_change()
-        regions.merge(field_noise, self._pin_noise_px(xy_img, seen) if peaks.n_peaks > 1 else 0.0)
+        regions.merge(field_noise, self._pin_noise_px(xy_img, seen, sigma_px) if peaks.n_peaks > 1 else 0.0)
         if regions.n_contacts > 1:
             self._place.drop_guesses(seen)
-        self._split_close_pairs(xy_img, seen)
+        self._split_close_pairs(xy_img, seen, sigma_px)
         self._place.find_places(xy_img)
-        return tuple(self._describe(i) for i in range(regions.n_contacts))
+        if moments:
+            self._place.find_moments()
+        return tuple(self._describe(i, moments) for i in range(regions.n_contacts))
 
-    def _pin_noise_px(self, xy_img: Array, seen: Mask) -> float:
-        """Noise of a pin in this frame; computed on demand."""
+    def _pin_noise_px(self, xy_img: Array, seen: Mask, sigma_px: float) -> float:
+        """Noise of a pin, from its neighbours in this frame and from rest; computed on demand."""
         if self._noise_px is None:
-            self._noise_px = self._pin_noise.sigma_px(xy_img, seen)
+            self._noise_px = math.hypot(self._pin_noise.sigma_px(xy_img, seen), sigma_px)
         return self._noise_px
 
-    def _split_close_pairs(self, xy_img: Array, seen: Mask) -> None:
+    def _split_close_pairs(self, xy_img: Array, seen: Mask, sigma_px: float) -> None:
         """Split each long, small contact that the sharper field shows to be two."""
         params, regions = self._params, self._regions
-        max_axis_px = params.split_max_axis_pitch * self._surface.pitch_px
+        max_axis_px = params.split_max_pitch * self._surface.pitch_px
         split = False
         for i in range(regions.n_contacts):
-            if not (self._elongation[i] > params.split_min_elongation and self._semi_axis[i] < max_axis_px):
+            oriented = self._elongation[i] >= params.min_oriented_elongation
+            if not (oriented and self._semi_axis[i] < max_axis_px):
                 continue
             if regions.n_contacts == CONTACTS_MAX:
                 break
             test = self.split_test
-            if test.find_peaks(i) > 1 and test.find_pair(self._pin_noise_px(xy_img, seen)):
+            if test.find_peaks(i) > 1 and test.find_pair(self._pin_noise_px(xy_img, seen, sigma_px)):
                 regions.split(i, test.first, test.second)
                 split = True
         if split:
             regions.sort()
 
-    def _describe(self, i: int) -> ContactRegion:
+    def _describe(self, i: int, moments: bool) -> ContactRegion:
         elongation = float(self._elongation[i])
         oriented = elongation >= self._params.min_oriented_elongation
         return ContactRegion(
@@ -132,4 +137,7 @@ class ContactFinder:
             orientation_rad=float(self._direction[i]) if oriented else math.nan,
             elongation=elongation,
             ridge_img=self._regions.ridge(i),
+            middle_img=self._middle[i].copy(),
+            divergence_moment_px=self._divergence_moment[i].copy() if moments else _UNKNOWN,
+            curl_moment_px=self._curl_moment[i].copy() if moments else _UNKNOWN,
         )

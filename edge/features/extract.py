@@ -161,11 +161,13 @@ class FeatureExtractor:
         demand: frozenset[Feature],
         *,
         modes_at_rest: bool = True,
+        moments: bool = True,
     ) -> Features:
         """The features of one frame.
 
         cells          of the same frame; None when nobody asked for what needs areas
         modes_at_rest  False: modes are not wanted of an untouched tip
+        moments        False: the contacts' moments are not wanted; they are NaN
         Returns        Features; fields outside of the demand are None
         """
         if demand is not self._plan.demand:
@@ -187,7 +189,7 @@ class FeatureExtractor:
             given["modes_px"] = self._modes.fit(motion.whole_px, motion.known)
         if in_contact:
             if cells is not None and plan.areas:
-                self._add_areas(given, whole_change, cells.xy_img, tracks.seen, motion.sigma_px)
+                self._add_areas(given, whole_change, cells.xy_img, tracks.seen, motion.sigma_px, moments)
             if plan.contact_pins:
                 self._add_contact_motion(given, motion, area_change)
         else:
@@ -222,7 +224,13 @@ class FeatureExtractor:
         return area_change, area_change
 
     def _add_areas(
-        self, given: dict[str, Any], area_change: Array, xy_img: Array, seen: Mask, sigma_px: float
+        self,
+        given: dict[str, Any],
+        area_change: Array,
+        xy_img: Array,
+        seen: Mask,
+        sigma_px: float,
+        moments: bool,
     ) -> None:
         """Volume, surface and contacts of a frame in contact."""
         plan, changes = self._plan, self._area_change
@@ -235,7 +243,7 @@ class FeatureExtractor:
             given["grid_img"] = (self.surface.x_img, self.surface.y_img)
         if plan.contacts:
             self.surface.field.find(self._changes, xy_img)
-            given["contacts"] = self.finder.find(xy_img, seen, sigma_px)
+            given["contacts"] = self.finder.find(xy_img, seen, sigma_px, moments=moments)
 
     def _add_contact_motion(self, given: dict[str, Any], motion: _Motion, area_change: Array) -> None:
         """Torsion and slip of a frame in contact."""

@@ -38,11 +38,9 @@ class FeatureParams:
 
     # --- contacts: peaks of the contact field, merged
     divergence_rel: float = 0.7  # share of the divergence in the contact field; the rest is the surface
-    min_prominence_rel: float = 0.2  # depth of the valley that separates two contacts, of the lower peak
+    min_prominence_rel: float = 0.35  # depth of the valley that separates two contacts, of the lower peak
     min_prominence_sigma: float = 10.0  # ... of the pins' noise
-    min_peak_rel: float = 0.2  # smallest height, or area change round it, relative to the highest peak
     region_level_rel: float = 0.3  # a contact's region is what lies above this share of its peak
-    peak_radius_pitch: float = 3.0  # pins beyond have no part in the area change round a peak
     peaks_max: int = 24  # of the contact field that are kept, the highest
     contacts_max: int = 8
     visibility_radius_pitch: float = 2.5  # radius round a contact's middle in which pins are counted
@@ -52,13 +50,8 @@ class FeatureParams:
     place_radius_axis: float = 1.25  # ... or within this many semi-axes, if that is more
 
     # --- sharper field: one long contact, or two close ones?
-    split_min_elongation: float = 1.5  # regions more elongated than this are tested
-    split_max_axis_pitch: float = 3.0  # ... if the long semi-axis is shorter than this
-    split_max_distance_pitch: float = 3.0  # of the two peaks
-    split_min_alignment: float = 0.7  # cosine between the line of the two and the axis
-    split_min_prominence_rel: float = 0.3
-    split_min_prominence_sigma: float = 8.0
-    split_steps_per_pitch: float = 2.0  # of its grid
+    split_max_pitch: float = 3.0  # long semi-axis of the regions that are tested, distance of the two peaks
+    split_steps_per_pitch: float = 2.5  # of its grid
 
     # --- modes
     modes_ridge: float = 1e-3  # of the normal equations, pins: keeps high terms bounded when pins are lost

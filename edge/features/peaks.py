@@ -158,27 +158,6 @@ class PeakFinder:
                 self._insert(points[i], h)
         return self.n_peaks
 
-    def drop_low(self, least_rel: cython.float) -> cython.Py_ssize_t:
-        """Drop the peaks lower than this share of the highest; returns how many remain."""
-        while self.n_peaks > 1 and self.height[self.n_peaks - 1] < least_rel * self.height[0]:
-            self.n_peaks -= 1
-        return self.n_peaks
-
-    def keep(self, kept: cython.const[cython.uchar][::1]) -> cython.Py_ssize_t:
-        """Drop the peaks that are not kept, (n_peaks or more,) uint8; returns how many remain."""
-        if kept.shape[0] < self.n_peaks:
-            raise ValueError(f"kept ({self.n_peaks},) is wanted")
-        i: cython.Py_ssize_t
-        left: cython.Py_ssize_t = 0
-        for i in range(self.n_peaks):
-            if kept[i]:
-                self.at[left] = self.at[i]
-                self.point[left] = self.point[i]
-                self.height[left] = self.height[i]
-                left += 1
-        self.n_peaks = left
-        return left
-
     def first_connected(self, j: cython.Py_ssize_t, level: cython.float) -> cython.Py_ssize_t:
         """The first, and so highest, peak that peak j is connected with at or above a level; j itself if none
         before it.

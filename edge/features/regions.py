@@ -4,7 +4,8 @@
 
 Rules
 - Two peaks are one contact unless every path between them descends far enough: by a share of the
-  lower one and by a multiple of the pins' noise there (topographic prominence, relative).
+  lower one and by a multiple of the pins' noise there (topographic prominence). A second peak lower than that
+  noise is none, however far away.
 - The region of a contact is what lies above a share of its peak and is nearest to one of its peaks. A share
   rather than a fixed height, so that the region does not grow with the depth alone.
 - Contacts are in the order of their highest peaks, CONTACTS_MAX at most.
@@ -33,6 +34,7 @@ CONTACTS_MAX = PARAMS.contacts_max
 
 _CONTACTS_MAX = cython.declare(cython.Py_ssize_t, CONTACTS_MAX)
 _NONE = cython.declare(cython.int, -1)
+_NOISE = cython.declare(cython.int, -2)
 #: Smallest variance across a region, in squared steps: below it the ratio of the axes is rounding.
 _VARIANCE_MIN = cython.declare(cython.double, 1e-9)
 
@@ -131,17 +133,21 @@ class Regions:
             self._at[j] = self._found_at[j]
             self._height[j] = self._found_height[j]
             first = j
+            depth = 0.0
             if j > 0:
                 valley = pins * self._noise[self._found_point[j]]
                 depth = max(self._min_prominence_rel * self._height[j], valley)
                 first = self._peaks.first_connected(j, self._height[j] - depth)
-            if first < j:
+            if depth > self._height[j]:
+                self._contact[j] = _NOISE
+            elif first < j:
                 self._contact[j] = self._contact[first]
             elif self.n_contacts < _CONTACTS_MAX:
                 self._contact[j] = cython.cast(cython.int, self.n_contacts)
                 self.n_contacts += 1
             else:
                 self._contact[j] = _NONE
+        self._drop_peaks(_NOISE)
         self._measure()
         return self.n_contacts
 
@@ -160,7 +166,7 @@ class Regions:
                     self._contact[j] = n if kept[i] else _NONE
             n += 1 if kept[i] else 0
         self.n_contacts = n
-        self._drop_peaks()
+        self._drop_peaks(_NONE)
         self._measure()
 
     def split(self, i: cython.Py_ssize_t, first: cython.Py_ssize_t, second: cython.Py_ssize_t) -> None:
@@ -185,7 +191,7 @@ class Regions:
                 else:
                     self._contact[j] = _NONE
                 found = True
-        self._drop_peaks()
+        self._drop_peaks(_NONE)
         self._at[self._n_peaks] = cython.cast(cython.int, second)
         self._height[self._n_peaks] = self._grid[second]
         self._contact[self._n_peaks] = cython.cast(cython.int, self.n_contacts)
@@ -269,12 +275,12 @@ class Regions:
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _drop_peaks(self) -> cython.void:
-        """Remove the peaks that belong to no contact."""
+    def _drop_peaks(self, dropped: cython.int) -> cython.void:
+        """Remove the peaks that are marked so instead of with a contact."""
         j: cython.Py_ssize_t
         left: cython.Py_ssize_t = 0
         for j in range(self._n_peaks):
-            if self._contact[j] != _NONE:
+            if self._contact[j] != dropped:
                 self._at[left] = self._at[j]
                 self._height[left] = self._height[j]
                 self._contact[left] = self._contact[j]

@@ -2,8 +2,8 @@
 
 Two probes less than two and a half pitches apart make one long region in the contact field. So a region that
 is long and small is tested again in a sharper and noisier field (`geometry.motion_field`), within the
-region alone: it is two if that field has two peaks, one on each side of the middle, along the region's
-axis, separated by a valley that is deep compared with the lower one and with the pins' noise.
+region alone: it is two if that field has two peaks, one on each side of the middle along the region's axis,
+separated by a valley as deep as one between contacts.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -24,9 +24,9 @@ from edge.types import Array
 
 if cython.compiled:
     from cython.cimports.edge.features.quantized_operator import QuantizedOperator
-    from cython.cimports.libc.math import cos, fabs, hypot, sin
+    from cython.cimports.libc.math import cos, hypot, sin
 else:
-    from math import cos, fabs, hypot, sin
+    from math import cos, hypot, sin
 
     from edge.features.quantized_operator import QuantizedOperator
 
@@ -74,7 +74,6 @@ class SplitTest:
     _y0: cython.double
     _step_px: cython.double
     _max_distance_px: cython.double
-    _min_alignment: cython.double
     _min_prominence_rel: cython.double
     _min_prominence_sigma: cython.double
 
@@ -113,10 +112,9 @@ class SplitTest:
         self._regions, self._owner = regions, regions.owner
         self._middle, self._direction = regions.middle, regions.direction
         self._x0, self._y0, self._step_px = x[0], y[0], x[1] - x[0]
-        self._max_distance_px = params.split_max_distance_pitch * pitch_px
-        self._min_alignment = params.split_min_alignment
-        self._min_prominence_rel = params.split_min_prominence_rel
-        self._min_prominence_sigma = params.split_min_prominence_sigma
+        self._max_distance_px = params.split_max_pitch * pitch_px
+        self._min_prominence_rel = params.min_prominence_rel
+        self._min_prominence_sigma = params.min_prominence_sigma
         self.first = self.second = self._n_active = self._i = 0
 
     def find_peaks(self, i: cython.Py_ssize_t) -> int:
@@ -159,7 +157,7 @@ class SplitTest:
             if not h > 0.0 or self._peaks.first_connected(j, h - depth) != j:
                 continue
             for k in range(j):
-                if self._is_along(self._at[k], self._at[j]):
+                if self._are_apart(self._at[k], self._at[j]):
                     self.first = self._coarse[self._found[k]]
                     self.second = self._coarse[self._found[j]]
                     return self.first != self.second
@@ -188,8 +186,8 @@ class SplitTest:
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _is_along(self, a: cython.int, b: cython.int) -> cython.bint:
-        """Whether two places of the grid lie along the region's axis, close, on both sides of its middle."""
+    def _are_apart(self, a: cython.int, b: cython.int) -> cython.bint:
+        """Whether two places of the grid are close, with the region's middle between them along its axis."""
         i: cython.Py_ssize_t = self._i
         width: cython.int = self._peaks.width
         ax: cython.double = self._x0 + self._step_px * (a % width - 1) - self._middle[i, 0]
@@ -200,9 +198,4 @@ class SplitTest:
         along_y: cython.double = sin(self._direction[i])
         s: cython.double = ax * along_x + ay * along_y
         t: cython.double = bx * along_x + by * along_y
-        distance: cython.double = hypot(bx - ax, by - ay)
-        return (
-            s * t < 0.0
-            and distance <= self._max_distance_px
-            and fabs(t - s) >= self._min_alignment * distance
-        )
+        return s * t < 0.0 and hypot(bx - ax, by - ay) <= self._max_distance_px

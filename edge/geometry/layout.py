@@ -6,9 +6,9 @@ import numpy as np
 
 from edge.errors import DegenerateLayout
 from edge.limits import PINS_MAX, PINS_MIN
-from edge.types import Array
+from edge.types import Array, Index
 
-__all__ = ["LAYOUTS", "affine_terms", "must_span", "pin_layout", "spans"]
+__all__ = ["LAYOUTS", "affine_terms", "circumcentres", "must_span", "pin_layout", "spans"]
 
 LAYOUTS = ("hex", "rings", "square")
 # Directions in which pins spread less than this share of their longest extent count as a line.
@@ -80,3 +80,17 @@ def pin_layout(kind: str, n_pins: int) -> Array:
     angle = np.arctan2(xy[:, 1], xy[:, 0])
     order = np.lexsort((np.round(angle, 9), np.round(radius, 9)))
     return np.asarray(xy[order] / radius.max(), dtype=np.float64)
+
+
+def circumcentres(points: Array, triangles: Index) -> Array:
+    """(t, 2) centre of each triangle's circle; not finite where its corners are on a line.
+
+    points (n, 2); triangles (t, 3), rows of them
+    """
+    a, b, c = (points[triangles[:, corner]] for corner in range(3))
+    u, v = b - a, c - a
+    twice_cross = 2.0 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+    u2, v2 = (u * u).sum(axis=1), (v * v).sum(axis=1)
+    offset = np.stack([v[:, 1] * u2 - u[:, 1] * v2, u[:, 0] * v2 - v[:, 0] * u2], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(a + offset / twice_cross[:, None])

@@ -25,7 +25,7 @@ import numpy as np
 from edge.geometry.layout import affine_terms
 from edge.types import Array
 
-__all__ = ["PREDICTING", "SHARP", "MotionPrior", "divergence_operator", "precision"]
+__all__ = ["PREDICTING", "SHARP", "MotionPrior", "component_covariance", "divergence_operator", "precision"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +86,21 @@ def precision(knots: Array, pitch: float, prior: MotionPrior) -> Array:
     affine = _affine_basis(x)
     weighted = inverse @ affine
     return np.asarray(inverse - weighted @ np.linalg.solve(affine.T @ weighted, weighted.T), np.float64)
+
+
+def component_covariance(x: Array, prior: MotionPrior) -> Array:
+    """(n, n) float64, covariance of one component of the motion as it is measured, without its affine part,
+    where there is as much curl as divergence: the components are independent then.
+
+    x  (n, 2) pitches
+    """
+    r2 = ((x[:, None] - x) ** 2).sum(axis=2)
+    total: Array = np.zeros_like(r2)
+    for width, variance in prior.potentials:
+        s = r2 / width**2
+        total += variance * (2.0 - s) * np.exp(-0.5 * s)
+    total[np.diag_indices(len(x))] += prior.noise**2
+    return total
 
 
 def _affine_basis(x: Array) -> Array:

@@ -32,19 +32,18 @@ from edge.pins.templates import BLOCK, HALF_MAX, LANES, NORM, PHASES, STEP_MAX, 
 from edge.types import Array, Image, Index
 
 if cython.compiled:
-    from cython.cimports.edge.pins.rejection import Answer, CentroidFilter
-    from cython.cimports.edge.pins.windows import copy_spans, prefetch, sums_of_bytes, sums_of_shorts
+    from cython.cimports.edge.pins.rejection import CentroidFilter
+    from cython.cimports.edge.pins.windows import copy_spans, sums_of_bytes, sums_of_shorts
     from cython.cimports.libc.math import NAN, isfinite, ldexp, sqrt
 else:
     from math import isfinite, ldexp, sqrt
     from math import nan as NAN  # noqa: N812
 
-    from edge.pins.rejection import Answer, CentroidFilter
-    from edge.pins.windows import copy_spans, prefetch, sums_of_bytes, sums_of_shorts
+    from edge.pins.rejection import CentroidFilter
+    from edge.pins.windows import copy_spans, sums_of_bytes, sums_of_shorts
 
 N_PHASES = cython.declare(cython.int, PHASES)
 LEVEL_MAX = cython.declare(cython.int, STEP_MAX)
-AHEAD = cython.declare(cython.Py_ssize_t, 3)  # how many pins ahead windows are prefetched
 
 #: One row of `templates.NORM`: what is known of one phase of one template.
 Norm = cython.struct(
@@ -54,8 +53,6 @@ Norm = cython.struct(
     inv_pixels=cython.double, inv_d2=cython.double, inv_tx2=cython.double, inv_ty2=cython.double,
     inv_det_x=cython.double, inv_det_y=cython.double, inv_freedom=cython.double,
 )  # fmt: skip
-#: x, y, sigma in px, amplitude in levels, fit: the share of the window's variation that the disc explained.
-ANSWER = np.dtype([(name, np.float64) for name in ("x", "y", "sigma", "amplitude", "fit")])
 
 
 @cython.final
@@ -94,6 +91,8 @@ class CentroidKernel:
     _half: cython.int[::1]
     _spans: cython.int[:, ::1]  # of all kinds
     _first_span: cython.int[::1]  # of each kind; the last row is the end
+    _steps: cython.Py_ssize_t[:, ::1]  # from span to span in images of `_stride`, as `copy_spans` takes them
+    _stride: cython.Py_ssize_t  # bytes from row to row
     _row_bytes: cython.int[::1]  # copied of each row of a window: the longest, filled up
     _right: cython.int[::1]  # columns from a window's middle that the copies reach
     _first: cython.Py_ssize_t[::1]
@@ -102,7 +101,6 @@ class CentroidKernel:
     _norms: Norm[:, ::1]
     _predicted: cython.double[:, ::1]
     _predicted_array: object  # the same memory
-    _out: Answer[::1]  # the answers, by name
     _filter: CentroidFilter
     _pixels: cython.uchar[::1]
     _window: cython.short[::1]
@@ -135,6 +133,7 @@ class CentroidKernel:
         row_bytes = [-(-int(spans[:, 2].max()) // LANES) * LANES for spans in templates.spans]
         self._spans = np.concatenate(templates.spans)
         self._first_span = np.cumsum([0, *map(len, templates.spans)], dtype=np.int32)
+        self._steps, self._stride = np.zeros((len(self._spans), 2), np.intp), 0
         self._row_bytes = np.array(row_bytes, np.int32)
         self._right = np.array(
             [spans[:, 0].max() + size for spans, size in zip(templates.spans, row_bytes, strict=True)],
@@ -162,7 +161,6 @@ class CentroidKernel:
         self.sigma = self._sigma = np.full(self.n, np.nan)
         self.amplitude = self._amplitude = np.full(self.n, np.nan)
         self.fit = self._fit = np.full(self.n, np.nan)
-        self._out = np.zeros(self.n, ANSWER).view(np.recarray)
         plane_max = int(np.max(templates.plane))
         self._pixels = np.zeros(plane_max + max(row_bytes), np.uint8)
         self._window = np.zeros(plane_max, np.int16)
@@ -182,6 +180,8 @@ class CentroidKernel:
         if image.dtype == np.uint8 and image.ndim == 2:
             self._wide = False
             self._image8 = image if image.strides[1] == 1 else np.ascontiguousarray(image)
+            if self._image8.strides[0] != self._stride:
+                self._set_stride(self._image8.strides[0])
         elif image.dtype == np.uint16 and image.ndim == 2:
             self._wide = True
             self._image16 = image
@@ -195,49 +195,27 @@ class CentroidKernel:
         if self._predicted.shape[0] != self.n or self._predicted.shape[1] != 2:
             raise ValueError(f"predictions of {self.n} pins are wanted, not of {self._predicted.shape[0]}")
         self._read()
-        self._filter.reject(self._out, self._predicted)
-        self._give()
+        self._filter.reject(self._xy, self._sigma, self._amplitude, self._fit, self._predicted)
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    def _give(self) -> cython.void:
-        xy: cython.double[:, ::1] = self._xy
-        i: cython.Py_ssize_t
-        for i in range(self.n):
-            xy[i, 0] = self._out[i].x
-            xy[i, 1] = self._out[i].y
-            self._sigma[i] = self._out[i].sigma
-            self._amplitude[i] = self._out[i].amplitude
-            self._fit[i] = self._out[i].fit
+    def _set_stride(self, stride: cython.Py_ssize_t) -> cython.bint:
+        """Make the steps of 8-bit images of this stride."""
+        column, row, length = np.asarray(self._spans, np.intp).T
+        begin = column + row * stride
+        step = np.diff(begin, prepend=0)
+        first = np.asarray(self._first_span)[: len(self._half)]
+        step[first] = begin[first]
+        self._steps, self._stride = np.stack([step, length], axis=1), stride
+        return True
 
     @cython.cfunc
     @cython.exceptval(check=False)
     def _read(self) -> cython.void:
         i: cython.Py_ssize_t
         for i in range(self.n):
-            if not self._wide:
-                self._prefetch(i + AHEAD if i + AHEAD < self.n else i)
-            self._follow(i)
-
-    @cython.cfunc
-    @cython.inline
-    @cython.exceptval(check=False)
-    def _prefetch(self, i: cython.Py_ssize_t) -> cython.void:
-        kind: cython.Py_ssize_t = self._kind_of[i]
-        half: cython.int = self._half[kind]
-        x: cython.double = self._predicted[i, 0]
-        y: cython.double = self._predicted[i, 1]
-        inside: cython.bint = (
-            x >= half and y >= half and x < self._columns - half - 1 and y < self._rows - half - 1
-        )
-        if inside:
-            prefetch(
-                self._image8,
-                cython.cast(cython.Py_ssize_t, x + 0.5) - half + 1,
-                cython.cast(cython.Py_ssize_t, y + 0.5) + self._spans[self._first_span[kind], 1],
-                self._first_span[kind + 1] - self._first_span[kind],
-                2 * half - 1,
-            )
+            if not self._follow(i):
+                self._xy[i, 0] = self._xy[i, 1] = self._sigma[i] = NAN
+                self._amplitude[i] = self._fit[i] = 0.0
 
     @cython.cfunc
     @cython.inline
@@ -263,7 +241,7 @@ class CentroidKernel:
             self._image8,
             cx,
             cy,
-            self._spans,
+            self._steps,
             self._first_span[kind],
             self._first_span[kind + 1],
             self._row_bytes[kind],
@@ -299,25 +277,14 @@ class CentroidKernel:
         return cx >= half and cy >= half and cx + half < self._columns and cy + half < self._rows
 
     @cython.cfunc
-    @cython.inline
     @cython.exceptval(check=False)
-    def _lost(self, i: cython.Py_ssize_t) -> cython.void:
-        self._out[i].x = self._predicted[i, 0]
-        self._out[i].y = self._predicted[i, 1]
-        self._out[i].sigma = NAN
-        self._out[i].amplitude = 0.0
-        self._out[i].fit = 0.0
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _follow(self, i: cython.Py_ssize_t) -> cython.void:
-        """Steps from the prediction of pin i to its centroid; lost if they do not converge."""
+    def _follow(self, i: cython.Py_ssize_t) -> cython.bint:
+        """Steps from the prediction of pin i to its centroid; False: lost, they do not converge."""
         kind: cython.Py_ssize_t = self._kind_of[i]
         x: cython.double = self._predicted[i, 0]
         y: cython.double = self._predicted[i, 1]
-        self._lost(i)
         if not isfinite(x) or not isfinite(y):
-            return
+            return False
         half: cython.int = self._half[kind]
         step_max: cython.double = 0.5 * (half - 2 if half > 4 else 2)
         iteration: cython.int
@@ -333,7 +300,7 @@ class CentroidKernel:
         done: cython.int = 0
         for iteration in range(self._steps_max):
             if x < 0 or y < 0 or x > self._columns - 1 or y > self._rows - 1:
-                return
+                return False
             cx = cython.cast(cython.Py_ssize_t, x + 0.5)
             cy = cython.cast(cython.Py_ssize_t, y + 0.5)
             px = phase_of(x - cx)
@@ -350,16 +317,14 @@ class CentroidKernel:
             else:
                 done = self._step_cut(i, kind, cx, cy, px, py, step_max, iteration)
             if done < 0:
-                self._lost(i)
-                return
-            x = self._out[i].x
-            y = self._out[i].y
+                return False
+            x = self._xy[i, 0]
+            y = self._xy[i, 1]
             if square(x - self._predicted[i, 0], y - self._predicted[i, 1]) > self._reach2:
-                self._lost(i)
-                return
+                return False
             if done:
-                return
-        self._lost(i)
+                return True
+        return False
 
     @cython.cfunc
     @cython.inline
@@ -415,8 +380,8 @@ class CentroidKernel:
             far2: cython.double = square(ex, ey)
             if far2 > self._far * self._far:
                 shorten = step_max / sqrt(far2) if far2 > step_max * step_max else 1
-                self._out[i].x = cx + ox + shorten * ex
-                self._out[i].y = cy + oy + shorten * ey
+                self._xy[i, 0] = cx + ox + shorten * ex
+                self._xy[i, 1] = cy + oy + shorten * ey
                 return 0
         su: cython.double = self._sums[4] - n.u_mean * s_1 - n.u_d * s_d
         sv: cython.double = self._sums[5] - n.v_mean * s_1 - n.v_d * s_d
@@ -444,19 +409,19 @@ class CentroidKernel:
             shorten = step_max / sqrt(step2)
             dx *= shorten
             dy *= shorten
-        self._out[i].x = x + dx
-        self._out[i].y = y + dy
+        self._xy[i, 0] = x + dx
+        self._xy[i, 1] = y + dy
         if square(ex, ey) >= self._near * self._near and iteration < self._steps_max - 1:
             return 0
         spread: cython.double = 0.5 * (
             (1 + keep_x * n.tx_u * n.tx_u * n.inv_det_x) * n.inv_tx2
             + (1 + keep_y * n.ty_v * n.ty_v * n.inv_det_y) * n.inv_ty2
         )
-        self._out[i].amplitude = ldexp(amplitude, self._shift) if self._shift else amplitude
-        self._out[i].sigma = sigma_of(
+        self._amplitude[i] = ldexp(amplitude, self._shift) if self._shift else amplitude
+        self._sigma[i] = sigma_of(
             variance * spread * inverse * inverse, rest, n.pixels - 6, level_energy, self._noise2, n.radius
         )
-        self._out[i].fit = s_d * amplitude / level_energy if level_energy > 0 else 0.0
+        self._fit[i] = s_d * amplitude / level_energy if level_energy > 0 else 0.0
         return 1
 
     @cython.cfunc
@@ -504,16 +469,16 @@ class CentroidKernel:
         ey /= amplitude
         far: cython.double = sqrt(square(ex, ey))
         shorten: cython.double = step_max / far if far > step_max else 1.0
-        self._out[i].x = cx + ((px + 0.5) / N_PHASES - 0.5) + shorten * ex
-        self._out[i].y = cy + ((py + 0.5) / N_PHASES - 0.5) + shorten * ey
+        self._xy[i, 0] = cx + ((px + 0.5) / N_PHASES - 0.5) + shorten * ex
+        self._xy[i, 1] = cy + ((py + 0.5) / N_PHASES - 0.5) + shorten * ey
         if far >= self._near and iteration < self._steps_max - 1:
             return 0
-        self._out[i].amplitude = ldexp(amplitude, self._shift)
-        self._out[i].sigma = sigma_of(
+        self._amplitude[i] = ldexp(amplitude, self._shift)
+        self._sigma[i] = sigma_of(
             variance * 0.5 * (self._inverse[2, 2] + self._inverse[3, 3]) / (amplitude * amplitude),
             rest, seen - 4, energy, self._noise2, n.radius,
         )  # fmt: skip
-        self._out[i].fit = explained / energy
+        self._fit[i] = explained / energy
         return 1
 
     @cython.cfunc

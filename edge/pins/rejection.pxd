@@ -1,21 +1,24 @@
-# One row of `centroids.ANSWER`.
-cdef struct Answer:
-    double x
-    double y
-    double sigma
-    double amplitude
-    double fit
+from edge.geometry.separation cimport Separation
 
 
 cdef class CentroidFilter:
     cdef Py_ssize_t n
-    cdef double fit_min, amplitude_share_min, clash_slanted
+    cdef double fit_min, amplitude_share_min, scale, clash_slanted
     cdef double[::1] rest_amplitude, ratio, along, x, y
     cdef int[::1] order
+    cdef Separation separation
 
-    cdef void reject(self, Answer[::1] found, const double[:, ::1] predicted) noexcept nogil
-    cdef void _sort(self, Answer[::1] found) noexcept nogil
-    cdef void _reject_clashes(self, Answer[::1] found, const double[:, ::1] predicted) noexcept nogil
+    cdef void reject(
+        self, double[:, ::1] xy, double[::1] sigma, const double[::1] amplitude, const double[::1] fit,
+        const double[:, ::1] predicted
+    ) noexcept nogil
+    cdef void _reject_dim(
+        self, double[:, ::1] xy, double[::1] sigma, const double[::1] amplitude, Py_ssize_t m
+    ) noexcept nogil
+    cdef void _sort(self, const double[:, ::1] xy) noexcept nogil
+    cdef void _reject_clashes(
+        self, double[:, ::1] xy, double[::1] sigma, const double[:, ::1] predicted
+    ) noexcept nogil
     cdef void _reject_one(
-        self, Answer[::1] found, const double[:, ::1] predicted, Py_ssize_t i, Py_ssize_t j
+        self, double[:, ::1] xy, double[::1] sigma, const double[:, ::1] predicted, Py_ssize_t i, Py_ssize_t j
     ) noexcept nogil

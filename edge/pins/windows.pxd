@@ -11,26 +11,17 @@ cdef extern from *:
     #define VT_WIDE
     #endif
 
-    /* with a constant length a row compiles to two or three moves; rows of spans are consecutive */
+    /* with a constant length a row compiles to two or four moves */
     #define VT_ROWS(BYTES) \
-        for (; span < end; span += 3, row += row_bytes, to += span[-1]) memcpy(to, row + span[0], (size_t)(BYTES))
-    static inline void vt_copy_spans(const unsigned char *row, Py_ssize_t row_bytes, const int *span,
-                                     const int *end, int bytes, unsigned char *to)
+        for (; step < end; step += 2) row += step[0], memcpy(to, row, (size_t)(BYTES)), to += step[1]
+    static inline void vt_copy_spans(const unsigned char *row, const Py_ssize_t *step, const Py_ssize_t *end,
+                                     int bytes, unsigned char *to)
     {
-        row += span[1] * row_bytes;
         switch (bytes) {
         case 16: VT_ROWS(16); break;
         case 24: VT_ROWS(24); break;
         case 32: VT_ROWS(32); break;
         default: VT_ROWS(bytes);
-        }
-    }
-
-    static inline void vt_prefetch(const unsigned char *row, Py_ssize_t row_bytes, int rows, int length)
-    {
-        for (int j = 0; j < rows; j++, row += row_bytes) {
-            __builtin_prefetch(row);
-            __builtin_prefetch(row + length - 1);
         }
     }
 
@@ -69,21 +60,16 @@ cdef extern from *:
         else VT_SUMS(int);
     }
     """
-    void vt_copy_spans(const unsigned char *, Py_ssize_t, const int *, const int *, int, unsigned char *) noexcept nogil
-    void vt_prefetch(const unsigned char *, Py_ssize_t, int, int) noexcept nogil
+    void vt_copy_spans(const unsigned char *, const Py_ssize_t *, const Py_ssize_t *, int, unsigned char *) noexcept nogil
     void vt_sums_of_bytes(const unsigned char *, short, const short *, const short *, int, double *) noexcept nogil
     void vt_sums_of_shorts(const short *, int, const short *, const short *, int, double *) noexcept nogil
 
 
 cdef inline void copy_spans(
-    const unsigned char[:, :] image, Py_ssize_t x, Py_ssize_t y, int[:, ::1] spans, Py_ssize_t begin, Py_ssize_t end,
-    int row_bytes, unsigned char[::1] to
+    const unsigned char[:, :] image, Py_ssize_t x, Py_ssize_t y, Py_ssize_t[:, ::1] steps, Py_ssize_t begin,
+    Py_ssize_t end, int row_bytes, unsigned char[::1] to
 ) noexcept nogil:
-    vt_copy_spans(&image[y, x], image.strides[0], &spans[begin, 0], &spans[begin, 0] + 3 * (end - begin), row_bytes, &to[0])
-
-
-cdef inline void prefetch(const unsigned char[:, :] image, Py_ssize_t x, Py_ssize_t y, int rows, int length) noexcept nogil:
-    vt_prefetch(&image[y, x], image.strides[0], rows, length)
+    vt_copy_spans(&image[y, x], &steps[begin, 0], &steps[begin, 0] + 2 * (end - begin), row_bytes, &to[0])
 
 
 cdef inline void sums_of_bytes(

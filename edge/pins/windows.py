@@ -15,21 +15,22 @@ Shorts = NDArray[np.int16]
 
 
 def copy_spans(
-    image: Image, x: int, y: int, spans: Index, begin: int, end: int, row_bytes: int, to: Bytes
+    image: Image, x: int, y: int, steps: Index, begin: int, end: int, row_bytes: int, to: Bytes
 ) -> None:
-    """Some spans (column and row against (x, y), length) of an 8-bit image, one after the other.
+    """Some spans of an 8-bit image, one after the other.
+
+    steps  of each span, bytes from the begin of the one before it, the first from (x, y); and its pixels
 
     Of each row `row_bytes` are copied, as many as the longest span has or more: the next span overwrites what
     is too many, and behind the last one they stay.
     """
-    at = 0
-    for column, row, length in spans[begin:end]:
-        to[at : at + row_bytes] = image[y + row, x + column : x + column + row_bytes]
+    rows, columns = image.shape
+    pixels = np.lib.stride_tricks.as_strided(image, (image.strides[0] * (rows - 1) + columns,), (1,))
+    at, row = 0, y * image.strides[0] + x
+    for step, length in steps[begin:end]:
+        row += step
+        to[at : at + row_bytes] = pixels[row : row + row_bytes]
         at += length
-
-
-def prefetch(image: Image, x: int, y: int, rows: int, length: int) -> None:
-    """Prefetch a window: the processor cannot guess which rows come next."""
 
 
 def sums_of_bytes(

@@ -26,13 +26,16 @@ from edge.types import Array, Mask
 
 if cython.compiled:
     from cython.cimports.edge.geometry.select import select_kth
+    from cython.cimports.edge.geometry.separation import Separation
     from cython.cimports.edge.tracking.outliers import PhotometricFilter
-    from cython.cimports.libc.math import NAN, sqrt
+    from cython.cimports.libc.math import HUGE_VAL, NAN, sqrt
 else:
+    from math import inf as HUGE_VAL  # noqa: N812
     from math import nan as NAN  # noqa: N812
     from math import sqrt
 
     from edge.geometry.select import select_kth
+    from edge.geometry.separation import Separation
     from edge.tracking.outliers import PhotometricFilter
 
 
@@ -57,11 +60,12 @@ class Follower:
     rest: cython.double[:, ::1]
     local_pitch: cython.double[::1]
     start: cython.int[::1]  # rows of the sparse matrix of full neighbourhoods
-    column: cython.int[::1]
+    column: cython.int[::1]  # doubled: where x stands in an array of x, y, x, y, ...
     weight: cython.float[::1]  # an error of 1e-7 of the motion
     closest: cython.int[:, ::1]
     pairs: cython.int[:, ::1]
-    distance2_min: cython.double[::1]
+    distance_min: cython.double[::1]
+    separation: Separation
     # of the last frame that was accepted
     last: cython.double[:, ::1]
     velocity: cython.double[:, ::1]
@@ -84,6 +88,7 @@ class Follower:
     expected_array: Array  # the same memory
     predicted: cython.double[:, ::1]  # motion since rest, by the neighbours
     motion: cython.double[:, ::1]
+    motion_flat: cython.double[::1]  # the same memory
     limit: cython.double[::1]
     some: cython.double[::1]
     before: cython.uchar[::1]
@@ -102,15 +107,17 @@ class Follower:
         self.local_pitch = np.array(lattice.local_pitch_px, np.float64)
         mean = photometric.affine.matrix()
         self.start = mean.indptr.astype(np.int32)
-        self.column = mean.indices.astype(np.int32)
+        self.column = 2 * mean.indices.astype(np.int32)
         self.weight = np.array(mean.data, np.float32)
         self.closest = np.array(lattice.closest, np.int32, order="C")
         self.pairs = np.array(lattice.pairs, np.int32, order="C")
-        self.distance2_min = np.array(lattice.distance_min_px, np.float64) ** 2
+        self.distance_min = np.array(lattice.distance_min_px, np.float64)
+        self.separation = Separation(n)
         self.last, self.velocity, self.last_residual = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2))
         self.now, self.residual = np.empty((n, 2)), np.empty((n, 2))
         self.expected_array = self.expected = np.empty((n, 2))
-        self.predicted, self.motion = np.empty((n, 2)), np.empty((n, 2))
+        motion = np.empty((n, 2))
+        self.predicted, self.motion, self.motion_flat = np.empty((n, 2)), motion, motion.reshape(-1)
         self.last_seen, self.seen = np.empty(n, np.uint8), np.empty(n, np.uint8)
         self.before = np.empty(n, np.uint8)
         self.limit, self.some = np.empty(n), np.empty(n)
@@ -269,13 +276,14 @@ class Follower:
         own prediction.
         """
         motion: cython.double[:, ::1] = self.motion
+        flat: cython.double[::1] = self.motion_flat
         predicted: cython.double[:, ::1] = self.predicted
         start: cython.int[::1] = self.start
         column: cython.int[::1] = self.column
         weight: cython.float[::1] = self.weight
         i: cython.Py_ssize_t
         k: cython.Py_ssize_t
-        at: cython.Py_ssize_t
+        end: cython.Py_ssize_t
         d: cython.int
         x: cython.double
         y: cython.double
@@ -290,10 +298,17 @@ class Follower:
         for i in range(self.n):
             x = 0
             y = 0
-            for k in range(start[i], start[i + 1]):
-                at = column[k]
-                x += weight[k] * motion[at, 0]
-                y += weight[k] * motion[at, 1]
+            k = start[i]
+            end = start[i + 1]
+            while k + 2 <= end:  # two at a time: half of the instructions that only count
+                x += weight[k] * flat[column[k]]
+                y += weight[k] * flat[column[k] + 1]
+                x += weight[k + 1] * flat[column[k + 1]]
+                y += weight[k + 1] * flat[column[k + 1] + 1]
+                k += 2
+            if k < end:
+                x += weight[k] * flat[column[k]]
+                y += weight[k] * flat[column[k] + 1]
             predicted[i, 0] = x
             predicted[i, 1] = y
 
@@ -334,17 +349,25 @@ class Follower:
     @cython.nogil
     def _keep_apart(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
         """Of two pins that came too near to each other the one with the larger innovation is lost."""
+        if self.separation.holds(found):
+            return
         pairs: cython.int[:, ::1] = self.pairs
-        distance2_min: cython.double[::1] = self.distance2_min
+        distance_min: cython.double[::1] = self.distance_min
         p: cython.Py_ssize_t
         dx: cython.double
         dy: cython.double
+        gap: cython.double
+        least: cython.double = HUGE_VAL
         for p in range(pairs.shape[0]):
             dx = found[pairs[p, 0], 0] - found[pairs[p, 1], 0]
             dy = found[pairs[p, 0], 1] - found[pairs[p, 1], 1]
-            if dx * dx + dy * dy < distance2_min[p]:
-                self._reject_near(found)
-                return
+            gap = sqrt(dx * dx + dy * dy) - distance_min[p]
+            if gap < least:
+                least = gap
+        if least < 0:
+            self._reject_near(found)
+        else:
+            self.separation.renew(found, least)
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -363,7 +386,7 @@ class Follower:
             b = self.pairs[p, 1]
             dx = found[a, 0] - found[b, 0]
             dy = found[a, 1] - found[b, 1]
-            if dx * dx + dy * dy < self.distance2_min[p] and self.before[a] and self.before[b]:
+            if sqrt(dx * dx + dy * dy) < self.distance_min[p] and self.before[a] and self.before[b]:
                 self.seen[a if self._innovation2(a) > self._innovation2(b) else b] = False
 
     @cython.cfunc

@@ -86,39 +86,9 @@ class TrackingParams:
     complete_share: float = 0.03  # difference of the counts of pins and blobs: hardly one missing or false
     unmatched_range: tuple[float, float] = (0.08, 0.2)  # unmatched pins then: full confidence, none
     agreeing_range: tuple[float, float] = (0.38, 0.86)  # agreeing pins: no confidence, full
-    # --- inliers of a match
-    inlier_rounds: int = 2
-    inlier_residual: float = 0.06
-    inlier_residual_ratio: float = 3.0  # ... or so many times what two thirds of the neighbours show,
-    inlier_residual_beside: float = 0.16  # but no more beside unmatched pins
-    inlier_residual_inconsistent: float = 0.12  # ... nor than this, where blobs are unassigned too
-    whole_share: float = 0.8  # of its neighbours that a pin must have not to count as beside unmatched ones
-    island_min: int = 8  # pins that must form a piece
-    # --- neighbour consistency, where blobs stay unassigned among unmatched pins
-    neighbours_min: float = 2.0  # matched neighbours, of neighbours_of, against the frame's mean
-    neighbours_few: float = 3.6  # with no more than these ...
-    residual_few: float = 0.08  # ... a pin's residual may be no larger
-    neighbours_of: float = 6.0
-    unassigned_reach: float = 1.3  # pitches; unassigned blobs that count against a pin
-    unassigned_by_chance: float = 2.0  # times the frame's mean, that do not
-    crowded: float = 0.3  # pitches; an unassigned blob this near may be the pin as well
-    # --- repair of inconsistent places
-    repair_beside: float = 1.2  # pitches round an unassigned blob, where pins are assigned anew
-    repair_margins: tuple[int, ...] = (1, 3, 5)  # rings around it, tried in turn: a slip may reach far
-    repair_blobs_min: int = 2  # unassigned blobs in one place: false blobs lie anywhere
-    repair_certain_blobs: int = 5  # so many, and such a share of all unassigned ones, are no chance
-    repair_certain_share: float = 0.5
-    repair_lost_margin: int = 1  # rings round a place that could not be repaired, where ...
-    repair_fits: float = 0.15  # ... a pin stays matched this near to the surface through those further out
-    repair_largest: float = 0.5  # share of all pins; a larger place has too little around it
-    repair_reach: float = 3.5  # pitches round a place, of the pins that predict it
-    repair_around_min: int = 8
-    repair_rounds: int = 6  # of predicting and assigning, at most
-    repair_ridge: float = 0.05  # of the thin plate, on distances in pitches
-    repair_area_range: tuple[float, float] = (0.15, 5.0)  # of the skin between three neighbours, against rest
-    repair_residual_max: float = 0.45
-    repair_residual_max_complete: float = 1.0  # where hardly a blob is missing or false
-    repair_whole_share: float = (
-        0.75  # matched pins; with fewer, unmatched pins and false blobs meet by chance
-    )
-    repair_apart_complete: float = 0.6  # of the least distance of two tracks, where hardly a blob is missing
+    # --- which blob each pin has for certain
+    scale_freedom: float = 4.0  # pins that the roughness of the whole frame counts as, beside those near
+    posterior_min: float = 0.98  # that a pin has its blob, against a missing pin and a false blob
+    slip_spread: float = 0.03  # pitches; beyond this standard deviation a step of a pitch may go unnoticed
+    slip_spread_hidden: float = 0.06  # ... where but one sign of a slip is seen
+    assign_rounds: int = 6  # of predicting and assigning, at most

@@ -1,4 +1,4 @@
-"""How good a match is, how far it is ahead of another, and which of its pins are certain.
+"""How good a match is, and how far it is ahead of another.
 
 Idea: pins agree where they move as their neighbours do. Two things count against a match: clashes (groups of
 unmatched pins with unassigned blobs near, which should have been theirs) and the deformation that it takes. A
@@ -64,14 +64,10 @@ def largest_piece(links: Links, motion: Array, known: Mask) -> Mask:
 
 
 class MatchScorer:
-    """Scores matches of one tip.
+    """Scores matches of one tip."""
 
-    links, bridges  neighbours that hang together, and pins further apart, across gaps
-    """
-
-    def __init__(self, tip: TrackedTip, links: Links, bridges: Links) -> None:
+    def __init__(self, tip: TrackedTip) -> None:
         self._tip = tip
-        self._links, self._bridges = links, bridges
         self._adjacent_n = (tip.lattice.adjacent < len(tip)).sum(1)
 
     def score(self, blob_xy: Array, blob: Index, motion: Array, known: Mask) -> Match:
@@ -86,14 +82,6 @@ class MatchScorer:
         match = Match(blob, motion, known, agree, 0, int(min(inconsistent)), rotation, cost)
         clashes = self._clashes(match, blob_xy, unassigned)
         return Match(blob, motion, known, agree, clashes, match.inconsistent_n, rotation, cost)
-
-    def repaired(self, match: Match, blob: Index, matched: Mask, blob_xy: Array) -> Match:
-        """The match after its repair: only pins that are still unmatched count as clashes."""
-        motion = blob_xy[blob] - self._tip.rest_xy
-        lost = len(matched) - int(np.count_nonzero(matched))
-        rotation, cost = self._deformation(motion, matched)
-        clashes, inconsistent = min(match.clashes_n, lost), min(match.inconsistent_n, lost)
-        return Match(blob, motion, matched, matched, clashes, inconsistent, rotation, cost)
 
     def margin(self, best: Match, alternative: Match) -> float:
         """0..1, from how many pins the match is ahead of an alternative.
@@ -121,83 +109,6 @@ class MatchScorer:
         few, many = p.unmatched_range
         consistent = (many - match.inconsistent_n / n) / (many - few)
         return float(np.clip(min(1 - sigmas / p.clash_sigmas_max, share, consistent), 0, 1))
-
-    def inliers(self, match: Match) -> Mask:
-        """(n,) the agreeing pins without those that fit their neighbours much worse than the neighbours fit
-        theirs.
-
-        A false blob in the place of a missing pin agrees, but less closely than a pin does; beside an
-        inconsistent place two pins may have changed places and still agree. Pins that are left out here are
-        found again by `follow`.
-        """
-        good, residual = self._of_small_residual(match)
-        # Small pieces are remains of an inconsistent place; a large separate one may have slipped by a step
-        # as a whole.
-        label = self._links.pieces(match.motion, good)
-        good = good & (np.bincount(label[good], minlength=len(good))[label] >= self._tip.params.island_min)
-        good = largest_piece(self._bridges, match.motion, good)
-        # Two matched too near to each other: one is a reflection, or both are the same pin.
-        first, second = self._tip.lattice.pairs.T
-        now = self._tip.rest_xy + match.motion
-        gap = now[first] - now[second]
-        too_near = good[first] & good[second] & ((gap**2).sum(1) < self._tip.lattice.distance_min_px**2)
-        first, second = first[too_near], second[too_near]
-        good[np.where(residual[first] > residual[second], first, second)] = False
-        return good
-
-    def neighbour_consistent(self, blob_xy: Array, blob: Index, matched: Mask, inconsistent: bool) -> Mask:
-        """(n,) of an inconsistent match, the pins that have more matched neighbours than unassigned blobs
-        near.
-
-        At the rim of a lost region a blob may be that of the next pin, further in; and an unassigned blob
-        very close to a pin's own may be the pin as well.
-        """
-        p = self._tip.params
-        own, adjacent = blob_xy[blob], self._tip.lattice.adjacent
-        motion = own - self._tip.rest_xy
-        around = np.maximum(self._adjacent_n, 1)
-        apart = cdist(own, blob_xy)
-        near = apart < p.unassigned_reach * self._tip.pitch_px
-        crowding = apart < p.crowded * self._tip.pitch_px
-        before = 0
-        while before != (before := int(np.count_nonzero(matched))) and before:
-            unassigned = _unassigned(blob_xy, blob, matched)
-            crowded = crowding[:, unassigned].any(1)
-            if not (inconsistent or np.any(crowded & matched)):
-                break
-            against = near[:, unassigned].sum(1)
-            against = against - p.unassigned_by_chance * against[matched].mean()  # false blobs lie anywhere
-            neighbours = np.append(matched, False)[adjacent].sum(1) / around
-            neighbours = p.neighbours_of * neighbours / neighbours[matched].mean()
-            residual = self._residual(motion, matched)
-            consistent = (neighbours >= p.neighbours_min) & (neighbours >= against + 1)
-            close = (residual < p.residual_few) & ~crowded
-            matched = matched & consistent & ((neighbours > p.neighbours_few) | close)
-        return matched
-
-    def _of_small_residual(self, match: Match) -> tuple[Mask, Array]:
-        """(n,) the agreeing pins that fit the map of their neighbours, and (n,) all residuals in local
-        pitches.
-        """
-        p, adjacent = self._tip.params, self._tip.lattice.adjacent
-        around = np.maximum(self._adjacent_n, 1)
-        beside = p.inlier_residual_inconsistent if match.clashes_n else p.inlier_residual_beside
-        good, residual = match.agree, np.empty(0)
-        for _ in range(p.inlier_rounds):
-            residual = self._residual(match.motion, good)
-            of_adjacent = np.append(np.where(good, residual, np.nan), np.nan)[adjacent]
-            known = np.isfinite(of_adjacent).sum(1)
-            # At the edge of a contact the field has a crease, and half of a pin's neighbours lie in it.
-            baseline = np.take_along_axis(np.sort(of_adjacent, axis=1), (2 * known // 3)[:, None], 1)[:, 0]
-            limit = np.maximum(p.inlier_residual, p.inlier_residual_ratio * baseline)
-            limit = np.where(known >= p.whole_share * around, limit, np.minimum(limit, beside))
-            good = good & (residual < limit) & (3 * known >= around)
-        return good, residual
-
-    def _residual(self, motion: Array, known: Mask) -> Array:
-        """(n,) distance of each pin from where its known neighbours predict it, local pitches."""
-        predicted, _, _ = self._tip.affine.predict(motion, known)
-        return np.asarray(np.hypot(*(motion - predicted).T) / self._tip.local_pitch_px)
 
     def _deformation(self, motion: Array, agree: Mask) -> tuple[float, float]:
         """Mean rotation in pitches, and the deformation cost in pins, of the pins that agree.

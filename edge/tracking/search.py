@@ -25,7 +25,7 @@ import numpy as np
 from edge.tracking.coarse import CoarseFit
 from edge.tracking.links import Links
 from edge.tracking.match import NearestBlob, RegionGrower
-from edge.tracking.repair import repair
+from edge.tracking.posterior import MotionModel, certain_match
 from edge.tracking.score import Match, MatchScorer, largest_piece
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
@@ -64,7 +64,8 @@ class Identifier:
             tip.affine, tip.rest_xy, self._gate_px, p.region_support_min, p.sweeps_max
         )
         self._coarse = CoarseFit(tip)
-        self._scorer = MatchScorer(tip, self._links, self._bridges)
+        self._scorer = MatchScorer(tip)
+        self._model = MotionModel(tip)
         self._lattice_steps = _lattice_steps(tip)
         margin = 2 * tip.pitch_px
         self._low, self._high = tip.rest_xy.min(0) - margin, tip.rest_xy.max(0) + margin
@@ -80,14 +81,12 @@ class Identifier:
         scorer = self._scorer
         blobs = _BlobIndex(blob_xy, _nearest_blob(blob_xy, self._low, self._high, self._tip.params.raster_px))
         best, alternatives = self._search(blobs, guesses or [])
-        # A repair makes a match better in itself, but does not raise its margin over the alternatives.
         margin = min(scorer.margin(best, other) for other in alternatives)
-        inliers, inconsistent = scorer.inliers(best), best.clashes_n > 0
-        blob, matched = repair(self._tip, blob_xy, best.blob, inliers)
-        if np.count_nonzero(matched) > np.count_nonzero(inliers):
-            best = scorer.repaired(best, blob, matched, blob_xy)
-        matched = scorer.neighbour_consistent(blob_xy, blob, matched, inconsistent)
-        return Identity(np.where(matched, blob, -1), best.agree_n, min(margin, scorer.quality(best)))
+        # A match that was assigned anew may be better in itself, but is no further ahead of the alternatives.
+        blob, known, certain = certain_match(self._model, blob_xy, best.blob, best.agree)
+        again = scorer.score(blob_xy, blob, blob_xy[blob] - self._tip.rest_xy, known)
+        best = max(best, again, key=lambda match: match.score)
+        return Identity(np.where(certain, blob, -1), best.agree_n, min(margin, scorer.quality(best)))
 
     def _search(self, blobs: _BlobIndex, guesses: list[Array]) -> tuple[Match, list[Match]]:
         """The best match and its alternatives; ends with a match that can be trusted, or after

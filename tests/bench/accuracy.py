@@ -48,7 +48,7 @@ from tests.bench.speed import on_processor
 
 STILLS, REPEATS = 30, 4  # that time is measured on, and how often each
 COUNTED = 4  # stills whose instructions are counted
-LENGTHS = (1, 5)  # rounds of each
+ROUNDS = 4  # of each
 #: Errors by name of the value: the columns of a report that are averaged.
 ERRORS = {"depth mm": (0,), "tilt deg": (1, 2), "shear mm": (3, 4), "torsion deg": (7,)}
 PUBLISHED = {name: float(np.mean([NETWORK[i] or 0.0 for i in at])) for name, at in ERRORS.items()}
@@ -146,9 +146,9 @@ def instructions(calibrations: list[Calibration], stills: list[Image], rest: Ima
         def count(number: int) -> int:
             path, demand = work[number]
             names = ",".join(sorted(demand))
-            child = ["tests.bench.accuracy_child", str(folder / "stills.npz"), path, names]
-            counts = count_child(child, LENGTHS, folder / f"counts.{number}", caches=False)
-            return round(counts.instructions / COUNTED)
+            child = ["tests.bench.accuracy_child", str(folder / "stills.npz"), path, names, str(ROUNDS)]
+            frames = COUNTED * ROUNDS
+            return round(count_child(child, frames, folder / f"counts.{number}", caches=False).instructions)
 
         with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:  # threads wait for valgrind alone
             return list(track(pool.map(count, range(len(work))), "instructions", total=len(work)))

@@ -1,13 +1,15 @@
 """What `tests.bench.accuracy` counts: `python -m tests.bench.accuracy_child STILLS CALIBRATION DEMAND N`.
 
 STILLS is an .npz: `rest`, and `images`. CALIBRATION is a file, or `paper` for the reference. DEMAND names
-features, with commas. Each image is found once, as a jump, and then processed N times.
+features, with commas. Each image is found as a jump, processed once more, and then N times, which count.
 """
 
 from __future__ import annotations
 
 import gc
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from edge.calibration import Calibration
 from edge.pins import take_rest
 from edge.pipeline import Pipeline
 from edge.types import Feature, Frame
+from tests.bench.instructions import Counter
 from tests.bench.reference import Reference
 
 
@@ -28,16 +31,18 @@ def main(stills: str, calibration: str, demand: str, n: int) -> None:
     pipeline = Pipeline(rest, None if paper else Calibration.load(Path(calibration)), features)
     reference = Reference(rest_image, rest.pattern.pin_radius_px, rest_img=rest.xy_img) if paper else None
     gc.disable()
+    counter = Counter()
     for image in images:
         pipeline.forget()
         tracks = pipeline.process(Frame(image, 0, 0)).tracks
+        step: Callable[[], object] = partial(pipeline.process, Frame(image, 0, 0))
         if reference is not None:
             reference.place(tracks.xy_img)
-        for _ in range(n):
-            if reference is not None:
-                reference.step(image)
-            else:
-                pipeline.process(Frame(image, 0, 0))
+            step = partial(reference.step, image)
+        step()
+        with counter:
+            for _ in range(n):
+                step()
 
 
 if __name__ == "__main__":

@@ -3,34 +3,14 @@
 from __future__ import annotations
 
 import ctypes
-import shutil
-import subprocess
-import sysconfig
-import tempfile
-from functools import lru_cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from edge.pins.templates import templates_of
 from edge.pipeline import Pipeline
+from tests.bench.compiled import compiled
 
 __all__ = ["Floor"]
-
-
-@lru_cache(maxsize=1)
-def _library() -> Any:
-    """`floor.c`, compiled as the extensions are, for this machine."""
-    compiler = (sysconfig.get_config_var("CC") or "cc").split()[0]
-    source = Path(__file__).with_name("floor.c")
-    with tempfile.TemporaryDirectory() as folder:
-        library = Path(folder) / "floor.so"
-        command = [shutil.which(compiler) or "cc", "-O3", "-march=native", "-shared", "-fPIC"]
-        subprocess.run([*command, str(source), "-o", str(library)], check=True)
-        loaded = ctypes.CDLL(str(library))
-    loaded.read_windows.restype = ctypes.c_uint64
-    return loaded
 
 
 class Floor:
@@ -44,7 +24,8 @@ class Floor:
         corner = np.rint(pipeline.rest.xy_img).astype(np.int32) - half
         margin = np.array(pipeline.rest.pattern.size_px) - [self._columns, self._rows]
         self._corner = np.clip(corner, 0, margin).astype(np.int32)
-        self._read = _library().read_windows
+        self._read = compiled("floor.c", "-march=native").read_windows
+        self._read.restype = ctypes.c_uint64
 
     def read(self, image: np.ndarray) -> int:
         """The sum of the windows' pixels."""

@@ -1,8 +1,8 @@
 """Instructions and cache misses of a frame, counted: `python -m tests.bench instructions [--json]`.
 
-Time depends on the machine and its load; the number of instructions does not. Valgrind's
-cachegrind (Debian package valgrind) runs the same recording twice, once longer, with the caches of a small
-board; the difference per frame excludes the start of the program.
+Time depends on the machine and its load; the number of instructions does not. Valgrind's callgrind (Debian
+package valgrind) counts those frames of a recording that the program marks, with the caches of a small board:
+neither its start nor its first frames.
 
 Rules
 - Frames are rendered beforehand and read from a file; garbage collection is off; one thread.
@@ -11,12 +11,13 @@ Rules
 
 from __future__ import annotations
 
+import collections
 import json
 import os
 import re
 import subprocess
 import sys
-from collections import Counter, defaultdict
+from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,10 +26,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from tests.bench.compiled import compiled
 from tests.bench.frames import REST_FRAMES, scene
 from tests.bench.output import ROOT, writes_results
 
-__all__ = ["Counts", "command", "count", "count_child"]
+__all__ = ["Counter", "Counts", "command", "count", "count_child"]
 
 #: First-level instruction and data caches and the last level of a small board: bytes, ways, bytes of a line.
 CACHES = ("--I1=49152,12,64", "--D1=32768,8,64", "--LL=1048576,16,64")
@@ -38,7 +40,8 @@ VARIANTS = {
     "no_contact": ("nothing", 0, "pipeline"),
     "grasp": ("press", 10, "grasp"),
 }
-LENGTHS = {"pipeline": (8, 72), "grasp": (8, 72), "reference": (1, 4)}
+#: Frames that warm the caches, and frames that count.
+LENGTHS = {"pipeline": (8, 64), "grasp": (8, 64), "reference": (1, 3)}
 TOP = 25  # functions in the table
 
 
@@ -64,30 +67,50 @@ class Counts:
 
 def count(kind: str, frames: Path, folder: Path) -> Counts:
     """Count one kind of work (see `instructions_child`) on a recording."""
-    child = ["tests.bench.instructions_child", kind, str(frames)]
-    return count_child(child, LENGTHS[kind], folder / f"cachegrind.{kind}")
+    warm, counted = LENGTHS[kind]
+    child = ["tests.bench.instructions_child", kind, str(frames), str(warm), str(counted)]
+    return count_child(child, counted, folder / f"callgrind.{kind}")
 
 
-def count_child(child: list[str], lengths: tuple[int, int], out: Path, *, caches: bool = True) -> Counts:
-    """Count what a module does in one more round: its last argument is the number of rounds.
+def count_child(child: list[str], frames: int, out: Path, *, caches: bool = True) -> Counts:
+    """Count what a module does between its marks (`Counter`).
 
-    out     where counts go; the number of rounds is appended
+    frames  that it processes between them
+    out     where counts go
     caches  False: instructions alone, in a third of the time; no misses
     """
-    _run([], child, 1)  # writes the compiled Python files for both runs
     simulated = ("--cache-sim=yes", *CACHES) if caches else ("--cache-sim=no",)
-    runs = []
-    for n in lengths:
-        counts = f"{out}.{n}"
-        valgrind = ["valgrind", "--tool=cachegrind", *simulated]
-        _run([*valgrind, f"--cachegrind-out-file={counts}"], child, n)
-        runs.append(_read(Path(counts)))
-    (before, before_misses), (after, after_misses) = runs
-    per = lengths[1] - lengths[0]
+    plain = ("--compress-strings=no", "--compress-pos=no", "--instr-atstart=no", "--collect-atstart=no")
+    command = ["valgrind", "--tool=callgrind", *simulated, *plain, f"--callgrind-out-file={out}"]
+    env = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
+    env.pop("PYTHONDONTWRITEBYTECODE", None)  # compiling each import again takes minutes here
+    done = subprocess.run(
+        [*command, sys.executable, "-m", *child], cwd=ROOT, env=env, capture_output=True, text=True
+    )
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(child)}: {done.stderr[-2000:]}")
+    counted, misses = _read(out)
     functions: defaultdict[tuple[str, str], float] = defaultdict(float)
-    for name in after.keys() | before.keys():
-        functions[_stage_of(name)] += (after[name] - before[name]) / per
-    return Counts(sum(functions.values()), (after_misses - before_misses) / per, dict(functions))
+    for name, n in counted.items():
+        functions[_stage_of(name)] += n / frames
+    return Counts(sum(functions.values()), misses / frames, dict(functions))
+
+
+class Counter:
+    """Marks, within a program that `count_child` runs, what counts: `with counter: ...`.
+
+    From its creation on caches are simulated, so that what comes before a mark warms them.
+    """
+
+    def __init__(self) -> None:
+        self._library = compiled("counter.c")
+        self._library.start()
+
+    def __enter__(self) -> None:
+        self._library.toggle()
+
+    def __exit__(self, *_: object) -> None:
+        self._library.toggle()
 
 
 def record(variant: str, folder: Path) -> Path:
@@ -99,18 +122,9 @@ def record(variant: str, folder: Path) -> Path:
     return path
 
 
-def _run(before: list[str], work: list[str], n: int) -> None:
-    child = [sys.executable, "-m", *work, str(n)]
-    env = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
-    env.pop("PYTHONDONTWRITEBYTECODE", None)  # compiling each import under valgrind takes minutes
-    done = subprocess.run([*before, *child], cwd=ROOT, env=env, capture_output=True, text=True)
-    if done.returncode:
-        raise RuntimeError(f"{' '.join([*before, *child])}: {done.stderr[-2000:]}")
-
-
-def _read(path: Path) -> tuple[Counter[str], int]:
+def _read(path: Path) -> tuple[collections.Counter[str], int]:
     """Instructions of each function, and all last-level misses."""
-    functions: Counter[str] = Counter()
+    functions: collections.Counter[str] = collections.Counter()
     events: list[str] = []
     misses = 0
     function = ""
@@ -120,9 +134,11 @@ def _read(path: Path) -> tuple[Counter[str], int]:
                 function = line[3:].strip()
             elif line.startswith("events:"):
                 events = line.split()[1:]
+            elif line.startswith("calls="):
+                next(lines)  # the cost of what is called, which that function has itself
             elif line[0].isdigit():
                 counts = dict(zip(events, map(int, line.split()[1:]), strict=False))
-                functions[function] += counts["Ir"]
+                functions[function] += counts.get("Ir", 0)
                 misses += sum(counts.get(kind, 0) for kind in ("ILmr", "DLmr", "DLmw"))
     return functions, misses
 

@@ -57,6 +57,25 @@ def test_values_follow_the_truth(frames: list[Frame], rest: Rest, calibration: C
     assert not last.searched
 
 
+def test_moments_of_contacts_are_computed_for_models_that_depend_on_them(
+    frames: list[Frame], rest: Rest, calibration: Calibration
+) -> None:
+    place = Polynomial(
+        outputs=["contact_x_mm", "contact_y_mm"], terms=[["p"], ["curl_moment*", "curl_moment", "p"]],
+        weights=[(19.0, 0.0), (1.0, 0.0)], valid=[(-20.0, 20.0), (-20.0, 20.0)], sigma=[0.1, 0.1],
+    )  # fmt: skip
+    others = [model for model in calibration.content.models if "contact_x_mm" not in outputs_of(model)]
+    of_moments = Calibration(msgspec.structs.replace(calibration.content, models=[*others, place]))
+    for given, wanted in ((None, True), (calibration, False), (of_moments, True)):
+        pipeline = Pipeline(rest if given is None else in_order_of(given, rest), given)
+        last = [pipeline.process(frame) for frame in frames][-1]
+        assert last.features is not None
+        assert last.features.contacts is not None
+        moments = [np.isfinite(c.curl_moment_px).all() for c in last.features.contacts]
+        assert moments == [wanted]
+    assert np.isfinite(last.reading.contacts[0, :2]).all()
+
+
 def test_friction_and_slip_margin_come_with_the_forces(
     frames: list[Frame], rest: Rest, calibration: Calibration
 ) -> None:

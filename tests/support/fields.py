@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Voronoi
 
-from edge.types import Array, Cells, PinPattern, Pins, Rest, Tracks
+from edge.types import Array, Cells, ContactRegion, PinPattern, Pins, Rest, Tracks
 
 SIZE = (640, 480)
 CENTRE = np.array([319.3, 241.7])
@@ -111,3 +111,17 @@ def bar(rest: Rest, angle: float, length: float, width: float, height: float) ->
     s, t = d @ along, d @ across
     fade = 1.0 / (1.0 + np.exp((np.abs(s) - 0.5 * length) / width))
     return np.outer(height * t * np.exp(-0.5 * t**2 / width**2) * fade, across)
+
+
+def contact_region(
+    place: tuple[float, float],
+    peak: float,
+    area_px2: float,
+    orientation_rad: float = float("nan"),
+    elongation: float = 1.0,
+) -> ContactRegion:
+    """A contact of one peak, without shear."""
+    at = np.array(place)
+    return ContactRegion(
+        at, peak, area_px2, orientation_rad, elongation, at[None], at, np.zeros(2), np.zeros(2)
+    )

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from edge.calibration import Calibration, uncalibrated
-from edge.calibration.inputs import FRAME_INPUTS
-from edge.types import ContactRegion, Features
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
+from edge.types import Features
 from tests.support.calibrations import PATTERN, calibration_content, parsed, touched_features
+from tests.support.fields import contact_region
 
 R = PATTERN.tip_radius_px / 200.0
 
@@ -52,13 +53,13 @@ def test_untouched_reads_zero() -> None:
 
 
 def test_contact_places_are_in_the_tip_frame() -> None:
-    contact = ContactRegion(np.array([340.0, 230.0]), 0.3, 100.0, math.nan, 1.0, np.zeros((1, 2)))
+    contact = contact_region((340.0, 230.0), 0.3, 100.0, math.nan, 1.0)
     reading = parsed(calibration_content()).apply(touched_features(0.1, (0.0, 0.0), (contact,)), PATTERN)
     np.testing.assert_allclose(reading.contacts[0, :2], [2.0, -1.0])
 
 
 def test_the_depth_of_a_single_contact_is_the_frame_s() -> None:
-    spot = ContactRegion(np.array([340.0, 230.0]), 0.3, 100.0, math.nan, 1.0, np.zeros((1, 2)))
+    spot = contact_region((340.0, 230.0), 0.3, 100.0, math.nan, 1.0)
     one = parsed(calibration_content()).apply(touched_features(0.05, (0.0, 0.0), (spot,)), PATTERN)
     two = parsed(calibration_content()).apply(touched_features(0.05, (0.0, 0.0), (spot, spot)), PATTERN)
     assert one.contacts[0, 2] == one.values["displacement_mm"] == pytest.approx(1.0)
@@ -81,7 +82,7 @@ def _forced() -> Calibration:
 
 
 def test_pressure_is_force_over_the_contacts_area() -> None:
-    edge = ContactRegion(np.array([340.0, 230.0]), 0.3, 5000.0, math.radians(30.0), 3.0, np.zeros((1, 2)))
+    edge = contact_region((340.0, 230.0), 0.3, 5000.0, math.radians(30.0), 3.0)
     reading = _forced().apply(touched_features(0.05, (0.0, 0.0), (edge,)), PATTERN)
     assert reading.values["force_n"] == pytest.approx(2.0)
     assert reading.values["contact_area_mm2"] == pytest.approx(50.0)
@@ -90,7 +91,7 @@ def test_pressure_is_force_over_the_contacts_area() -> None:
 
 
 def test_without_a_force_gauge_there_is_no_pressure() -> None:
-    spot = ContactRegion(np.array([340.0, 230.0]), 0.3, 5000.0, math.nan, 1.0, np.zeros((1, 2)))
+    spot = contact_region((340.0, 230.0), 0.3, 5000.0, math.nan, 1.0)
     reading = parsed(calibration_content()).apply(touched_features(0.05, (0.0, 0.0), (spot,)), PATTERN)
     assert "pressure_kpa" not in reading.values
     assert math.isnan(reading.values["orientation_deg"])
@@ -116,7 +117,7 @@ def test_slip_speed_needs_a_scale_and_the_time_between_two_frames() -> None:
 
 
 def test_an_uncalibrated_tip_counts_its_contacts_and_places_none() -> None:
-    spot = ContactRegion(np.array([340.0, 230.0]), 0.3, 100.0, math.nan, 1.0, np.zeros((1, 2)))
+    spot = contact_region((340.0, 230.0), 0.3, 100.0, math.nan, 1.0)
     reading = uncalibrated(touched_features(0.1, (0.0, 0.0), (spot, spot)))
     assert len(reading.contacts) == 2
     assert np.isnan(reading.contacts).all()
@@ -137,7 +138,9 @@ def test_old_files_give_the_same_values(data_dir: Path, tip: str) -> None:
         found = list(calibration.frame_values(np.append(frame, added)))
         assert [(name, beyond) for name, _, _, beyond in found] == [(r[0], r[3]) for r in row["values"]]
         _assert_alike([r[1:3] for r in found], [r[1:3] for r in row["values"]])
-        found_contact = list(calibration.contact_values(_complex(row["contact"])))
+        contact = _complex(row["contact"])
+        added = np.full(len(CONTACT_INPUTS) - len(contact), np.nan)
+        found_contact = list(calibration.contact_values(np.append(contact, added)))
         assert [r[0] for r in found_contact] == [r[0] for r in row["contact_values"]]
         _assert_alike([r[1:] for r in found_contact], [r[1:] for r in row["contact_values"]])
 

@@ -56,11 +56,20 @@ def test_a_shallow_valley_joins_and_a_deep_one_separates() -> None:
         np.asarray(regions.middle)[:2, 0], X0 + STEP * np.array([14.0, 26.0]), atol=0.5
     )
     assert [len(regions.ridge(i)) for i in range(2)] == [1, 1]
-    _, noisy = regions_of(two, noise_px=9.0)  # 10 sigma of 9 px times 0.01 is deeper than that valley
+    _, noisy = regions_of(two, noise_px=6.0)  # 10 sigma of 6 px times 0.01 is deeper than that valley
     assert noisy.n_contacts == 1
     np.testing.assert_allclose(noisy.ridge(0), [[X0 + 28.0, Y0 + 40.0], [X0 + 52.0, Y0 + 40.0]])
     _, regions = regions_of(np.maximum(two, 0.7))
     assert regions.n_contacts == 1
+
+
+def test_a_second_peak_below_the_noise_is_none() -> None:
+    far = hill(10.0, 20.0, 1.0, 2.0) + hill(32.0, 20.0, 0.2, 2.0)  # nothing but zero between them
+    _, regions = regions_of(far, noise_px=1.9)
+    assert regions.n_contacts == 2
+    _, noisy = regions_of(far, noise_px=2.1)
+    assert noisy.n_contacts == 1
+    np.testing.assert_allclose(noisy.ridge(0), [[X0 + 20.0, Y0 + 40.0]])
 
 
 def test_no_more_contacts_than_the_table_holds() -> None:

@@ -7,6 +7,7 @@ import pytest
 from scipy.interpolate import CloughTocher2DInterpolator
 
 from edge.features.contact_field import ContactField
+from edge.features.params import PARAMS
 from edge.features.surface import Surface
 from edge.geometry.thin_plate import thin_plate_operators
 from edge.types import Array
@@ -85,9 +86,9 @@ def test_a_picture_is_laid_out_row_by_row() -> None:
 def test_the_field_is_a_blend_near_increased_areas() -> None:
     rest = tip(331)
     surface, field = Surface(rest), Surface(rest).field
-    xy = rest.xy_img + push(rest, (20.0, -30.0), 40.0, 0.1)
-    change = 0.3 * bump(rest.xy_img, CENTRE + np.array([20.0, -30.0]), 40.0)
-    area_change = rest.xy_img[change > 0.1 * change.max()]
+    xy = rest.xy_img + push(rest, (20.0, -30.0), 30.0, 0.1)
+    change = 0.3 * bump(rest.xy_img, CENTRE + np.array([20.0, -30.0]), 30.0)
+    area_change = rest.xy_img[change > PARAMS.min_area_change]
     near = np.hypot(*(surface.points_img[:, None] - area_change).transpose(2, 0, 1)).min(axis=1)
     near = near <= rest.pattern.pitch_px
     whole = surface.field.whole_surface(change), divergence(surface, xy)

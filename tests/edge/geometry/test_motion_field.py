@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from edge.geometry.motion_field import SHARP, divergence_operator
+from edge.geometry.motion_field import (
+    PREDICTING,
+    SHARP,
+    component_covariance,
+    divergence_operator,
+    precision,
+)
 from edge.geometry.thin_plate import thin_plate_operators
 from edge.types import Array
 from tests.support.fields import tip
@@ -53,3 +61,14 @@ def test_the_unit_of_length_is_free() -> None:
     np.testing.assert_allclose(
         divergence_operator(10.0 * KNOTS, 10.0 * POINTS, 10.0 * PITCH, SHARP), OPERATOR / 10.0, atol=1e-9
     )
+
+
+def test_components_are_independent_where_there_is_as_much_curl_as_divergence() -> None:
+    xy = tip(61).xy_img / 45.0
+    joint = precision(xy, 1.0, replace(PREDICTING, curl=1.0))
+    inverse = np.linalg.inv(component_covariance(xy, PREDICTING))
+    affine = np.column_stack([np.ones(61), xy - xy.mean(axis=0)])
+    weighted = inverse @ affine
+    single = inverse - weighted @ np.linalg.solve(affine.T @ weighted, weighted.T)
+    np.testing.assert_allclose(joint[::2, ::2], single, atol=1e-9 * np.abs(single).max())
+    np.testing.assert_allclose(joint[::2, 1::2], 0.0, atol=1e-9 * np.abs(single).max())

@@ -25,9 +25,10 @@ from edge.recording import (
 )
 from edge.recording.messages import annotations_of
 from edge.recording.topics import proto, stamp
-from edge.types import Cells, Clock, ContactRegion, Features, Frame, Reading, Tracks
+from edge.types import Cells, Clock, Features, Frame, Reading, Tracks
 from hostlink.topics import Diagnosis, Level
 from hostlink.wire import State
+from tests.support.fields import contact_region
 from tests.support.seeds import SEED
 from tests.support.waiting import SOON_S
 
@@ -131,7 +132,7 @@ def results() -> tuple[Tracks, Cells, Features, Reading]:
     tracks = Tracks(lost, sigma, seen, 0.99)
     area = np.where(seen, rng.uniform(200, 300, N), np.nan)
     cells = Cells(area, np.full(N, 250.0), xy, np.zeros((1, 3), np.int32), np.zeros((4, 2)))
-    contact = ContactRegion(np.array([30.0, 20.0]), 0.4, 120.0, float("nan"), 1.0, np.array([[30.0, 20.0]]))
+    contact = contact_region((30.0, 20.0), 0.4, 120.0)
     features = Features(
         area_change=area / 250 - 1,
         displacement_px=rng.normal(0, 1, (N, 2)),

@@ -70,6 +70,22 @@ def test_no_pin_is_seen_where_nothing_was_found_or_two_are_on_one_blob() -> None
     assert innovation == 0.0
 
 
+def test_of_two_pins_that_approach_slowly_one_is_lost_when_they_are_too_near() -> None:
+    rest = small_tip(3)
+    n = len(rest)
+    kernel = follower(rest)
+    kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
+    towards = 0.5 * (rest.xy_img[1] - rest.xy_img[0])
+    for share in np.linspace(0.0, 0.7, 30):
+        found = rest.xy_img + 0.3
+        found[0] += share * towards
+        found[1] -= share * towards
+        _, _, seen, _, _ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+        kernel.accept(0.7)
+        assert seen[2:].all()
+        assert np.count_nonzero(seen[:2]) == (2 if share < 0.5 else 1), share
+
+
 @pytest.mark.compiled
 def test_compiled_and_uncompiled_give_the_same() -> None:
     """The uncompiled kernels are the reference: a process of its own runs them."""

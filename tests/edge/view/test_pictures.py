@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from edge.errors import InputError, SinkError
-from edge.types import Array, ContactRegion, Features, Frame, Pins, Tracks
+from edge.types import Array, Features, Frame, Pins, Tracks
 from edge.view.figures import figure, surface_figure
 from edge.view.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
 from edge.view.panels import (
@@ -23,6 +23,7 @@ from edge.view.panels import (
 )
 from edge.view.params import PARAMS
 from edge.view.video import CODECS, write_video
+from tests.support.fields import contact_region
 
 PITCH = 20.0
 SIZE = 320
@@ -41,9 +42,7 @@ def squares(xy: Array) -> list[Array]:
 def features_of(
     xy: Array, change: Array, motion: Array, contacts: int = 0, surface: bool = False
 ) -> Features:
-    found = tuple(
-        ContactRegion(xy[i], float(change[i]), 100.0, float("nan"), 1.0, xy[i][None]) for i in range(contacts)
-    )
+    found = tuple(contact_region((xy[i, 0], xy[i, 1]), float(change[i]), 100.0) for i in range(contacts))
     grid = np.linspace(30, 180, 24)
     x, y = np.meshgrid(grid, grid)
     hill = 0.4 * np.exp(-((x - 100) ** 2 + (y - 100) ** 2) / 800)
