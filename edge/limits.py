@@ -28,6 +28,7 @@ __all__ = [
     "IMAGE_SIDE_PX",
     "PINS_MAX",
     "PINS_MIN",
+    "POINTS_MAX",
     "RATE_MAX_HZ",
     "RATE_MIN_HZ",
     "SETTINGS_BYTES",
@@ -55,6 +56,7 @@ RATE_MAX_HZ = 100e3  # images a second; a file that states more is damaged
 RATE_MIN_HZ = 0.01  # of a camera or of samples, where 0 has a meaning of its own: less is a mistake
 PINS_MIN = 12  # the fewest that `edge.pins` accepts as a pattern
 PINS_MAX = 2048  # six times the densest tip in use
+POINTS_MAX = 1_000_000  # a plane's; of a triangulation, every index of a half-edge then fits in 32 bits
 
 T = TypeVar("T")
 

@@ -48,6 +48,7 @@ import cython
 import numpy as np
 
 from edge.cells.params import PARAMS, CellsParams
+from edge.limits import POINTS_MAX
 from edge.types import Index
 
 if cython.compiled:
@@ -69,8 +70,6 @@ SLIVER = cython.declare(cython.double, 1e-10)
 AREA_TOLERANCE = cython.declare(cython.double, 0.5e-12)
 # Corners of a rectangle round the points.
 N_GUARD = cython.declare(cython.Py_ssize_t, 4)
-# Points of a kind: keeps every index of a half-edge within 32 bits.
-MAX_POINTS = 1_000_000
 # Products of four differences must not underflow, or they are not exact: of a set at least this wide,
 # coordinates smaller than this share of its width count as 0. 4 (66 + 140 + 52) bits < 1074.
 EXTENT_MIN = cython.declare(cython.double, 2.0**-66)
@@ -127,9 +126,9 @@ class Mesh:
     error: cython.double[::1]  # per triangle: bound of the error of its cotangents; inf: unknown
 
     def __init__(self, n_pins: int, n_boundary: int, n_fence: int = 0, params: CellsParams = PARAMS) -> None:
-        if not (0 < n_pins <= MAX_POINTS and 0 <= n_boundary <= MAX_POINTS and 0 <= n_fence <= MAX_POINTS):
+        if not (0 < n_pins <= POINTS_MAX and 0 <= n_boundary <= POINTS_MAX and 0 <= n_fence <= POINTS_MAX):
             raise ValueError(
-                f"need 1 <= n_pins and 0 <= n_boundary, n_fence, each <= {MAX_POINTS}, "
+                f"need 1 <= n_pins and 0 <= n_boundary, n_fence, each <= {POINTS_MAX}, "
                 f"got {n_pins}, {n_boundary}, {n_fence}"
             )
         n = n_pins + n_boundary + n_fence

@@ -12,16 +12,16 @@ from __future__ import annotations
 import cython
 import numpy as np
 
-from edge.limits import PINS_MAX
+from edge.limits import POINTS_MAX
 
 
 @cython.cclass
 class Separation:
-    """Of n points that move. Raises ValueError: more than a tip has pins."""
+    """Of n points that move. Raises ValueError: too many."""
 
     def __init__(self, n: int) -> None:
-        if not 0 <= n <= PINS_MAX:
-            raise ValueError(f"n: 0 to {PINS_MAX} are wanted, not {n}")
+        if not 0 <= n <= POINTS_MAX:
+            raise ValueError(f"n: 0 to {POINTS_MAX} are wanted, not {n}")
         self.n = n
         self.at = np.full((n, 2), np.nan)  # when they were compared
         self.far2 = 0.0

@@ -68,7 +68,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     "rounding and the width of a number": frozenset({
         "edge/cells/mesh.py:EPSILON", "edge/cells/mesh.py:SLIVER", "edge/cells/mesh.py:AREA_TOLERANCE",
         "edge/cells/mesh.py:EXTENT_MIN", "edge/cells/mesh.py:EXTENT_MAX", "edge/cells/mesh.py:SNAP",
-        "edge/cells/mesh.py:MAX_POINTS", "edge/calibration/gaussian_process.py:LOST_MAX",
+        "edge/limits.py:POINTS_MAX", "edge/calibration/gaussian_process.py:LOST_MAX",
         "edge/cells/boundary.py:ARC_MIN", "edge/cells/boundary.py:NEGLIGIBLE",
         "edge/calibration/gaussian_process.py:VOLUME_MIN", "edge/features/modes.py:INDEPENDENT_REL",
         "edge/features/pin_motion.py:_RIDGE", "edge/features/pin_motion.py:_FLAT",
