@@ -24,6 +24,7 @@ COMMANDS = {
     "paced": "The running program at 240 frames/s: latency, memory, losses.",
     "real": "Errors on the published recordings, five splits and a learning curve.",
     "sensors": "A picture of what is made of each real sensor.",
+    "sigma": "Share of the errors on the published recordings that is within sigma.",
     "slip": "Slip announced before it happens, and false alarms.",
     "soak": "The program under a random schedule of all faults, and its promises.",
     "speed": "Time per frame and stage, against reference and floor (default).",

@@ -1,0 +1,157 @@
+"""`python -m tests.bench sigma`: how many errors on published recordings are within one and two sigma.
+
+Five models, each fitted to four fifths of the 600 frames and judged on the rest, so that each frame counts
+once; a share of 200 frames is known to 3 %. Sorted into thirds by what was read, by what was true, and by
+sigma; and with pins taken away at random or on one side.
+
+A reading is the mean of what is likely given the pins, not given the truth: what slips is read towards the
+mean, so that among the largest true shears errors are larger than sigma, among the middle ones smaller.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from calib.dataset import open_dataset
+from calib.evaluate import predict
+from calib.extract import ONE_SIDED, Extract, executor
+from calib.fit import fit
+from calib.targets import Targets
+from edge.calibration.inputs import FRAME_INPUTS
+from edge.types import Array, Index, Rest
+from tests.bench.output import writes_results
+from tests.bench.real import REAL
+
+FOLDS = 5
+GAP = FRAME_INPUTS.index("gap")
+SHEAR, DEPTH = ("shear_x_mm", "shear_y_mm"), "displacement_mm"
+Table = dict[str, Array]
+
+
+def judged(
+    rest: Rest, targets: Targets, seen: Extract, rows: tuple[Index, Index]
+) -> list[tuple[Table, Table]]:
+    """Values and sigmas of the second rows by a model of the first: of the whole tip, then of each loss."""
+    train, test = rows
+    calibration, _ = fit(rest, targets.rows(train), seen.rows(train), mm_per_px=None)
+    part = seen.rows(test)
+    losses = (replace(part, inputs=part.lossy[:, k]) for k in range(len(ONE_SIDED)))
+    return [predict(calibration, variant) for variant in (part, *losses)]
+
+
+def held_out(rest: Rest, targets: Targets, seen: Extract, pool: Executor) -> list[tuple[Table, Table]]:
+    """The same of all frames, each by a model that has not seen it."""
+    order = np.random.default_rng(0).permutation(len(targets)).astype(np.int32)
+    tests = np.array_split(order, FOLDS)
+    trains = [np.setdiff1d(order, test) for test in tests]
+    parts = list(pool.map(partial(judged, rest, targets, seen), zip(trains, tests, strict=True)))
+    back = np.argsort(np.concatenate(tests))
+    found = []
+    for same in zip(*parts, strict=True):  # of one variant, by each of the models
+        values, sigmas = (
+            {name: np.concatenate([part[which][name] for part in same])[back] for name in same[0][which]}
+            for which in (0, 1)
+        )
+        found.append((values, sigmas))
+    return found
+
+
+def thirds(by: Array) -> list[Any]:
+    """(n,) bool of the rows with the least third of these, the middle and the largest."""
+    ends = np.nanquantile(by, [1 / 3, 2 / 3])
+    return [by <= ends[0], (by > ends[0]) & (by <= ends[1]), by > ends[1]]
+
+
+def _share(inside: Any) -> str:
+    return f"{100.0 * float(np.mean(inside)):.0f}" if len(inside) else "-"
+
+
+def _in_thirds(z: Array, by: Array) -> str:
+    return ", ".join(_share(z[rows & np.isfinite(z)] <= 1.0) for rows in thirds(by))
+
+
+def _length(table: Table) -> Array:
+    return np.hypot(*(table[name] for name in SHEAR))
+
+
+def whole_table(truth: Table, values: Table, sigmas: Table) -> list[str]:
+    """Markdown rows: a value each."""
+    lines = [
+        "| % within sigma | one | two | thirds of depth read | of true depth | of shear read "
+        "| of true shear | of sigma | correlation of sigma with the error |",
+        "|---" * 9 + "|",
+    ]
+    for name in sorted(truth.keys() & values.keys()):
+        error = np.abs(values[name] - truth[name])
+        z = error / sigmas[name]
+        known = np.isfinite(z)
+        by = (values[DEPTH], truth[DEPTH], _length(values), _length(truth), sigmas[name])
+        cells = [_share(z[known] <= 1.0), _share(z[known] <= 2.0), *(_in_thirds(z, one) for one in by)]
+        correlation = np.corrcoef(sigmas[name][known], error[known])[0, 1]
+        lines.append(f"| {name} | " + " | ".join(cells) + f" | {correlation:.2f} |")
+    return lines
+
+
+def loss_table(truth: Table, seen: Extract, found: list[tuple[Table, Table]]) -> list[str]:
+    """Markdown rows: a value, a kind of loss and a third of the gap each."""
+    lines = [
+        "| pins lost | gap in the tip's circle | value | mean error over that of the whole tip "
+        "| % within one | two | % without a value |",
+        "|---" * 7 + "|",
+    ]
+    for one_sided in (False, True):
+        which = [k for k, side in enumerate(ONE_SIDED) if side is one_sided]
+        gap = np.concatenate([seen.lossy[:, k, GAP].real for k in which])
+        for rows in thirds(gap):
+            low, high = np.nanmin(gap[rows]), np.nanmax(gap[rows])
+            for name in sorted(truth.keys() & found[0][0].keys()):
+                whole = np.tile(np.abs(found[0][0][name] - truth[name]), len(which))[rows]
+                error = np.concatenate([np.abs(found[1 + k][0][name] - truth[name]) for k in which])[rows]
+                z = error / np.concatenate([found[1 + k][1][name] for k in which])[rows]
+                known = np.isfinite(z)
+                if not known.any():
+                    continue
+                lines.append(
+                    f"| {'one side' if one_sided else 'anywhere'} | {100 * low:.0f} to {100 * high:.0f} % "
+                    f"| {name} | {error[known].mean() / whole[known].mean():.2f} | {_share(z[known] <= 1.0)} "
+                    f"| {_share(z[known] <= 2.0)} | {_share(~known)} |"
+                )
+    return lines
+
+
+@click.command()
+@click.option("--real", "folder", type=click.Path(path_type=Path), default=REAL, help="Published recordings.")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one a core.")
+@writes_results
+def command(folder: Path, out: Path, workers: int | None) -> None:
+    """What share of the errors is within sigma: of all frames, of thirds, with pins lost."""
+    where = folder / "tactip331_binary"
+    data = open_dataset([where / "targets.csv"], where / "frames", where / "rest.png")
+    with executor(workers=workers) as pool:
+        seen = data.extract(pool)
+        found = held_out(data.rest, data.targets, seen, pool)
+    truth = data.targets.values
+    text = "\n".join([
+        "# Errors within sigma, held-out frames of a published 331-pin tip",
+        "",
+        f"`python -m tests.bench sigma`: {len(data.targets)} frames, each judged by a model of four fifths "
+        "of the others. 68 and 95 % are wanted; a third of the frames tells a share to 3 %.",
+        "",
+        *whole_table(truth, *found[0]),
+        "",
+        *loss_table(truth, seen, found),
+        "",
+    ])  # fmt: skip
+    click.echo(text)
+    (out / "sigma.md").write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    command()

@@ -1,0 +1,31 @@
+"""The tables of `tests.bench sigma`, on errors whose share within sigma is known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tests.bench.sigma import DEPTH, SHEAR, thirds, whole_table
+
+
+def test_thirds_share_all_rows_but_the_unknown() -> None:
+    by = np.array([3.0, np.nan, 1.0, 2.0, 6.0, 5.0, 4.0])
+    rows = np.array(thirds(by))
+    assert rows.sum(axis=1).tolist() == [2, 2, 2]
+    assert not rows[:, 1].any()
+    assert (rows[0] == (by < 2.5)).all()
+
+
+def test_normal_errors_are_within_sigma_as_often_as_they_should() -> None:
+    rng = np.random.default_rng(0)
+    n = 3000
+    names = (DEPTH, *SHEAR)
+    truth = {name: rng.uniform(0.0, 5.0, n) for name in names}
+    sigmas = {name: rng.uniform(0.1, 0.5, n) for name in names}
+    values = {name: truth[name] + sigmas[name] * rng.normal(size=n) for name in names}
+    for line in whole_table(truth, values, sigmas)[2:]:
+        name, one, two, *by, correlation = (cell.strip() for cell in line.strip("|").split("|"))
+        assert name in names
+        assert abs(float(one) - 68.3) < 4
+        assert abs(float(two) - 95.4) < 2
+        assert all(abs(float(share) - 68.3) < 7 for share in ", ".join(by).split(", "))
+        assert float(correlation) > 0.3
