@@ -6,8 +6,12 @@ options only, the group runs `DEFAULT`.
 
 from __future__ import annotations
 
+import sys
+
 import click
 
+from edge.errors import EdgeError
+from hostlink.cli_exit import run_command
 from hostlink.command_group import CommandGroup, CommandRow
 
 COMMANDS = {
@@ -56,4 +60,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main(prog_name="python -m tests.bench")
+    sys.exit(run_command(main, "python -m tests.bench", (EdgeError,)))

@@ -29,7 +29,6 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from calib.dataset import open_dataset
 from calib.evaluate import evaluate
 from calib.extract import DEMAND, Extract, executor, extract
 from calib.fit import ModelKind, Search, fit
@@ -42,7 +41,8 @@ from edge.types import Array, Feature, Frame, Image, Rest
 from tests.bench.instructions import count_child
 from tests.bench.output import writes_results
 from tests.bench.plots import accuracy_plot
-from tests.bench.real import NETWORK, REAL, row, splits
+from tests.bench.real import NETWORK, row, splits
+from tests.bench.recordings import TIP_331, real_option, tip_331
 from tests.bench.reference import Reference
 from tests.bench.speed import on_processor
 
@@ -194,7 +194,7 @@ def text_of(rows: list[dict[str, Any]]) -> str:
 
 
 @click.command()
-@click.option("--real", "folder", type=click.Path(path_type=Path), default=REAL, help="Published recordings.")
+@real_option
 @click.option("--frames", "size", type=click.IntRange(24, 480), default=480, help="To fit to.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="Of the split.")
 @click.option("--instructions", "counted", is_flag=True, help="Count instructions too; needs valgrind.")
@@ -204,9 +204,8 @@ def command(folder: Path, size: int, seed: int, counted: bool, out: Path) -> Non
     if counted and shutil.which("valgrind") is None:
         raise click.ClickException("--instructions: valgrind is not installed (Debian package valgrind)")
     cv2.setNumThreads(1)
-    where = folder / "tactip331_binary"
-    data = open_dataset([where / "targets.csv"], where / "frames", where / "rest.png")
-    rest = read_image(where / "rest.png")
+    data = tip_331(folder)
+    rest = read_image(folder / TIP_331 / "rest.png")
     train, test = splits(len(data.targets), seed)
     targets = data.targets.rows([*train[:size], *test])
     with executor(workers=1) as pool:

@@ -14,13 +14,13 @@ from pathlib import Path
 import click
 
 from calib.axes import Axes
-from calib.dataset import open_dataset
 from calib.evaluate import evaluate
 from calib.extract import executor
 from calib.fit import fit
 from calib.targets import Targets
 from edge.types import Array
-from tests.bench.real import COLUMNS, REAL, row, splits, table
+from tests.bench.real import COLUMNS, row, splits, table
+from tests.bench.recordings import real_option, tip_331
 
 FORMS = tuple(product((1, -1), (1, -1), (False, True)))
 VECTORS = (("tilt_x_deg", "tilt_y_deg"), ("shear_x_mm", "shear_y_mm"))
@@ -46,13 +46,12 @@ def name_of(form: tuple[int, int, bool]) -> str:
 
 
 @click.command()
-@click.option("--real", "folder", type=click.Path(path_type=Path), default=REAL, help="Published recordings.")
+@real_option
 @click.option("--frames", "size", type=click.IntRange(24, 480), default=480, help="To fit to.")
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one a core.")
 def command(folder: Path, size: int, workers: int | None) -> None:
     """Errors with the rig's axes in all eight forms, and how far they differ."""
-    where = folder / "tactip331_binary"
-    data = open_dataset([where / "targets.csv"], where / "frames", where / "rest.png")
+    data = tip_331(folder)
     rows: list[tuple[str, list[float | None]]] = []
     with executor(workers=workers) as pool:
         seen, targets = data.extract(pool), data.targets

@@ -33,7 +33,8 @@ from edge.calibration import Calibration
 from edge.pins import take_rest
 from edge.types import Image, Rest
 from tests.bench.output import writes_results
-from tests.bench.real import COLUMNS, REAL, row, table
+from tests.bench.real import COLUMNS, row, table
+from tests.bench.recordings import REAL, TIP_331
 
 FIRST = Simulation()
 OTHERS = {
@@ -147,7 +148,7 @@ def command(on_real: bool, folder: Path, size: int, out: Path, workers: int | No
     lines = [f"# Another tip: fitted to few frames, alone and with a first tip's calibration ({size} frames)"]
     with executor(workers=workers) as pool:
         if on_real:
-            binary = folder / "tactip331_binary"
+            binary = folder / TIP_331
             first = recorded(binary, binary / "rest.png", pool)
             others = {"the grey 331-pin set": recorded(folder / "tactip331_gray", None, pool)}
         else:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
@@ -30,8 +29,8 @@ from edge.pins import detect, take_rest
 from edge.tracking import Tracker
 from edge.types import Array, Image, Mask, PinPattern, Pins, Rest, Tracks
 from tests.bench.output import writes_results
+from tests.bench.recordings import REAL, TIP_331
 
-REAL = Path(os.environ.get("VORONOI_TOUCH_REAL", Path(__file__).resolve().parents[3] / "shared" / "real"))
 AGREE_PX = 4.0
 
 
@@ -289,7 +288,7 @@ def command(every: int, frames: int, seed: int, pictures: Path | None, out: Path
     """Exit code 1 if a wrong match has a high confidence."""
     console = Console()
     report: dict[str, object] = {}
-    folder = REAL / "tactip331_binary"
+    folder = REAL / TIP_331
     if folder.is_dir():
         report["real"] = _real(console, folder, every, pictures)
     else:

@@ -34,7 +34,8 @@ from edge.calibration.inputs import FRAME_INPUTS
 from edge.pins import take_rest
 from edge.types import Image, Rest
 from tests.bench.output import writes_results
-from tests.bench.real import COLUMNS, HELD_OUT, REAL, row, table
+from tests.bench.real import COLUMNS, HELD_OUT, row, table
+from tests.bench.recordings import TIP_331, real_option
 
 SIZES = (25, 50, 100, 200, 400, 600)
 POLYNOMIALS = Search(kinds=frozenset({ModelKind.PLAIN, ModelKind.POLYNOMIAL}))
@@ -135,7 +136,7 @@ def chosen(pool: Pool, sizes: list[int]) -> Iterator[list[int]]:
 
 
 @click.command()
-@click.option("--real", "folder", type=click.Path(path_type=Path), default=REAL, help="Published recordings.")
+@real_option
 @click.option(
     "--others", "others", type=click.Path(path_type=Path, exists=True), help="Others of the same tip."
 )
@@ -145,7 +146,7 @@ def chosen(pool: Pool, sizes: list[int]) -> Iterator[list[int]]:
 @writes_results
 def command(folder: Path, others: Path | None, on_rig: bool, adaptive: bool, most: int, out: Path) -> None:
     """Errors over the number of frames fitted: polynomials, processes, processes of chosen frames."""
-    pool = simulated() if on_rig else recorded(folder / "tactip331_binary", others)
+    pool = simulated() if on_rig else recorded(folder / TIP_331, others)
     most = min(most, len(pool.targets))
     sizes = sorted({min(size, most) for size in SIZES})
     rows: list[tuple[str, list[float | None]]] = []

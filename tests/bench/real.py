@@ -14,18 +14,17 @@ from typing import Any
 import click
 import numpy as np
 
-from calib.dataset import open_dataset
 from calib.evaluate import evaluate
 from calib.extract import Extract, executor
 from calib.fit import fit
 from calib.targets import Targets
 from edge.types import Index, Rest
 from tests.bench.output import writes_results
+from tests.bench.recordings import real_option, tip_331
 
 SPLITS = 5
 HELD_OUT = 120
 SIZES = (50, 100, 200, 480)
-REAL = Path(__file__).resolve().parents[3] / "shared" / "real"
 
 #: What is reported: column, and its place in the object that `calib evaluate` prints.
 COLUMNS: dict[str, tuple[str, int | None]] = {
@@ -74,13 +73,12 @@ def table(rows: list[tuple[str, list[float | None]]]) -> str:
 
 
 @click.command()
-@click.option("--real", "folder", type=click.Path(path_type=Path), default=REAL, help="Published recordings.")
+@real_option
 @writes_results
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one a core.")
 def command(folder: Path, out: Path, workers: int | None) -> None:
     """Errors on published recordings: five splits, and a learning curve."""
-    where = folder / "tactip331_binary"
-    data = open_dataset([where / "targets.csv"], where / "frames", where / "rest.png")
+    data = tip_331(folder)
     with executor(workers=workers) as pool:
         seen = data.extract(pool)
     targets = data.targets

@@ -23,8 +23,8 @@ from edge.sources import open_source, read_image
 from edge.types import Frame, Rest
 from edge.view.palette import PAPER
 from edge.view.panels import View, draw_touch
-from tests.bench.identity import REAL
 from tests.bench.output import writes_results
+from tests.bench.recordings import TIP_331, real_option
 
 SIDE_PX = 320
 TITLE_PX = 28
@@ -32,7 +32,7 @@ STEP = 5  # every fifth image of a video, ...
 STILLS_STEP = 30  # ... every thirtieth still
 SEEN_REL = 0.85  # share of the pins that an image must show
 TITLES = {
-    "tactip331_binary": "TacTip, 331 pins",
+    TIP_331: "TacTip, 331 pins",
     "video/Movement4.avi": "home-made tip, about 130 pins",
     "video/flatSkin.avi": "flat skin, square grid, fisheye",
     "gelsight_mini/press.avi": "GelSight Mini, dark dots",
@@ -77,7 +77,7 @@ def _panel(title: str, rest: Rest, result: Result) -> NDArray[np.uint8]:
 
 
 @click.command()
-@click.option("--real", "folder", type=click.Path(path_type=Path), default=REAL, help="Published recordings.")
+@real_option
 @writes_results
 def command(folder: Path, out: Path) -> None:
     """Draw what is made of each real sensor."""

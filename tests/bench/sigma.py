@@ -19,7 +19,6 @@ from typing import Any
 import click
 import numpy as np
 
-from calib.dataset import open_dataset
 from calib.evaluate import predict
 from calib.extract import ONE_SIDED, Extract, executor
 from calib.fit import fit
@@ -27,7 +26,7 @@ from calib.targets import Targets
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array, Index, Rest
 from tests.bench.output import writes_results
-from tests.bench.real import REAL
+from tests.bench.recordings import real_option, tip_331
 
 FOLDS = 5
 GAP = FRAME_INPUTS.index("gap")
@@ -127,13 +126,12 @@ def loss_table(truth: Table, seen: Extract, found: list[tuple[Table, Table]]) ->
 
 
 @click.command()
-@click.option("--real", "folder", type=click.Path(path_type=Path), default=REAL, help="Published recordings.")
+@real_option
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one a core.")
 @writes_results
 def command(folder: Path, out: Path, workers: int | None) -> None:
     """What share of the errors is within sigma: of all frames, of thirds, with pins lost."""
-    where = folder / "tactip331_binary"
-    data = open_dataset([where / "targets.csv"], where / "frames", where / "rest.png")
+    data = tip_331(folder)
     with executor(workers=workers) as pool:
         seen = data.extract(pool)
         found = held_out(data.rest, data.targets, seen, pool)

@@ -29,8 +29,8 @@ from calib.sim import Camera, Simulator, Tip, Tool, ToolPose, deform
 from edge.pins import take_rest
 from edge.pipeline import Pipeline
 from edge.types import Array, Feature, Frame, Rest, Tracks
-from tests.bench.identity import REAL
 from tests.bench.output import writes_results
+from tests.bench.recordings import REAL
 from tests.bench.videos import TARE_FRAMES, untouched
 
 RATE_HZ = 60.0

@@ -25,8 +25,9 @@ from edge.pins import CentroidRefiner, detect, take_rest
 from edge.tracking import Tracker
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Image, Rest, Tracks
-from tests.bench.identity import REAL, picture
+from tests.bench.identity import picture
 from tests.bench.output import writes_results
+from tests.bench.recordings import REAL
 
 NAMES = ("Movement4", "north", "west", "flatSkin")
 STRIDES = (1, 2, 4, 8)
