@@ -1,6 +1,6 @@
 """`python -m tests.bench sigma`: how many errors on published recordings are within one and two sigma.
 
-Five models, each fitted to four fifths of the 600 frames and judged on the rest, so that each frame counts
+Five models, each fitted to four fifths of the 600 frames and evaluated on the rest, so that each frame counts
 once; a share of 200 frames is known to 3 %. Sorted into thirds by what was read, by what was true, and by
 sigma; and with pins taken away at random or on one side.
 
@@ -34,7 +34,7 @@ SHEAR, DEPTH = ("shear_x_mm", "shear_y_mm"), "displacement_mm"
 Table = dict[str, Array]
 
 
-def judged(
+def evaluated(
     rest: Rest, targets: Targets, seen: Extract, rows: tuple[Index, Index]
 ) -> list[tuple[Table, Table]]:
     """Values and sigmas of the second rows by a model of the first: of the whole tip, then of each loss."""
@@ -50,7 +50,7 @@ def held_out(rest: Rest, targets: Targets, seen: Extract, pool: Executor) -> lis
     order = np.random.default_rng(0).permutation(len(targets)).astype(np.int32)
     tests = np.array_split(order, FOLDS)
     trains = [np.setdiff1d(order, test) for test in tests]
-    parts = list(pool.map(partial(judged, rest, targets, seen), zip(trains, tests, strict=True)))
+    parts = list(pool.map(partial(evaluated, rest, targets, seen), zip(trains, tests, strict=True)))
     back = np.argsort(np.concatenate(tests))
     found = []
     for same in zip(*parts, strict=True):  # of one variant, by each of the models
@@ -139,7 +139,7 @@ def command(folder: Path, out: Path, workers: int | None) -> None:
     text = "\n".join([
         "# Errors within sigma, held-out frames of a published 331-pin tip",
         "",
-        f"`python -m tests.bench sigma`: {len(data.targets)} frames, each judged by a model of four fifths "
+        f"`python -m tests.bench sigma`: {len(data.targets)} frames, each read by a model of four fifths "
         "of the others. 68 and 95 % are wanted; a third of the frames tells a share to 3 %.",
         "",
         *whole_table(truth, *found[0]),
