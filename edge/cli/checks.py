@@ -20,6 +20,7 @@ from edge.errors import CalibrationError, NoPins, SinkError
 from edge.link.sinks import open_sink
 from edge.pins import take_rest
 from edge.runtime.board_monitor import PARAMS as BOARD
+from edge.runtime.board_monitor import STORED_BYTES
 from edge.runtime.image_quality import PARAMS as IMAGE
 from edge.runtime.image_quality import level_of
 from edge.runtime.sensor_match import missing_pins, mm_per_px, recognise
@@ -403,7 +404,7 @@ def disk(config: Config, rate_hz: float, machine: Machine) -> list[Line]:
     folder = Path(config.state.directory or ".")
     try:
         free = machine.free_bytes(folder)
-        if free < BOARD.free_space_bytes + LIMITS.write_bytes:
+        if free < STORED_BYTES + LIMITS.write_bytes:
             return [Line("disk", "fail", f"{folder}: {free >> 20} MiB left", "free some space")]
         seconds = machine.write_s(folder, LIMITS.write_bytes)
     except OSError as error:

@@ -15,6 +15,7 @@ Rules
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +26,8 @@ from numpy.typing import NDArray
 from edge.pins.params import PARAMS
 from edge.types import Array, Image, Mask
 
-RAYS = PARAMS.rays_n
+#: One a pixel round the smallest pin in the reduced image.
+RAYS = round(math.tau * PARAMS.reduced_radius_px)
 # Distances along a ray, in radii.
 STEPS = PARAMS.ray_step_radii * np.arange(PARAMS.ray_steps_n)
 

@@ -21,6 +21,7 @@ from scipy.spatial import cKDTree
 from edge.errors import NoPins
 from edge.geometry.lattice import pitch_of
 from edge.geometry.select import SIGMA_OF_MAD
+from edge.limits import PINS_MIN
 from edge.pins.blobs import Spots, find_spots, join, measure_discs
 from edge.pins.lens import corrected_pins, pattern_as_seen
 from edge.pins.params import PARAMS
@@ -131,19 +132,19 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
     """Of an image whose pins are bright; `dark`: it is the inverted one."""
     noise = noise_of(grey)
     low, high = np.percentile(grey[::4, ::4], (1.0, 99.0))
-    depth_min = max(PARAMS.depth_min_noise * noise, PARAMS.depth_min_range * float(high - low), 2.0)
+    depth_min = max(PARAMS.depth_min_range * float(high - low), 2.0)
     radius_max = max(3.0, PARAMS.search_radius_max_side * min(grey.shape))
     scales = PARAMS.search_radius_min_px * PARAMS.search_radius_step ** np.arange(
         np.log(radius_max / PARAMS.search_radius_min_px) / np.log(PARAMS.search_radius_step)
     )
     found = _at_scales(grey, scales, depth_min)
     spots = found[_well_shaped(found)]
-    if len(spots) < PARAMS.pins_min:
+    if len(spots) < PINS_MIN:
         raise _NotThese(f"{len(spots)} spots")
     size = _common_radius(spots)
     core = np.median(spots.depth[np.abs(np.log(spots.radius_px / size)) < 0.2])
     spots = _settle(grey, found, size, PARAMS.depth_min_pins * float(core))
-    if len(spots) < PARAMS.pins_min:
+    if len(spots) < PINS_MIN:
         raise _NotThese(f"{len(spots)} spots alike")
     (x, y), reach = cv2.minEnclosingCircle(spots.xy_img.astype(np.float32))
     radius_px, brightness = float(np.median(spots.radius_px)), float(np.median(spots.depth))
@@ -172,11 +173,11 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
             f"{RADIUS_MAX_PX} px are read; set the camera to a smaller image"
         )
     spots = _find(grey, pattern)
-    if len(spots) >= PARAMS.pins_min:
+    if len(spots) >= PINS_MIN:
         pins, fit = _centroids(grey, spots, pattern)
         pins = in_view(pins, pattern.size_px)
         unlikeness = unevenness(spots) + 1.0 - fit
-        if len(pins) >= PARAMS.pins_min and unlikeness < PARAMS.unlike_pins_max:
+        if len(pins) >= PINS_MIN and unlikeness < PARAMS.unlike_pins_max:
             _refuse_glints(grey, pins, pattern)
             at_rest = replace(pattern, count=len(pins))
             glints = tuple((float(x), float(y)) for x, y in find_cut(grey, pins, at_rest, len(pins)).xy_img)
@@ -212,7 +213,7 @@ def _find(grey: Image, pattern: PinPattern) -> Spots:
         1, int(np.ceil(np.log(large / small) / np.log(PARAMS.scale_range[1] / PARAMS.scale_range[0])))
     )
     scales = small * (large / small) ** ((np.arange(count) + 0.5) / count)
-    found = _at_scales(grey, scales, max(PARAMS.depth_min_noise * pattern.noise, 0.15 * pattern.brightness))
+    found = _at_scales(grey, scales, 0.15 * pattern.brightness)
     found = found[np.hypot(*(found.xy_img - pattern.centre_img).T) < 1.1 * pattern.tip_radius_px]
     spots = found[_well_shaped(found)]
     if len(spots) == 0:
@@ -227,14 +228,14 @@ def _at_scales(grey: Image, scales: Array, depth_min: float) -> Spots:
         spots = find_spots(grey, float(radius), depth_min)
         scale = spots.radius_px / radius
         fits = (scale > PARAMS.scale_range[0]) & (scale < PARAMS.scale_range[1])
-        fits &= (spots.share >= PARAMS.gap_ray_share_min) & (spots.spread < PARAMS.gap_ray_spread_max)
+        fits &= spots.spread < PARAMS.gap_ray_spread_max
         parts.append(spots[fits])
         misfits.append((np.abs(np.log(scale)) + spots.spread + (1.0 - spots.share))[fits])
     return one_of_each(join(parts), np.concatenate(misfits))
 
 
 def _well_shaped(spots: Spots) -> Mask:
-    shape: Mask = (spots.share >= PARAMS.ray_share_min) & (spots.spread < PARAMS.ray_spread_max)
+    shape: Mask = spots.spread < PARAMS.ray_spread_max
     return shape
 
 

@@ -20,12 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from edge.geometry.lattice import N_RING
 from edge.pins.params import PARAMS
+from edge.pins.templates import PHASES
 from edge.types import Array, Image, PinPattern, Pins
 
 __all__ = ["find_cut"]
 
-FINER = PARAMS.cut_finer
+#: The arc is read on an image this many times finer.
+FINER = PHASES
 
 
 def find_cut(grey: Image, pins: Pins, pattern: PinPattern, most: int) -> Pins:
@@ -36,12 +39,12 @@ def find_cut(grey: Image, pins: Pins, pattern: PinPattern, most: int) -> Pins:
     most  how many may be missing: those with the smallest sigma are returned
     """
     rows: list[tuple[float, float, float, float, float]] = []
-    if len(pins) > PARAMS.neighbours:
+    if len(pins) > N_RING:
         xy, pitch = pins.xy_img, pattern.pitch_px
         tree = cKDTree(xy)
         hull = cv2.convexHull(xy.astype(np.float32))[:, 0].astype(np.float32)
         slivers = _slivers(grey, pins, hull, pattern.pin_radius_px)
-        distance, near = tree.query(slivers, k=PARAMS.neighbours)
+        distance, near = tree.query(slivers, k=N_RING)
         for at, gap, beside in zip(slivers, distance[:, 0], near, strict=True):
             if gap > PARAMS.cut_pitches_range[1] * pitch:
                 continue
@@ -133,13 +136,13 @@ def _fit_arc(
     reach = radius_px - 0.5 / FINER  # the outline is the last bright sample, half a sample inside the edge
     x, y = arc.T
     cx, cy = (float(v) for v in arc.mean(0) + 0.8 * reach * outwards)
-    for _ in range(PARAMS.cut_steps_max):  # Gauss-Newton: the circle of this radius nearest to the arc
+    for _ in range(PARAMS.steps_max):  # Gauss-Newton: the circle of this radius nearest to the arc
         dx, dy = x - cx, y - cy
         far = np.sqrt(dx * dx + dy * dy)
         ux, uy, off = dx / far, dy / far, far - reach
         xx, xy, yy = float(ux @ ux), float(ux @ uy), float(uy @ uy)
         det = xx * yy - xy * xy
-        if det < PARAMS.cut_spread_min * len(arc) ** 2:
+        if not det > 0.0:  # a straight arc fixes one coordinate alone
             return None
         gx, gy = float(ux @ off), float(uy @ off)
         mx, my = (yy * gx - xy * gy) / det, (xx * gy - xy * gx) / det
@@ -156,4 +159,4 @@ def _fit_arc(
     # FINER samples of the outline count as one pixel of evidence; sigma is that of the worse coordinate.
     least = (xx + yy - np.hypot(xx - yy, 2 * xy)) / 2
     sigma = scatter * float(np.sqrt(FINER / least))
-    return (cx, cy), max(sigma, PARAMS.cut_sigma_min_px, PARAMS.cut_sigma_min_radii * radius_px)
+    return (cx, cy), max(sigma, 1.0 / FINER, PARAMS.cut_sigma_min_radii * radius_px)

@@ -17,7 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from edge.geometry.lattice import pitch_of
+from edge.geometry.lattice import N_RING, pitch_of
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.pins.blobs import Spots
 from edge.pins.params import PARAMS
@@ -43,12 +43,12 @@ def belongs(spots: Spots) -> Mask:
     keep = np.ones(len(spots), bool)
     for _ in range(4):  # removing a false spot corrects its neighbours' medians; it settles in two rounds
         index = np.flatnonzero(keep)
-        if len(index) <= PARAMS.neighbours:
+        if len(index) <= N_RING:
             return np.zeros(len(spots), bool)
         outlierness = _outlierness(spots[index])
         xy = spots.xy_img[index]
         core = index[outlierness < PARAMS.outlier_max][_connected(xy[outlierness < PARAMS.outlier_max])]
-        if len(core) <= PARAMS.neighbours:
+        if len(core) <= N_RING:
             return np.zeros(len(spots), bool)
         pitch = pitch_of(spots.xy_img[core])
         inside = _inside_hull(spots.xy_img[core], xy, PARAMS.hull_margin_pitches * pitch)
@@ -64,10 +64,10 @@ def belongs(spots: Spots) -> Mask:
 
 def fills_gap(spots: Spots, pins: Spots) -> Mask:
     """Which spots fill a gap of the pattern, about as large and bright as it would be."""
-    if len(spots) == 0 or len(pins) <= PARAMS.neighbours:
+    if len(spots) == 0 or len(pins) <= N_RING:
         return np.zeros(len(spots), bool)
     tree = cKDTree(pins.xy_img)
-    distance, near = tree.query(spots.xy_img, k=PARAMS.neighbours)
+    distance, near = tree.query(spots.xy_img, k=N_RING)
     pitch = np.median(tree.query(pins.xy_img, k=3)[0][:, 1:].mean(axis=1)[near], axis=1)
     size = spots.radius_px / np.median(pins.radius_px[near], axis=1)
     depth = spots.depth / np.median(pins.depth[near], axis=1)
@@ -89,15 +89,15 @@ def unevenness(spots: Spots) -> float:
 
     The weights separate the known tips best from textures.
     """
-    distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=PARAMS.neighbours + 1)
+    distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=N_RING + 1)
     values = (spots.radius_px, spots.depth, distance[:, 1])
     scatter = [np.median(np.abs(_log_ratio(value, near[:, 1:]))) for value in values]
     return float(SIGMA_OF_MAD * (scatter[0] + 1.5 * scatter[1] + 2.0 * scatter[2]))
 
 
 def _outlierness(spots: Spots) -> Array:
-    """How far each spot is from its neighbours in size, depth and spacing; infinite beyond the limits."""
-    distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=PARAMS.neighbours + 1)
+    """How far each spot is from its neighbours in size, depth and spacing; infinite: a reflection."""
+    distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=N_RING + 1)
     distance, near = distance[:, 1:], near[:, 1:]
     difference = np.stack(
         [
@@ -110,10 +110,6 @@ def _outlierness(spots: Spots) -> Array:
         SIGMA_OF_MAD * np.median(np.abs(difference), axis=1), PARAMS.scatter_min, PARAMS.scatter_max
     )
     outlierness: Array = ((difference / scatter[:, None]) ** 2).sum(axis=0)
-    size, depth = np.exp(difference[0]), np.exp(difference[1])
-    outlierness[
-        (size < PARAMS.size_range[0]) | (size > PARAMS.size_range[1]) | (depth < PARAMS.depth_ratio_min)
-    ] = np.inf
     # Two that touch where their neighbours do not: one is a reflection on or beside the other.
     closest = near[:, 0]
     touching = distance[:, 0] < PARAMS.touch_radii * (spots.radius_px + spots.radius_px[closest])
@@ -143,7 +139,7 @@ def _connected(xy_img: Array) -> Mask:
     graph = coo_array((np.ones(linked.sum()), (a[linked], b[linked])), shape=(n, n))
     _, label = connected_components(graph, directed=False)
     size = np.bincount(label)
-    member: Mask = size[label] >= max(PARAMS.group_min, PARAMS.group_share_min * size.max())
+    member: Mask = size[label] >= max(N_RING, PARAMS.group_share_min * size.max())
     return member
 
 

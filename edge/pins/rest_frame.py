@@ -67,8 +67,8 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
         for name in ("xy_img", "sigma_px", "radius_px", "brightness")
     )
     which = np.repeat(np.arange(len(shown)), [len(one) for one in shown])
-    near_px = PARAMS.vote_near_pitches * pattern.pitch_px
-    free = cKDTree(pins.xy_img).query(xy)[0] > PARAMS.vote_free_pitches * pattern.pitch_px
+    near_px = PARAMS.vote_pitches * pattern.pitch_px
+    free = cKDTree(pins.xy_img).query(xy)[0] > near_px
     added: list[tuple[float, ...]] = []
     for i in np.flatnonzero(free):
         same = free & (np.hypot(*(xy - xy[i]).T) < near_px)

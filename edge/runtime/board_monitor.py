@@ -14,8 +14,10 @@ from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
 
+from edge.limits import CALIBRATION_BYTES, SETTINGS_BYTES
 from edge.runtime.checks import Check, run_checks
 from edge.runtime.fault_registry import FaultRegistry
+from edge.runtime.params import PARAMS as RUNTIME
 from hostlink.wire import FaultCode
 
 __all__ = ["PARAMS", "BoardMonitor", "BoardParams", "Thermometer", "free_space_problem"]
@@ -25,13 +27,14 @@ __all__ = ["PARAMS", "BoardMonitor", "BoardParams", "Thermometer", "free_space_p
 class BoardParams:
     """Parameters by name; evidence in docs/tuning.md."""
 
-    period_s: float = 0.04  # between checks
+    period_s: float = RUNTIME.check_s  # between checks
     hot_degc: float = 80.0  # the board is too hot
     cooler_k: float = 5.0  # ... until it is cooler by so much
-    free_space_bytes: int = 8 << 20  # below which a calibration could not be replaced any more
 
 
 PARAMS = BoardParams()
+#: A calibration and the settings are written beside the old ones before they replace them.
+STORED_BYTES = CALIBRATION_BYTES + SETTINGS_BYTES
 
 
 class Thermometer:
@@ -53,7 +56,7 @@ class Thermometer:
         return hottest
 
 
-def free_space_problem(directory: Path, least_bytes: int = PARAMS.free_space_bytes) -> str:
+def free_space_problem(directory: Path, least_bytes: int = STORED_BYTES) -> str:
     """Empty, or why nothing can be stored in this folder."""
     try:
         stat = os.statvfs(directory)
@@ -85,9 +88,13 @@ class BoardMonitor:
         self.storage = list(storage)
         self.checks: list[Callable[[], None]] = []
         self._params = params
-        cool_degc = params.hot_degc - params.cooler_k
         self._temperature = Check(
-            FaultCode.OVER_TEMPERATURE, "degc", params.hot_degc, cool_degc, "degC", "{degc:.0f} degC"
+            FaultCode.OVER_TEMPERATURE,
+            "degc",
+            params.hot_degc,
+            "degC",
+            "{degc:.0f} degC",
+            clear_at=params.hot_degc - params.cooler_k,
         )
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board monitor", daemon=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from edge.runtime.fault_registry import FaultRegistry
+from edge.runtime.params import PARAMS
 from hostlink.wire import FaultCode
 
 __all__ = ["Check", "run_checks"]
@@ -14,22 +15,31 @@ __all__ = ["Check", "run_checks"]
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One row: the fault appears when the number reaches `raise_at`, and clears when it no longer reaches
-    `clear_at`. Rows of the same fault are alternatives: it holds while one of them does.
+    """One row: the fault appears when the number reaches `raise_at`, and clears when it is away from it by
+    the share of `raise_at` that all checks have in common. Rows of the same fault are alternatives: it holds
+    while one of them does.
 
     measure  name of the number
-    unit     of the number and of both limits
+    unit     of the number and of the limit
     reason   for the log; a format of the numbers measured
-    below    the fault is below the limits
+    below    the fault is below the limit
+    clear_at  where the unit has no natural zero: the limit at which it clears instead
     """
 
     code: FaultCode
     measure: str
     raise_at: float
-    clear_at: float
     unit: str
     reason: str
     below: bool = False
+    clear_at: float | None = None
+
+    def limit(self, holds: bool) -> float:
+        """What the number has to reach for the fault to appear, or to go on."""
+        if holds and self.clear_at is not None:
+            return self.clear_at
+        away = PARAMS.hysteresis_rel * self.raise_at if holds else 0.0
+        return self.raise_at + (away if self.below else -away)
 
 
 def run_checks(
@@ -43,7 +53,7 @@ def run_checks(
     for check in checks:
         if check.measure in measured:
             value = measured[check.measure]
-            limit = check.clear_at if registry.holds(check.code) else check.raise_at
+            limit = check.limit(registry.holds(check.code))
             reached = value <= limit if check.below else value >= limit
             holding[check.code] = holding.get(check.code) or (check if reached else None)
     for code, holds in holding.items():

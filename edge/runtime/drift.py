@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from edge.runtime.params import PARAMS as RUNTIME
 from edge.types import Array, Rest, Tracks
 
 __all__ = ["PARAMS", "Drift", "DriftParams"]
@@ -35,8 +36,7 @@ class DriftParams:
     seen_share: float = 0.95  # of the pins that must be seen
     near_pitches: float = 0.05  # of a pin from its adapted place, beyond the limit
     gap_s: float = 0.5  # a longer pause between frames is not counted as time at rest
-    period_s: float = 0.05  # of learning: faster has no benefit
-    at_limit_rel: float = 0.999  # of the limit, at which a pin counts as being there
+    period_s: float = RUNTIME.check_s  # of learning: faster has no benefit
 
 
 PARAMS = DriftParams()
@@ -92,9 +92,9 @@ class Drift:
         elif capture_ns - self._since_ns >= p.untouched_s * 1e9:
             wanted = np.where(tracks.seen[:, None], away, self._offset)
             self._offset += (wanted - self._offset) * min(1.0, gap_s / p.time_s)
+            beyond = np.abs(self._offset).max(axis=1) > p.limit_px
             np.clip(self._offset, -p.limit_px, p.limit_px, out=self._offset)
             self._learnt = True
-            beyond = np.abs(self._offset).max(axis=1) >= p.at_limit_rel * p.limit_px
             self.limit_share = float(np.mean(beyond))
 
     def forget(self) -> None:

@@ -17,6 +17,7 @@ from edge.runtime.checks import Check, run_checks
 from edge.runtime.fault_registry import FaultRegistry
 from edge.runtime.image_quality import ImageQuality, common_step_px, image_checks, median_offset_px
 from edge.runtime.measures import count_longer
+from edge.runtime.params import PARAMS as RUNTIME
 from edge.runtime.pin_visibility import PinVisibility
 from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Rest, Tracks
 from hostlink.clock import DRIFT_MAX
@@ -34,11 +35,9 @@ class FaultParams:
     clock_step_s: float = 0.5  # by which the capture clock is further ahead of ours than it ever was
     gap_s: float = 0.1  # without a new image, after which the pins are searched for as from rest
     gap_periods: float = 4.0  # the same in periods of the camera; the longer counts
-    moved_raise_pitches: float = 0.08  # by which all pins of an untouched tip are off: the camera moved
-    moved_clear_pitches: float = 0.04
-    drifted_share: float = 0.1  # of the pins whose drift is at its limit
+    moved_pitches: float = 0.08  # by which all pins of an untouched tip are off: the camera moved
     load_pitches: float = 1.6  # motion of a pin beyond which it counts as overloaded
-    overload_share: float = 0.05  # of such pins
+    astray_rel: float = RUNTIME.astray_rel  # share of such pins, or of those whose drift is at its limit
 
 
 PARAMS = FaultParams()
@@ -50,18 +49,18 @@ def fault_checks(p: FaultParams = PARAMS) -> tuple[Check, ...]:
     moved = "the pins stand {off_px:.1f} px off the rest frame, all alike; tare"
     return (
         Check(
-            F.CLOCK_STEP, "clock_off_s", p.clock_step_s, p.clock_step_s, "s",
+            F.CLOCK_STEP, "clock_off_s", p.clock_step_s, "s",
             "images' clock jumped by {clock_jump_s:+.3f} s",
         ),
-        Check(F.CLOCK_STEP, "clock_back_s", 1e-9, 1e-9, "s", "images' clock jumped by {clock_jump_s:+.3f} s"),
+        Check(F.CLOCK_STEP, "clock_back_s", 1e-9, "s", "images' clock jumped by {clock_jump_s:+.3f} s"),
         Check(
-            F.OVERLOAD, "far_share", p.overload_share, p.overload_share, "of the pins",
+            F.OVERLOAD, "far_share", p.astray_rel, "of the pins",
             "{far_n} pins moved by more than {limit_px:.0f} px",
         ),
         Check(
-            F.CAMERA_MOVED, "off_pitches", p.moved_raise_pitches, p.moved_clear_pitches, "pitches", moved
+            F.CAMERA_MOVED, "off_pitches", p.moved_pitches, "pitches", moved
         ),
-        Check(F.CAMERA_MOVED, "drifted_share", p.drifted_share, p.drifted_share, "of the pins", moved),
+        Check(F.CAMERA_MOVED, "drifted_share", p.astray_rel, "of the pins", moved),
     )  # fmt: skip
 
 
@@ -237,7 +236,7 @@ class FaultDetector:
         drifted_share  of the pins whose learnt drift is at its limit
         """
         before_px, self._motion_px = self._motion_px, motion_px
-        limit_px = self._params.moved_raise_pitches * self._pitch_px
+        limit_px = self._params.moved_pitches * self._pitch_px
         if in_contact:
             step_px = common_step_px(motion_px - before_px, limit_px)
             if step_px is None:

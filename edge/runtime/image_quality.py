@@ -18,6 +18,7 @@ import numpy as np
 from edge.pins.lens import rest_as_seen
 from edge.runtime.checks import Check
 from edge.runtime.measures import FocusWindows, median_length, sample_levels
+from edge.runtime.params import PARAMS as RUNTIME
 from edge.types import Array, Frame, Image, Rest
 from hostlink.wire import FaultCode as F
 
@@ -37,16 +38,13 @@ class ImageParams:
     """Parameters by name; evidence in docs/tuning.md. `_rel`: a share of the rest frame's."""
 
     dark_level: float = 0.004  # of full scale; a mean level below counts as black
-    dim_raise_rel: float = 0.25  # mean level below which the image is too dark
-    dim_clear_rel: float = 0.3  # ... and above which it is bright enough again
+    least_rel: float = 0.25  # mean level, or contrast over level, below which the image shows nothing
     saturated_share: float = 0.5  # of the pixels below full scale at rest: if so many reach it, overexposed
-    blurred_raise_rel: float = 0.5  # sharpness below which the image is out of focus
-    blurred_clear_rel: float = 0.56  # ... and above which it is sharp again
-    flat_rel: float = 0.25  # contrast over level: a lens this far out of focus shows no edges at all
+    blurred_rel: float = 0.5  # sharpness below which the image is out of focus
     sample_step_px: int = 16  # brightness is read on every such row and column
     windows_n: int = 32  # in which the focus is measured
     focus_tail: int = 20  # one in so many of a window's lowest and highest levels is not part of its contrast
-    focus_period_s: float = 0.04  # between measurements of the focus
+    focus_period_s: float = RUNTIME.check_s  # between measurements of the focus
     alike_rel: float = 0.35  # of the common step by which pins differ from it, when the camera moved
     alike_share: float = 0.9  # of the pins that do
 
@@ -116,7 +114,7 @@ class ImageQuality:
             self._due_ns = frame.capture_ns + self._period_ns
         energy, contrast, level = self._windows(self._focus, frame.image)
         rest_energy, rest_contrast, rest_level = self._rest
-        flat = contrast / max(level, 1.0) < self._params.flat_rel * rest_contrast / max(rest_level, 1.0)
+        flat = contrast / max(level, 1.0) < self._params.least_rel * rest_contrast / max(rest_level, 1.0)
         self.sharpness = 0.0 if flat else energy / rest_energy if rest_energy > 0.0 else 1.0
 
     @property
@@ -135,15 +133,15 @@ def image_checks(p: ImageParams = PARAMS) -> tuple[Check, ...]:
     """Of brightness, and of the camera's own "black"; of the focus."""
     dark = "mean level {level:.1%} of full scale, {rest_level:.1%} at rest"
     return (
-        Check(F.IMAGE_DARK, "level", p.dark_level, p.dark_level, "full scale", dark, below=True),
-        Check(F.IMAGE_DARK, "level_rel", p.dim_raise_rel, p.dim_clear_rel, "rest level", dark, below=True),
-        Check(F.IMAGE_DARK, "black", 1.0, 1.0, "yes or no", "black"),
+        Check(F.IMAGE_DARK, "level", p.dark_level, "full scale", dark, below=True),
+        Check(F.IMAGE_DARK, "level_rel", p.least_rel, "rest level", dark, below=True),
+        Check(F.IMAGE_DARK, "black", 1.0, "yes or no", "black"),
         Check(
-            F.IMAGE_BRIGHT, "newly_saturated", p.saturated_share, p.saturated_share, "of the others",
+            F.IMAGE_BRIGHT, "newly_saturated", p.saturated_share, "of the others",
             "{saturated:.0%} of the image is at full scale",
         ),
         Check(
-            F.IMAGE_BLURRED, "sharpness", p.blurred_raise_rel, p.blurred_clear_rel, "that at rest",
+            F.IMAGE_BLURRED, "sharpness", p.blurred_rel, "that at rest",
             "sharpness {sharpness:.0%} of that at rest", below=True,
         ),
     )  # fmt: skip

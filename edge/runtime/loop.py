@@ -40,9 +40,11 @@ from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.fault_detector import FaultDetector
 from edge.runtime.fault_registry import FaultRegistry
 from edge.runtime.measurement import LoopConfig, Measurement
+from edge.runtime.params import PARAMS as RUNTIME
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
 from edge.runtime.systemd import Notifier
 from edge.runtime.tare_state import TareOutcome, TareRequest
+from edge.sources.live import PARAMS as LIVE
 from edge.types import Clock, Feature, Frame, FrameSource, LiveSource
 from hostlink.wire import State, Status
 
@@ -56,11 +58,10 @@ T = TypeVar("T")
 class LoopParams:
     """Parameters by name; evidence in docs/tuning.md."""
 
-    drain_s: float = 1.0  # how long a recording waits for a blocked link
+    drain_s: float = RUNTIME.patience_s  # how long a recording waits for a blocked link
     wait_s: float = 0.02  # longest wait for an image before faults and commands are handled
     keepalive_s: float = 0.05  # samples without images: "the slow rate" of the fault table
-    no_images_s: float = 1.0  # a requested tare is refused after so long without images
-    late_s: float = 2.0  # an image older than this, or from the future, is stamped by another clock than ours
+    no_images_s: float = RUNTIME.patience_s  # a requested tare is refused after so long without images
     garbage_s: float = 60.0  # between collections of other threads' cycles (viewers, requests)
 
 
@@ -292,7 +293,7 @@ class Loop:
         # A recorded or foreign clock cannot be subtracted from ours: latency then counts from the hand-over.
         ours = (
             frame.clock in (Clock.HOST, Clock.DRIVER)
-            and 0 <= begun_ns - frame.capture_ns < PARAMS.late_s * 1e9
+            and 0 <= begun_ns - frame.capture_ns < LIVE.same_clock_s * 1e9
         )
         since_ns = frame.capture_ns if ours else begun_ns
         state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)

@@ -15,7 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from edge.geometry.lattice import N_RING
 from edge.runtime.measures import count_apart
+from edge.runtime.params import PARAMS as RUNTIME
 from edge.types import Mask, Rest, Tracks
 
 __all__ = ["PinVisibility", "PinVisibilityParams"]
@@ -27,19 +29,16 @@ class PinVisibilityParams:
 
     seen_rel: float = 0.8  # smallest share of the pins
     hole_rel: float = 0.01  # largest share of them that are lost with all their neighbours
-    neighbours_n: int = 6
     noisy_ratio: float = 5.0  # a pin whose sigma is so many times the baseline counts as lost
     drop_rel: float = 0.9  # of the baseline share; with fewer, too many vanished at once
-    back_rel: float = 0.98  # of the same: until so many are back
     settled_frames_n: int = 4  # good frames in a row until values are sent again
     baseline_frames_n: int = 64  # over which the baseline is learnt
     forget_frames_n: int = 1024  # over which it is forgotten while too few are seen
     corrupt_pins_n: int = 4  # pins that vanish together while those around them are static: a corrupt image
     corrupt_neighbours_rel: float = 0.25  # of such a pin's neighbours vanish with it
-    corrupt_over_chance: float = 2.0  # times the share expected if single pins vanish
     still_pitches: float = 0.1  # largest motion in a frame that counts as static
     far_pitches: float = 3.0  # skin cannot move further
-    far_rel: float = 0.05  # share of the pins so far away: identities are wrong
+    far_rel: float = RUNTIME.astray_rel  # share of the pins so far away: identities are wrong
     focus_check_rel: float = 0.95  # with fewer pins than this the focus is checked now
     focus_check_ratio: float = 1.3  # times the baseline noise, likewise
 
@@ -52,7 +51,7 @@ class PinVisibility:
 
     def __init__(self, rest: Rest, params: PinVisibilityParams = PARAMS) -> None:
         self._params = params
-        k = min(params.neighbours_n + 1, len(rest))
+        k = min(N_RING + 1, len(rest))
         self._rest_img = np.ascontiguousarray(rest.xy_img)
         self._reason = ""
         self._good_n = params.settled_frames_n
@@ -70,7 +69,8 @@ class PinVisibility:
         hole_n = int(np.count_nonzero(bad[self._near].all(axis=1))) if bad.any() else 0
         corrupt = self._image_corrupt(tracks, bad)
         few = share < p.seen_rel or hole_n > p.hole_rel * n or corrupt
-        suddenly = share < (p.back_rel if self._reason else p.drop_rel) * self._baseline_share
+        least_rel = p.drop_rel * (1.0 + RUNTIME.hysteresis_rel) if self._reason else p.drop_rel
+        suddenly = share < least_rel * self._baseline_share
         frames_n = p.forget_frames_n if few or suddenly else p.baseline_frames_n
         self._baseline_share += (share - self._baseline_share) / frames_n
         unidentified = tracks.confidence < Tracks.LOW_CONFIDENCE
@@ -103,7 +103,7 @@ class PinVisibility:
             return False
         around = self._near[gone, 1:]
         beside = gone[around]
-        if beside.mean() <= max(p.corrupt_neighbours_rel, p.corrupt_over_chance * gone.mean()):
+        if beside.mean() <= p.corrupt_neighbours_rel:
             return False
         rest = np.unique(around[~bad[around]])
         step = tracks.xy_img[rest] - before[rest]

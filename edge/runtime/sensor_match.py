@@ -61,11 +61,7 @@ def _match(sensor: KnownSensor, rest: Rest) -> LayoutMatch | None:
 
 
 def _fits(match: LayoutMatch) -> bool:
-    return (
-        match.pins_on >= TIP.pins_known_min
-        and match.sites_filled >= TIP.pins_found_min
-        and match.residual < CLEAR
-    )
+    return match.pins_on >= TIP.shared_min and match.sites_filled >= TIP.shared_min and match.residual < CLEAR
 
 
 def mm_per_px(sensor: KnownSensor, rest: Rest) -> float | None:

@@ -88,7 +88,7 @@ class SettingsFile:
     def trouble(self) -> str:
         """Empty, or why the last settings could not be stored, for a second after that."""
         message, at_s = self._failed or ("", 0.0)
-        return message if message and time.monotonic() - at_s < PARAMS.failed_write_s else ""
+        return message if message and time.monotonic() - at_s < PARAMS.patience_s else ""
 
     def _store(self, values: NodeSettings) -> None:
         if self._path is None:

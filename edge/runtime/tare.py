@@ -32,6 +32,7 @@ from edge.features.params import PARAMS as CONTACT
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.pins import CentroidRefiner, take_rest
 from edge.runtime.symmetry import symmetry_of
+from edge.runtime.tip_match import PARAMS as TIP
 from edge.runtime.tip_match import in_order_of, match_rest
 from edge.tracking import Tracker
 from edge.types import Image, Lens, Pins, Polarity, Rest, Tracks
@@ -56,7 +57,7 @@ class TareParams:
 
     frames_n: int = 8
     steady_px: float = 0.5
-    kept_rel: float = 0.9
+    kept_rel: float = TIP.shared_min
     polarity: Polarity = Polarity.FOUND
     lens: Lens | None = None
 

@@ -26,8 +26,7 @@ __all__ = ["in_order_of", "match_rest"]
 class TipMatchParams:
     """Limits within which two rest frames show the same tip. Evidence: docs/tuning.md, "Calibration"."""
 
-    pins_found_min: float = 0.9  # share of the calibration's pins that are seen
-    pins_known_min: float = 0.9  # share of the pins seen that the calibration knows
+    shared_min: float = 0.9  # of the pins of each that the other has too
     shift_max: float = 0.4  # pitches, median motion of the pins
     deformation_max: float = 0.1  # pitches, 95 % quantile of the residual after shift, rotation and zoom
 
@@ -89,11 +88,11 @@ def _check_lens(made_with: Lens | None, now: Lens | None) -> None:
 def _check_counts(tracks: Tracks, known_n: int, seen_n: int) -> None:
     """Raises CalibrationError: the pins of one are not those of the other."""
     found_n = tracks.n_seen
-    if tracks.confidence < Tracks.LOW_CONFIDENCE or found_n < PARAMS.pins_found_min * known_n:
+    if tracks.confidence < Tracks.LOW_CONFIDENCE or found_n < PARAMS.shared_min * known_n:
         raise CalibrationError(
             f"the calibration belongs to another tip: {found_n} of its {known_n} pins were found"
         )
-    if found_n < PARAMS.pins_known_min * seen_n:
+    if found_n < PARAMS.shared_min * seen_n:
         raise CalibrationError(
             f"the calibration has {known_n} pins, the camera sees {seen_n}: "
             "its file lacks pins of this tip, or belongs to another one; fit it again"

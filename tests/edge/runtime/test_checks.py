@@ -10,9 +10,9 @@ from hostlink.wire import FaultCode
 
 DARK, BRIGHT = FaultCode.IMAGE_DARK, FaultCode.IMAGE_BRIGHT
 CHECKS = (
-    Check(DARK, "level", 0.25, 0.3, "", "level {level:.0%}", below=True),
-    Check(DARK, "black", 1.0, 1.0, "", "black"),
-    Check(BRIGHT, "full", 0.5, 0.4, "", "full {full:.0%}"),
+    Check(DARK, "level", 0.25, "", "level {level:.0%}", below=True),
+    Check(DARK, "black", 1.0, "", "black"),
+    Check(BRIGHT, "full", 0.5, "", "full {full:.0%}"),
 )
 
 
@@ -25,9 +25,9 @@ def held_after(*values: dict[str, float]) -> list[dict[FaultCode, str]]:
 
 
 def test_limits_have_a_hysteresis_either_way() -> None:
-    levels = [{"level": v} for v in (0.26, 0.25, 0.29, 0.31, 0.29)]
+    levels = [{"level": v} for v in (0.26, 0.25, 0.27, 0.28, 0.27)]
     assert [bool(h) for h in held_after(*levels)] == [False, True, True, False, False]
-    full = [{"full": v} for v in (0.49, 0.5, 0.41, 0.39, 0.45)]
+    full = [{"full": v} for v in (0.49, 0.5, 0.46, 0.44, 0.46)]
     assert [bool(h) for h in held_after(*full)] == [False, True, True, False, False]
 
 
