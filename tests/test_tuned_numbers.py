@@ -17,7 +17,7 @@ AT_MOST = {
     "features": 35,
     "geometry": 9,
     "link": 16,
-    "pins": 57,
+    "pins": 56,
     "recording": 6,
     "runtime": 60,
     "sources": 28,
