@@ -31,11 +31,13 @@ class PinVisibilityParams:
     hole_rel: float = 0.01  # largest share of them that are lost with all their neighbours
     noisy_ratio: float = 5.0  # a pin whose sigma is so many times the baseline counts as lost
     drop_rel: float = 0.9  # of the baseline share; with fewer, too many vanished at once
+    back_rel: float = 0.98  # of the same: until so many are back
     settled_frames_n: int = 4  # good frames in a row until values are sent again
     baseline_frames_n: int = 64  # over which the baseline is learnt
     forget_frames_n: int = 1024  # over which it is forgotten while too few are seen
     corrupt_pins_n: int = 4  # pins that vanish together while those around them are static: a corrupt image
     corrupt_neighbours_rel: float = 0.25  # of such a pin's neighbours vanish with it
+    corrupt_over_chance: float = 2.0  # times the share expected if single pins vanish
     still_pitches: float = 0.1  # largest motion in a frame that counts as static
     far_pitches: float = 3.0  # skin cannot move further
     far_rel: float = RUNTIME.astray_rel  # share of the pins so far away: identities are wrong
@@ -69,8 +71,7 @@ class PinVisibility:
         hole_n = int(np.count_nonzero(bad[self._near].all(axis=1))) if bad.any() else 0
         corrupt = self._image_corrupt(tracks, bad)
         few = share < p.seen_rel or hole_n > p.hole_rel * n or corrupt
-        least_rel = p.drop_rel * (1.0 + RUNTIME.hysteresis_rel) if self._reason else p.drop_rel
-        suddenly = share < least_rel * self._baseline_share
+        suddenly = share < (p.back_rel if self._reason else p.drop_rel) * self._baseline_share
         frames_n = p.forget_frames_n if few or suddenly else p.baseline_frames_n
         self._baseline_share += (share - self._baseline_share) / frames_n
         unidentified = tracks.confidence < Tracks.LOW_CONFIDENCE
@@ -103,7 +104,7 @@ class PinVisibility:
             return False
         around = self._near[gone, 1:]
         beside = gone[around]
-        if beside.mean() <= p.corrupt_neighbours_rel:
+        if beside.mean() <= max(p.corrupt_neighbours_rel, p.corrupt_over_chance * gone.mean()):
             return False
         rest = np.unique(around[~bad[around]])
         step = tracks.xy_img[rest] - before[rest]
