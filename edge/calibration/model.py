@@ -21,7 +21,6 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +45,7 @@ from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS, conta
 from edge.calibration.polynomial import ModelKernel
 from edge.errors import CalibrationError
 from edge.limits import BadContent
-from edge.types import Array, Complex, Feature, Features, PinPattern, Reading
+from edge.types import Array, Complex, ContactRegion, Feature, Features, PinPattern, Reading
 
 #: Forces along the surface. The torque that a contact can carry depends on its area.
 OF_FRICTION = frozenset({"force_x_n", "force_y_n", "torque_z_nmm"})
@@ -65,6 +64,8 @@ OUTPUTS_OF: dict[Feature, frozenset[str]] = {
 OF_PROCESS = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS})
 #: Features that include contacts: only for these are they passed on.
 OF_CONTACTS = frozenset({Feature.CONTACTS, Feature.PRESSURE, Feature.CONTACT_AREA, Feature.ORIENTATION})
+
+Contacts = tuple[ContactRegion, ...]
 
 
 class _Models:
@@ -146,6 +147,7 @@ class Calibration:
         self._untouched = {name: UNTOUCHED[name] for name in self._frame.outputs}
         self._untouched_sigmas = dict(zip(self._frame.outputs, self._frame.sigmas, strict=True))
         self._demand: frozenset[Feature] | None = None
+        self._gives_contacts = True  # the demand includes them
 
     @classmethod
     def load(cls, path: str | Path) -> Calibration:
@@ -200,6 +202,7 @@ class Calibration:
         if demand is not self._demand:
             self._demand = demand
             self._frame.want(None if demand is None else _outputs_in(demand))
+            self._gives_contacts = demand is None or not demand.isdisjoint(OF_CONTACTS)
         saturated: frozenset[str] = frozenset()
         if features.in_contact:
             rows = self._frame.run(frame_inputs(features, pattern)[None])[0]
@@ -211,10 +214,9 @@ class Calibration:
                 saturated = frozenset(name for name, y, out in beyond if out and math.isfinite(y))
         else:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
-        if demand is not None and features.contacts is not None and demand.isdisjoint(OF_CONTACTS):
-            features = replace(features, contacts=None)
-        self._derive(features, values, sigmas, interval_s)
-        contacts = self._places(features, pattern)
+        found = features.contacts if self._gives_contacts else None
+        self._derive(features, found, values, sigmas, interval_s)
+        contacts = self._places(features, found, pattern)
         if len(contacts) == 1 and "displacement_mm" in values:
             contacts[0, 2] = values["displacement_mm"]
         return Reading(values, sigmas, contacts, saturated, calibrated=True)
@@ -227,22 +229,26 @@ class Calibration:
 
     def area_mm2(self, features: Features, values: Mapping[str, float]) -> float | None:
         """Area of all contacts: a model's, else that of the contacts in the image; None: not known."""
+        return self._area_mm2(features.contacts, values)
+
+    def _area_mm2(self, found: Contacts | None, values: Mapping[str, float]) -> float | None:
         if "contact_area_mm2" in values:
             return values["contact_area_mm2"]
-        if features.contacts is None or self.mm_per_px is None:
+        if found is None or self.mm_per_px is None:
             return None
-        return sum(c.area_px2 for c in features.contacts) * self.mm_per_px**2
+        return sum(c.area_px2 for c in found) * self.mm_per_px**2
 
     def _derive(
         self,
         features: Features,
+        found: Contacts | None,
         values: dict[str, float],
         sigmas: dict[str, float],
         interval_s: float | None,
     ) -> None:
         """Add the values that follow from others and the scale; see the head of the file."""
-        found, scale = features.contacts, self.mm_per_px
-        force, area = values.get("force_n"), self.area_mm2(features, values)
+        scale = self.mm_per_px
+        force, area = values.get("force_n"), self._area_mm2(found, values)
         if area is not None:
             values["contact_area_mm2"] = area
         if found:
@@ -263,18 +269,21 @@ class Calibration:
             elif scale is not None and interval_s is not None and interval_s > 0.0:
                 values["slip_speed_mm_s"] = features.slip_px * scale / interval_s
 
-    def _places(self, features: Features, pattern: PinPattern) -> Array:
-        contacts = features.contacts
-        if not contacts:
+    def _places(self, features: Features, found: Contacts | None, pattern: PinPattern) -> Array:
+        """`Reading.contacts`, but for the depth of a single one."""
+        if not found:
             return np.empty((0, 3))
-        places = np.full((len(contacts), 3), np.nan)
+        # Lists: an array's fancy indexing costs thousands of instructions, for a handful of numbers.
+        places = [[math.nan] * 3 for _ in found]
         if self.mm_per_px is not None and not self._placed:
-            for row, contact in zip(places, contacts, strict=True):
-                row[:2] = (contact.xy_img - pattern.centre_img) * self.mm_per_px
+            for place, contact in zip(places, found, strict=True):
+                place[:2] = ((contact.xy_img - pattern.centre_img) * self.mm_per_px).tolist()
         if self._columns:
-            z = np.array([contact_inputs(contact, features, pattern) for contact in contacts])
-            places[:, self._columns] = self._contact.run(z)[:, :, 0]
-        return places
+            z = np.array([contact_inputs(contact, features, pattern) for contact in found])
+            for place, outputs in zip(places, self._contact.run(z)[:, :, 0].tolist(), strict=True):
+                for column, value in zip(self._columns, outputs, strict=True):
+                    place[column] = value
+        return np.array(places)
 
     def contact_values(self, z: Complex) -> Iterator[tuple[str, float, float]]:
         """Name, value and sigma of every output of one contact, from `contact_inputs`."""
