@@ -1,13 +1,12 @@
 """One picture of what is made of each real sensor: cells, motion and contact, without its maker's images.
 
 Of each recording the image with the largest contact is drawn, against its rest frame: the one that was
-published, or that `--rest auto` chooses.
+published, or that `--rest auto` chooses. Pins are followed through a video; each still is a jump from rest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import islice
 from pathlib import Path
 
 import click
@@ -28,8 +27,7 @@ from tests.bench.recordings import TIP_331, real_option
 
 SIDE_PX = 320
 TITLE_PX = 28
-STEP = 5  # every fifth image of a video, ...
-STILLS_STEP = 30  # ... every thirtieth still
+STILLS_STEP = 30  # every thirtieth still
 SEEN_REL = 0.85  # share of the pins that an image must show
 TITLES = {
     TIP_331: "TacTip, 331 pins",
@@ -40,22 +38,23 @@ TITLES = {
 
 
 def _recording(path: Path) -> tuple[Rest, Iterable[Frame]]:
-    """Its rest frame, and some of its images."""
+    """Its rest frame; a video's images, or some of the stills."""
     if path.is_dir():
         paths = sorted((path / "frames").iterdir())[::STILLS_STEP]
         return take_rest([read_image(path / "rest.png")]), (
             Frame(read_image(still), 0, n) for n, still in enumerate(paths)
         )
     source = open_source(str(path))
-    return rest_of_source(source, "auto").rest, islice(source, 0, None, STEP)
+    return rest_of_source(source, "auto").rest, source
 
 
-def _strongest(rest: Rest, frames: Iterable[Frame]) -> Result:
-    """The image with the largest contact."""
+def _strongest(rest: Rest, frames: Iterable[Frame], stills: bool) -> Result:
+    """The image with the largest contact. stills: none follows from the one before."""
     pipeline = Pipeline(rest)
     best: tuple[float, Result] | None = None
     for frame in frames:
-        pipeline.forget()
+        if stills:
+            pipeline.forget()
         result = pipeline.process(frame)
         if result.features is None or result.tracks.n_seen < SEEN_REL * len(rest):
             continue
@@ -84,7 +83,7 @@ def command(folder: Path, out: Path) -> None:
     panels = []
     for name, title in TITLES.items():
         rest, frames = _recording(folder / name)
-        result = _strongest(rest, frames)
+        result = _strongest(rest, frames, stills=(folder / name).is_dir())
         click.echo(f"{name}: {len(rest)} pins, image {result.frame.sequence}")
         panels.append(_panel(title, rest, result))
     cv2.imwrite(str(out / "sensors.png"), np.hstack(panels), [cv2.IMWRITE_PNG_COMPRESSION, 9])
