@@ -149,6 +149,7 @@ def _losses(tracks: Tracks, rest: Rest) -> Iterator[Tracks]:
 
 
 def _inputs_of(pipeline: Pipeline, tracks: Tracks) -> Complex:
+    pipeline.forget()
     try:
         features = pipeline.features(tracks)
     except EdgeError:

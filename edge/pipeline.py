@@ -119,6 +119,7 @@ class Pipeline:
     def forget(self) -> None:
         """Treat the next frame on its own, as after a jump: no pin positions are carried over."""
         self.tracker.forget()
+        self._tessellator.forget()
 
     def _locate(self, image: Image) -> tuple[Tracks, bool]:
         predicted = self.tracker.predict()

@@ -180,6 +180,15 @@ class Mesh:
             raise ValueError(MESSAGES[outcome])
         return int(self.changes)
 
+    def forget(self) -> None:
+        """Triangulate the next points from scratch: no rounding of theirs depends on those before.
+
+        Raises  RuntimeError: another thread is updating this mesh
+        """
+        if self.busy:
+            raise RuntimeError("another thread is updating this mesh")
+        self.n_triangles = 0
+
     def triangles(self) -> Index:
         """(k, 3) int32, read-only: the triangles that touch a pin and not the fence, counter-clockwise."""
         if self.busy:

@@ -90,6 +90,10 @@ class Tessellator:
             gap_img=self._gap_img,
         )
 
+    def forget(self) -> None:
+        """Let the next frame's areas depend on that frame alone, to the last bit."""
+        self._mesh.forget()
+
     def _tessellate(self, tracks: Tracks, area: Array) -> Index:
         """Write the exact areas of the points of this frame; returns the triangles."""
         n, points = len(area), self._points

@@ -398,3 +398,16 @@ def test_triangles_are_kept_while_nothing_flips() -> None:
     assert second.triangles is first.triangles
     assert not first.triangles.flags.writeable
     assert not first.rest_area_px2.flags.writeable
+
+
+def test_a_forgotten_mesh_leaves_no_trace_in_the_areas() -> None:
+    """To the last bit: frames are shared out among processes, each with frames of its own before."""
+    rest = hexagonal()
+    rng = np.random.default_rng(0)
+    one, other = Tessellator(rest_of(rest)), Tessellator(rest_of(rest))
+    for _ in range(5):
+        one.cells(tracks_of(rest + rng.normal(0.0, 0.3 * PITCH_PX, rest.shape)))
+    now = tracks_of(rest + rng.normal(0.0, 0.2 * PITCH_PX, rest.shape))
+    one.forget()
+    other.forget()
+    np.testing.assert_array_equal(one.cells(now).area_px2, other.cells(now).area_px2)
