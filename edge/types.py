@@ -309,7 +309,7 @@ class Tracks:
     seen: Mask
     confidence: float
 
-    LOW_CONFIDENCE = 0.5
+    LOW_CONFIDENCE = 0.97
 
     @property
     def n_seen(self) -> int:

@@ -60,6 +60,11 @@ class Links:
         self._join(np.ascontiguousarray(motion, np.float64), known.astype(np.uint8), label)
         return label
 
+    def largest_piece(self, motion: Array, known: Mask) -> Mask:
+        """(n,) the known pins of the largest piece; as `pieces`."""
+        label = self.pieces(motion, known)
+        return np.asarray(label == np.bincount(label[known], minlength=1).argmax()) if known.any() else known
+
     @cython.cfunc
     @cython.exceptval(check=False)
     def _join(

@@ -40,7 +40,6 @@ class TrackingParams:
     research_frames: int = 60  # ... every so many frames
     leap_innovation: float = 0.1  # so much innovation with fewer than this share of the baseline is a leap
     leap_share_min: float = 0.95
-    refused_confidence: float = 0.4  # the confidence where the identities are given up: not to be used
     fresh_frames: int = 2  # frames without identities after which the last positions are no evidence
     # --- coarse fits
     schedule: tuple[tuple[int, float], ...] = (
@@ -63,32 +62,15 @@ class TrackingParams:
     bridged_n: int = 2  # coarse fits whose largest piece may reach over gaps ...
     bridge_gain_min: float = 1.2  # ... where that makes it so many times as large
     agree: float = 0.22  # difference in motion of a pin and the mean of its neighbours
-    same_share: float = 0.9  # share of a coarse match that makes it one that was tried
-    trusted_confidence: float = 0.6  # ends the search, ...
-    trusted_clashes_max: int = 2  # ... with no more clashes
-    guess_share_min: float = 0.9  # of pins or blobs: a guess that grew so far needs no coarse fits beside it
-    guess_cost_max: float = 10.0  # pins; unless its deformation cost is higher
-    alternative_share_min: float = 0.4  # of the match's agreeing pins that an alternative has before it grows
     raster_px: float = 2.0  # cell of the nearest-blob table
-    # --- score of a match
-    clash_reach: float = (
-        0.8  # pitches; an unassigned blob this near to an unmatched pin should have been its own
-    )
-    free_space: float = 0.5  # pitches; an unassigned blob nearer to a matched one is not a pin
-    cost_per_pitch: float = 3.0  # pins, for a root-mean-square motion of one local pitch
-    cost_of_rotation: float = 40.0  # pins, for the square of a mean rotation of one pitch
-    rotation_max: float = 0.15  # pitches; beyond, a lower deformation cost gives no margin
-    full_margin: float = 6.0  # pins ahead of the best alternative that give full confidence
-    chance_clashes: float = 0.08  # clashes by chance, for each pin without a blob
-    clash_sigmas_max: float = 6.0  # standard deviations above chance that leave no confidence
-    forgiven_share: float = 0.025  # clashes of a sharp contact, forgiven where between ...
-    forgiven_range: tuple[float, float] = (0.8, 0.9)  # ... none and all of them, so many pins agree
-    complete_share: float = 0.03  # difference of the counts of pins and blobs: hardly one missing or false
-    unmatched_range: tuple[float, float] = (0.08, 0.2)  # unmatched pins then: full confidence, none
-    agreeing_range: tuple[float, float] = (0.38, 0.86)  # agreeing pins: no confidence, full
+    # --- posterior of a match
+    shift_spread: float = 0.5  # pitches; standard deviation of a tip's mean motion
+    rotation_spread: float = 0.2  # pitches; of its mean motion around the centre
+    found_weights: tuple[float, float, float, float] = (10.9, -3.2, -23.4, 1.8)  # of `search.found_evidence`
+    search_confidence: float = 0.99  # ends a search
     # --- which blob each pin has for certain
-    scale_freedom: float = 4.0  # pins that the roughness of the whole frame counts as, beside those near
     posterior_min: float = 0.98  # that a pin has its blob, against a missing pin and a false blob
+    scale_freedom: float = 4.0  # pins that the roughness of the whole frame counts as, beside those near
     slip_spread: float = 0.03  # pitches; beyond this standard deviation a step of a pitch may go unnoticed
     slip_spread_hidden: float = 0.06  # ... where but one sign of a slip is seen
     assign_rounds: int = 6  # of predicting and assigning, at most

@@ -8,10 +8,10 @@ row off looks as regular as the right one. Nearest neighbour from rest fails on 
    between neighbours along the seam and keep the largest piece: the seed.
 3. Grow the seed outwards (`match.RegionGrower`): each pin is predicted by the local affine map of its matched
    neighbours and takes the nearest blob; every sweep matches every pin anew.
-4. The hypothesis with the best score wins (`score`). Its alternatives are itself shifted by one lattice
-   step: along six directions, around the tip, and in or out. Pins in rings fit themselves when each ring
-   is rotated by one pin, but for the innermost six, so a wrong match can have 98 % of the pins agree.
-   Where an alternative comes near, the identities cannot be known, and the confidence is low.
+4. The hypothesis with the largest posterior wins (`hypothesis`). Its rivals are the other ones and itself
+   shifted by one lattice step: along six directions, around the tip, and in or out. Pins in rings fit
+   themselves when each ring is rotated by one pin, but for the innermost six, so a wrong match can have 98 %
+   of the pins agree. Where a rival comes near, the identities cannot be known, and the confidence is low.
 """
 
 from __future__ import annotations
@@ -21,12 +21,14 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.special import expit
 
+from edge.geometry.layout import affine_terms
 from edge.tracking.coarse import CoarseFit
+from edge.tracking.hypothesis import Hypothesis, certain_match
 from edge.tracking.links import Links
 from edge.tracking.match import NearestBlob, RegionGrower
-from edge.tracking.posterior import MotionModel, certain_match
-from edge.tracking.score import Match, MatchScorer, largest_piece
+from edge.tracking.motion_model import MotionModel
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
 
@@ -35,10 +37,12 @@ __all__ = ["Identifier", "Identity"]
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """blob (n,) int32, the blob that is pin i, -1 where none; pins that agree with their neighbours; 0..1"""
+    """blob (n,) int32, the blob that is pin i, -1 where none is certain; how many have one, certain or not;
+    the probability that all are right
+    """
 
     blob: Index
-    agree_n: int
+    known_n: int
     confidence: float
 
 
@@ -64,7 +68,6 @@ class Identifier:
             tip.affine, tip.rest_xy, self._gate_px, p.region_support_min, p.sweeps_max
         )
         self._coarse = CoarseFit(tip)
-        self._scorer = MatchScorer(tip)
         self._model = MotionModel(tip)
         self._lattice_steps = _lattice_steps(tip)
         margin = 2 * tip.pitch_px
@@ -78,63 +81,45 @@ class Identifier:
         """
         if len(blob_xy) < self._tip.params.blobs_min:
             return Identity(np.full(len(self._tip), -1, np.int32), 0, 0.0)
-        scorer = self._scorer
         blobs = _BlobIndex(blob_xy, _nearest_blob(blob_xy, self._low, self._high, self._tip.params.raster_px))
-        best, alternatives = self._search(blobs, guesses or [])
-        margin = min(scorer.margin(best, other) for other in alternatives)
-        # A match that was assigned anew may be better in itself, but is no further ahead of the alternatives.
-        blob, known, certain = certain_match(self._model, blob_xy, best.blob, best.agree)
-        again = scorer.score(blob_xy, blob, blob_xy[blob] - self._tip.rest_xy, known)
-        best = max(best, again, key=lambda match: match.score)
-        return Identity(np.where(certain, blob, -1), best.agree_n, min(margin, scorer.quality(best)))
+        found, *others = self._search(blobs, guesses or [])
+        again, certain = certain_match(found)
+        best = max(found, again, key=lambda match: match.log_posterior)
+        # What was assigned anew may be better in itself, but is no further ahead of the others.
+        confidence = self._confidence(best, _ahead(found, others))
+        return Identity(np.where(certain, again.blob, -1), best.known_n, confidence)
 
-    def _search(self, blobs: _BlobIndex, guesses: list[Array]) -> tuple[Match, list[Match]]:
-        """The best match and its alternatives; ends with a match that can be trusted, or after
-        `regions_max`."""
+    def _search(self, blobs: _BlobIndex, guesses: list[Array]) -> list[Hypothesis]:
+        """All hypotheses, the best first; ends with one that can be trusted, or after `regions_max`."""
         p = self._tip.params
-        best: Match | None = None
-        alternative: Match | None = None
-        tried: list[Match] = []
-        regions_n = 0
-        for k, (motion, seed) in enumerate(self._starts(blobs, guesses)):
-            if any(match.contains(motion, seed, p.same_share) for match in tried):
-                continue
-            found, other, more = self._climb(blobs, motion, seed, p.regions_max - regions_n)
-            regions_n += more
-            tried.append(found)
-            if best is None or alternative is None or found.score > best.score:
-                best, alternative = found, other
-            is_guess = k == 0 and bool(guesses)
-            if self._trusted(best, alternative, len(blobs.xy), is_guess) or regions_n >= p.regions_max:
+        tried: list[Hypothesis] = []
+        for motion, seed in self._starts(blobs, guesses):
+            self._climb(blobs, self._grow(blobs, motion, seed), tried)
+            tried.sort(key=lambda match: -match.log_posterior)
+            confidence = self._confidence(tried[0], _ahead(tried[0], tried[1:]))
+            if confidence > p.search_confidence or len(tried) >= p.regions_max:
                 break
-        assert best is not None
-        assert alternative is not None
-        others = [m for m in tried if m is not best and not m.contains(best.motion, best.agree, p.same_share)]
-        return best, [alternative, *others]
+        return tried
 
-    def _climb(
-        self, blobs: _BlobIndex, motion: Array, seed: Mask, regions_max: int
-    ) -> tuple[Match, Match, int]:
-        """The match that grows from a seed, or the better one among its neighbours; its best alternative; and
-        how many were grown.
+    def _climb(self, blobs: _BlobIndex, found: Hypothesis, tried: list[Hypothesis]) -> None:
+        """Add a hypothesis and its rivals by one lattice step, from the better one again and again."""
+        tried.append(found)
+        while len(tried) < self._tip.params.regions_max:
+            rival = self._best_rival(blobs, found)
+            tried.append(rival)
+            if rival.log_posterior <= found.log_posterior:
+                break
+            found = rival
+
+    def _confidence(self, best: Hypothesis, ahead: float) -> float:
+        """Probability that the best hypothesis is right: it is the right one of those that were found, and the
+        right one was found.
+
+        ahead  of the best rival, difference of the logarithms of the posteriors
         """
-        found = self._grow(blobs, motion, seed)
-        other = self._best_alternative(blobs, found)
-        regions_n = 2
-        while other.score > found.score and regions_n < regions_max:
-            found, other = other, self._best_alternative(blobs, other)
-            regions_n += 1
-        return found, other, regions_n
-
-    def _trusted(self, best: Match, alternative: Match, blobs_n: int, is_guess: bool) -> bool:
-        """Whether the search may end here."""
-        p = self._tip.params
-        confidence = min(self._scorer.margin(best, alternative), self._scorer.quality(best))
-        trusted = confidence > p.trusted_confidence and best.clashes_n <= p.trusted_clashes_max
-        if is_guess:
-            trusted &= best.agree_n > p.guess_share_min * min(len(self._tip), blobs_n)
-            trusted &= best.deformation_cost < p.guess_cost_max
-        return trusted
+        if not best.known_n:
+            return 0.0
+        return float(expit(ahead) * expit(np.dot(self._tip.params.found_weights, found_evidence(best))))
 
     def _starts(self, blobs: _BlobIndex, guesses: list[Array]) -> Iterator[tuple[Array, Mask]]:
         """Motion (n, 2) and the pins (n,) to grow from: guesses unchanged, then coarse fits, best first."""
@@ -142,52 +127,66 @@ class Identifier:
         for guess in guesses:
             blob, _, known = blobs.nearest.match(guess[None], self._gate_px)
             motion = blobs.xy[blob[0]] - self._tip.rest_xy
-            seed = largest_piece(self._bridges, motion, known[0])
+            seed = self._bridges.largest_piece(motion, known[0])
             if 2 * np.count_nonzero(seed) > len(seed):
                 yield motion, seed
         motions, matched = self._coarse.fit(blobs.nearest, blobs.xy, guesses)
-        tried: list[tuple[int, Mask]] = []
-        for h in np.argsort(-self._agree_n(motions, matched), kind="stable"):
-            seed = largest_piece(self._links, motions[h], matched[h])
-            same = [((motions[h] == motions[k]).all(1) & seed & other).sum() for k, other in tried]
-            if any(n > p.same_share * seed.sum() for n in same):
-                continue
-            yield motions[h], seed
-            tried.append((int(h), seed))
-            if len(tried) == p.coarse_tried_n:
-                break
+        best = np.argsort(-self._agree_n(motions, matched), kind="stable")[: p.coarse_tried_n]
+        seeds = [self._links.largest_piece(motions[h], matched[h]) for h in best]
+        yield from zip(motions[best], seeds, strict=True)
         # A row of pins hidden by glare splits a tip as a seam does: try again with links across gaps.
-        for h, seed in tried[: p.bridged_n]:
-            wide = largest_piece(self._bridges, motions[h], matched[h])
+        for h, seed in list(zip(best, seeds, strict=True))[: p.bridged_n]:
+            wide = self._bridges.largest_piece(motions[h], matched[h])
             if np.count_nonzero(wide) > p.bridge_gain_min * np.count_nonzero(seed):
                 yield motions[h], wide
 
-    def _best_alternative(self, blobs: _BlobIndex, match: Match) -> Match:
+    def _best_rival(self, blobs: _BlobIndex, match: Hypothesis) -> Hypothesis:
         """The best other match among those one lattice step away from this one."""
-        predicted, _, gradient = self._tip.affine.predict(match.motion, match.known)
-        steps, pitch = self._lattice_steps, self._tip.pitch_px
-        x, y = steps[..., :1] / pitch, steps[..., 1:] / pitch
+        tip = self._tip
+        motion = blobs.xy[match.blob] - tip.rest_xy
+        predicted, _, gradient = tip.affine.predict(motion, match.known)
+        steps = self._lattice_steps
+        x, y = steps[..., :1] / tip.pitch_px, steps[..., 1:] / tip.pitch_px
         moved = steps + x * gradient[:, 0] + y * gradient[:, 1]
-        blob, _, known = blobs.nearest.match(self._tip.rest_xy + predicted + moved, self._gate_px)
+        blob, _, known = blobs.nearest.match(tip.rest_xy + predicted + moved, self._gate_px)
         known &= blob != np.where(match.known, match.blob, -1)
-        motion = blobs.xy[blob] - self._tip.rest_xy
-        agree_n = self._agree_n(motion, known)
-        h = int(agree_n.argmax())
-        if agree_n[h] >= self._tip.params.alternative_share_min * match.agree_n:
-            larger = self._grow(blobs, motion[h], largest_piece(self._links, motion[h], known[h]))
-            same = larger.known & match.known & (larger.blob == match.blob)
-            if 2 * same.sum() <= match.known.sum():  # otherwise it grew back into the match itself
-                return larger
-        return self._scorer.score(blobs.xy, blob[h], motion[h], known[h])
+        motion = blobs.xy[blob] - tip.rest_xy
+        h = int(self._agree_n(motion, known).argmax())
+        larger = self._grow(blobs, motion[h], self._links.largest_piece(motion[h], known[h]))
+        # It may have grown back into the match itself.
+        return larger if larger.differs(match) else Hypothesis(self._model, blobs.xy, blob[h], known[h])
 
     def _agree_n(self, motion: Array, known: Mask) -> Index:
         """(h,) how many pins of each hypothesis agree with their neighbours."""
         off = self._tip.adjacency.disagreement(motion, known)
         return np.asarray(np.sum(off < self._tip.params.agree * self._tip.local_pitch_px, axis=1), np.int32)
 
-    def _grow(self, blobs: _BlobIndex, motion: Array, seed: Mask) -> Match:
-        blob, motion, known = self._region.grow(blobs.nearest, motion, seed)
-        return self._scorer.score(blobs.xy, blob, motion, known)
+    def _grow(self, blobs: _BlobIndex, motion: Array, seed: Mask) -> Hypothesis:
+        blob, _, known = self._region.grow(blobs.nearest, motion, seed)
+        return Hypothesis(self._model, blobs.xy, blob, known)
+
+
+def found_evidence(best: Hypothesis) -> tuple[float, float, float, float]:
+    """What tells that the search found the right hypothesis: a constant; how far its certain pins are off an
+    affine motion, pitches; the rotation of that motion, rad; and the logarithm of the posterior for each pin,
+    as if the motion were equally rough in all frames.
+    """
+    certain, tip = best.certain(), best.model.tip
+    if not certain.any():
+        return 1.0, 0.0, 0.0, -np.inf
+    terms = affine_terms(tip.rest_xy[certain], tip.rest.pattern.centre_img, tip.pitch_px)
+    motion = best.motion[certain]
+    fit = np.linalg.lstsq(terms, motion, rcond=None)[0]
+    bent = np.sqrt(np.mean(np.sum((motion - terms @ fit) ** 2, axis=1)))
+    rotation = abs(fit[1, 1] - fit[2, 0]) / 2
+    posterior = best.log_posterior / best.known_n + np.log(np.median(best.spread[certain]))
+    return 1.0, float(bent), float(rotation), float(posterior)
+
+
+def _ahead(best: Hypothesis, others: list[Hypothesis]) -> float:
+    """How far the logarithm of its posterior is above that of its best rival, or of no match at all."""
+    rivals = [match.log_posterior for match in others if match.differs(best)]
+    return max(best.log_posterior - max(rivals, default=0.0), 0.0)
 
 
 def _bridges(tip: TrackedTip) -> Links:

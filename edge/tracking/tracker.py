@@ -38,6 +38,7 @@ class Tracker:
         """Treat the next frame on its own, as after a jump from rest."""
         self._follower.reset()
         self._held = False
+        self._confidence = 0.0  # of the identities that are held, or were
         self._unheld_frames = self._params.fresh_frames  # since the identities were held
         self._baseline_share = 0.0  # of the pins, seen lately
         self._found_share = 0.0  # the largest that a search found
@@ -52,7 +53,8 @@ class Tracker:
         """Check what was found at the predicted places.
 
         pins  row i is pin i; NaN where nothing was found
-        Low confidence: too few pins, or all of them too far off; the whole frame is to be searched then.
+        The confidence is that of the search that found the identities; none: too few pins, or all of them too
+        far off, and the whole frame is to be searched.
         """
         p = self._params
         xy, sigma, seen, seen_n, innovation = self._follower.follow(
@@ -61,15 +63,15 @@ class Tracker:
             np.ascontiguousarray(pins.brightness, np.float64),
         )
         share = seen_n / len(self._tip)
-        confidence = self._continuity(innovation, share)
-        tracks = Tracks(xy, sigma, seen, confidence)
+        tracks = Tracks(xy, sigma, seen, self._confidence)
         self._frames_since_search += 1
-        refused = self._too_few(share, innovation)
+        continues = self._continues(innovation, share)
+        refused = not continues or self._too_few(share, innovation)
         self._baseline_share += (share - self._baseline_share) / p.baseline_frames
-        if refused or confidence < Tracks.LOW_CONFIDENCE:
+        if refused:
             self._held = False
-            self._fallback = tracks if confidence >= Tracks.LOW_CONFIDENCE else None
-            return replace(tracks, confidence=min(confidence, p.refused_confidence))
+            self._fallback = tracks if continues else None
+            return replace(tracks, confidence=0.0)
         self._follower.accept(p.velocity_damping)
         self._hold()
         return tracks
@@ -91,10 +93,12 @@ class Tracker:
         confidence = identity.confidence
         if self._unheld_frames < self._params.fresh_frames:
             innovation = self._follower.median_innovation(now)
-            confidence = max(confidence, self._continuity(innovation, identity.agree_n / len(self._tip)))
+            if self._continues(innovation, identity.known_n / len(self._tip)):
+                confidence = max(confidence, self._confidence)
         if fallback is not None and fallback.n_seen > np.count_nonzero(seen):
             confidence = 0.0
         if confidence >= Tracks.LOW_CONFIDENCE:
+            self._confidence = confidence
             self._baseline_share, self._found_share = share, max(share, self._found_share)
             self._follower.settle(now, now - self._tip.rest_xy - predicted, seen)
             self._hold()
@@ -142,13 +146,12 @@ class Tracker:
         leapt = innovation > p.leap_innovation and share < p.leap_share_min * self._baseline_share
         return vanished or (incomplete and self._frames_since_search >= p.research_frames) or leapt
 
-    def _continuity(self, innovation: float, share: float) -> float:
-        """0..1, how certain it is that every pin went to where it is, and not its neighbour.
+    def _continues(self, innovation: float, share: float) -> bool:
+        """Whether the pins went on from where they were last seen, each to its own place and not its
+        neighbour's.
 
         innovation  median over the pins of the motion that was not predicted, in local pitches
         share       of the pins that were seen
         """
         p = self._params
-        return min(
-            1.0, share / (2 * p.seen_share_min), max(0.0, 1 - innovation / (2 * p.median_innovation_max))
-        )
+        return share >= p.seen_share_min and innovation <= p.median_innovation_max

@@ -16,8 +16,8 @@ from edge.geometry.lattice import Lattice
 from edge.pins import CentroidRefiner, detect, take_rest
 from edge.tracking import Tracker
 from edge.tracking.links import Adjacency
+from edge.tracking.hypothesis import Hypothesis
 from edge.tracking.params import TrackingParams
-from edge.tracking.score import Match
 from edge.tracking.search import Identifier, Identity
 from edge.types import Array, Image, PinPattern, Pins, Rest, Tracks
 from tests.bench import identity
@@ -152,10 +152,10 @@ def test_a_wrong_match_has_low_confidence(layout: str) -> None:
 
 def test_a_search_ends_after_a_bounded_number_of_matches(monkeypatch: pytest.MonkeyPatch) -> None:
     """With half of the pins missing no match is certain, so only further tries are possible."""
-    regions: list[Match] = []
+    regions: list[Hypothesis] = []
     grow = Identifier._grow
 
-    def counted(*args: Any) -> Match:
+    def counted(*args: Any) -> Hypothesis:
         regions.append(grow(*args))
         return regions[-1]
 
@@ -324,7 +324,7 @@ def test_a_search_that_holds_fewer_pins_than_were_followed_is_not_taken(
     followed = tracker.follow(pins_at(gone))
     assert followed.confidence < Tracks.LOW_CONFIDENCE
     few = np.where(np.arange(331) < 100, np.arange(331), -1).astype(np.int32)
-    found = Identity(few, agree_n=300, confidence=1.0)
+    found = Identity(few, known_n=300, confidence=1.0)
     monkeypatch.setattr(tracker._identifier, "identify", lambda blobs, guesses: found)
     assert tracker.identify(pins_at(xy)).n_seen == followed.n_seen > 100
     assert tracker.predict() is not None

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.tracking.posterior import MotionModel, certain_match
+from edge.tracking.hypothesis import Hypothesis, certain_match
+from edge.tracking.motion_model import MotionModel
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
 from tests.edge.tracking.test_tracker import PITCH_PX, hexagonal, rest_at
@@ -42,9 +43,9 @@ def inconsistent(rows: int) -> tuple[MotionModel, Array, Index, Mask]:
 def test_slipped_rows_get_their_own_blobs_back() -> None:
     model, now, blob, good = inconsistent(2)
     assert np.sum(good & (blob != np.arange(N))) == 2
-    assigned, _, certain = certain_match(model, now, blob, good)
+    found, certain = certain_match(Hypothesis(model, now, blob, good))
     assert certain.all()
-    assert np.array_equal(assigned, np.arange(N))
+    assert np.array_equal(found.blob, np.arange(N))
 
 
 def test_without_its_blob_a_pin_does_not_keep_another_s() -> None:
@@ -54,19 +55,20 @@ def test_without_its_blob_a_pin_does_not_keep_another_s() -> None:
     good = good & (blob != gone)
     index = np.full(N, -1, np.int32)
     index[owner] = np.arange(N - 1)
-    assigned, _, certain = certain_match(model, now[owner], np.where(good, index[blob], np.int32(0)), good)
+    start = Hypothesis(model, now[owner], np.where(good, index[blob], np.int32(0)), good)
+    found, certain = certain_match(start)
     assert np.array_equal(np.flatnonzero(certain), owner)
-    assert np.array_equal(owner[assigned[certain]], owner)
+    assert np.array_equal(owner[found.blob[certain]], owner)
 
 
 def test_a_dark_pin_stays_unmatched() -> None:
     model, now, _, good = inconsistent(0)
     good[N // 2] = False
     index = np.maximum(np.cumsum(good) - 1, 0).astype(np.int32)
-    assigned, known, certain = certain_match(model, now[good], index, good)
+    found, certain = certain_match(Hypothesis(model, now[good], index, good))
     assert np.array_equal(certain, good)
-    assert np.array_equal(known, good)
-    assert np.array_equal(assigned[good], index[good])
+    assert np.array_equal(found.known, good)
+    assert np.array_equal(found.blob[good], index[good])
 
 
 @pytest.mark.parametrize("off_px", [0.0, 3.0])
@@ -74,7 +76,7 @@ def test_a_blob_in_the_place_of_a_dark_pin_is_its_own_only_if_it_fits(off_px: fl
     """And it is the dark pin that is lost, not those beside it."""
     model, now, blob, good = inconsistent(0)
     now[N // 2, 0] += off_px
-    _, _, certain = certain_match(model, now, blob, good)
+    _, certain = certain_match(Hypothesis(model, now, blob, good))
     assert np.array_equal(np.flatnonzero(~certain), [N // 2] if off_px else [])
 
 
@@ -89,7 +91,7 @@ def test_where_a_row_may_have_slipped_unnoticed_nothing_is_certain(signs: bool) 
         good[N // 2] = False
         now = np.vstack([now, now[N // 2] + 0.5 * PITCH_PX])
         now[N // 2] = 0.0
-    _, _, certain = certain_match(model, now, blob, good)
+    _, certain = certain_match(Hypothesis(model, now, blob, good))
     beside = np.hypot(*(xy - xy[N // 2]).T) < 1.1 * PITCH_PX
     assert not np.any(certain & beside) if signs else certain.all()
 
@@ -98,11 +100,11 @@ def test_of_two_blobs_in_one_place_one_is_certain_at_most() -> None:
     model, now, blob, good = inconsistent(0)
     near = np.hypot(*(now - now[N // 2]).T) < 3 * PITCH_PX
     now[near] = now[N // 2] + 0.45 * (now[near] - now[N // 2])
-    _, known, certain = certain_match(model, now, blob, good)
+    found, certain = certain_match(Hypothesis(model, now, blob, good))
     pairs = model.tip.lattice.pairs
     gap = np.hypot(*(now[pairs[:, 0]] - now[pairs[:, 1]]).T)
     too_near = gap < model.tip.lattice.distance_min_px
-    assert np.any(too_near & known[pairs].all(1))
+    assert np.any(too_near & found.known[pairs].all(1))
     assert not np.any(too_near & certain[pairs].all(1))
 
 
@@ -123,4 +125,4 @@ def test_an_affine_motion_is_predicted_exactly_whatever_is_missing() -> None:
 
 def test_no_pin_is_certain_where_none_is_matched() -> None:
     model, now, blob, _ = inconsistent(0)
-    assert not certain_match(model, now, blob, np.zeros(N, bool))[2].any()
+    assert not certain_match(Hypothesis(model, now, blob, np.zeros(N, bool)))[1].any()

@@ -1,0 +1,98 @@
+"""The prior of one tip's motion: what the pins around predict for each, and how far a tip moves as a whole.
+
+Idea: the motion is modelled as a random field (`edge.geometry.motion_field`), so that the pins around each pin
+give its place and a variance. The field's scale is not known here: it differs over the tip and is learnt from
+the frame (`edge.tracking.hypothesis`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from edge.geometry.motion_field import PREDICTING, component_covariance
+from edge.tracking.tip import TrackedTip
+from edge.types import Array, Index, Mask
+
+__all__ = ["MotionModel"]
+
+#: Keeps the equations solvable where fewer than three pins are known: the inverse of a variance.
+UNDETERMINED = 1e-6
+
+
+class MotionModel:
+    """The prior of one tip: what the pins around predict for each.
+
+    Positions in pitches. Of one component of the motion: with as much curl as divergence the two are
+    independent.
+    """
+
+    def __init__(self, tip: TrackedTip) -> None:
+        self.tip = tip
+        self.noise = float(np.median(tip.rest.pins.sigma_px)) / tip.pitch_px  # of a centroid
+        near, row = tip.lattice.near, np.arange(len(tip), dtype=np.int32)
+        x = (tip.rest_xy - tip.rest_xy.mean(0)) / tip.pitch_px
+        field = component_covariance(x, PREDICTING)
+        self._own = float(field[0, 0])
+        self._all = _with_affine(field, x)
+        self._among = _with_affine(field[near[:, :, None], near[:, None, :]], tip.lattice.offset)
+        affine = np.broadcast_to([1.0, 0.0, 0.0], (len(tip), 3))
+        self._with = np.concatenate([field[near, row[:, None]], affine], axis=1)
+        self.weight, self.variance = self.from_near(row, np.ones(near.shape, np.bool_))
+        found = near[near] == row[:, None, None]
+        place = near * near.shape[1] + found.argmax(2)
+        self._in_near = np.where(found.any(2), place, near.size)
+
+    def log_prior(self, motion: Array, known: Mask) -> float:
+        """Logarithm of the density of a tip's motion as a whole, against that at rest; motion (n, 2) pitches.
+
+        The mean is subtracted from motion and direction: otherwise a shift of a partly seen tip counts as
+        rotation.
+        """
+        p, moved, around = self.tip.params, motion[known], self.tip.tangential[known]
+        shift, around = moved.mean(0), around - around.mean(0)
+        rotation = float(np.sum((moved - shift) * around)) / max(float(np.sum(around**2)), 1e-9)
+        return -float(shift @ shift) / (2 * p.shift_spread**2) - rotation**2 / (2 * p.rotation_spread**2)
+
+    def from_near(self, rows: Index, known: Mask) -> tuple[Array, Array]:
+        """(r, k) the weights of the known ones among the near pins (r, k) in the prediction of these pins,
+        and (r,) its variance against the field's scale.
+        """
+        known = np.concatenate([known, np.ones((len(rows), 3), np.bool_)], axis=1)
+        both = known[:, :, None] & known[:, None, :]
+        among = np.where(both, self._among[rows], np.eye(known.shape[1]))
+        with_own = np.where(known, self._with[rows], 0.0)
+        weight = np.linalg.solve(among, with_own[..., None])[..., 0]
+        return weight[:, :-3], self._own - (weight * with_own).sum(1)
+
+    def weight_in_near(self, weight: Array) -> Array:
+        """(n, k) the weight that each pin has in the prediction of those near it; weight (n, k) of those near in
+        its own.
+        """
+        return np.append(weight, 0.0)[self._in_near]
+
+    def from_around(self, motion: Array, known: Mask, rows: Index) -> tuple[Array, Array]:
+        """(r, 2) the motion of these pins as predicted by all known pins around them, and (r,) its variance
+        against the field's scale; motion (n, 2).
+        """
+        n = len(known)
+        around = np.zeros(n, np.bool_)
+        around[self.tip.lattice.near[rows]] = True
+        knots = np.flatnonzero(around & known)
+        used = np.append(knots, [n, n + 1, n + 2])
+        with_own = self._all[np.ix_(used, rows)]
+        weight = np.linalg.solve(self._all[np.ix_(used, used)], with_own)
+        return weight[:-3].T @ motion[knots], self._own - (weight * with_own).sum(0)
+
+
+def _with_affine(field: Array, x: Array) -> Array:
+    """(..., k + 3, k + 3) the equations of an estimate from pins at x (..., k, 2), whose affine part is free;
+    field (..., k, k) their covariance.
+    """
+    k = x.shape[-2]
+    system = np.zeros((*x.shape[:-2], k + 3, k + 3))
+    system[..., :k, :k] = field
+    system[..., :k, k] = system[..., k, :k] = 1.0
+    system[..., :k, k + 1 :] = x
+    system[..., k + 1 :, :k] = np.swapaxes(x, -1, -2)
+    system[..., k:, k:] = -UNDETERMINED * np.eye(3)
+    return system
