@@ -36,6 +36,7 @@ KERNELS = {
     "edge.features.contact_field": FAST,
     "edge.features.contact_place": FAST,
     "edge.features.modes": FAST,
+    "edge.features.partial_slip": FAST,
     "edge.features.peaks": FAST,
     "edge.features.pin_motion": FAST,
     "edge.features.pin_noise": FAST,

@@ -62,7 +62,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/geometry/lattice.py:N_RING", "edge/runtime/layout_match.py:_SYMMETRY",
         "edge/calibration/grip.py:_RADIUS", "edge/pins/rejection.py:_SLANT",
         "edge/cells/mesh.py:N_GUARD",
-        "edge/features/partial_slip.py:_SHARES", "edge/features/partial_slip.py:_MOST",
+        "edge/features/partial_slip.py:_SHARES",
         "edge/view/palette.py:_TO_CONES", "edge/view/palette.py:_TO_LAB",
     }),
     "rounding and the width of a number": frozenset({
