@@ -46,6 +46,7 @@ KERNELS = {
     "edge.geometry.plane": FAST,
     "edge.geometry.select": FAST,
     "edge.geometry.separation": FAST,
+    "edge.geometry.views": FAST,
     "edge.pins.centroids": FAST,
     "edge.pins.rejection": FAST,
     "edge.runtime.measures": FAST,

@@ -27,9 +27,12 @@ from edge.geometry.lattice import slope_stencil
 from edge.types import Array
 
 if cython.compiled:
+    from cython.cimports.edge.geometry.views import NumbersView, PointsView
     from cython.cimports.libc.math import isnan
 else:
     from math import isnan
+
+    from edge.geometry.views import NumbersView, PointsView
 
 
 @cython.cclass
@@ -43,6 +46,8 @@ class AreaChange:
 
     values = cython.declare(cython.double[::1], visibility="readonly")
     _n: cython.Py_ssize_t
+    _change_view: NumbersView
+    _xy_view: PointsView
     _rest: cython.double[:, ::1]
     _rest_area: cython.double[::1]
     _ring: cython.int[:, ::1]
@@ -53,27 +58,28 @@ class AreaChange:
         if rest_xy.shape != (n, 2) or rest_area_px2.shape != (n,):
             raise ValueError(f"rest_xy (n, 2) and rest_area_px2 (n,) are wanted, not {rest_area_px2.shape}")
         self._n = n
+        self._change_view, self._xy_view = NumbersView(), PointsView()
         self._rest = np.array(rest_xy, np.float64, order="C")
         self._rest_area = np.array(rest_area_px2, np.float64)
         self._ring, self._slope = slope_stencil(rest_xy, pitch_px)
         self.values = np.zeros(n)
 
-    def fill(
-        self, area_change: cython.const[cython.double][::1], xy: cython.const[cython.double][:, ::1]
-    ) -> None:
+    def fill(self, area_change: Array, xy: Array) -> None:
         """`values`: the area changes, gaps filled.
 
         area_change  (n,) float64, relative; NaN where lost
         xy           (n, 2) float64 px, where the pins are; finite
         Raises       ValueError: sizes that do not fit
         """
-        if area_change.shape[0] != self._n or xy.shape[0] != self._n or xy.shape[1] != 2:
+        change: cython.const[cython.double][::1] = self._change_view.of(area_change)
+        at: cython.const[cython.double][:, ::1] = self._xy_view.of(xy)
+        if change.shape[0] != self._n or at.shape[0] != self._n or at.shape[1] != 2:
             raise ValueError(f"area_change ({self._n},) and xy ({self._n}, 2) are wanted")
         i: cython.Py_ssize_t
         for i in range(self._n):
-            self.values[i] = area_change[i]
-            if isnan(area_change[i]):
-                self.values[i] = self._between(xy, i)
+            self.values[i] = change[i]
+            if isnan(change[i]):
+                self.values[i] = self._between(at, i)
 
     def volume(self, threshold: cython.double) -> float:
         """Integral of the compressed part of `values`, px2; changes below the threshold are noise."""

@@ -30,16 +30,18 @@ import numpy as np
 from edge.features.params import PARAMS, FeatureParams
 from edge.geometry.lattice import slope_stencil
 from edge.geometry.select import SIGMA_OF_MAD
-from edge.types import Rest
+from edge.types import Array, Rest
 
 if cython.compiled:
     from cython.cimports.edge.geometry.select import median
+    from cython.cimports.edge.geometry.views import NumbersView, PointsView
     from cython.cimports.libc.math import NAN, fabs, hypot, isfinite, isnan, sqrt
 else:
     from math import fabs, hypot, isfinite, isnan, sqrt
     from math import nan as NAN  # noqa: N812
 
     from edge.geometry.select import median
+    from edge.geometry.views import NumbersView, PointsView
 
 #: Standard deviation of normal noise over the median of its size.
 _SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)
@@ -51,6 +53,8 @@ class ContactDetector:
 
     _n: cython.Py_ssize_t
     _width: cython.Py_ssize_t  # pins of a ring
+    _change_view: NumbersView
+    _xy_view: PointsView
     _rest: cython.double[:, ::1]
     _ring: cython.int[:, ::1]
     _slope: cython.double[:, :, ::1]
@@ -79,6 +83,7 @@ class ContactDetector:
         ring, slope = slope_stencil(rest.xy_img, rest.pattern.pitch_px)
         n, width = ring.shape
         self._n, self._width = n, width
+        self._change_view, self._xy_view = NumbersView(), PointsView()
         self._rest = np.array(rest.xy_img, np.float64, order="C")
         self._ring, self._slope = ring, slope
         self._pitch_px = rest.pattern.pitch_px
@@ -108,12 +113,7 @@ class ContactDetector:
         """One-sigma noise of a single cell's relative area change."""
         return self._cell_noise / self._pitch_px * sigma_px * self._noise_ratio
 
-    def by_area(
-        self,
-        area_change: cython.const[cython.double][::1],
-        xy: cython.const[cython.double][:, ::1],
-        sigma_px: cython.double,
-    ) -> bool:
+    def by_area(self, area_change: Array, xy: Array, sigma_px: cython.double) -> bool:
         """Decide on one frame's area changes, and learn from them if nothing touches.
 
         area_change  (n,) float64, relative; NaN where lost
@@ -122,16 +122,18 @@ class ContactDetector:
         Raises       ValueError: sizes that do not fit
         """
         n: cython.Py_ssize_t = self._n
-        if area_change.shape[0] != n or xy.shape[0] != n or xy.shape[1] != 2:
+        change: cython.const[cython.double][::1] = self._change_view.of(area_change)
+        at: cython.const[cython.double][:, ::1] = self._xy_view.of(xy)
+        if change.shape[0] != n or at.shape[0] != n or at.shape[1] != 2:
             raise ValueError(f"area_change ({n},) and xy ({n}, 2) are wanted")
-        highest: cython.double = self._highest_mean(area_change)
+        highest: cython.double = self._highest_mean(change)
         if isnan(highest):
             return self._in_contact  # a dark frame is no evidence
         predicted: cython.double = sigma_px / self._pitch_px
         limit: cython.double = self._limit_sigma() * self._ring_noise * predicted * self._noise_ratio
-        self._in_contact = highest > limit and self._is_coherent(xy, limit)
+        self._in_contact = highest > limit and self._is_coherent(at, limit)
         if not self._in_contact:
-            self._learn(area_change, predicted)
+            self._learn(change, predicted)
         return self._in_contact
 
     def by_motion(self, xy: cython.const[cython.double][:, ::1], sigma_px: cython.double) -> bool:

@@ -28,9 +28,11 @@ from edge.types import Array, Index
 if cython.compiled:
     from cython.cimports.edge.features.quantized_operator import QuantizedOperator
     from cython.cimports.edge.geometry.plane import solve_plane
+    from cython.cimports.edge.geometry.views import NumbersView, PointsView
 else:
     from edge.features.quantized_operator import QuantizedOperator
     from edge.geometry.plane import solve_plane
+    from edge.geometry.views import NumbersView, PointsView
 
 
 _NOTHING = cython.declare(cython.float, -np.inf)
@@ -65,8 +67,8 @@ class ContactField:
     plane_divergence = cython.declare(cython.float, visibility="readonly")
     plane_curl = cython.declare(cython.float, visibility="readonly")
     points = cython.declare(cython.double[:, ::1], visibility="readonly")
-    _given: cython.const[cython.double][::1]  # area change, given last
-    _given_array: object  # the same memory
+    _change_view: NumbersView
+    _xy_view: PointsView
     _n: cython.Py_ssize_t
     _interpolator: QuantizedOperator
     _divergences: QuantizedOperator
@@ -98,7 +100,7 @@ class ContactField:
             raise ValueError(
                 f"pins (n, 2), points (k, 2), interpolator (k, n), divergences (k, 2 n) are wanted: {shapes}"
             )
-        self._given_array = None
+        self._change_view, self._xy_view = NumbersView(), PointsView()
         self._n = n
         self._rest = np.array(rest_xy, np.float64, order="C")
         self._interpolator = QuantizedOperator(interpolator)
@@ -118,25 +120,24 @@ class ContactField:
         self._divergence_rel, self._heights_rel = params.divergence_rel, 1.0 - params.divergence_rel
         self._sum_gram()
 
-    def find(self, area_change: Array, xy: cython.const[cython.double][:, ::1]) -> None:
+    def find(self, area_change: Array, xy: Array) -> None:
         """All fields of a frame.
 
         area_change  (n,) float64, relative; finite
         xy           (n, 2) float64 px, where the pins are; finite
         Raises       ValueError: sizes that do not fit
         """
-        if area_change is not self._given_array:
-            self._given = self._given_array = area_change
-        if self._given.shape[0] != self._n or xy.shape[0] != self._n or xy.shape[1] != 2:
+        given: cython.const[cython.double][::1] = self._change_view.of(area_change)
+        at: cython.const[cython.double][:, ::1] = self._xy_view.of(xy)
+        if given.shape[0] != self._n or at.shape[0] != self._n or at.shape[1] != 2:
             raise ValueError(f"area_change ({self._n},) and xy ({self._n}, 2) are wanted")
         i: cython.Py_ssize_t
         p: cython.Py_ssize_t
-        given: cython.const[cython.double][::1] = self._given
         single: cython.float[::1] = self.area_change
         for i in range(self._n):
             single[i] = cython.cast(cython.float, given[i])
         self._find_active()
-        self._detrend(xy)
+        self._detrend(at)
         self._interpolator.apply_rows(self.active, self.n_active)
         self._divergences.apply_rows(self.active, self.n_active)
         for i in range(self.n_active):

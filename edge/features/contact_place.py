@@ -23,6 +23,11 @@ from edge.features.params import PARAMS, FeatureParams
 from edge.features.regions import CONTACTS_MAX, Regions
 from edge.types import Array
 
+if cython.compiled:
+    from cython.cimports.edge.geometry.views import PointsView
+else:
+    from edge.geometry.views import PointsView
+
 
 @cython.cclass
 class ContactPlace:
@@ -38,6 +43,7 @@ class ContactPlace:
     curl_moment = cython.declare(cython.double[:, ::1], visibility="readonly")
     _field: ContactField
     _points: cython.double[:, ::1]
+    _xy_view: PointsView
     _active: cython.int[::1]
     _divergence: cython.float[::1]
     _near: cython.int[::1]  # grid points round a contact, and their weights
@@ -65,6 +71,7 @@ class ContactPlace:
             raise ValueError(f"rest_xy ({len(field.area_change)}, 2) is wanted, not {rest_xy.shape}")
         self.place = np.zeros((CONTACTS_MAX, 2))
         self.divergence_moment, self.curl_moment = np.zeros((CONTACTS_MAX, 2)), np.zeros((CONTACTS_MAX, 2))
+        self._xy_view = PointsView()
         self._field, self._points, self._active = field, field.points, field.active
         self._divergence = field.divergence
         self._near, self._weight = np.zeros(len(field.points), np.int32), np.zeros(len(field.points))
@@ -117,18 +124,19 @@ class ContactPlace:
                 n_seen += 1 if seen[i] else 0
         return cython.cast(cython.double, n_seen) / n if n else 0.0
 
-    def find_places(self, xy: cython.const[cython.double][:, ::1]) -> None:
+    def find_places(self, xy: Array) -> None:
         """`place` of each contact: the mean of the pins nearest to its middle, weighted by area change.
 
         xy       (n, 2) float64 px, where the pins are; finite
         Raises   ValueError: sizes that do not fit
         """
-        if xy.shape[0] != self._rest.shape[0] or xy.shape[1] != 2:
+        at: cython.const[cython.double][:, ::1] = self._xy_view.of(xy)
+        if at.shape[0] != self._rest.shape[0] or at.shape[1] != 2:
             raise ValueError(f"xy ({self._rest.shape[0]}, 2) is wanted")
         i: cython.Py_ssize_t
         n_contacts: cython.Py_ssize_t = self._regions.n_contacts
         for i in range(n_contacts):
-            self._find_place(xy, i, n_contacts)
+            self._find_place(at, i, n_contacts)
 
     def find_moments(self) -> None:
         """`divergence_moment` and `curl_moment` of each contact, over the points nearest to its middle."""

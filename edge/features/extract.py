@@ -90,9 +90,9 @@ class _Plan:
 class _Motion:
     """Where the pins are, and how far they have moved.
 
-    px        (n, 2) since rest; NaN where lost
+    px        (n, 2) since rest; NaN where lost; good until the next frame
     whole_px  the same, with lost pins predicted if enough are seen; `known` (n,) where
-              finite
+              finite; None: everywhere
     mean_px   x, y, mean of `whole_px`
     sigma_px  noise of one coordinate of one pin's motion
     filled    whether lost pins were predicted
@@ -100,7 +100,7 @@ class _Motion:
 
     px: Array
     whole_px: Array
-    known: Mask
+    known: Mask | None
     mean_px: tuple[float, float]
     sigma_px: float
     filled: bool
@@ -124,9 +124,12 @@ class FeatureExtractor:
         self._rest, self._grid, self._params = rest, grid, params
         self._xy_rest = np.ascontiguousarray(rest.xy_img)
         self._area_change = AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_area_px2)
-        self._changes = np.asarray(self._area_change.values)  # the kernel's array
         self._inverse_area = 1.0 / rest_area_px2
-        self._everyone = np.ones(len(rest), dtype=np.bool_)
+        # Kernels need not look at arrays again that stay the same objects: these are written in each frame.
+        self._changes = np.asarray(self._area_change.values)  # the kernel's array
+        self._px, self._whole_px = np.empty_like(self._xy_rest), np.empty_like(self._xy_rest)
+        self._xy = np.empty_like(self._xy_rest)
+        self._change, self._whole_change = np.empty(len(rest)), np.empty(len(rest))
         self._detector = ContactDetector(rest, params)
         self._motion = PinMotion(rest)
         self._modes = Modes(rest)
@@ -184,56 +187,62 @@ class FeatureExtractor:
         if cells is None:
             in_contact = self._detector.by_motion(np.ascontiguousarray(tracks.xy_img), motion.sigma_px)
         else:
-            in_contact = self._detector.by_area(whole_change, cells.xy_img, motion.sigma_px)
+            self._xy[:] = cells.xy_img
+            in_contact = self._detector.by_area(whole_change, self._xy, motion.sigma_px)
         if plan.modes and (in_contact or modes_at_rest):
             given["modes_px"] = self._modes.fit(motion.whole_px, motion.known)
         if in_contact:
             if cells is not None and plan.areas:
-                self._add_areas(given, whole_change, cells.xy_img, tracks.seen, motion.sigma_px, moments)
+                self._add_areas(given, whole_change, tracks.seen, motion.sigma_px, moments)
             if plan.contact_pins:
                 self._add_contact_motion(given, motion, area_change)
         else:
             self._slip.forget()
             self._add_zeros(given, cells is not None)
-        return Features(area_change=area_change, displacement_px=motion.px, in_contact=in_contact, **given)
+        return Features(area_change.copy(), motion.px.copy(), in_contact, **given)
 
     def _motion_of(self, tracks: Tracks, cells: Cells | None) -> _Motion:
-        seen = tracks.seen
-        px = np.empty_like(self._xy_rest)  # a new array: it is returned, and kept for slip
+        seen, px = tracks.seen, self._px
         mean_x, mean_y, now_px, n_seen = self._motion.since_rest(
             np.ascontiguousarray(tracks.xy_img), np.ascontiguousarray(tracks.sigma_px), seen, px
         )
         sigma_px = self._detector.sigma_px(now_px)
-        least = max(self._params.fill_min_seen_rel * len(seen), 1)
-        if cells is None or n_seen == len(seen) or n_seen < least:
+        if n_seen == len(seen):
+            return _Motion(px, px, None, (mean_x, mean_y), sigma_px, False)
+        if cells is None or n_seen < max(self._params.fill_min_seen_rel * len(seen), 1):
             return _Motion(px, px, seen, (mean_x, mean_y), sigma_px, False)
-        whole = cells.xy_img - self._xy_rest
+        whole = np.subtract(cells.xy_img, self._xy_rest, out=self._whole_px)
         mean_x, mean_y = whole.mean(axis=0).tolist()
-        return _Motion(px, whole, self._everyone, (mean_x, mean_y), sigma_px, True)
+        return _Motion(px, whole, None, (mean_x, mean_y), sigma_px, True)
 
     def _area_changes(self, cells: Cells | None, filled: bool) -> tuple[Array, Array]:
         """Relative area changes, (n,), NaN where lost; and the same with lost pins' cells, if these are
-        predicted.
+        predicted. Good until the next frame.
         """
         if cells is None:
-            unknown = np.full(len(self._rest), np.nan)
-            return unknown, unknown
-        area_change = cells.area_px2 * self._inverse_area - 1.0
+            self._change.fill(np.nan)
+            return self._change, self._change
+        area_change = self._relative(cells.area_px2, self._change)
         if filled and cells.whole_px2 is not None:
-            return area_change, cells.whole_px2 * self._inverse_area - 1.0
+            return area_change, self._relative(cells.whole_px2, self._whole_change)
         return area_change, area_change
+
+    def _relative(self, area_px2: Array, change: Array) -> Array:
+        """Write the change of areas since rest."""
+        np.multiply(area_px2, self._inverse_area, out=change)
+        change -= 1.0
+        return change
 
     def _add_areas(
         self,
         given: dict[str, Any],
         area_change: Array,
-        xy_img: Array,
         seen: Mask,
         sigma_px: float,
         moments: bool,
     ) -> None:
         """Volume, surface and contacts of a frame in contact."""
-        plan, changes = self._plan, self._area_change
+        plan, changes, xy_img = self._plan, self._area_change, self._xy
         changes.fill(area_change, xy_img)
         if plan.volume:
             threshold = self._params.volume_sigma * self._detector.cell_noise(sigma_px)

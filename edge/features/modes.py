@@ -33,12 +33,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge.features.params import PARAMS, FeatureParams
-from edge.types import Complex, Rest
+from edge.types import Array, Complex, Mask, Rest
 
 if cython.compiled:
+    from cython.cimports.edge.geometry.views import PointsView
     from cython.cimports.libc.math import sqrt
 else:
     from math import sqrt
+
+    from edge.geometry.views import PointsView
 
 #: Highest degree; a calibration file names its inputs by these modes, so it is part of the format.
 DEGREE = 5
@@ -88,6 +91,9 @@ class Modes:
 
     _n: cython.Py_ssize_t
     _k: cython.Py_ssize_t  # modes
+    _motion_view: PointsView
+    _result: cython.doublecomplex[::1]
+    _result_array: Complex  # the same memory
     _re: cython.double[:, ::1]  # (n, k), the basis
     _im: cython.double[:, ::1]
     _blocks: cython.float[::1]  # basis times inverse Gram matrix, as `_in_blocks` lays it out
@@ -106,6 +112,8 @@ class Modes:
         empty = np.where(np.any(basis, axis=0), 0.0, n)
         gram = basis.conj().T @ basis + np.diag(empty) + params.modes_ridge * np.eye(k)
         self._n, self._k = n, k
+        self._motion_view = PointsView()
+        self._result_array = self._result = np.empty(k, np.complex128)
         self._re, self._im = np.array(basis.real, order="C"), np.array(basis.imag, order="C")
         self._blocks = _in_blocks(basis @ np.linalg.inv(gram))
         self._motion = np.zeros((-(-n // BLOCK) * BLOCK, 2), np.float32)
@@ -114,43 +122,38 @@ class Modes:
         self._factor_re, self._factor_im = np.empty((k, k)), np.empty((k, k))
         self._sum_re, self._sum_im = np.empty(k), np.empty(k)
 
-    def fit(
-        self,
-        motion: cython.const[cython.double][:, ::1],
-        seen: cython.const[cython.uchar][::1],
-    ) -> Complex:
+    def fit(self, motion: Array, seen: Mask | None) -> Complex:
         """Least-squares coefficients over the seen pins.
 
         motion   (n, 2) float64 px, finite where seen
-        seen     (n,) bool
+        seen     (n,) bool; None: all are
         Returns  (21,) complex128 px, terms `MODE_NAMES`
         Raises   ValueError: sizes that do not fit, motion that is not finite
         """
         n: cython.Py_ssize_t = self._n
         j: cython.Py_ssize_t
-        if motion.shape[0] != n or motion.shape[1] != 2 or seen.shape[0] != n:
+        moved: cython.const[cython.double][:, ::1] = self._motion_view.of(motion)
+        if moved.shape[0] != n or moved.shape[1] != 2 or (seen is not None and seen.shape != (n,)):
             raise ValueError(f"motion ({n}, 2) and seen ({n},) are wanted")
-        if self._all_seen(seen):
-            self._fit_all(motion)
+        if seen is None or seen.all():
+            self._fit_all(moved)
         else:
-            self._sum_seen(motion, seen)
-            self._subtract_lost(seen)
-            if not self._solve():
-                raise ValueError("modes: the equations have no solution")
-        result = np.empty(self._k, np.complex128)
-        out: cython.doublecomplex[::1] = result
+            self._fit_seen(moved, seen)
         for j in range(self._k):
-            out[j] = self._sum_re[j] + 1j * self._sum_im[j]
+            self._result[j] = self._sum_re[j] + 1j * self._sum_im[j]
+        result: Complex = self._result_array.copy()
         return result
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    def _all_seen(self, seen: cython.const[cython.uchar][::1]) -> cython.bint:
-        i: cython.Py_ssize_t
-        everyone: cython.bint = True
-        for i in range(self._n):
-            everyone &= seen[i] != 0
-        return everyone
+    def _fit_seen(
+        self, motion: cython.const[cython.double][:, ::1], seen: cython.const[cython.uchar][::1]
+    ) -> cython.bint:
+        """Coefficients over the seen pins."""
+        self._sum_seen(motion, seen)
+        self._subtract_lost(seen)
+        if not self._solve():
+            raise ValueError("modes: the equations have no solution")
+        return True
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -33,10 +33,11 @@ import cython
 import numpy as np
 
 from edge.features.params import PARAMS, FeatureParams
-from edge.types import Array
+from edge.types import Array, Index
 
 if cython.compiled:
     from cython.cimports.edge.geometry.select import select_kth
+    from cython.cimports.edge.geometry.views import PointsView, RowsView
     from cython.cimports.libc.math import HUGE_VAL, NAN, exp, hypot, isnan, sqrt
 else:
     from math import exp, hypot, isnan, sqrt
@@ -44,6 +45,7 @@ else:
     from math import nan as NAN  # noqa: N812
 
     from edge.geometry.select import select_kth
+    from edge.geometry.views import PointsView, RowsView
 
 __all__ = ["PartialSlip"]
 
@@ -66,6 +68,8 @@ class PartialSlip:
     probability = cython.declare(cython.double, visibility="readonly")
     _n: cython.Py_ssize_t
     _rest: cython.double[:, ::1]
+    _motion_view: PointsView
+    _pins_view: RowsView
     _begun: cython.bint
     _begin: cython.double[:, ::1]  # motion where the path begins
     _core: cython.int[::1]  # rows of the pins in the core, and of those around the contact
@@ -94,6 +98,7 @@ class PartialSlip:
             raise ValueError(f"rest_xy ({n}, 2) is wanted, not {rest_xy.shape}")
         self._n = n
         self._rest = np.array(rest_xy, np.float64, order="C")
+        self._motion_view, self._pins_view = PointsView(), RowsView()
         self._begin = np.empty((n, 2))
         self._core, self._around = np.empty(n, np.int32), np.empty(n, np.int32)
         self._n_core, self._n_around = 0, 0
@@ -111,12 +116,7 @@ class PartialSlip:
         """Begin a new path with the next frame."""
         self._forget()
 
-    def update(
-        self,
-        motion_px: cython.const[cython.double][:, ::1],
-        pins: cython.const[cython.int][::1],
-        sigma_px: cython.double,
-    ) -> None:
+    def update(self, motion_px: Array, pins: Index, sigma_px: cython.double) -> None:
         """The next frame of a contact that is not being pressed or released.
 
         motion_px  (n, 2) float64 px since rest; NaN where lost
@@ -124,16 +124,18 @@ class PartialSlip:
         sigma_px   noise of one coordinate of one pin
         Raises     ValueError: sizes that do not fit, no such pin
         """
+        motion: cython.const[cython.double][:, ::1] = self._motion_view.of(motion_px)
+        rows: cython.const[cython.int][::1] = self._pins_view.of(pins)
         p: cython.Py_ssize_t
-        if motion_px.shape[0] != self._n or motion_px.shape[1] != 2:
+        if motion.shape[0] != self._n or motion.shape[1] != 2:
             raise ValueError(f"motion_px ({self._n}, 2) is wanted")
-        for p in range(pins.shape[0]):
-            if pins[p] < 0 or pins[p] >= self._n:
-                raise ValueError(f"pins: rows of 0 to {self._n - 1} are wanted, not {pins[p]}")
+        for p in range(rows.shape[0]):
+            if rows[p] < 0 or rows[p] >= self._n:
+                raise ValueError(f"pins: rows of 0 to {self._n - 1} are wanted, not {rows[p]}")
         if self._begun:
-            self._go_on(motion_px, pins, sigma_px)
+            self._go_on(motion, rows, sigma_px)
         else:
-            self._begin_with(motion_px, pins, sigma_px)
+            self._begin_with(motion, rows, sigma_px)
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -202,7 +204,7 @@ class PartialSlip:
         pins: cython.const[cython.int][::1],
         sigma_px: cython.double,
     ) -> cython.void:
-        """A new point of the path, if the core has gone on; every second one is dropped when there are many."""
+        """A new point of the path if the core has gone on; when there are many, every second one goes."""
         p: cython.Py_ssize_t
         x: cython.double = self._mean_step(motion, 0, self._core, self._n_core)
         y: cython.double = self._mean_step(motion, 1, self._core, self._n_core)

@@ -20,16 +20,18 @@ from __future__ import annotations
 import cython
 import numpy as np
 
-from edge.types import Index, Rest
+from edge.types import Array, Index, Rest
 
 if cython.compiled:
     from cython.cimports.edge.geometry.plane import solve_plane
+    from cython.cimports.edge.geometry.views import NumbersView, PointsView, RowsView
     from cython.cimports.libc.math import NAN, atan2, fabs, isnan
 else:
     from math import atan2, fabs, isnan
     from math import nan as NAN  # noqa: N812
 
     from edge.geometry.plane import solve_plane
+    from edge.geometry.views import NumbersView, PointsView, RowsView
 
 #: Ridge on a plane's equations, for pins on one line: 1e-9 of a pin's weight changes no other fit.
 _RIDGE = cython.declare(cython.double, 1e-9)
@@ -46,6 +48,11 @@ class PinMotion:
 
     _n: cython.Py_ssize_t
     _rest: cython.double[:, ::1]
+    _motion: cython.double[:, ::1]  # of `since_rest`, given last
+    _motion_array: object  # the same memory
+    _change_view: NumbersView
+    _motion_view: PointsView
+    _pins_view: RowsView
     _unit: cython.double[:, ::1]  # rest places on the tip's unit disc
     _pins: cython.int[::1]  # of `in_contact`
     _pins_array: Index  # the same memory
@@ -57,6 +64,8 @@ class PinMotion:
             raise ValueError(f"rest places ({n}, 2) are wanted, not {rest.xy_img.shape}")
         self._n = n
         self._rest = np.array(rest.xy_img, np.float64, order="C")
+        self._motion_array = None
+        self._change_view, self._motion_view, self._pins_view = NumbersView(), PointsView(), RowsView()
         self._unit = np.ascontiguousarray(
             (rest.xy_img - rest.pattern.centre_img) / rest.pattern.tip_radius_px
         )
@@ -69,7 +78,7 @@ class PinMotion:
         xy: cython.const[cython.double][:, ::1],
         sigma_px: cython.const[cython.double][::1],
         seen: cython.const[cython.uchar][::1],
-        motion: cython.double[:, ::1],
+        motion: Array,
     ) -> tuple[float, float, float, int]:
         """Motion since rest into `motion`, and means over the seen pins.
 
@@ -79,7 +88,10 @@ class PinMotion:
         Raises      ValueError: sizes that do not fit
         """
         n: cython.Py_ssize_t = self._n
-        if xy.shape[0] != n or xy.shape[1] != 2 or motion.shape[0] != n or motion.shape[1] != 2:
+        if motion is not self._motion_array:
+            self._motion = self._motion_array = motion
+        out: cython.double[:, ::1] = self._motion
+        if xy.shape[0] != n or xy.shape[1] != 2 or out.shape[0] != n or out.shape[1] != 2:
             raise ValueError(f"xy and motion ({n}, 2) are wanted")
         if sigma_px.shape[0] != n or seen.shape[0] != n:
             raise ValueError(f"sigma_px and seen ({n},) are wanted")
@@ -89,18 +101,18 @@ class PinMotion:
         y: cython.double = 0.0
         sigma: cython.double = 0.0
         for i in range(n):
-            motion[i, 0] = xy[i, 0] - self._rest[i, 0]
-            motion[i, 1] = xy[i, 1] - self._rest[i, 1]
+            out[i, 0] = xy[i, 0] - self._rest[i, 0]
+            out[i, 1] = xy[i, 1] - self._rest[i, 1]
             if seen[i]:
-                x += motion[i, 0]
-                y += motion[i, 1]
+                x += out[i, 0]
+                y += out[i, 1]
                 sigma += sigma_px[i]
                 n_seen += 1
         if n_seen == 0:
             return NAN, NAN, 0.0, 0
         return x / n_seen, y / n_seen, sigma / n_seen, n_seen
 
-    def in_contact(self, area_change: cython.const[cython.double][::1], least: cython.double) -> Index:
+    def in_contact(self, area_change: Array, least: cython.double) -> Index:
         """Which pins are in the contact: those in the ellipse of the compressed pins' spread.
 
         So the middle of a flat contact, where the pins are less compressed than on its rim, belongs to it.
@@ -110,10 +122,11 @@ class PinMotion:
         Returns      (k,) int32 ascending, good until the next call; all pins when nothing is compressed
         Raises       ValueError: sizes that do not fit
         """
-        if area_change.shape[0] != self._n:
+        change: cython.const[cython.double][::1] = self._change_view.of(area_change)
+        if change.shape[0] != self._n:
             raise ValueError(f"area_change ({self._n},) is wanted")
         rows: Index = self._pins_array
-        return rows[: self._select(area_change, max(least, 0.0))]
+        return rows[: self._select(change, max(least, 0.0))]
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -164,24 +177,24 @@ class PinMotion:
                 n_pins += 1
         return n_pins
 
-    def torsion(
-        self, motion: cython.const[cython.double][:, ::1], pins: cython.const[cython.int][::1]
-    ) -> float:
+    def torsion(self, motion_px: Array, pins: Index) -> float:
         """Rotation of these pins about their own centre.
 
-        motion   (n, 2) float64 px since rest; NaN where lost
-        pins     (k,) int32, rows
-        Returns  rad, positive from x towards y (clockwise on the screen); NaN for fewer than two seen pins
-        Raises   ValueError: sizes that do not fit, no such pin
+        motion_px  (n, 2) float64 px since rest; NaN where lost
+        pins       (k,) int32, rows
+        Returns    rad, positive from x towards y (clockwise on the screen); NaN for fewer than two seen pins
+        Raises     ValueError: sizes that do not fit, no such pin
         """
-        self._check(motion, pins)
+        motion: cython.const[cython.double][:, ::1] = self._motion_view.of(motion_px)
+        rows: cython.const[cython.int][::1] = self._pins_view.of(pins)
+        self._check(motion, rows)
         i: cython.Py_ssize_t
         p: cython.Py_ssize_t
         used: cython.Py_ssize_t = 0
         x: cython.double = 0.0
         y: cython.double = 0.0
-        for p in range(pins.shape[0]):
-            i = pins[p]
+        for p in range(rows.shape[0]):
+            i = rows[p]
             if not isnan(motion[i, 0]):
                 x += self._rest[i, 0]
                 y += self._rest[i, 1]
@@ -196,8 +209,8 @@ class PinMotion:
         by: cython.double
         ax: cython.double
         ay: cython.double
-        for p in range(pins.shape[0]):  # conj(before) after; a common shift of `after` cancels
-            i = pins[p]
+        for p in range(rows.shape[0]):  # conj(before) after; a common shift of `after` cancels
+            i = rows[p]
             if not isnan(motion[i, 0]):
                 bx = self._rest[i, 0] - x
                 by = self._rest[i, 1] - y
@@ -209,27 +222,29 @@ class PinMotion:
 
     def is_pressing(
         self,
-        now: cython.const[cython.double][::1],
+        now_rel: Array,
         before: cython.const[cython.double][::1],
-        pins: cython.const[cython.int][::1],
+        pins: Index,
         least_rel: cython.double,
     ) -> bool:
         """Whether the areas of these pins' cells increase, or decrease, together.
 
-        now, before  (n,) float64, relative area change; NaN where lost
-        pins         (k,) int32, rows
-        least_rel    share of the sum of the changes' sizes that the size of their sum exceeds then
-        Raises       ValueError: sizes that do not fit, no such pin
+        now_rel, before  (n,) float64, relative area change; NaN where lost
+        pins             (k,) int32, rows
+        least_rel        share of the sum of the changes' sizes that the size of their sum exceeds then
+        Raises           ValueError: sizes that do not fit, no such pin
         """
+        now: cython.const[cython.double][::1] = self._change_view.of(now_rel)
+        rows: cython.const[cython.int][::1] = self._pins_view.of(pins)
         if now.shape[0] != self._n or before.shape[0] != self._n:
-            raise ValueError(f"now and before ({self._n},) are wanted")
-        self._check_pins(pins)
+            raise ValueError(f"now_rel and before ({self._n},) are wanted")
+        self._check_pins(rows)
         p: cython.Py_ssize_t
         change: cython.double
         total: cython.double = 0.0
         size: cython.double = 0.0
-        for p in range(pins.shape[0]):
-            change = now[pins[p]] - before[pins[p]]
+        for p in range(rows.shape[0]):
+            change = now[rows[p]] - before[rows[p]]
             if not isnan(change):
                 total += change
                 size += fabs(change)
@@ -237,19 +252,21 @@ class PinMotion:
 
     def fit_step(
         self,
-        now: cython.const[cython.double][:, ::1],
+        now_px: Array,
         before: cython.const[cython.double][:, ::1],
-        pins: cython.const[cython.int][::1],
+        pins: Index,
     ) -> tuple[int, float, float]:
-        """Fit a plane to each component of these pins' step from `before` to `now`.
+        """Fit a plane to each component of these pins' step from `before` to `now_px`.
 
-        now, before  (n, 2) float64 px, motion since rest; NaN where lost
-        pins         (k,) int32, rows
-        Returns      number of pins seen in both; sum of their steps' squares, px2; sum of the squared
-                     residuals of the planes
-        Raises       ValueError: sizes that do not fit, no such pin
+        now_px, before  (n, 2) float64 px, motion since rest; NaN where lost
+        pins            (k,) int32, rows
+        Returns         number of pins seen in both; sum of their steps' squares, px2; sum of the squared
+                        residuals of the planes
+        Raises          ValueError: sizes that do not fit, no such pin
         """
-        self._check(now, pins)
+        now: cython.const[cython.double][:, ::1] = self._motion_view.of(now_px)
+        rows: cython.const[cython.int][::1] = self._pins_view.of(pins)
+        self._check(now, rows)
         if before.shape[0] != self._n or before.shape[1] != 2:
             raise ValueError(f"before ({self._n}, 2) is wanted")
         i: cython.Py_ssize_t
@@ -260,8 +277,8 @@ class PinMotion:
         square: cython.double = 0.0
         left: cython.double = 0.0
         self._g[:, :] = 0.0
-        for p in range(pins.shape[0]):
-            i = pins[p]
+        for p in range(rows.shape[0]):
+            i = rows[p]
             dx = now[i, 0] - before[i, 0]
             dy = now[i, 1] - before[i, 1]
             if not isnan(dx):
@@ -273,8 +290,8 @@ class PinMotion:
         for i in range(3):
             self._g[i, i] += _RIDGE
         solve_plane(self._g)
-        for p in range(pins.shape[0]):
-            i = pins[p]
+        for p in range(rows.shape[0]):
+            i = rows[p]
             dx = now[i, 0] - before[i, 0]
             dy = now[i, 1] - before[i, 1]
             if not isnan(dx):
