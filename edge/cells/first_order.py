@@ -24,6 +24,11 @@ from edge.cells.params import PARAMS, CellsParams
 from edge.geometry.layout import circumcentres
 from edge.types import Array, Index
 
+if cython.compiled:
+    from cython.cimports.edge.geometry.views import PointsView
+else:
+    from edge.geometry.views import PointsView
+
 
 @cython.cclass
 class FirstOrderAreas:
@@ -36,6 +41,9 @@ class FirstOrderAreas:
     """
 
     _n: cython.Py_ssize_t
+    _points_view: PointsView
+    _areas: cython.double[::1]  # given last
+    _areas_array: Array | None  # the same memory
     _rest: cython.double[:, ::1]
     _x: cython.double[::1]  # (n + b,) motion
     _y: cython.double[::1]
@@ -54,6 +62,7 @@ class FirstOrderAreas:
         if triangles.size and (triangles.min() < 0 or triangles.max() >= len(rest)):
             raise ValueError(f"triangles: points of 0 to {len(rest) - 1} are wanted")
         self._n, self._moved = n, 0
+        self._points_view, self._areas_array = PointsView(), None
         self._rest = np.array(rest, np.float64, order="C")
         self._area = np.array(area_px2, np.float64)
         pin, self._neighbour, slope = _slopes(rest, triangles, n)
@@ -91,7 +100,7 @@ class FirstOrderAreas:
         limit = params.first_order_error * area
         self._square_max = limit / np.maximum(curvature, np.finfo(np.float64).tiny)
 
-    def update(self, points: cython.const[cython.double][:, ::1], areas: cython.double[::1]) -> bool:
+    def update(self, points: Array, areas: Array) -> bool:
         """Write the areas of one frame; False, and not all are written: a cell has moved too much.
 
         points   (n + b or more, 2) px, finite
@@ -99,9 +108,12 @@ class FirstOrderAreas:
         Raises   ValueError: sizes that do not fit
         """
         k: cython.Py_ssize_t = self._rest.shape[0]
-        if points.shape[0] < k or points.shape[1] != 2 or areas.shape[0] != self._n:
+        at: cython.const[cython.double][:, ::1] = self._points_view.of(points)
+        if areas is not self._areas_array:
+            self._areas = self._areas_array = areas
+        if at.shape[0] < k or at.shape[1] != 2 or self._areas.shape[0] != self._n:
             raise ValueError(f"points ({k} or more, 2) and areas ({self._n},) are wanted")
-        return self._update(points, areas)
+        return self._update(at, self._areas)
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -49,15 +49,17 @@ import numpy as np
 
 from edge.cells.params import PARAMS, CellsParams
 from edge.limits import POINTS_MAX
-from edge.types import Index
+from edge.types import Array, Index
 
 if cython.compiled:
     from cython.cimports.edge.cells.predicates import Predicates
+    from cython.cimports.edge.geometry.views import PointsView
     from cython.cimports.libc.math import fabs
 else:
     from math import fabs
 
     from edge.cells.predicates import Predicates
+    from edge.geometry.views import PointsView
 
 INFINITY = cython.declare(cython.double, float("inf"))
 NAN = cython.declare(cython.double, float("nan"))
@@ -124,6 +126,10 @@ class Mesh:
     stacked: cython.uchar[::1]  # whether it is on the stack
     stack: cython.int[::1]  # half-edges to check
     error: cython.double[::1]  # per triangle: bound of the error of its cotangents; inf: unknown
+    points_view: PointsView
+    areas: cython.double[::1]  # given last
+    areas_array: Array | None  # the same memory
+    total_area = cython.declare(cython.double, visibility="readonly")  # of the pins; NaN if one's is
 
     def __init__(self, n_pins: int, n_boundary: int, n_fence: int = 0, params: CellsParams = PARAMS) -> None:
         if not (0 < n_pins <= POINTS_MAX and 0 <= n_boundary <= POINTS_MAX and 0 <= n_fence <= POINTS_MAX):
@@ -156,8 +162,10 @@ class Mesh:
         self.stacked = np.zeros(3 * n_triangles, np.uint8)
         self.stack = np.zeros(3 * n_triangles, np.int32)
         self.error = np.zeros(n_triangles)
+        self.points_view, self.areas_array = PointsView(), None
+        self.total_area = 0.0
 
-    def update(self, points: cython.const[cython.double][:, ::1], areas: cython.double[::1]) -> int:
+    def update(self, points: Array, areas: Array) -> int:
         """Move the points and write the pins' areas.
 
         points   (n_pins + n_boundary + n_fence, 2) float64, contiguous
@@ -168,12 +176,15 @@ class Mesh:
         """
         if self.busy:
             raise RuntimeError("another thread is updating this mesh")
-        if points.shape[0] != self.n_points or points.shape[1] != 2 or areas.shape[0] != self.n_pins:
+        at: cython.const[cython.double][:, ::1] = self.points_view.of(points)
+        if areas is not self.areas_array:
+            self.areas = self.areas_array = areas
+        if at.shape[0] != self.n_points or at.shape[1] != 2 or self.areas.shape[0] != self.n_pins:
             raise ValueError(f"points ({self.n_points}, 2) and areas ({self.n_pins},) are wanted")
         outcome: cython.int
         self.busy = True
         with cython.nogil:
-            outcome = self._update(points, areas)
+            outcome = self._update(at, self.areas)
         self.busy = False
         if outcome != DONE:
             self.n_triangles = 0
@@ -242,8 +253,11 @@ class Mesh:
         self._sum_exactly()
         self._share()
         i: cython.Py_ssize_t
+        total: cython.double = 0.0
         for i in range(self.n_pins):
             areas[i] = 0.125 * self.area[i] if self.area[i] < INFINITY else NAN
+            total += areas[i]
+        self.total_area = total
         return DONE
 
     @cython.cfunc

@@ -46,6 +46,8 @@ class FramePoints:
     inverse: cython.double[:, ::1]
     motion: cython.double[::1]  # (2 n,) of the seen pins, zero where missing
     pull: cython.double[::1]  # (2 n,) rows times motion
+    points: cython.double[:, ::1]  # given last
+    points_array: Array | None  # the same memory
 
     def __init__(self, rest_xy: Array, rim_motion: RimMotion, around_rest: Array) -> None:
         rim, rim_terms, fit, terms, near, weight = rim_motion
@@ -62,6 +64,7 @@ class FramePoints:
         if near.size and (near.min() < 0 or near.max() >= r):
             raise ValueError(f"near: rim pins of 0 to {r - 1} are wanted")
         self.n_pins = n
+        self.points_array = None
         self.rest = np.array(rest_xy, np.float64, order="C")
         self.rim = np.array(rim, np.int32)
         self.rim_terms = np.array(rim_terms, np.float64, order="C")
@@ -97,7 +100,7 @@ class FramePoints:
         self.rows = np.array(rows, np.float64, order="C")
         self.inverse = np.array(inverse, np.float64, order="C")
 
-    def place(self, xy: cython.const[cython.double][:, ::1], points: cython.double[:, ::1]) -> None:
+    def place(self, xy: cython.const[cython.double][:, ::1], points: Array) -> None:
         """Write the points of one frame.
 
         xy       (n, 2) float64, px; rows of missing pins are not used
@@ -106,15 +109,18 @@ class FramePoints:
         """
         n: cython.Py_ssize_t = self.n_pins
         b: cython.Py_ssize_t = self.around_rest.shape[0]
-        if xy.shape[0] != n or xy.shape[1] != 2 or points.shape[0] != n + b or points.shape[1] != 2:
+        if points is not self.points_array:
+            self.points = self.points_array = points
+        out: cython.double[:, ::1] = self.points
+        if xy.shape[0] != n or xy.shape[1] != 2 or out.shape[0] != n + b or out.shape[1] != 2:
             raise ValueError(f"xy ({n}, 2) and points ({n + b}, 2) are wanted")
         i: cython.Py_ssize_t
         for i in range(n):
-            points[i, 0] = xy[i, 0]
-            points[i, 1] = xy[i, 1]
+            out[i, 0] = xy[i, 0]
+            out[i, 1] = xy[i, 1]
         if self.n_missing:
-            self._fill_missing(points)
-        self._carry_around(points)
+            self._fill_missing(out)
+        self._carry_around(out)
 
     @cython.cfunc
     @cython.exceptval(check=False)

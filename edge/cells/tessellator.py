@@ -40,7 +40,8 @@ class Tessellator:
         self._n_boundary = b
         self._lost = LostPins(xy, pitch_px)
         self._mesh = Mesh(n, b, f)
-        self._points = np.concatenate([xy, boundary, fence])  # of the last frame
+        # Of the last frame: kernels need not look at arrays again that stay the same objects.
+        self._points, self._area = np.concatenate([xy, boundary, fence]), np.empty(n)
         self._rest_area_px2 = np.empty(n)
         self._mesh.update(self._points, self._rest_area_px2)
         self._rest_area_px2.flags.writeable = False
@@ -67,17 +68,15 @@ class Tessellator:
         if self._lost.update(tracks.seen):
             self._frame_points.set_missing(*self._lost.gap)
             self._gap, self._gap_img = _size_and_place(self._lost.gap, self._rest_img)
-        self._points = points = np.empty_like(self._points)
-        self._frame_points.place(np.ascontiguousarray(tracks.xy_img), points)
-        area = np.empty(n)
-        if self._first_order is not None and self._first_order.update(points, area):
+        self._frame_points.place(np.ascontiguousarray(tracks.xy_img), self._points)
+        if self._first_order is not None and self._first_order.update(self._points, self._area):
             triangles = self._rest_triangles
         else:
-            triangles = self._tessellate(tracks, area)
+            triangles = self._tessellate(tracks)
+        points, area = self._points.copy(), self._area.copy()
         lost, whole = self._lost.gap[0], None
         if len(lost):
-            whole = area
-            area = area.copy()
+            whole = self._area.copy()
             area[lost] = np.nan
         return Cells(
             area_px2=area,
@@ -94,16 +93,16 @@ class Tessellator:
         """Let the next frame's areas depend on that frame alone, to the last bit."""
         self._mesh.forget()
 
-    def _tessellate(self, tracks: Tracks, area: Array) -> Index:
+    def _tessellate(self, tracks: Tracks) -> Index:
         """Write the exact areas of the points of this frame; returns the triangles."""
-        n, points = len(area), self._points
+        n, area = len(self._area), self._area
         try:
-            changes = self._mesh.update(points, area)
+            changes = self._mesh.update(self._points, area)
         except ValueError as error:
             raise DegenerateLayout(f"{n} pins, {tracks.n_seen} of them seen: {error}") from error
-        total_px2 = float(np.add.reduce(area))
+        total_px2 = self._mesh.total_area
         if math.isnan(total_px2):  # rare: a cell is not bounded
-            total_px2 = float(np.nansum(area)) if spans(points[:n]) else 0.0
+            total_px2 = float(np.nansum(area)) if spans(self._points[:n]) else 0.0
         if total_px2 < self._collapsed_px2:
             raise DegenerateLayout(f"{n} pins, {tracks.n_seen} of them seen: all on a line or at one place")
         if changes != self._changes:
