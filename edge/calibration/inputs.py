@@ -31,17 +31,22 @@ MOMENTS = ("divergence_moment", "curl_moment")
 CONTACT_INPUTS: tuple[str, ...] = ("p", "peak", "shear", "size", "middle", *MOMENTS)
 
 
-def frame_inputs(features: Features, pattern: PinPattern) -> Complex:
+def frame_inputs(features: Features, pattern: PinPattern, z: Complex | None = None) -> Complex:
     """The inputs `FRAME_INPUTS` of one frame, NaN where a feature was not computed.
 
+    z        written, and returned; None: a new array
     Returns  (28,) complex128, dimensionless
     """
     r, first = pattern.tip_radius_px, 2 + len(MODES)
     volume, modes, contacts = features.volume_px2, features.modes_px, features.contacts
-    z = np.empty(len(FRAME_INPUTS), np.complex128)
+    if z is None:
+        z = np.empty(len(FRAME_INPUTS), np.complex128)
     z[0] = math.nan if volume is None else volume / (math.pi * r * r)
     z[1] = _shear(features) / r
-    z[2:first] = math.nan if modes is None else modes / r
+    if modes is None:
+        z[2:first] = math.nan
+    else:
+        np.divide(modes, r, out=z[2:first])
     if contacts is None:
         z[first] = z[first + 1] = z[first + 2] = math.nan
     elif contacts:
@@ -71,25 +76,23 @@ def _on_disc(xy_img: Array, pattern: PinPattern) -> complex:
     return complex((x - x0) / r, (y - y0) / r)
 
 
-def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPattern) -> Complex:
+def contact_inputs(
+    contact: ContactRegion, features: Features, pattern: PinPattern, z: Complex | None = None
+) -> Complex:
     """The inputs `CONTACT_INPUTS` of one contact of a frame.
 
+    z        written, and returned; None: a new array
     Returns  (7,) complex128, dimensionless
     """
-    place, peak, size = _place_peak_size(contact, pattern)
+    if z is None:
+        z = np.empty(len(CONTACT_INPUTS), np.complex128)
     r = pattern.tip_radius_px
-    return np.array(
-        [
-            place,
-            peak,
-            _shear(features) / r,
-            size,
-            _on_disc(contact.middle_img, pattern),
-            complex(*contact.divergence_moment_px.tolist()) / r,
-            complex(*contact.curl_moment_px.tolist()) / r,
-        ],
-        np.complex128,
-    )
+    z[0], z[1], z[3] = _place_peak_size(contact, pattern)
+    z[2] = _shear(features) / r
+    z[4] = _on_disc(contact.middle_img, pattern)
+    z[5] = complex(*contact.divergence_moment_px.tolist()) / r
+    z[6] = complex(*contact.curl_moment_px.tolist()) / r
+    return z
 
 
 def term_columns(terms: Sequence[Sequence[str]], inputs: Sequence[str]) -> list[list[int]]:

@@ -71,6 +71,7 @@ Contacts = tuple[ContactRegion, ...]
 class _Models:
     """The models that share their inputs, ready to run.
 
+    inputs     (inputs,) complex128, to be written before `run`
     outputs    names: those of curves and polynomials in the file's order, then those of processes
     sigmas     each output's, near the data
     processes  their part of the models
@@ -84,8 +85,13 @@ class _Models:
         self.sigmas = tuple(
             sigma for m in ordered for sigma in ([m.sigma] if isinstance(m, Curve) else m.sigma)
         )
+        self.inputs: Complex = np.zeros(len(inputs), np.complex128)
+        # The same memory. A kernel need not look at arrays again that stay the same objects.
+        self._row, self._rows = self.inputs.view(np.float64), self.inputs[None].view(np.float64)
+        self._out = np.empty((1, len(self.outputs), 3))
         self._kernel = ModelKernel(inputs, others)
-        self._n_others = sum(len(outputs_of(model)) for model in others)
+        n_others = sum(len(outputs_of(model)) for model in others)
+        self._of_others, self._of_processes = self._out[:, :n_others], self._out[0, n_others:]
         self._process_kernel = ProcessKernel(inputs, self.processes) if self.processes else None
         self._wanted = wanted_models(self.processes, None)
 
@@ -98,23 +104,13 @@ class _Models:
             )
         )
 
-    def run(self, z: Complex) -> Array:
-        """Value, sigma, and 1 where out of range, else 0.
-
-        z        (rows, inputs) complex128
-        Returns  (rows, outputs, 3)
-        """
-        out = np.empty((len(z), len(self.outputs), 3))
-        if self._process_kernel is None:
-            self._kernel.run(z.view(np.float64), out)
-            return out
-        if self._n_others:
-            others = np.empty((len(z), self._n_others, 3))
-            self._kernel.run(z.view(np.float64), others)
-            out[:, : self._n_others] = others
-        for row, values in zip(z.view(np.float64), out, strict=True):
-            self._process_kernel.run(row, self._wanted, values[self._n_others :])
-        return out
+    def run(self) -> list[list[float]]:
+        """Of each output: value, sigma, and 1 where out of range, else 0."""
+        self._kernel.run(self._rows, self._of_others)
+        if self._process_kernel is not None:
+            self._process_kernel.run(self._row, self._wanted, self._of_processes)
+        rows: list[list[float]] = self._out[0].tolist()
+        return rows
 
 
 class Calibration:
@@ -205,13 +201,14 @@ class Calibration:
             self._gives_contacts = demand is None or not demand.isdisjoint(OF_CONTACTS)
         saturated: frozenset[str] = frozenset()
         if features.in_contact:
-            rows = self._frame.run(frame_inputs(features, pattern)[None])[0]
-            ys, spreads, outside = rows.T.tolist()
-            names = self._frame.outputs
-            values, sigmas = dict(zip(names, ys, strict=True)), dict(zip(names, spreads, strict=True))
-            if any(outside):
-                beyond = zip(names, ys, outside, strict=True)
-                saturated = frozenset(name for name, y, out in beyond if out and math.isfinite(y))
+            frame_inputs(features, pattern, self._frame.inputs)
+            values, sigmas, beyond = {}, {}, []
+            for name, (y, sigma, outside) in zip(self._frame.outputs, self._frame.run(), strict=True):
+                values[name], sigmas[name] = y, sigma
+                if outside and math.isfinite(y):
+                    beyond.append(name)
+            if beyond:
+                saturated = frozenset(beyond)
         else:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
         found = features.contacts if self._gives_contacts else None
@@ -223,8 +220,8 @@ class Calibration:
 
     def frame_values(self, z: Complex) -> Iterator[tuple[str, float, float, bool]]:
         """Name, value, sigma and whether out of range, of every output, from `frame_inputs`."""
-        rows = self._frame.run(z[None])[0].tolist()
-        for name, (y, sigma, outside) in zip(self._frame.outputs, rows, strict=True):
+        self._frame.inputs[:] = z
+        for name, (y, sigma, outside) in zip(self._frame.outputs, self._frame.run(), strict=True):
             yield name, y, sigma, bool(outside)
 
     def area_mm2(self, features: Features, values: Mapping[str, float]) -> float | None:
@@ -279,16 +276,16 @@ class Calibration:
             for place, contact in zip(places, found, strict=True):
                 place[:2] = ((contact.xy_img - pattern.centre_img) * self.mm_per_px).tolist()
         if self._columns:
-            z = np.array([contact_inputs(contact, features, pattern) for contact in found])
-            for place, outputs in zip(places, self._contact.run(z)[:, :, 0].tolist(), strict=True):
-                for column, value in zip(self._columns, outputs, strict=True):
+            for place, contact in zip(places, found, strict=True):
+                contact_inputs(contact, features, pattern, self._contact.inputs)
+                for column, (value, _, _) in zip(self._columns, self._contact.run(), strict=True):
                     place[column] = value
         return np.array(places)
 
     def contact_values(self, z: Complex) -> Iterator[tuple[str, float, float]]:
         """Name, value and sigma of every output of one contact, from `contact_inputs`."""
-        rows = self._contact.run(z[None])[0].tolist()
-        for name, (y, sigma, _) in zip(self._contact.outputs, rows, strict=True):
+        self._contact.inputs[:] = z
+        for name, (y, sigma, _) in zip(self._contact.outputs, self._contact.run(), strict=True):
             yield name, y, sigma
 
 

@@ -23,13 +23,16 @@ from numpy.typing import NDArray
 
 from edge.calibration.file import Curve, Polynomial
 from edge.calibration.inputs import term_columns
-from edge.types import Mask
+from edge.types import Array, Mask
 
 if cython.compiled:
+    from cython.cimports.edge.geometry.views import PointsView
     from cython.cimports.libc.math import NAN, isnan, sqrt
 else:
     from math import isnan, sqrt
     from math import nan as NAN  # noqa: N812
+
+    from edge.geometry.views import PointsView
 
 #: Of each output: value, sigma, whether the model is out of its range (0 or 1).
 FIELDS = cython.declare(cython.Py_ssize_t, 3)
@@ -64,6 +67,9 @@ class ModelKernel:
     _low: cython.double[::1]  # of each output
     _high: cython.double[::1]
     _sigma: cython.double[::1]
+    _z_view: PointsView
+    _out: cython.double[:, :, ::1]  # given last
+    _out_array: Array | None  # the same memory
     _row: cython.double[:, ::1]  # inputs, then their conjugates
     _terms: cython.double[:, ::1]  # values of one model's terms
 
@@ -99,6 +105,7 @@ class ModelKernel:
         self._weights = np.array(weights, np.float64).reshape(-1, 2)
         self._spread = spread
         self._low, self._high, self._sigma = np.array(outputs, np.float64).reshape(-1, 3).T.copy()
+        self._z_view, self._out_array = PointsView(), None
         self._row = np.zeros((2 * len(inputs), 2))
         self._terms = np.zeros((np.diff(begins[2]).max(initial=1), 2))
 
@@ -111,7 +118,7 @@ class ModelKernel:
             raise ValueError(f"want: a flag for each of {self._n_models} models is wanted")
         self._wanted = wanted.astype(np.uint8)
 
-    def run(self, z: cython.const[cython.double][:, ::1], out: cython.double[:, :, ::1]) -> None:
+    def run(self, z: Array, out: Array) -> None:
         """Write value, sigma, and whether out of range, of every output.
 
         z        (rows, 2 inputs) float64: real and imaginary part of each input
@@ -119,24 +126,28 @@ class ModelKernel:
         Raises   ValueError: other sizes
         """
         n: cython.Py_ssize_t = self.n_inputs
-        if z.shape[1] != 2 * n or out.shape[0] != z.shape[0]:
+        rows: cython.const[cython.double][:, ::1] = self._z_view.of(z)
+        if out is not self._out_array:
+            self._out = self._out_array = out
+        results: cython.double[:, :, ::1] = self._out
+        if rows.shape[1] != 2 * n or results.shape[0] != rows.shape[0]:
             raise ValueError(f"run: rows of {n} complex inputs and as many rows of results are wanted")
-        if out.shape[1] != self.n_outputs or out.shape[2] != FIELDS:
+        if results.shape[1] != self.n_outputs or results.shape[2] != FIELDS:
             raise ValueError(f"run: {self.n_outputs} outputs of {FIELDS} fields each are wanted")
         r: cython.Py_ssize_t
         i: cython.Py_ssize_t
-        for r in range(z.shape[0]):
+        for r in range(rows.shape[0]):
             for i in range(n):
-                self._row[i, 0] = self._row[n + i, 0] = z[r, 2 * i]
-                self._row[i, 1] = z[r, 2 * i + 1]
-                self._row[n + i, 1] = -z[r, 2 * i + 1]
+                self._row[i, 0] = self._row[n + i, 0] = rows[r, 2 * i]
+                self._row[i, 1] = rows[r, 2 * i + 1]
+                self._row[n + i, 1] = -rows[r, 2 * i + 1]
             for i in range(self._n_models):
                 if not self._wanted[i]:
-                    self._leave_out(i, out[r])
+                    self._leave_out(i, results[r])
                 elif self._first_knot[i] < self._first_knot[i + 1]:
-                    self._run_curve(i, out[r])
+                    self._run_curve(i, results[r])
                 else:
-                    self._run_polynomial(i, out[r])
+                    self._run_polynomial(i, results[r])
 
     @cython.cfunc
     @cython.exceptval(check=False)
