@@ -53,6 +53,7 @@ class Pipeline:
         self.demand = demand
         self._asked: frozenset[Feature] | None = None
         self._needed = demand  # the demand, and the features that the calibration needs for it
+        self._with_cells = self._with_grip = True  # whether it includes what depends on them
         self._capture_ns: int | None = None  # of the last frame that gave features
         self._grip = Grip()
         self._refiner = CentroidRefiner(rest)
@@ -69,13 +70,13 @@ class Pipeline:
         even_untrusted  give values for identities that are not trusted too: for statistics
         """
         if self.demand is not self._asked:
-            self._asked, self._needed = self.demand, self._features_for(self.demand)
+            self._ask()
         tracks, searched = self._locate(frame.image)
         if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         moved = tracks if drift is None else drift.correct(tracks)
         try:
-            cells = self._tessellator.cells(moved) if self._needed & OF_CELLS else None
+            cells = self._tessellator.cells(moved) if self._with_cells else None
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         calibrated = self.calibration is not None
@@ -96,13 +97,19 @@ class Pipeline:
         """Add friction and slip margin, if forces are in demand."""
         if not features.in_contact:
             self._grip.forget()
-        elif Feature.FORCE in self.demand:
+        elif self._with_grip:
             area_mm2 = calibration.area_mm2(features, reading.values)
             reading.values.update(self._grip.update(reading.values, reading.sigmas, area_mm2))
 
     def prepare(self, demand: frozenset[Feature]) -> None:
         """Make now what otherwise the first contacts would wait for (100 ms); before the first frame."""
         self._extractor.prepare(self._features_for(demand))
+
+    def _ask(self) -> None:
+        """Look at the demand once: an enum's hash is Python code."""
+        self._asked, self._needed = self.demand, self._features_for(self.demand)
+        self._with_cells = not OF_CELLS.isdisjoint(self._needed)
+        self._with_grip = Feature.FORCE in self.demand
 
     def _features_for(self, demand: frozenset[Feature]) -> frozenset[Feature]:
         """The demand, and the features that the calibration needs for it."""

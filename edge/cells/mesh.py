@@ -435,7 +435,6 @@ class Mesh:
         errors: cython.double[::1] = self.error
         area: cython.double[::1] = self.area
         n: cython.Py_ssize_t = self.n_bounded
-        t: cython.Py_ssize_t
         h: cython.Py_ssize_t
         g: cython.Py_ssize_t
         p: cython.Py_ssize_t
@@ -446,24 +445,23 @@ class Mesh:
         for p in range(self.n_points + N_GUARD):
             area[p] = 0.0
             self.bound[p] = 0.0
-        for t in range(self.n_triangles):
-            for h in range(3 * t, 3 * t + 3):
-                g = twin[h]
-                if g < h:  # seen from the other side, or the hull
+        for h in range(3 * self.n_triangles):
+            g = twin[h]
+            if g < h:  # seen from the other side, or the hull
+                continue
+            weight = cot[h] + cot[g]
+            error = errors[h // 3] + errors[g // 3]
+            if not error < AREA_TOLERANCE * weight:
+                weight = self._weight(h, g, weight, error)
+                if weight < 0.0:
                     continue
-                weight = cot[h] + cot[g]
-                error = errors[t] + errors[g // 3]
-                if not error < AREA_TOLERANCE * weight:
-                    weight = self._weight(h, g, weight, error)
-                    if weight < 0.0:
-                        continue
-                p, q = tail[h], tail[g]
-                if p >= n or q >= n:
-                    area[p] = area[q] = INFINITY
-                    continue
-                part = length2[h] * weight
-                area[p] += part
-                area[q] += part
+            p, q = tail[h], tail[g]
+            if p >= n or q >= n:
+                area[p] = area[q] = INFINITY
+                continue
+            part = length2[h] * weight
+            area[p] += part
+            area[q] += part
 
     @cython.cfunc
     @cython.nogil
