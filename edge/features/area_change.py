@@ -50,6 +50,9 @@ class AreaChange:
     _xy_view: PointsView
     _rest: cython.double[:, ::1]
     _rest_area: cython.double[::1]
+    _inverse_area: cython.double[::1]
+    _out: cython.double[::1]  # of `since_rest`, given last
+    _out_array: Array | None  # the same memory
     _ring: cython.int[:, ::1]
     _slope: cython.double[:, :, ::1]
 
@@ -61,8 +64,25 @@ class AreaChange:
         self._change_view, self._xy_view = NumbersView(), PointsView()
         self._rest = np.array(rest_xy, np.float64, order="C")
         self._rest_area = np.array(rest_area_px2, np.float64)
+        self._inverse_area = 1.0 / rest_area_px2
+        self._out_array = None
         self._ring, self._slope = slope_stencil(rest_xy, pitch_px)
         self.values = np.zeros(n)
+
+    def since_rest(self, area_px2: cython.const[cython.double][:], change: Array) -> None:
+        """Relative change of each cell's area, written to `change`.
+
+        area_px2, change  (n,) float64; NaN where lost
+        Raises            ValueError: sizes that do not fit
+        """
+        if change is not self._out_array:
+            self._out = self._out_array = change
+        if area_px2.shape[0] != self._n or self._out.shape[0] != self._n:
+            raise ValueError(f"area_px2 and change ({self._n},) are wanted")
+        i: cython.Py_ssize_t
+        out: cython.double[::1] = self._out
+        for i in range(self._n):
+            out[i] = area_px2[i] * self._inverse_area[i] - 1.0
 
     def fill(self, area_change: Array, xy: Array) -> None:
         """`values`: the area changes, gaps filled.

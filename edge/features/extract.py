@@ -124,7 +124,6 @@ class FeatureExtractor:
         self._rest, self._grid, self._params = rest, grid, params
         self._xy_rest = np.ascontiguousarray(rest.xy_img)
         self._area_change = AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_area_px2)
-        self._inverse_area = 1.0 / rest_area_px2
         # Kernels need not look at arrays again that stay the same objects: these are written in each frame.
         self._changes = np.asarray(self._area_change.values)  # the kernel's array
         self._px, self._whole_px = np.empty_like(self._xy_rest), np.empty_like(self._xy_rest)
@@ -222,16 +221,11 @@ class FeatureExtractor:
         if cells is None:
             self._change.fill(np.nan)
             return self._change, self._change
-        area_change = self._relative(cells.area_px2, self._change)
+        self._area_change.since_rest(cells.area_px2, self._change)
         if filled and cells.whole_px2 is not None:
-            return area_change, self._relative(cells.whole_px2, self._whole_change)
-        return area_change, area_change
-
-    def _relative(self, area_px2: Array, change: Array) -> Array:
-        """Write the change of areas since rest."""
-        np.multiply(area_px2, self._inverse_area, out=change)
-        change -= 1.0
-        return change
+            self._area_change.since_rest(cells.whole_px2, self._whole_change)
+            return self._change, self._whole_change
+        return self._change, self._change
 
     def _add_areas(
         self,

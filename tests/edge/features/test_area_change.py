@@ -26,7 +26,9 @@ def test_a_lost_cell_changes_as_the_skin_between_its_neighbours() -> None:
     rng = np.random.default_rng(2)
     xy = rest.xy_img + push(rest, (5.0, -9.0), 60.0, 0.1)
     _, cells = frame(rest, xy)
-    change = cells.area_px2 / cells.rest_area_px2 - 1.0
+    change = np.empty(331)
+    changes.since_rest(cells.area_px2, change)
+    np.testing.assert_allclose(change, cells.area_px2 / cells.rest_area_px2 - 1.0, rtol=0, atol=1e-15)
     changes.fill(change, xy)
     np.testing.assert_array_equal(changes.values, change)
     lost = rng.choice(331, 99, replace=False)
