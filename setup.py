@@ -27,6 +27,7 @@ EXACT = ["-O3", "-ffp-contract=off"]
 KERNELS = {
     "edge.calibration.polynomial": FAST,
     "edge.calibration.gaussian_process": FAST,
+    "edge.calibration.inputs": FAST,
     "edge.cells.first_order": FAST,
     "edge.cells.mesh": EXACT,
     "edge.cells.points": EXACT,

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from edge.calibration.inputs import frame_inputs
 from edge.types import Features
 from tests.support.calibrations import PATTERN, touched_features
+
+pytestmark = pytest.mark.kernels
 
 
 def test_inputs_are_free_of_resolution() -> None:
