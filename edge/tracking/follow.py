@@ -173,8 +173,7 @@ class Follower:
             self._find_residuals(self.found)
             self._keep_apart(self.found)
             self._filter(self.found, self.sigma, self.brightness)
-            self._place(self.found)
-            seen_n = self._give(self.found, self.sigma)
+            seen_n = self._place(self.found, self.sigma)
             innovation = self._median_innovation(self.now)
         xy, sigma, seen = self.results
         return xy.copy(), sigma.copy(), seen.copy(), seen_n, innovation
@@ -419,44 +418,34 @@ class Follower:
     @cython.cfunc
     @cython.exceptval(check=False)
     @cython.nogil
-    def _place(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
-        """Place every pin: the seen ones where they were found, the others where their neighbours predict
-        them."""
-        now: cython.double[:, ::1] = self.now
-        residual: cython.double[:, ::1] = self.residual
-        i: cython.Py_ssize_t
-        d: cython.int
-        for i in range(self.n):
-            for d in range(2):
-                if self.seen[i]:
-                    now[i, d] = found[i, d]
-                else:
-                    residual[i, d] = self.residual_decay * self.last_residual[i, d]
-                    now[i, d] = self.rest[i, d] + self.predicted[i, d] + residual[i, d]
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
-    def _give(
+    def _place(
         self,
         found: cython.const[cython.double][:, ::1],
         sigma: cython.const[cython.double][::1],
     ) -> cython.Py_ssize_t:
-        """Write `results`; returns how many pins are seen."""
+        """Place every pin, the seen ones where they were found, the others where their neighbours predict
+        them, and write `results`; returns how many are seen.
+        """
+        now: cython.double[:, ::1] = self.now
+        residual: cython.double[:, ::1] = self.residual
         seen: cython.uchar[::1] = self.seen
         xy: cython.double[:, ::1] = self.result_xy
         sigma_out: cython.double[::1] = self.result_sigma
         is_seen: cython.uchar[::1] = self.result_seen
         i: cython.Py_ssize_t
+        d: cython.int
         seen_n: cython.Py_ssize_t = 0
         for i in range(self.n):
             is_seen[i] = seen[i]
             if seen[i]:
-                xy[i, 0] = found[i, 0]
-                xy[i, 1] = found[i, 1]
+                now[i, 0] = xy[i, 0] = found[i, 0]
+                now[i, 1] = xy[i, 1] = found[i, 1]
                 sigma_out[i] = sigma[i]
                 seen_n += 1
             else:
+                for d in range(2):
+                    residual[i, d] = self.residual_decay * self.last_residual[i, d]
+                    now[i, d] = self.rest[i, d] + self.predicted[i, d] + residual[i, d]
                 xy[i, 0] = xy[i, 1] = sigma_out[i] = NAN
         return seen_n
 
