@@ -177,33 +177,32 @@ class ContactDetector:
         j: cython.Py_ssize_t
         k: cython.Py_ssize_t
         known: cython.Py_ssize_t
-        mean: cython.double
-        highest: cython.double = 0.0
+        total: cython.double
+        highest: cython.double = 0.0  # times the pins of a ring
         nothing: cython.bint = True
         self._peak_row = 0
         for i in range(self._n):
-            mean = 0.0
+            total = 0.0
             for k in range(self._width):
-                mean += area_change[self._ring[i, k]]
-            known = self._width
-            if isnan(mean):
-                mean = 0.0
+                total += area_change[self._ring[i, k]]
+            if isnan(total):
+                total = 0.0
                 known = 0
                 for k in range(self._width):
                     j = self._ring[i, k]
                     if not isnan(area_change[j]):
-                        mean += area_change[j]
+                        total += area_change[j]
                         known += 1
-                if known == 0:
+                nothing &= known == 0
+                if known == 0 or known < self._min_ring_known:
                     continue
-            nothing = False
-            if known < self._min_ring_known:
-                continue
-            mean = mean / known * self._root[known]
-            if mean > highest:
-                highest = mean
+                total = total / known * self._root[known] * self._width
+            else:
+                nothing = False
+            if total > highest:
+                highest = total
                 self._peak_row = i
-        return NAN if nothing else highest
+        return NAN if nothing else highest / self._width
 
     @cython.cfunc
     @cython.exceptval(check=False)
