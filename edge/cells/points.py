@@ -37,10 +37,10 @@ class FramePoints:
     rim_terms: cython.double[:, ::1]
     fit: cython.double[:, ::1]
     terms: cython.double[:, ::1]
-    near: cython.int[:, ::1]
+    near: cython.int[:, ::1]  # where the x of a rim pin's residual stands
     weight: cython.float[:, ::1]
     around_rest: cython.double[:, ::1]
-    residual: cython.double[:, ::1]  # (r, 2) motion of the rim pins less the affine fit
+    residual: cython.double[::1]  # (2 r,) x, y, x, y, ...: motion of the rim pins less the affine fit
     missing: cython.int[::1]
     rows: cython.double[:, ::1]
     inverse: cython.double[:, ::1]
@@ -70,10 +70,10 @@ class FramePoints:
         self.rim_terms = np.array(rim_terms, np.float64, order="C")
         self.fit = np.array(fit, np.float64, order="C")
         self.terms = np.array(terms, np.float64, order="C")
-        self.near = np.array(near, np.int32, order="C")
+        self.near = np.array(2 * near, np.int32, order="C")
         self.weight = np.array(weight, np.float32, order="C")
         self.around_rest = np.array(around_rest, np.float64, order="C")
-        self.residual = np.zeros((r, 2))
+        self.residual = np.zeros(2 * r)
         self.motion = np.zeros(2 * n)
         self.pull = np.zeros(2 * n)
         self.set_missing(np.empty(0, np.int32), np.empty((0, 2 * n)), np.empty((0, 0)))
@@ -159,6 +159,7 @@ class FramePoints:
         shift_y: cython.double = points[i, 1] - self.rest[i, 1]
         x: cython.double
         y: cython.double
+        weight: cython.double
         # Coefficients of the affine terms, and the residual.
         x0: cython.double = 0.0
         x1: cython.double = 0.0
@@ -170,8 +171,8 @@ class FramePoints:
             i = self.rim[k]
             x = points[i, 0] - self.rest[i, 0] - shift_x
             y = points[i, 1] - self.rest[i, 1] - shift_y
-            self.residual[k, 0] = x
-            self.residual[k, 1] = y
+            self.residual[2 * k] = x
+            self.residual[2 * k + 1] = y
             x0 += self.fit[0, k] * x
             x1 += self.fit[1, k] * x
             x2 += self.fit[2, k] * x
@@ -179,10 +180,10 @@ class FramePoints:
             y1 += self.fit[1, k] * y
             y2 += self.fit[2, k] * y
         for k in range(self.rim.shape[0]):
-            self.residual[k, 0] -= (
+            self.residual[2 * k] -= (
                 x0 * self.rim_terms[k, 0] + x1 * self.rim_terms[k, 1] + x2 * self.rim_terms[k, 2]
             )
-            self.residual[k, 1] -= (
+            self.residual[2 * k + 1] -= (
                 y0 * self.rim_terms[k, 0] + y1 * self.rim_terms[k, 1] + y2 * self.rim_terms[k, 2]
             )
         for k in range(self.around_rest.shape[0]):
@@ -191,8 +192,9 @@ class FramePoints:
             if k < self.near.shape[0]:
                 for j in range(self.near.shape[1]):
                     i = self.near[k, j]
-                    x += self.weight[k, j] * self.residual[i, 0]
-                    y += self.weight[k, j] * self.residual[i, 1]
+                    weight = self.weight[k, j]
+                    x += weight * self.residual[i]
+                    y += weight * self.residual[i + 1]
             points[self.n_pins + k, 0] = self.around_rest[k, 0] + shift_x + x
             points[self.n_pins + k, 1] = self.around_rest[k, 1] + shift_y + y
 
