@@ -19,7 +19,7 @@ AT_MOST = {
     "link": 16,
     "pins": 56,
     "recording": 6,
-    "runtime": 62,
+    "runtime": 55,
     "sources": 28,
     "tracking": 67,
     "view": 15,

@@ -35,7 +35,6 @@ class DriftParams:
     untouched_s: float = 3.0  # without a touch, before anything is learnt
     seen_share: float = 0.95  # of the pins that must be seen
     near_pitches: float = 0.05  # of a pin from its adapted place, beyond the limit
-    gap_s: float = 0.5  # a longer pause between frames is not counted as time at rest
     period_s: float = RUNTIME.check_s  # of learning: faster has no benefit
 
 
@@ -71,7 +70,7 @@ class Drift:
         """Learn from one frame, if it is suitable.
 
         tracks  as seen, not corrected
-        quiet   untouched, and no fault is present
+        quiet   untouched, no gap since the frame before, and no fault is present
         """
         p = self._params
         if p.limit_px == 0.0:
@@ -84,8 +83,7 @@ class Drift:
             return
         self._last_ns = capture_ns
         away = tracks.xy_img - self._rest.xy_img
-        still = 0.0 < gap_s <= p.gap_s and self._fit(tracks, away)
-        if not still:
+        if not (gap_s > 0.0 and self._fit(tracks, away)):
             self._since_ns = None
         elif self._since_ns is None:
             self._since_ns = capture_ns

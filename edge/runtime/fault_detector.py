@@ -19,6 +19,7 @@ from edge.runtime.image_quality import ImageQuality, common_step_px, image_check
 from edge.runtime.measures import count_longer
 from edge.runtime.params import PARAMS as RUNTIME
 from edge.runtime.pin_visibility import PinVisibility
+from edge.sources.live import stalled_after_s
 from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Rest, Tracks
 from hostlink.clock import DRIFT_MAX
 from hostlink.wire import FaultCode as F
@@ -31,10 +32,8 @@ __all__ = ["NO_CALIBRATION", "FaultDetector", "FaultParams"]
 class FaultParams:
     """Parameters by name; evidence in docs/tuning.md."""
 
-    search_s: float = 0.03  # a frame that takes longer is one whose pins are being searched for
+    search_s: float = RUNTIME.wait_s  # a frame that takes longer is one whose pins are being searched for
     clock_step_s: float = 0.5  # by which the capture clock is further ahead of ours than it ever was
-    gap_s: float = 0.1  # without a new image, after which the pins are searched for as from rest
-    gap_periods: float = 4.0  # the same in periods of the camera; the longer counts
     moved_pitches: float = 0.08  # by which all pins of an untouched tip are off: the camera moved
     load_pitches: float = 1.6  # motion of a pin beyond which it counts as overloaded
     astray_rel: float = RUNTIME.astray_rel  # share of such pins, or of those whose drift is at its limit
@@ -123,8 +122,8 @@ class FaultDetector:
 
     @property
     def quiet(self) -> bool:
-        """Whether drift may be learnt: no fault that would spoil it."""
-        return not self._registry.status & _NOT_QUIET
+        """Whether drift may be learnt: no gap before this frame, and no fault that would spoil it."""
+        return not (self.after_gap or self._registry.status & _NOT_QUIET)
 
     def learn(self, rest: Rest, frame: Frame, calibrated: bool) -> None:
         """Take `rest`, seen in `frame`, as the untouched tip from now on."""
@@ -170,9 +169,8 @@ class FaultDetector:
         )
         stepped = self._registry.holds(F.CLOCK_STEP)
         self._least_age_ns = float(age_ns) if stepped else min(self._least_age_ns, age_ns)
-        period_s = 1.0 / self._source.rate_hz if self._source.rate_hz else 0.0
         gap_ns = passed_ns if stepped else step_ns
-        self.after_gap |= gap_ns > max(self._params.gap_s, self._params.gap_periods * period_s) * 1e9
+        self.after_gap |= gap_ns > stalled_after_s(self._source.rate_hz) * 1e9
         self.gaps_n += max(0, frame.sequence - before.sequence - 1)
 
     def image(self, frame: Frame) -> None:

@@ -75,7 +75,7 @@ class FaultRegistry:
 class FaultLog:
     """A log line for each fault that appears, and one when it clears; a listener of `FaultRegistry`.
 
-    A fault that flickers gets at most one pair of lines every `log_s`; the next line says how often it
+    A fault that flickers gets at most one pair of lines every `rarely_s`; the next line says how often it
     appeared meanwhile.
 
     set_status  gets the active faults in one line: for `systemctl status`
@@ -101,7 +101,7 @@ class FaultLog:
             if code in self._open:
                 self._open.discard(code)
                 log.warning("%s cleared", code.name)
-        elif now_s - self._logged_s.get(code, -PARAMS.log_s) < PARAMS.log_s:
+        elif now_s - self._logged_s.get(code, -PARAMS.rarely_s) < PARAMS.rarely_s:
             self._suppressed[code] += 1
         else:
             n = self._suppressed.pop(code, 0)

@@ -14,7 +14,7 @@ Rules
 - Without images the loop wakes all the same: faults are announced within 0.1 s, and samples without values
   are sent every `keepalive_s`. Signals and commands only set a flag; the loop acts on it within that time.
 - The garbage collector runs at fixed times: objects of the start-up are frozen, a frame makes no cycles,
-  and once a minute, after a sample has left, garbage of other threads is collected.
+  and now and then, after a sample has left, garbage of other threads is collected.
 """
 
 from __future__ import annotations
@@ -59,10 +59,10 @@ class LoopParams:
     """Parameters by name; evidence in docs/tuning.md."""
 
     drain_s: float = RUNTIME.patience_s  # how long a recording waits for a blocked link
-    wait_s: float = 0.02  # longest wait for an image before faults and commands are handled
-    keepalive_s: float = 0.05  # samples without images: "the slow rate" of the fault table
+    wait_s: float = RUNTIME.wait_s  # longest wait for an image before faults and commands are handled
+    keepalive_s: float = RUNTIME.check_s  # samples without images: "the slow rate" of the fault table
     no_images_s: float = RUNTIME.patience_s  # a requested tare is refused after so long without images
-    garbage_s: float = 60.0  # between collections of other threads' cycles (viewers, requests)
+    garbage_s: float = RUNTIME.rarely_s  # between collections of other threads' cycles (viewers, requests)
 
 
 PARAMS = LoopParams()

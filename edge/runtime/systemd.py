@@ -13,11 +13,12 @@ import socket
 import time
 from collections.abc import Mapping
 
-from edge.runtime.params import PARAMS
-
 __all__ = ["Notifier"]
 
 log = logging.getLogger(__name__)
+
+#: Of the watchdog's time, after which sd_watchdog_enabled(3) asks for the next message.
+_WATCHDOG_SHARE = 0.5
 
 
 class Notifier:
@@ -31,7 +32,7 @@ class Notifier:
             self._socket.setblocking(False)  # a manager that does not read must not stop a finger
         mine = environment.get("WATCHDOG_PID", "") in ("", str(os.getpid()))
         usec = environment.get("WATCHDOG_USEC", "") if mine else ""
-        self._every_s = int(usec) * 1e-6 * PARAMS.watchdog_rel if usec.isdecimal() and self._socket else 0.0
+        self._every_s = int(usec) * 1e-6 * _WATCHDOG_SHARE if usec.isdecimal() and self._socket else 0.0
         self._due_s = 0.0
         self._ready = False
 

@@ -23,7 +23,7 @@ import numpy as np
 from edge.errors import SourceError
 from edge.types import Frame, Lens, Polarity
 
-__all__ = ["PARAMS", "LiveParams", "ThreadedSource", "Watch"]
+__all__ = ["PARAMS", "LiveParams", "ThreadedSource", "Watch", "stalled_after_s"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +43,11 @@ class LiveParams:
 
 
 PARAMS = LiveParams()
+
+
+def stalled_after_s(rate_hz: float | None) -> float:
+    """Time without a frame after which a camera of this rate, if it is known, has stalled."""
+    return max(PARAMS.stall_s, PARAMS.stall_periods / rate_hz if rate_hz else 0.0)
 
 
 class Watch:
@@ -148,11 +153,9 @@ class ThreadedSource(ABC):
     @property
     def condition(self) -> str:
         """ "" or the present fault: lost, stalled, frozen, black."""
-        if not self._condition and self._started and not self._ended:
-            patience_s = max(PARAMS.stall_s, PARAMS.stall_periods / self.rate_hz if self.rate_hz else 0.0)
-            if time.monotonic() - self._last_s > patience_s:
-                return "stalled"
-        return self._condition
+        if self._condition or self._ended or not self._started:
+            return self._condition
+        return "stalled" if time.monotonic() - self._last_s > stalled_after_s(self.rate_hz) else ""
 
     @property
     def ended(self) -> bool:

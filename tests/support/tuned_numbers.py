@@ -38,7 +38,8 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/link/sdo_server.py:DOWNLOAD_SEGMENT_RESPONSE", "edge/link/sdo_server.py:EXPEDITED",
         "edge/link/sdo_server.py:SIZE_GIVEN", "edge/link/sdo_server.py:TOGGLE",
         "edge/link/sdo_server.py:LAST", "edge/link/sdo_server.py:_SEGMENT", "edge/recording/images.py:_RAW",
-        "edge/recording/messages.py:_NUMERIC", "edge/sources/v4l2.py:_FORMATS",
+        "edge/recording/messages.py:_NUMERIC",
+        "edge/runtime/systemd.py:_WATCHDOG_SHARE", "edge/sources/v4l2.py:_FORMATS",
     }),
     "names of states and of places in an array": frozenset({
         "edge/cells/mesh.py:DONE", "edge/cells/mesh.py:NOT_FINITE", "edge/cells/mesh.py:NO_EXTENT",

@@ -81,13 +81,6 @@ def test_a_touch_restarts_the_waiting_time(rest: Rest) -> None:
     assert drift.offset_px == 0.0
 
 
-def test_a_pause_does_not_count_as_time_at_rest(rest: Rest) -> None:
-    drift = Drift(rest, DriftParams(time_s=1.0))
-    for k in range(20):
-        drift.learn(tracks(rest.xy_img + 0.1), round(k * (PARAMS.gap_s + 1.0) * 1e9), True)
-    assert drift.offset_px == 0.0
-
-
 def test_no_offset_ever_exceeds_the_limit(rest: Rest) -> None:
     drift = Drift(rest, DriftParams(limit_px=0.3, time_s=0.1))
     random = default_rng(1)

@@ -83,6 +83,7 @@ def test_pins_are_searched_for_after_a_gap(finger: Finger) -> None:
     assert finger.loop.statistics().full_searches_n == full_searches_n
     state = finger.see(pressed, skip=11)  # 0.12 s
     assert finger.loop.statistics().full_searches_n == full_searches_n + 1
+    assert not finger.loop._detector.quiet  # no time at rest for the drift
     assert state.displacement_mm == pytest.approx(true, abs=0.05)
 
 
