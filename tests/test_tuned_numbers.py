@@ -19,7 +19,7 @@ AT_MOST = {
     "link": 16,
     "pins": 56,
     "recording": 6,
-    "runtime": 55,
+    "runtime": 40,
     "sources": 28,
     "tracking": 67,
     "view": 15,

@@ -21,8 +21,8 @@ from edge.link.sinks import open_sink
 from edge.pins import take_rest
 from edge.runtime.board_monitor import PARAMS as BOARD
 from edge.runtime.board_monitor import STORED_BYTES
+from edge.runtime.image_quality import ONE_LEVEL, level_of
 from edge.runtime.image_quality import PARAMS as IMAGE
-from edge.runtime.image_quality import level_of
 from edge.runtime.sensor_match import missing_pins, mm_per_px, recognise
 from edge.runtime.symmetry import symmetry_of
 from edge.runtime.tip_match import in_order_of
@@ -140,9 +140,9 @@ def _brightness(frames: Sequence[Frame]) -> Line:
     levels = np.array([level_of(f.image, f.bits) for f in frames])
     level, full = levels.mean(axis=0)
     finding = f"mean level {level:.1%} of full scale, {full:.1%} of the image at full scale"
-    if level < IMAGE.dark_level:
+    if level < ONE_LEVEL:
         return Line("light", "fail", finding, "dark: is the LED lit? raise [source] exposure_us or gain")
-    if full > IMAGE.saturated_share:
+    if full > 1.0 - IMAGE.half_rel:
         return Line("light", "fail", finding, "overexposed: lower [source] exposure_us, keep stray light out")
     if level < LIMITS.dim:
         return Line("light", "warn", finding, "dim: raise [source] exposure_us, then gain")

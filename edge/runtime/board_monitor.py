@@ -23,13 +23,16 @@ from hostlink.wire import FaultCode
 __all__ = ["PARAMS", "BoardMonitor", "BoardParams", "Thermometer", "free_space_problem"]
 
 
+#: At which a Raspberry Pi begins to throttle (maker's documentation, "frequency management").
+HOT_DEGC = 80.0
+
+
 @dataclass(frozen=True, slots=True)
 class BoardParams:
     """Parameters by name; evidence in docs/tuning.md."""
 
     period_s: float = RUNTIME.check_s  # between checks
-    hot_degc: float = 80.0  # the board is too hot
-    cooler_k: float = 5.0  # ... until it is cooler by so much
+    hot_degc: float = HOT_DEGC  # the board is too hot
 
 
 PARAMS = BoardParams()
@@ -94,7 +97,6 @@ class BoardMonitor:
             params.hot_degc,
             "degC",
             "{degc:.0f} degC",
-            clear_at=params.hot_degc - params.cooler_k,
         )
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board monitor", daemon=True)

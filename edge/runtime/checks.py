@@ -23,7 +23,6 @@ class Check:
     unit     of the number and of the limit
     reason   for the log; a format of the numbers measured
     below    the fault is below the limit
-    clear_at  where the unit has no natural zero: the limit at which it clears instead
     """
 
     code: FaultCode
@@ -32,12 +31,9 @@ class Check:
     unit: str
     reason: str
     below: bool = False
-    clear_at: float | None = None
 
     def limit(self, holds: bool) -> float:
         """What the number has to reach for the fault to appear, or to go on."""
-        if holds and self.clear_at is not None:
-            return self.clear_at
         away = PARAMS.hysteresis_rel * self.raise_at if holds else 0.0
         return self.raise_at + (away if self.below else -away)
 

@@ -33,8 +33,7 @@ class DriftParams:
     limit_px: float = 0.3  # largest offset of a pin in x and in y; 0: nothing is learnt
     time_s: float = 120.0  # time constant
     untouched_s: float = 3.0  # without a touch, before anything is learnt
-    seen_share: float = 0.95  # of the pins that must be seen
-    near_pitches: float = 0.05  # of a pin from its adapted place, beyond the limit
+    near_pitches: float = RUNTIME.still_pitches  # of a pin from its adapted place, beyond the limit
     period_s: float = RUNTIME.check_s  # of learning: faster has no benefit
 
 
@@ -102,7 +101,7 @@ class Drift:
         self._since_ns = None
 
     def _fit(self, tracks: Tracks, away: Array) -> bool:
-        if tracks.n_seen < self._params.seen_share * len(tracks.seen):
+        if tracks.n_seen < (1.0 - RUNTIME.astray_rel) * len(tracks.seen):
             return False
         off = np.abs(away - self._offset)[tracks.seen]
         return bool(off.max(initial=0.0) < self._near_px + self._params.limit_px)

@@ -34,7 +34,7 @@ class FaultParams:
 
     search_s: float = RUNTIME.wait_s  # a frame that takes longer is one whose pins are being searched for
     clock_step_s: float = 0.5  # by which the capture clock is further ahead of ours than it ever was
-    moved_pitches: float = 0.08  # by which all pins of an untouched tip are off: the camera moved
+    moved_pitches: float = RUNTIME.still_pitches  # if all pins are off by more, the camera moved
     load_pitches: float = 1.6  # motion of a pin beyond which it counts as overloaded
     astray_rel: float = RUNTIME.astray_rel  # share of such pins, or of those whose drift is at its limit
 
@@ -211,7 +211,7 @@ class FaultDetector:
         self._registry.report(F.TRACKER_LOST, untrusted, "pins cannot be identified")
         missing = self._pins.problem(tracks)
         self._registry.report(F.PINS_LOST, bool(missing), missing)
-        if untrusted or self._pins.needs_focus_check(tracks):
+        if untrusted:
             self._check_focus(frame, now=True)
         return not (untrusted or missing)
 

@@ -23,6 +23,7 @@ from edge.types import Array, Frame, Image, Rest
 from hostlink.wire import FaultCode as F
 
 __all__ = [
+    "ONE_LEVEL",
     "PARAMS",
     "ImageParams",
     "ImageQuality",
@@ -37,19 +38,18 @@ __all__ = [
 class ImageParams:
     """Parameters by name; evidence in docs/tuning.md. `_rel`: a share of the rest frame's."""
 
-    dark_level: float = 0.004  # of full scale; a mean level below counts as black
     least_rel: float = 0.25  # mean level, or contrast over level, below which the image shows nothing
-    saturated_share: float = 0.5  # of the pixels below full scale at rest: if so many reach it, overexposed
-    blurred_rel: float = 0.5  # sharpness below which the image is out of focus
+    half_rel: float = 0.5  # sharpness, or pixels that are not saturated, below which the image is spoilt
     sample_step_px: int = 16  # brightness is read on every such row and column
     windows_n: int = 32  # in which the focus is measured
-    focus_tail: int = 20  # one in so many of a window's lowest and highest levels is not part of its contrast
     focus_period_s: float = RUNTIME.check_s  # between measurements of the focus
     alike_rel: float = 0.35  # of the common step by which pins differ from it, when the camera moved
-    alike_share: float = 0.9  # of the pins that do
+    alike_share: float = RUNTIME.most_rel  # of the pins that do
 
 
 PARAMS = ImageParams()
+#: One grey level of 8 bits, of full scale: an image with a lower mean is black.
+ONE_LEVEL = 1 / 255
 
 
 def level_of(image: Image, bits: int) -> tuple[float, float]:
@@ -79,7 +79,7 @@ class ImageQuality:
         """Take this image of the untouched tip as the reference."""
         height, width = frame.image.shape
         rest = rest_as_seen(rest)
-        half, tail = max(3, round(rest.pattern.pitch_px / 2)), self._params.focus_tail
+        half, tail = max(3, round(rest.pattern.pitch_px / 2)), round(1.0 / RUNTIME.astray_rel)
         xy = np.rint(rest.xy_img).astype(np.int32)
         inside = np.all((xy >= half) & (xy < [width - half, height - half]), axis=1)
         chosen = xy[inside][:: max(1, np.count_nonzero(inside) // self._params.windows_n)]
@@ -133,15 +133,15 @@ def image_checks(p: ImageParams = PARAMS) -> tuple[Check, ...]:
     """Of brightness, and of the camera's own "black"; of the focus."""
     dark = "mean level {level:.1%} of full scale, {rest_level:.1%} at rest"
     return (
-        Check(F.IMAGE_DARK, "level", p.dark_level, "full scale", dark, below=True),
+        Check(F.IMAGE_DARK, "level", ONE_LEVEL, "full scale", dark, below=True),
         Check(F.IMAGE_DARK, "level_rel", p.least_rel, "rest level", dark, below=True),
         Check(F.IMAGE_DARK, "black", 1.0, "yes or no", "black"),
         Check(
-            F.IMAGE_BRIGHT, "newly_saturated", p.saturated_share, "of the others",
+            F.IMAGE_BRIGHT, "newly_saturated", 1.0 - p.half_rel, "of the others",
             "{saturated:.0%} of the image is at full scale",
         ),
         Check(
-            F.IMAGE_BLURRED, "sharpness", p.blurred_rel, "that at rest",
+            F.IMAGE_BLURRED, "sharpness", p.half_rel, "that at rest",
             "sharpness {sharpness:.0%} of that at rest", below=True,
         ),
     )  # fmt: skip

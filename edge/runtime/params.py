@@ -19,6 +19,8 @@ class RuntimeParams:
     check_s: float = 0.04  # between checks of what changes slowly, and between samples without images
     hysteresis_rel: float = 0.1  # of the level at which a fault appears; so far back, it clears
     astray_rel: float = 0.05  # share of the pins that may be beyond a limit for reasons of their own
+    most_rel: float = 0.9  # share of the pins, or more: nearly all
+    still_pitches: float = 0.08  # pins of an untouched tip that have moved less are where they were
 
 
 PARAMS = RuntimeParams()

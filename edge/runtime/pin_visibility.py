@@ -30,7 +30,7 @@ class PinVisibilityParams:
     seen_rel: float = 0.8  # smallest share of the pins
     hole_rel: float = 0.01  # largest share of them that are lost with all their neighbours
     noisy_ratio: float = 5.0  # a pin whose sigma is so many times the baseline counts as lost
-    drop_rel: float = 0.9  # of the baseline share; with fewer, too many vanished at once
+    drop_rel: float = RUNTIME.most_rel  # of the baseline share; with fewer, too many vanished at once
     back_rel: float = 0.98  # of the same: until so many are back
     settled_frames_n: int = 4  # good frames in a row until values are sent again
     baseline_frames_n: int = 64  # over which the baseline is learnt
@@ -38,11 +38,9 @@ class PinVisibilityParams:
     corrupt_pins_n: int = 4  # pins that vanish together while those around them are static: a corrupt image
     corrupt_neighbours_rel: float = 0.25  # of such a pin's neighbours vanish with it
     corrupt_over_chance: float = 2.0  # times the share expected if single pins vanish
-    still_pitches: float = 0.1  # largest motion in a frame that counts as static
+    still_pitches: float = RUNTIME.still_pitches  # largest motion in a frame that counts as static
     far_pitches: float = 3.0  # skin cannot move further
     far_rel: float = RUNTIME.astray_rel  # share of the pins so far away: identities are wrong
-    focus_check_rel: float = 0.95  # with fewer pins than this the focus is checked now
-    focus_check_ratio: float = 1.3  # times the baseline noise, likewise
 
 
 PARAMS = PinVisibilityParams()
@@ -75,6 +73,9 @@ class PinVisibility:
         frames_n = p.forget_frames_n if few or suddenly else p.baseline_frames_n
         self._baseline_share += (share - self._baseline_share) / frames_n
         unidentified = tracks.confidence < Tracks.LOW_CONFIDENCE
+        if share >= p.seen_rel:
+            noise_px = float(tracks.sigma_px[tracks.seen].mean())
+            self._baseline_px += (noise_px - self._baseline_px) / p.baseline_frames_n
         if few or suddenly or unidentified:
             self._good_n = 0
             counted = f"{tracks.n_seen} of {n} pins are seen"
@@ -111,16 +112,6 @@ class PinVisibility:
         length_px = np.hypot(step[:, 0], step[:, 1])
         length_px = length_px[np.isfinite(length_px)]
         return not length_px.size or float(np.median(length_px)) < p.still_pitches * self._pitch_px
-
-    def needs_focus_check(self, tracks: Tracks) -> bool:
-        """Whether pins are missing, or seen with more noise than the baseline."""
-        p = self._params
-        if tracks.n_seen < p.focus_check_rel * len(tracks.seen):
-            return True
-        noise_px = float(tracks.sigma_px[tracks.seen].mean())
-        noisy = noise_px > p.focus_check_ratio * self._baseline_px
-        self._baseline_px += (noise_px - self._baseline_px) / p.baseline_frames_n
-        return noisy
 
     def impossible(self, tracks: Tracks) -> bool:
         """Whether pins moved further than skin can."""

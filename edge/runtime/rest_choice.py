@@ -25,6 +25,7 @@ from edge.cells import Tessellator
 from edge.errors import DegenerateLayout, NoPins, SourceError
 from edge.features.params import PARAMS as CONTACT
 from edge.pins import CentroidRefiner, detect, take_rest
+from edge.runtime.params import PARAMS as RUNTIME
 from edge.runtime.tare import PARAMS as TARE
 from edge.runtime.tare import TareRefused, take_rest_frame
 from edge.runtime.tip_match import match_rest
@@ -48,15 +49,14 @@ class RestChoiceParams:
     """Parameters of the choice; evidence in docs/tuning.md.
 
     images_n     images that are compared, at least, evenly over the recording; at most twice as many
-    area_low     quantile of a cell's area over the images that counts as untouched
-    agree_min_rel  so large a share of the others, that show the same cells as an image, makes it untouched;
-                 two at least, because any image may have a double
+    untouched_rel  share of the images that are taken to show an untouched tip: this quantile of a cell's area
+                 is untouched, and so is an image that shows the same cells as so many of the others; two at
+                 least, because any image may have a double
     agree_rel    an image may be chosen if so many others agree with it, of the largest number that do
     """
 
     images_n: int = 32
-    area_low: float = 0.1
-    agree_min_rel: float = 0.1
+    untouched_rel: float = 0.1
     agree_rel: float = 0.5
 
 
@@ -145,7 +145,7 @@ def _compare(images: Sequence[Image], rest: Rest, params: RestChoiceParams) -> _
     area, sigma, seen = _cells(images, rest)
     known = np.isfinite(sigma)
     area = area[:, np.isfinite(area[known]).any(axis=0)]  # a pin may be seen in no other image
-    untouched = np.nanquantile(area[known], params.area_low, axis=0)
+    untouched = np.nanquantile(area[known], params.untouched_rel, axis=0)
     deformation = np.full(len(area), np.nan)
     deformation[known] = _rms(area[known] - untouched)
     agrees = np.zeros((len(area), len(area)), bool)
@@ -162,7 +162,7 @@ def _compare(images: Sequence[Image], rest: Rest, params: RestChoiceParams) -> _
 
 def _agree_min_n(compared_n: int, params: RestChoiceParams) -> float:
     """Other images that must show the same cells."""
-    return max(2.0, params.agree_min_rel * compared_n)
+    return max(2.0, params.untouched_rel * compared_n)
 
 
 def _rms(change: Array) -> Array:
@@ -317,7 +317,7 @@ def _averaged(source: FrameSource, index: int) -> tuple[Rest, Frame]:
 
     def rests(pins: Pins) -> bool:
         motion = np.hypot(*(pins.xy_img - rest.xy_img).T)
-        return bool(np.nanpercentile(motion, 90) < TARE.steady_px)
+        return bool(np.nanquantile(motion, RUNTIME.most_rel) < TARE.steady_px)
 
     steady = [f.image for f in frames if f is chosen or rests(refiner.refine(f.image, rest.xy_img))]
     return take_rest(steady, source.polarity, source.lens), chosen

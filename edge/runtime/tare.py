@@ -31,6 +31,7 @@ from edge.features import FeatureExtractor
 from edge.features.params import PARAMS as CONTACT
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.pins import CentroidRefiner, take_rest
+from edge.runtime.params import PARAMS as RUNTIME
 from edge.runtime.symmetry import symmetry_of
 from edge.runtime.tip_match import PARAMS as TIP
 from edge.runtime.tip_match import in_order_of, match_rest
@@ -141,7 +142,7 @@ def take_rest_frame(
 
 def _unsteady(first: Pins, last: Pins, params: TareParams) -> TareRefused | None:
     """Whether pins move from the first image to the last."""
-    motion_px = float(np.nanpercentile(np.hypot(*(last.xy_img - first.xy_img).T), 90))
+    motion_px = float(np.nanquantile(np.hypot(*(last.xy_img - first.xy_img).T), RUNTIME.most_rel))
     if motion_px > params.steady_px:
         return TareRefused(Reason.UNSTEADY, *_moved(motion_px, params.steady_px))
     return None
@@ -269,7 +270,7 @@ def tare(
     rest = take_rest(images, polarity, lens)
     refiner = CentroidRefiner(rest)
     first, last = (refiner.refine(images[k], rest.xy_img).xy_img for k in (0, -1))
-    motion_px = float(np.nanpercentile(np.hypot(*(last - first).T), 90))
+    motion_px = float(np.nanquantile(np.hypot(*(last - first).T), RUNTIME.most_rel))
     if motion_px > steady_px:
         raise NoPins("tare: " + "; ".join(_moved(motion_px, steady_px)))
     return rest if calibration is None else in_order_of(calibration, rest)

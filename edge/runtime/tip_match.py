@@ -16,6 +16,7 @@ import numpy as np
 
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
+from edge.runtime.params import PARAMS as RUNTIME
 from edge.tracking import Tracker
 from edge.types import Lens, Pins, Rest, Tracks
 
@@ -26,9 +27,8 @@ __all__ = ["in_order_of", "match_rest"]
 class TipMatchParams:
     """Limits within which two rest frames show the same tip. Evidence: docs/tuning.md, "Calibration"."""
 
-    shared_min: float = 0.9  # of the pins of each that the other has too
-    shift_max: float = 0.4  # pitches, median motion of the pins
-    deformation_max: float = 0.1  # pitches, 95 % quantile of the residual after shift, rotation and zoom
+    shared_min: float = RUNTIME.most_rel  # of the pins of each that the other has too
+    deformation_max: float = RUNTIME.still_pitches  # 95 % quantile after shift, rotation and zoom
 
 
 PARAMS = TipMatchParams()
@@ -102,7 +102,8 @@ def _check_counts(tracks: Tracks, known_n: int, seen_n: int) -> None:
 def _check_shift(made_with: Rest, tracks: Tracks) -> None:
     """Raises CalibrationError: the pins are not where the calibration has them."""
     moved = (tracks.xy_img - made_with.xy_img)[tracks.seen]
-    shift, shift_max = float(np.median(np.hypot(*moved.T))), PARAMS.shift_max * made_with.pattern.pitch_px
+    # Beyond half a pitch a pin is nearer to its neighbour's place.
+    shift, shift_max = float(np.median(np.hypot(*moved.T))), 0.5 * made_with.pattern.pitch_px
     if shift > shift_max:
         raise CalibrationError(
             f"the pins are {shift:.1f} px from where the calibration has them (limit {shift_max:.1f}): "

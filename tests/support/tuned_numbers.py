@@ -75,6 +75,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/features/pin_motion.py:_RIDGE", "edge/features/pin_motion.py:_FLAT",
         "edge/features/quantized_operator.py", "edge/features/regions.py:_VARIANCE_MIN",
         "edge/geometry/lattice.py:RANK_TOLERANCE", "edge/geometry/layout.py",
+        "edge/runtime/image_quality.py:ONE_LEVEL",
         "edge/tracking/affine.py:NO_NEIGHBOUR", "edge/tracking/posterior.py:UNDETERMINED",
         "edge/recording/reader.py:_TIME_MAX_NS",
         "edge/recording/reader.py:_SEQUENCE_MAX", "edge/view/panels.py:_SHIFT", "edge/view/panels.py:_ONE",
@@ -84,6 +85,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/pins/templates.py:LANES", "edge/pins/templates.py:BLOCK",
         "edge/worker/shared_memory.py:ALIGN",
     }),
+    "figures of a maker": frozenset({"edge/runtime/board_monitor.py:HOT_DEGC"}),
     "colours": frozenset({
         "edge/view/palette.py:PAPER", "edge/view/palette.py:SAFE", "edge/view/panels.py:_CROSS",
         "edge/view/panels.py:_RING",

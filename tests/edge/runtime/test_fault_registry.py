@@ -119,7 +119,7 @@ def test_heat_is_reported_and_cleared_with_hysteresis() -> None:
     registry, degc = FaultRegistry(), [0.0]
     monitor = BoardMonitor(registry, lambda: degc[0])
     reported = []
-    for value in (79.0, 80.0, 78.0, 75.0, 74.9, 79.9, math.nan):
+    for value in (79.0, 80.0, 78.0, 72.1, 71.9, 79.9, math.nan):
         degc[0] = value
         monitor.check()
         reported.append(FaultCode.OVER_TEMPERATURE in registry.active)

@@ -63,7 +63,7 @@ def test_a_rest_frame_that_misses_a_few_pins_is_accepted(hexagonal: Rest) -> Non
 
 
 def test_pins_that_moved_together_are_refused(hexagonal: Rest) -> None:
-    shift = 0.45 * hexagonal.pattern.pitch_px
+    shift = 0.55 * hexagonal.pattern.pitch_px
     moved = replace(hexagonal, pins=replace(hexagonal.pins, xy_img=hexagonal.xy_img + np.array([shift, 0.0])))
     with pytest.raises(CalibrationError, match=r"pins are \d+\.\d px from where|another tip"):
         in_order_of(tip_of(hexagonal), moved)
