@@ -11,11 +11,12 @@ Rules
 - If there are areas, they decide: a camera that shakes in its mount moves all pins, but changes no area.
   Without cells (no area was asked for) the motion about its own median decides.
 - The medians are computed only if the means exceed the limit, first where the area change is highest: in a
-  contact that costs a hundredth of the whole scan. A frame that fails here counts as untouched.
+  contact that costs a hundredth of the whole scan. There the limit is lower by the hysteresis. A frame that
+  fails here counts as untouched.
 - The noise is predicted from the pins' own sigma until untouched frames have given a better value. The learnt
   value stays within `noise_ratio_max` of the prediction, so that a slow touch cannot raise its own limit.
 - A mean over fewer cells averages out less noise and is scaled down accordingly.
-- Hysteresis: a contact begins above `raise_sigma` and ends below `clear_sigma`.
+- Hysteresis: a contact begins above `raise_sigma` and ends below `contact_sigma`.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -27,7 +28,7 @@ from __future__ import annotations
 import cython
 import numpy as np
 
-from edge.features.params import PARAMS, FeatureParams
+from edge.features.params import CELL_NOISE, MEDIAN_NOISE, PARAMS, RING_NOISE, FeatureParams
 from edge.geometry.lattice import slope_stencil
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.types import Array, Rest
@@ -73,8 +74,6 @@ class ContactDetector:
     _median_noise: cython.double
     _raise_sigma: cython.double
     _clear_sigma: cython.double
-    _coherent_peak_rel: cython.double
-    _coherent_any_rel: cython.double
     _min_ring_known: cython.Py_ssize_t
     _noise_ratio_max: cython.double
     _noise_learning_rate: cython.double
@@ -94,14 +93,10 @@ class ContactDetector:
         self._middle = np.empty((n, 2))
         self._sorted_x, self._sorted_y = np.empty(width), np.empty(width)
         self._values = np.empty(n)
-        self._cell_noise = params.cell_noise
-        self._ring_noise = params.ring_noise
-        self._median_noise = params.median_noise
+        self._cell_noise, self._ring_noise, self._median_noise = CELL_NOISE, RING_NOISE, MEDIAN_NOISE
         self._raise_sigma = params.raise_sigma
-        self._clear_sigma = params.clear_sigma
-        self._coherent_peak_rel = params.coherent_peak_rel
-        self._coherent_any_rel = params.coherent_any_rel
-        self._min_ring_known = min(params.min_ring_known, width)
+        self._clear_sigma = params.contact_sigma
+        self._min_ring_known = width // 2 + 1
         self._noise_ratio_max = params.noise_ratio_max
         self._noise_learning_rate = params.noise_learning_rate
 
@@ -212,13 +207,14 @@ class ContactDetector:
         The ring of the highest mean is tried first, then all.
         """
         i: cython.Py_ssize_t
+        at_peak: cython.double = self._clear_sigma / self._raise_sigma * limit
         for i in range(self._n):
             self._middle[i, 0] = NAN
         for i in range(self._width):
-            if self._median_area_change(xy, self._ring[self._peak_row, i]) > self._coherent_peak_rel * limit:
+            if self._median_area_change(xy, self._ring[self._peak_row, i]) > at_peak:
                 return True
         for i in range(self._n):  # noqa: SIM110
-            if self._median_area_change(xy, i) > self._coherent_any_rel * limit:
+            if self._median_area_change(xy, i) > limit:
                 return True
         return False
 

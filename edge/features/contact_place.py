@@ -54,7 +54,7 @@ class ContactPlace:
     _regions: Regions
     _middle: cython.double[:, ::1]
     _semi_axis: cython.double[::1]
-    _min_visible_rel: cython.double
+    _min_seen_rel: cython.double
     _visibility_radius_px: cython.double
     _place_radius_px: cython.double
     _place_radius_axis: cython.double
@@ -79,8 +79,8 @@ class ContactPlace:
         self._area_change = field.area_change
         self._regions, self._middle, self._semi_axis = regions, regions.middle, regions.semi_axis
         self._kept = np.zeros(CONTACTS_MAX, np.uint8)
-        self._min_visible_rel = params.min_visible_rel
-        self._visibility_radius_px = params.visibility_radius_pitch * pitch_px
+        self._min_seen_rel = params.min_seen_rel
+        self._visibility_radius_px = params.close_pitch * pitch_px
         self._place_radius_px = params.place_radius_pitch * pitch_px
         self._place_radius_axis = params.place_radius_axis
 
@@ -94,7 +94,7 @@ class ContactPlace:
         n_known: cython.Py_ssize_t = 0
         for i in range(n_contacts):
             self._kept[i] = (
-                self.visible_share(seen, self._middle[i, 0], self._middle[i, 1]) >= self._min_visible_rel
+                self.visible_share(seen, self._middle[i, 0], self._middle[i, 1]) >= self._min_seen_rel
             )
             n_known += self._kept[i]
         if 0 < n_known < n_contacts:

@@ -112,7 +112,7 @@ class ContactFinder:
     def _split_close_pairs(self, xy_img: Array, seen: Mask, sigma_px: float) -> None:
         """Split each long, small contact that the sharper field shows to be two."""
         params, regions = self._params, self._regions
-        max_axis_px = params.split_max_pitch * self._surface.pitch_px
+        max_axis_px = params.close_pitch * self._surface.pitch_px
         split = False
         for i in range(regions.n_contacts):
             oriented = self._elongation[i] >= params.min_oriented_elongation

@@ -208,7 +208,7 @@ class FeatureExtractor:
         sigma_px = self._detector.sigma_px(now_px)
         if n_seen == len(seen):
             return _Motion(px, px, None, (mean_x, mean_y), sigma_px, False)
-        if cells is None or n_seen < max(self._params.fill_min_seen_rel * len(seen), 1):
+        if cells is None or n_seen < max(self._params.min_seen_rel * len(seen), 1):
             return _Motion(px, px, seen, (mean_x, mean_y), sigma_px, False)
         whole = np.subtract(cells.xy_img, self._xy_rest, out=self._whole_px)
         mean_x, mean_y = whole.mean(axis=0).tolist()

@@ -29,8 +29,8 @@ if cython.compiled:
 else:
     from math import atan2, hypot, isfinite, sqrt
 
-#: The size of the tables of contacts.
-CONTACTS_MAX = PARAMS.contacts_max
+#: The size of the tables of contacts: as many as a sample can count.
+CONTACTS_MAX = 14
 
 _CONTACTS_MAX = cython.declare(cython.Py_ssize_t, CONTACTS_MAX)
 _NONE = cython.declare(cython.int, -1)
@@ -108,7 +108,7 @@ class Regions:
         self.x0, self.y0, self.step_px = x0 - step_px, y0 - step_px, step_px
         self._level_rel = params.region_level_rel
         self._min_prominence_rel = params.min_prominence_rel
-        self._min_prominence_sigma = params.min_prominence_sigma
+        self._min_prominence_sigma = 2.0 * params.contact_sigma
 
     def merge(self, noise: Heights, noise_px: cython.double) -> cython.Py_ssize_t:
         """Group the peaks into contacts by prominence, and measure their regions.

@@ -112,9 +112,9 @@ class SplitTest:
         self._regions, self._owner = regions, regions.owner
         self._middle, self._direction = regions.middle, regions.direction
         self._x0, self._y0, self._step_px = x[0], y[0], x[1] - x[0]
-        self._max_distance_px = params.split_max_pitch * pitch_px
+        self._max_distance_px = params.close_pitch * pitch_px
         self._min_prominence_rel = params.min_prominence_rel
-        self._min_prominence_sigma = params.min_prominence_sigma
+        self._min_prominence_sigma = 2.0 * params.contact_sigma
         self.first = self.second = self._n_active = self._i = 0
 
     def find_peaks(self, i: cython.Py_ssize_t) -> int:

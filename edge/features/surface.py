@@ -49,7 +49,7 @@ class Surface:
         radius = pattern.tip_radius_px
         if size is None:
             wanted = round(2.0 * radius / pattern.pitch_px * params.grid_steps_per_pitch) + 1
-            size = min(max(wanted, params.grid_min), params.grid_max)
+            size = max(wanted, params.grid_min)
         self.size = size
         self.pitch_px = pattern.pitch_px
         self.rest_img = np.ascontiguousarray(rest.xy_img)

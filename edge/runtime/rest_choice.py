@@ -23,6 +23,7 @@ import numpy as np
 from edge.calibration import Calibration
 from edge.cells import Tessellator
 from edge.errors import DegenerateLayout, NoPins, SourceError
+from edge.features.params import CELL_NOISE
 from edge.features.params import PARAMS as CONTACT
 from edge.pins import CentroidRefiner, detect, take_rest
 from edge.runtime.params import PARAMS as RUNTIME
@@ -150,7 +151,7 @@ def _compare(images: Sequence[Image], rest: Rest, params: RestChoiceParams) -> _
     deformation[known] = _rms(area[known] - untouched)
     agrees = np.zeros((len(area), len(area)), bool)
     for k in np.flatnonzero(known):
-        noise = CONTACT.cell_noise * np.hypot(sigma[known], sigma[k]) / rest.pattern.pitch_px
+        noise = CELL_NOISE * np.hypot(sigma[known], sigma[k]) / rest.pattern.pitch_px
         agrees[k, known] = _rms(area[known] - area[k]) < CONTACT.noise_ratio_max * noise
     agree_n = agrees.sum(axis=1) - 1
     candidates = known

@@ -28,6 +28,7 @@ from edge.calibration import Calibration
 from edge.cells import Tessellator
 from edge.errors import CalibrationError, DegenerateLayout, EdgeError, NoPins
 from edge.features import FeatureExtractor
+from edge.features.params import CELL_NOISE
 from edge.features.params import PARAMS as CONTACT
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.pins import CentroidRefiner, take_rest
@@ -240,7 +241,7 @@ def _touch_sigmas(reference: Rest, tracks: Tracks) -> float:
     rest_sigma_px = float(np.median(reference.pins.sigma_px))
     sigma_px = math.hypot(float(np.mean(tracks.sigma_px[tracks.seen])), rest_sigma_px)
     change = cells.area_px2 / rest_area - 1.0
-    expected = CONTACT.cell_noise * sigma_px / reference.pattern.pitch_px
+    expected = CELL_NOISE * sigma_px / reference.pattern.pitch_px
     # The median of all cells is that of an untouched one.
     ratio = SIGMA_OF_MAD * float(np.nanmedian(np.abs(change))) / expected
     sigmas = float(np.nanmax(np.abs(change))) / (expected * max(1.0, min(ratio, CONTACT.noise_ratio_max)))

@@ -20,7 +20,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     "codes and layouts of a protocol or format": frozenset({
         "edge/calibration/file.py:VERSION", "edge/calibration/file.py:UNTOUCHED",
         "edge/calibration/inputs.py:MODES", "edge/view/figures.py:_COLUMN_IN",
-        "edge/features/modes.py:DEGREE",
+        "edge/features/modes.py:DEGREE", "edge/features/regions.py:CONTACTS_MAX",
         "edge/cli/checks.py:FD_MTU", "edge/link/media.py:CAN_ERR_BUSOFF",
         "edge/link/media.py:CAN_ERR_RESTARTED", "edge/link/node.py:NMT_RESET_NODE",
         "edge/link/node.py:NMT_RESET_COMMUNICATION", "edge/link/object_server.py:FORCE", "edge/link/ports.py",
@@ -55,7 +55,8 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     }),
     "mathematics": frozenset({
         "edge/calibration/checks.py:_CELL_AREA", "edge/cli/lens.py:VIEWS_MIN", "edge/geometry/lens.py",
-        "edge/features/contact_detector.py:_SIGMA_OF_MAD",
+        "edge/features/contact_detector.py:_SIGMA_OF_MAD", "edge/features/params.py:CELL_NOISE",
+        "edge/features/params.py:RING_NOISE", "edge/features/params.py:MEDIAN_NOISE",
         "edge/features/pin_noise.py:_SIGMA_OF_MAD", "edge/tracking/outliers.py:_SIGMA_OF_MAD",
         "edge/geometry/select.py:SIGMA_OF_MAD",
         "edge/features/pin_motion.py:_ELLIPSE", "edge/features/modes.py:MODE_POWERS",

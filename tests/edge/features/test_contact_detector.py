@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from edge.features.contact_detector import ContactDetector
-from edge.features.params import PARAMS
+from edge.features.params import PARAMS, RING_NOISE
 from edge.geometry.lattice import slope_stencil
 from edge.types import Array, Rest
 from tests.support.fields import areas, push, tip
@@ -33,11 +33,11 @@ def test_in_contact_where_ring_means_and_medians_are_beyond_the_limits() -> None
     for height in np.linspace(0.0, 0.01, 40):
         xy = rest.xy_img + push(rest, (20.0, -15.0), 50.0, height) + rng.normal(0.0, 0.05, (127, 2))
         change = areas(xy, rest) / rest_area - 1.0
-        limit = PARAMS.raise_sigma * PARAMS.ring_noise * 0.05 / rest.pattern.pitch_px
+        limit = PARAMS.raise_sigma * RING_NOISE * 0.05 / rest.pattern.pitch_px
         mean = change[ring].mean(axis=1)
         by_medians = area_change_by_medians(rest, xy)
         coherent = (
-            by_medians[ring[mean.argmax()]].max() > PARAMS.coherent_peak_rel * limit
+            by_medians[ring[mean.argmax()]].max() > PARAMS.contact_sigma / PARAMS.raise_sigma * limit
             or by_medians.max() > limit
         )
         expected = bool(mean.max() > limit and coherent)
@@ -51,10 +51,10 @@ def test_a_contact_has_hysteresis() -> None:
     detector = ContactDetector(rest)
     change = np.zeros(127)
     xy = rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1)  # the medians agree throughout
-    between = 0.5 * (PARAMS.raise_sigma + PARAMS.clear_sigma)
-    unit = PARAMS.ring_noise * 0.05 / rest.pattern.pitch_px
+    between = 0.5 * (PARAMS.raise_sigma + PARAMS.contact_sigma)
+    unit = RING_NOISE * 0.05 / rest.pattern.pitch_px
     answers = []
-    for sigmas in (between, PARAMS.raise_sigma + 0.1, between, PARAMS.clear_sigma - 0.1, between):
+    for sigmas in (between, PARAMS.raise_sigma + 0.1, between, PARAMS.contact_sigma - 0.1, between):
         change[:] = sigmas * unit
         answers.append(ContactDetector.by_area(detector, change, xy, 0.05))
         detector = detector if answers[-1] else ContactDetector(rest)  # without what it learnt
@@ -65,7 +65,7 @@ def test_a_mean_over_few_cells_is_scaled_down_and_over_three_ignored() -> None:
     rest = tip(127)
     ring, _ = slope_stencil(rest.xy_img, rest.pattern.pitch_px)
     xy = rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1)
-    limit = PARAMS.raise_sigma * PARAMS.ring_noise * 0.05 / rest.pattern.pitch_px
+    limit = PARAMS.raise_sigma * RING_NOISE * 0.05 / rest.pattern.pitch_px
     for known, factor, expected in ((4, 1.01, True), (4, 0.99, False), (3, 100.0, False)):
         change = np.full(127, np.nan)
         change[ring[0, :known]] = factor * limit / np.sqrt(known / 7)
