@@ -17,7 +17,7 @@ AT_MOST = {
     "features": 23,
     "geometry": 9,
     "link": 16,
-    "pins": 56,
+    "pins": 46,
     "recording": 6,
     "runtime": 40,
     "sources": 28,

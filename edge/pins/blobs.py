@@ -23,6 +23,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edge.limits import PINS_MAX
 from edge.pins.params import PARAMS
 from edge.types import Array, Image, Mask
 
@@ -101,8 +102,8 @@ def find_spots(image: Image, radius_px: float, depth_min: float) -> Spots:
     inside = np.s_[margin:-margin, margin:-margin]
     ys, xs = np.nonzero((band[inside] >= top[inside]) & (band[inside] > 0.1 * depth_min))
     ys, xs = ys + margin, xs + margin
-    if len(xs) > PARAMS.candidates_max:
-        best = np.argpartition(band[ys, xs], -PARAMS.candidates_max)[-PARAMS.candidates_max :]
+    if len(xs) > PINS_MAX:
+        best = np.argpartition(band[ys, xs], -PINS_MAX)[-PINS_MAX:]
         ys, xs = ys[best], xs[best]
     spots = _measure(_rays(grey, r, xs, ys), r)
     xy = (np.stack([xs, ys], axis=1) - margin + 0.5) * k - 0.5

@@ -76,10 +76,9 @@ class CentroidKernel:
     _reach2: cython.double
     _noise2: cython.double
     _steps_max: cython.int
+    _share_min: cython.double  # of a disc at the image's border
     _near: cython.double  # px: a step this short is the last
     _far: cython.double  # px: of a longer one the slopes alone are enough
-    _border_share_min: cython.double  # of a disc at the image's border
-    _border_pixels_min: cython.double
     _sign: cython.int  # -1: dark pins
     _shift: cython.int  # right shift that brings 16-bit images to 12 bits
     _wide: cython.bint
@@ -122,8 +121,8 @@ class CentroidKernel:
         templates       of k kinds of pins
         kind_of         (n,) int32, which of the kinds each pin is
         rest_amplitude  (n,) float64, levels
-        limits          fit_min, amplitude_share_min, border_share_min (shares), border_pixels_min, reach_px,
-                        clash_px, far_px, near_phases, steps_max, noise (levels), spare_bits
+        limits          share_min, reach_px, clash_px, far_px, near_phases, steps_max, noise (levels),
+                        spare_bits
         dark            the pins are darker than the skin
         Raises          ValueError: arrays that do not belong together, an index out of range
         """
@@ -152,11 +151,8 @@ class CentroidKernel:
         self._noise2 = limits["noise"] ** 2 / 4.0 ** int(limits["spare_bits"])
         self._steps_max = int(limits["steps_max"])
         self._near, self._far = limits["near_phases"] / PHASES, limits["far_px"]
-        self._border_share_min = limits["border_share_min"]
-        self._border_pixels_min = limits["border_pixels_min"]
-        self._filter = CentroidFilter(
-            rest_amplitude, limits["fit_min"], limits["amplitude_share_min"], limits["clash_px"]
-        )
+        self._share_min = limits["share_min"]
+        self._filter = CentroidFilter(rest_amplitude, limits["share_min"], limits["clash_px"])
         self.xy = self._xy = np.full((self.n, 2), np.nan)
         self.sigma = self._sigma = np.full(self.n, np.nan)
         self.amplitude = self._amplitude = np.full(self.n, np.nan)
@@ -436,11 +432,7 @@ class CentroidKernel:
         energy: cython.double = self._sums[0]
         seen: cython.double = self._sums[1]
         total: cython.double = self._normal[0, 4]
-        if (
-            self._normal[1, 1] < self._border_share_min * n.d2
-            or seen < self._border_pixels_min
-            or not self._invert()
-        ):
+        if self._normal[1, 1] < self._share_min * n.d2 or seen <= 4 or not self._invert():
             return -1
         energy -= total * total / seen
         explained: cython.double = -total * total / seen

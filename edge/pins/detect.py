@@ -134,8 +134,9 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
     low, high = np.percentile(grey[::4, ::4], (1.0, 99.0))
     depth_min = max(PARAMS.depth_min_range * float(high - low), 2.0)
     radius_max = max(3.0, PARAMS.search_radius_max_side * min(grey.shape))
-    scales = PARAMS.search_radius_min_px * PARAMS.search_radius_step ** np.arange(
-        np.log(radius_max / PARAMS.search_radius_min_px) / np.log(PARAMS.search_radius_step)
+    step = PARAMS.search_radius_step
+    scales = PARAMS.search_radius_min_px * step ** np.arange(
+        np.log(radius_max / PARAMS.search_radius_min_px) / np.log(step)
     )
     found = _at_scales(grey, scales, depth_min)
     spots = found[_well_shaped(found)]

@@ -11,11 +11,10 @@ class PinParams:
 
     # --- full-frame search: scales
     search_radius_min_px: float = 1.7  # smallest disc that has an inside
-    search_radius_step: float = 1.3  # ratio of one scale to the next
     search_radius_max_side: float = 1 / 22  # largest disc, of the image's shorter side
+    search_radius_step: float = 1.3  # ratio of one scale to the next
     scale_range: tuple[float, float] = (0.7, 1.4)  # radii that one scale sees well, ratios to it
     reduced_radius_px: float = 2.5  # a pin's radius in the reduced image that is searched
-    candidates_max: int = 4000  # local maxima of one scale that are examined
     unlike_pins_max: float = 1.15  # unevenness of the neighbours plus the variation that discs do not explain
     depth_min_range: float = 0.03  # a spot's depth, of the image's own range
     depth_min_pins: float = 0.3  # ... of the pins' median depth
@@ -33,38 +32,31 @@ class PinParams:
     outlier_max_touching: float = 6.0  # of two spots that touch
     link_factor: float = 1.6  # two are connected within this many times the distance to their nearest
     group_share_min: float = 0.03  # pins of a connected group, of the largest
-    hull_margin_pitches: float = 0.5
-    link_pitches_outside: float = 1.9
+    link_pitches_outside: float = 1.9  # to the nearest pin, of one outside
     touch_radii: float = 1.15  # two touch within this share of the sum of their radii
     touch_pitches: float = 0.7
     gap_pitches_min: float = 0.8  # from a spot in a gap to the nearest pin
     # --- pins that a border cuts
     cut_area_range: tuple[float, float] = (0.12, 1.05)  # share of the disc that is left
     cut_facing_min: float = 0.4  # cosine between the arc's slope and straight outwards
-    cut_span_min_rad: float = 1.0
-    cut_scatter_max_radii: float = 0.09  # rms of the arc about its circle
-    cut_scatter_max_px: float = 0.5
+    cut_scatter_max_px: float = 0.5  # rms of the arc about its circle
     cut_brightness_min: float = 0.5  # of the neighbours'
-    cut_pitches_range: tuple[float, float] = (0.6, 1.7)  # to the nearest pin
     cut_same_pitches: float = 0.2  # an arc of the housing is found again within this
     cut_sigma_min_radii: float = 0.05  # and at least a sample of the arc
     # --- rest frame
     vote_reach: float = 1.2  # tip radii within which single images are searched for pins that the mean lacks
-    vote_pitches: float = 0.5  # nearer places are one pin's
     rest_gap_radii: float = 0.5  # from a pin's centre to the image's border, pin radii
     steady_radii: float = 0.1  # images are of one place where four of five pins moved less than this
     steady_sigmas: float = 4.0
-    steady_share_min: float = 0.6  # of the pins that two images must share to be compared
     # --- centroids in the windows of known pins
     steps_max: int = 8  # of the fit, from the prediction
     near_phases: float = 0.75  # a step shorter than this share of a subpixel phase is the last
     far_px: float = 0.35  # of a longer step the slopes alone are enough
-    border_share_min: float = 0.3  # of the template's variation: less of a disc at the image's border is lost
-    border_pixels_min: float = 12.0  # ... or fewer pixels
     radius_kind_step: float = 1.05  # ratio of one template's radius to the next
-    fit_min: float = 0.25  # share of the window's variation that the disc has to explain
-    amplitude_share_min: float = 0.25  # of its brightness at rest, after the gain common to all pins
-    reach_pitches: float = 0.6  # from the prediction
+    # what a pin has at least: of its window's variation, explained by the disc; of the disc, at the image's
+    # border; of its brightness at rest, after the gain common to all pins
+    pin_share_min: float = 0.25
+    own_pitches: float = 0.6  # nearer than this is the same pin: to its prediction, to another arc
     clash_radii: float = 1.1  # two centroids nearer than this lie on one blob
     gain_max: float = 2.5  # how much brighter than at rest the pins may become before they saturate
 

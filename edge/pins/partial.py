@@ -46,7 +46,7 @@ def find_cut(grey: Image, pins: Pins, pattern: PinPattern, most: int) -> Pins:
         slivers = _slivers(grey, pins, hull, pattern.pin_radius_px)
         distance, near = tree.query(slivers, k=N_RING)
         for at, gap, beside in zip(slivers, distance[:, 0], near, strict=True):
-            if gap > PARAMS.cut_pitches_range[1] * pitch:
+            if gap > PARAMS.link_pitches_outside * pitch:
                 continue
             outwards = at - xy[beside].mean(0)
             outwards /= max(float(np.hypot(*outwards)), 1e-9)
@@ -65,9 +65,7 @@ def find_cut(grey: Image, pins: Pins, pattern: PinPattern, most: int) -> Pins:
             if (
                 outside
                 and not known
-                and PARAMS.cut_pitches_range[0] * pitch
-                < tree.query((x, y))[0]
-                < PARAMS.cut_pitches_range[1] * pitch
+                and PARAMS.own_pitches * pitch < tree.query((x, y))[0] < PARAMS.link_pitches_outside * pitch
             ):
                 rows.append((x, y, sigma, radius, brightness))
     found = np.array(rows).reshape(-1, 5)
@@ -75,8 +73,7 @@ def find_cut(grey: Image, pins: Pins, pattern: PinPattern, most: int) -> Pins:
     kept: list[int] = []
     for i in np.argsort(found[:, 2], kind="stable"):
         if all(
-            np.hypot(*(found[i, :2] - found[k, :2])) > PARAMS.cut_pitches_range[0] * pattern.pitch_px
-            for k in kept
+            np.hypot(*(found[i, :2] - found[k, :2])) > PARAMS.own_pitches * pattern.pitch_px for k in kept
         ):
             kept.append(int(i))
     kept = kept[:most]
@@ -149,12 +146,8 @@ def _fit_arc(
         cx, cy = cx + mx, cy + my
         if mx * mx + my * my < 1e-4:
             break
-    angle = np.arctan2(ux * outwards[1] - uy * outwards[0], -(ux * outwards[0] + uy * outwards[1]))
     scatter = float(np.sqrt(np.mean(off * off)))
-    if (
-        scatter > max(PARAMS.cut_scatter_max_radii * radius_px, PARAMS.cut_scatter_max_px)
-        or np.ptp(angle) < PARAMS.cut_span_min_rad
-    ):
+    if scatter > PARAMS.cut_scatter_max_px:
         return None
     # FINER samples of the outline count as one pixel of evidence; sigma is that of the worse coordinate.
     least = (xx + yy - np.hypot(xx - yy, 2 * xy)) / 2

@@ -51,7 +51,7 @@ def belongs(spots: Spots) -> Mask:
         if len(core) <= N_RING:
             return np.zeros(len(spots), bool)
         pitch = pitch_of(spots.xy_img[core])
-        inside = _inside_hull(spots.xy_img[core], xy, PARAMS.hull_margin_pitches * pitch)
+        inside = _inside_hull(spots.xy_img[core], xy, 0.5 * pitch)
         near = cKDTree(spots.xy_img[core]).query(xy)[0] < PARAMS.link_pitches_outside * pitch
         fits = (outlierness < PARAMS.outlier_max) & (
             inside | (near & (outlierness < PARAMS.outlier_max_outside))
@@ -78,9 +78,7 @@ def fills_gap(spots: Spots, pins: Spots) -> Mask:
         & (depth > 0.45)
         & (depth < 1.7)
     )
-    fits[fits] = _inside_hull(
-        pins.xy_img, spots.xy_img[fits], PARAMS.hull_margin_pitches * pitch_of(pins.xy_img)
-    )
+    fits[fits] = _inside_hull(pins.xy_img, spots.xy_img[fits], 0.5 * pitch_of(pins.xy_img))
     return fits
 
 

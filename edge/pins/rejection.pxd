@@ -3,7 +3,7 @@ from edge.geometry.separation cimport Separation
 
 cdef class CentroidFilter:
     cdef Py_ssize_t n
-    cdef double fit_min, amplitude_share_min, scale, clash_slanted
+    cdef double share_min, scale, clash_slanted
     cdef double[::1] rest_amplitude, ratio, along, x, y
     cdef int[::1] order
     cdef Separation separation

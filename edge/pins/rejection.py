@@ -37,19 +37,16 @@ _SLANT = cython.declare(cython.double, 0.3)
 class CentroidFilter:
     """Rejects among the n pins of one tip.
 
-    rest_amplitude       (n,) float64, levels
-    fit_min              share of its window's variation that the disc has to explain
-    amplitude_share_min  of the amplitude at rest, after the common gain
-    clash_px             two centroids nearer than this lie on one blob
+    rest_amplitude  (n,) float64, levels
+    share_min       of its window's variation that the disc has to explain, and of the amplitude at rest that
+                    is left after the common gain
+    clash_px        two centroids nearer than this lie on one blob
     """
 
-    def __init__(
-        self, rest_amplitude: Array, fit_min: float, amplitude_share_min: float, clash_px: float
-    ) -> None:
+    def __init__(self, rest_amplitude: Array, share_min: float, clash_px: float) -> None:
         self.rest_amplitude = np.array(rest_amplitude, np.float64)
         self.n = self.rest_amplitude.shape[0]
-        self.fit_min = fit_min
-        self.amplitude_share_min = amplitude_share_min
+        self.share_min = share_min
         self.scale = (1.0 + _SLANT * _SLANT) ** 0.5
         self.clash_slanted = clash_px * self.scale
         self.ratio = np.empty(self.n)
@@ -77,7 +74,7 @@ class CentroidFilter:
         low: cython.double = HUGE_VAL
         high: cython.double = 0.0
         for i in range(self.n):
-            if fit[i] > self.fit_min:
+            if fit[i] > self.share_min:
                 gain = amplitude[i] / self.rest_amplitude[i]
                 low = gain if gain < low else low
                 high = gain if gain > high else high
@@ -85,7 +82,7 @@ class CentroidFilter:
                 m += 1
             else:
                 xy[i, 0] = xy[i, 1] = sigma[i] = NAN
-        if not low > self.amplitude_share_min * high:  # else none is too dim, whatever the gain
+        if not low > self.share_min * high:  # else none is too dim, whatever the gain
             self._reject_dim(xy, sigma, amplitude, m)
         if not self.separation.holds(xy):
             self._sort(xy)
@@ -101,7 +98,7 @@ class CentroidFilter:
         """The pins that are too dim beside the gain, the median of the first m of `ratio`, are lost."""
         i: cython.Py_ssize_t
         gain: cython.double = select_kth(self.ratio, m, m // 2) if m else 1.0
-        least: cython.double = self.amplitude_share_min * gain
+        least: cython.double = self.share_min * gain
         for i in range(self.n):
             if amplitude[i] < least * self.rest_amplitude[i]:
                 xy[i, 0] = xy[i, 1] = sigma[i] = NAN

@@ -67,7 +67,7 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
         for name in ("xy_img", "sigma_px", "radius_px", "brightness")
     )
     which = np.repeat(np.arange(len(shown)), [len(one) for one in shown])
-    near_px = PARAMS.vote_pitches * pattern.pitch_px
+    near_px = 0.5 * pattern.pitch_px
     free = cKDTree(pins.xy_img).query(xy)[0] > near_px
     added: list[tuple[float, ...]] = []
     for i in np.flatnonzero(free):
@@ -105,7 +105,7 @@ def _steady(greys: Sequence[Image], start: int, rest: Rest) -> list[int]:
     for k in range(len(greys)):
         moved = np.hypot(*np.moveaxis(xy - xy[k], -1, 0))
         both = np.isfinite(moved)
-        enough = both.mean(axis=1) > PARAMS.steady_share_min
+        enough = both.any(axis=1)
         away[k, enough] = [np.quantile(m[b], 0.8) for m, b in zip(moved[enough], both[enough], strict=True)]
     near = away <= limit
     size = near.sum(axis=1)
