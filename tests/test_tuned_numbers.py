@@ -19,7 +19,7 @@ AT_MOST = {
     "link": 16,
     "pins": 46,
     "recording": 6,
-    "runtime": 40,
+    "runtime": 41,
     "sources": 28,
     "tracking": 67,
     "view": 15,

@@ -211,7 +211,7 @@ class FaultDetector:
         self._registry.report(F.TRACKER_LOST, untrusted, "pins cannot be identified")
         missing = self._pins.problem(tracks)
         self._registry.report(F.PINS_LOST, bool(missing), missing)
-        if untrusted:
+        if untrusted or self._pins.needs_focus_check(tracks):
             self._check_focus(frame, now=True)
         return not (untrusted or missing)
 

@@ -41,6 +41,7 @@ class PinVisibilityParams:
     still_pitches: float = RUNTIME.still_pitches  # largest motion in a frame that counts as static
     far_pitches: float = 3.0  # skin cannot move further
     far_rel: float = RUNTIME.astray_rel  # share of the pins so far away: identities are wrong
+    noise_ratio: float = 1.3  # times the baseline noise, the focus is checked now
 
 
 PARAMS = PinVisibilityParams()
@@ -73,9 +74,6 @@ class PinVisibility:
         frames_n = p.forget_frames_n if few or suddenly else p.baseline_frames_n
         self._baseline_share += (share - self._baseline_share) / frames_n
         unidentified = tracks.confidence < Tracks.LOW_CONFIDENCE
-        if share >= p.seen_rel:
-            noise_px = float(tracks.sigma_px[tracks.seen].mean())
-            self._baseline_px += (noise_px - self._baseline_px) / p.baseline_frames_n
         if few or suddenly or unidentified:
             self._good_n = 0
             counted = f"{tracks.n_seen} of {n} pins are seen"
@@ -112,6 +110,16 @@ class PinVisibility:
         length_px = np.hypot(step[:, 0], step[:, 1])
         length_px = length_px[np.isfinite(length_px)]
         return not length_px.size or float(np.median(length_px)) < p.still_pitches * self._pitch_px
+
+    def needs_focus_check(self, tracks: Tracks) -> bool:
+        """Whether pins are missing, or seen with more noise than the baseline."""
+        p = self._params
+        if tracks.n_seen < (1.0 - RUNTIME.astray_rel) * len(tracks.seen):
+            return True
+        noise_px = float(tracks.sigma_px[tracks.seen].mean())
+        noisy = noise_px > p.noise_ratio * self._baseline_px
+        self._baseline_px += (noise_px - self._baseline_px) / p.baseline_frames_n
+        return noisy
 
     def impossible(self, tracks: Tracks) -> bool:
         """Whether pins moved further than skin can."""
