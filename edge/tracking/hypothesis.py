@@ -88,8 +88,8 @@ class Hypothesis:
             return 0.0
         ways = gammaln(n + 1) - gammaln(known_n + 1) - gammaln(n - known_n + 1)
         ways += gammaln(m + 1) - gammaln(m - known_n + 1)
-        places = float(self._density[self.known].sum()) + known_n * np.log(self._area)
-        return places - float(ways) + self.model.log_prior(self.motion, self.known)
+        places = self._density[self.known].sum() + known_n * np.log(self._area)
+        return float(places - ways + self.model.log_prior(self.motion, self.known))
 
     def differs(self, other: Hypothesis) -> bool:
         """Whether it has less than half of the other's identities."""
@@ -176,11 +176,13 @@ class Hypothesis:
         return free
 
     def _log_density(self, square: Array, variance: Array, freedom: Array) -> Array:
-        """Logarithm of the density of a centroid at this square of the distance from where it is predicted with
-        this variance: a Student t in the plane.
+        """Logarithm of the density of a centroid at this square of the distance from where it is predicted
+        with this variance: a Student t in the plane.
         """
         spread = variance + self.model.noise**2
-        return np.asarray(-np.log(2 * np.pi * spread) - (freedom / 2 + 1) * np.log1p(square / (freedom * spread)))
+        return np.asarray(
+            -np.log(2 * np.pi * spread) - (freedom / 2 + 1) * np.log1p(square / (freedom * spread))
+        )
 
     def _log_chance(self) -> float:
         """Logarithm of the odds that a pin is missing times the density of false blobs, per square pitch;

@@ -1,8 +1,8 @@
 """The prior of one tip's motion: what the pins around predict for each, and how far a tip moves as a whole.
 
-Idea: the motion is modelled as a random field (`edge.geometry.motion_field`), so that the pins around each pin
-give its place and a variance. The field's scale is not known here: it differs over the tip and is learnt from
-the frame (`edge.tracking.hypothesis`).
+Idea: the motion is modelled as a random field (`edge.geometry.motion_field`), so that the pins around each
+pin give its place and a variance. The field's scale is not known here: it differs over the tip and is learnt
+from the frame (`edge.tracking.hypothesis`).
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ class MotionModel:
         return weight[:, :-3], self._own - (weight * with_own).sum(1)
 
     def weight_in_near(self, weight: Array) -> Array:
-        """(n, k) the weight that each pin has in the prediction of those near it; weight (n, k) of those near in
-        its own.
+        """(n, k) the weight that each pin has in the prediction of those near it; weight (n, k) of those near
+        in its own.
         """
         return np.append(weight, 0.0)[self._in_near]
 

@@ -66,7 +66,7 @@ class TrackingParams:
     # --- posterior of a match
     shift_spread: float = 0.5  # pitches; standard deviation of a tip's mean motion
     rotation_spread: float = 0.2  # pitches; of its mean motion around the centre
-    found_weights: tuple[float, float, float, float] = (10.9, -3.2, -23.4, 1.8)  # of `search.found_evidence`
+    found_weights: tuple[float, float, float, float] = (9.7, -4.0, -15.0, 1.5)  # of `search.found_evidence`
     search_confidence: float = 0.99  # ends a search
     # --- which blob each pin has for certain
     posterior_min: float = 0.98  # that a pin has its blob, against a missing pin and a false blob

@@ -8,10 +8,12 @@ row off looks as regular as the right one. Nearest neighbour from rest fails on 
    between neighbours along the seam and keep the largest piece: the seed.
 3. Grow the seed outwards (`match.RegionGrower`): each pin is predicted by the local affine map of its matched
    neighbours and takes the nearest blob; every sweep matches every pin anew.
-4. The hypothesis with the largest posterior wins (`hypothesis`). Its rivals are the other ones and itself
-   shifted by one lattice step: along six directions, around the tip, and in or out. Pins in rings fit
+4. The hypothesis with the largest posterior wins (`hypothesis`). Its alternatives are the other ones and
+   itself shifted by one lattice step: along six directions, around the tip, and in or out. Pins in rings fit
    themselves when each ring is rotated by one pin, but for the innermost six, so a wrong match can have 98 %
-   of the pins agree. Where a rival comes near, the identities cannot be known, and the confidence is low.
+   of the pins agree. Where an alternative comes near, the identities cannot be known.
+5. The confidence is the probability that the best hypothesis is right: that it is, of those that were found,
+   by the posteriors; and that the right one was found, by what `found_evidence` lists.
 """
 
 from __future__ import annotations
@@ -102,20 +104,20 @@ class Identifier:
         return tried
 
     def _climb(self, blobs: _BlobIndex, found: Hypothesis, tried: list[Hypothesis]) -> None:
-        """Add a hypothesis and its rivals by one lattice step, from the better one again and again."""
+        """Add a hypothesis and its alternatives by one lattice step, from the better one again and again."""
         tried.append(found)
         while len(tried) < self._tip.params.regions_max:
-            rival = self._best_rival(blobs, found)
-            tried.append(rival)
-            if rival.log_posterior <= found.log_posterior:
+            alternative = self._best_alternative(blobs, found)
+            tried.append(alternative)
+            if alternative.log_posterior <= found.log_posterior:
                 break
-            found = rival
+            found = alternative
 
     def _confidence(self, best: Hypothesis, ahead: float) -> float:
-        """Probability that the best hypothesis is right: it is the right one of those that were found, and the
-        right one was found.
+        """Probability that the best hypothesis is the right one of those that were found, and that the right
+        one was found.
 
-        ahead  of the best rival, difference of the logarithms of the posteriors
+        ahead  of the best alternative, difference of the logarithms of the posteriors
         """
         if not best.known_n:
             return 0.0
@@ -140,7 +142,7 @@ class Identifier:
             if np.count_nonzero(wide) > p.bridge_gain_min * np.count_nonzero(seed):
                 yield motions[h], wide
 
-    def _best_rival(self, blobs: _BlobIndex, match: Hypothesis) -> Hypothesis:
+    def _best_alternative(self, blobs: _BlobIndex, match: Hypothesis) -> Hypothesis:
         """The best other match among those one lattice step away from this one."""
         tip = self._tip
         motion = blobs.xy[match.blob] - tip.rest_xy
@@ -184,9 +186,9 @@ def found_evidence(best: Hypothesis) -> tuple[float, float, float, float]:
 
 
 def _ahead(best: Hypothesis, others: list[Hypothesis]) -> float:
-    """How far the logarithm of its posterior is above that of its best rival, or of no match at all."""
-    rivals = [match.log_posterior for match in others if match.differs(best)]
-    return max(best.log_posterior - max(rivals, default=0.0), 0.0)
+    """How far the logarithm of its posterior is above that of its best alternative, or of no match at all."""
+    alternatives = [match.log_posterior for match in others if match.differs(best)]
+    return max(best.log_posterior - max(alternatives, default=0.0), 0.0)
 
 
 def _bridges(tip: TrackedTip) -> Links:

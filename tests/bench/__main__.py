@@ -22,6 +22,7 @@ COMMANDS = {
     "contacts": "Contacts on a second, independent simulator, against their bounds.",
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
     "identity": "Pin identity after a jump, on real and simulated frames.",
+    "confidence": "How honest the confidence of identities is.",
     "instructions": "Instructions and cache misses of a frame, counted.",
     "learning": "Error over the number of frames fitted; chosen frames.",
     "link": "Fingers on one bus: losses and latency.",

@@ -85,12 +85,12 @@ def consistent(motion: Array, around: list[Array]) -> Mask:
 
 
 def real_jumps(folder: Path, every: int) -> Iterator[tuple[Jump, Image, Rest, Tracks]]:
-    rest = take_rest([_grey(folder / "rest.png")])
+    rest = take_rest([grey(folder / "rest.png")])
     around = neighbours(rest.xy_img)
     with (folder / "targets.csv").open() as f:
         names = [row["sensor_image"] for row in csv.DictReader(f)]
     for name in track(names[::every], "real frames", transient=True):
-        image = _grey(folder / "frames" / name)
+        image = grey(folder / "frames" / name)
         blobs = detect(image, rest.pattern)
         tracker = Tracker(rest)
         began = time.process_time()
@@ -110,7 +110,7 @@ def real_jumps(folder: Path, every: int) -> Iterator[tuple[Jump, Image, Rest, Tr
         yield jump, image, rest, tracks
 
 
-def _grey(path: Path) -> Image:
+def grey(path: Path) -> Image:
     image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if image is None:
         raise click.ClickException(f"{path}: no such image; set VORONOI_TOUCH_REAL to the recordings' folder")

@@ -77,7 +77,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/features/quantized_operator.py", "edge/features/regions.py:_VARIANCE_MIN",
         "edge/geometry/lattice.py:RANK_TOLERANCE", "edge/geometry/layout.py",
         "edge/runtime/image_quality.py:ONE_LEVEL",
-        "edge/tracking/affine.py:NO_NEIGHBOUR", "edge/tracking/posterior.py:UNDETERMINED",
+        "edge/tracking/affine.py:NO_NEIGHBOUR", "edge/tracking/motion_model.py:UNDETERMINED",
         "edge/recording/reader.py:_TIME_MAX_NS",
         "edge/recording/reader.py:_SEQUENCE_MAX", "edge/view/panels.py:_SHIFT", "edge/view/panels.py:_ONE",
     }),

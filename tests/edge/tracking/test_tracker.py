@@ -15,8 +15,8 @@ from edge.errors import DegenerateLayout
 from edge.geometry.lattice import Lattice
 from edge.pins import CentroidRefiner, detect, take_rest
 from edge.tracking import Tracker
-from edge.tracking.links import Adjacency
 from edge.tracking.hypothesis import Hypothesis
+from edge.tracking.links import Adjacency
 from edge.tracking.params import TrackingParams
 from edge.tracking.search import Identifier, Identity
 from edge.types import Array, Image, PinPattern, Pins, Rest, Tracks
