@@ -147,11 +147,11 @@ def fitted(outcomes: list[Outcome]) -> Array:
     ahead = expit([o.ahead for o in outcomes])
     terms = np.nan_to_num(np.array([o.evidence for o in outcomes]), neginf=-20.0)
 
-    def surprise(weights: Array) -> float:
+    def log_loss(weights: Array) -> float:
         p = np.clip(ahead * expit(terms @ weights), 1e-9, 1 - 1e-9)
         return -float(np.mean(np.log(np.where(right, p, 1 - p))))
 
-    return np.asarray(minimize(surprise, np.zeros(terms.shape[1]), method="BFGS").x)
+    return np.asarray(minimize(log_loss, np.zeros(terms.shape[1]), method="BFGS").x)
 
 
 def diagram(outcomes: list[Outcome]) -> list[dict[str, float]]:

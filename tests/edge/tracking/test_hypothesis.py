@@ -126,3 +126,38 @@ def test_an_affine_motion_is_predicted_exactly_whatever_is_missing() -> None:
 def test_no_pin_is_certain_where_none_is_matched() -> None:
     model, now, blob, _ = inconsistent(0)
     assert not certain_match(Hypothesis(model, now, blob, np.zeros(N, bool)))[1].any()
+
+
+def test_of_a_match_and_one_a_row_off_the_right_one_is_more_likely() -> None:
+    """Both are as smooth; one row off leaves a row of pins and a row of blobs."""
+    model, now, _, good = inconsistent(0)
+    xy = model.tip.rest_xy
+    apart = np.hypot(*(xy[:, None] - xy + [PITCH_PX, 0.0]).transpose(2, 0, 1))
+    shifted, has = apart.argmin(1).astype(np.int32), apart.min(1) < 1.0
+    right = Hypothesis(model, now, np.arange(N, dtype=np.int32), good)
+    off = Hypothesis(model, now, shifted, has)
+    assert off.known_n > 0.9 * N
+    assert off.differs(right)
+    assert right.log_posterior > off.log_posterior + 50
+
+
+def test_a_side_that_is_hidden_leaves_little_to_tell_a_row_by() -> None:
+    """Without the row at one side the match one row off has as many pins: only the tip's motion tells."""
+    model, now, _, _ = inconsistent(0)
+    xy = model.tip.rest_xy
+    apart = np.hypot(*(xy[:, None] - xy + [PITCH_PX, 0.0]).transpose(2, 0, 1))
+    to, has = apart.argmin(1).astype(np.int32), apart.min(1) < 1.0
+    left = ~np.isin(np.arange(N), to[has])
+    seen = ~left
+    blob_of = np.where(seen, np.cumsum(seen) - 1, 0).astype(np.int32)
+    right = Hypothesis(model, now[seen], blob_of, seen)
+    off = Hypothesis(model, now[seen], blob_of[to], has & seen[to])
+    assert 0 < right.log_posterior - off.log_posterior < 10
+
+
+def test_a_pin_far_off_goes_and_takes_none_of_its_neighbours_along() -> None:
+    """Its error makes those around look badly predicted too; they are not evidence for it."""
+    model, now, blob, good = inconsistent(0)
+    now[N // 2] += [0.3 * PITCH_PX, 0.0]
+    found = Hypothesis(model, now, blob, good)
+    assert np.flatnonzero(~found.known).tolist() == [N // 2]
