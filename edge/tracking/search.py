@@ -99,7 +99,7 @@ class Identifier:
             self._climb(blobs, self._grow(blobs, motion, seed), tried)
             tried.sort(key=lambda match: -match.log_posterior)
             confidence = self._confidence(tried[0], _ahead(tried[0], tried[1:]))
-            if confidence > p.search_confidence or len(tried) >= p.regions_max:
+            if confidence > p.posterior_min or len(tried) >= p.regions_max:
                 break
         return tried
 
