@@ -68,7 +68,7 @@ class TrackingParams:
     rotation_spread: float = 0.2  # pitches; of its mean motion around the centre
     found_weights: tuple[float, float, float, float] = (9.7, -4.0, -15.0, 1.5)  # of `search.found_evidence`
     # --- which blob each pin has for certain
-    posterior_min: float = 0.98  # that a pin has its blob; that the search found the right match, which ends it
+    posterior_min: float = 0.98  # that a pin has its blob; that a match is right, which ends a search
     scale_freedom: float = 4.0  # pins that the roughness of the whole frame counts as, beside those near
     slip_spread: float = 0.03  # pitches; beyond this standard deviation a step of a pitch may go unnoticed
     slip_spread_hidden: float = 0.06  # ... where but one sign of a slip is seen
