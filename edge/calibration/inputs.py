@@ -42,6 +42,7 @@ def frame_inputs(features: Features, pattern: PinPattern, z: Complex | None = No
 
     z        written, and returned; None: a new array
     Returns  (28,) complex128, dimensionless
+    Raises   ValueError: sizes that do not fit
     """
     n: cython.Py_ssize_t = len(MODES)
     first: cython.Py_ssize_t = 2 + n
@@ -50,13 +51,13 @@ def frame_inputs(features: Features, pattern: PinPattern, z: Complex | None = No
     volume, modes, contacts = features.volume_px2, features.modes_px, features.contacts
     if z is None:
         z = np.empty(len(FRAME_INPUTS), np.complex128)
-    row: cython.doublecomplex[::1] = z
+    row: cython.doublecomplex[::1] = _row(z, len(FRAME_INPUTS))
     row[0] = math.nan if volume is None else volume / (math.pi * r * r)
     row[1] = _shear(features) / r
     if modes is None:
         row[2:first] = math.nan
     else:
-        modes_px: cython.const[cython.doublecomplex][::1] = modes
+        modes_px: cython.const[cython.doublecomplex][::1] = _row(modes, n)
         for i in range(n):
             row[2 + i] = modes_px[i] / r
     if contacts is None:
@@ -67,6 +68,12 @@ def frame_inputs(features: Features, pattern: PinPattern, z: Complex | None = No
         row[first] = row[first + 1] = row[first + 2] = 0.0
     row[first + 3] = features.gap
     row[first + 4] = 0.0 if features.gap_img is None else _on_disc(features.gap_img, pattern)
+    return z
+
+
+def _row(z: Complex, n: int) -> Complex:
+    if z.shape != (n,):
+        raise ValueError(f"({n},) is wanted, not {z.shape}")
     return z
 
 
@@ -95,10 +102,11 @@ def contact_inputs(
 
     z        written, and returned; None: a new array
     Returns  (7,) complex128, dimensionless
+    Raises   ValueError: sizes that do not fit
     """
     if z is None:
         z = np.empty(len(CONTACT_INPUTS), np.complex128)
-    row: cython.doublecomplex[::1] = z
+    row: cython.doublecomplex[::1] = _row(z, len(CONTACT_INPUTS))
     r = pattern.tip_radius_px
     row[0], row[1], row[3] = _place_peak_size(contact, pattern)
     row[2] = _shear(features) / r

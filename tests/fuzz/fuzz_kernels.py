@@ -151,6 +151,7 @@ def play() -> None:
     """A scene that reaches every kernel."""
     from edge.calibration import Calibration
     from edge.calibration.gaussian_process import ProcessKernel
+    from edge.calibration.inputs import evaluate_terms
     from edge.geometry import select
     from edge.pipeline import Pipeline
     from edge.runtime import measures
@@ -172,6 +173,7 @@ def play() -> None:
     corners = np.rint(rest.xy_img[20:24]).astype(np.int32)
     measures.FocusWindows(corners, 7, 20).measure(image, np.empty((4, 2)))
     select.kth_smallest(motion[:, 0].copy(), 3)
+    evaluate_terms(np.ones((2, 3), np.complex128), [[0], [1, 5]])
     processes = ProcessKernel(INPUTS, MODELS)
     z = np.linspace(-1.0, 1.0, 2 * len(INPUTS))
     n_outputs = sum(len(model.outputs) for model in MODELS)

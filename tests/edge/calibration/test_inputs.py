@@ -26,3 +26,10 @@ def test_inputs_are_free_of_resolution() -> None:
     )
     larger = replace(PATTERN, tip_radius_px=2 * PATTERN.tip_radius_px)
     np.testing.assert_allclose(frame_inputs(f, PATTERN), frame_inputs(doubled, larger))
+
+
+def test_a_row_of_another_size_is_refused() -> None:
+    f = touched_features(0.05, (4.0, -2.0))
+    for size in (0, 27, 29):
+        with pytest.raises(ValueError, match=r"\(28,\) is wanted"):
+            frame_inputs(f, PATTERN, np.empty(size, np.complex128))
