@@ -170,9 +170,15 @@ def diagram(outcomes: list[Outcome]) -> list[dict[str, float]]:
 
 
 @click.command(name="confidence", help="How honest the confidence of identities is.")
-@click.option("--jumps", default=2000, show_default=True, help="Simulated jumps.")
-@click.option("--every", default=3, show_default=True, help="Take each n-th published still.")
-@click.option("--seed", default=1, show_default=True)
+@click.option("--jumps", type=click.IntRange(min=1), default=2000, show_default=True, help="Simulated jumps.")
+@click.option(
+    "--every",
+    type=click.IntRange(min=1),
+    default=3,
+    show_default=True,
+    help="Take each n-th published still.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True)
 @click.option("--fit", is_flag=True, help="Print the weights that fit these jumps best.")
 @writes_results
 def command(jumps: int, every: int, seed: int, fit: bool, out: Path) -> None:
