@@ -50,6 +50,7 @@ class Hypothesis:
     mean, variance    (n, 2) motion of each pin as predicted, pitches, and (n,) its variance against the scale
     square            (n,) of the distance from there, square pitches
     scale, freedom    (n,) variance of the field at each pin, square pitches, and its degrees of freedom
+    log_posterior     against that all pins are missing and all blobs false
     """
 
     def __init__(self, model: MotionModel, blob_xy: Array, blob: Index, known: Mask) -> None:
@@ -75,13 +76,10 @@ class Hypothesis:
         """(n, 2) pitches; meaningless where not known."""
         return np.asarray((self.blob_xy[self.blob] - self._tip.rest_xy) / self._tip.pitch_px, np.float64)
 
-    @property
-    def log_posterior(self) -> float:
-        """Against that all pins are missing and all blobs false.
-
-        The shares of both are unknown, so that all numbers of missing pins are alike, and so are all of false
-        blobs, which are anywhere on the tip. The likelihood of the places is that of each pin by its
-        neighbours (Besag, Statistical analysis of non-lattice data, The Statistician 24, 1975).
+    def _log_posterior(self) -> float:
+        """The shares of missing pins and of false blobs are unknown: all numbers of them are alike. False
+        blobs are anywhere on the tip. The likelihood of the places is that of each pin by its neighbours
+        (Besag, Statistical analysis of non-lattice data, The Statistician 24, 1975).
         """
         n, m, known_n = len(self.known), len(self.blob_xy), self.known_n
         if not known_n:
@@ -106,6 +104,8 @@ class Hypothesis:
         """Give unassigned blobs to unmatched pins; predicted again from the assignment until it no longer
         changes.
         """
+        if not self.known.any():
+            return
         tip, pins, free = self._tip, _rows(~self.known), _rows(self._unassigned())
         at, blob_at = tip.rest_xy[pins] / tip.pitch_px, self.blob_xy[free] / tip.pitch_px
         mean, variance = self.model.from_around(self.motion, self.known, pins)
@@ -136,6 +136,7 @@ class Hypothesis:
             if not worst.any():
                 break
             self.known = self.known & ~worst
+        self.log_posterior = self._log_posterior()
 
     def _odds(self) -> Array:
         """(n,) logarithm of the odds that a known pin has its blob; infinite elsewhere."""

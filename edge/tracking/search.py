@@ -134,10 +134,12 @@ class Identifier:
                 yield motion, seed
         motions, matched = self._coarse.fit(blobs.nearest, blobs.xy, guesses)
         best = np.argsort(-self._agree_n(motions, matched), kind="stable")[: p.coarse_tried_n]
-        seeds = [self._links.largest_piece(motions[h], matched[h]) for h in best]
-        yield from zip(motions[best], seeds, strict=True)
+        seeds: list[Mask] = []
+        for h in best:
+            seeds.append(self._links.largest_piece(motions[h], matched[h]))
+            yield motions[h], seeds[-1]
         # A row of pins hidden by glare splits a tip as a seam does: try again with links across gaps.
-        for h, seed in list(zip(best, seeds, strict=True))[: p.bridged_n]:
+        for h, seed in zip(best[: p.bridged_n], seeds, strict=False):
             wide = self._bridges.largest_piece(motions[h], matched[h])
             if np.count_nonzero(wide) > p.bridge_gain_min * np.count_nonzero(seed):
                 yield motions[h], wide

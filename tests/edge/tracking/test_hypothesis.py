@@ -125,7 +125,11 @@ def test_an_affine_motion_is_predicted_exactly_whatever_is_missing() -> None:
 
 def test_no_pin_is_certain_where_none_is_matched() -> None:
     model, now, blob, _ = inconsistent(0)
-    assert not certain_match(Hypothesis(model, now, blob, np.zeros(N, bool)))[1].any()
+    nothing = Hypothesis(model, now, blob, np.zeros(N, bool))
+    assert not certain_match(nothing)[1].any()
+    nothing.assign(nothing.scale, nothing.freedom)
+    assert not nothing.known.any()
+    assert nothing.log_posterior == 0.0
 
 
 def test_of_a_match_and_one_a_row_off_the_right_one_is_more_likely() -> None:
