@@ -22,6 +22,7 @@ import pytest
 from edge.link.node import Node
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, Sample, decode_recording
 from hostlink.commands.cli import COMMANDS, cli, main
+from hostlink.output_file import find_unfinished
 from hostlink.recording import read_log
 from hostlink.wire import VERSION
 from tests.hostlink.test_client import Application, Pty, make_node, need_multicast, state
@@ -330,10 +331,10 @@ def test_record_on_a_full_disk_is_one_line_and_keeps_what_it_has(
 def test_record_ended_by_a_signal_is_whole(finger: Application, tmp_path: Path, number: int) -> None:
     file = tmp_path / "press.log"
     child = program("record", HOST, str(file))
-    until(lambda: any(size_of(path) > 2000 for path in tmp_path.iterdir()), "some samples are in a file")
+    until(lambda: any(size_of(path) > 2000 for path in find_unfinished(file)), "some samples are in the file")
     child.send_signal(number)
-    _, err = child.communicate(timeout=SOON_S)
-    assert child.returncode == 0, err
+    out, err = child.communicate(timeout=SOON_S)
+    assert child.returncode == 0, (out, err, {path.name: size_of(path) for path in tmp_path.iterdir()})
     assert list(tmp_path.iterdir()) == [file]
     assert any(isinstance(event, Sample) for event in decode_recording(file))
 
