@@ -109,6 +109,7 @@ class Pipeline:
         """Look at the demand once: an enum's hash is Python code."""
         self._asked, self._needed = self.demand, self._features_for(self.demand)
         self._with_cells = not OF_CELLS.isdisjoint(self._needed)
+        self._tessellator.forget()  # the last cells may be of long ago
         self._with_grip = Feature.FORCE in self.demand
 
     def _features_for(self, demand: frozenset[Feature]) -> frozenset[Feature]:

@@ -302,12 +302,15 @@ class Tracks:
     sigma_px     (n,) float64; NaN where lost
     seen         (n,) bool
     confidence   0..1; certainty of the identities. Below `LOW_CONFIDENCE` they must not be used.
+    autocorrelation  0..1; of the pins' motion off that of their neighbours, with that of the last frame: how
+                 much the last frame tells of a pin that is lost in this one
     """
 
     xy_img: Array
     sigma_px: Array
     seen: Mask
     confidence: float
+    autocorrelation: float = 0.0
 
     LOW_CONFIDENCE = 0.97
 

@@ -4,6 +4,8 @@ A kernel (`CONTRIBUTING.md`, "Kernels"): compiled by Cython, and the same when i
 
 Rules
 - A missing pin stands where the motion of the seen ones makes it most likely to be (`edge.cells.missing`).
+  The motion off that prediction changes little from frame to frame: what is left of the last frame's motion
+  is subtracted from all pins before they predict, and added again.
 - The points round the pins move as the rim pins do (`edge.cells.boundary.RimMotion`).
 - The rim pins' weights are in single precision: 1e-7 of their motion beside the affine one.
 - One pin's motion is subtracted from all before sums are formed, so that an origin far away costs no digits.
@@ -45,6 +47,7 @@ class FramePoints:
     rows: cython.double[:, ::1]
     inverse: cython.double[:, ::1]
     motion: cython.double[::1]  # (2 n,) of the seen pins, zero where missing
+    left: cython.double[::1]  # (2 n,) of the motion of the last frame
     pull: cython.double[::1]  # (2 n,) rows times motion
     points: cython.double[:, ::1]  # given last
     points_array: Array | None  # the same memory
@@ -75,6 +78,7 @@ class FramePoints:
         self.around_rest = np.array(around_rest, np.float64, order="C")
         self.residual = np.zeros(2 * r)
         self.motion = np.zeros(2 * n)
+        self.left = np.zeros(2 * n)
         self.pull = np.zeros(2 * n)
         self.set_missing(np.empty(0, np.int32), np.empty((0, 2 * n)), np.empty((0, 0)))
 
@@ -100,12 +104,16 @@ class FramePoints:
         self.rows = np.array(rows, np.float64, order="C")
         self.inverse = np.array(inverse, np.float64, order="C")
 
-    def place(self, xy: cython.const[cython.double][:, ::1], points: Array) -> None:
+    def place(
+        self, xy: cython.const[cython.double][:, ::1], points: Array, autocorrelation: cython.double = 0.0
+    ) -> None:
         """Write the points of one frame.
 
-        xy       (n, 2) float64, px; rows of missing pins are not used
-        points   (n + b, 2) float64, px; written
-        Raises   ValueError: sizes that do not fit
+        xy               (n, 2) float64, px; rows of missing pins are not used
+        points           (n + b, 2) float64, px; those of the last frame, if they count; written
+        autocorrelation  of the pins' motion off that of their neighbours with that of the last frame; 0: this
+                         frame alone counts
+        Raises           ValueError: sizes that do not fit
         """
         n: cython.Py_ssize_t = self.n_pins
         b: cython.Py_ssize_t = self.around_rest.shape[0]
@@ -115,6 +123,12 @@ class FramePoints:
         if xy.shape[0] != n or xy.shape[1] != 2 or out.shape[0] != n + b or out.shape[1] != 2:
             raise ValueError(f"xy ({n}, 2) and points ({n + b}, 2) are wanted")
         i: cython.Py_ssize_t
+        if self.n_missing:
+            for i in range(n):
+                self.left[2 * i] = self.left[2 * i + 1] = 0.0
+                if autocorrelation > 0.0:
+                    self.left[2 * i] = autocorrelation * (out[i, 0] - self.rest[i, 0])
+                    self.left[2 * i + 1] = autocorrelation * (out[i, 1] - self.rest[i, 1])
         for i in range(n):
             out[i, 0] = xy[i, 0]
             out[i, 1] = xy[i, 1]
@@ -125,7 +139,9 @@ class FramePoints:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _fill_missing(self, points: cython.double[:, ::1]) -> cython.void:
-        """Put each missing pin to its conditional mean, given the seen ones."""
+        """Put each missing pin to its conditional mean, given the seen ones and what is left of the last
+        frame.
+        """
         n: cython.Py_ssize_t = self.n_pins
         m: cython.Py_ssize_t = self.n_missing
         i: cython.Py_ssize_t
@@ -133,11 +149,12 @@ class FramePoints:
         first: cython.Py_ssize_t = 0
         while first < m and self.missing[first] == first:
             first += 1
-        shift_x: cython.double = points[first, 0] - self.rest[first, 0]
-        shift_y: cython.double = points[first, 1] - self.rest[first, 1]
+        left: cython.double[::1] = self.left
+        shift_x: cython.double = points[first, 0] - self.rest[first, 0] - left[2 * first]
+        shift_y: cython.double = points[first, 1] - self.rest[first, 1] - left[2 * first + 1]
         for i in range(n):
-            self.motion[2 * i] = points[i, 0] - self.rest[i, 0] - shift_x
-            self.motion[2 * i + 1] = points[i, 1] - self.rest[i, 1] - shift_y
+            self.motion[2 * i] = points[i, 0] - self.rest[i, 0] - left[2 * i] - shift_x
+            self.motion[2 * i + 1] = points[i, 1] - self.rest[i, 1] - left[2 * i + 1] - shift_y
         for k in range(m):
             i = self.missing[k]
             self.motion[2 * i] = self.motion[2 * i + 1] = 0.0
@@ -145,8 +162,10 @@ class FramePoints:
             self.pull[k] = _dot(self.rows, k, self.motion, 2 * n)
         for k in range(m):
             i = self.missing[k]
-            points[i, 0] = self.rest[i, 0] + shift_x - _dot(self.inverse, 2 * k, self.pull, 2 * m)
-            points[i, 1] = self.rest[i, 1] + shift_y - _dot(self.inverse, 2 * k + 1, self.pull, 2 * m)
+            left[2 * i] += self.rest[i, 0] + shift_x - _dot(self.inverse, 2 * k, self.pull, 2 * m)
+            left[2 * i + 1] += self.rest[i, 1] + shift_y - _dot(self.inverse, 2 * k + 1, self.pull, 2 * m)
+            points[i, 0] = left[2 * i]
+            points[i, 1] = left[2 * i + 1]
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -46,6 +46,7 @@ class Tessellator:
         self._mesh.update(self._points, self._rest_area_px2)
         self._rest_area_px2.flags.writeable = False
         self._collapsed_px2 = params.collapsed_rel * float(self._rest_area_px2.sum())
+        self._last_counts = False  # whether `_points` are of the frame before
         self._gap = 0.0
         self._gap_img: Array | None = None
         self._changes = -1
@@ -61,6 +62,7 @@ class Tessellator:
         """Area of each pin's bounded cell in this frame.
 
         tracks.xy_img  (n, 2) px, row i is pin i; NaN where lost
+        tracks.autocorrelation  how much the frame that this was called for before tells of lost pins
         Returns        new arrays; but `rest_area_px2` and `triangles` are shared by frames and read-only
         Raises         DegenerateLayout: fewer than 3 visible pins, or all on a line
         """
@@ -68,7 +70,8 @@ class Tessellator:
         if self._lost.update(tracks.seen):
             self._frame_points.set_missing(*self._lost.gap)
             self._gap, self._gap_img = _size_and_place(self._lost.gap, self._rest_img)
-        self._frame_points.place(np.ascontiguousarray(tracks.xy_img), self._points)
+        autocorrelation, self._last_counts = tracks.autocorrelation if self._last_counts else 0.0, True
+        self._frame_points.place(np.ascontiguousarray(tracks.xy_img), self._points, autocorrelation)
         if self._first_order is not None and self._first_order.update(self._points, self._area):
             triangles = self._rest_triangles
         else:
@@ -92,6 +95,7 @@ class Tessellator:
     def forget(self) -> None:
         """Let the next frame's areas depend on that frame alone, to the last bit."""
         self._mesh.forget()
+        self._last_counts = False
 
     def _tessellate(self, tracks: Tracks) -> Index:
         """Write the exact areas of the points of this frame; returns the triangles."""

@@ -7,7 +7,8 @@ residual, changes little from one frame to the next.
 
     found -> residual and its innovation -> two on one blob -> photometric outliers -> positions of all pins
 
-A rejected pin counts as lost, not as moved: it moves with its neighbours, and its residual decays.
+A rejected pin counts as lost, not as moved: it moves with its neighbours, and of its residual as much is left
+as of the others', which the frame tells: their autocorrelation with those of the last one.
 
 Loops that store take their arrays as local names: the C compiler then knows that the arrays stay where they
 are, and does not look their address up again after every store.
@@ -55,7 +56,6 @@ class Follower:
     innovation_max: cython.double
     innovation_max_lost: cython.double
     near_seen_min: cython.double
-    residual_decay: cython.double
     # of the tip
     rest: cython.double[:, ::1]
     local_pitch: cython.double[::1]
@@ -84,6 +84,7 @@ class Follower:
     now: cython.double[:, ::1]
     residual: cython.double[:, ::1]
     seen: cython.uchar[::1]
+    autocorrelation: cython.double  # of the residuals with those of the last frame
     expected: cython.double[:, ::1]  # places, of `predict`
     expected_array: Array  # the same memory
     predicted: cython.double[:, ::1]  # motion since rest, by the neighbours
@@ -102,7 +103,6 @@ class Follower:
         self.innovation_max = params.innovation_max
         self.innovation_max_lost = params.innovation_max_lost
         self.near_seen_min = params.near_seen_min
-        self.residual_decay = params.residual_decay
         self.rest = np.array(lattice.rest_xy, np.float64, order="C")
         self.local_pitch = np.array(lattice.local_pitch_px, np.float64)
         mean = photometric.affine.matrix()
@@ -146,13 +146,16 @@ class Follower:
             out[i, 1] = self.last[i, 1] + self.velocity[i, 1]
         return self.expected_array
 
-    def follow(self, found: Array, sigma: Array, brightness: Array) -> tuple[Array, Array, Mask, int, float]:
+    def follow(
+        self, found: Array, sigma: Array, brightness: Array
+    ) -> tuple[Array, Array, Mask, int, float, float]:
         """Evaluate one frame; `accept` makes it the last one.
 
         found, sigma  (n, 2) and (n,) float64, px; row i is pin i, NaN where nothing was found
         brightness    (n,) float64, levels
         Returns       (n, 2) px and (n,) px, found and sigma of the seen pins, NaN elsewhere; (n,) bool,
-                      seen; how many are seen; the median innovation of all pins, in local pitches
+                      seen; how many are seen; the median innovation of all pins, in local pitches; the
+                      autocorrelation of the residuals
         Raises        ValueError: sizes that do not fit
         """
         n: cython.Py_ssize_t = self.n
@@ -173,10 +176,11 @@ class Follower:
             self._find_residuals(self.found)
             self._keep_apart(self.found)
             self._filter(self.found, self.sigma, self.brightness)
+            self.autocorrelation = self._correlate(self.residual, self.seen)
             seen_n = self._place(self.found, self.sigma)
             innovation = self._median_innovation(self.now)
         xy, sigma, seen = self.results
-        return xy.copy(), sigma.copy(), seen.copy(), seen_n, innovation
+        return xy.copy(), sigma.copy(), seen.copy(), seen_n, innovation, self.autocorrelation
 
     def accept(self, damping: cython.double) -> None:
         """Make the frame that was followed the last one; damping: share of its motion that is expected
@@ -194,18 +198,22 @@ class Follower:
         self.last_residual, self.residual = self.residual, self.last_residual
         self.last_seen, self.seen = self.seen, self.last_seen
 
-    def settle(self, xy: Array, residual: Array, seen: Mask) -> None:
+    def settle(self, xy: Array, residual: Array, seen: Mask) -> float:
         """Make what a search found the last frame, at a standstill.
 
         xy, residual  (n, 2) px, of all pins; seen (n,) bool
+        Returns       autocorrelation of the residuals with those of the frame that was the last
         Raises        ValueError: sizes that do not fit
         """
         if xy.shape != (self.n, 2) or residual.shape != (self.n, 2) or seen.shape != (self.n,):
             raise ValueError(f"xy ({self.n}, 2), residual ({self.n}, 2) and seen ({self.n},) are wanted")
+        is_seen = np.array(seen, np.bool_).view(np.uint8)
+        self.autocorrelation = self._correlate(np.ascontiguousarray(residual, np.float64), is_seen)
         np.asarray(self.last)[:] = xy
         np.asarray(self.last_residual)[:] = residual
-        np.asarray(self.last_seen)[:] = np.asarray(seen, np.bool_)
+        np.asarray(self.last_seen)[:] = is_seen
         self.velocity[:] = 0
+        return float(self.autocorrelation)
 
     def median_innovation(self, xy: Array) -> float:
         """Median over the pins of the distance from where they were predicted, in local pitches; xy (n, 2)
@@ -418,6 +426,25 @@ class Follower:
     @cython.cfunc
     @cython.exceptval(check=False)
     @cython.nogil
+    def _correlate(
+        self, residual: cython.const[cython.double][:, ::1], seen: cython.const[cython.uchar][::1]
+    ) -> cython.double:
+        """Autocorrelation of the residuals with the last ones, of the pins seen in both; as of a process of
+        first order.
+        """
+        last: cython.double[:, ::1] = self.last_residual
+        i: cython.Py_ssize_t
+        both: cython.double = 0
+        square: cython.double = 0
+        for i in range(self.n):
+            if seen[i] and self.last_seen[i]:
+                both += residual[i, 0] * last[i, 0] + residual[i, 1] * last[i, 1]
+                square += last[i, 0] * last[i, 0] + last[i, 1] * last[i, 1]
+        return min(max(both / square, 0.0), 1.0) if square > 0 else 0.0
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    @cython.nogil
     def _place(
         self,
         found: cython.const[cython.double][:, ::1],
@@ -444,7 +471,7 @@ class Follower:
                 seen_n += 1
             else:
                 for d in range(2):
-                    residual[i, d] = self.residual_decay * self.last_residual[i, d]
+                    residual[i, d] = self.autocorrelation * self.last_residual[i, d]
                     now[i, d] = self.rest[i, d] + self.predicted[i, d] + residual[i, d]
                 xy[i, 0] = xy[i, 1] = sigma_out[i] = NAN
         return seen_n

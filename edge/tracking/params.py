@@ -19,7 +19,6 @@ class TrackingParams:
     innovation_max: float = 0.25  # change of the residual from one frame to the next
     innovation_max_lost: float = 0.35  # the same of a pin that was lost
     near_seen_min: float = 0.5  # share of a lost pin's nearest that must be seen for it to return
-    residual_decay: float = 0.95  # of a lost pin's residual, a frame
     # --- photometric outliers: brightness or centroid sigma unlike the pin's own
     brightness_sigmas: float = 4.0  # robust sigmas of the frame, from the gain that all pins share
     brightness_change_min: float = 0.03  # ... and at least this share

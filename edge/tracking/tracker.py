@@ -57,13 +57,13 @@ class Tracker:
         far off, and the whole frame is to be searched.
         """
         p = self._params
-        xy, sigma, seen, seen_n, innovation = self._follower.follow(
+        xy, sigma, seen, seen_n, innovation, autocorrelation = self._follower.follow(
             np.ascontiguousarray(pins.xy_img),
             np.ascontiguousarray(pins.sigma_px),
             np.ascontiguousarray(pins.brightness, np.float64),
         )
         share = seen_n / len(self._tip)
-        tracks = Tracks(xy, sigma, seen, self._confidence)
+        tracks = Tracks(xy, sigma, seen, self._confidence, autocorrelation)
         self._frames_since_search += 1
         continues = self._continues(innovation, share)
         refused = not continues or self._too_few(share, innovation)
@@ -100,15 +100,15 @@ class Tracker:
         if confidence >= Tracks.LOW_CONFIDENCE:
             self._confidence = confidence
             self._baseline_share, self._found_share = share, max(share, self._found_share)
-            self._follower.settle(now, now - self._tip.rest_xy - predicted, seen)
+            autocorrelation = self._follower.settle(now, now - self._tip.rest_xy - predicted, seen)
             self._hold()
-        elif fallback is not None:
+            return Tracks(xy, sigma, seen, confidence, autocorrelation)
+        if fallback is not None:
             self._follower.accept(self._params.velocity_damping)
             self._hold()
             return fallback
-        else:
-            self._held = False
-            self._unheld_frames += 1
+        self._held = False
+        self._unheld_frames += 1
         return Tracks(xy, sigma, seen, confidence)
 
     def _hold(self) -> None:

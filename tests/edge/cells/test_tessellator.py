@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -283,6 +285,37 @@ def test_lost_pins_are_where_a_press_pushes_them() -> None:
     enlarged = (true.area_px2 / true.rest_area_px2 - 1.0)[lost]
     assert np.sqrt(np.mean(error)) < 0.1
     assert np.sqrt(np.mean(off**2)) < 0.3 * np.sqrt(np.mean(enlarged**2))
+
+
+def blinked(left: float, forgotten: bool = False) -> tuple[Cells, Points]:
+    """Cells of a pressed tip whose pins are off a smooth motion, as some of them are lost and all move on
+    together; and where they are. Of the residuals `left` is said to be left.
+    """
+    rest = TIPS["hexagonal"]()
+    now = pressed(rest, 4.0) + np.random.default_rng(5).normal(0.0, 1.0, rest.shape)
+    tessellator = Tessellator(rest_of(rest))
+    tessellator.cells(tracks_of(now))
+    if forgotten:
+        tessellator.forget()
+    there = now + np.array([2.0, -1.0])
+    found = there.copy()
+    found[::9] = np.nan
+    return tessellator.cells(replace(tracks_of(found), autocorrelation=left)), there
+
+
+def test_a_lost_pin_keeps_its_place_among_those_that_move_on_together() -> None:
+    cells, there = blinked(1.0)
+    assert np.abs(cells.xy_img - there).max() < 1e-9
+    from_frame, _ = blinked(0.0)
+    half, _ = blinked(0.5)
+    errors = [np.abs(c.xy_img - there).max() for c in (half, from_frame)]
+    assert 0.2 < errors[0] == pytest.approx(errors[1] / 2, rel=1e-6)
+
+
+def test_a_forgotten_frame_tells_nothing_of_lost_pins() -> None:
+    cells, _ = blinked(1.0, forgotten=True)
+    from_frame, _ = blinked(0.0)
+    np.testing.assert_array_equal(cells.xy_img, from_frame.xy_img)
 
 
 def test_a_lost_pin_follows_an_affine_motion_exactly() -> None:

@@ -32,7 +32,7 @@ def follower(rest: Rest) -> Follower:
 
 
 def followed() -> Array:
-    """(frames, 3 n + 2): what is seen of frames in which pins are missing, displaced, dim, or on one blob."""
+    """(frames, 3 n + 3): what is seen of frames in which pins are missing, displaced, dim, or on one blob."""
     rest = small_tip(3)
     rng = np.random.default_rng(4)
     kernel, n, rows = follower(rest), len(rest), []
@@ -50,9 +50,9 @@ def followed() -> Array:
         found[blurred] += 1.0
         found[far] += 8.0
         found[near] = found[(near + 1) % n]
-        xy, _, seen, seen_n, innovation = kernel.follow(found, sigma, brightness)
+        xy, _, seen, seen_n, innovation, autocorrelation = kernel.follow(found, sigma, brightness)
         assert np.count_nonzero(seen) == seen_n
-        rows.append([*np.nan_to_num(xy).ravel(), *seen, seen_n, innovation])
+        rows.append([*np.nan_to_num(xy).ravel(), *seen, seen_n, innovation, autocorrelation])
         kernel.accept(0.7)
     return np.array(rows, np.float64)
 
@@ -64,7 +64,7 @@ def test_no_pin_is_seen_where_nothing_was_found_or_two_are_on_one_blob() -> None
     kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
     found = rest.xy_img.copy()
     found[3], found[8] = np.nan, found[9]
-    _, _, seen, seen_n, innovation = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+    _, _, seen, seen_n, innovation, _ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
     np.testing.assert_array_equal(np.flatnonzero(~seen), [3, 8])
     assert seen_n == n - 2
     assert innovation == 0.0
@@ -80,10 +80,39 @@ def test_of_two_pins_that_approach_slowly_one_is_lost_when_they_are_too_near() -
         found = rest.xy_img + 0.3
         found[0] += share * towards
         found[1] -= share * towards
-        _, _, seen, _, _ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+        _, _, seen, _, _, _ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
         kernel.accept(0.7)
         assert seen[2:].all()
         assert np.count_nonzero(seen[:2]) == (2 if share < 0.5 else 1), share
+
+
+@pytest.mark.parametrize("left", [0.0, 0.5, 1.0])
+def test_the_autocorrelation_is_what_is_left_of_the_residuals_and_a_lost_pin_keeps_as_much(
+    left: float,
+) -> None:
+    rest = small_tip(4)
+    n, lost = len(rest), 12
+    kernel = follower(rest)
+    kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
+    bent = np.random.default_rng(3).normal(0.0, 0.5, (n, 2))
+    kernel.follow(rest.xy_img + bent, rest.pins.sigma_px, rest.pins.brightness)
+    kernel.accept(0.0)
+    found = rest.xy_img + left * bent + 2.0
+    found[lost] = np.nan
+    *_, autocorrelation = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+    assert autocorrelation == pytest.approx(left, abs=0.02)
+    kernel.accept(0.0)
+    assert kernel.last_xy()[lost] == pytest.approx(rest.xy_img[lost] + left * bent[lost] + 2.0, abs=0.1)
+
+
+def test_a_search_tells_what_is_left_of_the_residuals() -> None:
+    rest = small_tip()
+    n = len(rest)
+    kernel = follower(rest)
+    bent = np.random.default_rng(3).normal(0.0, 0.5, (n, 2))
+    assert kernel.settle(rest.xy_img, bent, np.ones(n, bool)) == 0.0
+    assert kernel.settle(rest.xy_img, 0.4 * bent, np.ones(n, bool)) == pytest.approx(0.4)
+    assert kernel.settle(rest.xy_img, -bent, np.ones(n, bool)) == 0.0
 
 
 @pytest.mark.compiled
