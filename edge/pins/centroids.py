@@ -15,9 +15,9 @@ Rules
 - One pass over the pixels of the support, which are copied from the image without the gaps between its rows;
   nine pins in ten need only one step. Divisions here are those of the pin; what depends on the template alone
   is precomputed in `norms`.
-- Levels are taken relative to the window's middle, so that all sums are exact integers.
-- Dark pins are bright ones in the inverted image. Its levels are the negative ones, so that the result is the
-  same to the last bit.
+- All sums are exact integers.
+- Dark pins are bright ones in the inverted image, whose sums follow from the image's own: the result is the same
+  to the last bit.
 - Which of the centroids count is decided afterwards, over all pins (`rejection`).
 """
 
@@ -27,32 +27,50 @@ from __future__ import annotations
 
 import cython
 import numpy as np
+from numpy.typing import NDArray
 
 from edge.pins.templates import BLOCK, HALF_MAX, LANES, NORM, PHASES, STEP_MAX, TemplateSet
 from edge.types import Array, Image, Index
 
 if cython.compiled:
     from cython.cimports.edge.pins.rejection import CentroidFilter
-    from cython.cimports.edge.pins.windows import copy_spans, sums_of_bytes, sums_of_shorts
+    from cython.cimports.edge.pins.windows import sums_of_bytes, sums_of_shorts
     from cython.cimports.libc.math import NAN, isfinite, ldexp, sqrt
 else:
     from math import isfinite, ldexp, sqrt
     from math import nan as NAN  # noqa: N812
 
     from edge.pins.rejection import CentroidFilter
-    from edge.pins.windows import copy_spans, sums_of_bytes, sums_of_shorts
+    from edge.pins.windows import sums_of_bytes, sums_of_shorts
 
 N_PHASES = cython.declare(cython.int, PHASES)
 LEVEL_MAX = cython.declare(cython.int, STEP_MAX)
 
 #: One row of `templates.NORM`: what is known of one phase of one template.
 Norm = cython.struct(
-    pixels=cython.double, d2=cython.double, tx2=cython.double, ty2=cython.double, tx_u=cython.double,
-    ty_v=cython.double, u2=cython.double, v2=cython.double, u_mean=cython.double, v_mean=cython.double,
-    u_d=cython.double, v_d=cython.double, radius=cython.double, unit_d=cython.double, unit_t=cython.double,
-    inv_pixels=cython.double, inv_d2=cython.double, inv_tx2=cython.double, inv_ty2=cython.double,
-    inv_det_x=cython.double, inv_det_y=cython.double, inv_freedom=cython.double,
+    x=cython.double, y=cython.double, by_d=cython.double, by_tx=cython.double, by_ty=cython.double,
+    d2=cython.double, tx2=cython.double, ty2=cython.double, u_d=cython.double, v_d=cython.double,
+    u_tx=cython.double, v_ty=cython.double, inv_u2=cython.double, inv_v2=cython.double, tx_u=cython.double,
+    ty_v=cython.double, spread=cython.double, spread_x=cython.double, spread_y=cython.double,
+    pixels=cython.double, inv_pixels=cython.double, freedom=cython.double, inv_freedom=cython.double,
+    radius=cython.double, unit_d=cython.double, unit_t=cython.double,
 )  # fmt: skip
+#: One row of `KIND`: what is known of one kind of pins.
+Kind = cython.struct(
+    half=cython.Py_ssize_t, first_span=cython.Py_ssize_t, end_span=cython.Py_ssize_t,
+    row_bytes=cython.Py_ssize_t, reach=cython.Py_ssize_t, first=cython.Py_ssize_t, plane=cython.Py_ssize_t,
+    step_max=cython.double,
+)  # fmt: skip
+#: half           px, half width of its window
+#: first_span, end_span  its rows in the spans of all kinds
+#: row_bytes      copied of each row of a window: the longest, filled up to LANES
+#: reach          bytes from a window's middle to the end of its last copy
+#: first, plane   as in `TemplateSet`
+#: step_max       px
+KIND = np.dtype(
+    [(name, np.intp) for name in "half first_span end_span row_bytes reach first plane".split()]
+    + [("step_max", np.float64)]
+)
 
 
 @cython.final
@@ -86,16 +104,16 @@ class CentroidKernel:
     _columns: cython.Py_ssize_t
     _image8: cython.const[cython.uchar][:, :]
     _image16: cython.const[cython.ushort][:, :]
+    _size: cython.Py_ssize_t  # bytes from the first pixel to the end of the last
+    _x_max: cython.double
+    _y_max: cython.double
     _kind_of: cython.int[::1]
-    _half: cython.int[::1]
+    _kinds: Kind[::1]
     _spans: cython.int[:, ::1]  # of all kinds
-    _first_span: cython.int[::1]  # of each kind; the last row is the end
-    _steps: cython.Py_ssize_t[:, ::1]  # from span to span in images of `_stride`, as `copy_spans` takes them
+    _steps: cython.Py_ssize_t[
+        :, ::1
+    ]  # from span to span in images of `_stride`, as `sums_of_bytes` takes them
     _stride: cython.Py_ssize_t  # bytes from row to row
-    _row_bytes: cython.int[::1]  # copied of each row of a window: the longest, filled up
-    _right: cython.int[::1]  # columns from a window's middle that the copies reach
-    _first: cython.Py_ssize_t[::1]
-    _plane: cython.Py_ssize_t[::1]
     _templates: cython.short[::1]
     _norms: Norm[:, ::1]
     _predicted: cython.double[:, ::1]
@@ -128,18 +146,9 @@ class CentroidKernel:
         """
         self._kind_of = np.array(kind_of, np.int32)
         self.n = self._kind_of.shape[0]
-        self._half = np.array(templates.half, np.int32)
-        row_bytes = [-(-int(spans[:, 2].max()) // LANES) * LANES for spans in templates.spans]
         self._spans = np.concatenate(templates.spans)
-        self._first_span = np.cumsum([0, *map(len, templates.spans)], dtype=np.int32)
+        self._kinds = _kinds_of(templates)
         self._steps, self._stride = np.zeros((len(self._spans), 2), np.intp), 0
-        self._row_bytes = np.array(row_bytes, np.int32)
-        self._right = np.array(
-            [spans[:, 0].max() + size for spans, size in zip(templates.spans, row_bytes, strict=True)],
-            np.int32,
-        )
-        self._first = np.array(templates.first, np.intp)
-        self._plane = np.array(templates.plane, np.intp)
         self._templates = templates.values
         self._norms = templates.norms
         _check(templates, np.asarray(self._kind_of), np.asarray(rest_amplitude))
@@ -158,7 +167,7 @@ class CentroidKernel:
         self.amplitude = self._amplitude = np.full(self.n, np.nan)
         self.fit = self._fit = np.full(self.n, np.nan)
         plane_max = int(np.max(templates.plane))
-        self._pixels = np.zeros(plane_max + max(row_bytes), np.uint8)
+        self._pixels = np.zeros(plane_max + 2 * HALF_MAX + LANES, np.uint8)
         self._window = np.zeros(plane_max, np.int16)
         self._sums = np.empty(7)
         self._predicted_array = None
@@ -186,6 +195,8 @@ class CentroidKernel:
         self._rows, self._columns = image.shape
         if self._rows < 1 or self._columns < 1:
             raise ValueError("an image without pixels")
+        self._size = (self._rows - 1) * self._stride + self._columns
+        self._x_max, self._y_max = self._columns - 1, self._rows - 1
         if predicted is not self._predicted_array:  # to take an array costs 2,000 instructions
             self._predicted = self._predicted_array = predicted
         if self._predicted.shape[0] != self.n or self._predicted.shape[1] != 2:
@@ -199,8 +210,9 @@ class CentroidKernel:
         column, row, length = np.asarray(self._spans, np.intp).T
         begin = column + row * stride
         step = np.diff(begin, prepend=0)
-        first = np.asarray(self._first_span)[: len(self._half)]
-        step[first] = begin[first]
+        kinds = np.asarray(self._kinds)
+        step[kinds["first_span"]] = begin[kinds["first_span"]]
+        kinds["reach"] = begin[kinds["end_span"] - 1] + kinds["row_bytes"]
         self._steps, self._stride = np.stack([step, length], axis=1), stride
         return True
 
@@ -222,96 +234,33 @@ class CentroidKernel:
         return cython.cast(cython.int, self._image8[y, x])
 
     @cython.cfunc
-    @cython.inline
-    @cython.exceptval(check=False)
-    def _take_bytes(
-        self, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, kind: cython.Py_ssize_t
-    ) -> cython.bint:
-        """Copy the support round (cx, cy) of an 8-bit image; False if it may reach beyond the image."""
-        half: cython.int = self._half[kind]
-        if self._wide or cx < half or cy < half or cx + self._right[kind] > self._columns:
-            return False
-        if cy + half >= self._rows:
-            return False
-        copy_spans(
-            self._image8,
-            cx,
-            cy,
-            self._steps,
-            self._first_span[kind],
-            self._first_span[kind + 1],
-            self._row_bytes[kind],
-            self._pixels,
-        )
-        return True
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _take_window(
-        self, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, kind: cython.Py_ssize_t, level: cython.int
-    ) -> cython.bint:
-        """Pixels of the support less `level`, as of bright pins, zero outside of the image.
-
-        Returns  whether the square round the support lies within the image
-        """
-        half: cython.int = self._half[kind]
-        i: cython.int
-        j: cython.int
-        x: cython.Py_ssize_t
-        y: cython.Py_ssize_t
-        at: cython.Py_ssize_t = 0
-        step: cython.int
-        for j in range(self._first_span[kind], self._first_span[kind + 1]):
-            y = cy + self._spans[j, 1]
-            for i in range(self._spans[j, 2]):
-                x = cx + self._spans[j, 0] + i
-                step = 0
-                if 0 <= y < self._rows and 0 <= x < self._columns:
-                    step = (self._sign * (self._level(x, y) - level)) >> self._shift
-                self._window[at] = cython.cast(cython.short, min(max(step, -LEVEL_MAX), LEVEL_MAX))
-                at += 1
-        return cx >= half and cy >= half and cx + half < self._columns and cy + half < self._rows
-
-    @cython.cfunc
     @cython.exceptval(check=False)
     def _follow(self, i: cython.Py_ssize_t) -> cython.bint:
         """Steps from the prediction of pin i to its centroid; False: lost, they do not converge."""
         kind: cython.Py_ssize_t = self._kind_of[i]
+        k: Kind = self._kinds[kind]
         x: cython.double = self._predicted[i, 0]
         y: cython.double = self._predicted[i, 1]
-        if not isfinite(x) or not isfinite(y):
-            return False
-        half: cython.int = self._half[kind]
-        step_max: cython.double = 0.5 * (half - 2 if half > 4 else 2)
         iteration: cython.int
-        had_x: cython.Py_ssize_t = -1
-        had_y: cython.Py_ssize_t = -1
-        level: cython.int = 0
-        inside: cython.bint = False
-        whole: cython.bint = False
         cx: cython.Py_ssize_t
         cy: cython.Py_ssize_t
-        px: cython.int
-        py: cython.int
-        done: cython.int = 0
+        phase: cython.int
+        done: cython.int
         for iteration in range(self._steps_max):
-            if x < 0 or y < 0 or x > self._columns - 1 or y > self._rows - 1:
+            if not (x >= 0.0 and y >= 0.0 and x <= self._x_max and y <= self._y_max):  # NaN is not
                 return False
             cx = cython.cast(cython.Py_ssize_t, x + 0.5)
             cy = cython.cast(cython.Py_ssize_t, y + 0.5)
-            px = phase_of(x - cx)
-            py = phase_of(y - cy)
-            if cx != had_x or cy != had_y:
-                level = self._level(cx, cy)
-                inside = self._take_bytes(cx, cy, kind)
-                whole = inside or self._take_window(cx, cy, kind, level)
-                had_x = cx
-                had_y = cy
-            if whole:
-                self._sum(kind, self._phase_at(kind, py * N_PHASES + px), level, inside)
-                done = self._step(i, kind, x, y, cx, cy, px, py, step_max, iteration)
+            phase = phase_of(y + 0.5 - cy) * N_PHASES + phase_of(x + 0.5 - cx)
+            if cx < k.half or cy < k.half or cx + k.half >= self._columns or cy + k.half >= self._rows:
+                self._take_window(cx, cy, kind)
+                done = self._step_cut(i, kind, cx, cy, phase, k.step_max, iteration)
             else:
-                done = self._step_cut(i, kind, cx, cy, px, py, step_max, iteration)
+                if self._wide or cy * self._stride + cx + k.reach > self._size:
+                    self._sum_window(cx, cy, kind, phase)
+                else:
+                    self._sum_bytes(cx, cy, kind, phase)
+                done = self._step(i, kind, x, y, cx, cy, phase, k.step_max, iteration)
             if done < 0:
                 return False
             x = self._xy[i, 0]
@@ -325,81 +274,117 @@ class CentroidKernel:
     @cython.cfunc
     @cython.inline
     @cython.exceptval(check=False)
-    def _sum(
-        self, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t, level: cython.int, inside: cython.bint
+    def _sum_bytes(
+        self, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t
     ) -> cython.void:
-        """The sums of the window in hand with the templates of this phase, as of bright pins."""
-        k: cython.Py_ssize_t
-        plane: cython.int = cython.cast(cython.int, self._plane[kind])
-        if inside:
-            sums_of_bytes(self._pixels, level, self._templates, phase, self._first[kind], plane, self._sums)
-            if self._sign < 0:  # all but the sum of squares
-                for k in range(6):
-                    self._sums[k] = -self._sums[k]
-        else:
-            sums_of_shorts(
-                self._window, self._wide, self._templates, phase, self._first[kind], plane, self._sums
-            )
+        """The sums of a window of an 8-bit image with the templates of this phase, as of bright pins."""
+        k: Kind = self._kinds[kind]
+        i: cython.Py_ssize_t
+        sums_of_bytes(
+            self._image8, cx, cy, self._steps, k.first_span, k.end_span,
+            cython.cast(cython.int, k.row_bytes), self._pixels, self._templates,
+            self._phase_at(kind, phase), k.first, cython.cast(cython.int, k.plane), self._sums,
+        )  # fmt: skip
+        if self._sign < 0:  # of 255 less each level; the sums of the other templates are zero
+            n: cython.double = self._norms[kind, phase].pixels
+            self._sums[6] += 255.0 * (255.0 * n - 2.0 * self._sums[3])
+            self._sums[3] -= 255.0 * n
+            for i in range(6):
+                self._sums[i] = -self._sums[i]
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _sum_window(
+        self, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t
+    ) -> cython.void:
+        """The same of an image with more bits, or where copies of whole rows would end beyond the image."""
+        k: Kind = self._kinds[kind]
+        self._take_window(cx, cy, kind)
+        sums_of_shorts(
+            self._window, self._wide, self._templates, self._phase_at(kind, phase), k.first,
+            cython.cast(cython.int, k.plane), self._sums,
+        )  # fmt: skip
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _take_window(
+        self, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, kind: cython.Py_ssize_t
+    ) -> cython.void:
+        """Pixels of the support less the middle's level, as of bright pins, zero outside of the image."""
+        k: Kind = self._kinds[kind]
+        level: cython.int = self._level(cx, cy)
+        i: cython.int
+        j: cython.Py_ssize_t
+        x: cython.Py_ssize_t
+        y: cython.Py_ssize_t
+        at: cython.Py_ssize_t = 0
+        step: cython.int
+        for j in range(k.first_span, k.end_span):
+            y = cy + self._spans[j, 1]
+            for i in range(self._spans[j, 2]):
+                x = cx + self._spans[j, 0] + i
+                step = 0
+                if 0 <= y < self._rows and 0 <= x < self._columns:
+                    step = (self._sign * (self._level(x, y) - level)) >> self._shift
+                self._window[at] = cython.cast(cython.short, min(max(step, -LEVEL_MAX), LEVEL_MAX))
+                at += 1
+        for at in range(at, k.plane):
+            self._window[at] = 0
 
     @cython.cfunc
     @cython.inline
     @cython.exceptval(check=False)
     def _phase_at(self, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t) -> cython.Py_ssize_t:
-        return self._first[kind] + 3 * self._plane[kind] * (1 + phase)
+        return self._kinds[kind].first + 3 * self._kinds[kind].plane * (1 + phase)
 
     @cython.cfunc
     @cython.inline
     @cython.exceptval(check=False)
     def _step(
         self, i: cython.Py_ssize_t, kind: cython.Py_ssize_t, x: cython.double, y: cython.double,
-        cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, px: cython.int, py: cython.int,
+        cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, phase: cython.Py_ssize_t,
         step_max: cython.double, iteration: cython.int,
     ) -> cython.int:  # fmt: skip
         """One step by the sums of a window within the image: -1 lost, 0 go on from here, 1 arrived."""
-        n: Norm = self._norms[kind, py * N_PHASES + px]
-        s_d: cython.double = self._sums[0] * n.unit_d
-        s_tx: cython.double = self._sums[1] * n.unit_t
-        s_ty: cython.double = self._sums[2] * n.unit_t
-        s_1: cython.double = self._sums[3]
-        ox: cython.double = (px + 0.5) / N_PHASES - 0.5
-        oy: cython.double = (py + 0.5) / N_PHASES - 0.5
-        ex: cython.double
-        ey: cython.double
-        shorten: cython.double
-        amplitude: cython.double = s_d * n.inv_d2
+        n: Norm = self._norms[kind, phase]
+        amplitude: cython.double = self._sums[0] * n.by_d
         if not (amplitude > 0):
             return -1
         inverse: cython.double = 1 / amplitude
+        # The step times the amplitude, as if the surroundings had no slope.
+        tx: cython.double = self._sums[1] * n.by_tx
+        ty: cython.double = self._sums[2] * n.by_ty
+        ex: cython.double = tx * inverse
+        ey: cython.double = ty * inverse
+        shorten: cython.double
         if iteration < self._steps_max - 3:  # far off: a coarse step by the slopes alone first
-            ex = s_tx * n.inv_tx2 * inverse
-            ey = s_ty * n.inv_ty2 * inverse
             far2: cython.double = square(ex, ey)
             if far2 > self._far * self._far:
                 shorten = step_max / sqrt(far2) if far2 > step_max * step_max else 1
-                self._xy[i, 0] = cx + ox + shorten * ex
-                self._xy[i, 1] = cy + oy + shorten * ey
+                self._xy[i, 0] = cx + n.x + shorten * ex
+                self._xy[i, 1] = cy + n.y + shorten * ey
                 return 0
-        su: cython.double = self._sums[4] - n.u_mean * s_1 - n.u_d * s_d
-        sv: cython.double = self._sums[5] - n.v_mean * s_1 - n.v_d * s_d
-        energy: cython.double = self._sums[6] - s_1 * s_1 * n.inv_pixels
-        # The slope of the surroundings and the step, together. The slope is then shrunk by its uncertainty:
+        # What the slope of the surroundings explains besides. It is shrunk by its uncertainty:
         # where it is within its own noise, leaving it out costs nothing and saves a fifth of the noise.
-        gx: cython.double = (n.tx2 * su - n.tx_u * s_tx) * n.inv_det_x
-        gy: cython.double = (n.ty2 * sv - n.ty_v * s_ty) * n.inv_det_y
-        ex = (n.u2 * s_tx - n.tx_u * su) * n.inv_det_x
-        ey = (n.v2 * s_ty - n.ty_v * sv) * n.inv_det_y
-        rest: cython.double = energy - s_d * amplitude - (gx * su + ex * s_tx) - (gy * sv + ey * s_ty)
+        su: cython.double = self._sums[4] - n.u_d * amplitude
+        sv: cython.double = self._sums[5] - n.v_d * amplitude
+        u: cython.double = su - n.u_tx * tx
+        v: cython.double = sv - n.v_ty * ty
+        gx: cython.double = u * n.inv_u2
+        gy: cython.double = v * n.inv_v2
+        by_gx: cython.double = gx * u
+        by_gy: cython.double = gy * v
+        energy: cython.double = self._sums[6] - self._sums[3] * self._sums[3] * n.inv_pixels
+        by_disc: cython.double = n.d2 * amplitude * amplitude
+        rest: cython.double = energy - by_disc - n.tx2 * tx * tx - n.ty2 * ty * ty - by_gx - by_gy
         variance: cython.double = (rest if rest > 0 else 0.0) * n.inv_freedom + 1.0 / 12.0
-        limit_x: cython.double = 4 * variance * n.tx2 * n.inv_det_x
-        limit_y: cython.double = 4 * variance * n.ty2 * n.inv_det_y
-        keep_x: cython.double = 1 - limit_x / (gx * gx) if gx * gx > limit_x else 0.0
-        keep_y: cython.double = 1 - limit_y / (gy * gy) if gy * gy > limit_y else 0.0
-        # variation that the slope of the surroundings explains does not count against the disc
-        level_energy: cython.double = energy - gx * su - gy * sv
-        ex = (s_tx - n.tx_u * gx * keep_x) * n.inv_tx2 * inverse
-        ey = (s_ty - n.ty_v * gy * keep_y) * n.inv_ty2 * inverse
-        dx: cython.double = ox + cx + ex - x
-        dy: cython.double = oy + cy + ey - y
+        limit: cython.double = 4 * variance
+        keep_x: cython.double = 1 - limit / by_gx if by_gx > limit else 0.0
+        keep_y: cython.double = 1 - limit / by_gy if by_gy > limit else 0.0
+        ex -= n.tx_u * gx * keep_x * inverse
+        ey -= n.ty_v * gy * keep_y * inverse
+        dx: cython.double = n.x + cx + ex - x
+        dy: cython.double = n.y + cy + ey - y
         step2: cython.double = square(dx, dy)
         if step2 > step_max * step_max:
             shorten = step_max / sqrt(step2)
@@ -409,26 +394,25 @@ class CentroidKernel:
         self._xy[i, 1] = y + dy
         if square(ex, ey) >= self._near * self._near and iteration < self._steps_max - 1:
             return 0
-        spread: cython.double = 0.5 * (
-            (1 + keep_x * n.tx_u * n.tx_u * n.inv_det_x) * n.inv_tx2
-            + (1 + keep_y * n.ty_v * n.ty_v * n.inv_det_y) * n.inv_ty2
-        )
+        # variation that the slope of the surroundings explains does not count against the disc
+        level_energy: cython.double = energy - gx * su - gy * sv
+        spread: cython.double = n.spread + keep_x * n.spread_x + keep_y * n.spread_y
         self._amplitude[i] = ldexp(amplitude, self._shift) if self._shift else amplitude
         self._sigma[i] = sigma_of(
-            variance * spread * inverse * inverse, rest, n.pixels - 6, level_energy, self._noise2, n.radius
+            variance * spread * inverse * inverse, rest, n.freedom, level_energy, self._noise2, n.radius
         )
-        self._fit[i] = s_d * amplitude / level_energy if level_energy > 0 else 0.0
+        self._fit[i] = by_disc / level_energy if level_energy > 0 else 0.0
         return 1
 
     @cython.cfunc
     @cython.exceptval(check=False)
     def _step_cut(
         self, i: cython.Py_ssize_t, kind: cython.Py_ssize_t, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t,
-        px: cython.int, py: cython.int, step_max: cython.double, iteration: cython.int,
+        phase: cython.int, step_max: cython.double, iteration: cython.int,
     ) -> cython.int:  # fmt: skip
         """The same for a pin that the border cuts: the fit of 1, d, tx, ty over the pixels there are."""
-        n: Norm = self._norms[kind, py * N_PHASES + px]
-        self._gather_cut(kind, cx, cy, py * N_PHASES + px)
+        n: Norm = self._norms[kind, phase]
+        self._gather_cut(kind, cx, cy, phase)
         energy: cython.double = self._sums[0]
         seen: cython.double = self._sums[1]
         total: cython.double = self._normal[0, 4]
@@ -461,8 +445,8 @@ class CentroidKernel:
         ey /= amplitude
         far: cython.double = sqrt(square(ex, ey))
         shorten: cython.double = step_max / far if far > step_max else 1.0
-        self._xy[i, 0] = cx + ((px + 0.5) / N_PHASES - 0.5) + shorten * ex
-        self._xy[i, 1] = cy + ((py + 0.5) / N_PHASES - 0.5) + shorten * ey
+        self._xy[i, 0] = cx + n.x + shorten * ex
+        self._xy[i, 1] = cy + n.y + shorten * ey
         if far >= self._near and iteration < self._steps_max - 1:
             return 0
         self._amplitude[i] = ldexp(amplitude, self._shift)
@@ -479,7 +463,7 @@ class CentroidKernel:
         self, kind: cython.Py_ssize_t, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, phase: cython.int
     ) -> cython.void:
         """Normal equations of 1, d, tx, ty over the pixels in view; `_sums` takes their energy and number."""
-        plane: cython.Py_ssize_t = self._plane[kind]
+        k: Kind = self._kinds[kind]
         t: cython.Py_ssize_t = self._phase_at(kind, phase)
         unit_d: cython.double = self._norms[kind, phase].unit_d
         unit_t: cython.double = self._norms[kind, phase].unit_t
@@ -497,7 +481,7 @@ class CentroidKernel:
                 self._normal[r, c] = 0
         self._sums[0] = 0
         self._sums[1] = 0
-        for j in range(self._first_span[kind], self._first_span[kind + 1]):
+        for j in range(k.first_span, k.end_span):
             y = cy + self._spans[j, 1]
             for i in range(self._spans[j, 2]):
                 x = cx + self._spans[j, 0] + i
@@ -507,8 +491,8 @@ class CentroidKernel:
                 level = cython.cast(cython.double, self._window[at])
                 self._basis[0] = 1
                 self._basis[1] = unit_d * self._templates[t + at]
-                self._basis[2] = unit_t * self._templates[t + plane + at]
-                self._basis[3] = unit_t * self._templates[t + 2 * plane + at]
+                self._basis[2] = unit_t * self._templates[t + k.plane + at]
+                self._basis[3] = unit_t * self._templates[t + 2 * k.plane + at]
                 for r in range(4):
                     basis = self._basis[r]
                     for c in range(4):
@@ -557,10 +541,9 @@ def square(x: cython.double, y: cython.double) -> cython.double:
 @cython.cfunc
 @cython.inline
 @cython.exceptval(check=False)
-def phase_of(fraction: cython.double) -> cython.int:
-    """Index of the subpixel offset nearest to a fraction of (-0.5, 0.5]."""
-    p: cython.int = cython.cast(cython.int, (fraction + 0.5) * N_PHASES)
-    return N_PHASES - 1 if p >= N_PHASES else p
+def phase_of(part: cython.double) -> cython.int:
+    """Index of the subpixel offset nearest to a place of [0, 1) within its pixel."""
+    return cython.cast(cython.int, part * N_PHASES)
 
 
 @cython.cfunc
@@ -578,6 +561,18 @@ def sigma_of(
     m: cython.double = missing / energy if missing > 0 and energy > 0 else 0.0
     hidden: cython.double = radius * m * m
     return sqrt(noise_variance + hidden * hidden)
+
+
+def _kinds_of(templates: TemplateSet) -> NDArray[np.void]:
+    """`KIND` of each kind of pins, for images of no stride yet."""
+    lengths = np.array([len(spans) for spans in templates.spans])
+    end = np.cumsum(lengths)
+    kinds = np.zeros(len(templates.half), KIND).view(np.recarray)
+    kinds.half, kinds.first, kinds.plane = templates.half, templates.first, templates.plane
+    kinds.first_span, kinds.end_span = end - lengths, end
+    kinds.row_bytes = [-(-int(spans[:, 2].max()) // LANES) * LANES for spans in templates.spans]
+    kinds.step_max = np.maximum(np.asarray(templates.half) - 2, 2) / 2
+    return kinds
 
 
 def _check(templates: TemplateSet, kind_of: Index, rest_amplitude: Array) -> None:

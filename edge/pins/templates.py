@@ -3,7 +3,8 @@
 Rules
 - Radii come in kinds 5 % apart: a template that is 2.5 % off in radius is still symmetric, so it costs a
   little noise (1 %) and no bias.
-- 16-bit integers, scaled so that no sum over a window overflows 32 bits.
+- 16-bit integers, scaled so that no sum over a window overflows 32 bits. Those of d, tx and ty sum to zero, as
+  the exact ones do: a level that all pixels share changes no sum.
 - Only the support circle is kept, row after row without gaps: half of the square round it is outside.
 """
 
@@ -19,43 +20,32 @@ from scipy.special import erfc
 from edge.types import Array, Index, Mask
 
 PHASES = 4  # subpixel offsets along each axis
-LANES = 8  # bytes: a window's rows are copied in multiples of it
+LANES = 16  # bytes: a window's rows are copied in multiples of it
 BLOCK = 32  # a plane's length is a multiple of it: loops have no remainder
 HALF_MAX = 39  # px, half width of a window
 RADIUS_MAX_PX = 34  # largest pin that fits such a window with its edge and surroundings
 STEP_MAX = 4095  # a pixel against the window's middle, levels: 12 bits; brighter images lose their last bits
 
-#: Of one phase: sums over the support of 1, d^2, tx^2, ty^2, tx u, ty v, u^2, v^2; means of u and v, and
-#: their projections on d (both are subtracted to make them orthogonal to 1 and d); the radius; the value of
-#: one unit of the integers in d and in tx, ty; reciprocals of the first four, of the determinants of (tx, u)
-#: and (ty, v), and of the degrees of freedom.
+#: Of one phase, in this order:
+#: x, y                   px, the offset
+#: by_d, by_tx, by_ty     what a sum with the integers of d, tx, ty is multiplied by for its least-squares coefficient
+#: d2, tx2, ty2           sums over the support of d^2, tx^2, ty^2
+#: u_d, v_d, u_tx, v_ty   of u d, v d, u tx, v ty; u and v are columns and rows from the support's middle
+#: inv_u2, inv_v2         reciprocals of the sums of u^2, v^2 less their shares of d and of tx or ty
+#: tx_u, ty_v             u_tx / tx2, v_ty / ty2
+#: spread, spread_x, _y   variance of a coordinate over that of the noise in units of the disc, and what is
+#:                        added where the slope of the surroundings along x, y is estimated
+#: pixels, inv_pixels     of the support
+#: freedom, inv_freedom   degrees of freedom that six unknowns leave
+#: radius                 px
+#: unit_d, unit_t         value of one unit of the integers
 NORM = np.dtype(
     [
         (name, np.float64)
-        for name in [
-            "pixels",
-            "d2",
-            "tx2",
-            "ty2",
-            "tx_u",
-            "ty_v",
-            "u2",
-            "v2",
-            "u_mean",
-            "v_mean",
-            "u_d",
-            "v_d",
-            "radius",
-            "unit_d",
-            "unit_t",
-            "inv_pixels",
-            "inv_d2",
-            "inv_tx2",
-            "inv_ty2",
-            "inv_det_x",
-            "inv_det_y",
-            "inv_freedom",
-        ]
+        for name in (
+            "x y by_d by_tx by_ty d2 tx2 ty2 u_d v_d u_tx v_ty inv_u2 inv_v2 tx_u ty_v spread spread_x spread_y "
+            "pixels inv_pixels freedom inv_freedom radius unit_d unit_t"
+        ).split()
     ]
 )
 
@@ -123,24 +113,29 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, Ind
     d = disc - one * _dot(disc, one) / _dot(one, one)
     tx, ty, px, py = (_freed(p, one, d) for p in (slope * u, slope * v, columns * one, rows * one))
     scale = (0.99 * _scale(d), 0.99 * min(_scale(tx), _scale(ty)))
-    norm = [
-        _dot(one, one), _dot(d, d), _dot(tx, tx), _dot(ty, ty),
-        _dot(tx, px), _dot(ty, py), _dot(px, px), _dot(py, py),
-        _dot(columns, one) / _dot(one, one), _dot(rows, one) / _dot(one, one),
-        _dot(columns, d) / _dot(d, d), _dot(rows, d) / _dot(d, d),
-        radius, 1.0 / scale[0], 1.0 / scale[1],
-    ]  # fmt: skip
-    pixels, _, tx2, ty2, tx_u, ty_v, u2, v2 = map(np.asarray, norm[:8])
-    divisors = (*norm[:4], tx2 * u2 - tx_u**2, ty2 * v2 - ty_v**2, np.where(pixels > 8, pixels - 6, 2))
-    norm += [1.0 / divisor for divisor in divisors]
+    pixels, d2, tx2, ty2 = _dot(one, one), _dot(d, d), _dot(tx, tx), _dot(ty, ty)
+    u_tx, v_ty = _dot(tx, px), _dot(ty, py)
+    u2, v2 = _dot(px, px) - u_tx**2 / tx2, _dot(py, py) - v_ty**2 / ty2
+    freedom = np.where(pixels > 8, pixels - 6, 2)
+    norm = {
+        "x": np.tile(offset, PHASES), "y": np.repeat(offset, PHASES),
+        "by_d": 1.0 / (scale[0] * d2), "by_tx": 1.0 / (scale[1] * tx2), "by_ty": 1.0 / (scale[1] * ty2),
+        "d2": d2, "tx2": tx2, "ty2": ty2,
+        "u_d": _dot(columns, d), "v_d": _dot(rows, d), "u_tx": u_tx, "v_ty": v_ty,
+        "inv_u2": 1.0 / u2, "inv_v2": 1.0 / v2, "tx_u": u_tx / tx2, "ty_v": v_ty / ty2,
+        "spread": 0.5 / tx2 + 0.5 / ty2,
+        "spread_x": 0.5 * u_tx**2 / (u2 * tx2**2), "spread_y": 0.5 * v_ty**2 / (v2 * ty2**2),
+        "pixels": pixels, "inv_pixels": 1.0 / pixels, "freedom": freedom, "inv_freedom": 1.0 / freedom,
+        "radius": radius, "unit_d": 1.0 / scale[0], "unit_t": 1.0 / scale[1],
+    }  # fmt: skip
     inside = one[0] > 0
     n = np.count_nonzero(inside)
     planes = np.zeros((PHASES * PHASES + 1, 3, -(-n // BLOCK) * BLOCK), np.int16)
     planes[0, :, :n] = np.stack([one[0], columns, rows])[:, inside]
-    planes[1:, :, :n] = np.rint(np.stack([d * scale[0], tx * scale[1], ty * scale[1]], axis=1))[:, :, inside]
+    planes[1:, :, :n] = _whole(np.stack([d * scale[0], tx * scale[1], ty * scale[1]], axis=1)[:, :, inside])
     norms = np.zeros(PHASES * PHASES, NORM)
-    for name, value in zip(NORM.names or (), norm, strict=True):
-        norms[name] = np.asarray(value, np.float64).ravel()
+    for name in NORM.names or ():
+        norms[name] = np.asarray(norm[name], np.float64).ravel()
     return half, _spans(inside), planes, norms
 
 
@@ -150,6 +145,19 @@ def _spans(inside: Mask) -> Index:
     first, length = inside[rows].argmax(axis=1), inside[rows].sum(axis=1)
     half = len(inside) // 2
     return np.stack([first - half, rows - half, length], axis=1).astype(np.int32)
+
+
+def _whole(rows: Array) -> Array:
+    """Rows of numbers whose sums are zero, rounded to integers whose sums are.
+
+    The integers of a row that were rounded furthest in the direction of their surplus go to the other side.
+    """
+    whole = np.rint(rows)
+    surplus = whole.sum(axis=-1, keepdims=True)
+    direction = np.sign(surplus)
+    furthest = np.argsort((rows - whole) * direction, axis=-1, kind="stable")
+    rank = np.argsort(furthest, axis=-1, kind="stable")
+    return whole - direction * (rank < np.abs(surplus))
 
 
 def _scale(plane: Array) -> float:
