@@ -22,6 +22,8 @@ from edge.types import Cells, Feature, Features, Frame, Image, Reading, Rest, Tr
 
 #: Features that need cell areas; the others need only the pins' motion.
 OF_CELLS = frozenset(Feature) - {Feature.SHEAR, Feature.TORSION}
+#: Those whose models may depend on the pins' motion alone: areas then only say where a contact begins and ends.
+OF_MODES = frozenset({Feature.DISPLACEMENT, Feature.FORCE, Feature.TILT, Feature.SHEAR})
 ALL = frozenset(Feature)
 
 
@@ -29,7 +31,7 @@ ALL = frozenset(Feature)
 class Result:
     """The result of one frame.
 
-    cells, features  None if identities are not trusted, or they are not in demand
+    cells, features  None if identities are not trusted, or nothing in demand depends on them
     reading          empty if nothing is calibrated or trusted
     searched         True: the whole frame was searched, not only the windows
     """
@@ -53,7 +55,7 @@ class Pipeline:
         self.demand = demand
         self._asked: frozenset[Feature] | None = None
         self._needed = demand  # the demand, and the features that the calibration needs for it
-        self._with_cells = self._with_grip = True  # whether it includes what depends on them
+        self._with_cells = self._with_areas = self._with_grip = True  # whether it includes what depends on them
         self._capture_ns: int | None = None  # of the last frame that gave features
         self._grip = Grip()
         self._refiner = CentroidRefiner(rest)
@@ -75,14 +77,15 @@ class Pipeline:
         if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         moved = tracks if drift is None else drift.correct(tracks)
+        holds = self._with_cells and not self._with_areas and self._extractor.contact_holds(moved)
         try:
-            cells = self._tessellator.cells(moved) if self._with_cells else None
+            cells = self._tessellator.cells(moved) if self._with_cells and not holds else None
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         calibrated = self.calibration is not None
         moments = self.calibration is None or self.calibration.of_moments
         features = self._extractor.extract(
-            moved, cells, self._needed, modes_at_rest=not calibrated, moments=moments
+            moved, cells, self._needed, contact_holds=holds, modes_at_rest=not calibrated, moments=moments
         )
         if self.calibration is None:
             reading = uncalibrated(features)
@@ -110,6 +113,8 @@ class Pipeline:
         self._asked, self._needed = self.demand, self._features_for(self.demand)
         self._with_cells = not OF_CELLS.isdisjoint(self._needed)
         self._tessellator.forget()  # the last cells may be of long ago
+        of_volume = self.calibration is None or self.calibration.of_volume
+        self._with_areas = of_volume or not self._needed <= OF_MODES
         self._with_grip = Feature.FORCE in self.demand
 
     def _features_for(self, demand: frozenset[Feature]) -> frozenset[Feature]:

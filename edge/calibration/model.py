@@ -120,6 +120,7 @@ class Calibration:
     mm_per_px  scale at the tip's centre; None: not known, places of contact are NaN
     content_id 32 bits of the content's hash; goes over the wire as the calibration's identity
     of_moments whether a model depends on a contact's moments
+    of_volume  whether a model depends on the volume
     """
 
     def __init__(self, content: CalibrationFile) -> None:
@@ -131,13 +132,9 @@ class Calibration:
         self._frame = _Models([m for m in content.models if not is_of_contact(m)], FRAME_INPUTS)
         self._contact = _Models([m for m in content.models if is_of_contact(m)], CONTACT_INPUTS)
         self.outputs = frozenset((*self._frame.outputs, *self._contact.outputs))
-        self.of_moments = any(
-            name.rstrip("*") in MOMENTS
-            for model in content.models
-            if isinstance(model, Polynomial)
-            for term in model.terms
-            for name in term
-        )
+        read = frozenset().union(*map(_inputs_of, content.models))
+        self.of_moments = not read.isdisjoint(MOMENTS)
+        self.of_volume = "volume" in read
         self._columns = [CONTACT_OUTPUTS.index(name) for name in self._contact.outputs]
         self._placed = self.outputs >= {"contact_x_mm", "contact_y_mm"}
         self._untouched = {name: UNTOUCHED[name] for name in self._frame.outputs}
@@ -287,6 +284,15 @@ class Calibration:
         self._contact.inputs[:] = z
         for name, (y, sigma, _) in zip(self._contact.outputs, self._contact.run(), strict=True):
             yield name, y, sigma
+
+
+def _inputs_of(model: Model) -> frozenset[str]:
+    """Names of a model's inputs; of a process, those that its demand does not include by itself."""
+    if isinstance(model, Curve):
+        return frozenset({model.input})
+    if isinstance(model, Process):
+        return frozenset({"volume"})
+    return frozenset(name.rstrip("*") for term in model.terms for name in term)
 
 
 def _outputs_in(demand: frozenset[Feature]) -> frozenset[str]:

@@ -16,6 +16,8 @@ Rules
 - The noise is predicted from the pins' own sigma until untouched frames have given a better value. The learnt
   value stays within `noise_ratio_max` of the prediction, so that a slow touch cannot raise its own limit.
 - A mean over fewer cells averages out less noise and is scaled down accordingly.
+- While a contact lasts, the slope of the ring medians where the areas had increased most tells by itself that it
+  does, if it is above what begins one: no areas are needed for that.
 - Hysteresis: a contact begins above `raise_sigma` and ends below `contact_sigma`.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
@@ -65,6 +67,7 @@ class ContactDetector:
     _in_contact: cython.bint
     _root: cython.double[::1]  # sqrt(known pins of a ring / all of them)
     _peak_row: cython.Py_ssize_t  # the ring of `_highest_mean`
+    _begins: cython.double  # area change that begins a contact, of the last `by_area`
     _middle: cython.double[:, ::1]  # ring medians of the motion; NaN: not looked up yet
     _sorted_x: cython.double[::1]  # motion of one ring, in order
     _sorted_y: cython.double[::1]
@@ -89,6 +92,7 @@ class ContactDetector:
         self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
         self._noise_ratio = 1.0
         self._in_contact = False
+        self._peak_row, self._begins = 0, np.inf
         self._root = np.sqrt(np.arange(width + 1) / width)
         self._middle = np.empty((n, 2))
         self._sorted_x, self._sorted_y = np.empty(width), np.empty(width)
@@ -125,11 +129,32 @@ class ContactDetector:
         if isnan(highest):
             return self._in_contact  # a dark frame is no evidence
         predicted: cython.double = sigma_px / self._pitch_px
-        limit: cython.double = self._limit_sigma() * self._ring_noise * predicted * self._noise_ratio
+        noise: cython.double = self._ring_noise * predicted * self._noise_ratio
+        limit: cython.double = self._limit_sigma() * noise
+        self._begins = self._raise_sigma * noise
         self._in_contact = highest > limit and self._is_coherent(at, limit)
         if not self._in_contact:
             self._learn(change, predicted)
         return self._in_contact
+
+    def holds(self, xy: cython.const[cython.double][:, ::1]) -> bool:
+        """Whether the contact of the last `by_area` is there in this frame, too; False: areas must decide.
+
+        xy      (n, 2) float64, px, where the pins are; NaN where lost
+        Raises  ValueError: sizes that do not fit
+        """
+        n: cython.Py_ssize_t = self._n
+        if xy.shape[0] != n or xy.shape[1] != 2:
+            raise ValueError(f"xy ({n}, 2) is wanted")
+        i: cython.Py_ssize_t
+        if not self._in_contact:
+            return False
+        for i in range(n):
+            if isnan(xy[i, 0]):
+                return False
+        for i in range(self._width):
+            self._middle[self._ring[self._peak_row, i], 0] = NAN
+        return self._median_area_change(xy, self._peak_row) > self._begins
 
     def by_motion(self, xy: cython.const[cython.double][:, ::1], sigma_px: cython.double) -> bool:
         """Decide without areas: do pins move against each other beyond their noise?

@@ -10,6 +10,8 @@ Rules
 - No contact: no surface, no peaks. Volume, torsion and slip are zero, contacts none; shear is computed all
   the same, and so are modes, unless the caller knows what an untouched tip reads, as a calibration does.
 - Without cells everything that depends on areas stays None, area change all NaN.
+- Who needs no areas needs no cells as long as the pins' motion alone shows that the contact goes on
+  (`contact_holds`). Where and when one begins and ends is for the areas to decide.
 - State: the detector's bit and learnt noise, and the last frames' motion for slip. Nothing else depends on
   the frame before.
 - A lost pin is put where the seen ones predict it (`Cells.xy_img`), and its cell likewise, for the modes and
@@ -156,18 +158,24 @@ class FeatureExtractor:
         if Feature.CONTACTS in demand:
             self.finder.prepare()
 
+    def contact_holds(self, tracks: Tracks) -> bool:
+        """Whether the last frame's contact goes on in this one, all of whose pins are seen; False: not known."""
+        return self._detector.holds(tracks.xy_img)
+
     def extract(
         self,
         tracks: Tracks,
         cells: Cells | None,
         demand: frozenset[Feature],
         *,
+        contact_holds: bool = False,
         modes_at_rest: bool = True,
         moments: bool = True,
     ) -> Features:
         """The features of one frame.
 
         cells          of the same frame; None when nobody asked for what needs areas
+        contact_holds  of this frame, as `contact_holds` says; no cells are needed then
         modes_at_rest  False: modes are not wanted of an untouched tip
         moments        False: the contacts' moments are not wanted; they are NaN
         Returns        Features; fields outside of the demand are None
@@ -178,12 +186,14 @@ class FeatureExtractor:
         motion = self._motion_of(tracks, cells)
         area_change, whole_change = self._area_changes(cells, motion.filled)
         given: dict[str, Any] = {
-            "gap": cells.gap if cells is not None else 0.0 if tracks.seen.all() else math.nan,
+            "gap": cells.gap if cells is not None else 0.0 if motion.known is None else math.nan,
             "gap_img": cells.gap_img if cells is not None else None,
         }
         if plan.shear:
             given["shear_px"] = np.array(motion.mean_px)
-        if cells is None:
+        if contact_holds:
+            in_contact = True
+        elif cells is None:
             in_contact = self._detector.by_motion(np.ascontiguousarray(tracks.xy_img), motion.sigma_px)
         else:
             self._xy[:] = cells.xy_img

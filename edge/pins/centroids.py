@@ -16,8 +16,8 @@ Rules
   nine pins in ten need only one step. Divisions here are those of the pin; what depends on the template alone
   is precomputed in `norms`.
 - All sums are exact integers.
-- Dark pins are bright ones in the inverted image, whose sums follow from the image's own: the result is the same
-  to the last bit.
+- Dark pins are bright ones in the inverted image, whose sums follow from the image's own: the result is the
+  same to the last bit.
 - Which of the centroids count is decided afterwards, over all pins (`rejection`).
 """
 
