@@ -14,7 +14,7 @@ spin 0. That leaves a tenth of the terms of an unrestricted polynomial: few cali
 the direction is right all the way round.
 
 Where all pins are seen, or predicted, the sums are in single precision: an error of 1e-6 of the motion, a
-thousandth of the pins' noise, for half of the memory and a third of the instructions.
+thousandth of the pins' noise, for half of the memory.
 
 Terms of equal spin are made orthonormal over the rest pins (Gram-Schmidt, lowest degree first), which keeps
 the spins and makes coefficients comparable; on a round layout terms of different spin are orthogonal anyway.
@@ -36,11 +36,13 @@ from edge.features.params import PARAMS, FeatureParams
 from edge.types import Array, Complex, Mask, Rest
 
 if cython.compiled:
+    from cython.cimports.edge.features.mode_sums import mode_sums
     from cython.cimports.edge.geometry.views import PointsView
     from cython.cimports.libc.math import sqrt
 else:
     from math import sqrt
 
+    from edge.features.mode_sums import mode_sums
     from edge.geometry.views import PointsView
 
 #: Highest degree; a calibration file names its inputs by these modes, so it is part of the format.
@@ -48,9 +50,8 @@ DEGREE = 5
 #: Powers (a, b) of z and conj(z).
 MODE_POWERS = tuple((a, degree - a) for degree in range(DEGREE + 1) for a in range(degree, -1, -1))
 MODE_NAMES = tuple(f"c{a}{b}" for a, b in MODE_POWERS)
-#: Padded length of a row of the basis, and pins of a block: whole vectors, and independent sums, which the
-#: processor runs in parallel.
-ROW, BLOCK = 24, 4
+#: Padded length of a row of the basis: whole vectors.
+ROW = cython.declare(cython.Py_ssize_t, 24)
 #: A term of which less than this share is independent of the lower ones cannot be resolved by the layout.
 INDEPENDENT_REL = 1e-6
 
@@ -77,12 +78,12 @@ def mode_basis(rest: Rest) -> Complex:
     return basis
 
 
-def _in_blocks(basis: Complex) -> NDArray[np.float32]:
-    """The basis (n, k) flat, of each four pins: a row re and a row im of the first, of the second, ..."""
+def _in_rows(basis: Complex) -> NDArray[np.float32]:
+    """The basis (n, k) as (n, 2, ROW), re and im."""
     n, k = basis.shape
-    rows = np.zeros((-(-n // BLOCK) * BLOCK, 2, ROW), np.float32)
-    rows[:n, 0, :k], rows[:n, 1, :k] = basis.real, basis.imag
-    return rows.ravel()
+    rows = np.zeros((n, 2, ROW), np.float32)
+    rows[:, 0, :k], rows[:, 1, :k] = basis.real, basis.imag
+    return rows
 
 
 @cython.cclass
@@ -96,9 +97,8 @@ class Modes:
     _result_array: Complex  # the same memory
     _re: cython.double[:, ::1]  # (n, k), the basis
     _im: cython.double[:, ::1]
-    _blocks: cython.float[::1]  # basis times inverse Gram matrix, as `_in_blocks` lays it out
-    _motion: cython.float[:, ::1]  # (n filled up to whole blocks, 2)
-    _coefficients: cython.float[::1]  # a row re and a row im
+    _rows: cython.const[cython.float][:, :, ::1]  # basis times inverse Gram matrix, as `_in_rows` has it
+    _sums: cython.float[::1]  # of `mode_sums`
     _gram_re: cython.double[:, ::1]  # (k, k), of all pins
     _gram_im: cython.double[:, ::1]
     _factor_re: cython.double[:, ::1]  # (k, k), scratch
@@ -115,9 +115,8 @@ class Modes:
         self._motion_view = PointsView()
         self._result_array = self._result = np.empty(k, np.complex128)
         self._re, self._im = np.array(basis.real, order="C"), np.array(basis.imag, order="C")
-        self._blocks = _in_blocks(basis @ np.linalg.inv(gram))
-        self._motion = np.zeros((-(-n // BLOCK) * BLOCK, 2), np.float32)
-        self._coefficients = np.zeros(2 * ROW, np.float32)
+        self._rows = _in_rows(basis @ np.linalg.inv(gram))
+        self._sums = np.zeros(2 * ROW, np.float32)
         self._gram_re, self._gram_im = np.array(gram.real, order="C"), np.array(gram.imag, order="C")
         self._factor_re, self._factor_im = np.empty((k, k)), np.empty((k, k))
         self._sum_re, self._sum_im = np.empty(k), np.empty(k)
@@ -158,58 +157,12 @@ class Modes:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _fit_all(self, motion: cython.const[cython.double][:, ::1]) -> cython.void:
-        """Coefficients over all pins: sums of conj(basis) times motion, four pins at a time.
-
-        A quarter of the loads and stores of a frame; and constant offsets within one array, so that the C
-        compiler vectorises over neighbouring modes.
-        """
-        b: cython.float[::1] = self._blocks
-        s: cython.float[::1] = self._coefficients
-        moved: cython.float[:, ::1] = self._motion
-        i: cython.Py_ssize_t
+        """Coefficients over all pins."""
         j: cython.Py_ssize_t
-        o: cython.Py_ssize_t = 0
-        x0: cython.float
-        y0: cython.float
-        x1: cython.float
-        y1: cython.float
-        x2: cython.float
-        y2: cython.float
-        x3: cython.float
-        y3: cython.float
-        for i in range(self._n):
-            moved[i, 0] = cython.cast(cython.float, motion[i, 0])
-            moved[i, 1] = cython.cast(cython.float, motion[i, 1])
-        for j in range(48):
-            s[j] = 0.0
-        for i in range(0, moved.shape[0], 4):
-            x0 = moved[i, 0]
-            y0 = moved[i, 1]
-            x1 = moved[i + 1, 0]
-            y1 = moved[i + 1, 1]
-            x2 = moved[i + 2, 0]
-            y2 = moved[i + 2, 1]
-            x3 = moved[i + 3, 0]
-            y3 = moved[i + 3, 1]
-            for j in range(24):
-                s[j] = (
-                    s[j]
-                    + (b[o + j] * x0 + b[o + 24 + j] * y0)
-                    + (b[o + 48 + j] * x1 + b[o + 72 + j] * y1)
-                    + (b[o + 96 + j] * x2 + b[o + 120 + j] * y2)
-                    + (b[o + 144 + j] * x3 + b[o + 168 + j] * y3)
-                )
-                s[24 + j] = (
-                    s[24 + j]
-                    + (b[o + j] * y0 - b[o + 24 + j] * x0)
-                    + (b[o + 48 + j] * y1 - b[o + 72 + j] * x1)
-                    + (b[o + 96 + j] * y2 - b[o + 120 + j] * x2)
-                    + (b[o + 144 + j] * y3 - b[o + 168 + j] * x3)
-                )
-            o += 192
+        mode_sums(self._rows, motion, self._sums)
         for j in range(self._k):
-            self._sum_re[j] = s[j]
-            self._sum_im[j] = s[24 + j]
+            self._sum_re[j] = self._sums[j]
+            self._sum_im[j] = self._sums[ROW + j]
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -82,7 +82,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/recording/reader.py:_SEQUENCE_MAX", "edge/view/panels.py:_SHIFT", "edge/view/panels.py:_ONE",
     }),
     "a processor's lanes and cache lines": frozenset({
-        "edge/calibration/gaussian_process.py:BLOCK", "edge/features/modes.py:BLOCK",
+        "edge/calibration/gaussian_process.py:BLOCK",
         "edge/pins/templates.py:LANES", "edge/pins/templates.py:BLOCK",
         "edge/worker/shared_memory.py:ALIGN",
     }),

@@ -1,0 +1,24 @@
+"""The sums of `modes` for uncompiled runs; `mode_sums.pxd` has them in C.
+
+Both add in the same order, in single precision, and give exactly the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edge.types import Array
+
+
+def mode_sums(basis: NDArray[np.float32], motion: Array, sums: NDArray[np.float32]) -> None:
+    """Sums over the pins of conj(basis) times motion.
+
+    basis   (n, 2, 24), re and im of each pin
+    motion  (n, 2) float64
+    sums    (48,) re, then im; written
+    """
+    re, im = basis.transpose(1, 0, 2)
+    x, y = motion.astype(np.float32).T[:, :, None]
+    terms = np.concatenate([re * x + im * y, re * y - im * x], axis=1)
+    sums[:] = np.add.accumulate(terms, axis=0)[-1]
