@@ -22,7 +22,7 @@ from edge.types import Cells, Feature, Features, Frame, Image, Reading, Rest, Tr
 
 #: Features that need cell areas; the others need only the pins' motion.
 OF_CELLS = frozenset(Feature) - {Feature.SHEAR, Feature.TORSION}
-#: Those whose models may depend on the pins' motion alone: areas then only say where a contact begins and ends.
+#: Those whose models may depend on the pins' motion alone: areas only say when a contact begins and ends.
 OF_MODES = frozenset({Feature.DISPLACEMENT, Feature.FORCE, Feature.TILT, Feature.SHEAR})
 ALL = frozenset(Feature)
 

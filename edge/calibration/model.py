@@ -32,7 +32,6 @@ from edge.calibration.file import (
     CalibrationFile,
     Curve,
     Model,
-    Polynomial,
     Process,
     decode,
     encode,

@@ -16,8 +16,8 @@ Rules
 - The noise is predicted from the pins' own sigma until untouched frames have given a better value. The learnt
   value stays within `noise_ratio_max` of the prediction, so that a slow touch cannot raise its own limit.
 - A mean over fewer cells averages out less noise and is scaled down accordingly.
-- While a contact lasts, the slope of the ring medians where the areas had increased most tells by itself that it
-  does, if it is above what begins one: no areas are needed for that.
+- While a contact lasts, the slope of the ring medians where the areas had increased most tells by itself that
+  it does, if it is above what begins one: no areas are needed for that.
 - Hysteresis: a contact begins above `raise_sigma` and ends below `contact_sigma`.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.

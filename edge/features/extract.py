@@ -159,7 +159,7 @@ class FeatureExtractor:
             self.finder.prepare()
 
     def contact_holds(self, tracks: Tracks) -> bool:
-        """Whether the last frame's contact goes on in this one, all of whose pins are seen; False: not known."""
+        """Whether the last frame's contact goes on, by the motion of its pins; False: not known."""
         return self._detector.holds(tracks.xy_img)
 
     def extract(

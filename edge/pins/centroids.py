@@ -35,9 +35,9 @@ from edge.types import Array, Image, Index
 if cython.compiled:
     from cython.cimports.edge.pins.rejection import CentroidFilter
     from cython.cimports.edge.pins.windows import sums_of_bytes, sums_of_shorts
-    from cython.cimports.libc.math import NAN, isfinite, ldexp, sqrt
+    from cython.cimports.libc.math import NAN, ldexp, sqrt
 else:
-    from math import isfinite, ldexp, sqrt
+    from math import ldexp, sqrt
     from math import nan as NAN  # noqa: N812
 
     from edge.pins.rejection import CentroidFilter
@@ -68,8 +68,13 @@ Kind = cython.struct(
 #: first, plane   as in `TemplateSet`
 #: step_max       px
 KIND = np.dtype(
-    [(name, np.intp) for name in "half first_span end_span row_bytes reach first plane".split()]
-    + [("step_max", np.float64)]
+    [
+        *(
+            (name, np.intp)
+            for name in ("half", "first_span", "end_span", "row_bytes", "reach", "first", "plane")
+        ),
+        ("step_max", np.float64),
+    ]
 )
 
 
@@ -110,9 +115,7 @@ class CentroidKernel:
     _kind_of: cython.int[::1]
     _kinds: Kind[::1]
     _spans: cython.int[:, ::1]  # of all kinds
-    _steps: cython.Py_ssize_t[
-        :, ::1
-    ]  # from span to span in images of `_stride`, as `sums_of_bytes` takes them
+    _steps: cython.Py_ssize_t[:, ::1]  # for `sums_of_bytes`, in images of `_stride`
     _stride: cython.Py_ssize_t  # bytes from row to row
     _templates: cython.short[::1]
     _norms: Norm[:, ::1]
@@ -328,8 +331,6 @@ class CentroidKernel:
                     step = (self._sign * (self._level(x, y) - level)) >> self._shift
                 self._window[at] = cython.cast(cython.short, min(max(step, -LEVEL_MAX), LEVEL_MAX))
                 at += 1
-        for at in range(at, k.plane):
-            self._window[at] = 0
 
     @cython.cfunc
     @cython.inline

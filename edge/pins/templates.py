@@ -3,8 +3,8 @@
 Rules
 - Radii come in kinds 5 % apart: a template that is 2.5 % off in radius is still symmetric, so it costs a
   little noise (1 %) and no bias.
-- 16-bit integers, scaled so that no sum over a window overflows 32 bits. Those of d, tx and ty sum to zero, as
-  the exact ones do: a level that all pixels share changes no sum.
+- 16-bit integers, scaled so that no sum over a window overflows 32 bits. Those of d, tx and ty sum to zero,
+  as the exact ones do: a level that all pixels share changes no sum.
 - Only the support circle is kept, row after row without gaps: half of the square round it is outside.
 """
 
@@ -28,7 +28,7 @@ STEP_MAX = 4095  # a pixel against the window's middle, levels: 12 bits; brighte
 
 #: Of one phase, in this order:
 #: x, y                   px, the offset
-#: by_d, by_tx, by_ty     what a sum with the integers of d, tx, ty is multiplied by for its least-squares coefficient
+#: by_d, by_tx, by_ty     least-squares coefficient of d, tx, ty over the sum with its integers
 #: d2, tx2, ty2           sums over the support of d^2, tx^2, ty^2
 #: u_d, v_d, u_tx, v_ty   of u d, v d, u tx, v ty; u and v are columns and rows from the support's middle
 #: inv_u2, inv_v2         reciprocals of the sums of u^2, v^2 less their shares of d and of tx or ty
@@ -43,11 +43,12 @@ NORM = np.dtype(
     [
         (name, np.float64)
         for name in (
-            "x y by_d by_tx by_ty d2 tx2 ty2 u_d v_d u_tx v_ty inv_u2 inv_v2 tx_u ty_v spread spread_x spread_y "
-            "pixels inv_pixels freedom inv_freedom radius unit_d unit_t"
-        ).split()
+            "x", "y", "by_d", "by_tx", "by_ty", "d2", "tx2", "ty2", "u_d", "v_d", "u_tx", "v_ty", "inv_u2",
+            "inv_v2", "tx_u", "ty_v", "spread", "spread_x", "spread_y", "pixels", "inv_pixels", "freedom",
+            "inv_freedom", "radius", "unit_d", "unit_t",
+        )
     ]
-)
+)  # fmt: skip
 
 Shorts = NDArray[np.int16]
 Norms = NDArray[np.void]

@@ -26,14 +26,14 @@ cdef extern from *:
             SQUARE w2 = 0; \
             _Pragma("GCC unroll 2") \
             for (int i = 0; i < n; i++) { \
-                const short w = pixels[i]; \
+                const short w = pixels[i], within = (short)(w * in[i]); \
                 d += w * td[i]; \
                 ex += w * tx[i]; \
                 ey += w * ty[i]; \
                 one += w * in[i]; \
                 u += w * pu[i]; \
                 v += w * pv[i]; \
-                w2 += w * w; \
+                w2 += w * within; \
             } \
             const int six[6] = {d, ex, ey, one, u, v}; \
             for (int k = 0; k < 6; k++) sums[k] = six[k]; \
@@ -51,7 +51,6 @@ cdef extern from *:
         case 32: VT_ROWS(*(vt_row32 *)to = *(const vt_row32 *)row); break;
         default: VT_ROWS(memcpy(to, row, (size_t)bytes));
         }
-        memset(to, 0, 32);
         VT_SUMS(int);
     }
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.pins.templates import BLOCK
 from edge.types import Array, Image, Index
 
 Bytes = NDArray[np.uint8]
@@ -22,12 +21,12 @@ def sums_of_bytes(
     """Sums over some spans of an 8-bit image of I d, I tx, I ty, I, I u, I v, I^2.
 
     steps   of each span, bytes from the begin of the one before it, the first from (x, y); and its pixels
-    pixels  takes the spans, one after the other, then zeros
+    pixels  takes the spans, one after the other
     at      begin of d, tx, ty of one phase in `templates`, n each
     common  where the support, u and v stand
 
     Of each row `row_bytes` are copied, as many as the longest span has or more: the next span overwrites what
-    is too many, zeros do behind the last one.
+    is too many, and behind the last one they stay.
     """
     rows, columns = image.shape
     memory = np.lib.stride_tricks.as_strided(image, (image.strides[0] * (rows - 1) + columns,), (1,))
@@ -36,7 +35,6 @@ def sums_of_bytes(
         row += step
         pixels[to : to + row_bytes] = memory[row : row + row_bytes]
         to += length
-    pixels[to : to + BLOCK] = 0
     _sums(pixels[:n].astype(np.int64), templates, at, common, n, sums)
 
 
