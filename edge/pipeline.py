@@ -55,9 +55,7 @@ class Pipeline:
         self.demand = demand
         self._asked: frozenset[Feature] | None = None
         self._needed = demand  # the demand, and the features that the calibration needs for it
-        self._with_cells = self._with_areas = self._with_grip = (
-            True  # whether it includes what depends on them
-        )
+        self._with_cells = self._with_areas = self._with_grip = True  # whether it needs them
         self._capture_ns: int | None = None  # of the last frame that gave features
         self._grip = Grip()
         self._refiner = CentroidRefiner(rest)

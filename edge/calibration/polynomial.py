@@ -6,6 +6,8 @@ out one after the other in a few arrays, and evaluated in one call.
 
 Rules
 - The terms of a polynomial are products of inputs, given as columns of the row (inputs, their conjugates).
+  Models share half of their terms, and terms their first factors: each product is computed once, as a shorter
+  one times one more factor.
 - Complex numbers are pairs of float64. A factor, which widens the sigma alone, is in single precision.
 - A NaN among a model's inputs gives NaN, within the model's range.
 - The GIL is held: the scratch belongs to the object, and the work is short.
@@ -60,8 +62,10 @@ class ModelKernel:
     _first_spread: cython.Py_ssize_t[::1]
     _curve_input: cython.Py_ssize_t[::1]
     _knots: cython.double[:, ::1]  # input, output
-    _first_factor: cython.Py_ssize_t[::1]  # of each term, in `_columns`; the last row is the end
-    _columns: cython.int[::1]
+    _shorter: cython.int[::1]  # of each product but the first, which is 1: that without its last factor
+    _column: cython.int[::1]  # and this factor
+    _products: cython.double[:, ::1]  # their values
+    _product_of: cython.int[::1]  # of each term
     _weights: cython.double[:, ::1]
     _spread: cython.float[:, ::1]  # four rows of a factor, term by term: their real, then imaginary parts
     _low: cython.double[::1]  # of each output
@@ -100,8 +104,10 @@ class ModelKernel:
         self._first_output, self._first_knot, self._first_term, self._first_spread = begins
         self._curve_input = np.array(curve_inputs, np.intp)
         self._knots = np.array(knots, np.float64).reshape(-1, 2)
-        self._first_factor = np.cumsum([0, *map(len, columns)], dtype=np.intp)
-        self._columns = np.array([column for term in columns for column in term], np.int32)
+        products, steps = _products_of(columns)
+        self._shorter, self._column = np.array(steps, np.int32).reshape(-1, 2).T.copy()
+        self._products = np.zeros((len(products), 2))
+        self._product_of = np.array([products[tuple(factors)] for factors in columns], np.int32)
         self._weights = np.array(weights, np.float64).reshape(-1, 2)
         self._spread = spread
         self._low, self._high, self._sigma = np.array(outputs, np.float64).reshape(-1, 3).T.copy()
@@ -141,6 +147,7 @@ class ModelKernel:
                 self._row[i, 0] = self._row[n + i, 0] = rows[r, 2 * i]
                 self._row[i, 1] = rows[r, 2 * i + 1]
                 self._row[n + i, 1] = -rows[r, 2 * i + 1]
+            self._multiply()
             for i in range(self._n_models):
                 if not self._wanted[i]:
                     self._leave_out(i, results[r])
@@ -148,6 +155,28 @@ class ModelKernel:
                     self._run_curve(i, results[r])
                 else:
                     self._run_polynomial(i, results[r])
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _multiply(self) -> cython.void:
+        """The products of this row."""
+        i: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        re: cython.double
+        im: cython.double
+        q_re: cython.double
+        q_im: cython.double
+        self._products[0, 0] = 1.0
+        self._products[0, 1] = 0.0
+        for i in range(self._column.shape[0]):
+            k = self._shorter[i]
+            re = self._products[k, 0]
+            im = self._products[k, 1]
+            k = self._column[i]
+            q_re = self._row[k, 0]
+            q_im = self._row[k, 1]
+            self._products[i + 1, 0] = re * q_re - im * q_im
+            self._products[i + 1, 1] = re * q_im + im * q_re
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -191,20 +220,12 @@ class ModelKernel:
         k: cython.Py_ssize_t
         re: cython.double
         im: cython.double
-        product: cython.double
-        q_re: cython.double
-        q_im: cython.double
         y_re: cython.double = 0.0
         y_im: cython.double = 0.0
         for i in range(n):
-            re = 1.0
-            im = 0.0
-            for k in range(self._first_factor[begin + i], self._first_factor[begin + i + 1]):
-                q_re = self._row[self._columns[k], 0]
-                q_im = self._row[self._columns[k], 1]
-                product = re * q_re - im * q_im
-                im = re * q_im + im * q_re
-                re = product
+            k = self._product_of[begin + i]
+            re = self._products[k, 0]
+            im = self._products[k, 1]
             self._terms[i, 0] = re
             self._terms[i, 1] = im
             y_re += self._weights[begin + i, 0] * re - self._weights[begin + i, 1] * im
@@ -231,6 +252,23 @@ class ModelKernel:
         out[output, 0] = self._low[output] if below else self._high[output] if above else y
         out[output, 1] = self._sigma[output] * widened
         out[output, 2] = 1.0 if below or above else 0.0
+
+
+def _products_of(
+    terms: Sequence[Sequence[int]],
+) -> tuple[dict[tuple[int, ...], int], list[tuple[int, int]]]:
+    """Rows of the products that terms are made of; and of each but the first, that of the product without its
+    last factor, and this factor.
+    """
+    products: dict[tuple[int, ...], int] = {(): 0}
+    steps: list[tuple[int, int]] = []
+    for term in terms:
+        for k, factor in enumerate(term):
+            product = tuple(term[: k + 1])
+            if product not in products:
+                products[product] = len(products)
+                steps.append((products[tuple(term[:k])], factor))
+    return products, steps
 
 
 @cython.cfunc
