@@ -392,7 +392,7 @@ class ContactRegion:
 class Features:
     """Features of the geometry, in image units. Fields not in demand are None.
 
-    area_change     (n,) float64, (A - A_rest) / A_rest per pin; NaN where lost
+    area_change     (n,) float64, (A - A_rest) / A_rest per pin; NaN where lost, and in a frame without cells
     displacement_px (n, 2) float64, local shear: motion of each pin since rest; NaN where lost
     shear_px        (2,) float64, the paper's global shear: plain mean of the seen pins' motion
     modes_px        (21,) complex128, coefficients of the motion field's polynomial on the unit disc of

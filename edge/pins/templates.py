@@ -153,12 +153,13 @@ def _whole(rows: Array) -> Array:
 
     The integers of a row that were rounded furthest in the direction of their surplus go to the other side.
     """
-    whole = np.rint(rows)
+    whole: Array = np.rint(rows)
     surplus = whole.sum(axis=-1, keepdims=True)
     direction = np.sign(surplus)
     furthest = np.argsort((rows - whole) * direction, axis=-1, kind="stable")
     rank = np.argsort(furthest, axis=-1, kind="stable")
-    return whole - direction * (rank < np.abs(surplus))
+    whole -= direction * (rank < np.abs(surplus))
+    return whole
 
 
 def _scale(plane: Array) -> float:

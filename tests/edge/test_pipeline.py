@@ -76,6 +76,30 @@ def test_moments_of_contacts_are_computed_for_models_that_depend_on_them(
     assert np.isfinite(last.reading.contacts[0, :2]).all()
 
 
+@pytest.mark.parametrize("dark", [0, 3])
+def test_motion_alone_gives_the_same_values_without_cells(
+    frames: list[Frame], rest: Rest, calibration: Calibration, dark: int
+) -> None:
+    few = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
+    tip = in_order_of(calibration, rest)
+    every, alone = Pipeline(tip, calibration), Pipeline(tip, calibration, few)
+    n_cells = 0
+    for frame in frames:
+        image = frame.image.copy()
+        for x, y in np.rint(tip.xy_img[:dark]).astype(int):
+            image[y - 12 : y + 13, x - 12 : x + 13] = 0
+        expected, result = (pipeline.process(replace(frame, image=image)) for pipeline in (every, alone))
+        assert expected.features is not None
+        assert result.features is not None
+        assert result.features.in_contact == expected.features.in_contact
+        for name in ("displacement_mm", "shear_x_mm", "shear_y_mm"):
+            assert result.reading.values[name] == expected.reading.values[name]
+        n_cells += result.features.in_contact and result.cells is not None
+    assert (n_cells < 0.2 * len(frames)) == (
+        dark == 0
+    )  # where a pin is lost, its neighbours' cells predict it
+
+
 def test_friction_and_slip_margin_come_with_the_forces(
     frames: list[Frame], rest: Rest, calibration: Calibration
 ) -> None:

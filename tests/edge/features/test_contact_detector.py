@@ -73,6 +73,26 @@ def test_a_mean_over_few_cells_is_scaled_down_and_over_three_ignored() -> None:
     assert not ContactDetector(rest).by_area(np.full(127, np.nan), xy, 0.05)
 
 
+def test_a_contact_holds_by_its_pins_motion_while_that_alone_would_begin_one() -> None:
+    rest = tip(127)
+    rest_area = areas(rest.xy_img, rest)
+    detector = ContactDetector(rest)
+    answers = []
+    for height in (0.0, 0.1, 0.08, 0.001, 0.05):  # the last without areas in between: it is where it was
+        xy = rest.xy_img + push(rest, (20.0, -15.0), 50.0, height)
+        if height != 0.05:
+            detector.by_area(areas(xy, rest) / rest_area - 1.0, xy, 0.05)
+        answers.append(detector.holds(xy))
+    assert answers == [False, True, True, False, False]
+    detector.by_area(areas(xy, rest) / rest_area - 1.0, xy, 0.05)
+    assert detector.holds(xy)
+    assert not detector.holds(rest.xy_img)
+    xy[0] = np.nan
+    assert not detector.holds(xy)
+    with pytest.raises(ValueError, match="wanted"):
+        detector.holds(xy[1:])
+
+
 def test_without_areas_pins_that_move_against_each_other_decide() -> None:
     rest = tip(127)
     xy = rest.xy_img + np.array([9.0, -4.0])

@@ -42,6 +42,15 @@ def test_the_support_is_a_circle_kept_row_after_row(kind: int) -> None:
     assert len(u) == np.count_nonzero(side[:, None] ** 2 + side**2 <= support2)
 
 
+@pytest.mark.parametrize("kind", range(len(RADII)))
+def test_a_level_that_all_pixels_share_changes_no_sum(kind: int) -> None:
+    made = templates_of(RADII, 0.9, 20.0)
+    plane, first = made.plane[kind], made.first[kind]
+    planes = made.values[first : first + 3 * plane * (PHASES**2 + 1)].reshape(-1, 3, plane).astype(np.int64)
+    assert not planes[1:].sum(axis=2).any()
+    assert not planes[0, 1:].sum(axis=1).any()
+
+
 def with_spans(made: TemplateSet, spans: Index) -> TemplateSet:
     return replace(made, spans=(spans, *made.spans[1:]))
 
