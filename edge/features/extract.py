@@ -200,15 +200,16 @@ class FeatureExtractor:
             in_contact = self._detector.by_area(whole_change, self._xy, motion.sigma_px)
         if plan.modes and (in_contact or modes_at_rest):
             given["modes_px"] = self._modes.fit(motion.whole_px, motion.known)
+        kept = motion.px.copy(), area_change.copy()
         if in_contact:
             if cells is not None and plan.areas:
                 self._add_areas(given, whole_change, tracks.seen, motion.sigma_px, moments)
             if plan.contact_pins:
-                self._add_contact_motion(given, motion, area_change)
+                self._add_contact_motion(given, motion, area_change, kept)
         else:
             self._slip.forget()
             self._add_zeros(given, cells is not None)
-        return Features(area_change.copy(), motion.px.copy(), in_contact, **given)
+        return Features(kept[1], kept[0], in_contact, **given)
 
     def _motion_of(self, tracks: Tracks, cells: Cells | None) -> _Motion:
         seen, px = tracks.seen, self._px
@@ -258,7 +259,9 @@ class FeatureExtractor:
             self.surface.field.find(self._changes, xy_img)
             given["contacts"] = self.finder.find(xy_img, seen, sigma_px, moments=moments)
 
-    def _add_contact_motion(self, given: dict[str, Any], motion: _Motion, area_change: Array) -> None:
+    def _add_contact_motion(
+        self, given: dict[str, Any], motion: _Motion, area_change: Array, kept: tuple[Array, Array]
+    ) -> None:
         """Torsion and slip of a frame in contact."""
         plan, params = self._plan, self._params
         noise = self._detector.cell_noise(motion.sigma_px)
@@ -267,7 +270,7 @@ class FeatureExtractor:
         if plan.torsion:
             given["torsion_rad"] = self._motion.torsion(motion.px, pins)
         if plan.slip:
-            state = self._slip.update(motion.px, area_change, pins, motion.sigma_px)
+            state = self._slip.update(motion.px, area_change, pins, motion.sigma_px, kept)
             given["slip_px"], given["slip_probability"] = state.slip_px, state.probability
 
     def _add_zeros(self, given: dict[str, Any], with_areas: bool) -> None:

@@ -52,21 +52,31 @@ class Slip:
         self._past.clear()
         self._partial.forget()
 
-    def update(self, motion_px: Array, area_change: Array, pins: Index, sigma_px: float) -> SlipState:
+    def update(
+        self,
+        motion_px: Array,
+        area_change: Array,
+        pins: Index,
+        sigma_px: float,
+        kept: tuple[Array, Array] | None = None,
+    ) -> SlipState:
         """Compare with the frame `slip_span_frames` before this one, or with the oldest since the touch.
 
         motion_px    (n, 2) px since rest; NaN where lost
         area_change  (n,) relative, since rest; NaN where lost, or unknown
         pins         (k,) int32, rows of the pins in the contact
         sigma_px     noise of one coordinate of one pin in one frame
+        kept         the first two in arrays that stay; None: copies are made
         """
         past = self._past
+        if kept is None:
+            kept = motion_px.copy(), area_change.copy()
         if not past:
-            past.append((motion_px.copy(), area_change.copy()))
+            past.append(kept)
             return NO_SLIP
         span = len(past)
         before_px, area_change_before = past[0]
-        past.append((motion_px.copy(), area_change.copy()))
+        past.append(kept)
         pressing_rel = self._params.slip_pressing_rel
         if self._motion.is_pressing(area_change, area_change_before, pins, pressing_rel):
             self._partial.forget()
