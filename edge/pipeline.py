@@ -78,6 +78,8 @@ class Pipeline:
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         moved = tracks if drift is None else drift.correct(tracks)
         holds = self._with_cells and not self._with_areas and self._extractor.contact_holds(moved)
+        if holds:
+            self._tessellator.keep(moved)
         try:
             cells = self._tessellator.cells(moved) if self._with_cells and not holds else None
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost

@@ -87,6 +87,11 @@ class Tessellator:
             area, self._rest_area_px2, points[:n], triangles, around, whole, self._gap, self._gap_img
         )
 
+    def keep(self, tracks: Tracks) -> None:
+        """Make a frame whose cells nobody needs the last one; all of its pins are seen."""
+        self._points[: len(self._rest_img)] = tracks.xy_img
+        self._last_counts = True
+
     def forget(self) -> None:
         """Let the next frame's areas depend on that frame alone, to the last bit."""
         self._mesh.forget()

@@ -312,6 +312,17 @@ def test_a_lost_pin_keeps_its_place_among_those_that_move_on_together() -> None:
     assert 0.2 < errors[0] == pytest.approx(errors[1] / 2, rel=1e-6)
 
 
+def test_a_frame_that_was_only_kept_tells_of_lost_pins_all_the_same() -> None:
+    rest = TIPS["hexagonal"]()
+    now = pressed(rest, 4.0) + np.random.default_rng(5).normal(0.0, 1.0, rest.shape)
+    tessellator = Tessellator(rest_of(rest))
+    tessellator.keep(tracks_of(now))
+    found = now.copy()
+    found[::9] = np.nan
+    cells = tessellator.cells(replace(tracks_of(found), autocorrelation=1.0))
+    assert np.abs(cells.xy_img - now).max() < 1e-9
+
+
 def test_a_forgotten_frame_tells_nothing_of_lost_pins() -> None:
     cells, _ = blinked(1.0, forgotten=True)
     from_frame, _ = blinked(0.0)
