@@ -42,12 +42,12 @@ def frame_inputs(features: Features, pattern: PinPattern, z: Complex | None = No
 
     z        written, and returned; None: a new array
     Returns  (28,) complex128, dimensionless
-    Raises   ValueError: sizes that do not fit
+    Raises   ValueError: sizes that do not fit, a tip without a radius
     """
     n: cython.Py_ssize_t = len(MODES)
     first: cython.Py_ssize_t = 2 + n
     i: cython.Py_ssize_t
-    r: cython.double = pattern.tip_radius_px
+    r: cython.double = _radius_px(pattern)
     volume, modes, contacts = features.volume_px2, features.modes_px, features.contacts
     if z is None:
         z = np.empty(len(FRAME_INPUTS), np.complex128)
@@ -69,6 +69,12 @@ def frame_inputs(features: Features, pattern: PinPattern, z: Complex | None = No
     row[first + 3] = features.gap
     row[first + 4] = 0.0 if features.gap_img is None else _on_disc(features.gap_img, pattern)
     return z
+
+
+def _radius_px(pattern: PinPattern) -> float:
+    if not pattern.tip_radius_px > 0:
+        raise ValueError(f"tip_radius_px: above 0 is wanted, not {pattern.tip_radius_px}")
+    return pattern.tip_radius_px
 
 
 def _row(z: Complex, n: int) -> Complex:
@@ -102,12 +108,12 @@ def contact_inputs(
 
     z        written, and returned; None: a new array
     Returns  (7,) complex128, dimensionless
-    Raises   ValueError: sizes that do not fit
+    Raises   ValueError: sizes that do not fit, a tip without a radius
     """
     if z is None:
         z = np.empty(len(CONTACT_INPUTS), np.complex128)
     row: cython.doublecomplex[::1] = _row(z, len(CONTACT_INPUTS))
-    r = pattern.tip_radius_px
+    r = _radius_px(pattern)
     row[0], row[1], row[3] = _place_peak_size(contact, pattern)
     row[2] = _shear(features) / r
     row[4] = _on_disc(contact.middle_img, pattern)
