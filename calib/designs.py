@@ -41,11 +41,18 @@ class Group:
 
     outputs   one real value, or two as x + i y
     symmetry  behaviour when tip and touch are rotated, or mirrored, together
+    fitted    of a contact fitted to the pins' motion
     """
 
     outputs: tuple[str, ...]
     symmetry: Symmetry
     of_contact: bool = False
+    fitted: bool = False
+
+    @property
+    def truth(self) -> tuple[str, ...]:
+        """The values of a table that they are fitted to: a single contact's, which is one of several too."""
+        return tuple(name.replace("joint_", "contact_") for name in self.outputs)
 
     @property
     def spin(self) -> int:
@@ -64,6 +71,8 @@ GROUPS = (
     Group(("torque_z_nmm",), Symmetry.ODD),
     Group(("contact_x_mm", "contact_y_mm"), Symmetry.TURNING, of_contact=True),
     Group(("contact_depth_mm",), Symmetry.EVEN, of_contact=True),
+    Group(("joint_x_mm", "joint_y_mm"), Symmetry.TURNING, of_contact=True, fitted=True),
+    Group(("joint_depth_mm",), Symmetry.EVEN, of_contact=True, fitted=True),
 )
 
 
@@ -95,6 +104,13 @@ DEPTH_LETTERS: Letters = (*CONTACT_LETTERS, ("size", 0))
 MOMENT_LETTERS: Letters = (
     ("middle", 1), ("middle*", -1), ("shear", 1), ("shear*", -1), ("divergence_moment", 1),
     ("divergence_moment*", -1), ("curl_moment", 1), ("curl_moment*", -1), ("peak", 0),
+)  # fmt: skip
+
+
+#: Of a contact fitted to the pins' motion, place and depth alike.
+FITTED_LETTERS: Letters = (
+    ("fitted_p", 1), ("fitted_p*", -1), ("fitted_shear", 1), ("fitted_shear*", -1), ("fitted_dipole", 1),
+    ("fitted_dipole*", -1), ("fitted_potential", 0), ("fitted_width", 0),
 )  # fmt: skip
 
 
@@ -136,6 +152,8 @@ def designs(group: Group, all_round: bool) -> Iterator[tuple[str, list[list[str]
         alphabets = {"place of contact": CONTACT_LETTERS if group.spin == 1 else DEPTH_LETTERS}
         if group.spin == 1:
             alphabets["place and moments of contact"] = MOMENT_LETTERS
+        if group.fitted:
+            alphabets = {"fitted contact": FITTED_LETTERS}
         for (name, alphabet), factors in itertools.product(alphabets.items(), (1, 2, 3)):
             yield f"{name}{_products(factors)}", terms_of_spin(group.spin, alphabet, factors)
         return

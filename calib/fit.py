@@ -235,7 +235,7 @@ def fit_processes(rest: Rest, targets: Targets, extract: Extract, pool: Executor
 
 def groups_of(targets: Targets) -> list[Group]:
     """Groups of outputs that the table has columns for."""
-    return [group for group in GROUPS if all(name in targets.values for name in group.outputs)]
+    return [group for group in GROUPS if all(name in targets.values for name in group.truth)]
 
 
 def tip_of(rest: Rest) -> Calibration:
@@ -386,12 +386,13 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
 
 def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> Iterator[_Problem]:
     """All groups of outputs that the table has and that vary."""
-    alike: dict[tuple[int, bool, bytes], list[tuple[Group, Mask, Complex]]] = {}
+    alike: dict[tuple[int, bool, bool, bytes], list[tuple[Group, Mask, Complex]]] = {}
     for group in GROUPS:
         truth = _truth(group, targets, extract, usable)
         if truth is not None:
             rows, y = truth
-            alike.setdefault((group.spin, group.of_contact, rows.tobytes()), []).append((group, rows, y))
+            key = group.spin, group.of_contact, group.fitted, rows.tobytes()
+            alike.setdefault(key, []).append((group, rows, y))
     poses = targets.poses
     # The error of a mode's coefficient is a mean over the errors of the pins, along x and along y.
     pattern = rest.pattern
@@ -416,14 +417,16 @@ def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> I
 
 def _truth(group: Group, targets: Targets, extract: Extract, usable: Mask) -> tuple[Mask, Complex] | None:
     """Which frames have the group's truth, and the truth; None: no such columns, or they do not vary."""
-    if any(name not in targets.values for name in group.outputs):
+    if any(name not in targets.values for name in group.truth):
         return None
-    parts = [targets.values[name] for name in group.outputs]
+    parts = [targets.values[name] for name in group.truth]
     rows = usable & np.all(np.isfinite(parts), axis=0)
     if not any(_varies(part[rows]) for part in parts):
         return None
     if group.of_contact:
-        rows &= np.isfinite(extract.contact[:, 0])
+        rows &= np.isfinite(extract.contact[:, CONTACT_INPUTS.index("fitted_p" if group.fitted else "p")])
+        if group.fitted and rows.sum() < PARAMS.rows_min:
+            return None  # made by an extract without fits
     y = np.zeros(int(rows.sum()), dtype=np.complex128)
     y.real = parts[0][rows]
     if len(parts) == 2:

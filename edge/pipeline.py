@@ -14,7 +14,7 @@ import numpy as np
 from edge.calibration import Calibration, Grip, uncalibrated
 from edge.cells import Tessellator
 from edge.errors import DegenerateLayout
-from edge.features import FeatureExtractor
+from edge.features import FeatureExtractor, Fits
 from edge.pins import CentroidRefiner, detect
 from edge.runtime.drift import Drift
 from edge.tracking import Tracker
@@ -25,6 +25,7 @@ OF_CELLS = frozenset(Feature) - {Feature.SHEAR, Feature.TORSION}
 #: Those whose models may depend on the pins' motion alone: areas only say when a contact begins and ends.
 OF_MODES = frozenset({Feature.DISPLACEMENT, Feature.FORCE, Feature.TILT, Feature.SHEAR})
 ALL = frozenset(Feature)
+_ALL, _SEVERAL, _NONE = Fits.ALL, Fits.SEVERAL, Fits.NONE  # to look a member up is Python code
 
 
 @per_frame
@@ -86,8 +87,15 @@ class Pipeline:
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         calibrated = self.calibration is not None
         moments = self.calibration is None or self.calibration.of_moments
+        fits = _ALL if self.calibration is None else _SEVERAL if self.calibration.of_fits else _NONE
         features = self._extractor.extract(
-            moved, cells, self._needed, contact_holds=holds, modes_at_rest=not calibrated, moments=moments
+            moved,
+            cells,
+            self._needed,
+            contact_holds=holds,
+            modes_at_rest=not calibrated,
+            moments=moments,
+            fits=fits,
         )
         if self.calibration is None:
             reading = uncalibrated(features)

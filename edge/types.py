@@ -362,6 +362,24 @@ class Feature(StrEnum):
 
 
 @per_frame
+class FittedContact:
+    """A contact as it was fitted to the pins' motion together with the others: `features.contact_fit`.
+
+    place_img  (2,) px, where its skin lies at rest
+    width      pitches, of its potential
+    potential  squared pitches, of all contacts together at this place: grows with the depth of the skin there
+    shear      (2,) pitches, of the skin in its middle
+    dipole    (2,) pitches, the part of the shear's motion that points outwards
+    """
+
+    place_img: Array
+    width: float
+    potential: float
+    shear: Array
+    dipole: Array
+
+
+@per_frame
 class ContactRegion:
     """One contact: a regional maximum of the compression surface, and the region that belongs to it.
 
@@ -375,6 +393,7 @@ class ContactRegion:
     divergence_moment_px, curl_moment_px
                      (2,) first moments of the motion's divergence, and of its curl turned by a right angle,
                      about the middle, over the sum of the divergence: how a shear shifts the contact
+    fitted           by a fit of a few contacts to the pins' motion; None: not computed
     """
 
     xy_img: Array
@@ -386,6 +405,7 @@ class ContactRegion:
     middle_img: Array
     divergence_moment_px: Array
     curl_moment_px: Array
+    fitted: FittedContact | None = None
 
 
 @per_frame

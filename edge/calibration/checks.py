@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from edge.calibration.file import (
     CONTACT_OUTPUTS,
+    JOINT_OUTPUTS,
     UNTOUCHED,
     CalibrationFile,
     Curve,
@@ -69,13 +70,13 @@ def outputs_of(model: Model) -> list[str]:
 
 def is_of_contact(model: Model) -> bool:
     """Whether a model is evaluated once a contact; else once a frame."""
-    return all(name in CONTACT_OUTPUTS for name in outputs_of(model))
+    return all(name in CONTACT_OUTPUTS or name in JOINT_OUTPUTS for name in outputs_of(model))
 
 
 def _check_outputs(model: Model, where: str, seen: set[str]) -> None:
     for name in outputs_of(model):
         if name not in UNTOUCHED and not is_of_contact(model):
-            known = ", ".join((*UNTOUCHED, *CONTACT_OUTPUTS))
+            known = ", ".join((*UNTOUCHED, *CONTACT_OUTPUTS, *JOINT_OUTPUTS))
             raise BadContent(f"{where}: unknown output {quote(name)}; known: {known}")
         if name in seen:
             raise BadContent(f"{where}: a second model for '{name}'")

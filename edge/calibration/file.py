@@ -72,7 +72,9 @@ UNTOUCHED: dict[str, float] = {
 }
 #: Outputs of models that are evaluated once a contact, from the contact's own inputs.
 CONTACT_OUTPUTS = ("contact_x_mm", "contact_y_mm", "contact_depth_mm")
-MODELS_MAX = len(UNTOUCHED) + len(CONTACT_OUTPUTS)
+#: The same, of several contacts that were fitted to the pins' motion together.
+JOINT_OUTPUTS = ("joint_x_mm", "joint_y_mm", "joint_depth_mm")
+MODELS_MAX = len(UNTOUCHED) + len(CONTACT_OUTPUTS) + len(JOINT_OUTPUTS)
 
 
 class Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="curve"):

@@ -31,10 +31,13 @@ MODES = tuple(f"c{a}{d - a}" for d in range(6) for a in range(d, -1, -1))  # as 
 FRAME_INPUTS: tuple[str, ...] = ("volume", "shear", *MODES, "p", "peak", "size", "gap", "gap_place")
 #: First moments about a contact's middle: computed only for models that depend on them.
 MOMENTS = ("divergence_moment", "curl_moment")
+#: Of a contact fitted to the pins' motion (`edge.types.FittedContact`), computed of several contacts: its
+#: place on the tip's unit disc, the others in pitches.
+FITTED = ("fitted_p", "fitted_potential", "fitted_width", "fitted_shear", "fitted_dipole")
 #: Inputs made of one contact: place on the tip's unit disc, height of the maximum, the frame's mean motion
 #: (a shear moves the maximum within the contact), the root of the contact's area; where the contact's middle
-#: lies at rest, and the first moments of divergence and curl about it.
-CONTACT_INPUTS: tuple[str, ...] = ("p", "peak", "shear", "size", "middle", *MOMENTS)
+#: lies at rest, and the first moments of divergence and curl about it; and those of the fit.
+CONTACT_INPUTS: tuple[str, ...] = ("p", "peak", "shear", "size", "middle", *MOMENTS, *FITTED)
 
 
 def frame_inputs(features: Features, pattern: PinPattern, z: Complex | None = None) -> Complex:
@@ -107,11 +110,12 @@ def contact_inputs(
     """The inputs `CONTACT_INPUTS` of one contact of a frame.
 
     z        written, and returned; None: a new array
-    Returns  (7,) complex128, dimensionless
+    Returns  (12,) complex128, dimensionless; NaN where it was not computed
     Raises   ValueError: sizes that do not fit, a tip without a radius
     """
     if z is None:
         z = np.empty(len(CONTACT_INPUTS), np.complex128)
+    i: cython.Py_ssize_t
     row: cython.doublecomplex[::1] = _row(z, len(CONTACT_INPUTS))
     r = _radius_px(pattern)
     row[0], row[1], row[3] = _place_peak_size(contact, pattern)
@@ -119,6 +123,14 @@ def contact_inputs(
     row[4] = _on_disc(contact.middle_img, pattern)
     row[5] = complex(*contact.divergence_moment_px.tolist()) / r
     row[6] = complex(*contact.curl_moment_px.tolist()) / r
+    fitted = contact.fitted
+    if fitted is None:
+        for i in range(7, 12):
+            row[i] = math.nan
+    else:
+        row[7] = _on_disc(fitted.place_img, pattern)
+        row[8], row[9] = fitted.potential, fitted.width
+        row[10], row[11] = complex(*fitted.shear.tolist()), complex(*fitted.dipole.tolist())
     return z
 
 

@@ -9,6 +9,7 @@ Rules
   the motion that a load does not explain, times the scale, over the time between two frames.
 - A single contact's depth is the frame's displacement: all pins contribute to it, and on a ball its error
   is several times smaller than with the contact's own height and size (0.05 against 0.2..0.3 mm rms).
+- Of several contacts that were fitted together, place and depth are those of the models of fitted contacts.
 - The number of contacts has no unit: it is sent without a calibration too.
 - Every value has a standard deviation: the residual of the fit on held-out frames, widened where a frame
   lies far from the data (leverage), as in Bayesian linear regression; that of a process is each frame's own.
@@ -28,6 +29,7 @@ import numpy as np
 from edge.calibration.checks import check, is_of_contact, outputs_of
 from edge.calibration.file import (
     CONTACT_OUTPUTS,
+    JOINT_OUTPUTS,
     UNTOUCHED,
     CalibrationFile,
     Curve,
@@ -120,6 +122,7 @@ class Calibration:
     content_id 32 bits of the content's hash; goes over the wire as the calibration's identity
     of_moments whether a model depends on a contact's moments
     of_volume  whether a model depends on the volume
+    of_fits    whether there are models of contacts fitted together
     """
 
     def __init__(self, content: CalibrationFile) -> None:
@@ -129,12 +132,17 @@ class Calibration:
         self.mm_per_px = content.mm_per_px
         self.rest = rest_of(content.sensor)
         self._frame = _Models([m for m in content.models if not is_of_contact(m)], FRAME_INPUTS)
-        self._contact = _Models([m for m in content.models if is_of_contact(m)], CONTACT_INPUTS)
-        self.outputs = frozenset((*self._frame.outputs, *self._contact.outputs))
+        of_contact = [m for m in content.models if is_of_contact(m)]
+        joint = [m for m in of_contact if not set(JOINT_OUTPUTS).isdisjoint(outputs_of(m))]
+        self._contact = _Models([m for m in of_contact if m not in joint], CONTACT_INPUTS)
+        self._joint = _Models(joint, CONTACT_INPUTS)
+        self.of_fits = bool(joint)
+        self.outputs = frozenset((*self._frame.outputs, *self._contact.outputs, *self._joint.outputs))
         read = frozenset().union(*map(_inputs_of, content.models))
         self.of_moments = not read.isdisjoint(MOMENTS)
         self.of_volume = "volume" in read
         self._columns = [CONTACT_OUTPUTS.index(name) for name in self._contact.outputs]
+        self._joint_columns = [JOINT_OUTPUTS.index(name) for name in self._joint.outputs]
         self._placed = self.outputs >= {"contact_x_mm", "contact_y_mm"}
         self._untouched = {name: UNTOUCHED[name] for name in self._frame.outputs}
         self._untouched_sigmas = dict(zip(self._frame.outputs, self._frame.sigmas, strict=True))
@@ -276,7 +284,19 @@ class Calibration:
                 contact_inputs(contact, features, pattern, self._contact.inputs)
                 for column, (value, _, _) in zip(self._columns, self._contact.run(), strict=True):
                     place[column] = value
+        if self._joint_columns and len(found) > 1:
+            self._write_joint(places, features, found, pattern)
         return np.array(places)
+
+    def _write_joint(
+        self, places: list[list[float]], features: Features, found: Contacts, pattern: PinPattern
+    ) -> None:
+        """Of the contacts that were fitted, what is known of them so."""
+        for place, contact in zip(places, found, strict=True):
+            if contact.fitted is not None:
+                contact_inputs(contact, features, pattern, self._joint.inputs)
+                for column, (value, _, _) in zip(self._joint_columns, self._joint.run(), strict=True):
+                    place[column] = value
 
     def contact_values(self, z: Complex) -> Iterator[tuple[str, float, float]]:
         """Name, value and sigma of every output of one contact, from `contact_inputs`."""

@@ -12,12 +12,15 @@
       split               two close contacts, or one long one?
       contact_place       where a contact is, by the pins round it
       pin_noise           noise of a pin, estimated from its neighbours
+      fitted_contacts     what fits of a few contacts decide
+        contact_fit       the fit of contacts to the pins' motion
     params                every chosen number
 
 The modules of this package are one stage and may import each other.
 """
 
 from edge.features.extract import FeatureExtractor
+from edge.features.fitted_contacts import Fits
 from edge.features.modes import MODE_NAMES
 
-__all__ = ["MODE_NAMES", "FeatureExtractor"]
+__all__ = ["MODE_NAMES", "FeatureExtractor", "Fits"]

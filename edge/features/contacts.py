@@ -10,17 +10,19 @@ real valley between them are one contact.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from edge.features.contact_place import ContactPlace
+from edge.features.fitted_contacts import Fits, FittedContacts
 from edge.features.params import PARAMS, FeatureParams
 from edge.features.peaks import PeakFinder
 from edge.features.pin_noise import PinNoise
 from edge.features.regions import CONTACTS_MAX, Regions
 from edge.features.split import SplitTest
 from edge.features.surface import Surface
-from edge.types import Array, ContactRegion, Heights, Mask
+from edge.types import Array, ContactRegion, FittedContact, Heights, Mask
 
 __all__ = ["ContactFinder", "maxima"]
 
@@ -48,6 +50,7 @@ class ContactFinder:
         x0, y0, step_px = float(surface.x_img[0]), float(surface.y_img[0]), surface.step_px
         self._regions = Regions(self._peaks, x0, y0, step_px, params)
         self._place = ContactPlace(surface.rest_img, surface.pitch_px, surface.field, self._regions, params)
+        self._fitted = FittedContacts(surface, self._regions, params)
         self._pin_noise = PinNoise(surface.rest_img, surface.pitch_px)
         self._split_test: SplitTest | None = None
         self._noise_px: float | None = None  # of a pin in this frame; None: not measured yet
@@ -78,7 +81,7 @@ class ContactFinder:
         return self._split_test
 
     def find(
-        self, xy_img: Array, seen: Mask, sigma_px: float, *, moments: bool = True
+        self, xy_img: Array, seen: Mask, sigma_px: float, *, moments: bool = True, fits: Fits = Fits.ALL
     ) -> tuple[ContactRegion, ...]:
         """Contacts of the frame that the surface's fields were last computed for, strongest first.
 
@@ -86,6 +89,7 @@ class ContactFinder:
         seen      (n,) bool
         sigma_px  noise of one coordinate of a pin's motion since rest
         moments   False: they are not wanted, and NaN
+        fits      the contacts that are wanted as fitted to the pins' motion
         Source    paper, "Contact Location and Multi-Contact Detection"
         """
         params, regions, peaks = self._params, self._regions, self._peaks
@@ -97,11 +101,20 @@ class ContactFinder:
         regions.merge(field_noise, self._pin_noise_px(xy_img, seen, sigma_px) if peaks.n_peaks > 1 else 0.0)
         if regions.n_contacts > 1:
             self._place.drop_guesses(seen)
-        self._split_close_pairs(xy_img, seen, sigma_px)
+        is_long = self._split_close_pairs(xy_img, seen, sigma_px)
+        n, direction = regions.n_contacts, math.nan
+        if n == 2:
+            direction = self._fitted.join(xy_img, seen)
+        elif n == 1 and is_long:
+            direction = self._fitted.split(xy_img, seen)
         self._place.find_places(xy_img)
         if moments:
             self._place.find_moments()
-        return tuple(self._describe(i, moments) for i in range(regions.n_contacts))
+        fitted = self._fitted.fit(xy_img, seen) if regions.n_contacts >= fits else []
+        contacts = [self._describe(i, moments, fitted) for i in range(regions.n_contacts)]
+        if direction == direction:
+            contacts[0] = replace(contacts[0], orientation_rad=direction)
+        return tuple(contacts)
 
     def _pin_noise_px(self, xy_img: Array, seen: Mask, sigma_px: float) -> float:
         """Noise of a pin, from its neighbours in this frame and from rest; computed on demand."""
@@ -109,13 +122,14 @@ class ContactFinder:
             self._noise_px = math.hypot(self._pin_noise.sigma_px(xy_img, seen), sigma_px)
         return self._noise_px
 
-    def _split_close_pairs(self, xy_img: Array, seen: Mask, sigma_px: float) -> None:
-        """Split each long, small contact that the sharper field shows to be two."""
+    def _split_close_pairs(self, xy_img: Array, seen: Mask, sigma_px: float) -> bool:
+        """Split each long, small contact that the sharper field shows to be two. Whether one was long."""
         params, regions = self._params, self._regions
         max_axis_px = params.close_pitch * self._surface.pitch_px
-        split = False
+        split = is_long = False
         for i in range(regions.n_contacts):
             oriented = self._elongation[i] >= params.min_oriented_elongation
+            is_long |= bool(oriented)
             if not (oriented and self._semi_axis[i] < max_axis_px):
                 continue
             if regions.n_contacts == CONTACTS_MAX:
@@ -126,8 +140,9 @@ class ContactFinder:
                 split = True
         if split:
             regions.sort()
+        return is_long
 
-    def _describe(self, i: int, moments: bool) -> ContactRegion:
+    def _describe(self, i: int, moments: bool, fitted: list[FittedContact]) -> ContactRegion:
         elongation = float(self._elongation[i])
         oriented = elongation >= self._params.min_oriented_elongation
         return ContactRegion(
@@ -140,4 +155,5 @@ class ContactFinder:
             middle_img=self._middle[i].copy(),
             divergence_moment_px=self._divergence_moment[i].copy() if moments else _UNKNOWN,
             curl_moment_px=self._curl_moment[i].copy() if moments else _UNKNOWN,
+            fitted=fitted[i] if fitted else None,
         )

@@ -32,6 +32,7 @@ import numpy as np
 from edge.features.area_change import AreaChange
 from edge.features.contact_detector import ContactDetector
 from edge.features.contacts import ContactFinder
+from edge.features.fitted_contacts import Fits
 from edge.features.modes import Modes
 from edge.features.params import PARAMS, FeatureParams
 from edge.features.pin_motion import PinMotion
@@ -171,6 +172,7 @@ class FeatureExtractor:
         contact_holds: bool = False,
         modes_at_rest: bool = True,
         moments: bool = True,
+        fits: Fits = Fits.ALL,
     ) -> Features:
         """The features of one frame.
 
@@ -178,6 +180,7 @@ class FeatureExtractor:
         contact_holds  of this frame, as `contact_holds` says; no cells are needed then
         modes_at_rest  False: modes are not wanted of an untouched tip
         moments        False: the contacts' moments are not wanted; they are NaN
+        fits           the contacts that are wanted as fitted to the pins' motion
         Returns        Features; fields outside of the demand are None
         """
         if demand is not self._plan.demand:
@@ -203,7 +206,7 @@ class FeatureExtractor:
         kept = motion.px.copy(), area_change.copy()
         if in_contact:
             if cells is not None and plan.areas:
-                self._add_areas(given, whole_change, tracks.seen, motion.sigma_px, moments)
+                self._add_areas(given, whole_change, tracks.seen, motion.sigma_px, moments, fits)
             if plan.contact_pins:
                 self._add_contact_motion(given, motion, area_change, kept)
         else:
@@ -245,6 +248,7 @@ class FeatureExtractor:
         seen: Mask,
         sigma_px: float,
         moments: bool,
+        fits: Fits,
     ) -> None:
         """Volume, surface and contacts of a frame in contact."""
         plan, changes, xy_img = self._plan, self._area_change, self._xy
@@ -257,7 +261,7 @@ class FeatureExtractor:
             given["grid_img"] = (self.surface.x_img, self.surface.y_img)
         if plan.contacts:
             self.surface.field.find(self._changes, xy_img)
-            given["contacts"] = self.finder.find(xy_img, seen, sigma_px, moments=moments)
+            given["contacts"] = self.finder.find(xy_img, seen, sigma_px, moments=moments, fits=fits)
 
     def _add_contact_motion(
         self, given: dict[str, Any], motion: _Motion, area_change: Array, kept: tuple[Array, Array]

@@ -17,11 +17,10 @@ from __future__ import annotations
 import cython
 import numpy as np
 
-from edge.features.params import PARAMS
 from edge.types import Heights, Mask
 
 #: The size of the tables of peaks.
-PEAKS_MAX = PARAMS.peaks_max
+PEAKS_MAX = 24
 
 _PEAKS_MAX = cython.declare(cython.Py_ssize_t, PEAKS_MAX)
 _NOTHING = cython.declare(cython.float, -np.inf)

@@ -198,6 +198,41 @@ class Regions:
         self._n_peaks += 1
         self.n_contacts += 1
 
+    def join(self, i: cython.Py_ssize_t, k: cython.Py_ssize_t) -> None:
+        """Make one contact of i and k, and measure the regions.
+
+        Raises ValueError: no such contacts, or the same
+        """
+        if not 0 <= i < k < self.n_contacts:
+            raise ValueError(
+                f"i, k: two contacts of 0 to {self.n_contacts - 1} are wanted, the first one first"
+            )
+        j: cython.Py_ssize_t
+        for j in range(self._n_peaks):
+            if self._contact[j] == k:
+                self._contact[j] = cython.cast(cython.int, i)
+            elif self._contact[j] > k:
+                self._contact[j] -= 1
+        self.n_contacts -= 1
+        self._measure()
+
+    def nearest_point(self, x: cython.double, y: cython.double) -> int:
+        """Place in the padded grid of the point nearest to a place, px, of those with a height; -1: none."""
+        p: cython.Py_ssize_t
+        at: cython.Py_ssize_t
+        nearest: cython.Py_ssize_t = -1
+        dx: cython.double
+        dy: cython.double
+        least: cython.double = np.inf
+        for p in range(self._place.shape[0]):
+            at = self._place[p]
+            dx = self.x0 + self.step_px * self._column[at] - x
+            dy = self.y0 + self.step_px * self._row[at] - y
+            if dx * dx + dy * dy < least:
+                least = dx * dx + dy * dy
+                nearest = at
+        return nearest
+
     def sort(self) -> None:
         """Put the contacts in the order of their highest peaks again, and measure their regions."""
         i: cython.Py_ssize_t

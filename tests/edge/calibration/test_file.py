@@ -194,7 +194,7 @@ HOSTILE = {
     ),
     "many models": (
         damaged("models", value=[calibration_content()["models"][0]] * 1000),
-        "models: must have at most 14 items",
+        "models: must have at most 17 items",
     ),
 }
 

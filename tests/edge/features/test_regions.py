@@ -121,3 +121,24 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
             regions.split(0, 50, at)
         with pytest.raises(ValueError, match="places"):
             regions.split(0, at, 50)
+
+
+def test_joined_regions_are_one_and_the_others_move_up() -> None:
+    field = hill(8.0, 20.0, 1.0, 2.5) + hill(20.0, 20.0, 0.9, 2.5) + hill(32.0, 20.0, 0.8, 2.5)
+    _, regions = regions_of(field)
+    assert regions.n_contacts == 3
+    regions.join(0, 1)
+    assert regions.n_contacts == 2
+    assert len(regions.ridge(0)) == 2
+    np.testing.assert_allclose(
+        np.asarray(regions.middle)[:2, 0], X0 + STEP * np.array([13.7, 32.0]), atol=0.5 * STEP
+    )
+    for i, k in ((0, 0), (1, 0), (0, 2), (-1, 1)):
+        with pytest.raises(ValueError, match="two contacts"):
+            regions.join(i, k)
+
+
+def test_the_nearest_point_of_a_place() -> None:
+    _, regions = regions_of(hill(20.0, 20.0, 1.0, 3.0))
+    assert regions.nearest_point(X0 + STEP * 7.3, Y0 + STEP * 11.6) == place(regions, 7.0, 12.0)
+    assert regions.nearest_point(-1e6, -1e6) == place(regions, 0.0, 0.0)

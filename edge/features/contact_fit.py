@@ -1,0 +1,580 @@
+r"""A few parametric contacts fitted to the pins' motion together: place, size, strength and shear of each.
+
+    motion(x) = sum over contacts + affine motion
+
+    press    -grad of a potential h f, with f = 1 / (1 + r^2 / 2 s^2): width s, height h
+    shear    t f + (v . d) d f^2 / s^2, with d = x - place
+    line     the same press and t, mean over the points of a line: a bar, an edge
+
+Idea: motions of several contacts add up, their areas, peaks and regions do not. So what one contact does is
+what is left when the fitted others are taken away, and the depth of the skin at its place is the sum of all
+potentials there. The rational quadratic potential is a mean over Gaussian ones of all widths: nothing but a
+place, a width and a height has to be known of the tool.
+
+Rules
+- Levenberg and Marquardt's steps on all parameters at once, from given places; a fixed number at most, so
+  that a frame's time is bounded. Weak Gaussian priors keep shears and widths finite where pins cannot tell.
+- Seen pins near the given places count, no predicted ones.
+- Place and motion are where the skin lies at rest: a shear that drags the skin does not move them.
+
+A kernel: compiled by Cython (see setup.py), and the same when it is not.
+
+Source  More, The Levenberg-Marquardt algorithm, Lecture Notes in Mathematics 630, 1978; Johnson, Contact
+        Mechanics, chapter 3 (fields of several loads add up); Rasmussen and Williams, Gaussian Processes,
+        MIT Press 2006, section 4.2 (rational quadratic as a mean over widths)
+"""
+
+# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
+
+from __future__ import annotations
+
+import cython
+import numpy as np
+
+from edge.features.params import PARAMS, FeatureParams
+from edge.geometry.motion_field import SHARP, MotionPrior
+from edge.types import Array
+
+if cython.compiled:
+    from cython.cimports.libc.math import atan, exp, hypot, log, sqrt
+else:
+    from math import atan, exp, hypot, log, sqrt
+
+#: Contacts of one fit: with more a frame would take too long.
+FITS_MAX = 4
+
+_FITS_MAX = cython.declare(cython.Py_ssize_t, FITS_MAX)
+#: Parameters of a contact: place (2), logarithm of the width, strength, t (2), v or half a line (2).
+_OWN = cython.declare(cython.Py_ssize_t, 8)
+_COMMON = cython.declare(cython.Py_ssize_t, 6)
+_AFFINE_PITCHES = cython.declare(
+    cython.double, 5.0
+)  # scale of the affine part: any that is of the fit's size
+_HALF_MIN = cython.declare(cython.double, 1e-3)  # pitches, half of a line: below it differences are rounding
+_LOG_WIDTH_MAX = cython.declare(cython.double, 1.5)  # a fifth to five pitches: others are no contact of pins
+_STEPS_MAX = cython.declare(cython.Py_ssize_t, 25)  # so that a frame's time is bounded; 8 are usual
+_DAMPING_MIN = cython.declare(cython.double, 1e-9)
+#: Of the first step; a tenth of it after one that helped, else tenfold. With 0.1 some lines lose length.
+_DAMPING = cython.declare(cython.double, 1.0)
+_DAMPING_MAX = cython.declare(cython.double, 1e6)
+_ENOUGH = cython.declare(cython.double, 1e-4)  # relative gain of a step that is the last one
+
+
+@cython.cclass
+class ContactFit:
+    """Fits contacts to the motion of the n pins of one tip. Results are of the last fit.
+
+    place      (FITS_MAX, 2) float64 px, at rest
+    width      (FITS_MAX,) float64 pitches, s
+    height     (FITS_MAX,) float64 squared pitches, of the own potential
+    total      (FITS_MAX,) float64 squared pitches, of all potentials at this contact's place
+    shear      (FITS_MAX, 2) float64 pitches, t
+    dipole    (FITS_MAX, 2) float64 pitches, v; of a line: half of the line
+    n_pins     pins that count
+
+    rest_xy, pitch_px  (n, 2) px, and their pitch
+    prior              of the motion: a shear against a press as curl, errors of the model as noise
+    Raises             ValueError: sizes that do not fit
+    """
+
+    place = cython.declare(cython.double[:, ::1], visibility="readonly")
+    width = cython.declare(cython.double[::1], visibility="readonly")
+    height = cython.declare(cython.double[::1], visibility="readonly")
+    total = cython.declare(cython.double[::1], visibility="readonly")
+    shear = cython.declare(cython.double[:, ::1], visibility="readonly")
+    dipole = cython.declare(cython.double[:, ::1], visibility="readonly")
+    n_pins = cython.declare(cython.Py_ssize_t, visibility="readonly")
+    _rest: cython.double[:, ::1]  # pitches
+    _pitch_px: cython.double
+    _pins: cython.int[::1]  # that count
+    _motion: cython.double[:, ::1]  # theirs, pitches
+    _middle_x: cython.double  # of the affine part, pitches
+    _middle_y: cython.double
+    _m: cython.Py_ssize_t  # contacts
+    _is_line: cython.bint
+    _start: cython.double[::1]  # parameters
+    _now: cython.double[::1]
+    _next: cython.double[::1]
+    _scale: cython.double[::1]  # of each parameter's prior: noise over its standard deviation
+    _row: cython.double[:, ::1]  # (2, parameters) derivatives of one pin's motion along x and y
+    _at: cython.double[::1]  # (2,) motion of one pin
+    _hessian: cython.double[:, ::1]
+    _damped: cython.double[:, ::1]
+    _gradient: cython.double[::1]
+    _step: cython.double[::1]
+    _radius: cython.double
+    _reach: cython.double
+    _width: cython.double
+    _prior: cython.double[::1]  # of a contact's parameters, likewise
+
+    def __init__(
+        self,
+        rest_xy: Array,
+        pitch_px: float,
+        params: FeatureParams = PARAMS,
+        prior: MotionPrior = SHARP,
+    ) -> None:
+        n, size = len(rest_xy), 8 * FITS_MAX + 6
+        if rest_xy.shape != (n, 2):
+            raise ValueError(f"rest_xy (n, 2) is wanted, not {rest_xy.shape}")
+        self.place, self.width = np.zeros((FITS_MAX, 2)), np.zeros(FITS_MAX)
+        self.height, self.total = np.zeros(FITS_MAX), np.zeros(FITS_MAX)
+        self.shear, self.dipole = np.zeros((FITS_MAX, 2)), np.zeros((FITS_MAX, 2))
+        self._rest, self._pitch_px = np.array(rest_xy / pitch_px, np.float64, order="C"), pitch_px
+        self._pins, self.n_pins, self._motion = np.zeros(n, np.int32), 0, np.zeros((n, 2))
+        self._start, self._now, self._next = np.zeros(size), np.zeros(size), np.zeros(size)
+        self._scale, self._row, self._at = np.zeros(size), np.zeros((2, size)), np.zeros(2)
+        self._hessian, self._damped = np.zeros((size, size)), np.zeros((size, size))
+        self._gradient, self._step = np.zeros(size), np.zeros(size)
+        self._m, self._is_line, self._middle_x, self._middle_y = 0, False, 0.0, 0.0
+        self._radius, self._reach = 2.0 * params.close_pitch, params.place_radius_pitch
+        self._width = 1.0 / params.grid_steps_per_pitch
+        noise, shear = prior.noise, prior.noise / prior.curl
+        self._prior = np.array([0.0, 0.0, noise, noise / 10.0, shear, shear, shear, shear])
+
+    def set_motion(
+        self, xy: cython.const[cython.double][:, ::1], seen: cython.const[cython.uchar][::1]
+    ) -> None:
+        """The motion to be explained, of the seen pins.
+
+        xy       (n, 2) float64 px, where the pins are; finite where seen
+        seen     (n,) bool
+        Raises   ValueError: sizes that do not fit
+        """
+        n: cython.Py_ssize_t = self._rest.shape[0]
+        if xy.shape[0] != n or xy.shape[1] != 2 or seen.shape[0] != n:
+            raise ValueError(f"xy ({n}, 2) and seen ({n},) are wanted")
+        i: cython.Py_ssize_t
+        self.n_pins = 0
+        for i in range(n):
+            if seen[i]:
+                self._pins[self.n_pins] = cython.cast(cython.int, i)
+                self._motion[self.n_pins, 0] = xy[i, 0] / self._pitch_px - self._rest[i, 0]
+                self._motion[self.n_pins, 1] = xy[i, 1] / self._pitch_px - self._rest[i, 1]
+                self.n_pins += 1
+
+    def keep_near(self, places: cython.const[cython.double][:, ::1]) -> None:
+        """From now on only the pins within the fit's radius of one of these places count.
+
+        places   (k, 2) float64 px, at rest; one at least
+        Raises   ValueError: sizes that do not fit
+        """
+        if places.shape[0] < 1 or places.shape[1] != 2:
+            raise ValueError(f"places (k, 2) are wanted, not ({places.shape[0]}, {places.shape[1]})")
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        k: cython.Py_ssize_t = places.shape[0]
+        n: cython.Py_ssize_t = 0
+        self._middle_x = 0.0
+        self._middle_y = 0.0
+        for j in range(k):
+            self._middle_x += places[j, 0] / (self._pitch_px * k)
+            self._middle_y += places[j, 1] / (self._pitch_px * k)
+        for i in range(self.n_pins):
+            for j in range(k):
+                if (
+                    hypot(
+                        self._rest[self._pins[i], 0] - places[j, 0] / self._pitch_px,
+                        self._rest[self._pins[i], 1] - places[j, 1] / self._pitch_px,
+                    )
+                    <= self._radius
+                ):
+                    self._pins[n] = self._pins[i]
+                    self._motion[n, 0] = self._motion[i, 0]
+                    self._motion[n, 1] = self._motion[i, 1]
+                    n += 1
+                    break
+        self.n_pins = n
+
+    def fit_points(self, starts: cython.const[cython.double][:, ::1], n: cython.Py_ssize_t) -> float:
+        """Fit round contacts.
+
+        starts   (n or more, 2) float64 px, where to begin
+        n        contacts, 1 to FITS_MAX
+        Returns  the squared error left, in squared pitches; 0 where no pin counts
+        Raises   ValueError: another number of contacts
+        """
+        if not 0 < n <= _FITS_MAX or starts.shape[0] < n or starts.shape[1] != 2:
+            raise ValueError(f"starts (1 to {FITS_MAX}, 2) are wanted, and n of them: {n}")
+        i: cython.Py_ssize_t
+        self._m, self._is_line = n, False
+        self._clear()
+        for i in range(n):
+            self._start[_OWN * i] = starts[i, 0] / self._pitch_px
+            self._start[_OWN * i + 1] = starts[i, 1] / self._pitch_px
+        return self._solve()
+
+    def fit_line(
+        self, x: cython.double, y: cython.double, half_x: cython.double, half_y: cython.double
+    ) -> float:
+        """Fit one long contact.
+
+        x, y, half_x, half_y  px, where to begin: the middle, and half of the line
+        Returns               the squared error left, in squared pitches; 0 where no pin counts
+        """
+        i: cython.Py_ssize_t
+        self._m, self._is_line = 1, True
+        self._clear()
+        self._start[0] = x / self._pitch_px
+        self._start[1] = y / self._pitch_px
+        for i in range(4, _OWN):
+            self._scale[i] = self._prior[2]  # a line and its shear, which pins show well, as a width
+        self._start[6] = half_x / self._pitch_px
+        self._start[7] = half_y / self._pitch_px
+        return self._solve()
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _clear(self) -> cython.void:
+        """Parameters to begin with, but for places and lines; and their priors."""
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        for i in range(self._m):
+            for j in range(_OWN):
+                self._start[_OWN * i + j] = 0.0
+                self._scale[_OWN * i + j] = self._prior[j]
+            self._start[_OWN * i + 2] = log(self._width)
+        for j in range(_OWN * self._m, _OWN * self._m + _COMMON):
+            self._start[j] = 0.0
+            self._scale[j] = self._prior[3]
+
+    @cython.cfunc
+    def _solve(self) -> cython.double:
+        """Fit, and write the results."""
+        steps: cython.Py_ssize_t = 0
+        size: cython.Py_ssize_t = _OWN * self._m + _COMMON
+        damping: cython.double = _DAMPING
+        gain: cython.double
+        cost: cython.double
+        other: cython.double
+        self._now[:size] = self._start[:size]
+        self._sum_up()
+        # Strengths are zero still: the first step finds them, with places and widths as they are.
+        self._find_step(_DAMPING_MIN)
+        self._now[:size] = self._next[:size]
+        cost = self._sum_up()
+        while steps < _STEPS_MAX and damping <= _DAMPING_MAX:
+            steps += 1
+            if not self._find_step(damping):
+                damping *= 10.0
+                continue
+            other = self._cost(self._next)
+            if not other < cost:
+                damping *= 10.0
+                continue
+            gain = (cost - other) / cost
+            self._now[:size] = self._next[:size]
+            damping *= 0.1
+            cost = other
+            if gain < _ENOUGH:
+                break
+            self._sum_up()
+        self._write()
+        return cost
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _sum_up(self) -> cython.double:
+        """Squared error, its gradient and Hessian to first order at the present parameters."""
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        c: cython.Py_ssize_t
+        size: cython.Py_ssize_t = _OWN * self._m + _COMMON
+        a: cython.double
+        off: cython.double
+        cost: cython.double = 0.0
+        h: cython.double[:, ::1] = self._hessian
+        g: cython.double[::1] = self._gradient
+        row: cython.double[:, ::1] = self._row
+        for j in range(size):
+            off = self._scale[j] * self._off(self._now, j)
+            cost += off * off
+            g[j] = -self._scale[j] * off
+            for k in range(j + 1):
+                h[j, k] = 0.0
+            h[j, j] = self._scale[j] * self._scale[j]
+        for i in range(self.n_pins):
+            self._move(self._now, i, True)
+            for c in range(2):
+                off = self._motion[i, c] - self._at[c]
+                cost += off * off
+                for j in range(size):
+                    a = row[c, j]
+                    g[j] += a * off
+                    for k in range(j + 1):
+                        h[j, k] += a * row[c, k]
+        return cost
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _cost(self, parameters: cython.double[::1]) -> cython.double:
+        """Squared error."""
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        off: cython.double
+        cost: cython.double = 0.0
+        for j in range(_OWN * self._m + _COMMON):
+            off = self._scale[j] * self._off(parameters, j)
+            cost += off * off
+        for i in range(self.n_pins):
+            self._move(parameters, i, False)
+            off = self._motion[i, 0] - self._at[0]
+            cost += off * off
+            off = self._motion[i, 1] - self._at[1]
+            cost += off * off
+        return cost
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _off(self, parameters: cython.double[::1], j: cython.Py_ssize_t) -> cython.double:
+        """How far a parameter is from its prior's mean: that of a width is where the fit begins."""
+        if j < _OWN * self._m and j % _OWN == 2:
+            return parameters[j] - self._start[j]
+        return parameters[j]
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _move(self, parameters: cython.double[::1], i: cython.Py_ssize_t, derive: cython.bint) -> cython.void:
+        """Motion of a pin that counts, and its derivatives."""
+        j: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        base: cython.Py_ssize_t = _OWN * self._m
+        x: cython.double = self._rest[self._pins[i], 0]
+        y: cython.double = self._rest[self._pins[i], 1]
+        ax: cython.double = (x - self._middle_x) / _AFFINE_PITCHES
+        ay: cython.double = (y - self._middle_y) / _AFFINE_PITCHES
+        self._at[0] = parameters[base] + ax * parameters[base + 1] + ay * parameters[base + 2]
+        self._at[1] = parameters[base + 3] + ax * parameters[base + 4] + ay * parameters[base + 5]
+        if derive:
+            for k in range(base + _COMMON):
+                self._row[0, k] = 0.0
+                self._row[1, k] = 0.0
+            self._row[0, base] = self._row[1, base + 3] = 1.0
+            self._row[0, base + 1] = self._row[1, base + 4] = ax
+            self._row[0, base + 2] = self._row[1, base + 5] = ay
+        if self._is_line:
+            self._add_line(parameters, x - parameters[0], y - parameters[1], derive)
+            return
+        for j in range(self._m):
+            self._add_point(
+                parameters, _OWN * j, x - parameters[_OWN * j], y - parameters[_OWN * j + 1], derive
+            )
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _add_point(
+        self,
+        parameters: cython.double[::1],
+        p: cython.Py_ssize_t,
+        dx: cython.double,
+        dy: cython.double,
+        derive: cython.bint,
+    ) -> cython.void:
+        """Add the motion by a round contact at a distance, and its derivatives, to those of the pin."""
+        row: cython.double[:, ::1] = self._row
+        s: cython.double = exp(parameters[p + 2])
+        i2: cython.double = 1.0 / (s * s)
+        r2: cython.double = (dx * dx + dy * dy) * i2
+        f: cython.double = 1.0 / (1.0 + 0.5 * r2)
+        g: cython.double = f * f
+        g3: cython.double = 2.0 * g * f
+        a: cython.double = parameters[p + 3] / s
+        tx: cython.double = parameters[p + 4]
+        ty: cython.double = parameters[p + 5]
+        vx: cython.double = parameters[p + 6] * i2
+        vy: cython.double = parameters[p + 7] * i2
+        across: cython.double = vx * dx + vy * dy
+        push: cython.double = a + across  # both move along d
+        self._at[0] += push * g * dx + tx * f
+        self._at[1] += push * g * dy + ty * f
+        if not derive:
+            return
+        # Along the distance: f changes by -f^2 d / s^2, f^2 by -2 f^3 d / s^2.
+        fx: cython.double = -g * dx * i2
+        fy: cython.double = -g * dy * i2
+        gx: cython.double = -g3 * dx * i2
+        gy: cython.double = -g3 * dy * i2
+        row[0, p] = -(push * (g + gx * dx) + vx * g * dx + tx * fx)
+        row[0, p + 1] = -(push * gy * dx + vy * g * dx + tx * fy)
+        row[1, p] = -(push * gx * dy + vx * g * dy + ty * fx)
+        row[1, p + 1] = -(push * (g + gy * dy) + vy * g * dy + ty * fy)
+        # With the logarithm of the width: f changes by f^2 r^2 / s^2.
+        fs: cython.double = g * r2
+        gs: cython.double = push * g3 * r2 - (a + 2.0 * across) * g
+        row[0, p + 2] = gs * dx + tx * fs
+        row[1, p + 2] = gs * dy + ty * fs
+        row[0, p + 3] = g * dx / s
+        row[1, p + 3] = g * dy / s
+        row[0, p + 4] = row[1, p + 5] = f
+        row[0, p + 6] = g * i2 * dx * dx
+        row[0, p + 7] = row[1, p + 6] = g * i2 * dx * dy
+        row[1, p + 7] = g * i2 * dy * dy
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _add_line(
+        self, parameters: cython.double[::1], dx: cython.double, dy: cython.double, derive: cython.bint
+    ) -> cython.void:
+        """The same by a line: means over it of f and of k = f^2 d, along the line (x) and across (y).
+
+        With z from one end to the other along x, D = z^2 + h^2, h^2 = y^2 + 2 s^2, all are integrals of
+        1 / D, 1 / D^2, 1 / D^3.
+        """
+        row: cython.double[:, ::1] = self._row
+        half: cython.double = hypot(parameters[6], parameters[7])
+        cos: cython.double = parameters[6] / half if half > 0.0 else 1.0
+        sin: cython.double = parameters[7] / half if half > 0.0 else 0.0
+        half = max(half, _HALF_MIN)
+        s: cython.double = exp(parameters[2])
+        s2: cython.double = s * s
+        x: cython.double = cos * dx + sin * dy
+        y: cython.double = cos * dy - sin * dx
+        h2: cython.double = y * y + 2.0 * s2
+        h: cython.double = sqrt(h2)
+        z0: cython.double = x - half
+        z1: cython.double = x + half
+        i0: cython.double = 1.0 / (h2 + z0 * z0)
+        i1: cython.double = 1.0 / (h2 + z1 * z1)
+        # Integrals over z of 1 / D and 1 / D^2.
+        one: cython.double = (atan(z1 / h) - atan(z0 / h)) / h
+        two: cython.double = (z1 * i1 - z0 * i0 + one) / (2.0 * h2)
+        scale: cython.double = s2 / half
+        f: cython.double = scale * one
+        kx: cython.double = s2 * scale * (i0 - i1)
+        ky: cython.double = 2.0 * s2 * scale * y * two
+        a: cython.double = parameters[3] / s
+        ux: cython.double = cos * parameters[4] + sin * parameters[5]
+        uy: cython.double = cos * parameters[5] - sin * parameters[4]
+        along: cython.double = a * kx + ux * f
+        across: cython.double = a * ky + uy * f
+        self._at[0] += cos * along - sin * across
+        self._at[1] += sin * along + cos * across
+        if not derive:
+            return
+        three: cython.double = (z1 * i1 * i1 - z0 * i0 * i0 + 3.0 * two) / (4.0 * h2)
+        f0: cython.double = 2.0 * s2 * i0  # at the line's ends
+        f1: cython.double = 2.0 * s2 * i1
+        fx: cython.double = -kx / s2
+        fy: cython.double = -ky / s2
+        kxx: cython.double = 0.5 * (f1 * f1 * z1 - f0 * f0 * z0) / half
+        kxy: cython.double = 0.5 * (f1 * f1 - f0 * f0) * y / half
+        kyy: cython.double = 2.0 * s2 * scale * (two - 4.0 * y * y * three)
+        # Place: against the derivative along x and y of the line's frame.
+        px: cython.double = a * kxx + ux * fx
+        py: cython.double = a * kxy + uy * fx
+        qx: cython.double = a * kxy + ux * fy
+        qy: cython.double = a * kyy + uy * fy
+        self._write_row(0, -(cos * px - sin * qx), -(cos * py - sin * qy), cos, sin)
+        self._write_row(1, -(sin * px + cos * qx), -(sin * py + cos * qy), cos, sin)
+        # The logarithm of the width: h^2 changes by 4 s^2, 1 / D by -4 s^2 / D^2.
+        fs: cython.double = 2.0 * f - 4.0 * s2 * scale * two
+        kxs: cython.double = 4.0 * kx - 4.0 * s2 * s2 * scale * (i0 * i0 - i1 * i1)
+        kys: cython.double = 4.0 * ky - 16.0 * s2 * s2 * scale * y * three
+        self._write_row(2, a * (kxs - kx) + ux * fs, a * (kys - ky) + uy * fs, cos, sin)
+        self._write_row(3, kx / s, ky / s, cos, sin)
+        row[0, 4] = row[1, 5] = f
+        # The line's length, and its turn.
+        fl: cython.double = (0.5 * (f0 + f1) - f) / half
+        kxl: cython.double = (0.5 * (f0 * f0 * z0 + f1 * f1 * z1) - kx) / half
+        kyl: cython.double = (0.5 * (f0 * f0 + f1 * f1) * y - ky) / half
+        lx: cython.double = a * kxl + ux * fl
+        ly: cython.double = a * kyl + uy * fl
+        ft: cython.double = y * fx - x * fy
+        tx: cython.double = (a * (y * kxx - x * kxy - ky) + ux * ft) / half
+        ty: cython.double = (a * (y * kxy - x * kyy + kx) + uy * ft) / half
+        self._write_row(6, cos * lx - sin * tx, cos * ly - sin * ty, cos, sin)
+        self._write_row(7, sin * lx + cos * tx, sin * ly + cos * ty, cos, sin)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _write_row(
+        self,
+        j: cython.Py_ssize_t,
+        along: cython.double,
+        across: cython.double,
+        cos: cython.double,
+        sin: cython.double,
+    ) -> cython.void:
+        """A derivative in the line's frame as one in the image's."""
+        self._row[0, j] = cos * along - sin * across
+        self._row[1, j] = sin * along + cos * across
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _find_step(self, damping: cython.double) -> cython.bint:
+        """`_next` from the present parameters by one damped step (Cholesky); False: not positive definite."""
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        size: cython.Py_ssize_t = _OWN * self._m + _COMMON
+        total: cython.double
+        d: cython.double[:, ::1] = self._damped
+        step: cython.double[::1] = self._step
+        for i in range(size):
+            for j in range(i + 1):
+                total = self._hessian[i, j]
+                if i == j:
+                    total += damping * total + 1e-12
+                for k in range(j):
+                    total -= d[i, k] * d[j, k]
+                if i == j:
+                    if not total > 0.0:
+                        return False
+                    d[i, i] = sqrt(total)
+                else:
+                    d[i, j] = total / d[j, j]
+            total = self._gradient[i]
+            for k in range(i):
+                total -= d[i, k] * step[k]
+            step[i] = total / d[i, i]
+        for i in range(size - 1, -1, -1):
+            total = step[i]
+            for k in range(i + 1, size):
+                total -= d[k, i] * step[k]
+            step[i] = total / d[i, i]
+            self._next[i] = self._now[i] + step[i]
+        for i in range(self._m):
+            self._confine(_OWN * i)
+        return True
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _confine(self, p: cython.Py_ssize_t) -> cython.void:
+        """A contact stays near where it was looked for, of a width that pins can show."""
+        dx: cython.double = self._next[p] - self._start[p]
+        dy: cython.double = self._next[p + 1] - self._start[p + 1]
+        far: cython.double = hypot(dx, dy)
+        if far > self._reach:
+            self._next[p] = self._start[p] + dx * self._reach / far
+            self._next[p + 1] = self._start[p + 1] + dy * self._reach / far
+        self._next[p + 2] = min(max(self._next[p + 2], -_LOG_WIDTH_MAX), _LOG_WIDTH_MAX)
+        if self._is_line:
+            far = hypot(self._next[p + 6], self._next[p + 7])
+            if far > self._radius:
+                self._next[p + 6] *= self._radius / far
+                self._next[p + 7] *= self._radius / far
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _write(self) -> cython.void:
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        dx: cython.double
+        dy: cython.double
+        s: cython.double
+        for i in range(self._m):
+            self.place[i, 0] = self._now[_OWN * i] * self._pitch_px
+            self.place[i, 1] = self._now[_OWN * i + 1] * self._pitch_px
+            self.width[i] = exp(self._now[_OWN * i + 2])
+            self.height[i] = self._now[_OWN * i + 3] * self.width[i]
+            for j in range(2):
+                self.shear[i, j] = self._now[_OWN * i + 4 + j]
+                self.dipole[i, j] = self._now[_OWN * i + 6 + j]
+        for i in range(self._m):
+            self.total[i] = 0.0
+            for j in range(self._m):
+                dx = self._now[_OWN * i] - self._now[_OWN * j]
+                dy = self._now[_OWN * i + 1] - self._now[_OWN * j + 1]
+                s = self.width[j]
+                self.total[i] += self.height[j] / (1.0 + 0.5 * (dx * dx + dy * dy) / (s * s))

@@ -1,0 +1,177 @@
+"""What fits of contacts decide in a frame: one long contact or two, the direction of a long one, and what
+each of several contacts does alone.
+
+    regions --one, long--> line or two points? --two--> two points or a line? --several--> points together
+
+Rules
+- Only frames that may hold more than one contact, or a long one, are fitted; a round contact alone is not,
+  unless somebody asks.
+- Shapes are compared on the same pins by the likelihood of their motion, its noise unknown: the logarithm
+  of two likelihoods' ratio is n log of the ratio of squared errors, of n pins with two coordinates each.
+- What the regions say is overruled by much evidence only: the model's errors are alike among neighbours.
+- Two points are two contacts only if both press.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum, auto
+
+import numpy as np
+
+from edge.features.contact_fit import FITS_MAX, ContactFit
+from edge.features.params import PARAMS, FeatureParams
+from edge.features.regions import CONTACTS_MAX, Regions
+from edge.features.surface import Surface
+from edge.types import Array, FittedContact, Mask
+
+__all__ = ["Fits", "FittedContacts"]
+
+#: Two points as far from a region's middle, in its semi-axes, have its variance: a semi-axis is two sigmas.
+_HALF = 0.5
+#: Pins that a fit needs: as many as two contacts with the affine motion have parameters, two numbers each.
+_PINS_MIN = 22
+
+
+class Fits(IntEnum):
+    """Which contacts are wanted as fitted: those of a frame with so many."""
+
+    ALL = auto()
+    SEVERAL = auto()
+    NONE = CONTACTS_MAX  # more than a fit takes
+
+
+@dataclass(frozen=True, slots=True)
+class _One:
+    """One contact fitted.
+
+    error      squared, in squared pitches
+    direction  of a line, rad; NaN: it is round
+    """
+
+    error: float
+    direction: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """Two points fitted.
+
+    error     squared, in squared pitches
+    place     (2, 2) px, at rest
+    heights   of the potentials, squared pitches
+    """
+
+    error: float
+    place: Array
+    heights: tuple[float, float]
+
+
+class FittedContacts:
+    """Fits contacts of one tip's regions."""
+
+    def __init__(self, surface: Surface, regions: Regions, params: FeatureParams = PARAMS) -> None:
+        self._fit = ContactFit(surface.rest_img, surface.pitch_px, params)
+        self._regions, self._params, self._pitch_px = regions, params, surface.pitch_px
+        self._middle, self._semi_axis = np.asarray(regions.middle), np.asarray(regions.semi_axis)
+        self._direction = np.asarray(regions.direction)
+
+    def fit(self, xy: Array, seen: Mask) -> list[FittedContact]:
+        """All contacts of the regions, in their order; none: there are too many, or too few pins are seen.
+
+        xy       (n, 2) float64 px, where the pins are; finite
+        seen     (n,) bool
+        """
+        n, fit = self._regions.n_contacts, self._fit
+        if not 0 < n <= FITS_MAX:
+            return []
+        starts = self._middle[:n]
+        if not self._choose_pins(xy, seen, starts):
+            return []
+        fit.fit_points(starts, n)
+        return [
+            FittedContact(
+                place_img=np.array(fit.place[i]),
+                width=fit.width[i],
+                potential=fit.total[i],
+                shear=np.array(fit.shear[i]),
+                dipole=np.array(fit.dipole[i]),
+            )
+            for i in range(n)
+        ]
+
+    def split(self, xy: Array, seen: Mask) -> float:
+        """Split a single long region that is two contacts.
+
+        xy, seen  as of `fit`
+        Returns   direction of the contact, rad; NaN: there are two, it is round, or too few pins are seen
+        """
+        half = self._semi_axis[0] * np.array([math.cos(self._direction[0]), math.sin(self._direction[0])])
+        middle = self._middle[0]
+        starts = np.array([middle - _HALF * half, middle + _HALF * half])
+        if not self._choose_pins(xy, seen, starts):
+            return math.nan
+        if self._semi_axis[0] >= self._params.close_pitch * self._pitch_px:
+            return self._line(middle, half).direction  # two so far apart would be two regions
+        one = min(self._line(middle, half), self._point(middle), key=lambda shape: shape.error)
+        pair = self._pair(starts)
+        if not self._is_better(pair.error, one.error, self._params.shape_evidence) or not self._are_two(pair):
+            return one.direction
+        first, second = (self._regions.nearest_point(x, y) for x, y in pair.place.tolist())
+        if first == second:
+            return one.direction
+        self._regions.split(0, first, second)
+        self._regions.sort()
+        return math.nan
+
+    def join(self, xy: Array, seen: Mask) -> float:
+        """Join two regions that are one contact.
+
+        xy, seen  as of `fit`
+        Returns   direction of the contact, rad; NaN: there are two, it is round, or too few pins are seen
+        """
+        starts = self._middle[:2].copy()
+        if not self._choose_pins(xy, seen, starts):
+            return math.nan
+        middle, apart = starts.mean(axis=0), starts[1] - starts[0]
+        # Two regions of one bar lie at its ends or nearer to its middle; of a round contact one is its place.
+        shapes = (self._line(middle, 0.5 * apart), self._line(middle, apart), self._point(starts[0]))
+        one = min(shapes, key=lambda shape: shape.error)
+        if not self._is_better(one.error, self._pair(starts).error, self._params.shape_evidence):
+            return math.nan
+        self._regions.join(0, 1)
+        return one.direction
+
+    def _choose_pins(self, xy: Array, seen: Mask, places: Array) -> bool:
+        """The pins near these places are those to be explained; whether they are enough."""
+        fit = self._fit
+        fit.set_motion(xy, seen)
+        fit.keep_near(places)
+        return bool(fit.n_pins >= _PINS_MIN)
+
+    def _line(self, middle: Array, half: Array) -> _One:
+        """A line on those pins."""
+        fit = self._fit
+        error = fit.fit_line(middle[0], middle[1], half[0], half[1])
+        x, y = fit.dipole[0]
+        angle = math.atan2(y, x)
+        return _One(error, angle - math.pi * round(angle / math.pi))
+
+    def _point(self, middle: Array) -> _One:
+        """A round contact on those pins."""
+        return _One(self._fit.fit_points(middle[None], 1), math.nan)
+
+    def _pair(self, starts: Array) -> _Pair:
+        """Two points on those pins."""
+        fit = self._fit
+        error = fit.fit_points(starts, 2)
+        return _Pair(error, np.array(fit.place[:2]), (fit.height[0], fit.height[1]))
+
+    def _is_better(self, error: float, other: float, evidence: float) -> bool:
+        """Whether a shape explains the motion better than another by that logarithm of their likelihoods."""
+        return error < other * float(math.exp(-evidence / self._fit.n_pins))
+
+    def _are_two(self, pair: _Pair) -> bool:
+        """Whether both press."""
+        return min(pair.heights) > 0.0

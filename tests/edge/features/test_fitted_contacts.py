@@ -1,0 +1,92 @@
+"""One or two, the direction of a long contact, and what is wanted as fitted: on an elastic half-space."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from edge.features.contacts import ContactFinder
+from edge.features.fitted_contacts import Fits
+from edge.features.surface import Surface
+from edge.types import ContactRegion, Mask
+from tests.bench.half_space import Ball, Bar, displace
+from tests.support.fields import CENTRE, frame, tip
+
+PITCH_MM, LEVER_MM = 1.5, 0.8
+REST = tip(127)
+SCALE = REST.pattern.pitch_px / PITCH_MM
+
+
+def contacts(
+    tools: list[Ball | Bar], lost: Mask | None = None, fits: Fits = Fits.ALL, seed: int = 0
+) -> tuple[ContactRegion, ...]:
+    """Of pins that are levers under the skin, with a centroid's noise."""
+    skin = displace((REST.xy_img - CENTRE) / SCALE, tools)
+    noise = np.random.default_rng(seed).normal(0.0, 0.04, REST.xy_img.shape)
+    xy = REST.xy_img + SCALE * (skin.along_mm - LEVER_MM * skin.slope) + noise
+    tracks, cells = frame(REST, xy)
+    surface = Surface(REST)
+    surface.field.find(cells.area_px2 / cells.rest_area_px2 - 1.0, xy)
+    seen = tracks.seen if lost is None else tracks.seen & ~lost
+    return ContactFinder(surface).find(xy, seen, 0.04, fits=fits)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("degrees", [-75.0, -20.0, 0.0, 35.0, 80.0])
+def test_a_bar_is_one_with_its_direction(degrees: float) -> None:
+    found = contacts([Bar(0.6, -0.4, np.deg2rad(degrees), 1.2, 9.0, 1.5)])
+    assert len(found) == 1
+    off = (np.rad2deg(found[0].orientation_rad) - degrees + 90.0) % 180.0 - 90.0
+    assert abs(off) < 2.0
+    assert -np.pi / 2.0 <= found[0].orientation_rad <= np.pi / 2.0
+
+
+@pytest.mark.compiled
+def test_two_balls_are_two_and_each_in_its_place() -> None:
+    rng = np.random.default_rng(4)
+    for seed in range(5):
+        half = 1.5 * PITCH_MM * np.exp(1j * rng.uniform(0.0, np.pi))
+        balls = [Ball(z.real, z.imag, 1.0, radius_mm=2.4) for z in (0.5 + half, 0.5 - half)]
+        found = contacts(list(balls), seed=seed)
+        assert len(found) == 2
+        for contact in found:
+            assert contact.fitted is not None
+            place = (contact.fitted.place_img - CENTRE) / SCALE
+            assert min(np.hypot(*(place - (b.x_mm, b.y_mm))) for b in balls) < 0.3 * PITCH_MM
+
+
+@pytest.mark.compiled
+def test_the_potential_where_two_balls_press_is_that_of_both() -> None:
+    """A ball deepens the place of its neighbour: the sum says so, the own part does not."""
+    alone = contacts([Ball(-2.5, 0.0, 1.0, radius_mm=2.4)])[0].fitted
+    pair = contacts([Ball(-2.5, 0.0, 1.0, radius_mm=2.4), Ball(2.5, 0.0, 1.0, radius_mm=2.4)])
+    assert alone is not None
+    for contact in pair:
+        assert contact.fitted is not None
+        assert contact.fitted.potential == pytest.approx(alone.potential, rel=0.1)
+
+
+@pytest.mark.compiled
+def test_a_sheared_ball_is_one() -> None:
+    for seed in range(4):
+        assert len(contacts([Ball(0.3, 0.2, 2.0, (1.5, 1.0), 3.0)], seed=seed)) == 1
+
+
+@pytest.mark.compiled
+def test_only_contacts_in_demand_are_fitted() -> None:
+    ball, other = Ball(-3.0, 0.0, 1.0, radius_mm=2.4), Ball(3.0, 0.0, 1.0, radius_mm=2.4)
+    for fits, alone, several in (
+        (Fits.NONE, False, False),
+        (Fits.SEVERAL, False, True),
+        (Fits.ALL, True, True),
+    ):
+        assert [c.fitted is not None for c in contacts([ball], fits=fits)] == [alone]
+        assert [c.fitted is not None for c in contacts([ball, other], fits=fits)] == [several] * 2
+
+
+@pytest.mark.compiled
+def test_where_few_pins_are_seen_nothing_is_fitted() -> None:
+    lost = np.ones(len(REST), np.bool_)
+    lost[:15] = False
+    for contact in contacts([Ball(0.0, 0.0, 1.0, radius_mm=2.4)], lost=lost):
+        assert contact.fitted is None
