@@ -51,8 +51,8 @@ _AFFINE_PITCHES = cython.declare(
     cython.double, 5.0
 )  # scale of the affine part: any that is of the fit's size
 _HALF_MIN = cython.declare(cython.double, 1e-3)  # pitches, half of a line: below it differences are rounding
-_LOG_WIDTH_MAX = cython.declare(cython.double, 1.5)  # a fifth to five pitches: others are no contact of pins
-_STEPS_MAX = cython.declare(cython.Py_ssize_t, 25)  # so that a frame's time is bounded; 8 are usual
+_LOG_WIDTH_MAX = cython.declare(cython.double, 3.0)  # a twentieth to twenty pitches: keeps them finite
+_STEPS_MAX = cython.declare(cython.Py_ssize_t, 60)  # so that a frame's time is bounded; more change nothing
 _DAMPING_MIN = cython.declare(cython.double, 1e-9)
 #: Of the first step; a tenth of it after one that helped, else tenfold. With 0.1 some lines lose length.
 _DAMPING = cython.declare(cython.double, 1.0)
@@ -69,7 +69,7 @@ class ContactFit:
     height     (FITS_MAX,) float64 squared pitches, of the own potential
     total      (FITS_MAX,) float64 squared pitches, of all potentials at this contact's place
     shear      (FITS_MAX, 2) float64 pitches, t
-    dipole    (FITS_MAX, 2) float64 pitches, v; of a line: half of the line
+    dipole     (FITS_MAX, 2) float64 pitches, v; of a line: half of the line
     n_pins     pins that count
 
     rest_xy, pitch_px  (n, 2) px, and their pitch
