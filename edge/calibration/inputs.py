@@ -75,9 +75,10 @@ def frame_inputs(features: Features, pattern: PinPattern, z: Complex | None = No
 
 
 def _radius_px(pattern: PinPattern) -> float:
-    if not pattern.tip_radius_px > 0:
-        raise ValueError(f"tip_radius_px: above 0 is wanted, not {pattern.tip_radius_px}")
-    return pattern.tip_radius_px
+    r = pattern.tip_radius_px
+    if not (r > 0 and r * r > 0):  # areas are shares of its square
+        raise ValueError(f"tip_radius_px: above 0 is wanted, not {r}")
+    return r
 
 
 def _row(z: Complex, n: int) -> Complex:

@@ -35,7 +35,7 @@ def test_a_row_of_another_size_is_refused() -> None:
             frame_inputs(f, PATTERN, np.empty(size, np.complex128))
 
 
-@pytest.mark.parametrize("radius_px", [0.0, -1.0, np.nan])
+@pytest.mark.parametrize("radius_px", [0.0, -1.0, 1e-200, np.nan])
 def test_a_tip_without_a_radius_is_refused(radius_px: float) -> None:
     f, pattern = touched_features(0.05, (4.0, -2.0)), replace(PATTERN, tip_radius_px=radius_px)
     with pytest.raises(ValueError, match="tip_radius_px: above 0 is wanted"):
