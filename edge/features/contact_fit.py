@@ -57,7 +57,7 @@ _DAMPING_MIN = cython.declare(cython.double, 1e-9)
 #: Of the first step; a tenth of it after one that helped, else tenfold. With 0.1 some lines lose length.
 _DAMPING = cython.declare(cython.double, 1.0)
 _DAMPING_MAX = cython.declare(cython.double, 1e6)
-_ENOUGH = cython.declare(cython.double, 1e-4)  # relative gain of a step that is the last one
+_ENOUGH = cython.declare(cython.double, 1e-2)  # relative gain of a step that is the last one
 
 
 @cython.cclass

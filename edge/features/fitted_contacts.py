@@ -76,6 +76,7 @@ class FittedContacts:
         self._regions, self._params, self._pitch_px = regions, params, surface.pitch_px
         self._middle, self._semi_axis = np.asarray(regions.middle), np.asarray(regions.semi_axis)
         self._direction = np.asarray(regions.direction)
+        self._pair_is_fitted = False  # the last fit is that of the two regions
 
     def fit(self, xy: Array, seen: Mask) -> list[FittedContact]:
         """All contacts of the regions, in their order; none: there are too many, or too few pins are seen.
@@ -84,12 +85,14 @@ class FittedContacts:
         seen     (n,) bool
         """
         n, fit = self._regions.n_contacts, self._fit
+        is_fitted, self._pair_is_fitted = self._pair_is_fitted and n == 2, False
         if not 0 < n <= FITS_MAX:
             return []
-        starts = self._middle[:n]
-        if not self._choose_pins(xy, seen, starts):
-            return []
-        fit.fit_points(starts, n)
+        if not is_fitted:
+            starts = self._middle[:n]
+            if not self._choose_pins(xy, seen, starts):
+                return []
+            fit.fit_points(starts, n)
         return [
             FittedContact(
                 place_img=np.array(fit.place[i]),
@@ -107,6 +110,7 @@ class FittedContacts:
         xy, seen  as of `fit`
         Returns   direction of the contact, rad; NaN: there are two, it is round, or too few pins are seen
         """
+        self._pair_is_fitted = False
         half = self._semi_axis[0] * np.array([math.cos(self._direction[0]), math.sin(self._direction[0])])
         middle = self._middle[0]
         starts = np.array([middle - _HALF * half, middle + _HALF * half])
@@ -131,6 +135,7 @@ class FittedContacts:
         xy, seen  as of `fit`
         Returns   direction of the contact, rad; NaN: there are two, it is round, or too few pins are seen
         """
+        self._pair_is_fitted = False
         starts = self._middle[:2].copy()
         if not self._choose_pins(xy, seen, starts):
             return math.nan
@@ -138,7 +143,10 @@ class FittedContacts:
         # Two regions of one bar lie at its ends or nearer to its middle; of a round contact one is its place.
         shapes = (self._line(middle, 0.5 * apart), self._line(middle, apart), self._point(starts[0]))
         one = min(shapes, key=lambda shape: shape.error)
-        if not self._is_better(one.error, self._pair(starts).error, self._params.shape_evidence):
+        self._pair_is_fitted = not self._is_better(
+            one.error, self._pair(starts).error, self._params.shape_evidence
+        )
+        if self._pair_is_fitted:
             return math.nan
         self._regions.join(0, 1)
         return one.direction
