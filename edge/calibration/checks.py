@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from edge.calibration.file import (
     CONTACT_OUTPUTS,
@@ -24,6 +23,7 @@ from edge.calibration.file import (
     Sensor,
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
+from edge.geometry.neighbours import nearest_of
 from edge.limits import IMAGE_PIXELS, BadContent, quote
 from edge.types import Array
 
@@ -172,7 +172,7 @@ def _check_sensor(sensor: Sensor) -> None:
         raise BadContent("sensor: brightness must be more than 0, noise at least 0")
     xy = np.array(sensor.rest_xy_px)
     _check_inside(sensor, xy)
-    distance = cKDTree(xy).query(xy, k=2)[0][:, 1]
+    distance = nearest_of(xy, xy, 2)[0][:, 1]
     pitch = float(np.median(distance))
     worst = int(distance.argmin())
     if distance[worst] <= LIMITS.gap_min * pitch:

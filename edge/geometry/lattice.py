@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from edge.errors import DegenerateLayout
+from edge.geometry.layout import spans
+from edge.geometry.neighbours import nearest_of
 from edge.types import Array, Index
 
 __all__ = [
@@ -51,7 +53,7 @@ PARAMS = LatticeParams()
 
 def pitch_of(xy: Array) -> float:
     """Median over the pins of the mean distance to the three nearest; xy (n, 2) any unit, same unit out."""
-    distance, _ = cKDTree(xy).query(xy, k=min(4, len(xy)))
+    distance, _ = nearest_of(xy, xy, 4)
     return float(np.median(distance[:, 1:].mean(axis=1)))
 
 
@@ -72,9 +74,9 @@ def nearest(xy: Array, k: int) -> Index:
     Returns  (n, k + 1) int32, nearest first, the lower row first of two at one distance; fewer columns
              where there are fewer pins
     """
-    d2 = ((xy[:, None, :] - xy[None, :, :]) ** 2).sum(axis=2)
-    np.fill_diagonal(d2, -1.0)
-    return np.ascontiguousarray(np.argsort(d2, axis=1, kind="stable")[:, : k + 1], np.int32)
+    row = nearest_of(xy, xy, k + 1)[1]
+    own = row == np.arange(len(xy))[:, None]
+    return np.take_along_axis(row, np.argsort(~own, axis=1, kind="stable"), axis=1)
 
 
 def slope_stencil(xy: Array, pitch: float) -> tuple[Index, Array]:
@@ -121,21 +123,12 @@ def _terms(away: Array, degree: int) -> Array:
     return np.stack(terms, axis=-1)
 
 
-def _delaunay(xy: Array) -> Index:
-    """(t, 3) rows of each triangle's corners."""
-    try:
-        return np.asarray(Delaunay(xy).simplices, np.int32)
-    except QhullError:
-        raise DegenerateLayout("all pins of the rest frame lie on one line") from None
-
-
 class Lattice:
     """Neighbours of each pin at rest.
 
     rest_xy          (n, 2) float64, px
     pitch_px         of the tip
     edges            (e, 2) int32, Delaunay edges, each once, none longer than `longest_edge` pitches
-    triangles        (t, 3) int32, Delaunay triangles of such edges
     adjacent         (n, k) int32, Delaunay neighbours, filled up with n
     direction_rad    of the edges, modulo 60 degrees
     near             (n, near_n) int32, nearest pins, nearest first; fewer columns where there are fewer pins
@@ -155,7 +148,7 @@ class Lattice:
             raise DegenerateLayout(f"{n} pins in the rest frame; tracking needs at least 4")
         self.rest_xy = rest_xy
         self.pitch_px = pitch_px
-        self.edges, self.triangles = _edges_and_triangles(rest_xy, PARAMS.longest_edge * pitch_px)
+        self.edges = _edges(rest_xy, PARAMS.longest_edge * pitch_px)
         along = rest_xy[self.edges[:, 1]] - rest_xy[self.edges[:, 0]]
         sixfold = np.angle(np.sum(np.exp(6j * np.arctan2(along[:, 1], along[:, 0])))) / 6
         self.direction_rad = float(sixfold)
@@ -180,16 +173,26 @@ class Lattice:
         self.distance_min_px = np.minimum(PARAMS.distance_min, PARAMS.distance_min_rel * apart) * pitch_px
 
 
-def _edges_and_triangles(xy: Array, longest: float) -> tuple[Index, Index]:
-    """Delaunay edges (e, 2), each once, and triangles (t, 3) that have none longer."""
-    corners = _delaunay(xy)
-    edges = np.unique(
-        np.sort(np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])), axis=0
-    )
-    length = np.hypot(*(xy[edges[:, 0]] - xy[edges[:, 1]]).T)
-    sides = xy[corners] - xy[np.roll(corners, 1, axis=1)]
-    short = (np.hypot(sides[..., 0], sides[..., 1]) < longest).all(1)
-    return edges[length < longest], corners[short]
+def _edges(xy: Array, longest: float) -> Index:
+    """(e, 2) Delaunay edges and sides of the hull, each once, none longer.
+
+    Raises  DegenerateLayout: all on a line
+    """
+    if not spans(xy):
+        raise DegenerateLayout("all pins of the rest frame lie on one line")
+    corner = np.floor(xy.min(axis=0))
+    at = (xy - corner).astype(np.float32)
+    width, height = np.ceil(at.max(axis=0)).astype(int) + 1
+    mesh = cv2.Subdiv2D((0, 0, int(width), int(height)))
+    mesh.insert(at)
+    row = {(x, y): k for k, (x, y) in enumerate(at.tolist())}
+    ends = np.asarray(mesh.getEdgeList()).tolist()
+    among = [(row[x, y], row[u, v]) for x, y, u, v in ends if (x, y) in row and (u, v) in row]
+    hull = cv2.convexHull(at, returnPoints=False)[:, 0]
+    both = np.vstack([np.array(among).reshape(-1, 2), np.column_stack([hull, np.roll(hull, 1)])])
+    edges = np.unique(np.sort(both, axis=1), axis=0).astype(np.int32)
+    short = np.hypot(*(xy[edges[:, 0]] - xy[edges[:, 1]]).T) < longest
+    return np.asarray(edges[short], np.int32)
 
 
 def _adjacent(edges: Index, n: int) -> Index:

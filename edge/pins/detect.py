@@ -16,10 +16,10 @@ from typing import cast
 
 import cv2
 import numpy as np
-from scipy.spatial import cKDTree
 
 from edge.errors import NoPins
 from edge.geometry.lattice import pitch_of
+from edge.geometry.neighbours import nearest_of, pairs_within
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.limits import PINS_MIN
 from edge.pins.blobs import Spots, find_spots, join, measure_discs
@@ -199,7 +199,7 @@ def _refuse_glints(grey: Image, pins: Pins, pattern: PinPattern) -> None:
     The skin between bright pins is as dark as that next to each pin. Next to a reflection lies the dark pin
     that causes it, and halfway to the next one the brighter skin.
     """
-    neighbour = cKDTree(pins.xy_img).query(pins.xy_img, k=2)[1][:, 1]
+    neighbour = nearest_of(pins.xy_img, pins.xy_img, 2)[1][:, 1]
     x, y = np.rint((pins.xy_img + pins.xy_img[neighbour]) / 2).astype(np.intp).T
     skin = float(np.median(grey[y, x]))
     if skin > pattern.background + 0.5 * pattern.brightness:
@@ -287,7 +287,7 @@ def _twins(pins: Pins, fit: Array) -> Mask:
     xy, radius = pins.xy_img[there], pins.radius_px[there]
     if len(there) < 2:
         return twin
-    a, b = cKDTree(xy).query_pairs(2 * PARAMS.twin_radii * float(radius.max()), output_type="ndarray").T
+    a, b = pairs_within(xy, 2 * PARAMS.twin_radii * float(radius.max())).T
     close = np.hypot(*(xy[a] - xy[b]).T) < PARAMS.twin_radii * (radius[a] + radius[b])
     for i, j in zip(there[a[close]], there[b[close]], strict=True):
         if not (twin[i] or twin[j]):

@@ -18,9 +18,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from edge.geometry.lattice import N_RING
+from edge.geometry.neighbours import nearest_of
 from edge.pins.params import PARAMS
 from edge.pins.templates import PHASES
 from edge.types import Array, Image, PinPattern, Pins
@@ -41,10 +41,9 @@ def find_cut(grey: Image, pins: Pins, pattern: PinPattern, most: int) -> Pins:
     rows: list[tuple[float, float, float, float, float]] = []
     if len(pins) > N_RING:
         xy, pitch = pins.xy_img, pattern.pitch_px
-        tree = cKDTree(xy)
         hull = cv2.convexHull(xy.astype(np.float32))[:, 0].astype(np.float32)
         slivers = _slivers(grey, pins, hull, pattern.pin_radius_px)
-        distance, near = tree.query(slivers, k=N_RING)
+        distance, near = nearest_of(xy, slivers, N_RING)
         for at, gap, beside in zip(slivers, distance[:, 0], near, strict=True):
             if gap > PARAMS.link_pitches_outside * pitch:
                 continue
@@ -65,7 +64,9 @@ def find_cut(grey: Image, pins: Pins, pattern: PinPattern, most: int) -> Pins:
             if (
                 outside
                 and not known
-                and PARAMS.own_pitches * pitch < tree.query((x, y))[0] < PARAMS.link_pitches_outside * pitch
+                and PARAMS.own_pitches * pitch
+                < nearest_of(xy, np.array([[x, y]]))[0][0, 0]
+                < PARAMS.link_pitches_outside * pitch
             ):
                 rows.append((x, y, sigma, radius, brightness))
     found = np.array(rows).reshape(-1, 5)

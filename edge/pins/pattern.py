@@ -13,11 +13,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from edge.geometry.lattice import N_RING, pitch_of
+from edge.geometry.neighbours import nearest_of, pairs_within
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.pins.blobs import Spots
 from edge.pins.params import PARAMS
@@ -28,13 +26,19 @@ def one_of_each(spots: Spots, misfit: Array) -> Spots:
     """Of spots at the same place the one with the least misfit."""
     if len(spots) < 2:
         return spots
-    near = cKDTree(spots.xy_img).query_ball_point(spots.xy_img, 0.9 * spots.radius_px)
+    reach = 0.9 * spots.radius_px
+    pairs = pairs_within(spots.xy_img, float(reach.max()))
+    first, second = np.vstack([pairs, pairs[:, ::-1]]).T
+    near = np.hypot(*(spots.xy_img[first] - spots.xy_img[second]).T) <= reach[first]
+    order = np.argsort(first[near], kind="stable")
+    second = second[near][order]
+    begin = np.searchsorted(first[near][order], np.arange(len(spots) + 1))
     dead = np.zeros(len(spots), bool)
     keep = np.zeros(len(spots), bool)
     for i in np.argsort(misfit):
         if not dead[i]:
             keep[i] = True
-            dead[near[i]] = True
+            dead[second[begin[i] : begin[i + 1]]] = True
     return spots[keep]
 
 
@@ -52,7 +56,7 @@ def belongs(spots: Spots) -> Mask:
             return np.zeros(len(spots), bool)
         pitch = pitch_of(spots.xy_img[core])
         inside = _inside_hull(spots.xy_img[core], xy, 0.5 * pitch)
-        near = cKDTree(spots.xy_img[core]).query(xy)[0] < PARAMS.link_pitches_outside * pitch
+        near = nearest_of(spots.xy_img[core], xy)[0][:, 0] < PARAMS.link_pitches_outside * pitch
         fits = (outlierness < PARAMS.outlier_max) & (
             inside | (near & (outlierness < PARAMS.outlier_max_outside))
         )
@@ -66,9 +70,8 @@ def fills_gap(spots: Spots, pins: Spots) -> Mask:
     """Which spots fill a gap of the pattern, about as large and bright as it would be."""
     if len(spots) == 0 or len(pins) <= N_RING:
         return np.zeros(len(spots), bool)
-    tree = cKDTree(pins.xy_img)
-    distance, near = tree.query(spots.xy_img, k=N_RING)
-    pitch = np.median(tree.query(pins.xy_img, k=3)[0][:, 1:].mean(axis=1)[near], axis=1)
+    distance, near = nearest_of(pins.xy_img, spots.xy_img, N_RING)
+    pitch = np.median(nearest_of(pins.xy_img, pins.xy_img, 3)[0][:, 1:].mean(axis=1)[near], axis=1)
     size = spots.radius_px / np.median(pins.radius_px[near], axis=1)
     depth = spots.depth / np.median(pins.depth[near], axis=1)
     fits: Mask = (
@@ -87,7 +90,7 @@ def unevenness(spots: Spots) -> float:
 
     The weights separate the known tips best from textures.
     """
-    distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=N_RING + 1)
+    distance, near = nearest_of(spots.xy_img, spots.xy_img, N_RING + 1)
     values = (spots.radius_px, spots.depth, distance[:, 1])
     scatter = [np.median(np.abs(_log_ratio(value, near[:, 1:]))) for value in values]
     return float(SIGMA_OF_MAD * (scatter[0] + 1.5 * scatter[1] + 2.0 * scatter[2]))
@@ -95,7 +98,7 @@ def unevenness(spots: Spots) -> float:
 
 def _outlierness(spots: Spots) -> Array:
     """How far each spot is from its neighbours in size, depth and spacing; infinite: a reflection."""
-    distance, near = cKDTree(spots.xy_img).query(spots.xy_img, k=N_RING + 1)
+    distance, near = nearest_of(spots.xy_img, spots.xy_img, N_RING + 1)
     distance, near = distance[:, 1:], near[:, 1:]
     difference = np.stack(
         [
@@ -130,15 +133,26 @@ def _connected(xy_img: Array) -> Mask:
     n = len(xy_img)
     if n < 2:
         return np.zeros(n, bool)
-    tree = cKDTree(xy_img)
-    own = tree.query(xy_img, k=2)[0][:, 1]
-    a, b = tree.query_pairs(PARAMS.link_factor * float(np.quantile(own, 0.95)), output_type="ndarray").T
+    own = nearest_of(xy_img, xy_img, 2)[0][:, 1]
+    a, b = pairs_within(xy_img, PARAMS.link_factor * float(np.quantile(own, 0.95))).T
     linked = np.hypot(*(xy_img[a] - xy_img[b]).T) < PARAMS.link_factor * np.minimum(own[a], own[b])
-    graph = coo_array((np.ones(linked.sum()), (a[linked], b[linked])), shape=(n, n))
-    _, label = connected_components(graph, directed=False)
+    label = _groups(n, a[linked], b[linked])
     size = np.bincount(label)
     member: Mask = size[label] >= max(N_RING, PARAMS.group_share_min * size.max())
     return member
+
+
+def _groups(n: int, a: Index, b: Index) -> Index:
+    """(n,) the lowest row of the group that each of n belongs to; rows a (p,) and b (p,) are linked."""
+    label = np.arange(n, dtype=np.int32)
+    while True:
+        lowest = label.copy()
+        np.minimum.at(lowest, a, label[b])
+        np.minimum.at(lowest, b, label[a])
+        lowest = lowest[lowest]  # what a row has, those that point to it have
+        if np.array_equal(lowest, label):
+            return label
+        label = lowest
 
 
 def _inside_hull(pins: Array, xy_img: Array, margin_px: float) -> Mask:

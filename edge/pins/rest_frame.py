@@ -8,9 +8,9 @@ from typing import cast
 
 import cv2
 import numpy as np
-from scipy.spatial import cKDTree
 
 from edge.errors import NoPins
+from edge.geometry.neighbours import nearest_of
 from edge.pins.detect import as_bright, detect, in_view, learn, noise_of, to_grey
 from edge.pins.lens import corrected_rest
 from edge.pins.params import PARAMS
@@ -68,7 +68,7 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
     )
     which = np.repeat(np.arange(len(shown)), [len(one) for one in shown])
     near_px = 0.5 * pattern.pitch_px
-    free = cKDTree(pins.xy_img).query(xy)[0] > near_px
+    free = nearest_of(pins.xy_img, xy)[0][:, 0] > near_px
     added: list[tuple[float, ...]] = []
     for i in np.flatnonzero(free):
         same = free & (np.hypot(*(xy - xy[i]).T) < near_px)

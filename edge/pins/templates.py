@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import erfc
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erfc
 
 from edge.types import Array, Index, Mask
 
@@ -90,6 +90,9 @@ def templates_of(radii: tuple[float, ...], edge_px: float, pitch_px: float) -> T
     )
 
 
+_erfc = np.vectorize(erfc, otypes=[np.float64])
+
+
 @lru_cache(maxsize=64)
 def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, Index, Shorts, Norms]:
     """Half width, spans, planes (17, 3, pixels of the spans, padded) and norms (16,) of one radius.
@@ -108,7 +111,7 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, Ind
     v = rows - np.repeat(offset, PHASES)[:, None, None]
     r = np.hypot(u, v)
     one = (np.hypot(columns, rows) <= support).astype(np.float64)[None]
-    disc = one * 0.5 * erfc((r - radius) / (np.sqrt(2.0) * edge_px))
+    disc = one * 0.5 * _erfc((r - radius) / (np.sqrt(2.0) * edge_px))
     slope = one * np.exp(-0.5 * ((r - radius) / edge_px) ** 2) / np.maximum(r, 1e-9)
     slope /= edge_px * np.sqrt(2.0 * np.pi)
     d = disc - one * _dot(disc, one) / _dot(one, one)

@@ -13,9 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from edge.geometry.lattice import N_RING
+from edge.geometry.neighbours import nearest_of
 from edge.runtime.measures import count_apart
 from edge.runtime.params import PARAMS as RUNTIME
 from edge.types import Mask, Rest, Tracks
@@ -52,13 +52,12 @@ class PinVisibility:
 
     def __init__(self, rest: Rest, params: PinVisibilityParams = PARAMS) -> None:
         self._params = params
-        k = min(N_RING + 1, len(rest))
         self._rest_img = np.ascontiguousarray(rest.xy_img)
         self._reason = ""
         self._good_n = params.settled_frames_n
         self._baseline_share = 1.0
         self._baseline_px = float(np.nanmean(rest.pins.sigma_px))
-        self._near = cKDTree(rest.xy_img).query(rest.xy_img, k=k)[1]
+        self._near = nearest_of(rest.xy_img, rest.xy_img, N_RING + 1)[1]
         self._bad, self._before = np.zeros(len(rest), dtype=np.bool_), rest.xy_img
         self._pitch_px = rest.pattern.pitch_px
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import cython
 import numpy as np
-from scipy.sparse import csr_array
 
 from edge.geometry.lattice import Lattice
 from edge.types import Array, Mask
@@ -78,11 +77,11 @@ class LocalAffine:
         _predict_all(self, moved, is_known, value, support, gradient)
         return value, support, gradient
 
-    def matrix(self) -> csr_array:
-        """(n, n) sparse: `predict` where all pins are known, as one product."""
+    def matrix(self) -> Array:
+        """(n, n) `predict` where all pins are known, as one product; most of it is zero."""
         one, known = np.eye(self.n), np.ones(self.n, np.bool_)
         columns = [self.predict(one[[k, k]].T, known)[0][:, 0] for k in range(self.n)]
-        return csr_array(np.stack(columns, axis=1))
+        return np.stack(columns, axis=1)
 
     def fit(
         self,

@@ -18,12 +18,13 @@ Rules
 
 from __future__ import annotations
 
+from math import lgamma, log
+
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial import cKDTree
-from scipy.special import gammaln, logit
 
 from edge.geometry.lattice import PARAMS
+from edge.geometry.neighbours import nearest_of
+from edge.tracking.assignment import assign
 from edge.tracking.motion_model import MotionModel
 from edge.types import Array, Index, Mask
 
@@ -84,8 +85,8 @@ class Hypothesis:
         n, m, known_n = len(self.known), len(self.blob_xy), self.known_n
         if not known_n:
             return 0.0
-        ways = gammaln(n + 1) - gammaln(known_n + 1) - gammaln(n - known_n + 1)
-        ways += gammaln(m + 1) - gammaln(m - known_n + 1)
+        ways = lgamma(n + 1) - lgamma(known_n + 1) - lgamma(n - known_n + 1)
+        ways += lgamma(m + 1) - lgamma(m - known_n + 1)
         places = self._density[self.known].sum() + known_n * np.log(self._area)
         return float(places - ways + self.model.log_prior(self.motion, self.known))
 
@@ -97,7 +98,8 @@ class Hypothesis:
     def certain(self) -> Mask:
         """(n,) the pins with a clear posterior."""
         odds = self._odds()
-        clear = odds > logit(self._tip.params.posterior_min)
+        least = self._tip.params.posterior_min
+        clear = odds > log(least / (1 - least))
         return self._apart(self.known & clear & ~self._may_have_slipped(), odds)
 
     def assign(self, scale: Array, freedom: Array) -> None:
@@ -114,10 +116,12 @@ class Hypothesis:
             square = ((at[:, None] + mean[:, None] - blob_at) ** 2).sum(2)
             density = self._log_density(square, (variance * scale[pins])[:, None], freedom[pins, None])
             odds = density - self._log_chance()
-            pin, blob = linear_sum_assignment(-np.maximum(odds, 0))
-            pin, blob = np.stack([pin, blob])[:, odds[pin, blob] > 0]
+            # Any pin may stay without a blob, at no cost.
+            blob = assign(np.hstack([-np.maximum(odds, 0), np.zeros((len(pins), len(pins)))]))
+            pin = _rows(blob < len(free))
+            pin = pin[odds[pin, blob[pin]] > 0]
             before, chosen = chosen, np.full(len(pins), -1)
-            chosen[pin] = free[blob]
+            chosen[pin] = free[blob[pin]]
             if np.array_equal(before, chosen):
                 break
             self.known[pins], self.blob[pins] = chosen >= 0, np.maximum(chosen, 0)
@@ -211,8 +215,8 @@ class Hypothesis:
         by_unassigned = np.zeros(len(self.known), np.bool_)
         unassigned = self.blob_xy[self._unassigned()]
         if len(unassigned):
-            apart, _ = cKDTree(unassigned).query(self.blob_xy[self.blob])
-            by_unassigned = apart < PARAMS.near_reach * self._tip.pitch_px
+            apart, _ = nearest_of(unassigned, self.blob_xy[self.blob])
+            by_unassigned = apart[:, 0] < PARAMS.near_reach * self._tip.pitch_px
         spread = (self.freedom * self.variance * self.scale + self.square) / (self.freedom + 2)
         rough, rougher = spread > p.slip_spread**2, spread > p.slip_spread_hidden**2
         return np.asarray((by_unmatched & by_unassigned & rough) | ((by_unmatched | by_unassigned) & rougher))

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.special import expit
 
 from edge.geometry.layout import affine_terms
 from edge.tracking.coarse import CoarseFit
@@ -121,7 +120,8 @@ class Identifier:
         """
         if not best.known_n:
             return 0.0
-        return float(expit(ahead) * expit(np.dot(self._tip.params.found_weights, found_evidence(best))))
+        found = np.dot(self._tip.params.found_weights, found_evidence(best))
+        return float(_logistic(ahead) * _logistic(found))
 
     def _starts(self, blobs: _BlobIndex, guesses: list[Array]) -> Iterator[tuple[Array, Mask]]:
         """Motion (n, 2) and the pins (n,) to grow from: guesses unchanged, then coarse fits, best first."""
@@ -185,6 +185,11 @@ def found_evidence(best: Hypothesis) -> tuple[float, float, float, float]:
     rotation = abs(fit[1, 1] - fit[2, 0]) / 2
     posterior = best.log_posterior / best.known_n + np.log(np.median(best.spread[certain]))
     return 1.0, float(bent), float(rotation), float(posterior)
+
+
+def _logistic(odds: float) -> float:
+    """Probability by the logarithm of the odds."""
+    return float(0.5 + 0.5 * np.tanh(0.5 * odds))
 
 
 def _ahead(best: Hypothesis, others: list[Hypothesis]) -> float:
