@@ -115,7 +115,10 @@ class Pipeline:
             reading.values.update(self._grip.update(reading.values, reading.sigmas, area_mm2))
 
     def prepare(self, demand: frozenset[Feature]) -> None:
-        """Make now what otherwise the first contacts would wait for (100 ms); before the first frame."""
+        """Make now what otherwise the first contacts and lost pins would wait for (100 ms); before the first
+        frame.
+        """
+        self._tessellator.prepare()
         self._extractor.prepare(self._features_for(demand))
 
     def _ask(self) -> None:

@@ -10,6 +10,8 @@ Rules
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from edge.geometry.layout import must_span
@@ -31,10 +33,14 @@ class LostPins:
     """
 
     def __init__(self, rest_img: Array, pitch_px: float) -> None:
-        self._rest_img = rest_img
-        self._precision = precision(rest_img, pitch_px, PREDICTING)
+        self._rest_img, self._pitch_px = rest_img, pitch_px
         self._seen = np.ones(len(rest_img), dtype=np.bool_).tobytes()  # the pins that `gap` was made for
         self.gap: Gap = (np.empty(0, np.int32), np.empty((0, 2 * len(rest_img))), np.empty((0, 0)))
+
+    @cached_property
+    def precision(self) -> Array:
+        """Of the motion of all pins; made when it is first needed."""
+        return precision(self._rest_img, self._pitch_px, PREDICTING)
 
     def update(self, seen: Mask) -> bool:
         """Set `gap` to that of the pins that are not seen; returns whether it changed.
@@ -47,7 +53,7 @@ class LostPins:
         must_span(self._rest_img[seen], "seen pins")
         lost = np.flatnonzero(~seen).astype(np.int32)
         both = np.column_stack([2 * lost, 2 * lost + 1]).ravel()
-        rows = self._precision[both]
+        rows = self.precision[both]
         inverse = np.linalg.inv(rows[:, both]).astype(np.float64, copy=False)
         self.gap, self._seen = (lost, rows, inverse), key
         return True

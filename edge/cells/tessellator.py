@@ -53,6 +53,10 @@ class Tessellator:
         self._rest_triangles = self._triangles = self._mesh.triangles()
         self._first_order = self._make_first_order(params)
 
+    def prepare(self) -> None:
+        """Make now what otherwise the first lost pin would wait for (20 ms)."""
+        self._lost.precision  # noqa: B018
+
     @property
     def rest_area_px2(self) -> Array:
         """(n,) px2, area of each pin's cell on the rest frame."""

@@ -130,7 +130,7 @@ def make_loop(
 
 def _report_missing_pins(sensor: KnownSensor) -> Callable[[Result, State], None]:
     """A callback that warns when a rest frame has fewer pins than the sensor."""
-    from edge.runtime.sensor_match import missing_pins
+    from edge.sensors import missing_pins
 
     reported = ""
 

@@ -23,10 +23,10 @@ from edge.runtime.board_monitor import PARAMS as BOARD
 from edge.runtime.board_monitor import STORED_BYTES
 from edge.runtime.image_quality import ONE_LEVEL, level_of
 from edge.runtime.image_quality import PARAMS as IMAGE
-from edge.runtime.sensor_match import missing_pins, mm_per_px, recognise
+from edge.runtime.sensor_match import mm_per_px, recognise
 from edge.runtime.symmetry import symmetry_of
 from edge.runtime.tip_match import in_order_of
-from edge.sensors import KnownSensor, known_sensors
+from edge.sensors import KnownSensor, known_sensors, missing_pins
 from edge.types import AdjustableSource, Frame, FrameSource, Lens, LiveSource, Polarity, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
 

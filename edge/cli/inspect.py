@@ -139,7 +139,7 @@ def _findings(rest: Rest, sensors: Sequence[KnownSensor]) -> dict[str, Any]:
 
 
 def _in_words(entry: dict[str, Any], sensors: Sequence[KnownSensor]) -> str:
-    from edge.runtime.sensor_match import missing_pins
+    from edge.sensors import missing_pins
 
     known = next((s for s in sensors if s.name == entry["sensor"]), None)
     message = f"{entry['n_pins']} {'dark' if entry['dark'] else 'bright'} pins, "

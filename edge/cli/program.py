@@ -9,7 +9,7 @@ from typing import NoReturn
 import click
 
 from edge.errors import InputError
-from edge.runtime.process import limit_threads
+from edge.runtime.process import limit_resources
 from hostlink.cli_exit import program_name, run_command
 from hostlink.command_group import CommandGroup, CommandRow
 
@@ -69,6 +69,6 @@ def cli(verbose: bool) -> None:
 
 def main() -> NoReturn:
     """Run a command and exit, with the exit codes of `hostlink.cli_exit`."""
-    limit_threads()
+    limit_resources()
     name = program_name("voronoi-touch-edge", "edge")
     sys.exit(run_command(cli, name, (InputError,)))

@@ -48,11 +48,13 @@ class QuantizedOperator:
         if matrix.ndim != 2 or not matrix.size or not np.isfinite(matrix).all():
             raise ValueError(f"a matrix (k, m) of finite numbers is wanted, not {matrix.shape}")
         k, m = matrix.shape
-        size = np.abs(matrix)
-        least = np.maximum(size.max(axis=1) / _WEIGHT_MAX, size.sum(axis=1) / _ROW_MAX)
-        step = np.where(least > 0.0, least, 1.0)
+        step = np.empty(k)
         rows = np.zeros((k, -(-m // _BLOCK) * _BLOCK), np.int16)
-        rows[:, :m] = np.rint(matrix / step[:, None])
+        for i, row in enumerate(matrix):
+            size = np.abs(row)
+            least = max(size.max() / _WEIGHT_MAX, size.sum() / _ROW_MAX)
+            step[i] = least if least > 0.0 else 1.0
+            rows[i, :m] = np.rint(row / step[i])
         self._rows, self._row_step = rows, step.astype(np.float32)
         self._vector = np.zeros(rows.shape[1], np.int16)
         self._sums = np.empty(k, np.int32)

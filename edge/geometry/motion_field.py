@@ -28,6 +28,10 @@ from edge.types import Array
 __all__ = ["PREDICTING", "SHARP", "MotionPrior", "component_covariance", "divergence_operator", "precision"]
 
 
+#: Rows of an operator that are made at once: what is needed meanwhile stays small.
+BLOCK = 256
+
+
 @dataclass(frozen=True, slots=True)
 class MotionPrior:
     """Assumptions about the motion; measured in docs/tuning.md, "Motion field".
@@ -65,12 +69,12 @@ def divergence_operator(knots: Array, points: Array, pitch: float, prior: Motion
     affine = _affine_basis(x)
     system[: 2 * n, 2 * n :] = affine
     system[2 * n :, : 2 * n] = affine.T
-    right = np.zeros((m, 2 * n + 6))
-    right[:, : 2 * n] = _divergence_covariance(p, x, prior)
-    right[:, 2 * n + 2] = 1.0  # d/dx of the x part
-    right[:, 2 * n + 5] = 1.0  # d/dy of the y part
-    # The system is symmetric: right S^-1 = (S^-1 right^T)^T; motion fills the first 2 n rows of its input.
-    return np.asarray(np.linalg.solve(system, right.T)[: 2 * n].T / pitch, np.float64)
+    inverse = np.linalg.inv(system)[:, : 2 * n] / pitch
+    divergence_of_affine = inverse[2 * n + 2] + inverse[2 * n + 5]  # d/dx of the x part, d/dy of the y part
+    operator = np.empty((m, 2 * n))
+    for rows in (slice(k, k + BLOCK) for k in range(0, m, BLOCK)):
+        operator[rows] = _divergence_covariance(p[rows], x, prior) @ inverse[: 2 * n] + divergence_of_affine
+    return operator
 
 
 def precision(knots: Array, pitch: float, prior: MotionPrior) -> Array:
@@ -111,28 +115,31 @@ def _affine_basis(x: Array) -> Array:
 def _covariance(x: Array, prior: MotionPrior) -> Array:
     """(2 n, 2 n) covariance of the measured motion at x (n, 2), without its affine part."""
     n = len(x)
-    d = x[:, None, :] - x[None, :, :]
-    outer, unit = d[..., :, None] * d[..., None, :], np.eye(2)
-    r2 = (d**2).sum(axis=2)[..., None, None]
-    total: Array = np.zeros((n, n, 2, 2))
+    dx, dy = (x[:, None, k] - x[:, k] for k in (0, 1))
+    r2 = dx * dx + dy * dy
+    # A potential of covariance e = exp(-r^2 / 2 w^2) has a gradient of covariance e (1 - d d' / w^2); rotated
+    # by 90 degrees, its curl's is e (1 - r^2 / w^2 + d d' / w^2). All are alike * 1 + along * d d'.
+    alike, along = np.zeros((n, n)), np.zeros((n, n))
     for width, variance in prior.potentials:
-        # For a potential of covariance exp(-r^2 / 2 w^2): that of its gradient and, rotated by 90 degrees, of
-        # its curl.
-        along, s = outer / width**2, r2 / width**2
-        part = (unit - along) + prior.curl * ((1.0 - s) * unit + along)
-        total += np.asarray(variance * np.exp(-0.5 * s) * part, np.float64)
-    flat = total.transpose(0, 2, 1, 3).reshape(2 * n, 2 * n)
-    flat[np.diag_indices(2 * n)] += prior.noise**2
-    return flat
+        s = r2 / width**2
+        e = variance * np.exp(-0.5 * s)
+        alike += e * (1.0 + prior.curl * (1.0 - s))
+        along += e * ((prior.curl - 1.0) / width**2)
+    total = np.empty((2 * n, 2 * n))
+    total[0::2, 0::2] = alike + along * dx * dx
+    total[1::2, 1::2] = alike + along * dy * dy
+    total[0::2, 1::2] = total[1::2, 0::2] = along * dx * dy
+    total[np.diag_indices(2 * n)] += prior.noise**2
+    return total
 
 
 def _divergence_covariance(p: Array, x: Array, prior: MotionPrior) -> Array:
     """(m, 2 n) covariance of the divergence at p (m, 2) with the motion at x (n, 2): of the curl-free part
     alone.
     """
-    d = p[:, None, :] - x[None, :, :]
-    r2 = (d**2).sum(axis=2)[..., None]
-    total: Array = np.zeros_like(d)
+    dx, dy = (p[:, None, k] - x[:, k] for k in (0, 1))
+    r2 = dx * dx + dy * dy
+    slope = np.zeros_like(r2)
     for width, variance in prior.potentials:
-        total -= variance * d * (4.0 / width**2 - r2 / width**4) * np.exp(-0.5 * r2 / width**2)
-    return total.reshape(len(p), -1)
+        slope -= variance * (4.0 / width**2 - r2 / width**4) * np.exp(-0.5 * r2 / width**2)
+    return np.stack([slope * dx, slope * dy], axis=2).reshape(len(p), -1)

@@ -19,7 +19,7 @@ from edge.runtime.tip_match import PARAMS as TIP
 from edge.sensors import KnownSensor
 from edge.types import Rest
 
-__all__ = ["SensorMatch", "layout_of", "missing_pins", "mm_per_px", "recognise"]
+__all__ = ["SensorMatch", "layout_of", "mm_per_px", "recognise"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +68,3 @@ def mm_per_px(sensor: KnownSensor, rest: Rest) -> float | None:
     """Scale at the middle of the pins; None: no pitch in mm is known, or the pins are not in the layout."""
     match = None if sensor.pins.pitch_mm is None else _match(sensor, rest)
     return None if match is None or sensor.pins.pitch_mm is None else sensor.pins.pitch_mm / match.pitch_px
-
-
-def missing_pins(sensor: KnownSensor, found_n: int) -> str:
-    """A line if fewer pins were found than the sensor has; "": all were."""
-    count = sensor.pins.count
-    if count is None or found_n >= count:
-        return ""
-    least = "at least " if sensor.cut else ""
-    return f"{found_n} pins found, {sensor.title} has {least}{count}"

@@ -28,6 +28,7 @@ __all__ = [
     "SensorTip",
     "known_sensors",
     "load_sensor",
+    "missing_pins",
     "sensor_names",
 ]
 
@@ -122,3 +123,12 @@ def load_sensor(name: str) -> KnownSensor:
         return limits.read_toml_as(path, KnownSensor, name=path.stem)[1]
     except limits.BadContent as error:
         raise ConfigError(f"{path}: {error}") from None
+
+
+def missing_pins(sensor: KnownSensor, found_n: int) -> str:
+    """A line if fewer pins were found than the sensor has; "": all were."""
+    count = sensor.pins.count
+    if count is None or found_n >= count:
+        return ""
+    least = "at least " if sensor.cut else ""
+    return f"{found_n} pins found, {sensor.title} has {least}{count}"

@@ -26,9 +26,9 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from edge.runtime.process import limit_threads
+from edge.runtime.process import limit_resources
 
-limit_threads()
+limit_resources()
 
 import cv2  # noqa: E402  (after the number of library threads is set)
 

@@ -19,9 +19,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from edge.runtime.process import limit_threads
+from edge.runtime.process import limit_resources
 
-limit_threads()
+limit_resources()
 
 import numpy as np  # noqa: E402
 

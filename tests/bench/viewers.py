@@ -37,7 +37,7 @@ from rich.console import Console
 from rich.table import Table
 
 from edge.runtime.loop import Loop
-from edge.runtime.process import limit_threads
+from edge.runtime.process import limit_resources
 from edge.sources import Paced
 from edge.types import Frame, Lens, Polarity
 from edge.worker import WorkerClient, WorkerConfig
@@ -225,7 +225,7 @@ def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> 
 
     Returns  per phase the loop's compute quantiles, packets and memory
     """
-    limit_threads()
+    limit_resources()
     source = Paced(_Frames(rate_hz), rate_hz, loop=True)
     loop = Loop(source, [])
     phases = {name: _Phase() for name in PHASES}

@@ -94,6 +94,10 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/pins/templates.py:LANES", "edge/pins/templates.py:BLOCK",
         "edge/worker/shared_memory.py:ALIGN",
     }),
+    "how memory is given out, of which no result depends": frozenset({
+        "edge/runtime/process.py:_MMAP_THRESHOLD", "edge/runtime/process.py:_LARGE_BYTES",
+        "edge/geometry/motion_field.py:BLOCK",
+    }),
     "figures of a maker": frozenset({"edge/runtime/board_monitor.py:HOT_DEGC"}),
     "colours": frozenset({
         "edge/view/palette.py:PAPER", "edge/view/palette.py:SAFE", "edge/view/panels.py:_CROSS",
