@@ -169,6 +169,15 @@ def test_the_edge_loads_no_heavy_libraries() -> None:
     assert not loaded & {"matplotlib", "skimage", "depthai", "aiohttp", "mcap", "pandas"}
 
 
+def test_the_running_finger_needs_no_scipy() -> None:
+    """It would take a third of the memory and half of the start."""
+    play = (
+        "import sys; sys.argv = ['edge', 'replay', 'tests/data/two_contacts.mcap', '--speed', 'max', '-q']\n"
+        "from edge.cli.program import cli\ncli(standalone_mode=False)\nimport edge.worker.client, edge.cli.run"
+    )
+    assert not loaded_by(play) & {"scipy", "skimage", "matplotlib"}
+
+
 def test_coverage_leaves_out_the_kernels_and_nothing_else() -> None:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["coverage"][
         "report"

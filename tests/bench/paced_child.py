@@ -141,12 +141,13 @@ class Listener:
 
 
 def weight() -> dict[str, float]:
-    """Resident memory of this process, MB, and its parts."""
+    """Resident memory of this process, MB, and its parts; Pss: what is shared counts by its share."""
     out = {}
-    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
-        name, _, rest = line.partition(":")
-        if name in ("VmRSS", "VmHWM", "RssAnon", "RssFile"):
-            out[name] = int(rest.split()[0]) / 1024
+    for file in ("status", "smaps_rollup"):
+        for line in Path("/proc/self", file).read_text(encoding="ascii").splitlines():
+            name, _, rest = line.partition(":")
+            if name in ("VmRSS", "VmHWM", "RssAnon", "RssFile", "Pss"):
+                out[name] = int(rest.split()[0]) / 1024
     return out
 
 
@@ -158,6 +159,7 @@ class Weights:
 
     def __init__(self, meter: Meter, every_s: float | None, rate_hz: float) -> None:
         self.mb: list[float] = []
+        self.pss_mb = 0.0  # last measured
         self._meter, self._every_s, self._rate_hz = meter, every_s, rate_hz
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -166,7 +168,9 @@ class Weights:
     def _run(self) -> None:
         every_s, meter = self._every_s or 5.0, self._meter
         while not self._done.wait(every_s):
-            self.mb.append(weight()["VmRSS"])
+            heavy = weight()
+            self.mb.append(heavy["VmRSS"])
+            self.pss_mb = heavy["Pss"]
             if self._every_s:
                 recent = meter.age_us[max(0, meter.n - round(every_s * self._rate_hz)) : meter.n]
                 p50, p99 = np.percentile(recent, (50, 99)) if len(recent) else (0.0, 0.0)
@@ -183,7 +187,7 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
     if options.get("realtime"):  # as in deploy/realtime.conf
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(40))
     rate_hz, seconds = float(options.get("rate_hz", 240.0)), float(options["seconds"])
-    images = np.load(options["frames"])
+    images = np.load(options["frames"], mmap_mode="r")  # of all fingers the same memory
     n = round(seconds * rate_hz) + options["rest_n"]
     source = Paced(Images(images, options["rest_n"], rate_hz, n), rate_hz)
     loop = Loop(source, [], Calibration.load(options["calibration"]))
@@ -227,6 +231,7 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
         "rss_mb": heavy["VmRSS"],
         "rss": heavy,
         "rss_over_time_mb": weights.mb,
+        "pss_mb": weights.pss_mb,
         "frames_mb": images.nbytes / 2**20,
         "modules_n": len(sys.modules),
         "statistics": asdict(statistics),

@@ -54,6 +54,6 @@ def test_pairs_are_those_of_a_search_tree(reach: float) -> None:
     ],
 )
 @pytest.mark.kernels
-def test_what_cannot_be_compared_is_refused(points: np.ndarray, xy: np.ndarray, k: int) -> None:
+def test_points_that_cannot_be_compared_are_refused(points: np.ndarray, xy: np.ndarray, k: int) -> None:
     with pytest.raises(ValueError, match=r"(is|are) wanted"):
         nearest_of(points, xy, k)

@@ -26,6 +26,6 @@ def test_no_other_assignment_costs_less(shape: tuple[int, int], whole: bool) -> 
     "cost", [np.zeros((3, 2)), np.zeros(3), np.full((2, 3), np.inf), np.full((2, 3), np.nan)]
 )
 @pytest.mark.kernels
-def test_what_has_no_assignment_is_refused(cost: np.ndarray) -> None:
+def test_costs_without_an_assignment_are_refused(cost: np.ndarray) -> None:
     with pytest.raises(ValueError, match="are wanted"):
         assign(cost)
