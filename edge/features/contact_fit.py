@@ -36,9 +36,9 @@ from edge.geometry.motion_field import SHARP, MotionPrior
 from edge.types import Array
 
 if cython.compiled:
-    from cython.cimports.libc.math import atan, exp, hypot, log, sqrt
+    from cython.cimports.libc.math import atan2, exp, hypot, log, sqrt
 else:
-    from math import atan, exp, hypot, log, sqrt
+    from math import atan2, exp, hypot, log, sqrt
 
 #: Contacts of one fit: with more a frame would take too long.
 FITS_MAX = 4
@@ -96,11 +96,11 @@ class ContactFit:
     _now: cython.double[::1]
     _next: cython.double[::1]
     _scale: cython.double[::1]  # of each parameter's prior: noise over its standard deviation
-    _row: cython.double[:, ::1]  # (2, parameters) derivatives of one pin's motion along x and y
+    _shape: cython.double[:, ::1]  # (FITS_MAX, 6) of each contact, what all pins share; see `_prepare`
+    _rows: cython.double[:, ::1]  # (4, parameters + 1) two pins' x and y: derivatives, and what is left
     _at: cython.double[::1]  # (2,) motion of one pin
-    _hessian: cython.double[:, ::1]
+    _normal: cython.double[:, ::1]  # normal equations: Hessian to first order, last row gradient and cost
     _damped: cython.double[:, ::1]
-    _gradient: cython.double[::1]
     _step: cython.double[::1]
     _radius: cython.double
     _reach: cython.double
@@ -123,9 +123,9 @@ class ContactFit:
         self._rest, self._pitch_px = np.array(rest_xy / pitch_px, np.float64, order="C"), pitch_px
         self._pins, self.n_pins, self._motion = np.zeros(n, np.int32), 0, np.zeros((n, 2))
         self._start, self._now, self._next = np.zeros(size), np.zeros(size), np.zeros(size)
-        self._scale, self._row, self._at = np.zeros(size), np.zeros((2, size)), np.zeros(2)
-        self._hessian, self._damped = np.zeros((size, size)), np.zeros((size, size))
-        self._gradient, self._step = np.zeros(size), np.zeros(size)
+        self._scale, self._step, self._at = np.zeros(size), np.zeros(size), np.zeros(2)
+        self._shape, self._rows = np.zeros((FITS_MAX, 6)), np.zeros((4, size + 1))
+        self._normal, self._damped = np.zeros((size + 1, size + 1)), np.zeros((size, size))
         self._m, self._is_line, self._middle_x, self._middle_y = 0, False, 0.0, 0.0
         self._radius, self._reach = 2.0 * params.close_pitch, params.place_radius_pitch
         self._width = 1.0 / params.grid_steps_per_pitch
@@ -237,6 +237,9 @@ class ContactFit:
         for j in range(_OWN * self._m, _OWN * self._m + _COMMON):
             self._start[j] = 0.0
             self._scale[j] = self._prior[3]
+        for i in range(4):  # what stays zero: a motion along x changes nothing along y
+            for j in range(_OWN * self._m + _COMMON):
+                self._rows[i, j] = 0.0
 
     @cython.cfunc
     def _solve(self) -> cython.double:
@@ -249,9 +252,11 @@ class ContactFit:
         other: cython.double
         self._now[:size] = self._start[:size]
         self._sum_up()
-        # Strengths are zero still: the first step finds them, with places and widths as they are.
+        # Strengths are zero still: the first step finds them, with places, widths and a line as they are.
         self._find_step(_DAMPING_MIN)
         self._now[:size] = self._next[:size]
+        if self._is_line:
+            self._now[6:8] = self._start[6:8]
         cost = self._sum_up()
         while steps < _STEPS_MAX and damping <= _DAMPING_MAX:
             steps += 1
@@ -275,36 +280,56 @@ class ContactFit:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _sum_up(self) -> cython.double:
-        """Squared error, its gradient and Hessian to first order at the present parameters."""
+        """Normal equations at the present parameters; the squared error."""
         i: cython.Py_ssize_t
         j: cython.Py_ssize_t
         k: cython.Py_ssize_t
-        c: cython.Py_ssize_t
         size: cython.Py_ssize_t = _OWN * self._m + _COMMON
-        a: cython.double
         off: cython.double
-        cost: cython.double = 0.0
-        h: cython.double[:, ::1] = self._hessian
-        g: cython.double[::1] = self._gradient
-        row: cython.double[:, ::1] = self._row
-        for j in range(size):
-            off = self._scale[j] * self._off(self._now, j)
-            cost += off * off
-            g[j] = -self._scale[j] * off
+        h: cython.double[:, ::1] = self._normal
+        for j in range(size + 1):
             for k in range(j + 1):
                 h[j, k] = 0.0
+        for j in range(size):
+            off = self._scale[j] * self._off(self._now, j)
             h[j, j] = self._scale[j] * self._scale[j]
-        for i in range(self.n_pins):
-            self._move(self._now, i, True)
-            for c in range(2):
-                off = self._motion[i, c] - self._at[c]
-                cost += off * off
-                for j in range(size):
-                    a = row[c, j]
-                    g[j] += a * off
-                    for k in range(j + 1):
-                        h[j, k] += a * row[c, k]
-        return cost
+            h[size, j] = -self._scale[j] * off
+            h[size, size] += off * off
+        self._prepare(self._now)
+        for i in range(0, self.n_pins, 2):
+            self._fill(i, 0)
+            if i + 1 < self.n_pins:
+                self._fill(i + 1, 2)
+            else:
+                self._rows[2:, : size + 1] = 0.0
+            self._add_products(size + 1)
+        return h[size, size]
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _add_products(self, n: cython.Py_ssize_t) -> cython.void:
+        """Products of the columns of two pins' rows: of four at once, sums are read and written once."""
+        j: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        rows: cython.double[:, ::1] = self._rows
+        h: cython.double[:, ::1] = self._normal
+        a: cython.double
+        b: cython.double
+        c: cython.double
+        d: cython.double
+        for j in range(n):
+            a, b, c, d = rows[0, j], rows[1, j], rows[2, j], rows[3, j]
+            for k in range(j + 1):
+                h[j, k] += a * rows[0, k] + b * rows[1, k] + c * rows[2, k] + d * rows[3, k]
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _fill(self, i: cython.Py_ssize_t, r: cython.Py_ssize_t) -> cython.void:
+        """Two rows of a pin that counts, at the present parameters."""
+        size: cython.Py_ssize_t = _OWN * self._m + _COMMON
+        self._move(self._now, i, r, True)
+        self._rows[r, size] = self._motion[i, 0] - self._at[0]
+        self._rows[r + 1, size] = self._motion[i, 1] - self._at[1]
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -317,8 +342,9 @@ class ContactFit:
         for j in range(_OWN * self._m + _COMMON):
             off = self._scale[j] * self._off(parameters, j)
             cost += off * off
+        self._prepare(parameters)
         for i in range(self.n_pins):
-            self._move(parameters, i, False)
+            self._move(parameters, i, 0, False)
             off = self._motion[i, 0] - self._at[0]
             cost += off * off
             off = self._motion[i, 1] - self._at[1]
@@ -335,11 +361,34 @@ class ContactFit:
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _move(self, parameters: cython.double[::1], i: cython.Py_ssize_t, derive: cython.bint) -> cython.void:
-        """Motion of a pin that counts, and its derivatives."""
+    def _prepare(self, parameters: cython.double[::1]) -> cython.void:
+        """What is the same for all pins: s, strength / s, of a point v / s^2, of a line half of it, cos, sin."""
         j: cython.Py_ssize_t
-        k: cython.Py_ssize_t
+        p: cython.Py_ssize_t
+        s: cython.double
+        half: cython.double
+        shape: cython.double[:, ::1] = self._shape
+        for j in range(self._m):
+            p = _OWN * j
+            s = exp(parameters[p + 2])
+            shape[j, 0], shape[j, 1] = s, parameters[p + 3] / s
+            if self._is_line:
+                half = hypot(parameters[6], parameters[7])
+                shape[j, 2] = max(half, _HALF_MIN)
+                shape[j, 3] = parameters[6] / half if half > 0.0 else 1.0
+                shape[j, 4] = parameters[7] / half if half > 0.0 else 0.0
+            else:
+                shape[j, 2], shape[j, 3] = parameters[p + 6] / (s * s), parameters[p + 7] / (s * s)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _move(
+        self, parameters: cython.double[::1], i: cython.Py_ssize_t, r: cython.Py_ssize_t, derive: cython.bint
+    ) -> cython.void:
+        """Motion of a pin that counts; its derivatives in two rows from r on."""
+        j: cython.Py_ssize_t
         base: cython.Py_ssize_t = _OWN * self._m
+        rows: cython.double[:, ::1] = self._rows
         x: cython.double = self._rest[self._pins[i], 0]
         y: cython.double = self._rest[self._pins[i], 1]
         ax: cython.double = (x - self._middle_x) / _AFFINE_PITCHES
@@ -347,43 +396,40 @@ class ContactFit:
         self._at[0] = parameters[base] + ax * parameters[base + 1] + ay * parameters[base + 2]
         self._at[1] = parameters[base + 3] + ax * parameters[base + 4] + ay * parameters[base + 5]
         if derive:
-            for k in range(base + _COMMON):
-                self._row[0, k] = 0.0
-                self._row[1, k] = 0.0
-            self._row[0, base] = self._row[1, base + 3] = 1.0
-            self._row[0, base + 1] = self._row[1, base + 4] = ax
-            self._row[0, base + 2] = self._row[1, base + 5] = ay
+            rows[r, base] = rows[r + 1, base + 3] = 1.0
+            rows[r, base + 1] = rows[r + 1, base + 4] = ax
+            rows[r, base + 2] = rows[r + 1, base + 5] = ay
         if self._is_line:
-            self._add_line(parameters, x - parameters[0], y - parameters[1], derive)
+            self._add_line(parameters, x - parameters[0], y - parameters[1], r, derive)
             return
         for j in range(self._m):
-            self._add_point(
-                parameters, _OWN * j, x - parameters[_OWN * j], y - parameters[_OWN * j + 1], derive
-            )
+            self._add_point(parameters, j, x - parameters[_OWN * j], y - parameters[_OWN * j + 1], r, derive)
 
     @cython.cfunc
     @cython.exceptval(check=False)
     def _add_point(
         self,
         parameters: cython.double[::1],
-        p: cython.Py_ssize_t,
+        contact: cython.Py_ssize_t,
         dx: cython.double,
         dy: cython.double,
+        r: cython.Py_ssize_t,
         derive: cython.bint,
     ) -> cython.void:
         """Add the motion by a round contact at a distance, and its derivatives, to those of the pin."""
-        row: cython.double[:, ::1] = self._row
-        s: cython.double = exp(parameters[p + 2])
+        rows: cython.double[:, ::1] = self._rows
+        p: cython.Py_ssize_t = _OWN * contact
+        q: cython.Py_ssize_t = r + 1
+        s: cython.double = self._shape[contact, 0]
+        a: cython.double = self._shape[contact, 1]
+        vx: cython.double = self._shape[contact, 2]
+        vy: cython.double = self._shape[contact, 3]
         i2: cython.double = 1.0 / (s * s)
         r2: cython.double = (dx * dx + dy * dy) * i2
         f: cython.double = 1.0 / (1.0 + 0.5 * r2)
         g: cython.double = f * f
-        g3: cython.double = 2.0 * g * f
-        a: cython.double = parameters[p + 3] / s
         tx: cython.double = parameters[p + 4]
         ty: cython.double = parameters[p + 5]
-        vx: cython.double = parameters[p + 6] * i2
-        vy: cython.double = parameters[p + 7] * i2
         across: cython.double = vx * dx + vy * dy
         push: cython.double = a + across  # both move along d
         self._at[0] += push * g * dx + tx * f
@@ -391,42 +437,47 @@ class ContactFit:
         if not derive:
             return
         # Along the distance: f changes by -f^2 d / s^2, f^2 by -2 f^3 d / s^2.
+        g3: cython.double = 2.0 * g * f
         fx: cython.double = -g * dx * i2
         fy: cython.double = -g * dy * i2
         gx: cython.double = -g3 * dx * i2
         gy: cython.double = -g3 * dy * i2
-        row[0, p] = -(push * (g + gx * dx) + vx * g * dx + tx * fx)
-        row[0, p + 1] = -(push * gy * dx + vy * g * dx + tx * fy)
-        row[1, p] = -(push * gx * dy + vx * g * dy + ty * fx)
-        row[1, p + 1] = -(push * (g + gy * dy) + vy * g * dy + ty * fy)
+        rows[r, p] = -(push * (g + gx * dx) + vx * g * dx + tx * fx)
+        rows[r, p + 1] = -(push * gy * dx + vy * g * dx + tx * fy)
+        rows[q, p] = -(push * gx * dy + vx * g * dy + ty * fx)
+        rows[q, p + 1] = -(push * (g + gy * dy) + vy * g * dy + ty * fy)
         # With the logarithm of the width: f changes by f^2 r^2 / s^2.
         fs: cython.double = g * r2
         gs: cython.double = push * g3 * r2 - (a + 2.0 * across) * g
-        row[0, p + 2] = gs * dx + tx * fs
-        row[1, p + 2] = gs * dy + ty * fs
-        row[0, p + 3] = g * dx / s
-        row[1, p + 3] = g * dy / s
-        row[0, p + 4] = row[1, p + 5] = f
-        row[0, p + 6] = g * i2 * dx * dx
-        row[0, p + 7] = row[1, p + 6] = g * i2 * dx * dy
-        row[1, p + 7] = g * i2 * dy * dy
+        rows[r, p + 2] = gs * dx + tx * fs
+        rows[q, p + 2] = gs * dy + ty * fs
+        rows[r, p + 3] = g * dx / s
+        rows[q, p + 3] = g * dy / s
+        rows[r, p + 4] = rows[q, p + 5] = f
+        rows[r, p + 6] = g * i2 * dx * dx
+        rows[r, p + 7] = rows[q, p + 6] = g * i2 * dx * dy
+        rows[q, p + 7] = g * i2 * dy * dy
 
     @cython.cfunc
     @cython.exceptval(check=False)
     def _add_line(
-        self, parameters: cython.double[::1], dx: cython.double, dy: cython.double, derive: cython.bint
+        self,
+        parameters: cython.double[::1],
+        dx: cython.double,
+        dy: cython.double,
+        r: cython.Py_ssize_t,
+        derive: cython.bint,
     ) -> cython.void:
         """The same by a line: means over it of f and of k = f^2 d, along the line (x) and across (y).
 
         With z from one end to the other along x, D = z^2 + h^2, h^2 = y^2 + 2 s^2, all are integrals of
         1 / D, 1 / D^2, 1 / D^3.
         """
-        row: cython.double[:, ::1] = self._row
-        half: cython.double = hypot(parameters[6], parameters[7])
-        cos: cython.double = parameters[6] / half if half > 0.0 else 1.0
-        sin: cython.double = parameters[7] / half if half > 0.0 else 0.0
-        half = max(half, _HALF_MIN)
-        s: cython.double = exp(parameters[2])
+        s: cython.double = self._shape[0, 0]
+        a: cython.double = self._shape[0, 1]
+        half: cython.double = self._shape[0, 2]
+        cos: cython.double = self._shape[0, 3]
+        sin: cython.double = self._shape[0, 4]
         s2: cython.double = s * s
         x: cython.double = cos * dx + sin * dy
         y: cython.double = cos * dy - sin * dx
@@ -436,14 +487,13 @@ class ContactFit:
         z1: cython.double = x + half
         i0: cython.double = 1.0 / (h2 + z0 * z0)
         i1: cython.double = 1.0 / (h2 + z1 * z1)
-        # Integrals over z of 1 / D and 1 / D^2.
-        one: cython.double = (atan(z1 / h) - atan(z0 / h)) / h
+        # Integrals over z of 1 / D, the angle that the line is seen under from a distance of h, and 1 / D^2.
+        one: cython.double = atan2(2.0 * half * h, h2 + z0 * z1) / h
         two: cython.double = (z1 * i1 - z0 * i0 + one) / (2.0 * h2)
         scale: cython.double = s2 / half
         f: cython.double = scale * one
         kx: cython.double = s2 * scale * (i0 - i1)
         ky: cython.double = 2.0 * s2 * scale * y * two
-        a: cython.double = parameters[3] / s
         ux: cython.double = cos * parameters[4] + sin * parameters[5]
         uy: cython.double = cos * parameters[5] - sin * parameters[4]
         along: cython.double = a * kx + ux * f
@@ -465,15 +515,15 @@ class ContactFit:
         py: cython.double = a * kxy + uy * fx
         qx: cython.double = a * kxy + ux * fy
         qy: cython.double = a * kyy + uy * fy
-        self._write_row(0, -(cos * px - sin * qx), -(cos * py - sin * qy), cos, sin)
-        self._write_row(1, -(sin * px + cos * qx), -(sin * py + cos * qy), cos, sin)
+        self._write_row(r, 0, -(cos * px - sin * qx), -(cos * py - sin * qy))
+        self._write_row(r, 1, -(sin * px + cos * qx), -(sin * py + cos * qy))
         # The logarithm of the width: h^2 changes by 4 s^2, 1 / D by -4 s^2 / D^2.
         fs: cython.double = 2.0 * f - 4.0 * s2 * scale * two
         kxs: cython.double = 4.0 * kx - 4.0 * s2 * s2 * scale * (i0 * i0 - i1 * i1)
         kys: cython.double = 4.0 * ky - 16.0 * s2 * s2 * scale * y * three
-        self._write_row(2, a * (kxs - kx) + ux * fs, a * (kys - ky) + uy * fs, cos, sin)
-        self._write_row(3, kx / s, ky / s, cos, sin)
-        row[0, 4] = row[1, 5] = f
+        self._write_row(r, 2, a * (kxs - kx) + ux * fs, a * (kys - ky) + uy * fs)
+        self._write_row(r, 3, kx / s, ky / s)
+        self._rows[r, 4] = self._rows[r + 1, 5] = f
         # The line's length, and its turn.
         fl: cython.double = (0.5 * (f0 + f1) - f) / half
         kxl: cython.double = (0.5 * (f0 * f0 * z0 + f1 * f1 * z1) - kx) / half
@@ -483,22 +533,19 @@ class ContactFit:
         ft: cython.double = y * fx - x * fy
         tx: cython.double = (a * (y * kxx - x * kxy - ky) + ux * ft) / half
         ty: cython.double = (a * (y * kxy - x * kyy + kx) + uy * ft) / half
-        self._write_row(6, cos * lx - sin * tx, cos * ly - sin * ty, cos, sin)
-        self._write_row(7, sin * lx + cos * tx, sin * ly + cos * ty, cos, sin)
+        self._write_row(r, 6, cos * lx - sin * tx, cos * ly - sin * ty)
+        self._write_row(r, 7, sin * lx + cos * tx, sin * ly + cos * ty)
 
     @cython.cfunc
     @cython.exceptval(check=False)
     def _write_row(
-        self,
-        j: cython.Py_ssize_t,
-        along: cython.double,
-        across: cython.double,
-        cos: cython.double,
-        sin: cython.double,
+        self, r: cython.Py_ssize_t, j: cython.Py_ssize_t, along: cython.double, across: cython.double
     ) -> cython.void:
         """A derivative in the line's frame as one in the image's."""
-        self._row[0, j] = cos * along - sin * across
-        self._row[1, j] = sin * along + cos * across
+        cos: cython.double = self._shape[0, 3]
+        sin: cython.double = self._shape[0, 4]
+        self._rows[r, j] = cos * along - sin * across
+        self._rows[r + 1, j] = sin * along + cos * across
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -513,7 +560,7 @@ class ContactFit:
         step: cython.double[::1] = self._step
         for i in range(size):
             for j in range(i + 1):
-                total = self._hessian[i, j]
+                total = self._normal[i, j]
                 if i == j:
                     total += damping * total + 1e-12
                 for k in range(j):
@@ -524,7 +571,7 @@ class ContactFit:
                     d[i, i] = sqrt(total)
                 else:
                     d[i, j] = total / d[j, j]
-            total = self._gradient[i]
+            total = self._normal[size, i]
             for k in range(i):
                 total -= d[i, k] * step[k]
             step[i] = total / d[i, i]
