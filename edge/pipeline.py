@@ -75,6 +75,8 @@ class Pipeline:
         if self.demand is not self._asked:
             self._ask()
         tracks, searched = self._locate(frame.image)
+        if searched:
+            self._extractor.forget_contacts()
         if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         moved = tracks if drift is None else drift.correct(tracks)
@@ -135,17 +137,19 @@ class Pipeline:
         return demand if self.calibration is None else self.calibration.needed(demand)
 
     def features(self, tracks: Tracks) -> Features:
-        """Features of pins at given places.
+        """Features of pins at given places; contacts do not follow from the last frame's.
 
         Raises   DegenerateLayout: they span no plane
         """
         cells = self._tessellator.cells(tracks) if self.demand & OF_CELLS else None
+        self._extractor.forget_contacts()
         return self._extractor.extract(tracks, cells, self.demand)
 
     def forget(self) -> None:
         """Treat the next frame on its own, as after a jump: no pin positions are carried over."""
         self.tracker.forget()
         self._tessellator.forget()
+        self._extractor.forget_contacts()
 
     def _locate(self, image: Image) -> tuple[Tracks, bool]:
         predicted = self.tracker.predict()

@@ -12,8 +12,9 @@ potentials there. The rational quadratic potential is a mean over Gaussian ones 
 place, a width and a height has to be known of the tool.
 
 Rules
-- Levenberg and Marquardt's steps on all parameters at once, from given places; a fixed number at most, so
-  that a frame's time is bounded. Weak Gaussian priors keep shears and widths finite where pins cannot tell.
+- Levenberg and Marquardt's steps on all parameters at once, from given places, or from where the last frame's
+  fit of the same shape ended, if that is near them; a fixed number at most, so that a frame's time is
+  bounded. Weak Gaussian priors keep shears and widths finite where pins cannot tell.
 - Seen pins near the given places count, no predicted ones.
 - Place and motion are where the skin lies at rest: a shear that drags the skin does not move them.
 
@@ -58,6 +59,7 @@ _DAMPING_MIN = cython.declare(cython.double, 1e-9)
 _DAMPING = cython.declare(cython.double, 1.0)
 _DAMPING_MAX = cython.declare(cython.double, 1e6)
 _ENOUGH = cython.declare(cython.double, 1e-2)  # relative gain of a step that is the last one
+_OLD = cython.declare(cython.int, 2)  # frames: no fit of the last frame
 
 
 @cython.cclass
@@ -106,6 +108,11 @@ class ContactFit:
     _reach: cython.double
     _width: cython.double
     _prior: cython.double[::1]  # of a contact's parameters, likewise
+    _promise: cython.double  # by how much a step reduces the squared error, to first order
+    _last: cython.double[:, ::1]  # (FITS_MAX + 1, parameters) where the last fit of each shape ended:
+    _last_damping: cython.double[::1]  # a line, one point, two ...
+    _age: cython.int[::1]  # frames since then
+    _is_taken: cython.uchar[::1]  # (FITS_MAX,) of a last fit's contacts
 
     def __init__(
         self,
@@ -126,11 +133,25 @@ class ContactFit:
         self._scale, self._step, self._at = np.zeros(size), np.zeros(size), np.zeros(2)
         self._shape, self._rows = np.zeros((FITS_MAX, 6)), np.zeros((4, size + 1))
         self._normal, self._damped = np.zeros((size + 1, size + 1)), np.zeros((size, size))
+        self._last, self._last_damping = np.zeros((FITS_MAX + 1, size)), np.zeros(FITS_MAX + 1)
+        self._age, self._is_taken = np.full(FITS_MAX + 1, _OLD, np.int32), np.zeros(FITS_MAX, np.uint8)
         self._m, self._is_line, self._middle_x, self._middle_y = 0, False, 0.0, 0.0
         self._radius, self._reach = 2.0 * params.close_pitch, params.place_radius_pitch
         self._width = 1.0 / params.grid_steps_per_pitch
         noise, shear = prior.noise, prior.noise / prior.curl
         self._prior = np.array([0.0, 0.0, noise, noise / 10.0, shear, shear, shear, shear])
+
+    def forget(self) -> None:
+        """The next frame does not follow the last one."""
+        i: cython.Py_ssize_t
+        for i in range(_FITS_MAX + 1):
+            self._age[i] = _OLD
+
+    def begin(self) -> None:
+        """Another frame begins, which follows the last one."""
+        i: cython.Py_ssize_t
+        for i in range(_FITS_MAX + 1):
+            self._age[i] = min(self._age[i] + 1, _OLD)
 
     def set_motion(
         self, xy: cython.const[cython.double][:, ::1], seen: cython.const[cython.uchar][::1]
@@ -246,36 +267,72 @@ class ContactFit:
         """Fit, and write the results."""
         steps: cython.Py_ssize_t = 0
         size: cython.Py_ssize_t = _OWN * self._m + _COMMON
+        shape: cython.Py_ssize_t = 0 if self._is_line else self._m
         damping: cython.double = _DAMPING
-        gain: cython.double
+        gain: cython.double = 1.0
         cost: cython.double
         other: cython.double
-        self._now[:size] = self._start[:size]
-        self._sum_up()
-        # Strengths are zero still: the first step finds them, with places, widths and a line as they are.
-        self._find_step(_DAMPING_MIN)
-        self._now[:size] = self._next[:size]
-        if self._is_line:
-            self._now[6:8] = self._start[6:8]
+        if self._follow(shape):
+            damping = self._last_damping[shape]
+        else:
+            self._now[:size] = self._start[:size]
+            self._sum_up()
+            # Strengths are zero still: the first step finds them, with places, widths and a line as they are.
+            self._find_step(_DAMPING_MIN)
+            self._now[:size] = self._next[:size]
+            if self._is_line:
+                self._now[6:8] = self._start[6:8]
         cost = self._sum_up()
         while steps < _STEPS_MAX and damping <= _DAMPING_MAX:
             steps += 1
-            if not self._find_step(damping):
-                damping *= 10.0
-                continue
-            other = self._cost(self._next)
+            other = self._cost(self._next) if self._find_step(damping) else cost
             if not other < cost:
+                if self._promise < _ENOUGH * cost:
+                    break
                 damping *= 10.0
                 continue
             gain = (cost - other) / cost
             self._now[:size] = self._next[:size]
-            damping *= 0.1
+            damping = max(0.1 * damping, _DAMPING_MIN)
             cost = other
             if gain < _ENOUGH:
                 break
             self._sum_up()
+        self._last[shape, :size] = self._now[:size]
+        self._last_damping[shape], self._age[shape] = min(damping, _DAMPING), 0
         self._write()
         return cost
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _follow(self, shape: cython.Py_ssize_t) -> cython.bint:
+        """Begin where the last frame's fit ended; False: there is none, or not near where to begin."""
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        nearest: cython.Py_ssize_t
+        p: cython.Py_ssize_t = 0
+        far: cython.double
+        least: cython.double
+        if self._age[shape] >= _OLD:
+            return False
+        for i in range(self._m):
+            self._is_taken[i] = False
+        for i in range(self._m):
+            nearest, least = -1, self._reach
+            for j in range(self._m):
+                far = hypot(
+                    self._last[shape, _OWN * j] - self._start[p],
+                    self._last[shape, _OWN * j + 1] - self._start[p + 1],
+                )
+                if far <= least and not self._is_taken[j]:
+                    nearest, least = j, far
+            if nearest < 0:
+                return False
+            self._is_taken[nearest] = True
+            self._now[p : p + _OWN] = self._last[shape, _OWN * nearest : _OWN * (nearest + 1)]
+            p += _OWN
+        self._now[p : p + _COMMON] = self._last[shape, p : p + _COMMON]
+        return True
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -550,7 +607,9 @@ class ContactFit:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _find_step(self, damping: cython.double) -> cython.bint:
-        """`_next` from the present parameters by one damped step (Cholesky); False: not positive definite."""
+        """`_next` from the present parameters by one damped step (Cholesky), and `_promise`; False: not
+        positive definite.
+        """
         i: cython.Py_ssize_t
         j: cython.Py_ssize_t
         k: cython.Py_ssize_t
@@ -558,6 +617,7 @@ class ContactFit:
         total: cython.double
         d: cython.double[:, ::1] = self._damped
         step: cython.double[::1] = self._step
+        self._promise = 0.0
         for i in range(size):
             for j in range(i + 1):
                 total = self._normal[i, j]
@@ -575,6 +635,7 @@ class ContactFit:
             for k in range(i):
                 total -= d[i, k] * step[k]
             step[i] = total / d[i, i]
+            self._promise += step[i] * step[i]
         for i in range(size - 1, -1, -1):
             total = step[i]
             for k in range(i + 1, size):

@@ -65,6 +65,10 @@ class ContactFinder:
         self._divergence_moment = np.asarray(self._place.divergence_moment)
         self._curl_moment = np.asarray(self._place.curl_moment)
 
+    def forget(self) -> None:
+        """The next frame does not follow the last one."""
+        self._fitted.forget()
+
     def prepare(self) -> None:
         """Make now what otherwise the first small long contact would wait for (100 ms)."""
         self.split_test  # noqa: B018
@@ -95,6 +99,7 @@ class ContactFinder:
         params, regions, peaks = self._params, self._regions, self._peaks
         field_noise = self._surface.divergence_noise
         self._noise_px = None
+        self._fitted.begin()
         peaks.set_field(self._blend)
         if not peaks.find(field_noise, params.contact_sigma * sigma_px, params.min_area_change):
             return ()

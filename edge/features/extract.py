@@ -12,8 +12,8 @@ Rules
 - Without cells everything that depends on areas stays None, area change all NaN.
 - Who needs no areas needs no cells as long as the pins' motion alone shows that the contact goes on
   (`contact_holds`). Where and when one begins and ends is for the areas to decide.
-- State: the detector's bit and learnt noise, and the last frames' motion for slip. Nothing else depends on
-  the frame before.
+- State: the detector's bit and learnt noise, the last frames' motion for slip, and where the last frame's
+  fits of contacts ended, from which the next ones begin. Nothing else depends on the frame before.
 - A lost pin is put where the seen ones predict it (`Cells.xy_img`), and its cell likewise, for the modes and
   the mean motion too: a polynomial fitted to the seen pins alone is different, and in a model of many terms
   the difference is 0.25 mm of depth (331 simulated pins, 30 % dark; 0.06 mm with predicted pins).
@@ -159,6 +159,11 @@ class FeatureExtractor:
         if Feature.CONTACTS in demand:
             self.finder.prepare()
 
+    def forget_contacts(self) -> None:
+        """The next frame's contacts do not follow from the last one's."""
+        if self._finder is not None:
+            self._finder.forget()
+
     def contact_holds(self, tracks: Tracks) -> bool:
         """Whether the last frame's contact goes on, by the motion of its pins; False: not known."""
         return self._detector.holds(tracks.xy_img)
@@ -185,6 +190,7 @@ class FeatureExtractor:
         """
         if demand is not self._plan.demand:
             self._plan = _Plan(demand)
+            self.forget_contacts()
         plan = self._plan
         motion = self._motion_of(tracks, cells)
         area_change, whole_change = self._area_changes(cells, motion.filled)
@@ -211,6 +217,7 @@ class FeatureExtractor:
                 self._add_contact_motion(given, motion, area_change, kept)
         else:
             self._slip.forget()
+            self.forget_contacts()
             self._add_zeros(given, cells is not None)
         return Features(kept[1], kept[0], in_contact, **given)
 

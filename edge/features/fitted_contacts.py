@@ -43,11 +43,11 @@ class Fits(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class _One:
-    """One contact fitted.
+class _Line:
+    """One long contact fitted.
 
     error      squared, in squared pitches
-    direction  of a line, rad; NaN: it is round
+    direction  rad
     """
 
     error: float
@@ -76,7 +76,18 @@ class FittedContacts:
         self._regions, self._params, self._pitch_px = regions, params, surface.pitch_px
         self._middle, self._semi_axis = np.asarray(regions.middle), np.asarray(regions.semi_axis)
         self._direction = np.asarray(regions.direction)
+        fit = self._fit
+        self._fitted = [np.asarray(a) for a in (fit.place, fit.width, fit.total, fit.shear, fit.dipole)]
         self._pair_is_fitted = False  # the last fit is that of the two regions
+
+    def forget(self) -> None:
+        """The next frame does not follow the last one."""
+        self._fit.forget()
+
+    def begin(self) -> None:
+        """Another frame begins, which follows the last one."""
+        self._fit.begin()
+        self._pair_is_fitted = False
 
     def fit(self, xy: Array, seen: Mask) -> list[FittedContact]:
         """All contacts of the regions, in their order; none: there are too many, or too few pins are seen.
@@ -84,24 +95,18 @@ class FittedContacts:
         xy       (n, 2) float64 px, where the pins are; finite
         seen     (n,) bool
         """
-        n, fit = self._regions.n_contacts, self._fit
-        is_fitted, self._pair_is_fitted = self._pair_is_fitted and n == 2, False
+        n = self._regions.n_contacts
         if not 0 < n <= FITS_MAX:
             return []
-        if not is_fitted:
+        if not (self._pair_is_fitted and n == 2):
             starts = self._middle[:n]
             if not self._choose_pins(xy, seen, starts):
                 return []
-            fit.fit_points(starts, n)
+            self._fit.fit_points(starts, n)
+        columns = (array[:n].copy() for array in self._fitted)
         return [
-            FittedContact(
-                place_img=np.array(fit.place[i]),
-                width=fit.width[i],
-                potential=fit.total[i],
-                shear=np.array(fit.shear[i]),
-                dipole=np.array(fit.dipole[i]),
-            )
-            for i in range(n)
+            FittedContact(place, width, potential, shear, dipole)
+            for place, width, potential, shear, dipole in zip(*columns, strict=True)
         ]
 
     def split(self, xy: Array, seen: Mask) -> float:
@@ -110,46 +115,42 @@ class FittedContacts:
         xy, seen  as of `fit`
         Returns   direction of the contact, rad; NaN: there are two, it is round, or too few pins are seen
         """
-        self._pair_is_fitted = False
         half = self._semi_axis[0] * np.array([math.cos(self._direction[0]), math.sin(self._direction[0])])
         middle = self._middle[0]
         starts = np.array([middle - _HALF * half, middle + _HALF * half])
         if not self._choose_pins(xy, seen, starts):
             return math.nan
+        line = self._line(middle, half)
         if self._semi_axis[0] >= self._params.close_pitch * self._pitch_px:
-            return self._line(middle, half).direction  # two so far apart would be two regions
-        one = min(self._line(middle, half), self._point(middle), key=lambda shape: shape.error)
+            return line.direction  # two so far apart would be two regions
         pair = self._pair(starts)
-        if not self._is_better(pair.error, one.error, self._params.shape_evidence) or not self._are_two(pair):
-            return one.direction
+        if not (self._is_better(pair.error, line.error) and self._are_two(pair)):
+            return line.direction
+        if not self._is_better(pair.error, self._fit.fit_points(middle[None], 1)):
+            return math.nan
         first, second = (self._regions.nearest_point(x, y) for x, y in pair.place.tolist())
         if first == second:
-            return one.direction
+            return line.direction
         self._regions.split(0, first, second)
         self._regions.sort()
         return math.nan
 
     def join(self, xy: Array, seen: Mask) -> float:
-        """Join two regions that are one contact.
+        """Join two regions that are one long contact.
 
         xy, seen  as of `fit`
-        Returns   direction of the contact, rad; NaN: there are two, it is round, or too few pins are seen
+        Returns   direction of the contact, rad; NaN: there are two, or too few pins are seen
         """
-        self._pair_is_fitted = False
         starts = self._middle[:2].copy()
         if not self._choose_pins(xy, seen, starts):
             return math.nan
-        middle, apart = starts.mean(axis=0), starts[1] - starts[0]
-        # Two regions of one bar lie at its ends or nearer to its middle; of a round contact one is its place.
-        shapes = (self._line(middle, 0.5 * apart), self._line(middle, apart), self._point(starts[0]))
-        one = min(shapes, key=lambda shape: shape.error)
-        self._pair_is_fitted = not self._is_better(
-            one.error, self._pair(starts).error, self._params.shape_evidence
-        )
-        if self._pair_is_fitted:
+        # A round contact is no third: two points explain the motion as well as one does.
+        line = self._line(starts.mean(axis=0), starts[1] - starts[0])
+        if not self._is_better(line.error, self._pair(starts).error):
+            self._pair_is_fitted = True
             return math.nan
         self._regions.join(0, 1)
-        return one.direction
+        return line.direction
 
     def _choose_pins(self, xy: Array, seen: Mask, places: Array) -> bool:
         """The pins near these places are those to be explained; whether they are enough."""
@@ -158,17 +159,13 @@ class FittedContacts:
         fit.keep_near(places)
         return bool(fit.n_pins >= _PINS_MIN)
 
-    def _line(self, middle: Array, half: Array) -> _One:
+    def _line(self, middle: Array, half: Array) -> _Line:
         """A line on those pins."""
         fit = self._fit
         error = fit.fit_line(middle[0], middle[1], half[0], half[1])
         x, y = fit.dipole[0]
         angle = math.atan2(y, x)
-        return _One(error, angle - math.pi * round(angle / math.pi))
-
-    def _point(self, middle: Array) -> _One:
-        """A round contact on those pins."""
-        return _One(self._fit.fit_points(middle[None], 1), math.nan)
+        return _Line(error, angle - math.pi * round(angle / math.pi))
 
     def _pair(self, starts: Array) -> _Pair:
         """Two points on those pins."""
@@ -176,9 +173,9 @@ class FittedContacts:
         error = fit.fit_points(starts, 2)
         return _Pair(error, np.array(fit.place[:2]), (fit.height[0], fit.height[1]))
 
-    def _is_better(self, error: float, other: float, evidence: float) -> bool:
-        """Whether a shape explains the motion better than another by that logarithm of their likelihoods."""
-        return error < other * float(math.exp(-evidence / self._fit.n_pins))
+    def _is_better(self, error: float, other: float) -> bool:
+        """Whether a shape explains the motion better than another by as much evidence as is needed."""
+        return error < other * math.exp(-self._params.shape_evidence / self._fit.n_pins)
 
     def _are_two(self, pair: _Pair) -> bool:
         """Whether both press."""
