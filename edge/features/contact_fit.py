@@ -37,9 +37,12 @@ from edge.geometry.motion_field import SHARP, MotionPrior
 from edge.types import Array
 
 if cython.compiled:
+    from cython.cimports.edge.features.normal_sums import normal_sums
     from cython.cimports.libc.math import atan2, exp, hypot, log, sqrt
 else:
     from math import atan2, exp, hypot, log, sqrt
+
+    from edge.features.normal_sums import normal_sums
 
 #: Contacts of one fit: with more a frame would take too long.
 FITS_MAX = 4
@@ -48,6 +51,8 @@ _FITS_MAX = cython.declare(cython.Py_ssize_t, FITS_MAX)
 #: Parameters of a contact: place (2), logarithm of the width, strength, t (2), v or half a line (2).
 _OWN = cython.declare(cython.Py_ssize_t, 8)
 _COMMON = cython.declare(cython.Py_ssize_t, 6)
+#: Columns of the most parameters and of what is left of the motion: a multiple of 4, as `normal_sums` wants it.
+_COLUMNS = 8 * FITS_MAX + 8
 _AFFINE_PITCHES = cython.declare(
     cython.double, 5.0
 )  # scale of the affine part: any that is of the fit's size
@@ -88,8 +93,9 @@ class ContactFit:
     n_pins = cython.declare(cython.Py_ssize_t, visibility="readonly")
     _rest: cython.double[:, ::1]  # pitches
     _pitch_px: cython.double
-    _pins: cython.int[::1]  # that count
+    _place: cython.double[:, ::1]  # of the pins that count at rest, pitches
     _motion: cython.double[:, ::1]  # theirs, pitches
+    _left: cython.double[:, ::1]  # what is left of it; of a line, along and across it
     _middle_x: cython.double  # of the affine part, pitches
     _middle_y: cython.double
     _m: cython.Py_ssize_t  # contacts
@@ -98,9 +104,7 @@ class ContactFit:
     _now: cython.double[::1]
     _next: cython.double[::1]
     _scale: cython.double[::1]  # of each parameter's prior: noise over its standard deviation
-    _shape: cython.double[:, ::1]  # (FITS_MAX, 6) of each contact, what all pins share; see `_prepare`
-    _rows: cython.double[:, ::1]  # (4, parameters + 1) two pins' x and y: derivatives, and what is left
-    _at: cython.double[::1]  # (2,) motion of one pin
+    _rows: cython.double[:, ::1]  # two of each pin: derivatives of its motion, and what is left of it
     _normal: cython.double[:, ::1]  # normal equations: Hessian to first order, last row gradient and cost
     _damped: cython.double[:, ::1]
     _step: cython.double[::1]
@@ -128,14 +132,13 @@ class ContactFit:
         self.height, self.total = np.zeros(FITS_MAX), np.zeros(FITS_MAX)
         self.shear, self.dipole = np.zeros((FITS_MAX, 2)), np.zeros((FITS_MAX, 2))
         self._rest, self._pitch_px = np.array(rest_xy / pitch_px, np.float64, order="C"), pitch_px
-        self._pins, self.n_pins, self._motion = np.zeros(n, np.int32), 0, np.zeros((n, 2))
+        self._place, self._motion, self._left = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
         self._start, self._now, self._next = np.zeros(size), np.zeros(size), np.zeros(size)
-        self._scale, self._step, self._at = np.zeros(size), np.zeros(size), np.zeros(2)
-        self._shape, self._rows = np.zeros((FITS_MAX, 6)), np.zeros((4, size + 1))
-        self._normal, self._damped = np.zeros((size + 1, size + 1)), np.zeros((size, size))
+        self._scale, self._step, self._damped = np.zeros(size), np.zeros(size), np.zeros((size, size))
+        self._rows, self._normal = np.zeros((2 * n + 2, _COLUMNS)), np.zeros((_COLUMNS, _COLUMNS))
         self._last, self._last_damping = np.zeros((FITS_MAX + 1, size)), np.zeros(FITS_MAX + 1)
         self._age, self._is_taken = np.full(FITS_MAX + 1, _OLD, np.int32), np.zeros(FITS_MAX, np.uint8)
-        self._m, self._is_line, self._middle_x, self._middle_y = 0, False, 0.0, 0.0
+        self.n_pins, self._m, self._is_line, self._middle_x, self._middle_y = 0, 0, False, 0.0, 0.0
         self._radius, self._reach = 2.0 * params.close_pitch, params.place_radius_pitch
         self._width = 1.0 / params.grid_steps_per_pitch
         noise, shear = prior.noise, prior.noise / prior.curl
@@ -169,7 +172,8 @@ class ContactFit:
         self.n_pins = 0
         for i in range(n):
             if seen[i]:
-                self._pins[self.n_pins] = cython.cast(cython.int, i)
+                self._place[self.n_pins, 0] = self._rest[i, 0]
+                self._place[self.n_pins, 1] = self._rest[i, 1]
                 self._motion[self.n_pins, 0] = xy[i, 0] / self._pitch_px - self._rest[i, 0]
                 self._motion[self.n_pins, 1] = xy[i, 1] / self._pitch_px - self._rest[i, 1]
                 self.n_pins += 1
@@ -186,6 +190,8 @@ class ContactFit:
         j: cython.Py_ssize_t
         k: cython.Py_ssize_t = places.shape[0]
         n: cython.Py_ssize_t = 0
+        x: cython.double
+        y: cython.double
         self._middle_x = 0.0
         self._middle_y = 0.0
         for j in range(k):
@@ -193,16 +199,11 @@ class ContactFit:
             self._middle_y += places[j, 1] / (self._pitch_px * k)
         for i in range(self.n_pins):
             for j in range(k):
-                if (
-                    hypot(
-                        self._rest[self._pins[i], 0] - places[j, 0] / self._pitch_px,
-                        self._rest[self._pins[i], 1] - places[j, 1] / self._pitch_px,
-                    )
-                    <= self._radius
-                ):
-                    self._pins[n] = self._pins[i]
-                    self._motion[n, 0] = self._motion[i, 0]
-                    self._motion[n, 1] = self._motion[i, 1]
+                x = self._place[i, 0] - places[j, 0] / self._pitch_px
+                y = self._place[i, 1] - places[j, 1] / self._pitch_px
+                if x * x + y * y <= self._radius * self._radius:
+                    self._place[n, 0], self._place[n, 1] = self._place[i, 0], self._place[i, 1]
+                    self._motion[n, 0], self._motion[n, 1] = self._motion[i, 0], self._motion[i, 1]
                     n += 1
                     break
         self.n_pins = n
@@ -258,9 +259,6 @@ class ContactFit:
         for j in range(_OWN * self._m, _OWN * self._m + _COMMON):
             self._start[j] = 0.0
             self._scale[j] = self._prior[3]
-        for i in range(4):  # what stays zero: a motion along x changes nothing along y
-            for j in range(_OWN * self._m + _COMMON):
-                self._rows[i, j] = 0.0
 
     @cython.cfunc
     def _solve(self) -> cython.double:
@@ -285,7 +283,7 @@ class ContactFit:
         cost = self._sum_up()
         while steps < _STEPS_MAX and damping <= _DAMPING_MAX:
             steps += 1
-            other = self._cost(self._next) if self._find_step(damping) else cost
+            other = self._explain(self._next, False) if self._find_step(damping) else cost
             if not other < cost:
                 if self._promise < _ENOUGH * cost:
                     break
@@ -338,74 +336,70 @@ class ContactFit:
     @cython.exceptval(check=False)
     def _sum_up(self) -> cython.double:
         """Normal equations at the present parameters; the squared error."""
-        i: cython.Py_ssize_t
         j: cython.Py_ssize_t
         k: cython.Py_ssize_t
         size: cython.Py_ssize_t = _OWN * self._m + _COMMON
-        off: cython.double
+        n: cython.Py_ssize_t = 2 * self.n_pins
         h: cython.double[:, ::1] = self._normal
+        cost: cython.double = self._explain(self._now, True)
+        if n % 4:
+            self._rows[n : n + 2, : size + 1] = 0.0
+            n += 2
         for j in range(size + 1):
             for k in range(j + 1):
                 h[j, k] = 0.0
         for j in range(size):
-            off = self._scale[j] * self._off(self._now, j)
             h[j, j] = self._scale[j] * self._scale[j]
-            h[size, j] = -self._scale[j] * off
-            h[size, size] += off * off
-        self._prepare(self._now)
-        for i in range(0, self.n_pins, 2):
-            self._fill(i, 0)
-            if i + 1 < self.n_pins:
-                self._fill(i + 1, 2)
-            else:
-                self._rows[2:, : size + 1] = 0.0
-            self._add_products(size + 1)
-        return h[size, size]
+            h[size, j] = -h[j, j] * self._off(self._now, j)
+        normal_sums(self._rows, n, size + 1, h)
+        return cost
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _add_products(self, n: cython.Py_ssize_t) -> cython.void:
-        """Products of the columns of two pins' rows: of four at once, sums are read and written once."""
-        j: cython.Py_ssize_t
-        k: cython.Py_ssize_t
-        rows: cython.double[:, ::1] = self._rows
-        h: cython.double[:, ::1] = self._normal
-        a: cython.double
-        b: cython.double
-        c: cython.double
-        d: cython.double
-        for j in range(n):
-            a, b, c, d = rows[0, j], rows[1, j], rows[2, j], rows[3, j]
-            for k in range(j + 1):
-                h[j, k] += a * rows[0, k] + b * rows[1, k] + c * rows[2, k] + d * rows[3, k]
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _fill(self, i: cython.Py_ssize_t, r: cython.Py_ssize_t) -> cython.void:
-        """Two rows of a pin that counts, at the present parameters."""
-        size: cython.Py_ssize_t = _OWN * self._m + _COMMON
-        self._move(self._now, i, r, True)
-        self._rows[r, size] = self._motion[i, 0] - self._at[0]
-        self._rows[r + 1, size] = self._motion[i, 1] - self._at[1]
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _cost(self, parameters: cython.double[::1]) -> cython.double:
-        """Squared error."""
+    def _explain(self, parameters: cython.double[::1], derive: cython.bint) -> cython.double:
+        """What contacts and affine motion leave of the pins' motion, and its rows; the squared error."""
         i: cython.Py_ssize_t
         j: cython.Py_ssize_t
+        base: cython.Py_ssize_t = _OWN * self._m
+        x: cython.double
+        y: cython.double
         off: cython.double
         cost: cython.double = 0.0
-        for j in range(_OWN * self._m + _COMMON):
+        cos: cython.double = 1.0
+        sin: cython.double = 0.0
+        half: cython.double
+        rows: cython.double[:, ::1] = self._rows
+        left: cython.double[:, ::1] = self._left
+        for j in range(base + _COMMON):
             off = self._scale[j] * self._off(parameters, j)
             cost += off * off
-        self._prepare(parameters)
+        if self._is_line:
+            half = hypot(parameters[6], parameters[7])
+            if half > 0.0:
+                cos, sin = parameters[6] / half, parameters[7] / half
         for i in range(self.n_pins):
-            self._move(parameters, i, 0, False)
-            off = self._motion[i, 0] - self._at[0]
-            cost += off * off
-            off = self._motion[i, 1] - self._at[1]
-            cost += off * off
+            x = (self._place[i, 0] - self._middle_x) / _AFFINE_PITCHES
+            y = (self._place[i, 1] - self._middle_y) / _AFFINE_PITCHES
+            if derive:
+                rows[2 * i, base] = rows[2 * i + 1, base + 3] = cos
+                rows[2 * i, base + 1] = rows[2 * i + 1, base + 4] = cos * x
+                rows[2 * i, base + 2] = rows[2 * i + 1, base + 5] = cos * y
+                rows[2 * i, base + 3], rows[2 * i + 1, base] = sin, -sin
+                rows[2 * i, base + 4], rows[2 * i + 1, base + 1] = sin * x, -sin * x
+                rows[2 * i, base + 5], rows[2 * i + 1, base + 2] = sin * y, -sin * y
+            off = x * parameters[base + 4] + y * parameters[base + 5]
+            x = self._motion[i, 0] - parameters[base] - x * parameters[base + 1] - y * parameters[base + 2]
+            y = self._motion[i, 1] - parameters[base + 3] - off
+            left[i, 0], left[i, 1] = cos * x + sin * y, cos * y - sin * x
+        if self._is_line:
+            self._add_line(parameters, cos, sin, derive)
+        else:
+            for j in range(self._m):
+                self._add_point(parameters, _OWN * j, derive)
+        for i in range(self.n_pins):
+            cost += left[i, 0] * left[i, 0] + left[i, 1] * left[i, 1]
+            if derive:
+                rows[2 * i, base + _COMMON], rows[2 * i + 1, base + _COMMON] = left[i, 0], left[i, 1]
         return cost
 
     @cython.cfunc
@@ -418,191 +412,163 @@ class ContactFit:
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _prepare(self, parameters: cython.double[::1]) -> cython.void:
-        """What is the same for all pins: s, strength / s, of a point v / s^2, of a line half of it, cos, sin."""
-        j: cython.Py_ssize_t
-        p: cython.Py_ssize_t
-        s: cython.double
-        half: cython.double
-        shape: cython.double[:, ::1] = self._shape
-        for j in range(self._m):
-            p = _OWN * j
-            s = exp(parameters[p + 2])
-            shape[j, 0], shape[j, 1] = s, parameters[p + 3] / s
-            if self._is_line:
-                half = hypot(parameters[6], parameters[7])
-                shape[j, 2] = max(half, _HALF_MIN)
-                shape[j, 3] = parameters[6] / half if half > 0.0 else 1.0
-                shape[j, 4] = parameters[7] / half if half > 0.0 else 0.0
-            else:
-                shape[j, 2], shape[j, 3] = parameters[p + 6] / (s * s), parameters[p + 7] / (s * s)
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _move(
-        self, parameters: cython.double[::1], i: cython.Py_ssize_t, r: cython.Py_ssize_t, derive: cython.bint
-    ) -> cython.void:
-        """Motion of a pin that counts; its derivatives in two rows from r on."""
-        j: cython.Py_ssize_t
-        base: cython.Py_ssize_t = _OWN * self._m
-        rows: cython.double[:, ::1] = self._rows
-        x: cython.double = self._rest[self._pins[i], 0]
-        y: cython.double = self._rest[self._pins[i], 1]
-        ax: cython.double = (x - self._middle_x) / _AFFINE_PITCHES
-        ay: cython.double = (y - self._middle_y) / _AFFINE_PITCHES
-        self._at[0] = parameters[base] + ax * parameters[base + 1] + ay * parameters[base + 2]
-        self._at[1] = parameters[base + 3] + ax * parameters[base + 4] + ay * parameters[base + 5]
-        if derive:
-            rows[r, base] = rows[r + 1, base + 3] = 1.0
-            rows[r, base + 1] = rows[r + 1, base + 4] = ax
-            rows[r, base + 2] = rows[r + 1, base + 5] = ay
-        if self._is_line:
-            self._add_line(parameters, x - parameters[0], y - parameters[1], r, derive)
-            return
-        for j in range(self._m):
-            self._add_point(parameters, j, x - parameters[_OWN * j], y - parameters[_OWN * j + 1], r, derive)
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
     def _add_point(
-        self,
-        parameters: cython.double[::1],
-        contact: cython.Py_ssize_t,
-        dx: cython.double,
-        dy: cython.double,
-        r: cython.Py_ssize_t,
-        derive: cython.bint,
+        self, parameters: cython.double[::1], p: cython.Py_ssize_t, derive: cython.bint
     ) -> cython.void:
-        """Add the motion by a round contact at a distance, and its derivatives, to those of the pin."""
+        """Take away the motion by a round contact, and write its derivatives."""
+        i: cython.Py_ssize_t
+        q: cython.Py_ssize_t
+        r: cython.Py_ssize_t
         rows: cython.double[:, ::1] = self._rows
-        p: cython.Py_ssize_t = _OWN * contact
-        q: cython.Py_ssize_t = r + 1
-        s: cython.double = self._shape[contact, 0]
-        a: cython.double = self._shape[contact, 1]
-        vx: cython.double = self._shape[contact, 2]
-        vy: cython.double = self._shape[contact, 3]
-        i2: cython.double = 1.0 / (s * s)
-        r2: cython.double = (dx * dx + dy * dy) * i2
-        f: cython.double = 1.0 / (1.0 + 0.5 * r2)
-        g: cython.double = f * f
+        left: cython.double[:, ::1] = self._left
+        s: cython.double = exp(parameters[p + 2])
+        i1: cython.double = 1.0 / s
+        i2: cython.double = i1 * i1
+        a: cython.double = parameters[p + 3] * i1
         tx: cython.double = parameters[p + 4]
         ty: cython.double = parameters[p + 5]
-        across: cython.double = vx * dx + vy * dy
-        push: cython.double = a + across  # both move along d
-        self._at[0] += push * g * dx + tx * f
-        self._at[1] += push * g * dy + ty * f
-        if not derive:
-            return
-        # Along the distance: f changes by -f^2 d / s^2, f^2 by -2 f^3 d / s^2.
-        g3: cython.double = 2.0 * g * f
-        fx: cython.double = -g * dx * i2
-        fy: cython.double = -g * dy * i2
-        gx: cython.double = -g3 * dx * i2
-        gy: cython.double = -g3 * dy * i2
-        rows[r, p] = -(push * (g + gx * dx) + vx * g * dx + tx * fx)
-        rows[r, p + 1] = -(push * gy * dx + vy * g * dx + tx * fy)
-        rows[q, p] = -(push * gx * dy + vx * g * dy + ty * fx)
-        rows[q, p + 1] = -(push * (g + gy * dy) + vy * g * dy + ty * fy)
-        # With the logarithm of the width: f changes by f^2 r^2 / s^2.
-        fs: cython.double = g * r2
-        gs: cython.double = push * g3 * r2 - (a + 2.0 * across) * g
-        rows[r, p + 2] = gs * dx + tx * fs
-        rows[q, p + 2] = gs * dy + ty * fs
-        rows[r, p + 3] = g * dx / s
-        rows[q, p + 3] = g * dy / s
-        rows[r, p + 4] = rows[q, p + 5] = f
-        rows[r, p + 6] = g * i2 * dx * dx
-        rows[r, p + 7] = rows[q, p + 6] = g * i2 * dx * dy
-        rows[q, p + 7] = g * i2 * dy * dy
+        vx: cython.double = parameters[p + 6] * i2
+        vy: cython.double = parameters[p + 7] * i2
+        dx: cython.double
+        dy: cython.double
+        r2: cython.double
+        f: cython.double
+        g: cython.double
+        across: cython.double
+        push: cython.double
+        g3: cython.double
+        fx: cython.double
+        fy: cython.double
+        gx: cython.double
+        gy: cython.double
+        fs: cython.double
+        gs: cython.double
+        for i in range(self.n_pins):
+            dx, dy = self._place[i, 0] - parameters[p], self._place[i, 1] - parameters[p + 1]
+            r2 = (dx * dx + dy * dy) * i2
+            f = 1.0 / (1.0 + 0.5 * r2)
+            g = f * f
+            across = vx * dx + vy * dy
+            push = a + across  # both move along d
+            left[i, 0] -= push * g * dx + tx * f
+            left[i, 1] -= push * g * dy + ty * f
+            if not derive:
+                continue
+            # Along the distance: f changes by -f^2 d / s^2, f^2 by -2 f^3 d / s^2.
+            g3 = 2.0 * g * f
+            fx, fy = -g * dx * i2, -g * dy * i2
+            gx, gy = -g3 * dx * i2, -g3 * dy * i2
+            q, r = 2 * i, 2 * i + 1
+            rows[q, p] = -(push * (g + gx * dx) + vx * g * dx + tx * fx)
+            rows[q, p + 1] = -(push * gy * dx + vy * g * dx + tx * fy)
+            rows[r, p] = -(push * gx * dy + vx * g * dy + ty * fx)
+            rows[r, p + 1] = -(push * (g + gy * dy) + vy * g * dy + ty * fy)
+            # With the logarithm of the width: f changes by f^2 r^2 / s^2.
+            fs = g * r2
+            gs = push * g3 * r2 - (a + 2.0 * across) * g
+            rows[q, p + 2], rows[r, p + 2] = gs * dx + tx * fs, gs * dy + ty * fs
+            rows[q, p + 3], rows[r, p + 3] = g * dx * i1, g * dy * i1
+            rows[q, p + 4], rows[r, p + 4] = f, 0.0
+            rows[q, p + 5], rows[r, p + 5] = 0.0, f
+            rows[q, p + 6], rows[r, p + 7] = -fx * dx, -fy * dy
+            rows[q, p + 7] = rows[r, p + 6] = -fx * dy
 
     @cython.cfunc
     @cython.exceptval(check=False)
     def _add_line(
-        self,
-        parameters: cython.double[::1],
-        dx: cython.double,
-        dy: cython.double,
-        r: cython.Py_ssize_t,
-        derive: cython.bint,
+        self, parameters: cython.double[::1], cos: cython.double, sin: cython.double, derive: cython.bint
     ) -> cython.void:
         """The same by a line: means over it of f and of k = f^2 d, along the line (x) and across (y).
 
         With z from one end to the other along x, D = z^2 + h^2, h^2 = y^2 + 2 s^2, all are integrals of
         1 / D, 1 / D^2, 1 / D^3.
         """
-        s: cython.double = self._shape[0, 0]
-        a: cython.double = self._shape[0, 1]
-        half: cython.double = self._shape[0, 2]
-        cos: cython.double = self._shape[0, 3]
-        sin: cython.double = self._shape[0, 4]
+        i: cython.Py_ssize_t
+        q: cython.Py_ssize_t
+        r: cython.Py_ssize_t
+        rows: cython.double[:, ::1] = self._rows
+        left: cython.double[:, ::1] = self._left
+        s: cython.double = exp(parameters[2])
         s2: cython.double = s * s
-        x: cython.double = cos * dx + sin * dy
-        y: cython.double = cos * dy - sin * dx
-        h2: cython.double = y * y + 2.0 * s2
-        h: cython.double = sqrt(h2)
-        z0: cython.double = x - half
-        z1: cython.double = x + half
-        i0: cython.double = 1.0 / (h2 + z0 * z0)
-        i1: cython.double = 1.0 / (h2 + z1 * z1)
-        # Integrals over z of 1 / D, the angle that the line is seen under from a distance of h, and 1 / D^2.
-        one: cython.double = atan2(2.0 * half * h, h2 + z0 * z1) / h
-        two: cython.double = (z1 * i1 - z0 * i0 + one) / (2.0 * h2)
-        scale: cython.double = s2 / half
-        f: cython.double = scale * one
-        kx: cython.double = s2 * scale * (i0 - i1)
-        ky: cython.double = 2.0 * s2 * scale * y * two
+        a: cython.double = parameters[3] / s
+        half: cython.double = max(hypot(parameters[6], parameters[7]), _HALF_MIN)
         ux: cython.double = cos * parameters[4] + sin * parameters[5]
         uy: cython.double = cos * parameters[5] - sin * parameters[4]
-        along: cython.double = a * kx + ux * f
-        across: cython.double = a * ky + uy * f
-        self._at[0] += cos * along - sin * across
-        self._at[1] += sin * along + cos * across
-        if not derive:
-            return
-        three: cython.double = (z1 * i1 * i1 - z0 * i0 * i0 + 3.0 * two) / (4.0 * h2)
-        f0: cython.double = 2.0 * s2 * i0  # at the line's ends
-        f1: cython.double = 2.0 * s2 * i1
-        fx: cython.double = -kx / s2
-        fy: cython.double = -ky / s2
-        kxx: cython.double = 0.5 * (f1 * f1 * z1 - f0 * f0 * z0) / half
-        kxy: cython.double = 0.5 * (f1 * f1 - f0 * f0) * y / half
-        kyy: cython.double = 2.0 * s2 * scale * (two - 4.0 * y * y * three)
-        # Place: against the derivative along x and y of the line's frame.
-        px: cython.double = a * kxx + ux * fx
-        py: cython.double = a * kxy + uy * fx
-        qx: cython.double = a * kxy + ux * fy
-        qy: cython.double = a * kyy + uy * fy
-        self._write_row(r, 0, -(cos * px - sin * qx), -(cos * py - sin * qy))
-        self._write_row(r, 1, -(sin * px + cos * qx), -(sin * py + cos * qy))
-        # The logarithm of the width: h^2 changes by 4 s^2, 1 / D by -4 s^2 / D^2.
-        fs: cython.double = 2.0 * f - 4.0 * s2 * scale * two
-        kxs: cython.double = 4.0 * kx - 4.0 * s2 * s2 * scale * (i0 * i0 - i1 * i1)
-        kys: cython.double = 4.0 * ky - 16.0 * s2 * s2 * scale * y * three
-        self._write_row(r, 2, a * (kxs - kx) + ux * fs, a * (kys - ky) + uy * fs)
-        self._write_row(r, 3, kx / s, ky / s)
-        self._rows[r, 4] = self._rows[r + 1, 5] = f
-        # The line's length, and its turn.
-        fl: cython.double = (0.5 * (f0 + f1) - f) / half
-        kxl: cython.double = (0.5 * (f0 * f0 * z0 + f1 * f1 * z1) - kx) / half
-        kyl: cython.double = (0.5 * (f0 * f0 + f1 * f1) * y - ky) / half
-        lx: cython.double = a * kxl + ux * fl
-        ly: cython.double = a * kyl + uy * fl
-        ft: cython.double = y * fx - x * fy
-        tx: cython.double = (a * (y * kxx - x * kxy - ky) + ux * ft) / half
-        ty: cython.double = (a * (y * kxy - x * kyy + kx) + uy * ft) / half
-        self._write_row(r, 6, cos * lx - sin * tx, cos * ly - sin * ty)
-        self._write_row(r, 7, sin * lx + cos * tx, sin * ly + cos * ty)
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _write_row(
-        self, r: cython.Py_ssize_t, j: cython.Py_ssize_t, along: cython.double, across: cython.double
-    ) -> cython.void:
-        """A derivative in the line's frame as one in the image's."""
-        cos: cython.double = self._shape[0, 3]
-        sin: cython.double = self._shape[0, 4]
-        self._rows[r, j] = cos * along - sin * across
-        self._rows[r + 1, j] = sin * along + cos * across
+        scale: cython.double = s2 / half
+        dx: cython.double
+        dy: cython.double
+        x: cython.double
+        y: cython.double
+        h: cython.double
+        h2: cython.double
+        z0: cython.double
+        z1: cython.double
+        i0: cython.double
+        i1: cython.double
+        one: cython.double
+        two: cython.double
+        three: cython.double
+        f: cython.double
+        kx: cython.double
+        ky: cython.double
+        f0: cython.double
+        f1: cython.double
+        fx: cython.double
+        fy: cython.double
+        kxx: cython.double
+        kxy: cython.double
+        kyy: cython.double
+        px: cython.double
+        py: cython.double
+        qx: cython.double
+        qy: cython.double
+        lx: cython.double
+        ly: cython.double
+        for i in range(self.n_pins):
+            dx, dy = self._place[i, 0] - parameters[0], self._place[i, 1] - parameters[1]
+            x, y = cos * dx + sin * dy, cos * dy - sin * dx
+            h2 = y * y + 2.0 * s2
+            h = sqrt(h2)
+            z0, z1 = x - half, x + half
+            i0, i1 = 1.0 / (h2 + z0 * z0), 1.0 / (h2 + z1 * z1)
+            # Integrals over z of 1 / D, the angle that the line is seen at from a distance of h, and 1 / D^2.
+            one = atan2(2.0 * half * h, h2 + z0 * z1) / h
+            two = (z1 * i1 - z0 * i0 + one) / (2.0 * h2)
+            f = scale * one
+            kx, ky = s2 * scale * (i0 - i1), 2.0 * s2 * scale * y * two
+            left[i, 0] -= a * kx + ux * f
+            left[i, 1] -= a * ky + uy * f
+            if not derive:
+                continue
+            three = (z1 * i1 * i1 - z0 * i0 * i0 + 3.0 * two) / (4.0 * h2)
+            f0, f1 = 2.0 * s2 * i0, 2.0 * s2 * i1  # at the line's ends
+            fx, fy = -kx / s2, -ky / s2
+            kxx = 0.5 * (f1 * f1 * z1 - f0 * f0 * z0) / half
+            kxy = 0.5 * (f1 * f1 - f0 * f0) * y / half
+            kyy = 2.0 * s2 * scale * (two - 4.0 * y * y * three)
+            # Place: against the derivative along x and y of the line's frame.
+            px, py = a * kxx + ux * fx, a * kxy + uy * fx
+            qx, qy = a * kxy + ux * fy, a * kyy + uy * fy
+            q, r = 2 * i, 2 * i + 1
+            rows[q, 0], rows[r, 0] = sin * qx - cos * px, sin * qy - cos * py
+            rows[q, 1], rows[r, 1] = -sin * px - cos * qx, -sin * py - cos * qy
+            # The logarithm of the width: h^2 changes by 4 s^2, 1 / D by -4 s^2 / D^2.
+            z0, z1 = z0 * f0 * f0, z1 * f1 * f1
+            one = 2.0 * f - 4.0 * s2 * scale * two
+            rows[q, 2] = a * (3.0 * kx - s2 * scale * 4.0 * s2 * (i0 * i0 - i1 * i1)) + ux * one
+            rows[r, 2] = a * (3.0 * ky - 16.0 * s2 * s2 * scale * y * three) + uy * one
+            rows[q, 3], rows[r, 3] = kx / s, ky / s
+            rows[q, 4], rows[r, 4] = cos * f, -sin * f
+            rows[q, 5], rows[r, 5] = sin * f, cos * f
+            # The line's length, and its turn.
+            one = 0.5 * (f0 + f1) - f
+            lx = (a * (0.5 * (z0 + z1) - kx) + ux * one) / half
+            ly = (a * (0.5 * (f0 * f0 + f1 * f1) * y - ky) + uy * one) / half
+            one = y * fx - x * fy
+            px = (a * (y * kxx - x * kxy - ky) + ux * one) / half
+            py = (a * (y * kxy - x * kyy + kx) + uy * one) / half
+            rows[q, 6], rows[r, 6] = cos * lx - sin * px, cos * ly - sin * py
+            rows[q, 7], rows[r, 7] = sin * lx + cos * px, sin * ly + cos * py
 
     @cython.cfunc
     @cython.exceptval(check=False)
