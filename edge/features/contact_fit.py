@@ -64,6 +64,8 @@ _DAMPING_MIN = cython.declare(cython.double, 1e-9)
 _DAMPING = cython.declare(cython.double, 1.0)
 _DAMPING_MAX = cython.declare(cython.double, 1e6)
 _ENOUGH = cython.declare(cython.double, 1e-2)  # relative gain of a step that is the last one
+_FOLLOWING = cython.declare(cython.Py_ssize_t, 2)  # steps from where the last frame's fit ended
+_NO_LIMIT = cython.declare(cython.double, float("inf"))
 _OLD = cython.declare(cython.int, 2)  # frames: no fit of the last frame
 
 
@@ -112,10 +114,11 @@ class ContactFit:
     _reach: cython.double
     _width: cython.double
     _prior: cython.double[::1]  # of a contact's parameters, likewise
+    _error: cython.double  # squared, at the present parameters
+    _limit: cython.double  # of it
     _promise: cython.double  # by how much a step reduces the squared error, to first order
     _last: cython.double[:, ::1]  # (FITS_MAX + 1, parameters) where the last fit of each shape ended:
-    _last_damping: cython.double[::1]  # a line, one point, two ...
-    _age: cython.int[::1]  # frames since then
+    _age: cython.int[::1]  # a line, one point, two ...; and how many frames ago
     _is_taken: cython.uchar[::1]  # (FITS_MAX,) of a last fit's contacts
 
     def __init__(
@@ -136,7 +139,7 @@ class ContactFit:
         self._start, self._now, self._next = np.zeros(size), np.zeros(size), np.zeros(size)
         self._scale, self._step, self._damped = np.zeros(size), np.zeros(size), np.zeros((size, size))
         self._rows, self._normal = np.zeros((2 * n + 2, _COLUMNS)), np.zeros((_COLUMNS, _COLUMNS))
-        self._last, self._last_damping = np.zeros((FITS_MAX + 1, size)), np.zeros(FITS_MAX + 1)
+        self._last, self._error, self._promise = np.zeros((FITS_MAX + 1, size)), 0.0, 0.0
         self._age, self._is_taken = np.full(FITS_MAX + 1, _OLD, np.int32), np.zeros(FITS_MAX, np.uint8)
         self.n_pins, self._m, self._is_line, self._middle_x, self._middle_y = 0, 0, False, 0.0, 0.0
         self._radius, self._reach = 2.0 * params.close_pitch, params.place_radius_pitch
@@ -208,18 +211,24 @@ class ContactFit:
                     break
         self.n_pins = n
 
-    def fit_points(self, starts: cython.const[cython.double][:, ::1], n: cython.Py_ssize_t) -> float:
+    def fit_points(
+        self,
+        starts: cython.const[cython.double][:, ::1],
+        n: cython.Py_ssize_t,
+        limit: cython.double = _NO_LIMIT,
+    ) -> float:
         """Fit round contacts.
 
         starts   (n or more, 2) float64 px, where to begin
         n        contacts, 1 to FITS_MAX
+        limit    squared error, in squared pitches, above which the result is of no use
         Returns  the squared error left, in squared pitches; 0 where no pin counts
         Raises   ValueError: another number of contacts
         """
         if not 0 < n <= _FITS_MAX or starts.shape[0] < n or starts.shape[1] != 2:
             raise ValueError(f"starts (1 to {FITS_MAX}, 2) are wanted, and n of them: {n}")
         i: cython.Py_ssize_t
-        self._m, self._is_line = n, False
+        self._m, self._is_line, self._limit = n, False, limit
         self._clear()
         for i in range(n):
             self._start[_OWN * i] = starts[i, 0] / self._pitch_px
@@ -227,15 +236,21 @@ class ContactFit:
         return self._solve()
 
     def fit_line(
-        self, x: cython.double, y: cython.double, half_x: cython.double, half_y: cython.double
+        self,
+        x: cython.double,
+        y: cython.double,
+        half_x: cython.double,
+        half_y: cython.double,
+        limit: cython.double = _NO_LIMIT,
     ) -> float:
         """Fit one long contact.
 
         x, y, half_x, half_y  px, where to begin: the middle, and half of the line
+        limit                 as of `fit_points`
         Returns               the squared error left, in squared pitches; 0 where no pin counts
         """
         i: cython.Py_ssize_t
-        self._m, self._is_line = 1, True
+        self._m, self._is_line, self._limit = 1, True, limit
         self._clear()
         self._start[0] = x / self._pitch_px
         self._start[1] = y / self._pitch_px
@@ -263,16 +278,13 @@ class ContactFit:
     @cython.cfunc
     def _solve(self) -> cython.double:
         """Fit, and write the results."""
-        steps: cython.Py_ssize_t = 0
         size: cython.Py_ssize_t = _OWN * self._m + _COMMON
         shape: cython.Py_ssize_t = 0 if self._is_line else self._m
-        damping: cython.double = _DAMPING
-        gain: cython.double = 1.0
-        cost: cython.double
-        other: cython.double
+        ended: cython.bint = False
         if self._follow(shape):
-            damping = self._last_damping[shape]
-        else:
+            ended = self._descend(_DAMPING_MIN, _FOLLOWING)
+            ended |= self._error - self._promise > self._limit
+        if not ended:
             self._now[:size] = self._start[:size]
             self._sum_up()
             # Strengths are zero still: the first step finds them, with places, widths and a line as they are.
@@ -280,26 +292,37 @@ class ContactFit:
             self._now[:size] = self._next[:size]
             if self._is_line:
                 self._now[6:8] = self._start[6:8]
-        cost = self._sum_up()
-        while steps < _STEPS_MAX and damping <= _DAMPING_MAX:
-            steps += 1
-            other = self._explain(self._next, False) if self._find_step(damping) else cost
-            if not other < cost:
-                if self._promise < _ENOUGH * cost:
-                    break
+            self._descend(_DAMPING, _STEPS_MAX)
+        self._last[shape, :size] = self._now[:size]
+        self._age[shape] = 0
+        self._write()
+        return self._error
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _descend(self, damping: cython.double, steps: cython.Py_ssize_t) -> cython.bint:
+        """Steps at most from the present parameters; whether the last one gained nothing any more."""
+        size: cython.Py_ssize_t = _OWN * self._m + _COMMON
+        gain: cython.double
+        other: cython.double
+        self._error = self._sum_up()
+        while steps and damping <= _DAMPING_MAX:
+            steps -= 1
+            other = self._explain(self._next, False) if self._find_step(damping) else self._error
+            if not other < self._error:
+                if self._promise < _ENOUGH * self._error:
+                    return True
                 damping *= 10.0
                 continue
-            gain = (cost - other) / cost
+            gain = self._error - other
             self._now[:size] = self._next[:size]
-            damping = max(0.1 * damping, _DAMPING_MIN)
-            cost = other
-            if gain < _ENOUGH:
-                break
-            self._sum_up()
-        self._last[shape, :size] = self._now[:size]
-        self._last_damping[shape], self._age[shape] = min(damping, _DAMPING), 0
-        self._write()
-        return cost
+            self._error = other
+            if gain < _ENOUGH * (gain + other):
+                return True
+            damping *= 0.1
+            if steps:
+                self._sum_up()
+        return False
 
     @cython.cfunc
     @cython.exceptval(check=False)

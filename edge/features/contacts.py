@@ -99,14 +99,15 @@ class ContactFinder:
         params, regions, peaks = self._params, self._regions, self._peaks
         field_noise = self._surface.divergence_noise
         self._noise_px = None
-        self._fitted.begin()
         peaks.set_field(self._blend)
         if not peaks.find(field_noise, params.contact_sigma * sigma_px, params.min_area_change):
+            self.forget()
             return ()
         regions.merge(field_noise, self._pin_noise_px(xy_img, seen, sigma_px) if peaks.n_peaks > 1 else 0.0)
         if regions.n_contacts > 1:
             self._place.drop_guesses(seen)
         is_long = self._split_close_pairs(xy_img, seen, sigma_px)
+        self._fitted.begin()
         n, direction = regions.n_contacts, math.nan
         if n == 2:
             direction = self._fitted.join(xy_img, seen)

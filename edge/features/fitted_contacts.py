@@ -58,14 +58,14 @@ class _Line:
 class _Pair:
     """Two points fitted.
 
-    error     squared, in squared pitches
-    place     (2, 2) px, at rest
-    heights   of the potentials, squared pitches
+    error    squared, in squared pitches
+    heights  of the potentials, squared pitches
+    columns  what `FittedContact` has, of both
     """
 
     error: float
-    place: Array
     heights: tuple[float, float]
+    columns: list[Array]
 
 
 class FittedContacts:
@@ -78,16 +78,20 @@ class FittedContacts:
         self._direction = np.asarray(regions.direction)
         fit = self._fit
         self._fitted = [np.asarray(a) for a in (fit.place, fit.width, fit.total, fit.shear, fit.dipole)]
-        self._pair_is_fitted = False  # the last fit is that of the two regions
+        self._pair: _Pair | None = None  # the two regions, fitted in this frame
+        self._n = 0  # regions of this frame, before any was split or joined
 
     def forget(self) -> None:
         """The next frame does not follow the last one."""
         self._fit.forget()
 
     def begin(self) -> None:
-        """Another frame begins, which follows the last one."""
+        """Another frame begins, which follows the last one; with other regions it is another scene."""
+        n = self._regions.n_contacts
+        if n != self._n:
+            self.forget()
         self._fit.begin()
-        self._pair_is_fitted = False
+        self._pair, self._n = None, n
 
     def fit(self, xy: Array, seen: Mask) -> list[FittedContact]:
         """All contacts of the regions, in their order; none: there are too many, or too few pins are seen.
@@ -98,12 +102,14 @@ class FittedContacts:
         n = self._regions.n_contacts
         if not 0 < n <= FITS_MAX:
             return []
-        if not (self._pair_is_fitted and n == 2):
+        if self._pair is not None and n == 2:
+            columns = self._pair.columns
+        else:
             starts = self._middle[:n]
             if not self._choose_pins(xy, seen, starts):
                 return []
             self._fit.fit_points(starts, n)
-        columns = (array[:n].copy() for array in self._fitted)
+            columns = self._columns(n)
         return [
             FittedContact(place, width, potential, shear, dipole)
             for place, width, potential, shear, dipole in zip(*columns, strict=True)
@@ -120,15 +126,16 @@ class FittedContacts:
         starts = np.array([middle - _HALF * half, middle + _HALF * half])
         if not self._choose_pins(xy, seen, starts):
             return math.nan
-        line = self._line(middle, half)
+        line = self._fit_line(middle, half)
         if self._semi_axis[0] >= self._params.close_pitch * self._pitch_px:
             return line.direction  # two so far apart would be two regions
-        pair = self._pair(starts)
-        if not (self._is_better(pair.error, line.error) and self._are_two(pair)):
+        limit = self._limit(line.error)
+        pair = self._fit_pair(starts, limit)
+        if pair.error >= limit or min(pair.heights) <= 0.0:
             return line.direction
-        if not self._is_better(pair.error, self._fit.fit_points(middle[None], 1)):
+        if pair.error >= self._limit(self._fit.fit_points(middle[None], 1)):
             return math.nan
-        first, second = (self._regions.nearest_point(x, y) for x, y in pair.place.tolist())
+        first, second = (self._regions.nearest_point(x, y) for x, y in pair.columns[0].tolist())
         if first == second:
             return line.direction
         self._regions.split(0, first, second)
@@ -145,9 +152,11 @@ class FittedContacts:
         if not self._choose_pins(xy, seen, starts):
             return math.nan
         # A round contact is no third: two points explain the motion as well as one does.
-        line = self._line(starts.mean(axis=0), starts[1] - starts[0])
-        if not self._is_better(line.error, self._pair(starts).error):
-            self._pair_is_fitted = True
+        pair = self._fit_pair(starts)
+        limit = self._limit(pair.error)
+        line = self._fit_line(starts.mean(axis=0), starts[1] - starts[0], limit)
+        if line.error >= limit:
+            self._pair = pair
             return math.nan
         self._regions.join(0, 1)
         return line.direction
@@ -159,24 +168,23 @@ class FittedContacts:
         fit.keep_near(places)
         return bool(fit.n_pins >= _PINS_MIN)
 
-    def _line(self, middle: Array, half: Array) -> _Line:
-        """A line on those pins."""
+    def _fit_line(self, middle: Array, half: Array, limit: float = math.inf) -> _Line:
+        """A line on those pins; with an error above a limit it is of no use."""
         fit = self._fit
-        error = fit.fit_line(middle[0], middle[1], half[0], half[1])
+        error = fit.fit_line(middle[0], middle[1], half[0], half[1], limit)
         x, y = fit.dipole[0]
         angle = math.atan2(y, x)
         return _Line(error, angle - math.pi * round(angle / math.pi))
 
-    def _pair(self, starts: Array) -> _Pair:
-        """Two points on those pins."""
+    def _fit_pair(self, starts: Array, limit: float = math.inf) -> _Pair:
+        """Two points on those pins; likewise."""
         fit = self._fit
-        error = fit.fit_points(starts, 2)
-        return _Pair(error, np.array(fit.place[:2]), (fit.height[0], fit.height[1]))
+        return _Pair(fit.fit_points(starts, 2, limit), (fit.height[0], fit.height[1]), self._columns(2))
 
-    def _is_better(self, error: float, other: float) -> bool:
-        """Whether a shape explains the motion better than another by as much evidence as is needed."""
-        return error < other * math.exp(-self._params.shape_evidence / self._fit.n_pins)
+    def _columns(self, n: int) -> list[Array]:
+        """What `FittedContact` has, of the n points fitted last."""
+        return [column[:n].copy() for column in self._fitted]
 
-    def _are_two(self, pair: _Pair) -> bool:
-        """Whether both press."""
-        return min(pair.heights) > 0.0
+    def _limit(self, error: float) -> float:
+        """The error below which another shape has as much evidence as overrules one with this error."""
+        return error * math.exp(-self._params.shape_evidence / self._fit.n_pins)
