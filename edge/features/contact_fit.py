@@ -63,7 +63,7 @@ _DAMPING_MIN = cython.declare(cython.double, 1e-9)
 #: Of the first step; a tenth of it after one that helped, else tenfold. With 0.1 some lines lose length.
 _DAMPING = cython.declare(cython.double, 1.0)
 _DAMPING_MAX = cython.declare(cython.double, 1e6)
-_ENOUGH = cython.declare(cython.double, 1e-2)  # relative gain of a step that is the last one
+_ENOUGH = cython.declare(cython.double, 1e-2)  # relative gain that the last step promises
 _FOLLOWING = cython.declare(cython.Py_ssize_t, 2)  # steps from where the last frame's fit ended
 _NO_LIMIT = cython.declare(cython.double, float("inf"))
 _OLD = cython.declare(cython.int, 2)  # frames: no fit of the last frame
@@ -301,23 +301,22 @@ class ContactFit:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _descend(self, damping: cython.double, steps: cython.Py_ssize_t) -> cython.bint:
-        """Steps at most from the present parameters; whether the last one gained nothing any more."""
+        """Steps at most from the present parameters; whether the last one promised next to nothing."""
         size: cython.Py_ssize_t = _OWN * self._m + _COMMON
-        gain: cython.double
         other: cython.double
+        is_last: cython.bint
         self._error = self._sum_up()
         while steps and damping <= _DAMPING_MAX:
             steps -= 1
             other = self._explain(self._next, False) if self._find_step(damping) else self._error
-            if not other < self._error:
-                if self._promise < _ENOUGH * self._error:
-                    return True
+            is_last = self._promise < _ENOUGH * self._error
+            if other < self._error:
+                self._now[:size] = self._next[:size]
+                self._error = other
+            elif not is_last:
                 damping *= 10.0
                 continue
-            gain = self._error - other
-            self._now[:size] = self._next[:size]
-            self._error = other
-            if gain < _ENOUGH * (gain + other):
+            if is_last:
                 return True
             damping *= 0.1
             if steps:
