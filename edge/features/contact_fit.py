@@ -63,7 +63,7 @@ _DAMPING_MIN = cython.declare(cython.double, 1e-9)
 #: Of the first step; a tenth of it after one that helped, else tenfold. With 0.1 some lines lose length.
 _DAMPING = cython.declare(cython.double, 1.0)
 _DAMPING_MAX = cython.declare(cython.double, 1e6)
-_ENOUGH = cython.declare(cython.double, 1e-2)  # relative gain that the last step promises
+_ENOUGH = cython.declare(cython.double, 1e-2)  # relative gain of a step that is the last one
 _FOLLOWING = cython.declare(cython.Py_ssize_t, 2)  # steps from where the last frame's fit ended
 _NO_LIMIT = cython.declare(cython.double, float("inf"))
 _OLD = cython.declare(cython.int, 2)  # frames: no fit of the last frame
@@ -301,27 +301,30 @@ class ContactFit:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _descend(self, damping: cython.double, steps: cython.Py_ssize_t) -> cython.bint:
-        """Steps at most from the present parameters; whether the last one promised next to nothing."""
+        """Steps at most from the present parameters, while they gain; whether the last one promised nothing."""
         size: cython.Py_ssize_t = _OWN * self._m + _COMMON
+        before: cython.double
         other: cython.double
-        is_last: cython.bint
+        is_last: cython.bint = False
         self._error = self._sum_up()
         while steps and damping <= _DAMPING_MAX:
             steps -= 1
-            other = self._explain(self._next, False) if self._find_step(damping) else self._error
-            is_last = self._promise < _ENOUGH * self._error
-            if other < self._error:
-                self._now[:size] = self._next[:size]
-                self._error = other
-            elif not is_last:
+            before = self._error
+            other = self._explain(self._next, False) if self._find_step(damping) else before
+            is_last = self._promise < _ENOUGH * before
+            if not other < before:
+                if is_last:
+                    break
                 damping *= 10.0
                 continue
-            if is_last:
-                return True
+            self._now[:size] = self._next[:size]
+            self._error = other
+            if before - other < _ENOUGH * before:
+                break
             damping *= 0.1
             if steps:
                 self._sum_up()
-        return False
+        return is_last
 
     @cython.cfunc
     @cython.exceptval(check=False)
