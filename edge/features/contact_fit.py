@@ -51,8 +51,6 @@ _FITS_MAX = cython.declare(cython.Py_ssize_t, FITS_MAX)
 #: Parameters of a contact: place (2), logarithm of the width, strength, t (2), v or half a line (2).
 _OWN = cython.declare(cython.Py_ssize_t, 8)
 _COMMON = cython.declare(cython.Py_ssize_t, 6)
-#: Columns of the most parameters and of what is left of the motion: a multiple of 4, as `normal_sums` wants it.
-_COLUMNS = 8 * FITS_MAX + 8
 _AFFINE_PITCHES = cython.declare(
     cython.double, 5.0
 )  # scale of the affine part: any that is of the fit's size
@@ -64,9 +62,7 @@ _DAMPING_MIN = cython.declare(cython.double, 1e-9)
 _DAMPING = cython.declare(cython.double, 1.0)
 _DAMPING_MAX = cython.declare(cython.double, 1e6)
 _ENOUGH = cython.declare(cython.double, 1e-2)  # relative gain of a step that is the last one
-_FOLLOWING = cython.declare(cython.Py_ssize_t, 2)  # steps from where the last frame's fit ended
 _NO_LIMIT = cython.declare(cython.double, float("inf"))
-_OLD = cython.declare(cython.int, 2)  # frames: no fit of the last frame
 
 
 @cython.cclass
@@ -117,9 +113,10 @@ class ContactFit:
     _error: cython.double  # squared, at the present parameters
     _limit: cython.double  # of it
     _promise: cython.double  # by how much a step reduces the squared error, to first order
-    _last: cython.double[:, ::1]  # (FITS_MAX + 1, parameters) where the last fit of each shape ended:
-    _age: cython.int[::1]  # a line, one point, two ...; and how many frames ago
-    _is_taken: cython.uchar[::1]  # (FITS_MAX,) of a last fit's contacts
+    _last: cython.double[:, ::1]  # where the last fit of each shape ended: of a line, one point, two ...
+    _is_known: cython.uchar[::1]  # of each shape: fitted in this frame or the last
+    _is_new: cython.uchar[::1]  # in this one
+    _is_taken: cython.uchar[::1]  # of a last fit's contacts
 
     def __init__(
         self,
@@ -138,9 +135,10 @@ class ContactFit:
         self._place, self._motion, self._left = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
         self._start, self._now, self._next = np.zeros(size), np.zeros(size), np.zeros(size)
         self._scale, self._step, self._damped = np.zeros(size), np.zeros(size), np.zeros((size, size))
-        self._rows, self._normal = np.zeros((2 * n + 2, _COLUMNS)), np.zeros((_COLUMNS, _COLUMNS))
+        columns = 4 * (size // 4 + 1)  # with what is left of the motion; as `normal_sums` wants it
+        self._rows, self._normal = np.zeros((2 * n + 2, columns)), np.zeros((columns, columns))
         self._last, self._error, self._promise = np.zeros((FITS_MAX + 1, size)), 0.0, 0.0
-        self._age, self._is_taken = np.full(FITS_MAX + 1, _OLD, np.int32), np.zeros(FITS_MAX, np.uint8)
+        self._is_known, self._is_new, self._is_taken = np.zeros((3, FITS_MAX + 1), np.uint8)
         self.n_pins, self._m, self._is_line, self._middle_x, self._middle_y = 0, 0, False, 0.0, 0.0
         self._radius, self._reach = 2.0 * params.close_pitch, params.place_radius_pitch
         self._width = 1.0 / params.grid_steps_per_pitch
@@ -151,13 +149,13 @@ class ContactFit:
         """The next frame does not follow the last one."""
         i: cython.Py_ssize_t
         for i in range(_FITS_MAX + 1):
-            self._age[i] = _OLD
+            self._is_new[i] = self._is_known[i] = False
 
     def begin(self) -> None:
         """Another frame begins, which follows the last one."""
         i: cython.Py_ssize_t
         for i in range(_FITS_MAX + 1):
-            self._age[i] = min(self._age[i] + 1, _OLD)
+            self._is_known[i], self._is_new[i] = self._is_new[i], False
 
     def set_motion(
         self, xy: cython.const[cython.double][:, ::1], seen: cython.const[cython.uchar][::1]
@@ -282,8 +280,8 @@ class ContactFit:
         shape: cython.Py_ssize_t = 0 if self._is_line else self._m
         ended: cython.bint = False
         if self._follow(shape):
-            ended = self._descend(_DAMPING_MIN, _FOLLOWING)
-            ended |= self._error - self._promise > self._limit
+            # One step to the optimum, one that finds no more; more of them often end in another optimum.
+            ended = self._descend(_DAMPING_MIN, 2) or self._error - self._promise > self._limit
         if not ended:
             self._now[:size] = self._start[:size]
             self._sum_up()
@@ -294,14 +292,14 @@ class ContactFit:
                 self._now[6:8] = self._start[6:8]
             self._descend(_DAMPING, _STEPS_MAX)
         self._last[shape, :size] = self._now[:size]
-        self._age[shape] = 0
+        self._is_new[shape] = self._is_known[shape] = True
         self._write()
         return self._error
 
     @cython.cfunc
     @cython.exceptval(check=False)
     def _descend(self, damping: cython.double, steps: cython.Py_ssize_t) -> cython.bint:
-        """Steps at most from the present parameters, while they gain; whether the last one promised nothing."""
+        """So many steps at most, while they gain; whether the last one promised next to nothing."""
         size: cython.Py_ssize_t = _OWN * self._m + _COMMON
         before: cython.double
         other: cython.double
@@ -333,14 +331,15 @@ class ContactFit:
         i: cython.Py_ssize_t
         j: cython.Py_ssize_t
         nearest: cython.Py_ssize_t
-        p: cython.Py_ssize_t = 0
+        p: cython.Py_ssize_t
+        own: cython.Py_ssize_t = _OWN * self._m
         far: cython.double
         least: cython.double
-        if self._age[shape] >= _OLD:
+        if not self._is_known[shape]:
             return False
         for i in range(self._m):
             self._is_taken[i] = False
-        for i in range(self._m):
+        for p in range(0, own, _OWN):
             nearest, least = -1, self._reach
             for j in range(self._m):
                 far = hypot(
@@ -353,8 +352,7 @@ class ContactFit:
                 return False
             self._is_taken[nearest] = True
             self._now[p : p + _OWN] = self._last[shape, _OWN * nearest : _OWN * (nearest + 1)]
-            p += _OWN
-        self._now[p : p + _COMMON] = self._last[shape, p : p + _COMMON]
+        self._now[own : own + _COMMON] = self._last[shape, own : own + _COMMON]
         return True
 
     @cython.cfunc
@@ -608,7 +606,8 @@ class ContactFit:
         total: cython.double
         d: cython.double[:, ::1] = self._damped
         step: cython.double[::1] = self._step
-        self._promise = 0.0
+        promise: cython.double = 0.0
+        self._promise = _NO_LIMIT
         for i in range(size):
             for j in range(i + 1):
                 total = self._normal[i, j]
@@ -626,7 +625,8 @@ class ContactFit:
             for k in range(i):
                 total -= d[i, k] * step[k]
             step[i] = total / d[i, i]
-            self._promise += step[i] * step[i]
+            promise += step[i] * step[i]
+        self._promise = promise
         for i in range(size - 1, -1, -1):
             total = step[i]
             for k in range(i + 1, size):
