@@ -173,7 +173,8 @@ def test_the_running_finger_needs_no_scipy() -> None:
     """It would take a third of the memory and half of the start."""
     play = (
         "import sys; sys.argv = ['edge', 'replay', 'tests/data/two_contacts.mcap', '--speed', 'max', '-q']\n"
-        "from edge.cli.program import cli\ncli(standalone_mode=False)\nimport edge.worker.client, edge.cli.run"
+        "from edge.cli.program import cli\ncli(standalone_mode=False)\n"
+        "import edge.worker.client, edge.cli.run"
     )
     assert not loaded_by(play) & {"scipy", "skimage", "matplotlib"}
 
