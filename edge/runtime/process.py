@@ -37,8 +37,8 @@ def limit_resources() -> None:
 
     Variables already set in the environment stay.
     """
-    if sys.platform == "linux" and hasattr(ctypes.CDLL(None), "mallopt"):
-        ctypes.CDLL(None).mallopt(_MMAP_THRESHOLD, _LARGE_BYTES)
+    if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "mallopt"):
+        libc.mallopt(_MMAP_THRESHOLD, _LARGE_BYTES)
     for name in _THREAD_COUNTS:
         os.environ.setdefault(name, "1")
     sys.setswitchinterval(PARAMS.switch_s)
