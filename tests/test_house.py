@@ -170,7 +170,7 @@ def test_the_edge_loads_no_heavy_libraries() -> None:
 
 
 def test_the_running_finger_needs_no_scipy() -> None:
-    """It would take a third of the memory and half of the start."""
+    """It would take a third of the memory and of the start."""
     play = (
         "import sys; sys.argv = ['edge', 'replay', 'tests/data/two_contacts.mcap', '--speed', 'max', '-q']\n"
         "from edge.cli.program import cli\ncli(standalone_mode=False)\n"
