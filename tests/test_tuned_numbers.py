@@ -17,7 +17,7 @@ AT_MOST = {
     "features": 23,
     "geometry": 9,
     "link": 16,
-    "pins": 46,
+    "pins": 42,
     "recording": 6,
     "runtime": 41,
     "sources": 28,

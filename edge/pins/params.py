@@ -31,20 +31,16 @@ class PinParams:
     outlier_max_outside: float = 9.0  # outside of the hull of what is connected
     outlier_max_touching: float = 6.0  # of two spots that touch
     link_factor: float = 1.6  # two are connected within this many times the distance to their nearest
-    group_share_min: float = 0.03  # pins of a connected group, of the largest
-    link_pitches_outside: float = 1.9  # to the nearest pin, of one outside
+    link_pitches_outside: float = 1.9  # to the nearest pin, of one outside or beyond the known edge
     touch_radii: float = 1.15  # two touch within this share of the sum of their radii
-    touch_pitches: float = 0.7
-    gap_pitches_min: float = 0.8  # from a spot in a gap to the nearest pin
+    gap_pitches_min: float = 0.8  # from a pin to the nearest; nearer than this, two spots may be one
     # --- pins that a border cuts
     cut_area_range: tuple[float, float] = (0.12, 1.05)  # share of the disc that is left
     cut_facing_min: float = 0.4  # cosine between the arc's slope and straight outwards
     cut_scatter_max_px: float = 0.5  # rms of the arc about its circle
-    cut_brightness_min: float = 0.5  # of the neighbours'
     cut_same_pitches: float = 0.2  # an arc of the housing is found again within this
     cut_sigma_min_radii: float = 0.05  # and at least a sample of the arc
     # --- rest frame
-    vote_reach: float = 1.2  # tip radii within which single images are searched for pins that the mean lacks
     rest_gap_radii: float = 0.5  # from a pin's centre to the image's border, pin radii
     steady_radii: float = 0.1  # images are of one place where four of five pins moved less than this
     steady_sigmas: float = 4.0
@@ -54,10 +50,10 @@ class PinParams:
     far_px: float = 0.35  # of a longer step the slopes alone are enough
     radius_kind_step: float = 1.05  # ratio of one template's radius to the next
     # what a pin has at least: of its window's variation, explained by the disc; of the disc, at the image's
-    # border; of its brightness at rest, after the gain common to all pins
+    # border; of its brightness at rest, after the gain common to all pins; of the neighbours', where cut
     pin_share_min: float = 0.25
     own_pitches: float = 0.6  # nearer than this is the same pin: to its prediction, to another arc
-    clash_radii: float = 1.1  # two centroids nearer than this lie on one blob
+    clash_radii: float = 1.1  # mean radii; two centroids nearer than this lie on one blob
     gain_max: float = 2.5  # how much brighter than at rest the pins may become before they saturate
 
 

@@ -114,7 +114,7 @@ def _fit_arc(
     crop = grey[rows[:, None], columns].astype(np.float32)
     level = np.sort(crop, axis=None)
     dark, top = float(level[len(level) // 5]), float(level[-len(level) // 20])
-    if top - dark < PARAMS.cut_brightness_min * brightness:
+    if top - dark < PARAMS.pin_share_min * brightness:
         return None
     fine = cv2.resize(crop, None, fx=FINER, fy=FINER, interpolation=cv2.INTER_LINEAR)
     fine = cv2.GaussianBlur(fine, (0, 0), 0.5 * FINER)

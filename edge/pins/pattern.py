@@ -114,7 +114,7 @@ def _outlierness(spots: Spots) -> Array:
     # Two that touch where their neighbours do not: one is a reflection on or beside the other.
     closest = near[:, 0]
     touching = distance[:, 0] < PARAMS.touch_radii * (spots.radius_px + spots.radius_px[closest])
-    touching &= distance[:, 0] < PARAMS.touch_pitches * np.median(distance[near, 0], axis=1)
+    touching &= distance[:, 0] < PARAMS.gap_pitches_min * np.median(distance[near, 0], axis=1)
     return np.where(
         touching & (outlierness > outlierness[closest]) & (outlierness > PARAMS.outlier_max_touching),
         np.inf,
@@ -138,7 +138,7 @@ def _connected(xy_img: Array) -> Mask:
     linked = np.hypot(*(xy_img[a] - xy_img[b]).T) < PARAMS.link_factor * np.minimum(own[a], own[b])
     label = _groups(n, a[linked], b[linked])
     size = np.bincount(label)
-    member: Mask = size[label] >= max(N_RING, PARAMS.group_share_min * size.max())
+    member: Mask = size[label] >= N_RING
     return member
 
 

@@ -60,7 +60,8 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
     """
     if len(greys) < 2:
         return pattern, pins
-    wider = replace(pattern, tip_radius_px=PARAMS.vote_reach * pattern.tip_radius_px, count=0)
+    reach_px = pattern.tip_radius_px + PARAMS.link_pitches_outside * pattern.pitch_px
+    wider = replace(pattern, tip_radius_px=reach_px, count=0)
     shown = [in_view(detect(grey, wider), pattern.size_px) for grey in greys]
     xy, sigma, radius, brightness = (
         np.concatenate([getattr(one, name) for one in shown])
