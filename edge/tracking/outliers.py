@@ -67,7 +67,7 @@ class PhotometricFilter:
         self.residual_max = params.outlier_residual_max
         self.residual_max_search = params.outlier_residual_max_search
         self.residual_ratio = params.outlier_residual_ratio
-        self.support_min = params.outlier_support_min
+        self.support_min = params.support_min
         self.median_halvings = params.median_halvings
         self.local_pitch = np.array(local_pitch_px, np.float64)
         self.rest_brightness = np.array(at_rest.brightness, np.float64)

@@ -13,6 +13,7 @@ class TrackingParams:
 
     # --- prediction from the neighbours
     gradient_ridge: float = 0.05  # on the local map's gradient, in neighbours' weights
+    support_min: float = 1.2  # sum of the neighbours' weights that carries a prediction: two near ones
     velocity_damping: float = 0.7  # share of the last motion that is expected again
     # --- which followed pins are seen: residual = motion off the neighbours' map
     residual_max: float = 0.5
@@ -26,7 +27,6 @@ class TrackingParams:
     outlier_residual_max: float = 0.005  # of such a pin while it is followed
     outlier_residual_max_search: float = 0.04  # ... and after a search
     outlier_residual_ratio: float = 4.0  # ... or this many times what two thirds of its neighbours show
-    outlier_support_min: float = 1.2  # sum of the neighbours' weights that this needs: two near ones
     median_halvings: int = 14  # of the range in which a median is looked for: its 16000th part
     # --- whether the identities are held
     median_innovation_max: float = (
@@ -55,7 +55,6 @@ class TrackingParams:
     regions_max: int = 16  # matches grown in all, alternatives included: half a millisecond each
     sweeps_max: int = 24
     region_gate: float = 0.38  # from a pin's prediction to its blob
-    region_support_min: float = 1.2  # sum of the neighbours' weights that carries a prediction: two near ones
     seam: float = 0.35  # difference in motion beyond which two neighbours are not linked
     bridge_seam: float = 0.5  # the same for pins further apart, at most
     bridged_n: int = 2  # coarse fits whose largest piece may reach over gaps ...

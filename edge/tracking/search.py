@@ -65,9 +65,7 @@ class Identifier:
         self._links = Links(len(tip), lattice.edges, p.seam * tip.local_pitch_px[first])
         self._bridges = _bridges(tip)
         self._gate_px = p.region_gate * tip.local_pitch_px
-        self._region = RegionGrower(
-            tip.affine, tip.rest_xy, self._gate_px, p.region_support_min, p.sweeps_max
-        )
+        self._region = RegionGrower(tip.affine, tip.rest_xy, self._gate_px, p.support_min, p.sweeps_max)
         self._coarse = CoarseFit(tip)
         self._model = MotionModel(tip)
         self._lattice_steps = _lattice_steps(tip)
