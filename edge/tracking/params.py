@@ -39,7 +39,6 @@ class TrackingParams:
     research_frames: int = 60  # ... every so many frames
     leap_innovation: float = 0.1  # so much innovation with fewer than this share of the baseline is a leap
     leap_share_min: float = 0.95
-    fresh_frames: int = 2  # frames without identities after which the last positions are no evidence
     # --- coarse fits
     schedule: tuple[tuple[int, float], ...] = (
         (1, 0.6), (1, 0.5), (2, 0.5), (2, 0.45), (3, 0.4), (3, 0.4), (4, 0.35), (4, 0.35)

@@ -39,7 +39,7 @@ class Tracker:
         self._follower.reset()
         self._held = False
         self._confidence = 0.0  # of the identities that are held, or were
-        self._unheld_frames = self._params.fresh_frames  # since the identities were held
+        self._fresh = False  # the last positions are of the frame before: later they are no evidence
         self._baseline_share = 0.0  # of the pins, seen lately
         self._found_share = 0.0  # the largest that a search found
         self._frames_since_search = 0
@@ -91,7 +91,7 @@ class Tracker:
         self._frames_since_search = 0
         share = float(np.count_nonzero(seen)) / len(self._tip)
         confidence = identity.confidence
-        if self._unheld_frames < self._params.fresh_frames:
+        if self._fresh:
             innovation = self._follower.median_innovation(now)
             if self._continues(innovation, identity.known_n / len(self._tip)):
                 confidence = max(confidence, self._confidence)
@@ -107,12 +107,11 @@ class Tracker:
             self._follower.accept(self._params.velocity_damping)
             self._hold()
             return fallback
-        self._held = False
-        self._unheld_frames += 1
+        self._held = self._fresh = False
         return Tracks(xy, sigma, seen, confidence)
 
     def _hold(self) -> None:
-        self._held, self._unheld_frames, self._fallback = True, 0, None
+        self._held, self._fresh, self._fallback = True, True, None
 
     def _found(self, pins: Pins, identity: Identity, searched: bool) -> tuple[Array, Array]:
         """(n, 2) and (n,) px, place and sigma of each pin's blob; NaN where it has none, or an outlier.
