@@ -303,7 +303,7 @@ class Tracks:
     seen         (n,) bool
     confidence   0..1; certainty of the identities. Below `LOW_CONFIDENCE` they must not be used.
     autocorrelation  0..1; of the pins' motion off that of their neighbours, with that of the last frame: how
-                 much the last frame tells of a pin that is lost in this one
+                 much the last frame tells of a pin that is lost in this one; 0 if none is followed and lost
     """
 
     xy_img: Array

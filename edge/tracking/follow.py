@@ -3,7 +3,8 @@ when it is not.
 
 Idea: each found pin's motion since rest is compared with the motion that its neighbours predict for it (a
 constant sparse matrix), twice: the second time without the pins that the first rejected. The difference, the
-residual, changes little from one frame to the next.
+residual, changes little from one frame to the next. Motion and matrix are in single precision: an error of
+1e-6 px, for half of the memory.
 
     found -> residual and its innovation -> two on one blob -> photometric outliers -> positions of all pins
 
@@ -20,8 +21,10 @@ from __future__ import annotations
 
 import cython
 import numpy as np
+from numpy.typing import NDArray
 
-from edge.geometry.lattice import Lattice
+from edge.geometry.lattice import N_RING, Lattice
+from edge.limits import PINS_MAX
 from edge.tracking.params import TrackingParams
 from edge.types import Array, Mask
 
@@ -29,6 +32,7 @@ if cython.compiled:
     from cython.cimports.edge.geometry.select import select_kth
     from cython.cimports.edge.geometry.separation import Separation
     from cython.cimports.edge.tracking.outliers import PhotometricFilter
+    from cython.cimports.edge.tracking.pair_sums import pair_sums
     from cython.cimports.libc.math import HUGE_VAL, NAN, sqrt
 else:
     from math import inf as HUGE_VAL  # noqa: N812
@@ -38,6 +42,7 @@ else:
     from edge.geometry.select import select_kth
     from edge.geometry.separation import Separation
     from edge.tracking.outliers import PhotometricFilter
+    from edge.tracking.pair_sums import pair_sums
 
 
 @cython.final
@@ -59,16 +64,16 @@ class Follower:
     # of the tip
     rest: cython.double[:, ::1]
     local_pitch: cython.double[::1]
-    start: cython.int[::1]  # rows of the sparse matrix of full neighbourhoods
-    column: cython.int[::1]  # doubled: where x stands in an array of x, y, x, y, ...
-    weight: cython.float[::1]  # an error of 1e-7 of the motion
+    near: cython.ushort[:, ::1]  # neighbours of full neighbourhoods, filled up with the pin itself
+    weight: cython.float[:, ::1]  # theirs, filled up with 0
     closest: cython.int[:, ::1]
     pairs: cython.int[:, ::1]
     distance_min: cython.double[::1]
     separation: Separation
     # of the last frame that was accepted
     last: cython.double[:, ::1]
-    velocity: cython.double[:, ::1]
+    expected: cython.double[:, ::1]  # places in the next frame
+    expected_array: Array  # the same memory
     last_residual: cython.double[:, ::1]
     last_seen: cython.uchar[::1]
     # given last; the arrays beside them are the same memory
@@ -85,12 +90,9 @@ class Follower:
     residual: cython.double[:, ::1]
     seen: cython.uchar[::1]
     autocorrelation: cython.double  # of the residuals with those of the last frame
-    expected: cython.double[:, ::1]  # places, of `predict`
-    expected_array: Array  # the same memory
-    predicted: cython.double[:, ::1]  # motion since rest, by the neighbours
-    motion: cython.double[:, ::1]
-    motion_flat: cython.double[::1]  # the same memory
-    limit: cython.double[::1]
+    predicted: cython.float[:, ::1]  # motion since rest, by the neighbours
+    known: cython.float[:, ::1]  # motion that they predict from
+    motion: cython.double[:, ::1]  # for the photometric filter
     some: cython.double[::1]
     before: cython.uchar[::1]
 
@@ -105,23 +107,18 @@ class Follower:
         self.near_seen_min = params.near_seen_min
         self.rest = np.array(lattice.rest_xy, np.float64, order="C")
         self.local_pitch = np.array(lattice.local_pitch_px, np.float64)
-        mean = photometric.affine.matrix()
-        row, column = np.nonzero(mean)
-        self.start = np.searchsorted(row, np.arange(n + 1)).astype(np.int32)
-        self.column = 2 * column.astype(np.int32)
-        self.weight = mean[row, column].astype(np.float32)
+        self.near, self.weight = _in_rows(photometric.affine.matrix())
         self.closest = np.array(lattice.closest, np.int32, order="C")
         self.pairs = np.array(lattice.pairs, np.int32, order="C")
         self.distance_min = np.array(lattice.distance_min_px, np.float64)
         self.separation = Separation(n)
-        self.last, self.velocity, self.last_residual = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2))
-        self.now, self.residual = np.empty((n, 2)), np.empty((n, 2))
+        self.last, self.last_residual = np.empty((n, 2)), np.empty((n, 2))
         self.expected_array = self.expected = np.empty((n, 2))
-        motion = np.empty((n, 2))
-        self.predicted, self.motion, self.motion_flat = np.empty((n, 2)), motion, motion.reshape(-1)
+        self.now, self.residual, self.motion = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2))
+        self.predicted, self.known = np.empty((n, 2), np.float32), np.empty((n, 2), np.float32)
         self.last_seen, self.seen = np.empty(n, np.uint8), np.empty(n, np.uint8)
         self.before = np.empty(n, np.uint8)
-        self.limit, self.some = np.empty(n), np.empty(n)
+        self.some = np.empty(n)
         self.given = None
         self.results = xy, sigma, seen = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
         self.result_xy, self.result_sigma, self.result_seen = xy, sigma, seen.view(np.uint8)
@@ -130,7 +127,7 @@ class Follower:
     def reset(self) -> None:
         """Start from rest, with no pin seen."""
         self.last[:] = self.rest
-        self.velocity[:] = 0
+        self.expected[:] = self.rest
         self.last_residual[:] = 0
         self.last_seen[:] = False
 
@@ -139,12 +136,7 @@ class Follower:
         return np.array(self.last)
 
     def predict(self) -> Array:
-        """(n, 2) px, where each pin is expected in the next frame; good until the next call."""
-        out: cython.double[:, ::1] = self.expected
-        i: cython.Py_ssize_t
-        for i in range(self.n):
-            out[i, 0] = self.last[i, 0] + self.velocity[i, 0]
-            out[i, 1] = self.last[i, 1] + self.velocity[i, 1]
+        """(n, 2) px, where each pin is expected in the next frame; good until one is accepted."""
         return self.expected_array
 
     def follow(
@@ -156,7 +148,7 @@ class Follower:
         brightness    (n,) float64, levels
         Returns       (n, 2) px and (n,) px, found and sigma of the seen pins, NaN elsewhere; (n,) bool,
                       seen; how many are seen; the median innovation of all pins, in local pitches; the
-                      autocorrelation of the residuals
+                      autocorrelation of the residuals, 0 if no pin is lost
         Raises        ValueError: sizes that do not fit
         """
         n: cython.Py_ssize_t = self.n
@@ -177,8 +169,11 @@ class Follower:
             self._find_residuals(self.found)
             self._keep_apart(self.found)
             self._filter(self.found, self.sigma, self.brightness)
-            self.autocorrelation = self._correlate(self.residual, self.seen)
             seen_n = self._place(self.found, self.sigma)
+            self.autocorrelation = 0.0
+            if seen_n < n:  # of no use to pins that are seen
+                self.autocorrelation = self._correlate(self.residual, self.seen)
+                self._place_lost()
             innovation = self._median_innovation(self.now)
         xy, sigma, seen = self.results
         return xy.copy(), sigma.copy(), seen.copy(), seen_n, innovation, self.autocorrelation
@@ -189,11 +184,11 @@ class Follower:
         """
         last: cython.double[:, ::1] = self.last
         now: cython.double[:, ::1] = self.now
-        velocity: cython.double[:, ::1] = self.velocity
+        expected: cython.double[:, ::1] = self.expected
         i: cython.Py_ssize_t
         for i in range(self.n):
-            velocity[i, 0] = damping * (now[i, 0] - last[i, 0])
-            velocity[i, 1] = damping * (now[i, 1] - last[i, 1])
+            expected[i, 0] = now[i, 0] + damping * (now[i, 0] - last[i, 0])
+            expected[i, 1] = now[i, 1] + damping * (now[i, 1] - last[i, 1])
         # The next frame writes all of the three that are exchanged.
         self.last, self.now = self.now, self.last
         self.last_residual, self.residual = self.residual, self.last_residual
@@ -211,9 +206,9 @@ class Follower:
         is_seen = np.array(seen, np.bool_).view(np.uint8)
         self.autocorrelation = self._correlate(np.ascontiguousarray(residual, np.float64), is_seen)
         np.asarray(self.last)[:] = xy
+        np.asarray(self.expected)[:] = xy
         np.asarray(self.last_residual)[:] = residual
         np.asarray(self.last_seen)[:] = is_seen
-        self.velocity[:] = 0
         return float(self.autocorrelation)
 
     def median_innovation(self, xy: Array) -> float:
@@ -231,94 +226,59 @@ class Follower:
         """Residuals of all found pins, and which pins are seen: those whose residual is like that of the last
         frame.
         """
-        last: cython.double[:, ::1] = self.last
-        velocity: cython.double[:, ::1] = self.velocity
-        rest: cython.double[:, ::1] = self.rest
-        predicted: cython.double[:, ::1] = self.predicted
-        limits: cython.double[::1] = self.limit
         seen: cython.uchar[::1] = self.seen
         i: cython.Py_ssize_t
-        limit: cython.double
         iteration: cython.int
         step: cython.int
         missing: cython.bint
         for i in range(self.n):
-            limit = self._innovation_limit(i)
-            limits[i] = limit * limit
             seen[i] = found[i, 0] == found[i, 0]
-            predicted[i, 0] = last[i, 0] + velocity[i, 0] - rest[i, 0]
-            predicted[i, 1] = last[i, 1] + velocity[i, 1] - rest[i, 1]
         for iteration in range(2):
             missing = False
             for i in range(self.n):
                 missing |= not seen[i]
             # A lost pin moves with its neighbours; some of these may be lost themselves and move with theirs.
             for step in range(2 if missing else 1):
-                self._predict_from_neighbours(found, iteration > 0 or step > 0)
+                self._predict_from_neighbours(found, iteration == 0 and step == 0)
             if not self._reject_by_residual(found):
                 break
 
     @cython.cfunc
-    @cython.inline
     @cython.exceptval(check=False)
     @cython.nogil
-    def _innovation_limit(self, i: cython.Py_ssize_t) -> cython.double:
-        """How far a pin's residual may change, px. A lost pin returns where most of its nearest were seen."""
+    def _innovation_max_of_lost(self, i: cython.Py_ssize_t) -> cython.double:
+        """How far the residual of a lost pin may change, in local pitches. It returns where most of its
+        nearest were seen.
+        """
         c: cython.Py_ssize_t
         seen_n: cython.int = 0
-        if self.last_seen[i]:
-            return self.innovation_max * self.local_pitch[i]
         for c in range(self.closest.shape[1]):
             seen_n += self.last_seen[self.closest[i, c]]
-        if seen_n >= self.near_seen_min * self.closest.shape[1]:
-            return self.innovation_max_lost * self.local_pitch[i]
-        return 0
+        return self.innovation_max_lost if seen_n >= self.near_seen_min * self.closest.shape[1] else 0.0
 
     @cython.cfunc
     @cython.exceptval(check=False)
     @cython.nogil
     def _predict_from_neighbours(
-        self, found: cython.const[cython.double][:, ::1], add_residual: cython.bint
+        self, found: cython.const[cython.double][:, ::1], first: cython.bint
     ) -> cython.void:
-        """Motion of each pin as predicted by its neighbours; a neighbour that is not seen takes part with its
-        own prediction.
+        """Motion of each pin as predicted by its neighbours. A neighbour that is not seen takes part with its
+        own prediction; first: there is none yet in this frame.
         """
-        motion: cython.double[:, ::1] = self.motion
-        flat: cython.double[::1] = self.motion_flat
-        predicted: cython.double[:, ::1] = self.predicted
-        start: cython.int[::1] = self.start
-        column: cython.int[::1] = self.column
-        weight: cython.float[::1] = self.weight
+        known: cython.float[:, ::1] = self.known
+        rest: cython.double[:, ::1] = self.rest
+        seen: cython.uchar[::1] = self.seen
         i: cython.Py_ssize_t
-        k: cython.Py_ssize_t
-        end: cython.Py_ssize_t
         d: cython.int
-        x: cython.double
-        y: cython.double
         for i in range(self.n):
             for d in range(2):
-                if self.seen[i]:
-                    motion[i, d] = found[i, d] - self.rest[i, d]
-                elif add_residual:
-                    motion[i, d] = predicted[i, d] + self.last_residual[i, d]
+                if seen[i]:
+                    known[i, d] = found[i, d] - rest[i, d]
+                elif first:
+                    known[i, d] = self.expected[i, d] - rest[i, d]
                 else:
-                    motion[i, d] = predicted[i, d]
-        for i in range(self.n):
-            x = 0
-            y = 0
-            k = start[i]
-            end = start[i + 1]
-            while k + 2 <= end:  # two at a time: half of the instructions that only count
-                x += weight[k] * flat[column[k]]
-                y += weight[k] * flat[column[k] + 1]
-                x += weight[k + 1] * flat[column[k + 1]]
-                y += weight[k + 1] * flat[column[k + 1] + 1]
-                k += 2
-            if k < end:
-                x += weight[k] * flat[column[k]]
-                y += weight[k] * flat[column[k] + 1]
-            predicted[i, 0] = x
-            predicted[i, 1] = y
+                    known[i, d] = self.predicted[i, d] + self.last_residual[i, d]
+        pair_sums(self.near, self.weight, known, self.predicted)
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -326,12 +286,14 @@ class Follower:
     def _reject_by_residual(self, found: cython.const[cython.double][:, ::1]) -> cython.bint:
         """Update which pins are seen, by the residual and its change; true if that altered any."""
         rest: cython.double[:, ::1] = self.rest
-        predicted: cython.double[:, ::1] = self.predicted
+        predicted: cython.float[:, ::1] = self.predicted
         residual: cython.double[:, ::1] = self.residual
         before: cython.double[:, ::1] = self.last_residual
         local_pitch: cython.double[::1] = self.local_pitch
-        limits: cython.double[::1] = self.limit
         seen: cython.uchar[::1] = self.seen
+        last_seen: cython.uchar[::1] = self.last_seen
+        residual_max: cython.double = self.residual_max
+        innovation_max: cython.double = self.innovation_max
         i: cython.Py_ssize_t
         x: cython.double
         y: cython.double
@@ -343,11 +305,12 @@ class Follower:
             y = found[i, 1] - rest[i, 1] - predicted[i, 1]
             residual[i, 0] = x
             residual[i, 1] = y
-            limit = self.residual_max * local_pitch[i]
+            limit = residual_max * local_pitch[i]
             good = x * x + y * y < limit * limit  # NaN, not found, is false
             x -= before[i, 0]
             y -= before[i, 1]
-            good &= x * x + y * y < limits[i]
+            limit = local_pitch[i] * (innovation_max if last_seen[i] else self._innovation_max_of_lost(i))
+            good &= x * x + y * y < limit * limit
             changed |= good != seen[i]
             seen[i] = good
         return changed
@@ -419,10 +382,12 @@ class Follower:
         """Reject the photometric outliers among the seen pins."""
         motion: cython.double[:, ::1] = self.motion
         i: cython.Py_ssize_t
+        if not self.photometric.find_suspects(self.residual, self.seen, False):
+            return
         for i in range(self.n):
             motion[i, 0] = found[i, 0] - self.rest[i, 0]
             motion[i, 1] = found[i, 1] - self.rest[i, 1]
-        self.photometric.filter(brightness, sigma, self.motion, self.residual, self.seen, False)
+        self.photometric.filter(brightness, sigma, motion, self.seen, False)
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -451,17 +416,13 @@ class Follower:
         found: cython.const[cython.double][:, ::1],
         sigma: cython.const[cython.double][::1],
     ) -> cython.Py_ssize_t:
-        """Place every pin, the seen ones where they were found, the others where their neighbours predict
-        them, and write `results`; returns how many are seen.
-        """
+        """Place the seen pins where they were found, and write `results`; returns how many are seen."""
         now: cython.double[:, ::1] = self.now
-        residual: cython.double[:, ::1] = self.residual
         seen: cython.uchar[::1] = self.seen
         xy: cython.double[:, ::1] = self.result_xy
         sigma_out: cython.double[::1] = self.result_sigma
         is_seen: cython.uchar[::1] = self.result_seen
         i: cython.Py_ssize_t
-        d: cython.int
         seen_n: cython.Py_ssize_t = 0
         for i in range(self.n):
             is_seen[i] = seen[i]
@@ -471,11 +432,21 @@ class Follower:
                 sigma_out[i] = sigma[i]
                 seen_n += 1
             else:
-                for d in range(2):
-                    residual[i, d] = self.autocorrelation * self.last_residual[i, d]
-                    now[i, d] = self.rest[i, d] + self.predicted[i, d] + residual[i, d]
                 xy[i, 0] = xy[i, 1] = sigma_out[i] = NAN
         return seen_n
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    @cython.nogil
+    def _place_lost(self) -> cython.void:
+        """Place the pins that are not seen where their neighbours predict them."""
+        i: cython.Py_ssize_t
+        d: cython.int
+        for i in range(self.n):
+            if not self.seen[i]:
+                for d in range(2):
+                    self.residual[i, d] = self.autocorrelation * self.last_residual[i, d]
+                    self.now[i, d] = self.rest[i, d] + self.predicted[i, d] + self.residual[i, d]
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -485,14 +456,30 @@ class Follower:
         dx: cython.double
         dy: cython.double
         for i in range(self.n):
-            dx = xy[i, 0] - self.last[i, 0] - self.velocity[i, 0]
-            dy = xy[i, 1] - self.last[i, 1] - self.velocity[i, 1]
+            dx = xy[i, 0] - self.expected[i, 0]
+            dy = xy[i, 1] - self.expected[i, 1]
             self.some[i] = (dx * dx + dy * dy) / (self.local_pitch[i] * self.local_pitch[i])
         return sqrt(select_kth(self.some, self.n, self.n // 2))
 
 
+def _in_rows(matrix: Array) -> tuple[NDArray[np.uint16], NDArray[np.float32]]:
+    """The neighbours of each pin in a sparse matrix (n, n), and their weights: (n, k) each, in whole rings as
+    `pair_sums` wants them.
+    """
+    row, column = np.nonzero(matrix)
+    n, count = len(matrix), np.bincount(row, minlength=len(matrix))
+    slot = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    width = -(-int(count.max()) // N_RING) * N_RING
+    near = np.repeat(np.arange(n, dtype=np.uint16)[:, None], width, axis=1)
+    weight = np.zeros((n, width), np.float32)
+    near[row, slot], weight[row, slot] = column, matrix[row, column]
+    return near, weight
+
+
 def _check(lattice: Lattice, n: int) -> None:
-    """Raises ValueError: arrays that are not of n pins, a pin that does not exist."""
+    """Raises ValueError: arrays that are not of n pins, a pin that does not exist, too many."""
+    if n > PINS_MAX:
+        raise ValueError(f"{n} pins; {PINS_MAX} at most are wanted")
     pairs_n = len(lattice.pairs)
     shapes = {
         "rest_xy": (lattice.rest_xy, (n, 2)),

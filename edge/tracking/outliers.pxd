@@ -11,10 +11,14 @@ cdef class PhotometricFilter:
     cdef float[::1] values
     cdef unsigned char[::1] suspect, trusted
 
+    cdef bint find_suspects(
+        self, const double[:, ::1] residual, const unsigned char[::1] seen, bint searched
+    ) noexcept nogil
     cdef void filter(
         self, const double[::1] brightness, const double[::1] sigma, const double[:, ::1] motion,
-        const double[:, ::1] residual, unsigned char[::1] seen, bint searched
+        unsigned char[::1] seen, bint searched
     ) noexcept nogil
+    cdef double _residual_max(self, bint searched) noexcept nogil
     cdef void _find_trusted(
         self, const double[::1] brightness, const double[::1] sigma, const unsigned char[::1] seen,
         double sigma_ratio_max

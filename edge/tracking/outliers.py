@@ -90,44 +90,59 @@ class PhotometricFilter:
         if sizes != {n} or motion.shape != (n, 2) or residual.shape != (n, 2):
             raise ValueError(f"arrays of {n} pins are wanted, not of {sorted(sizes)}")
         is_seen = np.array(seen, np.bool_).view(np.uint8)
-        self.filter(
-            np.ascontiguousarray(pins.brightness, np.float64),
-            np.ascontiguousarray(pins.sigma_px, np.float64),
-            np.ascontiguousarray(motion, np.float64),
-            np.ascontiguousarray(residual, np.float64),
-            is_seen,
-            searched,
-        )
+        if self.find_suspects(np.ascontiguousarray(residual, np.float64), is_seen, searched):
+            self.filter(
+                np.ascontiguousarray(pins.brightness, np.float64),
+                np.ascontiguousarray(pins.sigma_px, np.float64),
+                np.ascontiguousarray(motion, np.float64),
+                is_seen,
+                searched,
+            )
         return is_seen.view(np.bool_)
+
+    def find_suspects(
+        self,
+        residual: cython.const[cython.double][:, ::1],
+        seen: cython.const[cython.uchar][::1],
+        searched: cython.bint,
+    ) -> cython.bint:
+        """The seen pins whose residual is so large that they must not be outliers; whether there are any."""
+        suspect: cython.uchar[::1] = self.suspect
+        local_pitch: cython.double[::1] = self.local_pitch
+        i: cython.Py_ssize_t
+        limit: cython.double
+        residual_max: cython.double = self._residual_max(searched)
+        is_one: cython.bint
+        some: cython.bint = False
+        for i in range(self.n):
+            limit = residual_max * local_pitch[i]
+            is_one = residual[i, 0] * residual[i, 0] + residual[i, 1] * residual[i, 1] > limit * limit
+            is_one &= seen[i]
+            suspect[i] = is_one
+            some |= is_one
+        return some
 
     def filter(
         self,
         brightness: cython.const[cython.double][::1],
         sigma: cython.const[cython.double][::1],
         motion: cython.const[cython.double][:, ::1],
-        residual: cython.const[cython.double][:, ::1],
         seen: cython.uchar[::1],
         searched: cython.bint,
     ) -> cython.void:
-        """`accepted` for arrays of the right size; updates seen."""
+        """`accepted` where `find_suspects` found any, for arrays of the right size; updates seen."""
         i: cython.Py_ssize_t
-        limit: cython.double
-        residual_max: cython.double = self.residual_max_search if searched else self.residual_max
-        some_suspect: cython.bint = False
-        for i in range(self.n):
-            limit = residual_max * self.local_pitch[i]
-            self.suspect[i] = seen[i] and (
-                residual[i, 0] * residual[i, 0] + residual[i, 1] * residual[i, 1] > limit * limit
-            )
-            some_suspect |= self.suspect[i]
-        if not some_suspect:
-            return
+        residual_max: cython.double = self._residual_max(searched)
         self._find_trusted(brightness, sigma, seen, HUGE_VAL if searched else self.sigma_ratio_max)
         for i in range(self.n):
             self.off[i] = UNKNOWN
         for i in range(self.n):
             if self.suspect[i] and not self.trusted[i]:
                 seen[i] = self._fits(motion, i, residual_max)
+
+    def _residual_max(self, searched: cython.bint) -> cython.double:
+        """Of a pin that is above suspicion, in local pitches."""
+        return self.residual_max_search if searched else self.residual_max
 
     def _find_trusted(
         self,

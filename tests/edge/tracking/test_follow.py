@@ -159,6 +159,13 @@ def test_a_lattice_of_another_tip_is_refused() -> None:
         Follower(small.lattice, large.photometric, large.params)
 
 
+def test_more_pins_than_an_index_holds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    tip = TrackedTip.of(small_tip())
+    monkeypatch.setattr("edge.tracking.follow.PINS_MAX", 18)
+    with pytest.raises(ValueError, match="19 pins; 18 at most"):
+        Follower(tip.lattice, tip.photometric, tip.params)
+
+
 @pytest.mark.parametrize("name", ["closest", "pairs"])
 @pytest.mark.parametrize("pin", [-1, 19, 2**31 - 1])
 def test_a_lattice_that_names_no_pin_is_refused(name: str, pin: int) -> None:
