@@ -12,13 +12,12 @@ from edge.types import Array
 
 
 def mode_sums(basis: NDArray[np.float32], motion: Array, sums: NDArray[np.float32]) -> None:
-    """Sums over the pins of conj(basis) times motion.
+    """Sums over the pins of basis times motion.
 
-    basis   (n, 2, 24), re and im of each pin
+    basis   (n, 24), real
     motion  (n, 2) float64
-    sums    (48,) re, then im; written
+    sums    (48,) of x, then of y; written
     """
-    re, im = basis.transpose(1, 0, 2)
     x, y = motion.astype(np.float32).T[:, :, None]
-    terms = np.concatenate([re * x + im * y, re * y - im * x], axis=1)
+    terms = np.concatenate([basis * x, basis * y], axis=1)
     sums[:] = np.add.accumulate(terms, axis=0)[-1]

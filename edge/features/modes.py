@@ -14,7 +14,8 @@ spin 0. That leaves a tenth of the terms of an unrestricted polynomial: few cali
 the direction is right all the way round.
 
 Where all pins are seen, or predicted, the sums are in single precision: an error of 1e-6 of the motion, a
-thousandth of the pins' noise, for half of the memory.
+thousandth of the pins' noise, for half of the memory. And they are real: mode (b, a) is the conjugate of mode
+(a, b), so that the sums of the latter's real and imaginary part give the coefficients of both.
 
 Terms of equal spin are made orthonormal over the rest pins (Gram-Schmidt, lowest degree first), which keeps
 the spins and makes coefficients comparable; on a round layout terms of different spin are orthogonal anyway.
@@ -49,6 +50,8 @@ else:
 DEGREE = 5
 #: Powers (a, b) of z and conj(z).
 MODE_POWERS = tuple((a, degree - a) for degree in range(DEGREE + 1) for a in range(degree, -1, -1))
+#: Where (b, a) stands.
+_MIRROR = tuple(MODE_POWERS.index((b, a)) for a, b in MODE_POWERS)
 MODE_NAMES = tuple(f"c{a}{b}" for a, b in MODE_POWERS)
 #: Padded length of a row of the basis: whole vectors.
 ROW = cython.declare(cython.Py_ssize_t, 24)
@@ -79,10 +82,12 @@ def mode_basis(rest: Rest) -> Complex:
 
 
 def _in_rows(basis: Complex) -> NDArray[np.float32]:
-    """The basis (n, k) as (n, 2, ROW), re and im."""
-    n, k = basis.shape
-    rows = np.zeros((n, 2, ROW), np.float32)
-    rows[:, 0, :k], rows[:, 1, :k] = basis.real, basis.imag
+    """The basis (n, k) as (n, ROW): the real part where a >= b in a mode's powers, there the imaginary part
+    of (b, a).
+    """
+    rows = np.zeros((len(basis), ROW), np.float32)
+    for column, mirror in enumerate(_MIRROR):
+        rows[:, column] = basis[:, column].real if column <= mirror else basis[:, mirror].imag
     return rows
 
 
@@ -97,7 +102,8 @@ class Modes:
     _result_array: Complex  # the same memory
     _re: cython.double[:, ::1]  # (n, k), the basis
     _im: cython.double[:, ::1]
-    _rows: cython.const[cython.float][:, :, ::1]  # basis times inverse Gram matrix, as `_in_rows` has it
+    _mirror: cython.int[::1]
+    _rows: cython.const[cython.float][:, ::1]  # basis times inverse Gram matrix, as `_in_rows` has it
     _sums: cython.float[::1]  # of `mode_sums`
     _gram_re: cython.double[:, ::1]  # (k, k), of all pins
     _gram_im: cython.double[:, ::1]
@@ -115,6 +121,7 @@ class Modes:
         self._motion_view = PointsView()
         self._result_array = self._result = np.empty(k, np.complex128)
         self._re, self._im = np.array(basis.real, order="C"), np.array(basis.imag, order="C")
+        self._mirror = np.array(_MIRROR, np.int32)
         self._rows = _in_rows(basis @ np.linalg.inv(gram))
         self._sums = np.zeros(2 * ROW, np.float32)
         self._gram_re, self._gram_im = np.array(gram.real, order="C"), np.array(gram.imag, order="C")
@@ -158,11 +165,20 @@ class Modes:
     @cython.exceptval(check=False)
     def _fit_all(self, motion: cython.const[cython.double][:, ::1]) -> cython.void:
         """Coefficients over all pins."""
+        sums: cython.float[::1] = self._sums
         j: cython.Py_ssize_t
-        mode_sums(self._rows, motion, self._sums)
-        for j in range(self._k):
-            self._sum_re[j] = self._sums[j]
-            self._sum_im[j] = self._sums[ROW + j]
+        m: cython.Py_ssize_t
+        mode_sums(self._rows, motion, sums)
+        for j in range(self._k):  # of real part r and imaginary part i: r - i i, and r + i i of the conjugate
+            m = self._mirror[j]
+            if j == m:
+                self._sum_re[j] = sums[j]
+                self._sum_im[j] = sums[ROW + j]
+            elif j < m:
+                self._sum_re[j] = sums[j] + sums[ROW + m]
+                self._sum_im[j] = sums[ROW + j] - sums[m]
+                self._sum_re[m] = sums[j] - sums[ROW + m]
+                self._sum_im[m] = sums[ROW + j] + sums[m]
 
     @cython.cfunc
     @cython.exceptval(check=False)
