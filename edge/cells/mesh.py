@@ -53,12 +53,14 @@ from edge.types import Array, Index
 
 if cython.compiled:
     from cython.cimports.edge.cells.predicates import Predicates
+    from cython.cimports.edge.cells.triangle_parts import measure_fours
     from cython.cimports.edge.geometry.views import PointsView
     from cython.cimports.libc.math import fabs
 else:
     from math import fabs
 
     from edge.cells.predicates import Predicates
+    from edge.cells.triangle_parts import measure_fours
     from edge.geometry.views import PointsView
 
 INFINITY = cython.declare(cython.double, float("inf"))
@@ -67,6 +69,11 @@ NAN = cython.declare(cython.double, float("nan"))
 EPSILON = cython.declare(cython.double, 2.0**-53)
 # Twice a triangle's area over the sum of its squared edges, below which its weights are taken exactly.
 SLIVER = cython.declare(cython.double, 1e-10)
+# Error bound of a triangle's parts over q (1 + q) S; S: sum of its squared edges, q = S / 4 area >= |cot|.
+# The cross product's relative error is <= 4 eps q, the dot products' error 4 eps q of it: a cotangent's is
+# 4 eps q^2 + 6 eps q. Its squared length and the sum of two parts add 6 eps q, and q >= sqrt(3), so that
+# 8 eps q (1 + q) is enough. No edge's square is above 2/3 S.
+ERROR_BOUND = cython.declare(cython.double, 16.0 / 3.0 * 2.0**-53)
 # Largest error bound of an edge, as a share of its part of the area; larger ones are added up, and must be
 # below this share of the cell's area. Otherwise the cell is summed from exact weights.
 AREA_TOLERANCE = cython.declare(cython.double, 0.5e-12)
@@ -121,11 +128,10 @@ class Mesh:
     same_as: cython.int[::1]  # the point whose vertex it uses, mostly itself
     tail: cython.int[::1]  # per half-edge
     twin: cython.int[::1]
-    cot: cython.double[::1]  # cotangent of the angle that faces it
-    length2: cython.double[::1]
+    part: cython.double[::1]  # cotangent of the angle that faces it, times its squared length
     stacked: cython.uchar[::1]  # whether it is on the stack
     stack: cython.int[::1]  # half-edges to check
-    error: cython.double[::1]  # per triangle: bound of the error of its cotangents; inf: unknown
+    error: cython.double[::1]  # per triangle: bound of the error of its parts; inf: unknown
     points_view: PointsView
     areas: cython.double[::1]  # given last
     areas_array: Array | None  # the same memory
@@ -157,8 +163,7 @@ class Mesh:
         self.same_as = np.zeros(n_all, np.int32)
         self.tail = np.zeros(3 * n_triangles, np.int32)
         self.twin = np.zeros(3 * n_triangles, np.int32)
-        self.cot = np.zeros(3 * n_triangles)
-        self.length2 = np.zeros(3 * n_triangles)
+        self.part = np.zeros(3 * n_triangles)
         self.stacked = np.zeros(3 * n_triangles, np.uint8)
         self.stack = np.zeros(3 * n_triangles, np.int32)
         self.error = np.zeros(n_triangles)
@@ -320,10 +325,13 @@ class Mesh:
     def _follow(self) -> cython.bint:
         """Measure the kept triangles where they are now; false where flips cannot repair them."""
         valid: cython.bint = True
-        plain: cython.bint = True
         flips: cython.Py_ssize_t = self.flips
+        n: cython.Py_ssize_t = self.n_triangles
         t: cython.Py_ssize_t
-        for t in range(self.n_triangles):
+        plain: cython.bint = measure_fours(
+            self.tail, self.x, self.y, n, SLIVER, ERROR_BOUND, self.part, self.error
+        )
+        for t in range(n - n % 4, n):
             plain &= self._measure_plain(t)
         if not plain:
             for t in range(self.n_triangles):
@@ -379,7 +387,7 @@ class Mesh:
     @cython.nogil
     @cython.exceptval(check=False)
     def _measure(self, t: cython.Py_ssize_t) -> cython.bint:
-        """Cotangents, squared lengths and error bound of triangle t; false if it is turned over or flat."""
+        """Parts and error bound of triangle t; false if it is turned over or flat."""
         return self._measure_plain(t) or (
             self.predicates.orient(self.tail[3 * t], self.tail[3 * t + 1], self.tail[3 * t + 2]) > 0.0
         )
@@ -389,10 +397,7 @@ class Mesh:
     @cython.nogil
     @cython.exceptval(check=False)
     def _measure_plain(self, t: cython.Py_ssize_t) -> cython.bint:
-        """The same; false, and an infinite bound, where rounding does not allow cotangents.
-
-        It calls nothing, so that in a loop the C compiler keeps the arrays' addresses.
-        """
+        """The same; false, and an infinite bound, where rounding does not allow cotangents."""
         h: cython.Py_ssize_t = 3 * t
         a: cython.Py_ssize_t = self.tail[h]
         b: cython.Py_ssize_t = self.tail[h + 1]
@@ -408,19 +413,15 @@ class Mesh:
         bc2: cython.double = bcx * bcx + bcy * bcy
         ca2: cython.double = cax * cax + cay * cay
         sum2: cython.double = ab2 + bc2 + ca2
-        self.length2[h] = ab2
-        self.length2[h + 1] = bc2
-        self.length2[h + 2] = ca2
         if not cross > SLIVER * sum2:
             self.error[t] = INFINITY
             return False
         inverse: cython.double = 1.0 / cross
-        self.cot[h] = -(bcx * cax + bcy * cay) * inverse
-        self.cot[h + 1] = -(cax * abx + cay * aby) * inverse
-        self.cot[h + 2] = -(abx * bcx + aby * bcy) * inverse
-        # |cot| <= q, relative error of cross <= 4 eps q, of the dot products' magnitude 4 eps
+        self.part[h] = -(bcx * cax + bcy * cay) * inverse * ab2
+        self.part[h + 1] = -(cax * abx + cay * aby) * inverse * bc2
+        self.part[h + 2] = -(abx * bcx + aby * bcy) * inverse * ca2
         q: cython.double = 0.5 * sum2 * inverse
-        self.error[t] = 8.0 * EPSILON * q * (1.0 + q)
+        self.error[t] = ERROR_BOUND * q * (1.0 + q) * sum2
         return True
 
     @cython.cfunc
@@ -430,8 +431,7 @@ class Mesh:
         """Check every edge and sum the areas; edges that are not Delaunay are put onto the stack."""
         tail: cython.int[::1] = self.tail
         twin: cython.int[::1] = self.twin
-        cot: cython.double[::1] = self.cot
-        length2: cython.double[::1] = self.length2
+        parts: cython.double[::1] = self.part
         errors: cython.double[::1] = self.error
         area: cython.double[::1] = self.area
         n: cython.Py_ssize_t = self.n_bounded
@@ -439,7 +439,6 @@ class Mesh:
         g: cython.Py_ssize_t
         p: cython.Py_ssize_t
         q: cython.Py_ssize_t
-        weight: cython.double
         error: cython.double
         part: cython.double
         for p in range(self.n_points + N_GUARD):
@@ -449,38 +448,37 @@ class Mesh:
             g = twin[h]
             if g < h:  # seen from the other side, or the hull
                 continue
-            weight = cot[h] + cot[g]
+            part = parts[h] + parts[g]
             error = errors[h // 3] + errors[g // 3]
-            if not error < AREA_TOLERANCE * weight:
-                weight = self._weight(h, g, weight, error)
-                if weight < 0.0:
+            if not error < AREA_TOLERANCE * part:
+                part = self._part(h, g, part, error)
+                if part < 0.0:
                     continue
             p, q = tail[h], tail[g]
             if p >= n or q >= n:
                 area[p] = area[q] = INFINITY
                 continue
-            part = length2[h] * weight
             area[p] += part
             area[q] += part
 
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def _weight(
-        self, h: cython.Py_ssize_t, g: cython.Py_ssize_t, weight: cython.double, error: cython.double
+    def _part(
+        self, h: cython.Py_ssize_t, g: cython.Py_ssize_t, part: cython.double, error: cython.double
     ) -> cython.double:
-        """Weight of an edge with a large bound, which is added to that of its cells; -1: it is not Delaunay,
+        """Part of an edge with a large bound, which is added to that of its cells; -1: it is not Delaunay,
         and put onto the stack.
         """
-        if not weight > error:
+        if not part > error:
             if self._incircle(h, g) > 0.0:
                 self._push(h)
                 return -1.0
-            weight = self._exact_weight(h, g)
-            error = 8.0 * EPSILON * weight
-        self.bound[self.tail[h]] += self.length2[h] * error
-        self.bound[self.tail[g]] += self.length2[h] * error
-        return weight
+            part = self._exact_part(h, g)
+            error = 8.0 * EPSILON * part
+        self.bound[self.tail[h]] += error
+        self.bound[self.tail[g]] += error
+        return part
 
     @cython.cfunc
     @cython.nogil
@@ -509,7 +507,7 @@ class Mesh:
             p, q = self.tail[h], self.tail[g]
             if not ((p < n and self.exactly[p]) or (q < n and self.exactly[q])):
                 continue
-            part = self.length2[h] * self._exact_weight(h, g)
+            part = self._exact_part(h, g)
             if p < n and self.exactly[p]:
                 self.area[p] += part
             if q < n and self.exactly[q]:
@@ -548,13 +546,18 @@ class Mesh:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def _exact_weight(self, h: cython.Py_ssize_t, g: cython.Py_ssize_t) -> cython.double:
+    def _exact_part(self, h: cython.Py_ssize_t, g: cython.Py_ssize_t) -> cython.double:
         p: cython.Py_ssize_t = self.tail[h]
         q: cython.Py_ssize_t = self.tail[g]
         r: cython.Py_ssize_t = self.tail[_before(h)]
         s: cython.Py_ssize_t = self.tail[_before(g)]
+        dx: cython.double = self.x[q] - self.x[p]
+        dy: cython.double = self.y[q] - self.y[p]
         inside: cython.double = self.predicates.incircle_exact(p, q, r, s)
-        return -inside / self.predicates.orient_exact(p, q, r) / self.predicates.orient_exact(q, p, s)
+        weight: cython.double = (
+            -inside / self.predicates.orient_exact(p, q, r) / self.predicates.orient_exact(q, p, s)
+        )
+        return (dx * dx + dy * dy) * weight
 
     # ---- edges
 

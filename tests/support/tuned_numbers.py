@@ -73,6 +73,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     }),
     "rounding and the width of a number": frozenset({
         "edge/cells/mesh.py:EPSILON", "edge/cells/mesh.py:SLIVER", "edge/cells/mesh.py:AREA_TOLERANCE",
+        "edge/cells/mesh.py:ERROR_BOUND",
         "edge/cells/mesh.py:EXTENT_MIN", "edge/cells/mesh.py:EXTENT_MAX", "edge/cells/mesh.py:SNAP",
         "edge/limits.py:POINTS_MAX", "edge/calibration/gaussian_process.py:LOST_MAX",
         "edge/features/contact_fit.py:_AFFINE_PITCHES", "edge/features/contact_fit.py:_HALF_MIN",
