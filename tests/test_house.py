@@ -179,6 +179,17 @@ def test_the_running_finger_needs_no_scipy() -> None:
     assert not loaded_by(play) & {"scipy", "skimage", "matplotlib"}
 
 
+def test_the_running_finger_loads_no_link_that_it_has_not() -> None:
+    """python-can, with asyncio and TLS behind it, would take 14 MB and a tenth of the start."""
+    play = (
+        "import sys; sys.argv = ['edge', 'replay', 'tests/data/two_contacts.mcap', '--speed', 'max', '-q',\n"
+        "    '--sink', 'serial:loop://']\n"
+        "from edge.cli.program import cli\ncli(standalone_mode=False)\n"
+        "import edge.link.socketcan, edge.cli.run"
+    )
+    assert not loaded_by(play) & {"can", "canopen", "asyncio", "ssl"}
+
+
 def test_coverage_leaves_out_the_kernels_and_nothing_else() -> None:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["coverage"][
         "report"

@@ -147,10 +147,10 @@ class LinkSink(ABC):
             self._count(detail_skipped=1)
         return free
 
-    def every(self, key: int, period_s: float, make: Callable[[], Any] | None) -> None:
-        """Post `make()` each period from now on; None ends it. `key` names the series."""
+    def every(self, period_s: float, make: Callable[[], Any] | None) -> None:
+        """Post `make()` each period from now on, and nothing else periodically; None: nothing."""
         with self._changed:
-            self._queue.every(key, period_s, make, time.monotonic())
+            self._queue.every(period_s, make, time.monotonic())
             self._changed.notify_all()
 
     def drain(self, timeout_s: float) -> bool:

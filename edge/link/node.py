@@ -22,6 +22,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
+from edge.link.nmt import NmtCommand, NmtState
 from edge.link.object_server import Device, ObjectServer, RequestRefused
 from edge.link.params import PARAMS
 from edge.link.ports import CanPort, SerialPort
@@ -32,9 +33,6 @@ from hostlink.wire import FAULTS, FEATURE_BITS, CanIds, FaultCode, State, Status
 __all__ = ["Device", "Node", "RequestRefused"]
 
 Value = int | float | str | bytes
-
-OPERATIONAL = "OPERATIONAL"
-NMT_RESET_NODE, NMT_RESET_COMMUNICATION = 129, 130
 
 _FAULTS = {fault.code: fault for fault in FAULTS}
 _STANDARD_IDS = CanIds()
@@ -93,15 +91,15 @@ class Node:
         return self.sink.counters
 
     @property
-    def state(self) -> str:
-        """CiA 301 NMT state: OPERATIONAL, PRE-OPERATIONAL, STOPPED."""
-        return str(self._port.node.nmt.state)
+    def state(self) -> NmtState:
+        """As a master has set it."""
+        return self._port.nmt.state
 
     def send(self, state: State) -> bool:
         """Send a sample if it is due; True: it was sent. A sample that is not due is neither sent nor
         counted.
         """
-        if self.state != OPERATIONAL or not self._is_due(state.capture_time_us):
+        if self.state is not NmtState.OPERATIONAL or not self._is_due(state.capture_time_us):
             return False
         if self.objects.transmission[1] != 254:
             with self._sending:
@@ -130,7 +128,7 @@ class Node:
         """
         divider, sink = self.detail_divider, self.sink
         self._detail_frames += 1
-        if divider == 0 or self.state != OPERATIONAL or self._detail_frames % divider:
+        if divider == 0 or self.state is not NmtState.OPERATIONAL or self._detail_frames % divider:
             return False
         if not isinstance(sink, CanFdSink | SerialSink):
             return False
@@ -180,8 +178,9 @@ class Node:
     # ---- within -----------------------------------------------------------------------------------
 
     def _start(self) -> None:
-        self._port.start()
-        self._port.node.nmt.state = OPERATIONAL
+        nmt = self._port.nmt
+        nmt.boot(self._settings.values.heartbeat_ms)
+        nmt.state = NmtState.OPERATIONAL
 
     def _send(self, state: State) -> bool:
         dropped_n = self.sink.counters.dropped
@@ -211,7 +210,7 @@ class Node:
 
     def _on_sync(self) -> None:
         every = self.objects.transmission[1]
-        if every == 254 or self.state != OPERATIONAL:
+        if every == 254 or self.state is not NmtState.OPERATIONAL:
             return
         self._syncs += 1
         if self._syncs % every:
@@ -223,9 +222,9 @@ class Node:
             waited_us = (time.monotonic() - since_s) * 1e6
             self._send(replace(state, latency_us=state.latency_us + waited_us))
 
-    def _on_nmt(self, command: int) -> None:
-        if command in (NMT_RESET_NODE, NMT_RESET_COMMUNICATION):
-            if command == NMT_RESET_NODE:
+    def _on_nmt(self, command: NmtCommand) -> None:
+        if command in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
+            if command is NmtCommand.RESET_NODE:
                 self._settings.values = self._settings.load()
                 self._changed("features")
             self.objects.reset()
@@ -235,7 +234,7 @@ class Node:
     def _changed(self, setting: str) -> None:
         values = self._settings.values
         if setting == "heartbeat_ms":
-            self._port.set_heartbeat(values.heartbeat_ms)
+            self._port.nmt.set_heartbeat(values.heartbeat_ms)
         elif setting == "features":
             names = frozenset(name for name, bit in FEATURE_BITS.items() if values.features & bit)
             self._device.set_features(names)

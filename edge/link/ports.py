@@ -1,141 +1,64 @@
-"""A `canopen` node on our own links: NMT, heartbeat, SDO server on CAN; the same over serial.
+"""A CANopen node on our links: NMT, heartbeat, emergencies and the SDO server on CAN; the same over serial.
 
-`canopen` implements the state machines of CiA 301; the link is ours, because it must survive what
-`canopen.Network` does not: a bus that disappears and comes back. So the network below has no bus of its own:
-messages from `canopen` are posted to the sink, incoming ones are passed to it.
-
-    CAN     identifiers are moved to the configured bases on their way out and in
-    serial  heartbeat, emergency, NMT and SYNC have message types of their own; objects come as requests
+CAN     identifiers are those of the configured bases
+serial  heartbeat, emergency, NMT and SYNC have message types of their own; objects come as requests
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-import can
-import canopen
-from canopen.sdo.exceptions import SdoAbortedError
-
+from edge.link.can_frame import CanFrame
+from edge.link.nmt import Nmt, NmtCommand, NmtState
 from edge.link.object_server import Aborted, ObjectServer
 from edge.link.sdo_server import DOWNLOAD_MAX, TOO_LONG, SdoServer
-from edge.link.sinks import CanSink, SerialSink
-from hostlink.wire import OBJECTS, Abort, CorruptFrame, Kind, Message, ObjectReply, ObjectRequest, Op
-from hostlink.wire.objects import TYPES
+from edge.link.sinks import CanSink, LinkSink, SerialSink
+from hostlink.wire import Abort, CorruptFrame, Kind, Message, ObjectReply, ObjectRequest, Op
 from hostlink.wire.serial import CHUNK_MAX
 
-__all__ = ["CanPort", "SerialPort", "StandardNode", "object_dictionary"]
-
-NMT, SYNC, EMERGENCY, SDO_RESPONSE, SDO_REQUEST, HEARTBEAT = 0x000, 0x080, 0x080, 0x580, 0x600, 0x700
-STOPPED = "STOPPED"
+__all__ = ["CanPort", "SerialPort"]
 
 
-def object_dictionary() -> Any:
-    """The object table as a `canopen.ObjectDictionary`."""
-    od: Any = canopen.ObjectDictionary()
-    by_index: dict[int, list[Any]] = {}
-    for row in OBJECTS:
-        by_index.setdefault(row.index, []).append(row)
-    for index, rows in by_index.items():
-        record = canopen.objectdictionary.ODRecord(rows[0].name.removesuffix("_max_sub"), index)
-        for row in rows:
-            variable = canopen.objectdictionary.ODVariable(row.name, index, row.sub)
-            variable.data_type = TYPES[row.type][0]
-            variable.access_type = row.access
-            record.add_member(variable)
-        od.add_object(record if len(rows) > 1 else variable)
-    return od
-
-
-class _Series:
-    """Handle for `canopen` of a message that is sent periodically."""
-
-    def __init__(self, network: _Network, can_id: int, data: bytes, period_s: float) -> None:
-        self._network, self._can_id, self._data = network, can_id, bytes(data)
-        network.every(can_id, period_s, lambda: network.item(can_id, self._data))
-
-    def stop(self) -> None:
-        self._network.every(self._can_id, 0.0, None)
-
-    def update(self, data: bytes) -> None:
-        self._data = bytes(data)
-
-
-class _Network(canopen.Network):
-    """A network without a bus: `post` sends an item, `item` makes one of a standard identifier and data."""
-
-    def __init__(
-        self,
-        item: Callable[[int, bytes], Any],
-        post: Callable[[Any], None],
-        every: Callable[[int, float, Callable[[], Any] | None], None],
-    ) -> None:
-        super().__init__()
-        self.item, self._post, self.every = item, post, every
-
-    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        self._post(self.item(can_id, bytes(data)))
-
-    def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> Any:
-        return _Series(self, can_id, bytes(data), period)
-
-
-class StandardNode(canopen.LocalNode):
-    """A `canopen` node whose objects are the object server's."""
-
-    def __init__(self, node: int, server: ObjectServer) -> None:
-        super().__init__(node, object_dictionary())
-        self._server = server
-
-    def get_data(self, index: int, subindex: int, check_readable: bool = False) -> bytes:
-        try:
-            return self._server.read(index, subindex)
-        except Aborted as error:
-            raise SdoAbortedError(error.code) from None
-
-    def set_data(self, index: int, subindex: int, data: bytes, check_writable: bool = False) -> None:
-        try:
-            self._server.write(index, subindex, bytes(data))
-        except Aborted as error:
-            raise SdoAbortedError(error.code) from None
-
-
-class _Port:
+class _Port(ABC):
     """Common to both links.
 
-    on_nmt   called after the state machine has taken an NMT command, with the command
+    on_nmt   called after a master's command was taken
     on_sync  called at each SYNC
     """
 
     def __init__(
-        self, network: _Network, node: int, server: ObjectServer, on_nmt: Callable[[int], None],
+        self, sink: LinkSink, node: int, server: ObjectServer, on_nmt: Callable[[NmtCommand], None],
         on_sync: Callable[[], None],
     ) -> None:  # fmt: skip
-        self.node: Any = StandardNode(node, server)  # `canopen` is typed in parts only
         self.server = server
-        self._network = network
+        self._sink, self._node = sink, node
         self._on_nmt, self._on_sync = on_nmt, on_sync
-        network[node] = self.node
+        self.nmt = Nmt(self._send_heartbeat, self._every)
 
-    def start(self) -> None:
-        """Boot-up message, then pre-operational, with heartbeat."""
-        self.node.nmt.stop_heartbeat()
-        self.node.nmt.state = "INITIALISING"
-        self.node.nmt.state = "PRE-OPERATIONAL"
+    @abstractmethod
+    def _item(self, kind: Kind, data: bytes) -> Any:
+        """What carries a heartbeat or an emergency."""
 
-    def set_heartbeat(self, period_ms: int) -> None:
-        self.node.nmt.start_heartbeat(period_ms)
+    def send_emergency(self, data: bytes) -> None:
+        self._sink.post(self._item(Kind.EMERGENCY, data))
 
+    @abstractmethod
     def forget_transfer(self) -> None:
         """Abandon a segmented transfer."""
 
-    def send_emergency(self, data: bytes) -> None:
-        self._network.send_message(EMERGENCY + self.node.id, data)
+    def _send_heartbeat(self, data: bytes) -> None:
+        self._sink.post(self._item(Kind.HEARTBEAT, data))
 
-    def _nmt(self, command: int, node: int, timestamp_s: float) -> None:
-        if node in (0, self.node.id):
-            self.forget_transfer()
-            self._network.notify(NMT, bytearray((command, node)), timestamp_s)
+    def _every(self, period_s: float, make: Callable[[], bytes] | None) -> None:
+        item = None if make is None else lambda: self._item(Kind.HEARTBEAT, make())
+        self._sink.every(period_s, item)
+
+    def _command(self, number: int) -> None:
+        self.forget_transfer()
+        command = self.nmt.command(number)
+        if command is not None:
             self._on_nmt(command)
 
 
@@ -143,55 +66,51 @@ class CanPort(_Port):
     """The node on a CAN bus."""
 
     def __init__(self, sink: CanSink, server: ObjectServer, *callbacks: Any) -> None:
-        ids, node = sink.ids, sink.node
-        self._out = {
-            SDO_RESPONSE + node: ids.of(Kind.SDO_RESPONSE, node),
-            HEARTBEAT + node: ids.of(Kind.HEARTBEAT, node),
-            EMERGENCY + node: ids.of(Kind.EMERGENCY, node),
-        }
-        self._in = {ids.nmt: NMT, ids.sync: SYNC, ids.of(Kind.SDO_REQUEST, node): SDO_REQUEST}
-        super().__init__(_Network(self._item, sink.post, sink.every), node, server, *callbacks)
-        response = ids.of(Kind.SDO_RESPONSE, node)
-        self.sdo = SdoServer(server, lambda data: sink.post_can(response, data))
+        super().__init__(sink, sink.node, server, *callbacks)
+        self._ids = sink.ids
+        self._request = sink.ids.of(Kind.SDO_REQUEST, sink.node)
+        response = sink.ids.of(Kind.SDO_RESPONSE, sink.node)
+        self.sdo = SdoServer(server, lambda data: sink.post(CanFrame(response, data)))
         sink.on_message = self.receive
 
-    def _item(self, can_id: int, data: bytes) -> can.Message:
-        return can.Message(arbitration_id=self._out[can_id], data=data, is_extended_id=False)
+    def _item(self, kind: Kind, data: bytes) -> CanFrame:
+        return CanFrame(self._ids.of(kind, self._node), data)
 
     def forget_transfer(self) -> None:
         self.sdo.reset()
 
-    def receive(self, message: can.Message) -> None:
-        """Handle a message from the bus, for any node."""
-        kind = self._in.get(message.arbitration_id)
-        if kind is None or message.is_extended_id or message.is_remote_frame or message.is_fd:
+    def receive(self, frame: CanFrame) -> None:
+        """Handle a frame from the bus, for any node."""
+        can_id, data, fd = frame
+        if fd:
             return
-        data = bytearray(message.data)
-        if kind == NMT and len(data) == 2:
-            self._nmt(data[0], data[1], message.timestamp)
-        elif kind == SYNC and len(data) <= 1:  # CiA 301: empty, or one counter
-            self._on_sync()
-        elif kind == SDO_REQUEST and len(data) == 8 and self.node.nmt.state != STOPPED:
-            self.sdo.request(bytes(data))
+        if can_id == self._ids.nmt:
+            if len(data) == 2 and data[1] in (0, self._node):
+                self._command(data[0])
+        elif can_id == self._ids.sync:
+            if len(data) <= 1:  # CiA 301: empty, or one counter
+                self._on_sync()
+        elif can_id == self._request and len(data) == 8 and self.nmt.state is not NmtState.STOPPED:
+            self.sdo.request(data)
 
 
 class SerialPort(_Port):
     """The node at the end of a serial line."""
 
     def __init__(self, sink: SerialSink, node: int, server: ObjectServer, *callbacks: Any) -> None:
-        self._sink = sink
+        self._line = sink
         self._counters = {Message.HEARTBEAT: 0, Message.EMERGENCY: 0}
         self._answered: tuple[int, bytes] | None = None
         self._answer = b""
         self._upload = bytearray()
         self._upload_to: tuple[int, int] | None = None
-        super().__init__(_Network(self._item, sink.post, sink.every), node, server, *callbacks)
+        super().__init__(sink, node, server, *callbacks)
         sink.on_frame = self.receive
 
-    def _item(self, can_id: int, data: bytes) -> bytes:
-        kind = Message.HEARTBEAT if can_id == HEARTBEAT + self.node.id else Message.EMERGENCY
-        self._counters[kind] += 1
-        return self._sink.frame(kind, data, self._counters[kind])
+    def _item(self, kind: Kind, data: bytes) -> bytes:
+        message = Message.HEARTBEAT if kind is Kind.HEARTBEAT else Message.EMERGENCY
+        self._counters[message] += 1
+        return self._line.frame(message, data, self._counters[message])
 
     def forget_transfer(self) -> None:
         self._upload_to = None
@@ -199,10 +118,10 @@ class SerialPort(_Port):
     def receive(self, kind: Message, counter: int, body: bytes) -> None:
         """Handle a frame from the line."""
         if kind is Message.NMT and len(body) == 1:
-            self._nmt(body[0], self.node.id, 0.0)
+            self._command(body[0])
         elif kind is Message.SYNC:
             self._on_sync()
-        elif kind is Message.REQUEST and self.node.nmt.state != STOPPED:
+        elif kind is Message.REQUEST and self.nmt.state is not NmtState.STOPPED:
             # A request repeated because its answer was lost gets the same answer; the action (a tare, a
             # reboot) is not repeated.
             if self._answered != (counter, body):
@@ -211,7 +130,7 @@ class SerialPort(_Port):
                 except CorruptFrame:
                     return
                 self._answered, self._answer = (counter, body), self._serve(request).pack()
-            self._sink.post_frame(Message.REPLY, self._answer, counter)
+            self._line.post_frame(Message.REPLY, self._answer, counter)
 
     def _serve(self, ask: ObjectRequest) -> ObjectReply:
         try:

@@ -35,7 +35,7 @@ class SendQueue:
         self._samples: deque[Sequence[Any]] = deque()
         self._detail: deque[Any] = deque()
         self._detail_spacing_s = self._detail_due_s = 0.0
-        self._periodic: dict[int, _Periodic] = {}
+        self._periodic: _Periodic | None = None
         self._in_hand: Kind | None = None
 
     @property
@@ -70,27 +70,25 @@ class SendQueue:
         self._detail.extend(items)
         self._detail_spacing_s = spacing_s
 
-    def every(self, key: int, period_s: float, make: Callable[[], Any] | None, now_s: float) -> None:
-        """Add `make()` as control each period from now on; None ends it. `key` names the series."""
-        self._periodic.pop(key, None)
-        if make is not None and period_s > 0:
-            self._periodic[key] = _Periodic(period_s, make, now_s + period_s)
+    def every(self, period_s: float, make: Callable[[], Any] | None, now_s: float) -> None:
+        """Add `make()` as control each period from now on, and nothing else periodically; None: nothing."""
+        self._periodic = None if make is None else _Periodic(period_s, make, now_s + period_s)
 
     def wait_s(self, now_s: float) -> float | None:
         """Time until there is an item to take; None: until one is put."""
         if self._samples or self._control:
             return 0.0
-        due = [series.due_s for series in self._periodic.values()]
+        due = [] if self._periodic is None else [self._periodic.due_s]
         if self._detail:
             due.append(self._detail_due_s)
         return max(0.0, min(due) - now_s) if due else None
 
     def take(self, now_s: float) -> Sequence[Any] | None:
         """The most urgent items, to be written now; None: nothing is due. `done` follows."""
-        for series in self._periodic.values():
-            if now_s >= series.due_s:
-                series.due_s = max(series.due_s + series.period_s, now_s)
-                self._control.append(series.make())
+        series = self._periodic
+        if series is not None and now_s >= series.due_s:
+            series.due_s = max(series.due_s + series.period_s, now_s)
+            self._control.append(series.make())
         if self._control:
             self._in_hand = "control"
             return (self._control.popleft(),)

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import can
-
 from edge.errors import SinkError
+from edge.link.can_frame import CanFrame
 from edge.link.link_sink import LinkSink
 from edge.link.media import Medium, MediumError, MediumFull, open_bus, open_line
 from edge.link.params import PARAMS, LinkParams
 from edge.link.sink import MemorySink, Sink, SinkCounters
 from hostlink.wire import (
     CanIds,
+    Kind,
     Message,
     State,
     encode_frame,
@@ -50,7 +50,7 @@ BITRATE, DBITRATE = 1_000_000, 5_000_000  # used if the address names none: CiA 
 
 
 class CanSink(LinkSink):
-    """A node on a CAN bus. Items and incoming messages are can.Message.
+    """A node on a CAN bus. Items and incoming messages are `CanFrame`.
 
     node    CANopen node number, 1..127
     ids     bases of the identifiers
@@ -70,22 +70,18 @@ class CanSink(LinkSink):
         self.ids.state(node)  # ValueError: no such node
         super().__init__(name, open_medium, params)
 
-    def post_can(self, can_id: int, data: bytes) -> None:
-        """Post an 8-byte message: an answer, an emergency, a heartbeat."""
-        self.post(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
-
 
 class CanFdSink(CanSink):
     """One CAN FD frame of 64 bytes a sample, on TPDO1's identifier."""
 
-    def encode(self, state: State, counter: int) -> Sequence[can.Message]:
-        return (_fd_message(self.ids.state(self.node), pack_state(state, counter)),)
+    def encode(self, state: State, counter: int) -> Sequence[CanFrame]:
+        return (CanFrame(self.ids.state(self.node), pack_state(state, counter), fd=True),)
 
     bitrate, dbitrate = BITRATE, DBITRATE  # of the bus, where the address names them
 
-    def encode_detail(self, payload: bytes) -> can.Message:
+    def encode_detail(self, payload: bytes) -> CanFrame:
         """The message of one detail segment, on TPDO4's identifier."""
-        return _fd_message(self.ids.detail(self.node), payload)
+        return CanFrame(self.ids.detail(self.node), payload, fd=True)
 
     def frame_s(self, n_bytes: int) -> float:
         """How long such a frame occupies the bus, at worst."""
@@ -95,11 +91,8 @@ class CanFdSink(CanSink):
 class CanClassicSink(CanSink):
     """4 to 12 messages of 8 bytes a sample, on the identifiers of TPDO1..4."""
 
-    def encode(self, state: State, counter: int) -> Sequence[can.Message]:
-        return [
-            can.Message(arbitration_id=self.ids.tpdo(tpdo, self.node), data=data, is_extended_id=False)
-            for tpdo, data in pack_parts(state, counter)
-        ]
+    def encode(self, state: State, counter: int) -> Sequence[CanFrame]:
+        return [CanFrame(self.ids.tpdo(tpdo, self.node), data) for tpdo, data in pack_parts(state, counter)]
 
 
 class SerialSink(LinkSink):
@@ -169,13 +162,9 @@ def open_sink(spec: str, node: int | None = None, ids: CanIds | None = None) -> 
         line.baud = address.baud
         return line
     kind: type[CanSink] = CanFdSink if address.fd else CanClassicSink
-    bus = kind(str(address), open_bus(address), address.node or node or NODE_DEFAULT, ids)
+    ids, node = ids or CanIds(), address.node or node or NODE_DEFAULT
+    wanted = (ids.nmt, ids.sync, ids.of(Kind.SDO_REQUEST, node))
+    bus = kind(str(address), open_bus(address, wanted), node, ids)
     if isinstance(bus, CanFdSink):
         bus.bitrate, bus.dbitrate = address.bitrate or BITRATE, address.dbitrate or DBITRATE
     return bus
-
-
-def _fd_message(can_id: int, data: bytes) -> can.Message:
-    return can.Message(
-        arbitration_id=can_id, data=data, is_extended_id=False, is_fd=True, bitrate_switch=True
-    )

@@ -291,7 +291,7 @@ class Soak:
         address = parse_address(f"virtual:soak{outcome.seed}")
         self.refused_s = Times(outcome.seconds * 2 * rate_hz)
         opener = faulty_medium(
-            open_bus(address), self.rows["link"], self.clock, outcome.seed, self.refused_s.append
+            open_bus(address, ()), self.rows["link"], self.clock, outcome.seed, self.refused_s.append
         )
         self.node = Node(
             CanFdSink(str(address), opener, NODE), LoopDevice(self.loop, "soak"), SettingsFile(), NODE

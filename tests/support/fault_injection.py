@@ -293,9 +293,7 @@ def _flipped(item: Any, random: Random) -> Any:
         data[random.randrange(len(data))] ^= 1 << random.randrange(8)
     if isinstance(item, bytes):
         return bytes(data)
-    turned = item.__copy__()
-    turned.data = data
-    return turned
+    return item._replace(data=bytes(data))
 
 
 def faulty_medium(

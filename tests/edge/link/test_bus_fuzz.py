@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import can
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from edge.link import sdo_server
+from edge.link.can_frame import CanFrame
+from edge.link.nmt import NmtState
 from edge.link.node import Node
 from edge.link.params import PARAMS
 from edge.link.ports import CanPort
@@ -101,16 +102,16 @@ identifiers = st.one_of(
 def test_can(on_can: tuple[Node, Finger, Wire], messages: list[tuple[int, bytes]]) -> None:
     node, finger, wire = on_can
     for can_id, data in messages:
-        message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
+        message = CanFrame(can_id, data)
         node.sink.on_message(message)  # type: ignore[misc]
     check_values(node, finger)
     # A master restarts it after any commands; then it answers as before.
-    node.sink.on_message(can.Message(arbitration_id=0, data=bytes((1, NODE)), is_extended_id=False))  # type: ignore[misc]
+    node.sink.on_message(CanFrame(0, bytes((1, NODE))))  # type: ignore[misc]
     assert node.drain(SOON_S)
     wire.items.clear()
-    node.sink.on_message(can.Message(arbitration_id=REQUEST, data=IDENTITY, is_extended_id=False))  # type: ignore[misc]
+    node.sink.on_message(CanFrame(REQUEST, IDENTITY))  # type: ignore[misc]
     assert node.drain(SOON_S)
-    answers = [bytes(m.data) for m in wire.items if m.arbitration_id == RESPONSE]
+    answers = [bytes(m.data) for m in wire.items if m.can_id == RESPONSE]
     assert [a[:4] for a in answers] == [b"\x43" + IDENTITY[1:4]]
 
 
@@ -137,7 +138,7 @@ def test_serial(on_serial: tuple[Node, Finger, Wire], chunks: list[bytes]) -> No
     check_values(node, finger)
     start = encode_frame(Message.NMT, pack_message(Message.NMT, bytes((1,)), 0))
     node.sink._split(b"\0" + start)
-    assert node.state == "OPERATIONAL"
+    assert node.state is NmtState.OPERATIONAL
     assert len(node.sink._buffer) <= PARAMS.noise_bytes
 
 
@@ -150,13 +151,13 @@ def test_an_endless_upload_is_refused(
     row = next(row for row in OBJECTS if row.name == "calibration")
     start = bytes((0x20,)) + row.index.to_bytes(2, "little") + bytes((row.sub,)) + bytes(4)
     wire.items.clear()
-    node.sink.on_message(can.Message(arbitration_id=REQUEST, data=start, is_extended_id=False))  # type: ignore[misc]
+    node.sink.on_message(CanFrame(REQUEST, start))  # type: ignore[misc]
     port = node._port
     assert isinstance(port, CanPort)
     longest = 0
     for k in range(1000):
         data = bytes(((k % 2) << 4,)) + b"{segmen"
-        node.sink.on_message(can.Message(arbitration_id=REQUEST, data=data, is_extended_id=False))  # type: ignore[misc]
+        node.sink.on_message(CanFrame(REQUEST, data))  # type: ignore[misc]
         longest = max(longest, port.sdo.held_bytes)
     assert longest <= 707
     assert node.drain(SOON_S)

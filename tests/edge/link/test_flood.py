@@ -5,8 +5,9 @@ from __future__ import annotations
 import can
 import pytest
 
-from edge.link.media import CanMedium, MediumError
+from edge.link.media import MediumError
 from edge.link.params import PARAMS
+from edge.link.python_can import CanMedium
 from edge.link.read_budget import ReadBudget
 from hostlink.links import CanLink
 

@@ -15,9 +15,9 @@ from canopen.objectdictionary import ObjectDictionary
 
 from edge.errors import CalibrationError
 from edge.link.media import open_line
+from edge.link.nmt import NmtState
 from edge.link.node import Node, RequestRefused
 from edge.link.object_server import Aborted
-from edge.link.ports import object_dictionary
 from edge.link.sinks import CanFdSink, SerialSink, open_sink
 from edge.runtime.settings import NodeSettings, SettingsFile
 from hostlink.wire import (
@@ -44,6 +44,7 @@ from hostlink.wire.address import parse_address
 from tests.support.waiting import SOON_S, until
 
 NODE = 5
+EDS = files("hostlink") / "eds" / "voronoi_touch.eds"
 
 
 class Finger:
@@ -118,7 +119,7 @@ class Bench:
         self.network = canopen.Network()
         self.network.NOTIFIER_CYCLE = 0.02  # disconnecting waits for it so long
         self.network.connect(interface="virtual", channel=channel)
-        self.remote = self.add_node(object_dictionary())
+        self.remote = self.add_node(canopen.import_od(str(EDS), NODE))
         self.open()
 
     def add_node(self, dictionary: ObjectDictionary | str) -> canopen.RemoteNode:
@@ -215,8 +216,7 @@ def test_every_readable_object_answers(bench: Bench) -> None:
 
 def test_remote_node_with_the_shipped_eds(bench: Bench) -> None:
     """A third party needs only the EDS."""
-    eds = files("hostlink") / "eds" / "voronoi_touch.eds"
-    remote = bench.add_node(str(eds))
+    remote = bench.add_node(str(EDS))
     assert remote.sdo[0x2000][3].raw == "VT-0042"
     assert remote.sdo[0x1018][3].raw == object_named("revision").default
     remote.sdo[0x2010].raw = 1
@@ -340,25 +340,25 @@ def test_rate_above_the_cameras_leaves_every_frame(bench: Bench) -> None:
 
 def test_master_stops_and_starts(bench: Bench) -> None:
     bench.nmt(2)
-    until(lambda: bench.node.state == "STOPPED", "stopped")
+    until(lambda: bench.node.state is NmtState.STOPPED, "stopped")
     assert not bench.node.send(state(1))
     bench.nmt(128)
-    until(lambda: bench.node.state == "PRE-OPERATIONAL", "pre-operational")
+    until(lambda: bench.node.state is NmtState.PRE_OPERATIONAL, "pre-operational")
     assert not bench.node.send(state(2))
     assert bench.read("serial_number") == "VT-0042"
     bench.nmt(1)
-    until(lambda: bench.node.state == "OPERATIONAL", "operational")
+    until(lambda: bench.node.state is NmtState.OPERATIONAL, "operational")
     assert bench.node.send(state(3))
     assert bench.samples(1) == [3]
     bench.messages(0x700 + NODE, 0)
     bench.nmt(129)
-    until(lambda: bench.node.state == "OPERATIONAL", "up again")
+    until(lambda: bench.node.state is NmtState.OPERATIONAL, "up again")
     assert bench.messages(0x700 + NODE, 1) == [b"\0"]
 
 
 def test_stopped_node_serves_no_objects(bench: Bench) -> None:
     bench.nmt(2)
-    until(lambda: bench.node.state == "STOPPED", "stopped")
+    until(lambda: bench.node.state is NmtState.STOPPED, "stopped")
     bench.remote.sdo.RESPONSE_TIMEOUT = 0.05
     bench.remote.sdo.MAX_RETRIES = 1
     with pytest.raises(canopen.SdoCommunicationError):
@@ -526,9 +526,9 @@ def test_serial_refusal_carries_the_code(line: Line) -> None:
 
 def test_serial_nmt_sync_emergency_heartbeat(line: Line) -> None:
     line.sink.post_frame(Message.NMT, b"\2", 0)
-    until(lambda: line.node.state == "STOPPED", "stopped")
+    until(lambda: line.node.state is NmtState.STOPPED, "stopped")
     line.sink.post_frame(Message.NMT, b"\1", 1)
-    until(lambda: line.node.state == "OPERATIONAL", "operational")
+    until(lambda: line.node.state is NmtState.OPERATIONAL, "operational")
     line.node.objects.write(0x1800, 2, b"\1")
     line.node.send(state(1))
     line.sink.post_frame(Message.SYNC, b"", 0)

@@ -51,9 +51,9 @@ def test_an_incomplete_detail_group_is_dropped() -> None:
 
 def test_series_come_each_period_and_end() -> None:
     queue = SendQueue(4, 8)
-    queue.every(1, 0.1, lambda: "beat", 0.0)
+    queue.every(0.1, lambda: "beat", 0.0)
     assert [taken(queue, t) for t in (0.05, 0.1, 0.15, 0.25)] == [[], ["beat"], [], ["beat"]]
-    queue.every(1, 0.1, None, 0.25)
+    queue.every(0.1, None, 0.25)
     assert taken(queue, 9.0) == []
     assert queue.wait_s(9.0) is None
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import socket
 import threading
 import time
 import tty
@@ -17,12 +16,13 @@ from typing import Any
 
 import can
 import pytest
-from can.interfaces.socketcan.socketcan import capture_message
 from can.interfaces.virtual import VirtualBus
 
 from edge.errors import SinkError
-from edge.link.media import CanMedium, open_bus, open_line
+from edge.link.can_frame import CanFrame
+from edge.link.media import open_line
 from edge.link.params import PARAMS
+from edge.link.python_can import CanMedium
 from edge.link.sinks import (
     CanClassicSink,
     CanFdSink,
@@ -214,10 +214,10 @@ def test_a_stall_is_reported_without_further_samples(flaky: Flaky, fd_sink: CanF
     reported: list[frozenset[FaultCode]] = []
     fd_sink.on_faults = lambda: reported.append(fd_sink.faults)
     flaky.fail(errno.ENOBUFS)
-    fd_sink.post_can(0x85, bytes(8))  # an emergency: the buffer stays as full
+    fd_sink.post(CanFrame(0x85, bytes(8)))  # an emergency: the buffer stays as full
     until(lambda: reported[-1:] == [frozenset({FaultCode.LINK_DOWN})], "the stall to be reported")
     flaky.fail(None)
-    fd_sink.post_can(0x85, bytes(8))
+    fd_sink.post(CanFrame(0x85, bytes(8)))
     until(lambda: reported[-1:] == [frozenset()], "its end to be reported")
 
 
@@ -251,52 +251,6 @@ def test_bus_off_is_reported_and_cleared(channel: str, fd_sink: CanFdSink) -> No
         until(lambda: fd_sink.faults == {FaultCode.BUS_OFF}, "bus-off")
         assert fd_sink.send(state(1))
         assert fd_sink.faults == frozenset()
-
-
-def test_a_reader_woken_for_an_error_that_a_writer_got_does_not_block(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """The kernel reports once that an interface is down; a reader after that must not block the link."""
-    ours, theirs = socket.socketpair()
-
-    class Woken:
-        def __init__(self, **arguments: object) -> None:
-            assert arguments["interface"] == "socketcan"
-
-        def fileno(self) -> int:
-            return ours.fileno()
-
-        def recv(self, timeout_s: float) -> can.Message | None:
-            return capture_message(ours)  # like after a select that reported a message
-
-    monkeypatch.setattr(can, "Bus", Woken)
-    late = threading.Timer(SOON_S, theirs.close)  # ends the wait of a blocking reader with another error
-    with ours, theirs:
-        medium = open_bus(parse_address("can:can0"))()
-        late.start()
-        with pytest.raises(MediumError):
-            medium.read(0.01)
-        late.cancel()
-
-
-def test_bus_off_of_an_interface_of_the_kernel_lasts_until_its_carrier_is_back(
-    channel: str, tmp_path: Path
-) -> None:
-    carrier = tmp_path / "carrier"
-    carrier.write_text("0\n")
-    sink = CanFdSink("kernel", lambda: CanMedium(FlakyBus(channel), True, carrier))
-    with can.Bus(interface="virtual", channel=channel) as host:
-        host.send(can.Message(is_error_frame=True, arbitration_id=0x40))
-        until(lambda: sink.faults == {FaultCode.BUS_OFF}, "bus-off")
-        assert not sink.send(state(0))  # the kernel would take it, and discard it
-        assert sink.faults == {FaultCode.BUS_OFF}
-        carrier.write_text("1\n")
-        until(lambda: sink.send(state(1)), "carrier")
-        assert sink.faults == frozenset()
-        message = host.recv(SOON_S)
-    sink.close()
-    assert message is not None
-    assert unpack_state(bytes(message.data)).sample == 1
 
 
 def test_a_medium_that_fails_at_once_is_retried_with_pauses(channel: str) -> None:
@@ -358,7 +312,7 @@ def test_answers_overtake_samples_and_detail_waits(channel: str) -> None:
         assert sink.send_detail([sink.encode_detail(bytes(64))], 0.0)
         assert not sink.send_detail([sink.encode_detail(bytes(64))], 0.0)
         sink.send(state(1))
-        sink.post_can(0x581, b"answer")
+        sink.post(CanFrame(0x581, b"answer"))
         assert not sink.send_detail([sink.encode_detail(bytes(64))], 0.0)
         flaky.bus.hang.set()
         ids = [m.arbitration_id for m in (host.recv(SOON_S) for _ in range(4)) if m]
@@ -371,10 +325,10 @@ def test_answers_overtake_samples_and_detail_waits(channel: str) -> None:
 
 def test_heartbeat_series_goes_on_and_ends(channel: str, fd_sink: CanFdSink) -> None:
     with can.Bus(interface="virtual", channel=channel) as host:
-        heartbeat = can.Message(arbitration_id=0x701, data=b"\5", is_extended_id=False)
-        fd_sink.every(1, 0.01, lambda: heartbeat)
+        heartbeat = CanFrame(0x701, b"\5")
+        fd_sink.every(0.01, lambda: heartbeat)
         assert all(host.recv(SOON_S) for _ in range(3))
-        fd_sink.every(1, 0.0, None)
+        fd_sink.every(0.0, None)
         fd_sink.drain(SOON_S)
         while host.recv(0.03):
             pass
@@ -384,15 +338,15 @@ def test_heartbeat_series_goes_on_and_ends(channel: str, fd_sink: CanFdSink) -> 
 def test_a_message_that_breaks_its_handler_does_not_stop_reading(channel: str, fd_sink: CanFdSink) -> None:
     received: list[int] = []
 
-    def handler(message: can.Message) -> None:
-        if not message.data:
+    def handler(frame: CanFrame) -> None:
+        if not frame.data:
             raise KeyError("broken")
-        received.append(message.data[0])
+        received.append(frame.data[0])
 
     fd_sink.on_message = handler
     with can.Bus(interface="virtual", channel=channel) as host:
-        host.send(can.Message(arbitration_id=1))
-        host.send(can.Message(arbitration_id=1, data=b"\7"))
+        host.send(can.Message(arbitration_id=1, is_extended_id=False))
+        host.send(can.Message(arbitration_id=1, data=b"\7", is_extended_id=False))
         until(lambda: received == [7], "the second message")
 
 

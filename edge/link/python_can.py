@@ -1,0 +1,108 @@
+"""Buses that python-can drives: all but the kernel's own.
+
+python-can reports a dead bus in many ways: its own errors, OSError, ValueError for a closed file descriptor,
+TypeError for a handle that became None. All of them are translated here.
+"""
+
+from __future__ import annotations
+
+import logging
+from contextlib import suppress
+
+import can
+import serial
+
+from edge.link.can_frame import CanFrame
+from edge.link.media import FULL, MediumError, MediumFull
+from edge.link.params import PARAMS
+from hostlink.can_bus import open_can_bus
+from hostlink.wire.address import Address
+from hostlink.wire.open_errors import cannot_open, is_junk, message_of
+from hostlink.wire.port_lock import PortLock
+
+__all__ = ["CanMedium", "open_python_can"]
+
+INSTANT = frozenset({"virtual", "udp_multicast"})  # interfaces whose send(timeout=0) returns
+# python-can also logs what it raises: that would be a second line on stderr.
+logging.getLogger("can").propagate = False
+
+_NO_DRIVER = (ImportError, AttributeError, NameError)  # without a driver's own library
+_BROKEN = (can.CanError, OSError, ValueError, TypeError)
+# Error frames have the class bits of SocketCAN in their identifier (linux/can/error.h).
+CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x40, 0x100
+
+
+class CanMedium:
+    """A python-can bus.
+
+    instant  whether its `send(timeout=0)` returns at once
+    lock     of a serial-line adapter's port
+    """
+
+    def __init__(self, bus: can.BusABC, instant: bool, lock: PortLock | None = None) -> None:
+        self.instant = instant
+        self.bus_off = False
+        self.junk_n = 0  # datagrams that were no frames
+        self._bus = bus
+        self._lock = lock
+        self._timeout_s = 0.0 if instant else PARAMS.write_s
+
+    def write(self, item: CanFrame) -> None:
+        message = can.Message(
+            arbitration_id=item.can_id,
+            data=item.data,
+            is_extended_id=False,
+            is_fd=item.fd,
+            bitrate_switch=item.fd,
+        )
+        try:
+            self._bus.send(message, timeout=self._timeout_s)
+        except _BROKEN as error:
+            if _means_full(error):
+                raise MediumFull(str(error)) from error
+            raise MediumError(message_of(error)) from error
+        self.bus_off = False
+
+    def read(self, timeout_s: float) -> CanFrame | None:
+        try:
+            message = self._bus.recv(timeout_s)
+        except _BROKEN as error:
+            if is_junk(error):
+                self.junk_n += 1
+                return None
+            raise MediumError(message_of(error)) from error
+        if message is None:
+            return None
+        if message.is_error_frame:
+            if message.arbitration_id & CAN_ERR_BUSOFF:
+                self.bus_off = True
+            elif message.arbitration_id & CAN_ERR_RESTARTED:
+                self.bus_off = False
+            return None
+        if message.is_extended_id or message.is_remote_frame:
+            return None
+        return CanFrame(message.arbitration_id, bytes(message.data), message.is_fd)
+
+    def close(self) -> None:
+        with suppress(*_BROKEN):  # a dead bus fails to close
+            self._bus.shutdown()
+        if self._lock is not None:
+            self._lock.close()
+
+
+def open_python_can(address: Address) -> CanMedium:
+    """Open the bus of an address. Raises MediumError."""
+    try:
+        bus, lock = open_can_bus(address)
+    except (*_BROKEN, *_NO_DRIVER) as error:
+        raise MediumError(cannot_open(address, error)) from error
+    return CanMedium(bus, address.interface in INSTANT, lock)
+
+
+def _means_full(error: BaseException) -> bool:
+    number = getattr(error, "error_code", None) or getattr(error.__cause__, "errno", None)
+    if number is None:
+        # slcan raises "Transmit buffer full" and a timeout without a number.
+        timed_out = isinstance(error.__cause__, TimeoutError | serial.SerialTimeoutException)
+        return timed_out or isinstance(error, TimeoutError) or "buffer full" in str(error)
+    return number in FULL

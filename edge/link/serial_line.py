@@ -1,0 +1,67 @@
+"""Serial lines, through pyserial."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+import serial
+
+from edge.link.media import MediumError, MediumFull
+from edge.link.params import PARAMS
+from hostlink.wire.address import Address
+from hostlink.wire.open_errors import cannot_open, message_of
+
+__all__ = ["SerialMedium", "open_port"]
+
+# A port that is gone is an OSError (serial.SerialException is one), ValueError for a closed file descriptor,
+# TypeError for a handle that became None.
+_BROKEN = (OSError, ValueError, TypeError)
+
+
+class SerialMedium:
+    """A pyserial port."""
+
+    instant = False
+    bus_off = False
+
+    def __init__(self, port: Any) -> None:
+        self._port = port
+
+    def write(self, item: bytes) -> None:
+        try:
+            self._port.write(item)
+        except serial.SerialTimeoutException as error:
+            with suppress(*_BROKEN):
+                self._port.reset_output_buffer()  # its contents are old by now
+            raise MediumFull(str(error)) from error
+        except _BROKEN as error:
+            raise MediumError(message_of(error)) from error
+
+    def read(self, timeout_s: float) -> bytes | None:
+        try:
+            self._port.timeout = timeout_s
+            first = self._port.read(1)
+            if not first:
+                return None
+            return bytes(first + self._port.read(min(self._port.in_waiting, PARAMS.chunk_bytes)))
+        except _BROKEN as error:
+            raise MediumError(message_of(error)) from error
+
+    def close(self) -> None:
+        with suppress(*_BROKEN):
+            self._port.close()
+
+
+def open_port(address: Address) -> SerialMedium:
+    """Open the serial port of an address. Raises MediumError."""
+    try:
+        port = serial.serial_for_url(
+            address.channel,
+            baudrate=address.baud,
+            write_timeout=PARAMS.write_s,
+            exclusive=True,  # two readers would steal each other's bytes
+        )
+    except _BROKEN as error:
+        raise MediumError(cannot_open(address, error)) from error
+    return SerialMedium(port)
