@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import errno
 import os
-import secrets
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -109,7 +108,7 @@ def find_unfinished(path: str | Path) -> list[Path]:
 
 def _unfinished_name(path: Path) -> Path:
     """Beside the file, hidden, with the same suffix: many libraries choose the format by it."""
-    return path.with_name(f".{path.stem}.{secrets.token_hex(4)}.part{path.suffix}")
+    return path.with_name(f".{path.stem}.{os.urandom(4).hex()}.part{path.suffix}")
 
 
 def _mode(path: Path) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from importlib.metadata import version
+from functools import cache
 
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
@@ -44,7 +44,7 @@ class LoopDevice:
         statistics, calibration = self._loop.statistics(), self._loop.calibration
         return {
             "serial_number": self._serial_number,
-            "software_version": version("voronoi-touch"),
+            "software_version": _version(),
             "calibration_id": f"{calibration.content_id:08x}" if calibration else "",
             "pin_n": statistics.pins_n,
             "camera": self._loop.source.name,
@@ -124,3 +124,10 @@ class LoopDevice:
 
 
 _NAMED = frozenset(Feature) - {Feature.SURFACE}
+
+
+@cache
+def _version() -> str:
+    from importlib.metadata import version  # reads mail headers: 10 ms that the start need not wait for
+
+    return version("voronoi-touch")

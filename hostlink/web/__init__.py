@@ -15,9 +15,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from hostlink.web.listen import TOKEN_VARIABLE, Listen, WebError, find_token, parse_listen
-from hostlink.web.packet import pack_packet, plain, unpack_packet
 
 if TYPE_CHECKING:
+    from hostlink.web.packet import pack_packet, plain, unpack_packet
     from hostlink.web.server import CommandRefused, PageServer, shared_files
 
 __all__ = [
@@ -37,7 +37,9 @@ __all__ = [
 if not TYPE_CHECKING:  # or a type checker would take any name for one of ours
 
     def __getattr__(name: str) -> object:
-        """A name of the server."""
-        if name not in ("CommandRefused", "PageServer", "shared_files"):
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return getattr(import_module("hostlink.web.server"), name)
+        """A name of the server or of its packets."""
+        if name in ("CommandRefused", "PageServer", "shared_files"):
+            return getattr(import_module("hostlink.web.server"), name)
+        if name in ("pack_packet", "plain", "unpack_packet"):
+            return getattr(import_module("hostlink.web.packet"), name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import ipaddress
 import os
-import secrets
 import socket
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,6 +85,8 @@ def parse_listen(text: str, token: str | None = None) -> Listen:
     """
     host, port = _split(text.strip() or DEFAULT)
     if token == "auto":
+        import secrets  # loads cryptography that an address alone does not need
+
         token = secrets.token_urlsafe(16)
     elif token is not None and len(token) < TOKEN_MIN:
         raise WebError(f"token: shorter than {TOKEN_MIN} characters; give a longer one, or auto")

@@ -152,7 +152,7 @@ def test_an_entry_point_opens_its_scheme(monkeypatch: pytest.MonkeyPatch) -> Non
         EntryPoint("torn", "no_such_package_here:open", "voronoi_touch.sources"),
     ]
     monkeypatch.setattr(
-        sources, "entry_points", lambda group, name=None: [p for p in points if name in (None, p.name)]
+        sources, "_from_packages", lambda name=None: [p for p in points if name in (None, p.name)]
     )
     assert open_source("mine:x?seed=4", rate_hz=7.0).name == "mine x 4 7.0"
     with pytest.raises(SourceError, match="no_such_package_here"):
