@@ -34,23 +34,44 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens
         raise NoPins("no image to take the rest frame from; give one or more of the untouched tip")
     if len({grey.shape for grey in greys}) > 1:
         raise NoPins("images of different size cannot make one rest frame; give images of one camera setting")
-    start, first = _first_with_pins(greys, polarity)
-    dark = first.pattern.dark
-    greys = [as_bright(grey, dark) for grey in greys]
-    if len(greys) > 1:
-        as_seen = Rest(first.pins, replace(first.pattern, dark=False))
-        greys = [greys[i] for i in _steady(greys, start, as_seen)]
-    mean = np.zeros(greys[0].shape, np.float64)
-    for grey in greys:
-        mean += grey
-    average = cast(Image, np.rint(mean / len(greys)).astype(greys[0].dtype))
-    pattern, pins = with_voted(greys, *learn(average, Polarity.BRIGHT))
+    dark, greys, rest = _at_rest(greys, polarity) or _at_rest_in_some(greys, polarity)
+    pattern, pins = with_voted(greys, rest.pattern, rest.pins)
     # The noise is that of a single image, like later frames, not that of the mean.
     pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])), dark=dark)
     order = np.lexsort((pins.xy_img[:, 0], np.rint(pins.xy_img[:, 1] / pattern.pitch_px)))
     pins = Pins(pins.xy_img[order], pins.sigma_px[order], pins.radius_px[order], pins.brightness[order])
     rest = Rest(pins, pattern)
     return rest if lens is None else corrected_rest(rest, lens)
+
+
+def _at_rest(greys: Sequence[Image], polarity: Polarity) -> tuple[bool, list[Image], Rest] | None:
+    """Of a tip in which nothing moves: whether its pins are dark, its images with bright ones, and the pins
+    of their mean. None: something moves, or there are no pins.
+    """
+    try:
+        pattern, pins = learn(_mean(greys), polarity)
+    except NoPins:
+        return None
+    greys = [as_bright(grey, pattern.dark) for grey in greys]
+    rest = Rest(pins, replace(pattern, dark=False))
+    return (pattern.dark, greys, rest) if len(_steady(greys, 0, rest)) == len(greys) else None
+
+
+def _at_rest_in_some(greys: Sequence[Image], polarity: Polarity) -> tuple[bool, list[Image], Rest]:
+    """The same of the largest set of images in which nothing moves. Raises NoPins."""
+    start, first = _first_with_pins(greys, polarity)
+    dark = first.pattern.dark
+    greys = [as_bright(grey, dark) for grey in greys]
+    greys = [greys[i] for i in _steady(greys, start, Rest(first.pins, replace(first.pattern, dark=False)))]
+    pattern, pins = learn(_mean(greys), Polarity.BRIGHT)
+    return dark, greys, Rest(pins, pattern)
+
+
+def _mean(greys: Sequence[Image]) -> Image:
+    total = np.zeros(greys[0].shape, np.float64)
+    for grey in greys:
+        total += grey
+    return cast(Image, np.rint(total / len(greys)).astype(greys[0].dtype))
 
 
 def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple[PinPattern, Pins]:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import cv2
@@ -110,7 +111,7 @@ def take_rest_frame(
     Raises       TareRefused
     """
     try:
-        rest = take_rest(images, params.polarity, params.lens)
+        rest = _take(images, params, calibration)
     except NoPins as error:
         raise TareRefused(Reason.NO_PIN_PATTERN, str(error)) from None
     problems: list[TareRefused] = []
@@ -139,6 +140,17 @@ def take_rest_frame(
     if not problems:
         return RestFrame(rest)
     return RestFrame(rest, problems[0].reason, "; ".join(problem.problem for problem in problems))
+
+
+def _take(images: Sequence[Image], params: TareParams, calibration: Calibration | None) -> Rest:
+    """The rest frame, unchecked. Bright and dark pins are both looked for, which takes twice as long, only
+    where the calibration's are not found or there is none. Raises NoPins.
+    """
+    if params.polarity is Polarity.FOUND and calibration is not None:
+        dark = calibration.rest.pattern.dark
+        with suppress(NoPins):
+            return take_rest(images, Polarity.DARK if dark else Polarity.BRIGHT, params.lens)
+    return take_rest(images, params.polarity, params.lens)
 
 
 def _unsteady(first: Pins, last: Pins, params: TareParams) -> TareRefused | None:
