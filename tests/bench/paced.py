@@ -5,9 +5,10 @@
     python -m tests.bench paced --minutes 1 --fingers 5    as fingers on one board: what they take together
 
 A separate process runs the loop as `python -m edge run` composes it: paced source, calibration, all
-features but the surface, CANopen node, virtual CAN FD bus, and a listener on that bus. Latency is from the
+features but the surface, CANopen node, CAN FD frames of the kernel, and a listener. Latency is from the
 moment the frame was due to after the bus has taken the sample, so that the pacing thread's own wake-up is
-included. The images are in memory (their size is reported): a camera would have a few buffers.
+included. The images are in memory (their size is reported): a camera would have a few buffers. Python's
+bytecode is there before the start, as pip leaves it on a board.
 """
 
 from __future__ import annotations
@@ -28,10 +29,9 @@ from rich.console import Console
 from rich.table import Table
 
 from tests.bench.frames import REST_FRAMES, calibration_of, scene
+from tests.bench.output import ROOT
 
 __all__ = ["command", "run_child"]
-
-HERE = Path(__file__).parent
 
 
 def run_child(
@@ -58,6 +58,7 @@ def run_children(
         file = Path(folder) / "frames.npy"
         np.save(file, images)
         calibration_of(frames).save(Path(folder) / "tip.json")
+        environment = _with_bytecode()
         options = {
             "frames": str(file), "rest_n": REST_FRAMES, "seconds": seconds, "rate_hz": rate_hz,
             "realtime": realtime, "calibration": str(Path(folder) / "tip.json"),
@@ -65,7 +66,7 @@ def run_children(
         } | ({"every_s": every_s} if every_s else {})  # fmt: skip
         arguments = [sys.executable, "-m", "tests.bench.paced_child", json.dumps(options)]
         runs = [
-            subprocess.Popen(arguments, cwd=HERE.parent.parent, stdout=subprocess.PIPE, text=True)
+            subprocess.Popen(arguments, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True)
             for _ in range(fingers_n)
         ]
         printed = [run.communicate()[0] for run in runs]
@@ -73,6 +74,16 @@ def run_children(
             if run.returncode:
                 raise subprocess.CalledProcessError(run.returncode, run.args)
     return [dict(json.loads(text.splitlines()[-1])) for text in printed]
+
+
+def _with_bytecode() -> dict[str, str]:
+    """The environment of a process that finds the bytecode of all that it imports."""
+    environment = os.environ | {"PYTHONPYCACHEPREFIX": str(ROOT / "out" / "bytecode")}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    subprocess.run(
+        [sys.executable, "-c", "import tests.bench.paced_child"], cwd=ROOT, env=environment, check=True
+    )
+    return environment
 
 
 def _burn() -> None:
@@ -115,7 +126,7 @@ def _print(reports: list[dict[str, Any]], title: str, load: list[float]) -> None
     for key in (
         "frames_offered", "dropped_at_tare", "dropped_after", "frames_accepted", "samples_sent",
         "samples_received", "gaps", "lost", "p50_us", "p99_us", "p999_us", "max_us", "over_2ms",
-        "over_3ms", "cpu_share", "startup_s", "rss_mb", "pss_mb", "frames_mb",
+        "over_3ms", "cpu_share", "startup_s", "startup_cpu_s", "values_s", "rss_mb", "pss_mb", "frames_mb",
     ):  # fmt: skip
         values = [report[key] for report in reports]
         table.add_row(key, *(f"{value:,}" if isinstance(value, int) else f"{value:,.2f}" for value in values))
