@@ -147,10 +147,13 @@ class LinkSink(ABC):
             self._count(detail_skipped=1)
         return free
 
-    def every(self, period_s: float, make: Callable[[], Any] | None) -> None:
-        """Post `make()` each period from now on, and nothing else periodically; None: nothing."""
+    def every(self, period_s: float, make: Callable[[], Any] | None, phase: float = 0.0) -> None:
+        """Post `make()` each period from now on, and nothing else periodically; None: nothing.
+
+        phase  0..1, when in each period of the monotonic clock, which all processes of a board share
+        """
         with self._changed:
-            self._queue.every(period_s, make, time.monotonic())
+            self._queue.every(period_s, make, time.monotonic(), phase)
             self._changed.notify_all()
 
     def drain(self, timeout_s: float) -> bool:

@@ -16,6 +16,7 @@ from edge.link.object_server import Aborted, ObjectServer
 from edge.link.sdo_server import DOWNLOAD_MAX, TOO_LONG, SdoServer
 from edge.link.sinks import CanSink, LinkSink, SerialSink
 from hostlink.wire import Abort, CorruptFrame, Kind, Message, ObjectReply, ObjectRequest, Op
+from hostlink.wire.canid import NODES_MAX
 from hostlink.wire.serial import CHUNK_MAX
 
 __all__ = ["CanPort", "SerialPort"]
@@ -53,7 +54,8 @@ class _Port(ABC):
 
     def _every(self, period_s: float, make: Callable[[], bytes] | None) -> None:
         item = None if make is None else lambda: self._item(Kind.HEARTBEAT, make())
-        self._sink.every(period_s, item)
+        # Fingers that begin together would else send theirs in the same moment for ever.
+        self._sink.every(period_s, item, self._node / (NODES_MAX + 1))
 
     def _command(self, number: int) -> None:
         self.forget_transfer()

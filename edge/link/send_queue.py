@@ -6,6 +6,7 @@ items in the driver's queue, so there must never be more than one.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -70,9 +71,18 @@ class SendQueue:
         self._detail.extend(items)
         self._detail_spacing_s = spacing_s
 
-    def every(self, period_s: float, make: Callable[[], Any] | None, now_s: float) -> None:
-        """Add `make()` as control each period from now on, and nothing else periodically; None: nothing."""
-        self._periodic = None if make is None else _Periodic(period_s, make, now_s + period_s)
+    def every(
+        self, period_s: float, make: Callable[[], Any] | None, now_s: float, phase: float = 0.0
+    ) -> None:
+        """Add `make()` as control each period from now on, and nothing else periodically; None: nothing.
+
+        phase  0..1, when in each period, counted from the clock's zero
+        """
+        if make is None:
+            self._periodic = None
+            return
+        due_s = (math.floor(now_s / period_s - phase) + 1.0 + phase) * period_s
+        self._periodic = _Periodic(period_s, make, due_s)
 
     def wait_s(self, now_s: float) -> float | None:
         """Time until there is an item to take; None: until one is put."""

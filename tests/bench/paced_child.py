@@ -127,6 +127,7 @@ class Listener:
         with suppress(MediumError):  # the finger has closed its end
             while not self._done.wait(LISTEN_S):
                 self._take()
+            self._take()
         self.cpu_s = time.thread_time()
 
     def _take(self) -> None:

@@ -58,6 +58,19 @@ def test_series_come_each_period_and_end() -> None:
     assert queue.wait_s(9.0) is None
 
 
+@pytest.mark.parametrize("begun_s", [100.0, 100.013, 100.0999, 7.21])
+def test_series_of_other_phases_never_come_together(begun_s: float) -> None:
+    due = []
+    for phase in (0.0, 0.25, 0.5):
+        queue = SendQueue(4, 8)
+        queue.every(0.1, lambda: "beat", begun_s, phase)
+        wait_s = queue.wait_s(begun_s)
+        assert wait_s is not None
+        assert 0.0 <= wait_s <= 0.1 + 1e-9
+        due.append(begun_s + wait_s)
+    assert [round(due_s / 0.1 % 1.0, 6) % 1.0 for due_s in due] == [0.0, 0.25, 0.5]
+
+
 def test_no_sample_overtakes_one_that_is_being_written() -> None:
     queue = SendQueue(4, 8)
     queue.put_control("c")
