@@ -64,10 +64,16 @@ def run_children(
             "realtime": realtime, "calibration": str(Path(folder) / "tip.json"),
             "started_s": time.monotonic(),
         } | ({"every_s": every_s} if every_s else {})  # fmt: skip
-        arguments = [sys.executable, "-m", "tests.bench.paced_child", json.dumps(options)]
+        arguments = [sys.executable, "-m", "tests.bench.paced_child"]
         runs = [
-            subprocess.Popen(arguments, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True)
-            for _ in range(fingers_n)
+            subprocess.Popen(
+                [*arguments, json.dumps(options | {"node": node})],
+                cwd=ROOT,
+                env=environment,
+                stdout=subprocess.PIPE,
+                text=True,
+            )
+            for node in range(1, fingers_n + 1)
         ]
         printed = [run.communicate()[0] for run in runs]
         for run in runs:

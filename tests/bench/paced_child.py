@@ -16,7 +16,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -44,7 +44,10 @@ LISTEN_S = 0.05
 
 
 class Images:
-    """Images of a file, in order: the rest frames once at the start, then repeatedly without them."""
+    """Images of a file: the first ones until the loop has its rest frame, then the others, again and again.
+
+    tared  whether it has
+    """
 
     live = False
     polarity = Polarity.FOUND
@@ -58,11 +61,14 @@ class Images:
         self._images = images
         self._rest_n = rest_n
         self._frames_max = frames_max
+        self.tared: Callable[[], bool] = lambda: False
 
     def __iter__(self) -> Iterator[Frame]:
         n = len(self._images) - self._rest_n
+        begun = 0
         for k in range(self._frames_max):
-            at = k if k < self._rest_n else self._rest_n + (k - self._rest_n) % n
+            begun = begun or (k if self.tared() else 0)
+            at = self._rest_n + (k - begun) % n if begun else k % self._rest_n
             yield Frame(self._images[at], round(k * 1e9 / self.rate_hz), k, Clock.HOST)
 
     def close(self) -> None:
@@ -195,13 +201,16 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
     rate_hz, seconds = float(options.get("rate_hz", 240.0)), float(options["seconds"])
     images = np.load(options["frames"], mmap_mode="r")  # of all fingers the same memory
     n = round(seconds * rate_hz) + options["rest_n"]
-    source = Paced(Images(images, options["rest_n"], rate_hz, n), rate_hz)
+    shown = Images(images, options["rest_n"], rate_hz, n)
+    source = Paced(shown, rate_hz)
     loop = Loop(source, [], Calibration.load(options["calibration"]))
+    shown.tared = lambda: loop.last is not None
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     for end in (ours, theirs):
         end.setblocking(False)
     listener = Listener(theirs)
-    node = Node(CanFdSink("paced", lambda: SocketCanMedium(ours, NO_CARRIER)), LoopDevice(loop, "bench"))
+    sink = CanFdSink("paced", lambda: SocketCanMedium(ours, NO_CARRIER), options.get("node", 1))
+    node = Node(sink, LoopDevice(loop, "bench"))
     meter = Meter(n, loop)
     loop.sinks += [node, meter]
     weights = Weights(meter, options.get("every_s"), rate_hz)
