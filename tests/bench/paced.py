@@ -118,7 +118,7 @@ def command(minutes: float, rate: float, busy: bool, realtime: bool, fingers: in
             burner.terminate()
     load.append(os.getloadavg()[0])
     for report in reports:
-        report["lost"] = report["frames_accepted"] - report["samples_received"]
+        report["lost"] = report["frames_accepted"] + report["keepalives"] - report["samples_received"]
     if as_json:
         report = reports[0] | {"load": load}
         click.echo(json.dumps(report if fingers == 1 else {"fingers": reports, "load": load}))

@@ -194,6 +194,15 @@ class Weights:
         self._thread.join()
 
 
+def on_a_bus(loop: Loop, number: int) -> tuple[Node, Listener]:
+    """The loop as a node, and who listens to it."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    for end in (ours, theirs):
+        end.setblocking(False)
+    sink = CanFdSink("paced", lambda: SocketCanMedium(ours, NO_CARRIER), number)
+    return Node(sink, LoopDevice(loop, "bench")), Listener(theirs)
+
+
 def main(options: dict[str, Any]) -> dict[str, Any]:
     """Run, and report the measurements."""
     if options.get("realtime"):  # as in deploy/realtime.conf
@@ -205,12 +214,7 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
     source = Paced(shown, rate_hz)
     loop = Loop(source, [], Calibration.load(options["calibration"]))
     shown.tared = lambda: loop.last is not None
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    for end in (ours, theirs):
-        end.setblocking(False)
-    listener = Listener(theirs)
-    sink = CanFdSink("paced", lambda: SocketCanMedium(ours, NO_CARRIER), options.get("node", 1))
-    node = Node(sink, LoopDevice(loop, "bench"))
+    node, listener = on_a_bus(loop, options.get("node", 1))
     meter = Meter(n, loop)
     loop.sinks += [node, meter]
     weights = Weights(meter, options.get("every_s"), rate_hz)
@@ -228,6 +232,7 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
         "dropped_at_tare": meter.tare_dropped_n,
         "dropped_after": statistics.dropped_n - meter.tare_dropped_n,
         "frames_accepted": statistics.frames_n,
+        "keepalives": statistics.keepalives_n,
         "samples_sent": node.counters.sent,
         "samples_refused": node.counters.dropped,
         "samples_received": listener.samples_n,
