@@ -30,9 +30,7 @@ from edge.runtime.process import limit_resources
 
 limit_resources()
 
-import cv2  # noqa: E402  (after the number of library threads is set)
-
-from edge.errors import EdgeError  # noqa: E402
+from edge.errors import EdgeError  # noqa: E402  (after the number of library threads is set)
 from edge.recording import TOPICS, Recorder  # noqa: E402
 from edge.recording.frame_recorder import FrameRecorder  # noqa: E402
 from edge.runtime.process import run_and_exit  # noqa: E402
@@ -251,7 +249,6 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     data, control, memory = (int(text) for text in sys.argv[1:4])
-    cv2.setNumThreads(1)
     inbox = Inbox(socket.socket(fileno=data), memory)
     with socket.socket(fileno=control) as connection:
         begin: Begin = pickle.loads(receive(connection))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -19,6 +20,16 @@ def main():
     sys.stdout.write("last words")
     {end}
 run_and_exit(main)
+"""
+
+THREADS = """
+import os
+from edge.runtime.process import limit_resources
+limit_resources()
+import cv2, numpy as np
+cv2.GaussianBlur(np.zeros((2000, 2000), np.float32), (31, 31), 5)
+np.ones((500, 500)) @ np.ones((500, 500))
+print(len(os.listdir("/proc/self/task")))
 """
 
 
@@ -50,3 +61,11 @@ def test_an_exception_is_not_hidden() -> None:
     )
     assert done.returncode == 1
     assert done.stderr.startswith("Traceback")
+
+
+def test_numeric_libraries_have_one_thread() -> None:
+    variables = {k: v for k, v in os.environ.items() if not k.endswith(("_NUM_THREADS", "_THREADS_NUM"))}
+    done = subprocess.run(
+        [sys.executable, "-c", THREADS], env=variables, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "1\n"
