@@ -2,8 +2,8 @@
 
 Numeric libraries use one thread: the arrays of a frame are small, a second thread costs more in hand-over
 than it saves, and adds jitter and memory. A search of a whole image is no quicker with two threads of OpenCV,
-and takes a tenth more processor time. The interpreter switches threads after 0.2 ms instead of 5: the loop must
-not wait for a link's thread longer than a frame takes.
+and takes a tenth more processor time. The interpreter switches threads after 0.2 ms instead of 5: the loop
+must not wait for a link's thread longer than a frame takes.
 
 A rest frame takes 30 MB for a moment. The C library would keep them when they are freed, in each thread's
 heap; large blocks that come from the system go back to it.
