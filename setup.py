@@ -79,6 +79,7 @@ RELEASE = {
     "cdivision": True,
     "initializedcheck": False,
     "auto_pickle": False,
+    "binding": False,
 }
 CHECKED = RELEASE | {"boundscheck": True, "initializedcheck": True}
 SANITIZE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined")

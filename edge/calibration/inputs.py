@@ -10,17 +10,23 @@ A kernel: compiled by Cython, and the same when it is not. To set one number of 
 instructions, to divide a few 8,000.
 """
 
-# mypy: disable-error-code="valid-type"
+# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import cython
 import numpy as np
 
 from edge.types import Array, Complex, ContactRegion, Features, PinPattern
+
+if cython.compiled:
+    from cython.cimports.libc.math import M_PI, NAN, sqrt
+else:
+    from math import nan as NAN  # noqa: N812
+    from math import pi as M_PI  # noqa: N812
+    from math import sqrt
 
 MODES = tuple(f"c{a}{d - a}" for d in range(6) for a in range(d, -1, -1))  # as `edge.features.modes` has them
 
@@ -40,99 +46,159 @@ FITTED = ("fitted_p", "fitted_potential", "fitted_width", "fitted_shear", "fitte
 CONTACT_INPUTS: tuple[str, ...] = ("p", "peak", "shear", "size", "middle", *MOMENTS, *FITTED)
 
 
-def frame_inputs(features: Features, pattern: PinPattern, z: Complex | None = None) -> Complex:
-    """The inputs `FRAME_INPUTS` of one frame, NaN where a feature was not computed.
+@cython.cclass
+class InputRow:
+    """The inputs of one frame, or of one contact, written into the same memory again and again.
 
-    z        written, and returned; None: a new array
-    Returns  (28,) complex128, dimensionless
-    Raises   ValueError: sizes that do not fit, a tip without a radius
+    values  complex128, dimensionless; NaN where a feature was not computed: (28,) of a frame as in
+            `FRAME_INPUTS`, (12,) of a contact as in `CONTACT_INPUTS`
     """
-    n: cython.Py_ssize_t = len(MODES)
-    first: cython.Py_ssize_t = 2 + n
-    i: cython.Py_ssize_t
-    r: cython.double = _radius_px(pattern)
-    volume, modes, contacts = features.volume_px2, features.modes_px, features.contacts
-    if z is None:
-        z = np.empty(len(FRAME_INPUTS), np.complex128)
-    row: cython.doublecomplex[::1] = _row(z, len(FRAME_INPUTS))
-    row[0] = math.nan if volume is None else volume / (math.pi * r * r)
-    row[1] = _shear(features) / r
-    if modes is None:
-        row[2:first] = math.nan
-    else:
-        modes_px: cython.const[cython.doublecomplex][::1] = _row(modes, n)
-        for i in range(n):
-            row[2 + i] = modes_px[i] / r
-    if contacts is None:
-        row[first] = row[first + 1] = row[first + 2] = math.nan
-    elif contacts:
-        row[first], row[first + 1], row[first + 2] = _place_peak_size(contacts[0], pattern)
-    else:
-        row[first] = row[first + 1] = row[first + 2] = 0.0
-    row[first + 3] = features.gap
-    row[first + 4] = 0.0 if features.gap_img is None else _on_disc(features.gap_img, pattern)
-    return z
+
+    values = cython.declare(object, visibility="readonly")
+    _numbers: cython.double[::1]  # the same memory: real part, imaginary part
+    _n: cython.Py_ssize_t
+
+    def __init__(self, inputs: Sequence[str]) -> None:
+        self._n = len(inputs)
+        self.values = np.zeros(len(inputs), np.complex128)
+        self._numbers = self.values.view(np.float64)
+
+    def write_frame(self, features: Features, pattern: PinPattern) -> None:
+        """Those of one frame. Raises ValueError: sizes that do not fit, a tip without a radius."""
+        n: cython.Py_ssize_t = len(MODES)
+        first: cython.Py_ssize_t = 2 + n
+        i: cython.Py_ssize_t
+        self._must_have(first + 5)
+        r: cython.double = _radius_px(pattern)
+        volume, modes, contacts = features.volume_px2, features.modes_px, features.contacts
+        if volume is None:
+            self._set(0, NAN, 0.0)
+        else:
+            self._set(0, volume / (M_PI * r * r), 0.0)
+        self._set_vector(1, features.shear_px, r)
+        if modes is None:
+            for i in range(n):
+                self._set(2 + i, NAN, 0.0)
+        else:
+            modes_px: cython.const[cython.doublecomplex][::1] = modes
+            if modes_px.shape[0] != n:
+                raise ValueError(f"modes ({n},) are wanted, not {modes.shape}")
+            mode: cython.doublecomplex
+            for i in range(n):
+                mode = modes_px[i]
+                self._set(2 + i, mode.real / r, mode.imag / r)
+        if contacts:
+            self._set_place_peak_size(contacts[0], pattern, r, first, first + 1, first + 2)
+        else:
+            nothing: cython.double = NAN if contacts is None else 0.0
+            for i in range(first, first + 3):
+                self._set(i, nothing, 0.0)
+        self._set(first + 3, features.gap, 0.0)
+        if features.gap_img is None:
+            self._set(first + 4, 0.0, 0.0)
+        else:
+            self._set_place(first + 4, features.gap_img, pattern.centre_img, r)
+
+    def write_contact(self, contact: ContactRegion, features: Features, pattern: PinPattern) -> None:
+        """Those of one contact of a frame. Raises ValueError: as of `write_frame`."""
+        i: cython.Py_ssize_t
+        self._must_have(12)
+        r: cython.double = _radius_px(pattern)
+        self._set_place_peak_size(contact, pattern, r, 0, 1, 3)
+        self._set_vector(2, features.shear_px, r)
+        self._set_place(4, contact.middle_img, pattern.centre_img, r)
+        self._set_vector(5, contact.divergence_moment_px, r)
+        self._set_vector(6, contact.curl_moment_px, r)
+        fitted = contact.fitted
+        if fitted is None:
+            for i in range(7, 12):
+                self._set(i, NAN, 0.0)
+        else:
+            self._set_place(7, fitted.place_img, pattern.centre_img, r)
+            self._set(8, fitted.potential, 0.0)
+            self._set(9, fitted.width, 0.0)
+            self._set_vector(10, fitted.shear, 1.0)
+            self._set_vector(11, fitted.dipole, 1.0)
+
+    @cython.cfunc
+    def _must_have(self, n: cython.Py_ssize_t) -> cython.bint:
+        """Raises ValueError: this row has another size."""
+        if self._n != n:
+            raise ValueError(f"{n} inputs are wanted, not {self._n}")
+        return True
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _set(self, i: cython.Py_ssize_t, re: cython.double, im: cython.double) -> cython.void:
+        self._numbers[2 * i] = re
+        self._numbers[2 * i + 1] = im
+
+    @cython.cfunc
+    def _set_vector(self, i: cython.Py_ssize_t, xy: Array | None, scale: cython.double) -> cython.bint:
+        """(2,) divided by a scale; None: not computed."""
+        if xy is None:
+            self._set(i, NAN, 0.0)
+        else:
+            pair: list[float] = xy.tolist()  # to read an array's element costs as much as both so
+            x: cython.double = pair[0]
+            y: cython.double = pair[1]
+            self._set(i, x / scale, y / scale)
+        return True
+
+    @cython.cfunc
+    def _set_place(
+        self, i: cython.Py_ssize_t, xy_img: Array, centre_img: Array, r: cython.double
+    ) -> cython.bint:
+        """A place on the tip's unit disc."""
+        place: list[float] = xy_img.tolist()
+        centre: list[float] = centre_img.tolist()
+        x: cython.double = place[0]
+        y: cython.double = place[1]
+        x0: cython.double = centre[0]
+        y0: cython.double = centre[1]
+        self._set(i, (x - x0) / r, (y - y0) / r)
+        return True
+
+    @cython.cfunc
+    def _set_place_peak_size(
+        self,
+        contact: ContactRegion,
+        pattern: PinPattern,
+        r: cython.double,
+        place: cython.Py_ssize_t,
+        peak: cython.Py_ssize_t,
+        size: cython.Py_ssize_t,
+    ) -> cython.bint:
+        self._set_place(place, contact.xy_img, pattern.centre_img, r)
+        self._set(peak, contact.peak, 0.0)
+        area_px2: cython.double = contact.area_px2
+        self._set(size, sqrt(area_px2) / r, 0.0)
+        return True
 
 
-def _radius_px(pattern: PinPattern) -> float:
-    r = pattern.tip_radius_px
+def frame_inputs(features: Features, pattern: PinPattern) -> Complex:
+    """The inputs `FRAME_INPUTS` of one frame, as of `InputRow`; a new array."""
+    row = InputRow(FRAME_INPUTS)
+    row.write_frame(features, pattern)
+    values: Complex = row.values
+    return values
+
+
+def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPattern) -> Complex:
+    """The inputs `CONTACT_INPUTS` of one contact of a frame, as of `InputRow`; a new array."""
+    row = InputRow(CONTACT_INPUTS)
+    row.write_contact(contact, features, pattern)
+    values: Complex = row.values
+    return values
+
+
+@cython.cfunc
+def _radius_px(pattern: PinPattern) -> cython.double:
+    """Raises ValueError: the tip has none."""
+    r: cython.double = pattern.tip_radius_px
     if not (r > 0 and r * r > 0):  # areas are shares of its square
         raise ValueError(f"tip_radius_px: above 0 is wanted, not {r}")
     return r
-
-
-def _row(z: Complex, n: int) -> Complex:
-    if z.shape != (n,):
-        raise ValueError(f"({n},) is wanted, not {z.shape}")
-    return z
-
-
-def _shear(features: Features) -> complex:
-    """px; NaN: not computed."""
-    return math.nan if features.shear_px is None else complex(*features.shear_px.tolist())
-
-
-def _place_peak_size(contact: ContactRegion, pattern: PinPattern) -> tuple[complex, float, float]:
-    size = math.sqrt(contact.area_px2) / pattern.tip_radius_px
-    return _on_disc(contact.xy_img, pattern), contact.peak, size
-
-
-def _on_disc(xy_img: Array, pattern: PinPattern) -> complex:
-    """A place on the tip's unit disc."""
-    x, y = xy_img.tolist()
-    x0, y0 = pattern.centre_img.tolist()
-    r = pattern.tip_radius_px
-    return complex((x - x0) / r, (y - y0) / r)
-
-
-def contact_inputs(
-    contact: ContactRegion, features: Features, pattern: PinPattern, z: Complex | None = None
-) -> Complex:
-    """The inputs `CONTACT_INPUTS` of one contact of a frame.
-
-    z        written, and returned; None: a new array
-    Returns  (12,) complex128, dimensionless; NaN where it was not computed
-    Raises   ValueError: sizes that do not fit, a tip without a radius
-    """
-    if z is None:
-        z = np.empty(len(CONTACT_INPUTS), np.complex128)
-    i: cython.Py_ssize_t
-    row: cython.doublecomplex[::1] = _row(z, len(CONTACT_INPUTS))
-    r = _radius_px(pattern)
-    row[0], row[1], row[3] = _place_peak_size(contact, pattern)
-    row[2] = _shear(features) / r
-    row[4] = _on_disc(contact.middle_img, pattern)
-    row[5] = complex(*contact.divergence_moment_px.tolist()) / r
-    row[6] = complex(*contact.curl_moment_px.tolist()) / r
-    fitted = contact.fitted
-    if fitted is None:
-        for i in range(7, 12):
-            row[i] = math.nan
-    else:
-        row[7] = _on_disc(fitted.place_img, pattern)
-        row[8], row[9] = fitted.potential, fitted.width
-        row[10], row[11] = complex(*fitted.shear.tolist()), complex(*fitted.dipole.tolist())
-    return z
 
 
 def term_columns(terms: Sequence[Sequence[str]], inputs: Sequence[str]) -> list[list[int]]:

@@ -42,7 +42,7 @@ from edge.calibration.file import (
     save,
 )
 from edge.calibration.gaussian_process import ProcessKernel, wanted_models
-from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS, contact_inputs, frame_inputs
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS, InputRow
 from edge.calibration.polynomial import ModelKernel
 from edge.errors import CalibrationError
 from edge.limits import BadContent
@@ -72,7 +72,7 @@ Contacts = tuple[ContactRegion, ...]
 class _Models:
     """The models that share their inputs, ready to run.
 
-    inputs     (inputs,) complex128, to be written before `run`
+    inputs     to be written before `run`
     outputs    names: those of curves and polynomials in the file's order, then those of processes
     sigmas     each output's, near the data
     processes  their part of the models
@@ -86,10 +86,12 @@ class _Models:
         self.sigmas = tuple(
             sigma for m in ordered for sigma in ([m.sigma] if isinstance(m, Curve) else m.sigma)
         )
-        self.inputs: Complex = np.zeros(len(inputs), np.complex128)
+        self.inputs = InputRow(inputs)
         # The same memory. A kernel need not look at arrays again that stay the same objects.
-        self._row, self._rows = self.inputs.view(np.float64), self.inputs[None].view(np.float64)
+        row = self.inputs.values
+        self._row, self._rows = row.view(np.float64), row[None].view(np.float64)
         self._out = np.empty((1, len(self.outputs), 3))
+        self._columns = self._out[0].T
         self._kernel = ModelKernel(inputs, others)
         n_others = sum(len(outputs_of(model)) for model in others)
         self._of_others, self._of_processes = self._out[:, :n_others], self._out[0, n_others:]
@@ -106,12 +108,12 @@ class _Models:
         )
 
     def run(self) -> list[list[float]]:
-        """Of each output: value, sigma, and 1 where out of range, else 0."""
+        """Of all outputs: the values, the sigmas, and 1 where out of range, else 0."""
         self._kernel.run(self._rows, self._of_others)
         if self._process_kernel is not None:
             self._process_kernel.run(self._row, self._wanted, self._of_processes)
-        rows: list[list[float]] = self._out[0].tolist()
-        return rows
+        columns: list[list[float]] = self._columns.tolist()
+        return columns
 
 
 class Calibration:
@@ -205,14 +207,14 @@ class Calibration:
             self._gives_contacts = demand is None or not demand.isdisjoint(OF_CONTACTS)
         saturated: frozenset[str] = frozenset()
         if features.in_contact:
-            frame_inputs(features, pattern, self._frame.inputs)
-            values, sigmas, beyond = {}, {}, []
-            for name, (y, sigma, outside) in zip(self._frame.outputs, self._frame.run(), strict=True):
-                values[name], sigmas[name] = y, sigma
-                if outside and math.isfinite(y):
-                    beyond.append(name)
-            if beyond:
-                saturated = frozenset(beyond)
+            self._frame.inputs.write_frame(features, pattern)
+            y, sigma, outside = self._frame.run()
+            names = self._frame.outputs
+            values, sigmas = dict(zip(names, y, strict=True)), dict(zip(names, sigma, strict=True))
+            if 1.0 in outside:
+                saturated = frozenset(
+                    name for name, out in zip(names, outside, strict=True) if out and math.isfinite(values[name])
+                )
         else:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
         found = features.contacts if self._gives_contacts else None
@@ -224,8 +226,8 @@ class Calibration:
 
     def frame_values(self, z: Complex) -> Iterator[tuple[str, float, float, bool]]:
         """Name, value, sigma and whether out of range, of every output, from `frame_inputs`."""
-        self._frame.inputs[:] = z
-        for name, (y, sigma, outside) in zip(self._frame.outputs, self._frame.run(), strict=True):
+        self._frame.inputs.values[:] = z
+        for name, y, sigma, outside in zip(self._frame.outputs, *self._frame.run(), strict=True):
             yield name, y, sigma, bool(outside)
 
     def area_mm2(self, features: Features, values: Mapping[str, float]) -> float | None:
@@ -281,8 +283,8 @@ class Calibration:
                 place[:2] = ((contact.xy_img - pattern.centre_img) * self.mm_per_px).tolist()
         if self._columns:
             for place, contact in zip(places, found, strict=True):
-                contact_inputs(contact, features, pattern, self._contact.inputs)
-                for column, (value, _, _) in zip(self._columns, self._contact.run(), strict=True):
+                self._contact.inputs.write_contact(contact, features, pattern)
+                for column, value in zip(self._columns, self._contact.run()[0], strict=True):
                     place[column] = value
         if self._joint_columns and len(found) > 1:
             self._write_joint(places, features, found, pattern)
@@ -294,14 +296,14 @@ class Calibration:
         """Of the contacts that were fitted, what is known of them so."""
         for place, contact in zip(places, found, strict=True):
             if contact.fitted is not None:
-                contact_inputs(contact, features, pattern, self._joint.inputs)
-                for column, (value, _, _) in zip(self._joint_columns, self._joint.run(), strict=True):
+                self._joint.inputs.write_contact(contact, features, pattern)
+                for column, value in zip(self._joint_columns, self._joint.run()[0], strict=True):
                     place[column] = value
 
     def contact_values(self, z: Complex) -> Iterator[tuple[str, float, float]]:
         """Name, value and sigma of every output of one contact, from `contact_inputs`."""
-        self._contact.inputs[:] = z
-        for name, (y, sigma, _) in zip(self._contact.outputs, self._contact.run(), strict=True):
+        self._contact.inputs.values[:] = z
+        for name, y, sigma, _ in zip(self._contact.outputs, *self._contact.run(), strict=True):
             yield name, y, sigma
 
 

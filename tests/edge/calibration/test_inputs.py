@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from edge.calibration.inputs import frame_inputs
+from edge.calibration.inputs import FRAME_INPUTS, InputRow, frame_inputs
 from edge.types import Features
 from tests.support.calibrations import PATTERN, touched_features
 
@@ -30,9 +30,27 @@ def test_inputs_are_free_of_resolution() -> None:
 
 def test_a_row_of_another_size_is_refused() -> None:
     f = touched_features(0.05, (4.0, -2.0))
-    for size in (0, 27, 29):
-        with pytest.raises(ValueError, match=r"\(28,\) is wanted"):
-            frame_inputs(f, PATTERN, np.empty(size, np.complex128))
+    for names in ((), FRAME_INPUTS[1:], (*FRAME_INPUTS, "more")):
+        with pytest.raises(ValueError, match="28 inputs are wanted"):
+            InputRow(names).write_frame(f, PATTERN)
+    assert f.contacts
+    with pytest.raises(ValueError, match="12 inputs are wanted"):
+        InputRow(FRAME_INPUTS).write_contact(f.contacts[0], f, PATTERN)
+
+
+def test_modes_of_another_number_are_refused() -> None:
+    f = replace(touched_features(0.05, (4.0, -2.0)), modes_px=np.zeros(20, np.complex128))
+    with pytest.raises(ValueError, match=r"modes \(21,\) are wanted"):
+        frame_inputs(f, PATTERN)
+
+
+def test_a_row_holds_nothing_of_the_frame_before() -> None:
+    row = InputRow(FRAME_INPUTS)
+    touched = touched_features(0.05, (4.0, -2.0))
+    row.write_frame(replace(touched, modes_px=np.ones(21, np.complex128)), PATTERN)
+    row.write_frame(Features(touched.area_change, touched.displacement_px, in_contact=True), PATTERN)
+    np.testing.assert_array_equal(row.values[:-2], np.full(len(FRAME_INPUTS) - 2, np.nan + 0j))
+    assert not row.values[-2:].any()
 
 
 @pytest.mark.parametrize("radius_px", [0.0, -1.0, 1e-200, np.nan])
