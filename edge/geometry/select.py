@@ -1,6 +1,4 @@
-"""Order statistics without sorting: Hoare's selection. A kernel; other kernels import it through
-`select.pxd`.
-"""
+"""Order statistics without sorting. A kernel; other kernels import it through `select.pxd`."""
 
 from __future__ import annotations
 
@@ -9,9 +7,12 @@ import cython
 from edge.types import Array
 
 if cython.compiled:
+    from cython.cimports.edge.geometry.counting import kth
     from cython.cimports.libc.math import NAN
 else:
     from math import nan as NAN  # noqa: N812
+
+    from edge.geometry.counting import kth
 
 
 #: The median absolute deviation of normal noise, times this, is its standard deviation.
@@ -19,7 +20,7 @@ SIGMA_OF_MAD = 1.4826
 
 
 def kth_smallest(values: Array, k: int) -> float:
-    """k-th smallest, from 0, of values (n,) float64 without NaN; reorders them.
+    """k-th smallest, from 0, of values (n,) float64 without NaN.
 
     Raises  ValueError: no such k
     """
@@ -30,48 +31,13 @@ def kth_smallest(values: Array, k: int) -> float:
 
 
 def select_kth(v: cython.double[::1], n: cython.Py_ssize_t, k: cython.Py_ssize_t) -> cython.double:
-    """k-th smallest of the first n > k; then none before place k is larger, none behind it smaller."""
-    low: cython.Py_ssize_t = 0
-    high: cython.Py_ssize_t = n - 1
-    i: cython.Py_ssize_t
-    j: cython.Py_ssize_t
-    pivot: cython.double
-    swap: cython.double
-    while low < high:
-        pivot = v[(low + high) // 2]
-        i = low
-        j = high
-        while i <= j:
-            while v[i] < pivot:
-                i += 1
-            while v[j] > pivot:
-                j -= 1
-            if i <= j:
-                swap = v[i]
-                v[i] = v[j]
-                v[j] = swap
-                i += 1
-                j -= 1
-        if k <= j:
-            high = j
-        elif k >= i:
-            low = i
-        else:
-            break
-    return v[k]
+    """k-th smallest of the first n > k."""
+    return kth(v, n, k)
 
 
 def median(v: cython.double[::1], n: cython.Py_ssize_t) -> cython.double:
-    """Median of the first n, the mean of the middle two if n is even; reorders them. NaN of none."""
+    """Median of the first n, the mean of the middle two if n is even. NaN of none."""
     if n == 0:
         return NAN
-    k: cython.Py_ssize_t = n // 2
-    i: cython.Py_ssize_t
-    middle: cython.double = select_kth(v, n, k)
-    if n % 2 == 1:
-        return middle
-    below: cython.double = v[0]
-    for i in range(1, k):
-        if v[i] > below:
-            below = v[i]
-    return 0.5 * (below + middle)
+    middle: cython.double = kth(v, n, n // 2)
+    return middle if n % 2 == 1 else 0.5 * (kth(v, n, n // 2 - 1) + middle)
