@@ -21,7 +21,7 @@ AT_MOST = {
     "recording": 6,
     "runtime": 41,
     "sources": 28,
-    "tracking": 47,
+    "tracking": 46,
     "view": 15,
     "worker": 16,
 }

@@ -14,6 +14,11 @@ import numpy as np
 
 from edge.limits import POINTS_MAX
 
+if cython.compiled:
+    from cython.cimports.edge.geometry.pin_loops import all_near
+else:
+    from edge.geometry.pin_loops import all_near
+
 
 @cython.cclass
 class Separation:
@@ -32,17 +37,7 @@ class Separation:
         xy       (n, 2) px; NaN: not there, near to none
         Returns  False: they are to be compared; so is a point that was not there then
         """
-        at: cython.double[:, ::1] = self.at
-        far2: cython.double = self.far2
-        i: cython.Py_ssize_t
-        dx: cython.double
-        dy: cython.double
-        for i in range(self.n):
-            dx = xy[i, 0] - at[i, 0]
-            dy = xy[i, 1] - at[i, 1]
-            if not dx * dx + dy * dy < far2 and xy[i, 0] == xy[i, 0]:
-                return False
-        return True
+        return all_near(xy, self.at, self.far2)
 
     def renew(self, xy: cython.const[cython.double][:, ::1], gap: cython.double) -> cython.void:
         """They were compared; `gap`, px: the least distance of two, less what would be too near."""

@@ -29,6 +29,15 @@ from edge.tracking.params import TrackingParams
 from edge.types import Array, Mask
 
 if cython.compiled:
+    from cython.cimports.edge.geometry.pin_loops import (
+        copy,
+        extrapolate,
+        square_distances,
+        subtract,
+        subtract_prediction,
+        subtract_single,
+        within,
+    )
     from cython.cimports.edge.geometry.select import select_kth
     from cython.cimports.edge.geometry.separation import Separation
     from cython.cimports.edge.tracking.outliers import PhotometricFilter
@@ -39,6 +48,15 @@ else:
     from math import nan as NAN  # noqa: N812
     from math import sqrt
 
+    from edge.geometry.pin_loops import (
+        copy,
+        extrapolate,
+        square_distances,
+        subtract,
+        subtract_prediction,
+        subtract_single,
+        within,
+    )
     from edge.geometry.select import select_kth
     from edge.geometry.separation import Separation
     from edge.tracking.outliers import PhotometricFilter
@@ -57,13 +75,13 @@ class Follower:
 
     n: cython.Py_ssize_t
     photometric: PhotometricFilter
-    residual_max: cython.double
-    innovation_max: cython.double
     innovation_max_lost: cython.double
     near_seen_min: cython.double
     # of the tip
     rest: cython.double[:, ::1]
     local_pitch: cython.double[::1]
+    most2: cython.double[::1]  # px2, limits of the squares of a seen pin's residual and of its change
+    change2: cython.double[::1]
     near: cython.ushort[:, ::1]  # neighbours of full neighbourhoods, filled up with the pin itself
     weight: cython.float[:, ::1]  # theirs, filled up with 0
     closest: cython.int[:, ::1]
@@ -101,12 +119,12 @@ class Follower:
         _check(lattice, photometric.n)
         self.n = n
         self.photometric = photometric
-        self.residual_max = params.residual_max
-        self.innovation_max = params.innovation_max
         self.innovation_max_lost = params.innovation_max_lost
         self.near_seen_min = params.near_seen_min
         self.rest = np.array(lattice.rest_xy, np.float64, order="C")
         self.local_pitch = np.array(lattice.local_pitch_px, np.float64)
+        self.most2 = np.square(params.residual_max * lattice.local_pitch_px)
+        self.change2 = np.square(params.innovation_max * lattice.local_pitch_px)
         self.near, self.weight = _in_rows(photometric.affine.matrix())
         self.closest = np.array(lattice.closest, np.int32, order="C")
         self.pairs = np.array(lattice.pairs, np.int32, order="C")
@@ -182,13 +200,7 @@ class Follower:
         """Make the frame that was followed the last one; damping: share of its motion that is expected
         again.
         """
-        last: cython.double[:, ::1] = self.last
-        now: cython.double[:, ::1] = self.now
-        expected: cython.double[:, ::1] = self.expected
-        i: cython.Py_ssize_t
-        for i in range(self.n):
-            expected[i, 0] = now[i, 0] + damping * (now[i, 0] - last[i, 0])
-            expected[i, 1] = now[i, 1] + damping * (now[i, 1] - last[i, 1])
+        extrapolate(self.now, self.last, damping, self.expected)
         # The next frame writes all of the three that are exchanged.
         self.last, self.now = self.now, self.last
         self.last_residual, self.residual = self.residual, self.last_residual
@@ -230,15 +242,11 @@ class Follower:
         i: cython.Py_ssize_t
         iteration: cython.int
         step: cython.int
-        missing: cython.bint
         for i in range(self.n):
             seen[i] = found[i, 0] == found[i, 0]
         for iteration in range(2):
-            missing = False
-            for i in range(self.n):
-                missing |= not seen[i]
             # A lost pin moves with its neighbours; some of these may be lost themselves and move with theirs.
-            for step in range(2 if missing else 1):
+            for step in range(2 if _any_missing(seen) else 1):
                 self._predict_from_neighbours(found, iteration == 0 and step == 0)
             if not self._reject_by_residual(found):
                 break
@@ -265,55 +273,36 @@ class Follower:
         """Motion of each pin as predicted by its neighbours. A neighbour that is not seen takes part with its
         own prediction; first: there is none yet in this frame.
         """
-        known: cython.float[:, ::1] = self.known
-        rest: cython.double[:, ::1] = self.rest
-        seen: cython.uchar[::1] = self.seen
         i: cython.Py_ssize_t
         d: cython.int
-        for i in range(self.n):
-            for d in range(2):
-                if seen[i]:
-                    known[i, d] = found[i, d] - rest[i, d]
-                elif first:
-                    known[i, d] = self.expected[i, d] - rest[i, d]
-                else:
-                    known[i, d] = self.predicted[i, d] + self.last_residual[i, d]
-        pair_sums(self.near, self.weight, known, self.predicted)
+        subtract_single(found, self.rest, self.known)
+        if _any_missing(self.seen):
+            for i in range(self.n):
+                for d in range(2):
+                    if not self.seen[i] and first:
+                        self.known[i, d] = self.expected[i, d] - self.rest[i, d]
+                    elif not self.seen[i]:
+                        self.known[i, d] = self.predicted[i, d] + self.last_residual[i, d]
+        pair_sums(self.near, self.weight, self.known, self.predicted)
 
     @cython.cfunc
     @cython.exceptval(check=False)
     @cython.nogil
     def _reject_by_residual(self, found: cython.const[cython.double][:, ::1]) -> cython.bint:
         """Update which pins are seen, by the residual and its change; true if that altered any."""
-        rest: cython.double[:, ::1] = self.rest
-        predicted: cython.float[:, ::1] = self.predicted
-        residual: cython.double[:, ::1] = self.residual
-        before: cython.double[:, ::1] = self.last_residual
-        local_pitch: cython.double[::1] = self.local_pitch
-        seen: cython.uchar[::1] = self.seen
-        last_seen: cython.uchar[::1] = self.last_seen
-        residual_max: cython.double = self.residual_max
-        innovation_max: cython.double = self.innovation_max
+        change2: cython.double[::1] = self.change2
         i: cython.Py_ssize_t
-        x: cython.double
-        y: cython.double
-        limit: cython.double
-        good: cython.bint
-        changed: cython.bint = False
-        for i in range(self.n):
-            x = found[i, 0] - rest[i, 0] - predicted[i, 0]
-            y = found[i, 1] - rest[i, 1] - predicted[i, 1]
-            residual[i, 0] = x
-            residual[i, 1] = y
-            limit = residual_max * local_pitch[i]
-            good = x * x + y * y < limit * limit  # NaN, not found, is false
-            x -= before[i, 0]
-            y -= before[i, 1]
-            limit = local_pitch[i] * (innovation_max if last_seen[i] else self._innovation_max_of_lost(i))
-            good &= x * x + y * y < limit * limit
-            changed |= good != seen[i]
-            seen[i] = good
-        return changed
+        most: cython.double
+        subtract_prediction(found, self.rest, self.predicted, self.residual)
+        if _any_missing(self.last_seen):
+            change2 = self.some
+            for i in range(self.n):
+                change2[i] = self.change2[i]
+                if not self.last_seen[i]:
+                    most = self._innovation_max_of_lost(i) * self.local_pitch[i]
+                    change2[i] = most * most
+        # NaN, not found, is not within.
+        return within(self.residual, self.last_residual, self.most2, change2, self.seen)
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -380,14 +369,10 @@ class Follower:
         brightness: cython.const[cython.double][::1],
     ) -> cython.void:
         """Reject the photometric outliers among the seen pins."""
-        motion: cython.double[:, ::1] = self.motion
-        i: cython.Py_ssize_t
         if not self.photometric.find_suspects(self.residual, self.seen, False):
             return
-        for i in range(self.n):
-            motion[i, 0] = found[i, 0] - self.rest[i, 0]
-            motion[i, 1] = found[i, 1] - self.rest[i, 1]
-        self.photometric.filter(brightness, sigma, motion, self.seen, False)
+        subtract(found, self.rest, self.motion)
+        self.photometric.filter(brightness, sigma, self.motion, self.seen, False)
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -417,22 +402,22 @@ class Follower:
         sigma: cython.const[cython.double][::1],
     ) -> cython.Py_ssize_t:
         """Place the seen pins where they were found, and write `results`; returns how many are seen."""
-        now: cython.double[:, ::1] = self.now
         seen: cython.uchar[::1] = self.seen
         xy: cython.double[:, ::1] = self.result_xy
         sigma_out: cython.double[::1] = self.result_sigma
         is_seen: cython.uchar[::1] = self.result_seen
         i: cython.Py_ssize_t
         seen_n: cython.Py_ssize_t = 0
+        copy(found, self.now)  # of those not seen `_place_lost` takes care
+        copy(found, xy)
         for i in range(self.n):
+            sigma_out[i] = sigma[i]
             is_seen[i] = seen[i]
-            if seen[i]:
-                now[i, 0] = xy[i, 0] = found[i, 0]
-                now[i, 1] = xy[i, 1] = found[i, 1]
-                sigma_out[i] = sigma[i]
-                seen_n += 1
-            else:
-                xy[i, 0] = xy[i, 1] = sigma_out[i] = NAN
+            seen_n += seen[i]
+        if seen_n < self.n:
+            for i in range(self.n):
+                if not seen[i]:
+                    xy[i, 0] = xy[i, 1] = sigma_out[i] = NAN
         return seen_n
 
     @cython.cfunc
@@ -452,14 +437,20 @@ class Follower:
     @cython.exceptval(check=False)
     @cython.nogil
     def _median_innovation(self, xy: cython.const[cython.double][:, ::1]) -> cython.double:
-        i: cython.Py_ssize_t
-        dx: cython.double
-        dy: cython.double
-        for i in range(self.n):
-            dx = xy[i, 0] - self.expected[i, 0]
-            dy = xy[i, 1] - self.expected[i, 1]
-            self.some[i] = (dx * dx + dy * dy) / (self.local_pitch[i] * self.local_pitch[i])
+        square_distances(xy, self.expected, self.local_pitch, self.some)
         return sqrt(select_kth(self.some, self.n, self.n // 2))
+
+
+@cython.cfunc
+@cython.inline
+@cython.exceptval(check=False)
+@cython.nogil
+def _any_missing(seen: cython.const[cython.uchar][::1]) -> cython.bint:
+    i: cython.Py_ssize_t
+    missing: cython.uchar = 0
+    for i in range(seen.shape[0]):
+        missing |= seen[i] ^ 1
+    return missing != 0
 
 
 def _in_rows(matrix: Array) -> tuple[NDArray[np.uint16], NDArray[np.float32]]:

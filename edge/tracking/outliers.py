@@ -20,6 +20,7 @@ from edge.tracking.params import TrackingParams
 from edge.types import Array, Mask, Pins
 
 if cython.compiled:
+    from cython.cimports.edge.geometry.pin_loops import beyond
     from cython.cimports.edge.geometry.select import select_kth
     from cython.cimports.edge.tracking.affine import Fit, LocalAffine
     from cython.cimports.libc.math import HUGE_VAL, fabs
@@ -27,6 +28,7 @@ else:
     from math import fabs
     from math import inf as HUGE_VAL  # noqa: N812
 
+    from edge.geometry.pin_loops import beyond
     from edge.geometry.select import select_kth
     from edge.tracking.affine import Fit, LocalAffine
 
@@ -64,15 +66,13 @@ class PhotometricFilter:
         self.brightness_sigmas = params.brightness_sigmas
         self.brightness_change_min = params.brightness_change_min
         self.sigma_ratio_max = params.sigma_ratio_max
-        self.residual_max = params.outlier_residual_max
-        self.residual_max_search = params.outlier_residual_max_search
         self.residual_ratio = params.outlier_residual_ratio
         self.support_min = params.support_min
-        self.median_halvings = params.median_halvings
-        self.local_pitch = np.array(local_pitch_px, np.float64)
+        self.most2 = np.square(params.outlier_residual_max * local_pitch_px)
+        self.most2_search = np.square(params.outlier_residual_max_search * local_pitch_px)
         self.rest_brightness = np.array(at_rest.brightness, np.float64)
         self.rest_sigma_ratio = np.maximum(at_rest.sigma_px / np.median(at_rest.sigma_px), 1.0)
-        self.off, self.some, self.values = np.empty(n), np.empty(n), np.empty(n, np.float32)
+        self.off, self.values = np.empty(n), np.empty(n)
         self.suspect, self.trusted = np.empty(n, np.uint8), np.empty(n, np.uint8)
 
     def accepted(self, pins: Pins, motion: Array, residual: Array, seen: Mask, searched: bool) -> Mask:
@@ -107,20 +107,7 @@ class PhotometricFilter:
         searched: cython.bint,
     ) -> cython.bint:
         """The seen pins whose residual is so large that they must not be outliers; whether there are any."""
-        suspect: cython.uchar[::1] = self.suspect
-        local_pitch: cython.double[::1] = self.local_pitch
-        i: cython.Py_ssize_t
-        limit: cython.double
-        residual_max: cython.double = self._residual_max(searched)
-        is_one: cython.bint
-        some: cython.bint = False
-        for i in range(self.n):
-            limit = residual_max * local_pitch[i]
-            is_one = residual[i, 0] * residual[i, 0] + residual[i, 1] * residual[i, 1] > limit * limit
-            is_one &= seen[i]
-            suspect[i] = is_one
-            some |= is_one
-        return some
+        return beyond(residual, self.most2_search if searched else self.most2, seen, self.suspect)
 
     def filter(
         self,
@@ -132,17 +119,13 @@ class PhotometricFilter:
     ) -> cython.void:
         """`accepted` where `find_suspects` found any, for arrays of the right size; updates seen."""
         i: cython.Py_ssize_t
-        residual_max: cython.double = self._residual_max(searched)
+        most2: cython.double[::1] = self.most2_search if searched else self.most2
         self._find_trusted(brightness, sigma, seen, HUGE_VAL if searched else self.sigma_ratio_max)
         for i in range(self.n):
             self.off[i] = UNKNOWN
         for i in range(self.n):
             if self.suspect[i] and not self.trusted[i]:
-                seen[i] = self._fits(motion, i, residual_max)
-
-    def _residual_max(self, searched: cython.bint) -> cython.double:
-        """Of a pin that is above suspicion, in local pitches."""
-        return self.residual_max_search if searched else self.residual_max
+                seen[i] = self._fits(motion, i, most2[i])
 
     def _find_trusted(
         self,
@@ -152,43 +135,47 @@ class PhotometricFilter:
         sigma_ratio_max: cython.double,
     ) -> cython.void:
         """The seen pins, one at least, of normal brightness and sigma."""
+        off: cython.double[::1] = self.off
+        values: cython.double[::1] = self.values
+        at_rest: cython.double[::1] = self.rest_brightness
+        sigma_ratio: cython.double[::1] = self.rest_sigma_ratio
+        trusted: cython.uchar[::1] = self.trusted
         i: cython.Py_ssize_t
         gain: cython.double
         change_max: cython.double
         sigma_max: cython.double
         m: cython.Py_ssize_t = 0
         for i in range(self.n):
-            self.off[i] = brightness[i] / self.rest_brightness[i]
-            self.values[m] = self.off[i]
+            off[i] = brightness[i] / at_rest[i]
+            values[m] = off[i]
             m += seen[i]
-        gain = _median(self.values, m, self.median_halvings)
+        gain = select_kth(values, m, m // 2)
         for i in range(m):
-            self.values[i] = fabs(self.values[i] - cython.cast(cython.float, gain))
-        change_max = self.brightness_sigmas * _SIGMA_OF_MAD * _median(self.values, m, self.median_halvings)
+            values[i] = fabs(values[i] - gain)
+        change_max = self.brightness_sigmas * _SIGMA_OF_MAD * select_kth(values, m, m // 2)
         change_max = max(change_max, self.brightness_change_min * gain)
         m = 0
         for i in range(self.n):
-            self.values[m] = sigma[i]
+            values[m] = sigma[i]
             m += seen[i]
-        sigma_max = sigma_ratio_max * _median(self.values, m, self.median_halvings)
+        sigma_max = sigma_ratio_max * select_kth(values, m, m // 2)
         for i in range(self.n):
-            self.trusted[i] = (
-                seen[i]
-                and not fabs(self.off[i] - gain) > change_max
-                and not sigma[i] > sigma_max * self.rest_sigma_ratio[i]
+            trusted[i] = (
+                seen[i] & (not fabs(off[i] - gain) > change_max) & (not sigma[i] > sigma_max * sigma_ratio[i])
             )
 
     def _fits(
-        self, motion: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t, residual_max: cython.double
+        self, motion: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t, most2: cython.double
     ) -> cython.bint:
         """Whether a pin fits the trusted ones nearly as closely as two thirds of its trusted neighbours
         do."""
         own: cython.double = self._off_trusted(motion, i)
-        limit: cython.double = residual_max * self.local_pitch[i]
+        ratio: cython.double = self.residual_ratio
         c: cython.Py_ssize_t
         at: cython.Py_ssize_t
         m: cython.Py_ssize_t = 0
-        if own < limit * limit:
+        above: cython.Py_ssize_t = 0
+        if own < most2:
             return True
         for c in range(self.affine.k):
             at = self.affine.near[i, c]
@@ -197,12 +184,9 @@ class PhotometricFilter:
             if self.off[at] == UNKNOWN:
                 self.off[at] = self._off_trusted(motion, at)
             if self.off[at] >= 0:
-                self.some[m] = self.off[at]
+                above += own < ratio * ratio * self.off[at]
                 m += 1
-        if m == 0:
-            return True
-        limit = self.residual_ratio
-        return own < limit * limit * select_kth(self.some, m, 2 * m // 3)
+        return m == 0 or m - above <= 2 * m // 3
 
     def _off_trusted(
         self, motion: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t
@@ -214,33 +198,3 @@ class PhotometricFilter:
         dx: cython.double = motion[i, 0] - fit.x
         dy: cython.double = motion[i, 1] - fit.y
         return UNSUPPORTED if fit.support < self.support_min else dx * dx + dy * dy
-
-
-@cython.cfunc
-@cython.exceptval(check=False)
-@cython.nogil
-def _median(v: cython.float[::1], n: cython.Py_ssize_t, halvings: cython.int) -> cython.double:
-    """Median of the first n >= 1 values, to 2^-halvings of their range.
-
-    By halving the range and counting: counts are vectorised, while a selection's branches are unpredictable.
-    """
-    low: cython.float = v[0]
-    high: cython.float = v[0]
-    half: cython.float
-    i: cython.int
-    m: cython.int = n
-    below: cython.int
-    _halving: cython.int
-    for i in range(m):
-        low = v[i] if v[i] < low else low
-        high = v[i] if v[i] > high else high
-    for _halving in range(halvings):
-        half = cython.cast(cython.float, 0.5) * (low + high)
-        below = 0
-        for i in range(m):
-            below += v[i] < half
-        if below > m // 2:
-            high = half
-        else:
-            low = half
-    return cython.cast(cython.double, low)

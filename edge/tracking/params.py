@@ -27,7 +27,6 @@ class TrackingParams:
     outlier_residual_max: float = 0.005  # of such a pin while it is followed
     outlier_residual_max_search: float = 0.04  # ... and after a search
     outlier_residual_ratio: float = 4.0  # ... or this many times what two thirds of its neighbours show
-    median_halvings: int = 14  # of the range in which a median is looked for: its 16000th part
     # --- whether the identities are held
     median_innovation_max: float = (
         0.35  # motion that was not predicted: as near to the next pin as to the own

@@ -1,0 +1,71 @@
+"""Loops over all n pins for uncompiled runs; `pin_loops.pxd` has them in C, for vectors.
+
+Both compute the same operations in the same order and give exactly the same. Arrays are (n, 2) px of x and
+y, or (n,), unless said otherwise; what a loop writes is its last argument.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edge.types import Array, Heights
+
+
+def copy(a: Array, out: Array) -> None:
+    """a."""
+    out[:] = a
+
+
+def subtract(a: Array, b: Array, out: Array) -> None:
+    """a less b."""
+    np.subtract(a, b, out=out)
+
+
+def subtract_single(a: Array, b: Array, out: Heights) -> None:
+    """a less b, in single precision."""
+    out[:] = a - b
+
+
+def extrapolate(now: Array, last: Array, share: float, out: Array) -> None:
+    """Where pins are when a share of their last motion is repeated."""
+    out[:] = now + share * (now - last)
+
+
+def square_distances(a: Array, b: Array, unit: Array, out: Array) -> None:
+    """Squared distances of a from b, in units (n,) of each pin."""
+    out[:] = _squares(a - b) / (unit * unit)
+
+
+def subtract_prediction(found: Array, rest: Array, predicted: Heights, residual: Array) -> None:
+    """Motion since rest less the predicted one, in single precision."""
+    residual[:] = found - rest - predicted
+
+
+def within(
+    residual: Array, before: Array, most2: Array, change2: Array, is_within: NDArray[np.uint8]
+) -> bool:
+    """Whether a residual, and its change from `before`, have squares below their limits, px2; NaN has not.
+
+    Returns  it is otherwise for one pin than `is_within` was
+    """
+    inside = (_squares(residual) < most2) & (_squares(residual - before) < change2)
+    changed = bool((inside != is_within).any())
+    is_within[:] = inside
+    return changed
+
+
+def beyond(residual: Array, most2: Array, seen: NDArray[np.uint8], is_beyond: NDArray[np.uint8]) -> bool:
+    """Whether a pin is seen and the square of its residual above its limit, px2; returns whether one is."""
+    is_beyond[:] = (_squares(residual) > most2) & (seen != 0)
+    return bool(is_beyond.any())
+
+
+def all_near(a: Array, b: Array, far2: float) -> bool:
+    """Whether all squared distances of a from b are below far2; NaN in a is, in b alone it is not."""
+    return bool(((_squares(a - b) < far2) | np.isnan(a[:, 0])).all())
+
+
+def _squares(xy: Array) -> Array:
+    square: Array = xy[:, 0] * xy[:, 0] + xy[:, 1] * xy[:, 1]
+    return square
