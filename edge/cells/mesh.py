@@ -18,8 +18,9 @@ Idea
            s
 
   (length * weight / 2 is the length of the Voronoi edge, length / 2 the height of the triangle that it
-  spans with p.) A cell's area is a sum of terms that are all >= 0: nothing cancels, and at a flip the weight
-  passes through 0, so areas are continuous and near-cocircular points do not matter.
+  spans with p.) A cell's area is a sum of terms that are all >= 0, and at a flip the weight passes through 0,
+  so areas are continuous and near-cocircular points do not matter. Parts of the two triangles that are
+  positive beyond their errors are summed triangle by triangle; an edge with another part gives the rest.
 
 Rules
   - Decisions are exact (`predicates`). So every flip lowers the lifted surface and the loop terminates;
@@ -52,15 +53,14 @@ from edge.limits import POINTS_MAX
 from edge.types import Array, Index
 
 if cython.compiled:
+    from cython.cimports.edge.cells.coordinates import extent, take
     from cython.cimports.edge.cells.predicates import Predicates
-    from cython.cimports.edge.cells.triangle_parts import measure_fours
+    from cython.cimports.edge.cells.triangle_parts import measure_fours, sum_shares
     from cython.cimports.edge.geometry.views import PointsView
-    from cython.cimports.libc.math import fabs
 else:
-    from math import fabs
-
+    from edge.cells.coordinates import extent, take
     from edge.cells.predicates import Predicates
-    from edge.cells.triangle_parts import measure_fours
+    from edge.cells.triangle_parts import measure_fours, sum_shares
     from edge.geometry.views import PointsView
 
 INFINITY = cython.declare(cython.double, float("inf"))
@@ -73,7 +73,9 @@ SLIVER = cython.declare(cython.double, 1e-10)
 # The cross product's relative error is <= 4 eps q, the dot products' error 4 eps q of it: a cotangent's is
 # 4 eps q^2 + 6 eps q. Its squared length and the sum of two parts add 6 eps q, and q >= sqrt(3), so that
 # 8 eps q (1 + q) is enough. No edge's square is above 2/3 S.
-ERROR_BOUND = cython.declare(cython.double, 16.0 / 3.0 * 2.0**-53)
+ERROR_BOUND = cython.declare(cython.double, 16.0 / 3.0 * EPSILON)
+# Roundings in an exact part: 4 of the squared length, 5 of three predicates and two divisions, 1 of the product.
+EXACT_BOUND = cython.declare(cython.double, 10.0 * EPSILON)
 # Largest error bound of an edge, as a share of its part of the area; larger ones are added up, and must be
 # below this share of the cell's area. Otherwise the cell is summed from exact weights.
 AREA_TOLERANCE = cython.declare(cython.double, 0.5e-12)
@@ -117,21 +119,28 @@ class Mesh:
     flips: cython.Py_ssize_t  # of the kept mesh since the beginning, without those of builds
     builds: cython.Py_ssize_t
     changes: cython.Py_ssize_t  # how often the triangles changed
+    marked: cython.Py_ssize_t  # changes when it was last looked which cells reach the fence
+    reached: cython.bint  # a pin's does
     busy: cython.bint
     guard_reach: cython.double
     predicates: Predicates
     x: cython.double[::1]  # per point
     y: cython.double[::1]
+    low: cython.double[::1]  # (2,) the least x and y of all points, and the largest
+    high: cython.double[::1]
     area: cython.double[::1]
     bound: cython.double[::1]  # of the error of the area's parts that are not accurate by themselves
     exactly: cython.uchar[::1]  # whether the area must be summed from exact weights
     same_as: cython.int[::1]  # the point whose vertex it uses, mostly itself
     tail: cython.int[::1]  # per half-edge
     twin: cython.int[::1]
-    part: cython.double[::1]  # cotangent of the angle that faces it, times its squared length
+    part: cython.double[:, ::1]  # (3, t) of edge k of triangle t: cot facing it times length^2
     stacked: cython.uchar[::1]  # whether it is on the stack
     stack: cython.int[::1]  # half-edges to check
+    share: cython.double[:, ::1]  # (3, t) of corner k of triangle t: certain parts of its two edges
     error: cython.double[::1]  # per triangle: bound of the error of its parts; inf: unknown
+    certain: cython.longlong[::1]  # per triangle: bit k is set where the part of edge k is
+    uncertain: cython.int[::1]  # the triangles that are not certain
     points_view: PointsView
     areas: cython.double[::1]  # given last
     areas_array: Array | None  # the same memory
@@ -151,22 +160,27 @@ class Mesh:
         self.n_points = n
         self.n_triangles = self.n_stack = self.n_shared = 0
         self.flips = self.builds = self.changes = 0
+        self.marked, self.reached = -1, False
         self.busy = False
         self.guard_reach = params.guard_reach
         x, y = np.zeros(n_all), np.zeros(n_all)
         self.predicates = Predicates(x, y)
         self.x = x
         self.y = y
+        self.low, self.high = np.zeros(2), np.zeros(2)
         self.area = np.zeros(n_all)
         self.bound = np.zeros(n_all)
         self.exactly = np.zeros(n_all, np.uint8)
         self.same_as = np.zeros(n_all, np.int32)
         self.tail = np.zeros(3 * n_triangles, np.int32)
         self.twin = np.zeros(3 * n_triangles, np.int32)
-        self.part = np.zeros(3 * n_triangles)
+        self.part = np.zeros((3, n_triangles))
+        self.share = np.zeros((3, n_triangles))
+        self.certain = np.zeros(n_triangles, np.int64)
         self.stacked = np.zeros(3 * n_triangles, np.uint8)
         self.stack = np.zeros(3 * n_triangles, np.int32)
         self.error = np.zeros(n_triangles)
+        self.uncertain = np.zeros(n_triangles, np.int32)
         self.points_view, self.areas_array = PointsView(), None
         self.total_area = 0.0
 
@@ -271,36 +285,17 @@ class Mesh:
     def _take(self, points: cython.const[cython.double][:, ::1]) -> cython.int:
         """Take the coordinates, and place the guards round them."""
         n: cython.Py_ssize_t = self.n_points
-        i: cython.Py_ssize_t
-        x: cython.double
-        y: cython.double
-        x_min: cython.double = INFINITY
-        x_max: cython.double = -INFINITY
-        y_min: cython.double = INFINITY
-        y_max: cython.double = -INFINITY
-        finite: cython.double = 0.0
-        for i in range(n):
-            x = points[i, 0]
-            y = points[i, 1]
-            finite += (x - x) + (y - y)  # NaN if any is NaN or infinite
-            x_min = x if x < x_min else x_min
-            x_max = x if x > x_max else x_max
-            y_min = y if y < y_min else y_min
-            y_max = y if y > y_max else y_max
-        if finite != 0.0:
+        if not extent(points, self.low, self.high):
             return NOT_FINITE
-        extent: cython.double = x_max - x_min if x_max - x_min > y_max - y_min else y_max - y_min
-        if not EXTENT_MIN < extent < EXTENT_MAX:
+        width: cython.double = self.high[0] - self.low[0]
+        height: cython.double = self.high[1] - self.low[1]
+        size: cython.double = max(width, height)
+        if not EXTENT_MIN < size < EXTENT_MAX:
             return NO_EXTENT
-        tiny: cython.double = SNAP * extent
-        for i in range(n):
-            x = points[i, 0]
-            y = points[i, 1]
-            self.x[i] = 0.0 if fabs(x) < tiny else x
-            self.y[i] = 0.0 if fabs(y) < tiny else y
-        half: cython.double = 0.5 * extent * self.guard_reach
-        x_mid: cython.double = x_min + 0.5 * (x_max - x_min)
-        y_mid: cython.double = y_min + 0.5 * (y_max - y_min)
+        take(points, SNAP * size, self.x, self.y)
+        half: cython.double = 0.5 * size * self.guard_reach
+        x_mid: cython.double = self.low[0] + 0.5 * width
+        y_mid: cython.double = self.low[1] + 0.5 * height
         self.x[n] = self.x[n + 3] = x_mid - half
         self.x[n + 1] = self.x[n + 2] = x_mid + half
         self.y[n] = self.y[n + 1] = y_mid - half
@@ -329,7 +324,17 @@ class Mesh:
         n: cython.Py_ssize_t = self.n_triangles
         t: cython.Py_ssize_t
         plain: cython.bint = measure_fours(
-            self.tail, self.x, self.y, n, SLIVER, ERROR_BOUND, self.part, self.error
+            self.tail,
+            self.x,
+            self.y,
+            n,
+            SLIVER,
+            ERROR_BOUND,
+            AREA_TOLERANCE,
+            self.part,
+            self.share,
+            self.error,
+            self.certain,
         )
         for t in range(n - n % 4, n):
             plain &= self._measure_plain(t)
@@ -415,51 +420,111 @@ class Mesh:
         sum2: cython.double = ab2 + bc2 + ca2
         if not cross > SLIVER * sum2:
             self.error[t] = INFINITY
+            self.share[0, t] = self.share[1, t] = self.share[2, t] = 0.0
+            self.certain[t] = 0
             return False
         inverse: cython.double = 1.0 / cross
-        self.part[h] = -(bcx * cax + bcy * cay) * inverse * ab2
-        self.part[h + 1] = -(cax * abx + cay * aby) * inverse * bc2
-        self.part[h + 2] = -(abx * bcx + aby * bcy) * inverse * ca2
+        ab: cython.double = -(bcx * cax + bcy * cay) * inverse * ab2
+        bc: cython.double = -(cax * abx + cay * aby) * inverse * bc2
+        ca: cython.double = -(abx * bcx + aby * bcy) * inverse * ca2
         q: cython.double = 0.5 * sum2 * inverse
-        self.error[t] = ERROR_BOUND * q * (1.0 + q) * sum2
+        error: cython.double = ERROR_BOUND * q * (1.0 + q) * sum2
+        self.part[0, t], self.part[1, t], self.part[2, t] = ab, bc, ca
+        self.error[t] = error
+        self.certain[t] = 7
+        if not error < AREA_TOLERANCE * ab:
+            self.certain[t] -= 1
+            ab = 0.0
+        if not error < AREA_TOLERANCE * bc:
+            self.certain[t] -= 2
+            bc = 0.0
+        if not error < AREA_TOLERANCE * ca:
+            self.certain[t] -= 4
+            ca = 0.0
+        self.share[0, t], self.share[1, t], self.share[2, t] = ab + ca, ab + bc, bc + ca
         return True
+
+    @cython.cfunc
+    @cython.inline
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _is_certain(self, k: cython.Py_ssize_t, t: cython.Py_ssize_t) -> cython.bint:
+        """Whether the part of edge k of triangle t is positive and accurate by itself."""
+        return self.certain[t] >> k & 1
 
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
     def _sweep(self) -> cython.void:
-        """Check every edge and sum the areas; edges that are not Delaunay are put onto the stack."""
-        tail: cython.int[::1] = self.tail
-        twin: cython.int[::1] = self.twin
-        parts: cython.double[::1] = self.part
-        errors: cython.double[::1] = self.error
-        area: cython.double[::1] = self.area
-        n: cython.Py_ssize_t = self.n_bounded
-        h: cython.Py_ssize_t
-        g: cython.Py_ssize_t
-        p: cython.Py_ssize_t
-        q: cython.Py_ssize_t
-        error: cython.double
-        part: cython.double
-        for p in range(self.n_points + N_GUARD):
-            area[p] = 0.0
-            self.bound[p] = 0.0
-        for h in range(3 * self.n_triangles):
-            g = twin[h]
-            if g < h:  # seen from the other side, or the hull
-                continue
-            part = parts[h] + parts[g]
-            error = errors[h // 3] + errors[g // 3]
-            if not error < AREA_TOLERANCE * part:
-                part = self._part(h, g, part, error)
-                if part < 0.0:
-                    continue
-            p, q = tail[h], tail[g]
-            if p >= n or q >= n:
-                area[p] = area[q] = INFINITY
-                continue
-            area[p] += part
-            area[q] += part
+        """Check every edge and sum the areas; edges that are not Delaunay are put onto the stack.
+
+        An edge both of whose parts are certain is Delaunay. Certain parts are added triangle by triangle.
+        """
+        bound: cython.double[::1] = self.bound
+        i: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        t: cython.Py_ssize_t
+        for i in range(self.n_points + N_GUARD):
+            bound[i] = 0.0
+        n: cython.Py_ssize_t = sum_shares(
+            self.tail, self.share, self.certain, self.n_triangles, self.area, self.uncertain
+        )
+        for i in range(n):
+            t = self.uncertain[i]
+            for k in range(3):
+                if not self._is_certain(k, t):
+                    self._sweep_edge(k, t)
+        if self.reached or self.marked != self.changes:
+            self.marked = self.changes
+            self.reached = self._mark()
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _sweep_edge(self, k: cython.Py_ssize_t, t: cython.Py_ssize_t) -> cython.void:
+        """Check an edge whose part of triangle t is not certain, and add what its cells have not got yet."""
+        h: cython.Py_ssize_t = 3 * t + k
+        g: cython.Py_ssize_t = self.twin[h]
+        if g < 0:  # the hull
+            return
+        other: cython.Py_ssize_t = g // 3
+        p: cython.Py_ssize_t = self.tail[h]
+        q: cython.Py_ssize_t = self.tail[g]
+        beyond: cython.double = self.part[g - 3 * other, other]
+        part: cython.double = self.part[k, t] + beyond
+        error: cython.double = self.error[t] + self.error[other]
+        is_certain: cython.bint = self._is_certain(g - 3 * other, other)
+        if g < h and not is_certain:  # seen from the other side
+            return
+        if not error < AREA_TOLERANCE * part:
+            part = self._part(h, g, part, error)
+            if part < 0.0:
+                return
+        if is_certain:  # it has been added, or will be
+            part -= beyond
+            if part < 0.0:  # and rounding of the sums counts: of each cell, six terms a triangle at most
+                error = 6.0 * EPSILON * self.n_triangles * beyond
+                self.bound[p] += error
+                self.bound[q] += error
+        self.area[p] += part
+        self.area[q] += part
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _mark(self) -> cython.bint:
+        """Make the areas of cells infinite that reach the fence; whether a pin's does."""
+        a: cython.Py_ssize_t
+        b: cython.Py_ssize_t
+        c: cython.Py_ssize_t
+        t: cython.Py_ssize_t
+        reached: cython.bint = False
+        for t in range(self.n_triangles):
+            a, b, c = self.tail[3 * t], self.tail[3 * t + 1], self.tail[3 * t + 2]
+            if a >= self.n_bounded or b >= self.n_bounded or c >= self.n_bounded:
+                self.area[a] = self.area[b] = self.area[c] = INFINITY
+                reached |= a < self.n_pins or b < self.n_pins or c < self.n_pins
+        return reached
 
     @cython.cfunc
     @cython.nogil
@@ -475,7 +540,7 @@ class Mesh:
                 self._push(h)
                 return -1.0
             part = self._exact_part(h, g)
-            error = 8.0 * EPSILON * part
+            error = EXACT_BOUND * part
         self.bound[self.tail[h]] += error
         self.bound[self.tail[g]] += error
         return part
@@ -486,7 +551,10 @@ class Mesh:
     def _sum_exactly(self) -> cython.void:
         """Sum the cells again whose error bound is too large, from exact weights."""
         n: cython.Py_ssize_t = self.n_pins
-        found: cython.bint = False
+        area: cython.double[::1] = self.area
+        bound: cython.double[::1] = self.bound
+        exactly: cython.uchar[::1] = self.exactly
+        found: cython.uchar = 0
         i: cython.Py_ssize_t
         h: cython.Py_ssize_t
         g: cython.Py_ssize_t
@@ -494,24 +562,24 @@ class Mesh:
         q: cython.Py_ssize_t
         part: cython.double
         for i in range(n):
-            self.exactly[i] = self.bound[i] > AREA_TOLERANCE * self.area[i] and self.area[i] < INFINITY
-            if self.exactly[i]:
-                self.area[i] = 0.0
-                found = True
+            exactly[i] = (bound[i] > AREA_TOLERANCE * area[i]) & (area[i] < INFINITY)
+            found |= exactly[i]
         if not found:
             return
+        for i in range(n):
+            area[i] = 0.0 if exactly[i] else area[i]
         for h in range(3 * self.n_triangles):
             g = self.twin[h]
             if g < h:
                 continue
             p, q = self.tail[h], self.tail[g]
-            if not ((p < n and self.exactly[p]) or (q < n and self.exactly[q])):
+            if not ((p < n and exactly[p]) or (q < n and exactly[q])):
                 continue
             part = self._exact_part(h, g)
-            if p < n and self.exactly[p]:
-                self.area[p] += part
-            if q < n and self.exactly[q]:
-                self.area[q] += part
+            if p < n and exactly[p]:
+                area[p] += part
+            if q < n and exactly[q]:
+                area[q] += part
 
     @cython.cfunc
     @cython.nogil

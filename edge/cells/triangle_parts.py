@@ -6,12 +6,26 @@ Both compute the same operations in the same order, as `Mesh._measure_plain` doe
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edge.types import Array, Index
 
+#: All three parts of a triangle are certain.
+CERTAIN = 7
+
 
 def measure_fours(
-    tail: Index, x: Array, y: Array, n: int, sliver: float, bound: float, part: Array, error: Array
+    tail: Index,
+    x: Array,
+    y: Array,
+    n: int,
+    sliver: float,
+    bound: float,
+    tolerance: float,
+    part: Array,
+    share: Array,
+    error: Array,
+    certain: NDArray[np.int64],
 ) -> bool:
     """`Mesh._measure_plain` of the first n triangles, but for up to three that are over after the last four.
 
@@ -19,7 +33,11 @@ def measure_fours(
     x, y         of the points
     sliver       share of the squared sides that twice the area must be above
     bound        of the error, over q (1 + q) times the squared sides
-    part, error  (3 n,) and (n,), written; of a sliver the parts are of no use, the error is infinite
+    tolerance    share of a part that the error is below where the part is certain
+    part         (3, n or more), written: of each edge; of a sliver it is of no use
+    share        (3, n or more), written: of each corner, the certain parts of its two edges
+    error        (n or more,), written; of a sliver it is infinite
+    certain      (n or more,), written: bit k is set where the part of edge k is certain
     Returns      there is no sliver
     """
     n -= n % 4
@@ -36,6 +54,27 @@ def measure_fours(
         ab = -(bcx * cax + bcy * cay) * inverse * ab2
         bc = -(cax * abx + cay * aby) * inverse * bc2
         ca = -(abx * bcx + aby * bcy) * inverse * ca2
+        part[:, :n] = ab, bc, ca
         error[:n] = np.where(plain, bound * q * (1.0 + q) * sum2, np.inf)
-    part[: 3 * n] = np.column_stack([ab, bc, ca]).ravel()
+        is_certain = error[:n] < tolerance * part[:, :n]
+        ab, bc, ca = np.where(is_certain, part[:, :n], 0.0)
+    share[:, :n] = ab + ca, ab + bc, bc + ca
+    certain[:n] = is_certain[0] + 2 * is_certain[1] + 4 * is_certain[2]
     return bool(plain.all())
+
+
+def sum_shares(
+    tail: Index, share: Array, certain: NDArray[np.int64], n: int, area: Array, uncertain: Index
+) -> int:
+    """Add up the shares of the first n triangles.
+
+    tail, share, certain  as above
+    area       of the points, written
+    uncertain  (n or more,) int32, written: the triangles with a part that is not certain, ascending
+    Returns    how many these are
+    """
+    area[:] = 0.0
+    np.add.at(area, tail[: 3 * n], share[:, :n].T.ravel())
+    found = np.flatnonzero(certain[:n] != CERTAIN)
+    uncertain[: len(found)] = found
+    return len(found)
