@@ -1,6 +1,6 @@
 """From a frame to a result that may be sent: rest frame, pipeline, drift, and the fault detector's verdict.
 
-Everything here runs in the loop's thread except `_prepare`. The rest frame and the calibration in use change
+Everything here runs in the loop's thread except `_job`. The rest frame and the calibration in use change
 together, and only after the new ones have been tried.
 """
 
@@ -20,6 +20,7 @@ from edge.runtime.drift import Drift, DriftParams
 from edge.runtime.fault_detector import NO_CALIBRATION, FaultDetector, FaultParams
 from edge.runtime.fault_detector import PARAMS as FAULTS
 from edge.runtime.fault_registry import FaultRegistry
+from edge.runtime.process import give_back_memory
 from edge.runtime.statistics import StatisticsCollector
 from edge.runtime.tare import PARAMS, RestFrame, TareParams, TareRefused, take_rest_frame
 from edge.runtime.tare_state import Prepared, TareRequest, TareState
@@ -203,7 +204,7 @@ class Measurement:
         frames = tare.collect(frame, usable=not self._detector.frozen)
         if frames is not None:
             request = tare.request or TareRequest(0)
-            tare.start(lambda: self._prepare(frames, request))
+            tare.start(lambda: self._job(frames, request))
         if not tare.checked:
             return
         try:
@@ -219,6 +220,13 @@ class Measurement:
             self._refuse_tare(TareRefused(RestFrameReason.OTHER, str(error)))
         else:
             self._accept_tare(prepared)
+
+    def _job(self, frames: Sequence[Frame], request: TareRequest) -> Prepared:
+        """`_prepare`, and what it has taken meanwhile is given back."""
+        try:
+            return self._prepare(frames, request)
+        finally:
+            give_back_memory()
 
     def _prepare(self, frames: Sequence[Frame], request: TareRequest) -> Prepared:
         """Take and check the rest frame, make its stages, and store the calibration that comes with it.

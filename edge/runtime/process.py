@@ -5,8 +5,9 @@ than it saves, and adds jitter and memory. A search of a whole image is no quick
 and takes a tenth more processor time. The interpreter switches threads after 0.2 ms instead of 5: the loop
 must not wait for a link's thread longer than a frame takes.
 
-A rest frame takes 30 MB for a moment. The C library would keep them when they are freed, in each thread's
-heap; large blocks that come from the system go back to it.
+Of freed memory the C library keeps as much as an image's floating-point copy takes: fetching its pages anew
+cost a fifth of a whole-image search, and of a rest frame. Larger blocks go back to the system at once, and so
+does what a rest frame has taken for a moment, 20 MB, by `give_back_memory`.
 
 At exit the interpreter normally tears down its modules: 0.1 to 0.4 s on a desktop, seconds on a slow board,
 with daemon threads that may still be inside a driver. None of that is needed: the kernel reclaims memory and
@@ -25,24 +26,32 @@ from typing import NoReturn
 
 from edge.runtime.params import PARAMS
 
-__all__ = ["limit_resources", "run_and_exit"]
+__all__ = ["give_back_memory", "limit_resources", "run_and_exit"]
 
-#: `mallopt`'s M_MMAP_THRESHOLD, and its value: more than an image, so that no frame waits for new pages.
-_MMAP_THRESHOLD, _LARGE_BYTES = -3, 1 << 20
+_MMAP_THRESHOLD, _TRIM_THRESHOLD = -3, -1  # `mallopt`'s, glibc's malloc.h
+#: Value of both: more than an image of 640 x 480 px in double precision.
+_LARGE_BYTES = 4 << 20
 _THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 
 
 def limit_resources() -> None:
-    """One thread for numeric libraries, short switch interval for ours, and large blocks of memory given back
-    when they are freed (glibc). Call before NumPy and OpenCV are first imported.
+    """One thread for numeric libraries, short switch interval for ours, and a bound for freed memory that is
+    kept (glibc). Call before NumPy and OpenCV are first imported.
 
     Variables already set in the environment stay.
     """
     if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "mallopt"):
-        libc.mallopt(_MMAP_THRESHOLD, _LARGE_BYTES)
+        for threshold in (_MMAP_THRESHOLD, _TRIM_THRESHOLD):
+            libc.mallopt(threshold, _LARGE_BYTES)
     for name in _THREAD_COUNTS:
         os.environ.setdefault(name, "1")
     sys.setswitchinterval(PARAMS.switch_s)
+
+
+def give_back_memory() -> None:
+    """Give the system all that the C library keeps of freed memory (glibc)."""
+    if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "malloc_trim"):
+        libc.malloc_trim(0)
 
 
 def run_and_exit(main: Callable[[], None]) -> NoReturn:

@@ -96,7 +96,8 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/worker/shared_memory.py:ALIGN",
     }),
     "how memory is given out, of which no result depends": frozenset({
-        "edge/runtime/process.py:_MMAP_THRESHOLD", "edge/runtime/process.py:_LARGE_BYTES",
+        "edge/runtime/process.py:_MMAP_THRESHOLD", "edge/runtime/process.py:_TRIM_THRESHOLD",
+        "edge/runtime/process.py:_LARGE_BYTES",
         "edge/geometry/motion_field.py:BLOCK",
     }),
     "figures of a maker": frozenset({"edge/runtime/board_monitor.py:HOT_DEGC"}),

@@ -32,6 +32,19 @@ np.ones((500, 500)) @ np.ones((500, 500))
 print(len(os.listdir("/proc/self/task")))
 """
 
+MEMORY = """
+from pathlib import Path
+from edge.runtime.process import give_back_memory, limit_resources
+limit_resources()
+def resident_mb():
+    return int(Path("/proc/self/statm").read_text().split()[1]) / 256
+blocks = [bytearray(b"x") * (1 << 20) for _ in range(64)]
+full_mb, blocks = resident_mb(), blocks[-1:]  # the last one holds the others below it
+held_mb = resident_mb()
+give_back_memory()
+print(full_mb - held_mb, held_mb - resident_mb())
+"""
+
 
 @pytest.mark.parametrize(
     ("end", "status", "output"),
@@ -69,3 +82,10 @@ def test_numeric_libraries_have_one_thread() -> None:
         [sys.executable, "-c", THREADS], env=variables, capture_output=True, text=True, check=True
     )
     assert done.stdout == "1\n"
+
+
+def test_freed_memory_is_kept_until_it_is_given_back() -> None:
+    done = subprocess.run([sys.executable, "-c", MEMORY], capture_output=True, text=True, check=True)
+    at_once_mb, given_back_mb = map(float, done.stdout.split())
+    assert at_once_mb < 10.0
+    assert given_back_mb > 50.0
