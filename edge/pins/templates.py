@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from math import erfc
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,32 +27,29 @@ HALF_MAX = 39  # px, half width of a window
 RADIUS_MAX_PX = 34  # largest pin that fits such a window with its edge and surroundings
 STEP_MAX = 4095  # a pixel against the window's middle, levels: 12 bits; brighter images lose their last bits
 
-#: Of one phase, in this order:
-#: x, y                   px, the offset
-#: by_d, by_tx, by_ty     least-squares coefficient of d, tx, ty over the sum with its integers
-#: d2, tx2, ty2           sums over the support of d^2, tx^2, ty^2
-#: u_d, v_d, u_tx, v_ty   of u d, v d, u tx, v ty; u and v are columns and rows from the support's middle
-#: inv_u2, inv_v2         reciprocals of the sums of u^2, v^2 less their shares of d and of tx or ty
-#: tx_u, ty_v             u_tx / tx2, v_ty / ty2
-#: spread, spread_x, _y   variance of a coordinate over that of the noise in units of the disc, and what is
-#:                        added where the slope of the surroundings along x, y is estimated
-#: pixels, inv_pixels     of the support
-#: freedom, inv_freedom   degrees of freedom that six unknowns leave
-#: radius                 px
-#: unit_d, unit_t         value of one unit of the integers
-NORM = np.dtype(
-    [
-        (name, np.float64)
-        for name in (
-            "x", "y", "by_d", "by_tx", "by_ty", "d2", "tx2", "ty2", "u_d", "v_d", "u_tx", "v_ty", "inv_u2",
-            "inv_v2", "tx_u", "ty_v", "spread", "spread_x", "spread_y", "pixels", "inv_pixels", "freedom",
-            "inv_freedom", "radius", "unit_d", "unit_t",
-        )
-    ]
+#: Of one phase, in this order; `steps` reads those from `inv_d` to `step_max` by number. |p| is the root of
+#: the sum of p^2 over the support, u and v are columns and rows from its middle, u' and v' these less their
+#: shares of d and of tx or ty.
+#: by_d, by_tx, by_ty  a sum with these integers times this is a component along d / |d|, tx / |tx|, ty / |ty|
+#: by_u, by_v          1 / |u'|, 1 / |v'|
+#: by_level, by_square  1: sums that stay whole numbers
+#: inv_pixels          of the support
+#: inv_d               1 / |d|
+#: x_d, y_d            |d| / |tx|, |d| / |ty|
+#: x_u, y_v            px: a component along u' or v' over that along d moves the pin by so much
+#: d_u, tx_u, d_v, ty_v  times a component along d, tx, ty: what to add to u or v to have u' or v'
+#: freedom, inv_freedom  degrees of freedom that six unknowns leave
+#: radius, step_max    px
+#: d2                  |d|^2
+#: unit_d, unit_t      value of one unit of the integers
+NORM = (
+    "by_d", "by_tx", "by_ty", "by_level", "by_u", "by_v", "by_square", "inv_pixels",
+    "inv_d", "x_d", "y_d", "x_u", "y_v", "d_u", "tx_u", "d_v", "ty_v", "freedom", "inv_freedom", "radius",
+    "step_max", "d2", "unit_d", "unit_t",
 )  # fmt: skip
 
+Bytes = NDArray[np.int8]
 Shorts = NDArray[np.int16]
-Norms = NDArray[np.void]
 
 
 @dataclass(frozen=True)
@@ -61,44 +59,61 @@ class TemplateSet:
     half          (k,) px; a kind's window is the square of 2 half + 1 round its middle
     spans         of each kind (r, 3) int32: of each row of its support, first column and row against the
                   window's middle, and number of pixels
-    first, plane  (k,) where a kind begins in `values`, and the length of each of its planes there: the
-                  pixels of its spans, then zeros
-    values        int16; a kind is the support, u, v, then d, tx, ty of each phase
-    norms         (k, PHASES^2) NORM
+    first, first_uv  (k,) where a kind begins in `values`, and in `uv`
+    plane         (k,) length of each of its planes there: the pixels of its spans, then zeros
+    values        int16; a kind is d, tx, ty of each phase
+    uv            int8; a kind is u, v
+    norms         (k, PHASES^2, len(NORM)) float64
     """
 
     half: tuple[int, ...]
     spans: tuple[Index, ...]
     first: tuple[int, ...]
+    first_uv: tuple[int, ...]
     plane: tuple[int, ...]
     values: Shorts
-    norms: Norms
+    uv: Bytes
+    norms: Array
 
 
 @lru_cache(maxsize=8)  # while pins are searched for, every frame has the same pattern
 def templates_of(radii: tuple[float, ...], edge_px: float, pitch_px: float) -> TemplateSet:
     """Templates of discs of these radii whose edge is blurred by `edge_px` (sigma), `pitch_px` apart."""
     parts = [_templates(radius, edge_px, pitch_px) for radius in radii]
-    sizes = [planes.size for _, _, planes, _ in parts]
     return TemplateSet(
-        half=tuple(half for half, *_ in parts),
-        spans=tuple(spans for _, spans, *_ in parts),
-        first=tuple(int(first) for first in np.cumsum([0, *sizes[:-1]])),
-        plane=tuple(planes.shape[2] for _, _, planes, _ in parts),
-        values=np.concatenate([planes.ravel() for _, _, planes, _ in parts]),
-        norms=np.stack([norm for *_, norm in parts]).view(np.recarray),
+        half=tuple(part.half for part in parts),
+        spans=tuple(part.spans for part in parts),
+        first=_begins([part.values.size for part in parts]),
+        first_uv=_begins([part.uv.size for part in parts]),
+        plane=tuple(part.uv.shape[1] for part in parts),
+        values=np.concatenate([part.values.ravel() for part in parts]),
+        uv=np.concatenate([part.uv.ravel() for part in parts]),
+        norms=np.stack([part.norms for part in parts]),
     )
+
+
+def _begins(sizes: list[int]) -> tuple[int, ...]:
+    """Where each part begins, one after the other."""
+    return tuple(int(begin) for begin in np.cumsum([0, *sizes[:-1]]))
+
+
+class _Kind(NamedTuple):
+    """Templates of one radius: half width, spans, values (16, 3, plane), uv (2, plane), norms (16, 24)."""
+
+    half: int
+    spans: Index
+    values: Shorts
+    uv: Bytes
+    norms: Array
 
 
 _erfc = np.vectorize(erfc, otypes=[np.float64])
 
 
 @lru_cache(maxsize=64)
-def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, Index, Shorts, Norms]:
-    """Half width, spans, planes (17, 3, pixels of the spans, padded) and norms (16,) of one radius.
-
-    The first three planes are the support and the columns and rows in it; then for each phase the disc, made
-    orthogonal to a constant, and its slopes in x and y, made orthogonal to both.
+def _templates(radius: float, edge_px: float, pitch_px: float) -> _Kind:
+    """Of each phase the disc, made orthogonal to a constant, and its slopes in x and y, made orthogonal to
+    both.
     """
     support = min(
         radius + 3.0 * edge_px + 0.5, max(radius + 1.5 * edge_px, 0.85 * pitch_px - radius - 1.5 * edge_px)
@@ -117,30 +132,44 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> tuple[int, Ind
     d = disc - one * _dot(disc, one) / _dot(one, one)
     tx, ty, px, py = (_freed(p, one, d) for p in (slope * u, slope * v, columns * one, rows * one))
     scale = (0.99 * _scale(d), 0.99 * min(_scale(tx), _scale(ty)))
-    pixels, d2, tx2, ty2 = _dot(one, one), _dot(d, d), _dot(tx, tx), _dot(ty, ty)
-    u_tx, v_ty = _dot(tx, px), _dot(ty, py)
-    u2, v2 = _dot(px, px) - u_tx**2 / tx2, _dot(py, py) - v_ty**2 / ty2
-    freedom = np.where(pixels > 8, pixels - 6, 2)
-    norm = {
-        "x": np.tile(offset, PHASES), "y": np.repeat(offset, PHASES),
-        "by_d": 1.0 / (scale[0] * d2), "by_tx": 1.0 / (scale[1] * tx2), "by_ty": 1.0 / (scale[1] * ty2),
-        "d2": d2, "tx2": tx2, "ty2": ty2,
-        "u_d": _dot(columns, d), "v_d": _dot(rows, d), "u_tx": u_tx, "v_ty": v_ty,
-        "inv_u2": 1.0 / u2, "inv_v2": 1.0 / v2, "tx_u": u_tx / tx2, "ty_v": v_ty / ty2,
-        "spread": 0.5 / tx2 + 0.5 / ty2,
-        "spread_x": 0.5 * u_tx**2 / (u2 * tx2**2), "spread_y": 0.5 * v_ty**2 / (v2 * ty2**2),
-        "pixels": pixels, "inv_pixels": 1.0 / pixels, "freedom": freedom, "inv_freedom": 1.0 / freedom,
-        "radius": radius, "unit_d": 1.0 / scale[0], "unit_t": 1.0 / scale[1],
-    }  # fmt: skip
     inside = one[0] > 0
     n = np.count_nonzero(inside)
-    planes = np.zeros((PHASES * PHASES + 1, 3, -(-n // BLOCK) * BLOCK), np.int16)
-    planes[0, :, :n] = np.stack([one[0], columns, rows])[:, inside]
-    planes[1:, :, :n] = _whole(np.stack([d * scale[0], tx * scale[1], ty * scale[1]], axis=1)[:, :, inside])
-    norms = np.zeros(PHASES * PHASES, NORM)
-    for name in NORM.names or ():
-        norms[name] = np.asarray(norm[name], np.float64).ravel()
-    return half, _spans(inside), planes, norms
+    values = np.zeros((PHASES * PHASES, 3, -(-n // BLOCK) * BLOCK), np.int16)
+    values[:, :, :n] = _whole(np.stack([d * scale[0], tx * scale[1], ty * scale[1]], axis=1)[:, :, inside])
+    uv = np.zeros((2, values.shape[2]), np.int8)
+    uv[:, :n] = np.stack([columns, rows])[:, inside]
+    freedom = max(n - 6.0, 2.0)
+    norm = _norms(d, tx, ty, px, py, scale) | {
+        "by_level": 1.0, "by_square": 1.0, "inv_pixels": 1.0 / n, "freedom": freedom, "radius": radius,
+        "inv_freedom": 1.0 / freedom, "step_max": max(half - 2, 2) / 2,
+    }  # fmt: skip
+    norms = np.stack([np.broadcast_to(norm[name], PHASES * PHASES) for name in NORM], axis=1)
+    return _Kind(half, _spans(inside), values, uv, norms)
+
+
+def _norms(
+    d: Array, tx: Array, ty: Array, px: Array, py: Array, scale: tuple[float, float]
+) -> dict[str, Array | float]:
+    """Of NORM what depends on the phase.
+
+    px, py  columns and rows, orthogonal to 1 and d
+    scale   of the integers of d, of tx and ty
+    """
+    columns, rows = (np.arange(side) - side // 2 for side in d.shape[:0:-1])
+    d2, tx2, ty2 = _dot(d, d), _dot(tx, tx), _dot(ty, ty)
+    u_d, u_tx, v_d, v_ty = _dot(columns, d), _dot(px, tx), _dot(rows[:, None], d), _dot(py, ty)
+    of_d, of_tx, of_ty = np.sqrt(d2), np.sqrt(tx2), np.sqrt(ty2)
+    of_u, of_v = np.sqrt(_dot(px, px) - u_tx**2 / tx2), np.sqrt(_dot(py, py) - v_ty**2 / ty2)
+    norm = {
+        "by_d": 1.0 / (scale[0] * of_d), "by_tx": 1.0 / (scale[1] * of_tx), "by_ty": 1.0 / (scale[1] * of_ty),
+        "by_u": 1.0 / of_u, "by_v": 1.0 / of_v, "inv_d": 1.0 / of_d, "x_d": of_d / of_tx, "y_d": of_d / of_ty,
+        "x_u": u_tx * of_d / (of_u * tx2), "y_v": v_ty * of_d / (of_v * ty2),
+        "d_u": -u_d / (of_d * of_u), "tx_u": -u_tx / (of_tx * of_u),
+        "d_v": -v_d / (of_d * of_v), "ty_v": -v_ty / (of_ty * of_v), "d2": d2,
+    }  # fmt: skip
+    return {name: numbers.ravel() for name, numbers in norm.items()} | {
+        "unit_d": 1.0 / scale[0], "unit_t": 1.0 / scale[1]
+    }  # fmt: skip
 
 
 def _spans(inside: Mask) -> Index:

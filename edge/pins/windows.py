@@ -1,6 +1,6 @@
 """The inner loops of `centroids` for uncompiled runs; `windows.pxd` has them in C.
 
-Sums are of integers, so both give exactly the same.
+Sums are of integers, the rest are the same operations: both give exactly the same.
 """
 
 from __future__ import annotations
@@ -8,44 +8,109 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from edge.pins.templates import BLOCK, PHASES
 from edge.types import Array, Image, Index
 
-Bytes = NDArray[np.uint8]
 Shorts = NDArray[np.int16]
 
+#: What is known of one kind of pins:
+#: half             px, half width of its window
+#: first_span, end_span  its rows in the spans of all kinds
+#: first_step, end_step  and in their steps
+#: row_bytes        copied of each row of a window: the longest, filled up to LANES
+#: first, first_uv, plane  as in `TemplateSet`
+#: pixels           of its support
+KIND = np.dtype(
+    [
+        (name, np.intp)
+        for name in (
+            "half", "first_span", "end_span", "first_step", "end_step", "row_bytes", "first", "first_uv",
+            "plane", "pixels",
+        )
+    ]
+)  # fmt: skip
 
-def sums_of_bytes(
-    image: Image, x: int, y: int, steps: Index, begin: int, end: int, row_bytes: int, pixels: Bytes,
-    templates: Shorts, at: int, common: int, n: int, sums: Array,
+
+def place(
+    norm_of: Index, inner: Array, stride: int, xy: Array, who: Index, n: int, others: Index, at: Index,
+    begin: Index, middle: Array,
+) -> int:  # fmt: skip
+    """Which windows to read.
+
+    norm_of  row of each pin's first phase in the norms
+    inner    (4,) phases: the least x and y of pins whose windows are within the image, and the least beyond
+    stride   of the image, bytes
+    xy       (m, 2) px, where each pin is about
+    who      the n pins asked for, and space for more; those with windows within the image are put first, ...
+    others   ... the others here
+    at       row in the norms, of the nearest phase
+    begin    byte of the image where the middle of the window is
+    middle   (2, n) px, x and y of the middle of the template of that phase
+    Returns  how many have windows within the image
+    """
+    asked = who[:n].copy()
+    with np.errstate(invalid="ignore"):
+        phases = PHASES * xy[asked] + 2
+        within = ((inner[:2] <= phases) & (phases < inner[2:])).all(axis=1)
+    taken = int(within.sum())
+    who[:taken], others[: n - taken] = asked[within], asked[~within]
+    x, y = phases[within].astype(np.int64).T
+    at[:taken] = norm_of[who[:taken]] + y % PHASES * PHASES + x % PHASES
+    begin[:taken] = y // PHASES * stride + x // PHASES
+    middle[:, :taken] = 0.25 * np.stack([x, y]) - 0.375
+    return taken
+
+
+def sum_windows(
+    image: Image, begin: Index, at: Index, n: int, kinds: NDArray[np.void], steps: Index, values: Shorts,
+    uv: NDArray[np.int8], norms: NDArray[np.float64], pixels: NDArray[np.uint8], dark: bool, sums: Array,
 ) -> None:  # fmt: skip
-    """Sums over some spans of an 8-bit image of I d, I tx, I ty, I, I u, I v, I^2.
+    """Sums over n windows of an 8-bit image.
 
-    steps   of each span, bytes from the begin of the one before it, the first from (x, y); and its pixels
-    pixels  takes the spans, one after the other
-    at      begin of d, tx, ty of one phase in `templates`, n each
-    common  where the support, u and v stand
+    begin, at  of `place`
+    kinds      `KIND` of each kind of pins
+    steps      of each span, bytes from the begin of the one before it, the first from the middle of
+               the window, and its pixels; behind each kind's LANES zeros: rows are copied several at once
+    pixels     takes the spans, one after the other
+    dark       sums are those of 255 - I
+    sums       (n, 8): I d, I tx, I ty, I, I u, I v, I^2 and 1, each times its factor in `norms`
 
     Of each row `row_bytes` are copied, as many as the longest span has or more: the next span overwrites what
-    is too many, and behind the last one they stay.
+    is too many, and zeros what is behind the last one.
     """
     rows, columns = image.shape
     memory = np.lib.stride_tricks.as_strided(image, (image.strides[0] * (rows - 1) + columns,), (1,))
-    to, row = 0, y * image.strides[0] + x
-    for step, length in steps[begin:end]:
-        row += step
-        pixels[to : to + row_bytes] = memory[row : row + row_bytes]
-        to += length
-    _sums(pixels[:n].astype(np.int64), templates, at, common, n, sums)
+    for j in range(n):
+        kind, phase = divmod(int(at[j]), PHASES * PHASES)
+        k = kinds[kind]
+        to, row = 0, begin[j]
+        for step, length in steps[k["first_step"] : k["end_step"]]:
+            row += step
+            pixels[to : to + k["row_bytes"]] = memory[row : row + k["row_bytes"]]
+            to += length
+        pixels[to : to + BLOCK] = 0
+        first = k["first"] + 3 * k["plane"] * phase
+        _sums(pixels, values, first, uv, k["first_uv"], k["plane"], norms[at[j]], sums[j])
+        if dark:  # the sums of the other templates are 0
+            white = 255.0 * k["pixels"]
+            square, level = sums[j, 6] + 255.0 * (white - 2.0 * sums[j, 3]), white - sums[j, 3]
+            sums[j, :6] *= -1.0
+            sums[j, 3], sums[j, 6] = level, square
 
 
-def sums_of_shorts(
-    pixels: Shorts, wide: bool, templates: Shorts, at: int, common: int, n: int, sums: Array
-) -> None:
-    """The same of levels at hand, for `common` and n as above; `wide`: their squares may have 24 bits."""
-    _sums(pixels[:n].astype(np.int64), templates, at, common, n, sums)
+def sum_shorts(
+    window: Shorts, wide: bool, values: Shorts, first: int, uv: NDArray[np.int8], first_uv: int, plane: int,
+    norm: NDArray[np.float64], sums: Array,
+) -> None:  # fmt: skip
+    """Those sums of levels at hand, zeros behind the last one; `wide`: their squares may have 24 bits."""
+    _sums(window, values, first, uv, first_uv, plane, norm, sums)
 
 
-def _sums(level: NDArray[np.int64], templates: Shorts, at: int, common: int, n: int, sums: Array) -> None:
-    planes = [templates[first + k * n : first + (k + 1) * n] for first in (at, common) for k in range(3)]
-    sums[:6] = [level @ plane.astype(np.int64) for plane in planes]
-    sums[6] = (level * level) @ planes[3].astype(np.int64)
+def _sums(
+    window: NDArray[np.uint8] | Shorts, values: Shorts, first: int, uv: NDArray[np.int8], first_uv: int,
+    n: int, norm: NDArray[np.float64], sums: Array,
+) -> None:  # fmt: skip
+    level = window[:n].astype(np.int64)
+    d, tx, ty = values[first : first + 3 * n].astype(np.int64).reshape(3, n) @ level
+    u, v = uv[first_uv : first_uv + 2 * n].astype(np.int64).reshape(2, n) @ level
+    sums[:8] = np.array([d, tx, ty, level.sum(), u, v, level @ level, 1], np.float64) * norm[:8]

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import erfc
 
 from edge.pins import CentroidRefiner
 from edge.types import Array, Image
+from tests.support.kernels import ROOT, VARIABLE
 from tests.support.pins_rendered import cramer_rao_px, draw, expose, hexagon, known_rest
 
 pytestmark = pytest.mark.kernels
@@ -209,3 +215,107 @@ def test_refined_pins_are_kept_and_read_ones_are_those_of_the_last_image() -> No
     refiner.read(shifted, truth)
     assert np.abs(first.xy_img - truth).max() < 0.1
     assert np.abs(read.xy_img - truth - 0.5).max() < 0.1
+
+
+def scattered(bits: int, dark: bool) -> tuple[CentroidRefiner, Image, Array]:
+    """Pins of five radii, some cut by the border, half of them poorly predicted: refiner, image, predictions.
+
+    One has no pin near it, one is beyond the image, one is NaN.
+    """
+    rng = np.random.default_rng(11)
+    truth = np.stack(np.meshgrid(np.arange(4.0, 240, 26), np.arange(5.0, 160, 26)), axis=-1).reshape(-1, 2)[
+        2:
+    ]
+    truth += rng.uniform(-2, 2, truth.shape)
+    scale = 2 ** (bits - 8)
+    rest = known_rest(truth, 6.0, 0.9, 120.0 * scale, 2.0 * scale, 26.0, (240, 160))
+    radius: Array = 6.0 * 1.05 ** rng.integers(-2, 3, len(truth)).astype(np.float64)
+    rest = replace(rest, pins=replace(rest.pins, radius_px=radius), pattern=replace(rest.pattern, dark=dark))
+    clean = scale * (draw((240, 160), truth[1:], 6.0, 0.9, 120, 30) + 0.2 * np.arange(240.0))
+    image = expose(clean, 2.0 * scale, rng, bits)
+    predicted = truth + rng.uniform(-2, 2, truth.shape) * (rng.random((len(truth), 1)) < 0.5)
+    predicted[3:5] = [[-50.0, 1e9], [np.nan, 20.0]]
+    return CentroidRefiner(rest), 2**bits - 1 - image if dark else image, predicted
+
+
+SCATTERED = [(8, False), (8, True), (12, False), (16, True)]
+
+
+def refined() -> Array:
+    """Place, sigma, brightness and fit of the scattered pins, (4, 58, 5)."""
+    answers = []
+    for bits, dark in SCATTERED:
+        refiner, image, predicted = scattered(bits, dark)
+        pins = refiner.refine(image, predicted)
+        answers.append(np.column_stack([pins.xy_img, pins.sigma_px, pins.brightness, refiner.fit]))
+    return np.stack(answers)
+
+
+@pytest.mark.compiled
+def test_compiled_and_uncompiled_give_the_same_to_the_last_bit() -> None:
+    """The uncompiled kernel is the reference: a process of its own runs it."""
+    code = (
+        "import sys; from tests.support import kernels; kernels.install();"
+        "from tests.edge.pins.test_refine import refined; import edge.pins.centroids as c;"
+        "assert c.__file__.endswith('.py'), c.__file__;"
+        "sys.stdout.buffer.write(refined().tobytes())"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=os.environ | {VARIABLE: "python"}, capture_output=True
+    )
+    assert run.returncode == 0, run.stderr.decode()
+    ours = refined()
+    assert (np.isnan(ours[..., 0]).sum(axis=1) >= 3).all()
+    assert (np.isnan(ours[..., 0]).sum(axis=1) <= 8).all()
+    np.testing.assert_array_equal(ours, np.frombuffer(run.stdout).reshape(ours.shape))
+
+
+@pytest.mark.parametrize(("bits", "dark"), SCATTERED)
+def test_pins_of_all_radii_are_found_from_poor_predictions(bits: int, dark: bool) -> None:
+    """Each by steps of its own, so a pin's answer does not depend on those that are read with it."""
+    refiner, image, predicted = scattered(bits, dark)
+    together = refiner.refine(image, predicted)
+    for few in (np.arange(len(predicted)) % 3 == 0, np.arange(len(predicted)) > 40):
+        alone = refiner.refine(image, np.where(few[:, None], predicted, np.nan))
+        seen = few & ~np.isnan(together.xy_img[:, 0])
+        assert seen.sum() > 10
+        np.testing.assert_array_equal(alone.xy_img[seen], together.xy_img[seen])
+        np.testing.assert_array_equal(alone.sigma_px[seen], together.sigma_px[seen])
+        assert np.isnan(alone.xy_img[~few]).all()
+
+
+@pytest.mark.parametrize("layout", ["cropped", "flipped", "transposed", "repeated"])
+def test_images_of_any_layout_are_read(layout: str) -> None:
+    refiner, image, predicted = scattered(8, dark=False)
+    expected = refiner.refine(image, predicted).xy_img
+    views = {
+        "cropped": np.pad(image, 5)[5:-5, 5:-5],
+        "flipped": np.ascontiguousarray(image[::-1, ::-1])[::-1, ::-1],
+        "transposed": np.asfortranarray(image),
+        "repeated": np.broadcast_to(image[:1], image.shape),
+    }
+    view = np.asarray(views[layout], np.uint8)
+    assert np.shares_memory(view, views[layout])
+    if layout == "repeated":  # all rows are the same memory
+        expected = refiner.refine(np.ascontiguousarray(view), predicted).xy_img
+    np.testing.assert_array_equal(refiner.refine(view, predicted).xy_img, expected)
+
+
+def test_windows_whose_copies_would_end_beyond_the_image_are_read_pixel_by_pixel() -> None:
+    """Of each row 32 bytes are copied, here of 19: those of the last window would end beyond the last row."""
+    truth = np.array([[9.3, 50.2]])
+    rest = known_rest(truth, 5.0, 0.9, 120, 2.0, 26.0, (19, 60))
+    image = expose(draw((19, 60), truth, 5.0, 0.9, 120, 30), 2.0, np.random.default_rng(8))
+    wider = np.zeros((100, 59), np.uint8)
+    wider[:60, :19] = image
+    narrow, wide = (CentroidRefiner(rest).refine(shown, truth) for shown in (image, wider))
+    np.testing.assert_allclose(narrow.xy_img, wide.xy_img, rtol=1e-12)
+    np.testing.assert_allclose(narrow.sigma_px, wide.sigma_px, rtol=1e-9)
+    assert np.abs(wide.xy_img - truth).max() < 0.15
+
+
+def test_an_image_without_pixels_is_refused() -> None:
+    refiner, _, predicted = scattered(8, dark=False)
+    for shape in ((0, 100), (100, 0)):
+        with pytest.raises(ValueError, match="an image of"):
+            refiner.refine(np.zeros(shape, np.uint8), predicted)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from edge.pins.centroids import CentroidKernel
 from edge.pins.params import PARAMS
@@ -26,17 +27,23 @@ def kernel(templates: TemplateSet) -> CentroidKernel:
     return CentroidKernel(templates, np.zeros(1, np.int32), np.ones(1), LIMITS)
 
 
+def planes(made: TemplateSet, kind: int) -> tuple[NDArray[np.int16], NDArray[np.int8]]:
+    """d, tx, ty of each phase of a kind, (16, 3, plane), and its u, v."""
+    plane, first, first_uv = made.plane[kind], made.first[kind], made.first_uv[kind]
+    values = made.values[first : first + 3 * plane * PHASES**2].reshape(-1, 3, plane)
+    return values, made.uv[first_uv : first_uv + 2 * plane].reshape(2, plane)
+
+
 @pytest.mark.parametrize("kind", range(len(RADII)))
 def test_the_support_is_a_circle_kept_row_after_row(kind: int) -> None:
     made = templates_of(RADII, 0.9, 24.0)
-    spans, plane = made.spans[kind], made.plane[kind]
+    spans = made.spans[kind]
     u = np.concatenate([np.arange(n) + column for column, _, n in spans])
     v = np.concatenate([np.full(n, row) for _, row, n in spans])
-    first = made.first[kind]
-    planes = made.values[first : first + 3 * plane * (PHASES**2 + 1)].reshape(-1, 3, plane)
-    np.testing.assert_array_equal(planes[0, 0, : len(u)], 1)
-    np.testing.assert_array_equal(planes[0, 1:, : len(u)], [u, v])
-    assert not planes[:, :, len(u) :].any()
+    values, uv = planes(made, kind)
+    np.testing.assert_array_equal(uv[:, : len(u)], [u, v])
+    assert not uv[:, len(u) :].any()
+    assert not values[:, :, len(u) :].any()
     support2 = (u**2 + v**2).max()
     side = np.arange(-made.half[kind], made.half[kind] + 1)
     assert len(u) == np.count_nonzero(side[:, None] ** 2 + side**2 <= support2)
@@ -45,10 +52,9 @@ def test_the_support_is_a_circle_kept_row_after_row(kind: int) -> None:
 @pytest.mark.parametrize("kind", range(len(RADII)))
 def test_a_level_that_all_pixels_share_changes_no_sum(kind: int) -> None:
     made = templates_of(RADII, 0.9, 20.0)
-    plane, first = made.plane[kind], made.first[kind]
-    planes = made.values[first : first + 3 * plane * (PHASES**2 + 1)].reshape(-1, 3, plane).astype(np.int64)
-    assert not planes[1:].sum(axis=2).any()
-    assert not planes[0, 1:].sum(axis=1).any()
+    values, uv = planes(made, kind)
+    assert not values.astype(np.int64).sum(axis=2).any()
+    assert not uv.astype(np.int64).sum(axis=1).any()
 
 
 def with_spans(made: TemplateSet, spans: Index) -> TemplateSet:
