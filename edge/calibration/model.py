@@ -213,7 +213,9 @@ class Calibration:
             values, sigmas = dict(zip(names, y, strict=True)), dict(zip(names, sigma, strict=True))
             if 1.0 in outside:
                 saturated = frozenset(
-                    name for name, out in zip(names, outside, strict=True) if out and math.isfinite(values[name])
+                    name
+                    for name, out in zip(names, outside, strict=True)
+                    if out and math.isfinite(values[name])
                 )
         else:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()

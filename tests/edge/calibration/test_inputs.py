@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from edge.calibration.inputs import FRAME_INPUTS, InputRow, frame_inputs
-from edge.types import Features
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, InputRow, contact_inputs, frame_inputs
+from edge.types import ContactRegion, Features, FittedContact
 from tests.support.calibrations import PATTERN, touched_features
 
 pytestmark = pytest.mark.kernels
+
+XY = np.array([0.3, -0.4])
 
 
 def test_inputs_are_free_of_resolution() -> None:
@@ -33,15 +35,32 @@ def test_a_row_of_another_size_is_refused() -> None:
     for names in ((), FRAME_INPUTS[1:], (*FRAME_INPUTS, "more")):
         with pytest.raises(ValueError, match="28 inputs are wanted"):
             InputRow(names).write_frame(f, PATTERN)
-    assert f.contacts
+    contact = ContactRegion(XY, 0.1, 9.0, 0.0, 1.0, XY[None], XY, XY, XY)
     with pytest.raises(ValueError, match="12 inputs are wanted"):
-        InputRow(FRAME_INPUTS).write_contact(f.contacts[0], f, PATTERN)
+        InputRow(FRAME_INPUTS).write_contact(contact, f, PATTERN)
 
 
 def test_modes_of_another_number_are_refused() -> None:
     f = replace(touched_features(0.05, (4.0, -2.0)), modes_px=np.zeros(20, np.complex128))
     with pytest.raises(ValueError, match=r"modes \(21,\) are wanted"):
         frame_inputs(f, PATTERN)
+
+
+def test_the_inputs_of_a_contact() -> None:
+    f, r = touched_features(0.05, (4.0, -2.0)), PATTERN.tip_radius_px
+    fitted = FittedContact(PATTERN.centre_img - r * XY, 2.0, 3.0, XY, -XY)
+    contact = ContactRegion(
+        PATTERN.centre_img + r * XY, 0.1, 9.0, 0.0, 1.0, XY[None], PATTERN.centre_img, XY, -XY
+    )
+    p, shear = 0.3 - 0.4j, (4.0 - 2.0j) / r
+    expected = [p, 0.1, shear, 3.0 / r, 0.0, p / r, -p / r, np.nan, np.nan, np.nan, np.nan, np.nan]
+    z = contact_inputs(contact, replace(f, shear_px=np.array([4.0, -2.0])), PATTERN)
+    np.testing.assert_allclose(z, expected, rtol=1e-12)
+    row = InputRow(CONTACT_INPUTS)
+    row.write_contact(replace(contact, fitted=fitted), f, PATTERN)
+    np.testing.assert_allclose(row.values[7:], [-p, 3.0, 2.0, p, -p], rtol=1e-12)
+    row.write_contact(contact, f, PATTERN)  # nothing of the contact before is left
+    assert np.isnan(row.values[7:]).all()
 
 
 def test_a_row_holds_nothing_of_the_frame_before() -> None:
