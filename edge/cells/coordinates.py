@@ -11,7 +11,7 @@ from edge.types import Array
 
 
 def extent(points: Array, low: Array, high: Array) -> bool:
-    """Whether all points (n, 2) are finite; if so, their least x and y into low (2,), the largest into high."""
+    """Whether all points (n, 2) are finite; if so, least x and y into low (2,), largest into high."""
     if not np.isfinite(points).all():
         return False
     low[:], high[:] = points.min(axis=0), points.max(axis=0)

@@ -25,8 +25,12 @@ from edge.geometry.layout import circumcentres
 from edge.types import Array, Index
 
 if cython.compiled:
+    from cython.cimports.edge.cells.area_sums import area_sums
+    from cython.cimports.edge.geometry.pin_loops import subtract
     from cython.cimports.edge.geometry.views import PointsView
 else:
+    from edge.cells.area_sums import area_sums
+    from edge.geometry.pin_loops import subtract
     from edge.geometry.views import PointsView
 
 
@@ -45,13 +49,13 @@ class FirstOrderAreas:
     _areas: cython.double[::1]  # given last
     _areas_array: Array | None  # the same memory
     _rest: cython.double[:, ::1]
-    _x: cython.double[::1]  # (n + b,) motion
-    _y: cython.double[::1]
+    _motion: cython.double[:, ::1]  # (n + b, 2)
     _area: cython.double[::1]
     _start: cython.int[::1]  # (n + 1,) in the next two: neighbours of the first pin, of the second, ...
-    _neighbour: cython.int[::1]
-    _slope_x: cython.double[::1]  # of the area over a neighbour's motion, px
-    _slope_y: cython.double[::1]
+    _near: cython.int[
+        ::1
+    ]  # twice the neighbour's row; an even number of them, the last may be the pin itself
+    _slope: cython.double[:, ::1]  # (k, 2) px, of the area over a neighbour's motion
     _square_max: cython.double[::1]  # (n,) px2, of the sum of |d|^2
     _moved: cython.Py_ssize_t  # the cell that was last found to have moved too much
 
@@ -65,11 +69,18 @@ class FirstOrderAreas:
         self._points_view, self._areas_array = PointsView(), None
         self._rest = np.array(rest, np.float64, order="C")
         self._area = np.array(area_px2, np.float64)
-        pin, self._neighbour, slope = _slopes(rest, triangles, n)
+        pin, neighbour, slope = _slopes(rest, triangles, n)
+        odd = np.flatnonzero(np.bincount(pin, minlength=n) % 2)
+        end = np.searchsorted(pin, odd, side="right")
+        pin, neighbour, slope = (
+            np.insert(pin, end, odd),
+            np.insert(neighbour, end, odd),
+            np.insert(slope, end, 0.0, 0),
+        )
+        self._near, self._slope = 2 * neighbour, slope
         self._start = np.searchsorted(pin, np.arange(n + 1)).astype(np.int32)
-        self._slope_x, self._slope_y = slope.T.copy()
         self._square_max = np.full(n, np.inf)
-        self._x, self._y = np.zeros(len(rest)), np.zeros(len(rest))
+        self._motion = np.zeros(rest.shape)
 
     def measure(
         self,
@@ -93,7 +104,7 @@ class FirstOrderAreas:
             points = place(rest[:n] + sigma_px * trial)
             self.update(points, areas)
             motion = points[: len(rest)] - rest
-            moved = motion[np.asarray(self._neighbour)] - motion[pin]
+            moved = motion[np.asarray(self._near) // 2] - motion[pin]
             square = np.bincount(pin, (moved**2).sum(axis=1), n)
             off = np.abs(exact(points) - areas)
             curvature = np.maximum(curvature, off / np.maximum(square, np.finfo(np.float64).tiny))
@@ -118,55 +129,39 @@ class FirstOrderAreas:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _update(self, points: cython.const[cython.double][:, ::1], areas: cython.double[::1]) -> cython.bint:
-        x: cython.double[::1] = self._x
-        y: cython.double[::1] = self._y
-        i: cython.Py_ssize_t
+        i: cython.Py_ssize_t = self._moved
         k: cython.Py_ssize_t
         # Within a touch this cell alone is looked at in most frames.
-        i = self._moved
         self._take(points, i)
         for k in range(self._start[i], self._start[i + 1]):
-            self._take(points, self._neighbour[k])
-        if not self._find_area(i, areas):
+            self._take(points, self._near[k] // 2)
+        if self._sum(i, i + 1, areas) == i:
             return False
-        for i in range(x.shape[0]):
-            x[i] = points[i, 0] - self._rest[i, 0]
-            y[i] = points[i, 1] - self._rest[i, 1]
-        for i in range(self._n):
-            if not self._find_area(i, areas):
-                self._moved = i
-                return False
-        return True
+        subtract(points, self._rest, self._motion)
+        i = self._sum(0, self._n, areas)
+        if i == self._n:
+            return True
+        self._moved = i
+        return False
 
     @cython.cfunc
     @cython.inline
     @cython.exceptval(check=False)
     def _take(self, points: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t) -> cython.void:
         """The motion of one point."""
-        self._x[i] = points[i, 0] - self._rest[i, 0]
-        self._y[i] = points[i, 1] - self._rest[i, 1]
+        self._motion[i, 0] = points[i, 0] - self._rest[i, 0]
+        self._motion[i, 1] = points[i, 1] - self._rest[i, 1]
 
     @cython.cfunc
     @cython.inline
     @cython.exceptval(check=False)
-    def _find_area(self, i: cython.Py_ssize_t, areas: cython.double[::1]) -> cython.bint:
-        """The area of one cell; False: it has moved too much."""
-        k: cython.Py_ssize_t
-        j: cython.Py_ssize_t
-        dx: cython.double
-        dy: cython.double
-        x: cython.double = self._x[i]
-        y: cython.double = self._y[i]
-        area: cython.double = self._area[i]
-        square: cython.double = 0.0
-        for k in range(self._start[i], self._start[i + 1]):
-            j = self._neighbour[k]
-            dx = self._x[j] - x
-            dy = self._y[j] - y
-            area += self._slope_x[k] * dx + self._slope_y[k] * dy
-            square += dx * dx + dy * dy
-        areas[i] = area
-        return square <= self._square_max[i]
+    def _sum(
+        self, first: cython.Py_ssize_t, n: cython.Py_ssize_t, areas: cython.double[::1]
+    ) -> cython.Py_ssize_t:
+        """Areas of the cells from `first` up to n; the cell that has moved too much, or n."""
+        return area_sums(
+            self._start, self._near, self._slope, self._motion, self._area, self._square_max, first, n, areas
+        )
 
 
 def _slopes(rest: Array, triangles: Index, n: int) -> tuple[Index, Index, Array]:

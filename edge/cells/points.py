@@ -171,11 +171,21 @@ class FramePoints:
     @cython.exceptval(check=False)
     def _carry_around(self, points: cython.double[:, ::1]) -> cython.void:
         """Move the points round the tip with the rim pins."""
-        i: cython.Py_ssize_t = self.rim[0]
+        rest: cython.double[:, ::1] = self.rest
+        rim: cython.int[::1] = self.rim
+        fit: cython.double[:, ::1] = self.fit
+        rim_terms: cython.double[:, ::1] = self.rim_terms
+        terms: cython.double[:, ::1] = self.terms
+        around: cython.double[:, ::1] = self.around_rest
+        near: cython.int[:, ::1] = self.near
+        weights: cython.float[:, ::1] = self.weight
+        residual: cython.double[::1] = self.residual
+        n: cython.Py_ssize_t = self.n_pins
+        i: cython.Py_ssize_t = rim[0]
         k: cython.Py_ssize_t
         j: cython.Py_ssize_t
-        shift_x: cython.double = points[i, 0] - self.rest[i, 0]
-        shift_y: cython.double = points[i, 1] - self.rest[i, 1]
+        shift_x: cython.double = points[i, 0] - rest[i, 0]
+        shift_y: cython.double = points[i, 1] - rest[i, 1]
         x: cython.double
         y: cython.double
         weight: cython.double
@@ -186,36 +196,32 @@ class FramePoints:
         y0: cython.double = 0.0
         y1: cython.double = 0.0
         y2: cython.double = 0.0
-        for k in range(self.rim.shape[0]):
-            i = self.rim[k]
-            x = points[i, 0] - self.rest[i, 0] - shift_x
-            y = points[i, 1] - self.rest[i, 1] - shift_y
-            self.residual[2 * k] = x
-            self.residual[2 * k + 1] = y
-            x0 += self.fit[0, k] * x
-            x1 += self.fit[1, k] * x
-            x2 += self.fit[2, k] * x
-            y0 += self.fit[0, k] * y
-            y1 += self.fit[1, k] * y
-            y2 += self.fit[2, k] * y
-        for k in range(self.rim.shape[0]):
-            self.residual[2 * k] -= (
-                x0 * self.rim_terms[k, 0] + x1 * self.rim_terms[k, 1] + x2 * self.rim_terms[k, 2]
-            )
-            self.residual[2 * k + 1] -= (
-                y0 * self.rim_terms[k, 0] + y1 * self.rim_terms[k, 1] + y2 * self.rim_terms[k, 2]
-            )
-        for k in range(self.around_rest.shape[0]):
-            x = x0 * self.terms[k, 0] + x1 * self.terms[k, 1] + x2 * self.terms[k, 2]
-            y = y0 * self.terms[k, 0] + y1 * self.terms[k, 1] + y2 * self.terms[k, 2]
-            if k < self.near.shape[0]:
-                for j in range(self.near.shape[1]):
-                    i = self.near[k, j]
-                    weight = self.weight[k, j]
-                    x += weight * self.residual[i]
-                    y += weight * self.residual[i + 1]
-            points[self.n_pins + k, 0] = self.around_rest[k, 0] + shift_x + x
-            points[self.n_pins + k, 1] = self.around_rest[k, 1] + shift_y + y
+        for k in range(rim.shape[0]):
+            i = rim[k]
+            x = points[i, 0] - rest[i, 0] - shift_x
+            y = points[i, 1] - rest[i, 1] - shift_y
+            residual[2 * k] = x
+            residual[2 * k + 1] = y
+            x0 += fit[0, k] * x
+            x1 += fit[1, k] * x
+            x2 += fit[2, k] * x
+            y0 += fit[0, k] * y
+            y1 += fit[1, k] * y
+            y2 += fit[2, k] * y
+        for k in range(rim.shape[0]):
+            residual[2 * k] -= x0 * rim_terms[k, 0] + x1 * rim_terms[k, 1] + x2 * rim_terms[k, 2]
+            residual[2 * k + 1] -= y0 * rim_terms[k, 0] + y1 * rim_terms[k, 1] + y2 * rim_terms[k, 2]
+        for k in range(around.shape[0]):
+            x = x0 * terms[k, 0] + x1 * terms[k, 1] + x2 * terms[k, 2]
+            y = y0 * terms[k, 0] + y1 * terms[k, 1] + y2 * terms[k, 2]
+            if k < near.shape[0]:
+                for j in range(near.shape[1]):
+                    i = near[k, j]
+                    weight = weights[k, j]
+                    x += weight * residual[i]
+                    y += weight * residual[i + 1]
+            points[n + k, 0] = around[k, 0] + shift_x + x
+            points[n + k, 1] = around[k, 1] + shift_y + y
 
 
 @cython.cfunc

@@ -31,11 +31,12 @@ import cython
 import numpy as np
 
 from edge.features.params import CELL_NOISE, MEDIAN_NOISE, PARAMS, RING_NOISE, FeatureParams
-from edge.geometry.lattice import slope_stencil
+from edge.geometry.lattice import N_RING, slope_stencil
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.types import Array, Rest
 
 if cython.compiled:
+    from cython.cimports.edge.features.ring_sums import highest_ring
     from cython.cimports.edge.geometry.select import median
     from cython.cimports.edge.geometry.views import NumbersView, PointsView
     from cython.cimports.libc.math import NAN, fabs, hypot, isfinite, isnan, sqrt
@@ -43,6 +44,7 @@ else:
     from math import fabs, hypot, isfinite, isnan, sqrt
     from math import nan as NAN  # noqa: N812
 
+    from edge.features.ring_sums import highest_ring
     from edge.geometry.select import median
     from edge.geometry.views import NumbersView, PointsView
 
@@ -72,6 +74,7 @@ class ContactDetector:
     _sorted_x: cython.double[::1]  # motion of one ring, in order
     _sorted_y: cython.double[::1]
     _values: cython.double[::1]
+    _highest: cython.double[::1]  # (1,), of `highest_ring`
     _cell_noise: cython.double
     _ring_noise: cython.double
     _median_noise: cython.double
@@ -96,7 +99,7 @@ class ContactDetector:
         self._root = np.sqrt(np.arange(width + 1) / width)
         self._middle = np.empty((n, 2))
         self._sorted_x, self._sorted_y = np.empty(width), np.empty(width)
-        self._values = np.empty(n)
+        self._values, self._highest = np.empty(n), np.empty(1)
         self._cell_noise, self._ring_noise, self._median_noise = CELL_NOISE, RING_NOISE, MEDIAN_NOISE
         self._raise_sigma = params.raise_sigma
         self._clear_sigma = params.contact_sigma
@@ -200,6 +203,10 @@ class ContactDetector:
         total: cython.double
         highest: cython.double = 0.0  # times the pins of a ring
         nothing: cython.bint = True
+        i = highest_ring(self._ring, area_change, self._highest) if self._width == N_RING + 1 else -1
+        if i >= 0:  # all cells are known, and there are enough for whole rings
+            self._peak_row = i
+            return self._highest[0] / self._width
         self._peak_row = 0
         for i in range(self._n):
             total = 0.0

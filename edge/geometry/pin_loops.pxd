@@ -105,7 +105,7 @@ cdef inline void copy(const double[:, ::1] a, double[:, ::1] out) noexcept nogil
 
 
 cdef inline void subtract(const double[:, ::1] a, const double[:, ::1] b, double[:, ::1] out) noexcept nogil:
-    vt_subtract(&a[0, 0], &b[0, 0], a.shape[0], &out[0, 0])
+    vt_subtract(&a[0, 0], &b[0, 0], out.shape[0], &out[0, 0])
 
 
 cdef inline void subtract_single(const double[:, ::1] a, const double[:, ::1] b, float[:, ::1] out) noexcept nogil:

@@ -18,8 +18,8 @@ def copy(a: Array, out: Array) -> None:
 
 
 def subtract(a: Array, b: Array, out: Array) -> None:
-    """a less b."""
-    np.subtract(a, b, out=out)
+    """a less b, of the first n points."""
+    np.subtract(a[: len(out)], b[: len(out)], out=out)
 
 
 def subtract_single(a: Array, b: Array, out: Heights) -> None:

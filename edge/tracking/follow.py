@@ -23,12 +23,14 @@ import cython
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.geometry.lattice import N_RING, Lattice
+from edge.geometry.lattice import Lattice
+from edge.geometry.pair_sums import pair_rows
 from edge.limits import PINS_MAX
 from edge.tracking.params import TrackingParams
 from edge.types import Array, Mask
 
 if cython.compiled:
+    from cython.cimports.edge.geometry.pair_sums import pair_sums
     from cython.cimports.edge.geometry.pin_loops import (
         copy,
         extrapolate,
@@ -41,13 +43,13 @@ if cython.compiled:
     from cython.cimports.edge.geometry.select import select_kth
     from cython.cimports.edge.geometry.separation import Separation
     from cython.cimports.edge.tracking.outliers import PhotometricFilter
-    from cython.cimports.edge.tracking.pair_sums import pair_sums
     from cython.cimports.libc.math import HUGE_VAL, NAN, sqrt
 else:
     from math import inf as HUGE_VAL  # noqa: N812
     from math import nan as NAN  # noqa: N812
     from math import sqrt
 
+    from edge.geometry.pair_sums import pair_sums
     from edge.geometry.pin_loops import (
         copy,
         extrapolate,
@@ -60,7 +62,6 @@ else:
     from edge.geometry.select import select_kth
     from edge.geometry.separation import Separation
     from edge.tracking.outliers import PhotometricFilter
-    from edge.tracking.pair_sums import pair_sums
 
 
 @cython.final
@@ -82,8 +83,8 @@ class Follower:
     local_pitch: cython.double[::1]
     most2: cython.double[::1]  # px2, limits of the squares of a seen pin's residual and of its change
     change2: cython.double[::1]
-    near: cython.ushort[:, ::1]  # neighbours of full neighbourhoods, filled up with the pin itself
-    weight: cython.float[:, ::1]  # theirs, filled up with 0
+    near: cython.ushort[:, ::1]  # neighbours of full neighbourhoods, of `pair_rows`
+    weight: cython.float[:, ::1]  # theirs
     closest: cython.int[:, ::1]
     pairs: cython.int[:, ::1]
     distance_min: cython.double[::1]
@@ -454,17 +455,13 @@ def _any_missing(seen: cython.const[cython.uchar][::1]) -> cython.bint:
 
 
 def _in_rows(matrix: Array) -> tuple[NDArray[np.uint16], NDArray[np.float32]]:
-    """The neighbours of each pin in a sparse matrix (n, n), and their weights: (n, k) each, in whole rings as
-    `pair_sums` wants them.
-    """
+    """The neighbours of each pin in a sparse matrix (n, n), and their weights, as `pair_sums` wants them."""
     row, column = np.nonzero(matrix)
     n, count = len(matrix), np.bincount(row, minlength=len(matrix))
     slot = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    width = -(-int(count.max()) // N_RING) * N_RING
-    near = np.repeat(np.arange(n, dtype=np.uint16)[:, None], width, axis=1)
-    weight = np.zeros((n, width), np.float32)
+    near, weight = np.zeros((n, int(count.max())), np.int32), np.zeros((n, int(count.max())))
     near[row, slot], weight[row, slot] = column, matrix[row, column]
-    return near, weight
+    return pair_rows(near, weight)
 
 
 def _check(lattice: Lattice, n: int) -> None:
