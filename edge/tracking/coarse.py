@@ -1,8 +1,8 @@
 """Coarse motion of a whole tip: polynomials fitted to the nearest blobs, from several starts at once.
 
 Idea: a field of low degree cannot follow single pins; it fits only if most of its pins are right. From
-several shifts of the rest frame the degree rises from affine to 4 while the gate narrows; in each round blobs
-are matched one to one and the field is fitted again. Arrays carry a leading axis h of hypotheses.
+several shifts of the rest frame the degree rises from affine to 4; in each round blobs are matched one to one
+and the field is fitted again. Arrays carry a leading axis h of hypotheses.
 """
 
 from __future__ import annotations
@@ -51,10 +51,11 @@ class CoarseFit:
     def __init__(self, tip: TrackedTip) -> None:
         self._tip = tip
         p = tip.params
-        self._field = PolynomialField(tip.rest_xy, max(degree for degree, _ in p.schedule))
-        k = range(-p.start_rings, p.start_rings + 1)
-        grid = [(a + b / 2, b * np.sqrt(0.75)) for a in k for b in k if abs(a + b) <= p.start_rings]
-        shifts = np.array(grid)[:, None, :] * (p.start_step * tip.pitch_px) + np.zeros((len(tip), 1))
+        self._field = PolynomialField(tip.rest_xy, max(p.coarse_degrees))
+        # A grid of one standard deviation of the tip's mean motion, out to two.
+        k = range(-2, 3)
+        grid = [(a + b / 2, b * np.sqrt(0.75)) for a in k for b in k if abs(a + b) <= 2]
+        shifts = np.array(grid)[:, None, :] * (p.shift_spread * tip.pitch_px) + np.zeros((len(tip), 1))
         out = tip.rest_xy - tip.rest.pattern.centre_img
         swollen = out * (np.median(tip.local_pitch_px) / max(np.hypot(*out.T).max(), 1e-9))
         self._starts = tip.rest_xy + np.concatenate([shifts, swollen[None], -swollen[None]])
@@ -65,13 +66,13 @@ class CoarseFit:
         """
         p, rest_xy, local_pitch = self._tip.params, self._tip.rest_xy, self._tip.local_pitch_px
         at = np.concatenate([np.stack(guesses), self._starts]) if guesses else self._starts
-        for k, (degree, gate) in enumerate(p.schedule):
-            gate_px = gate * local_pitch
-            blob, square, matched = blobs.match(at, p.schedule_reach * gate_px)
-            weight = np.where(matched, np.exp(np.where(matched, -0.5 * square / gate_px**2, 0.0)), 0.0)
-            if k == p.prune_round:
-                keep = np.argsort(-weight.sum(1), kind="stable")[: p.pruned_n]
-                blob, weight = blob[keep], weight[keep]
+        gate_px, anywhere = p.gate * local_pitch, np.full(len(self._tip), np.inf)
+        for degree in p.coarse_degrees:
+            blob, square, matched = blobs.match(at, anywhere)
+            weight = np.where(matched, np.exp(-0.5 * square / gate_px**2), 0.0)
+            if degree > 1:  # where the affine rounds end, the best go on
+                best = np.argsort(-weight.sum(1), kind="stable")[: p.coarse_n]
+                blob, weight = blob[best], weight[best]
             at = rest_xy + self._field.smooth(blob_xy[blob] - rest_xy, weight, degree)
-        blob, _, matched = blobs.match(at, p.seam * local_pitch)
+        blob, _, matched = blobs.match(at, gate_px)
         return blob_xy[blob] - rest_xy, matched

@@ -103,16 +103,16 @@ class Hypothesis:
         return self._apart(self.known & clear & ~self._may_have_slipped(), odds)
 
     def assign(self, scale: Array, freedom: Array) -> None:
-        """Give unassigned blobs to unmatched pins; predicted again from the assignment until it no longer
-        changes.
+        """Give unassigned blobs to unmatched pins; predicted again from the assignment until an earlier one
+        comes back, or fewer pins have a blob.
         """
         if not self.known.any():
             return
         tip, pins, free = self._tip, _rows(~self.known), _rows(self._unassigned())
         at, blob_at = tip.rest_xy[pins] / tip.pitch_px, self.blob_xy[free] / tip.pitch_px
         mean, variance = self.model.from_around(self.motion, self.known, pins)
-        chosen = np.full(len(pins), -1)
-        for _ in range(tip.params.assign_rounds):
+        assigned_n, assignments = 0, set[bytes]()
+        while True:
             square = ((at[:, None] + mean[:, None] - blob_at) ** 2).sum(2)
             density = self._log_density(square, (variance * scale[pins])[:, None], freedom[pins, None])
             odds = density - self._log_chance()
@@ -120,10 +120,12 @@ class Hypothesis:
             blob = assign(np.hstack([-np.maximum(odds, 0), np.zeros((len(pins), len(pins)))]))
             pin = _rows(blob < len(free))
             pin = pin[odds[pin, blob[pin]] > 0]
-            before, chosen = chosen, np.full(len(pins), -1)
+            chosen = np.full(len(pins), -1, np.int32)
             chosen[pin] = free[blob[pin]]
-            if np.array_equal(before, chosen):
+            assigned_n, before_n = np.count_nonzero(chosen >= 0), assigned_n
+            if assigned_n < before_n or chosen.tobytes() in assignments:
                 break
+            assignments.add(chosen.tobytes())
             self.known[pins], self.blob[pins] = chosen >= 0, np.maximum(chosen, 0)
             self._predict(np.ones(len(self.known), np.bool_))
             mean, variance, scale, freedom = self.mean[pins], self.variance[pins], self.scale, self.freedom

@@ -1,8 +1,5 @@
-"""Neighbouring pins that move alike, and one that does not move as its neighbours do. A kernel: compiled by
-Cython, and the same when it is not.
-
-Links      which matched pins form one piece: pairs of neighbours whose motion differs little
-Adjacency  difference of a pin's motion from the mean of its neighbours'
+"""Which matched pins form one piece: neighbours that move alike. A kernel: compiled by Cython, and the same
+when it is not.
 """
 
 # mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
@@ -13,12 +10,6 @@ import cython
 import numpy as np
 
 from edge.types import Array, Index, Mask
-
-if cython.compiled:
-    from cython.cimports.libc.math import HUGE_VAL, sqrt
-else:
-    from math import inf as HUGE_VAL  # noqa: N812
-    from math import sqrt
 
 
 @cython.final
@@ -97,83 +88,3 @@ def _root(label: cython.int[::1], i: cython.Py_ssize_t) -> cython.int:
         label[i] = label[label[i]]
         i = label[i]
     return i
-
-
-@cython.final
-@cython.cclass
-class Adjacency:
-    """The Delaunay neighbours of the n pins of one tip.
-
-    adjacent  (n, k) pins; a row with fewer is filled up with n
-    Raises    ValueError: a pin that does not exist
-    """
-
-    n: cython.Py_ssize_t
-    adjacent: cython.int[:, ::1]
-
-    def __init__(self, adjacent: Index) -> None:
-        n = len(adjacent)
-        if adjacent.ndim != 2 or not adjacent.size or adjacent.min() < 0 or adjacent.max() > n:
-            raise ValueError(f"adjacent: pins of 0 to {n - 1}, or {n} for none, are wanted")
-        self.n = n
-        self.adjacent = np.array(adjacent, np.int32, order="C")
-
-    def disagreement(self, motion: Array, known: Mask) -> Array:
-        """Difference of each motion from the mean of its known neighbours', for many hypotheses at once.
-
-        motion   (h, n, 2) float64, px; known (h, n) bool
-        Returns  (h, n) float64, px; infinite where the pin, or all of its neighbours, are unknown
-        Raises   ValueError: sizes that do not fit
-        """
-        moved: cython.const[cython.double][:, :, ::1] = np.ascontiguousarray(motion, np.float64)
-        is_known: cython.const[cython.uchar][:, ::1] = np.ascontiguousarray(known, np.bool_).view(np.uint8)
-        n: cython.Py_ssize_t = self.n
-        if (
-            moved.shape[1] != n
-            or moved.shape[2] != 2
-            or is_known.shape[0] != moved.shape[0]
-            or is_known.shape[1] != n
-        ):
-            raise ValueError(
-                f"motion (h, {n}, 2) and known (h, {n}) are wanted, not {motion.shape} and {known.shape}"
-            )
-        off = np.empty((moved.shape[0], n))
-        out: cython.double[:, ::1] = off
-        h: cython.Py_ssize_t
-        for h in range(moved.shape[0]):
-            self._disagreement(moved[h], is_known[h], out[h])
-        return off
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _disagreement(
-        self,
-        motion: cython.const[cython.double][:, ::1],
-        known: cython.const[cython.uchar][::1],
-        off: cython.double[::1],
-    ) -> cython.void:
-        i: cython.Py_ssize_t
-        c: cython.Py_ssize_t
-        at: cython.Py_ssize_t
-        count: cython.int
-        x: cython.double
-        y: cython.double
-        for i in range(self.n):
-            x = 0
-            y = 0
-            count = 0
-            for c in range(self.adjacent.shape[1]):
-                at = self.adjacent[i, c]
-                if at == self.n:
-                    break
-                if not known[at]:
-                    continue
-                x += motion[at, 0]
-                y += motion[at, 1]
-                count += 1
-            if known[i] and count:
-                x = motion[i, 0] - x / count
-                y = motion[i, 1] - y / count
-                off[i] = sqrt(x * x + y * y)
-            else:
-                off[i] = HUGE_VAL

@@ -38,26 +38,11 @@ class TrackingParams:
     research_frames: int = 60  # ... every so many frames
     leap_innovation: float = 0.1  # so much innovation with fewer than this share of the baseline is a leap
     leap_share_min: float = 0.95
-    # --- coarse fits
-    schedule: tuple[tuple[int, float], ...] = (
-        (1, 0.6), (1, 0.5), (2, 0.5), (2, 0.45), (3, 0.4), (3, 0.4), (4, 0.35), (4, 0.35)
-    )  # degree of the polynomial and gate of each round  # fmt: skip
-    schedule_reach: float = 2.5  # gates; blobs further away have no weight
-    prune_round: int = 3  # round of the schedule after which only the best starts go on
-    pruned_n: int = 8
-    start_step: float = 0.5  # pitches between the shifts to start from, on a hexagonal grid ...
-    start_rings: int = 2  # ... of so many rings
-    # --- search
-    blobs_min: int = 4  # fewer are not searched: an affine motion needs three, and one more checks it
-    coarse_tried_n: int = 5  # coarse fits that are tried
+    # --- coarse fits, search
+    gate: float = 0.33  # from a pin's prediction to its blob; between the motions of two neighbours
+    coarse_degrees: tuple[int, ...] = (1, 1, 2, 2, 3, 3, 4, 4)  # of the polynomial of each round
+    coarse_n: int = 5  # fits that go on after the affine rounds, each to be tried
     regions_max: int = 16  # matches grown in all, alternatives included: half a millisecond each
-    sweeps_max: int = 24
-    region_gate: float = 0.38  # from a pin's prediction to its blob
-    seam: float = 0.35  # difference in motion beyond which two neighbours are not linked
-    bridge_seam: float = 0.5  # the same for pins further apart, at most
-    bridged_n: int = 2  # coarse fits whose largest piece may reach over gaps ...
-    bridge_gain_min: float = 1.2  # ... where that makes it so many times as large
-    agree: float = 0.22  # difference in motion of a pin and the mean of its neighbours
     raster_px: float = 2.0  # cell of the nearest-blob table
     # --- posterior of a match
     shift_spread: float = 0.5  # pitches; standard deviation of a tip's mean motion
@@ -68,4 +53,3 @@ class TrackingParams:
     scale_freedom: float = 4.0  # pins that the roughness of the whole frame counts as, beside those near
     slip_spread: float = 0.03  # pitches; beyond this standard deviation a step of a pitch may go unnoticed
     slip_spread_hidden: float = 0.06  # ... where but one sign of a slip is seen
-    assign_rounds: int = 6  # of predicting and assigning, at most

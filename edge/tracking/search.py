@@ -61,11 +61,14 @@ class Identifier:
     def __init__(self, tip: TrackedTip) -> None:
         p, lattice = tip.params, tip.lattice
         self._tip = tip
-        first = lattice.edges[:, 0]
-        self._links = Links(len(tip), lattice.edges, p.seam * tip.local_pitch_px[first])
-        self._bridges = _bridges(tip)
-        self._gate_px = p.region_gate * tip.local_pitch_px
-        self._region = RegionGrower(tip.affine, tip.rest_xy, self._gate_px, p.support_min, p.sweeps_max)
+        self._gate_px = p.gate * tip.local_pitch_px
+        self._links = Links(len(tip), lattice.edges, self._gate_px[lattice.edges[:, 0]])
+        row, column = np.nonzero(lattice.weight)
+        beside = np.stack([row, lattice.near[row, column]], axis=1).astype(np.int32)
+        self._bridges = Links(len(tip), beside, self._gate_px[row])
+        # Each sweep takes a match on by a pitch and more: so many take it across the tip.
+        sweeps_n = int(np.ceil(np.ptp(tip.rest_xy, axis=0).max() / tip.pitch_px))
+        self._region = RegionGrower(tip.affine, tip.rest_xy, self._gate_px, p.support_min, sweeps_n)
         self._coarse = CoarseFit(tip)
         self._model = MotionModel(tip)
         self._lattice_steps = _lattice_steps(tip)
@@ -78,7 +81,7 @@ class Identifier:
         blob_xy  (m, 2) px, unordered
         guesses  (n, 2) px each, where the pins may be: further starts of the search
         """
-        if len(blob_xy) < self._tip.params.blobs_min:
+        if not len(blob_xy):
             return Identity(np.full(len(self._tip), -1, np.int32), 0, 0.0)
         blobs = _BlobIndex(blob_xy, _nearest_blob(blob_xy, self._low, self._high, self._tip.params.raster_px))
         found, *others = self._search(blobs, guesses or [])
@@ -123,7 +126,6 @@ class Identifier:
 
     def _starts(self, blobs: _BlobIndex, guesses: list[Array]) -> Iterator[tuple[Array, Mask]]:
         """Motion (n, 2) and the pins (n,) to grow from: guesses unchanged, then coarse fits, best first."""
-        p = self._tip.params
         for guess in guesses:
             blob, _, known = blobs.nearest.match(guess[None], self._gate_px)
             motion = blobs.xy[blob[0]] - self._tip.rest_xy
@@ -131,15 +133,14 @@ class Identifier:
             if 2 * np.count_nonzero(seed) > len(seed):
                 yield motion, seed
         motions, matched = self._coarse.fit(blobs.nearest, blobs.xy, guesses)
-        best = np.argsort(-self._agree_n(motions, matched), kind="stable")[: p.coarse_tried_n]
-        seeds: list[Mask] = []
-        for h in best:
-            seeds.append(self._links.largest_piece(motions[h], matched[h]))
-            yield motions[h], seeds[-1]
+        best = np.argsort(-self._agree_n(motions, matched), kind="stable")
+        seeds = [self._links.largest_piece(motions[h], matched[h]) for h in best]
+        for h, seed in zip(best, seeds, strict=True):
+            yield motions[h], seed
         # A row of pins hidden by glare splits a tip as a seam does: try again with links across gaps.
-        for h, seed in zip(best[: p.bridged_n], seeds, strict=False):
+        for h, seed in zip(best, seeds, strict=True):
             wide = self._bridges.largest_piece(motions[h], matched[h])
-            if np.count_nonzero(wide) > p.bridge_gain_min * np.count_nonzero(seed):
+            if np.count_nonzero(wide) > np.count_nonzero(seed):
                 yield motions[h], wide
 
     def _best_alternative(self, blobs: _BlobIndex, match: Hypothesis) -> Hypothesis:
@@ -158,10 +159,14 @@ class Identifier:
         # It may have grown back into the match itself.
         return larger if larger.differs(match) else Hypothesis(self._model, blobs.xy, blob[h], known[h])
 
-    def _agree_n(self, motion: Array, known: Mask) -> Index:
-        """(h,) how many pins of each hypothesis agree with their neighbours."""
-        off = self._tip.adjacency.disagreement(motion, known)
-        return np.asarray(np.sum(off < self._tip.params.agree * self._tip.local_pitch_px, axis=1), np.int32)
+    def _agree_n(self, motions: Array, known: Mask) -> Index:
+        """(h,) how many pins of each hypothesis (h, n, 2) px, (h, n) move as their neighbours predict."""
+        count = np.empty(len(motions), np.int32)
+        for h, motion in enumerate(motions):
+            predicted, _, _ = self._tip.affine.predict(motion, known[h])
+            agree = np.hypot(*(motion - predicted).T) < self._gate_px
+            count[h] = np.count_nonzero(known[h] & agree)
+        return count
 
     def _grow(self, blobs: _BlobIndex, motion: Array, seed: Mask) -> Hypothesis:
         blob, _, known = self._region.grow(blobs.nearest, motion, seed)
@@ -194,19 +199,6 @@ def _ahead(best: Hypothesis, others: list[Hypothesis]) -> float:
     """How far the logarithm of its posterior is above that of its best alternative, or of no match at all."""
     alternatives = [match.log_posterior for match in others if match.differs(best)]
     return max(best.log_posterior - max(alternatives, default=0.0), 0.0)
-
-
-def _bridges(tip: TrackedTip) -> Links:
-    """Links of all near pins, so that a piece may reach over a gap; the further apart two are, the more they
-    may differ.
-    """
-    p = tip.params
-    row, column = np.nonzero(tip.lattice.weight)
-    beside = tip.lattice.near[row, column]
-    apart = np.hypot(*(tip.rest_xy[row] - tip.rest_xy[beside]).T)
-    local = tip.local_pitch_px[row]
-    limit = np.clip(p.seam * apart, p.seam * local, p.bridge_seam * local)
-    return Links(len(tip), np.stack([row, beside], axis=1).astype(np.int32), limit)
 
 
 def _lattice_steps(tip: TrackedTip) -> Array:

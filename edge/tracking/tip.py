@@ -8,7 +8,6 @@ import numpy as np
 
 from edge.geometry.lattice import Lattice
 from edge.tracking.affine import LocalAffine
-from edge.tracking.links import Adjacency
 from edge.tracking.outliers import PhotometricFilter
 from edge.tracking.params import TrackingParams
 from edge.types import Array, Rest
@@ -24,7 +23,6 @@ class TrackedTip:
     lattice      its neighbours
     affine       the motion that near pins predict for each pin
     photometric  rejects pins whose brightness or sigma is unlike their own at rest
-    adjacency    difference of motions from the mean of the Delaunay neighbours'
     radial       (n, 2) unit vectors away from the tip's centre
     tangential   (n, 2) unit vectors around it
     """
@@ -34,7 +32,6 @@ class TrackedTip:
     lattice: Lattice
     affine: LocalAffine
     photometric: PhotometricFilter
-    adjacency: Adjacency
     radial: Array
     tangential: Array
 
@@ -48,8 +45,7 @@ class TrackedTip:
         radial = out / np.maximum(np.hypot(*out.T), 1e-9)[:, None]
         tangential = np.stack([-radial[:, 1], radial[:, 0]], axis=1)
         photometric = PhotometricFilter(affine, rest.pins, lattice.local_pitch_px, params)
-        adjacency = Adjacency(lattice.adjacent)
-        return cls(params, rest, lattice, affine, photometric, adjacency, radial, tangential)
+        return cls(params, rest, lattice, affine, photometric, radial, tangential)
 
     def __len__(self) -> int:
         return len(self.rest)

@@ -1,11 +1,11 @@
-"""Pieces of pins that move alike, and disagreement; wrong sizes and indices are refused."""
+"""Pieces of pins that move alike; wrong sizes and indices are refused."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from edge.tracking.links import Adjacency, Links
+from edge.tracking.links import Links
 
 pytestmark = pytest.mark.kernels
 
@@ -17,13 +17,6 @@ def test_pieces_end_where_the_motion_differs_and_at_unknown_pins() -> None:
     label = links.pieces(motion, np.array([True, True, True, True, False, True]))
     assert label[0] == label[1] == label[2] != label[3]
     assert len({int(label[k]) for k in (2, 3, 4, 5)}) == 4
-
-
-def test_disagreement_is_the_distance_from_the_mean_of_known_neighbours() -> None:
-    adjacency = Adjacency(np.array([[1, 2, 3], [0, 4, 4], [0, 4, 4], [0, 4, 4]], np.int32))
-    motion = np.array([[[0.0, 0], [1, 0], [3, 0], [100, 0]]])
-    off = adjacency.disagreement(motion, np.array([[True, True, True, False]]))[0]
-    np.testing.assert_array_equal(off, [2.0, 1.0, 3.0, np.inf])
 
 
 @pytest.mark.parametrize("pin", [-1, 3])
@@ -39,16 +32,3 @@ def test_links_refuse_other_sizes() -> None:
     for motion, known in (((2, 2), 3), ((3, 2), 2), ((3, 3), 3)):
         with pytest.raises(ValueError, match=r"motion \(3, 2\)"):
             links.pieces(np.zeros(motion), np.ones(known, bool))
-
-
-@pytest.mark.parametrize("pin", [-1, 4])
-def test_an_adjacent_pin_that_does_not_exist_is_refused(pin: int) -> None:
-    with pytest.raises(ValueError, match="pins of 0 to 2"):
-        Adjacency(np.array([[1, 2], [0, pin], [0, 3]], np.int32))
-
-
-def test_disagreement_refuses_other_sizes() -> None:
-    adjacency = Adjacency(np.array([[1, 2], [0, 3], [0, 3]], np.int32))
-    for motion, known in (((2, 4, 2), (2, 3)), ((2, 3, 2), (1, 3)), ((2, 3, 2), (2, 4)), ((2, 3, 1), (2, 3))):
-        with pytest.raises(ValueError, match=r"motion \(h, 3, 2\)"):
-            adjacency.disagreement(np.zeros(motion), np.ones(known, bool))

@@ -16,7 +16,6 @@ from edge.geometry.lattice import Lattice
 from edge.pins import CentroidRefiner, detect, take_rest
 from edge.tracking import Tracker
 from edge.tracking.hypothesis import Hypothesis
-from edge.tracking.links import Adjacency
 from edge.tracking.params import TrackingParams
 from edge.tracking.search import Identifier, Identity
 from edge.types import Array, Image, PinPattern, Pins, Rest, Tracks
@@ -393,15 +392,14 @@ def test_published_stills_from_rest_alone(real_dir: Path) -> None:
     """Each frame is one jump; no pin that is in the picture is given to another place."""
     folder = real_dir / "tactip331_binary"
     rest = take_rest([grey(folder / "rest.png")])
-    adjacency = Adjacency(Lattice(rest.xy_img, rest.pattern.pitch_px).adjacent)
+    around = identity.neighbours(rest.xy_img)
     with (folder / "targets.csv").open() as f:
         names = [row["sensor_image"] for row in csv.DictReader(f)]
     for name in names[::25]:
         blobs = detect(grey(folder / "frames" / name), rest.pattern)
         tracks = Tracker(rest).identify(blobs)
-        off = adjacency.disagreement((tracks.xy_img - rest.xy_img)[None], tracks.seen[None])[0]
         assert tracks.confidence > 0.9
-        assert np.sum(off < 4.0) >= len(blobs) - 4
+        assert identity.consistent(tracks.xy_img - rest.xy_img, around).sum() >= len(blobs) - 4
 
 
 @pytest.mark.real
