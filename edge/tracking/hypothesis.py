@@ -122,7 +122,7 @@ class Hypothesis:
             pin = pin[odds[pin, blob[pin]] > 0]
             chosen = np.full(len(pins), -1, np.int32)
             chosen[pin] = free[blob[pin]]
-            assigned_n, before_n = np.count_nonzero(chosen >= 0), assigned_n
+            assigned_n, before_n = int(np.count_nonzero(chosen >= 0)), assigned_n
             if assigned_n < before_n or chosen.tobytes() in assignments:
                 break
             assignments.add(chosen.tobytes())
