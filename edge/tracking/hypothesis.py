@@ -157,7 +157,7 @@ class Hypothesis:
         rows = _rows((known_near != self._weighted).any(1) & wanted)
         self._weight[rows], self.variance[rows] = self.model.from_near(rows, known_near[rows])
         self._weighted[rows] = known_near[rows]
-        self.mean = (self._weight[..., None] * motion[near]).sum(1)
+        self.mean = (self._weight[:, None] @ motion[near])[:, 0]
         error = motion - self.mean
         self.square = (error**2).sum(1)
         ratio = self.square / self.variance
@@ -166,7 +166,7 @@ class Hypothesis:
         # Of those near as if the pin were where it is predicted: an outlier is no evidence of a rough field.
         around = np.where(known_near, self._tip.lattice.weight, 0.0)
         own = self.model.weight_in_near(self._weight) * self.known[:, None]
-        without = ((error[near] + own[..., None] * error[:, None]) ** 2).sum(2)
+        without = sum((of_one[near] + own * of_one[:, None]) ** 2 for of_one in error.T)
         of_near = (around * without / self.variance[near]).sum(1) / 2
         self.freedom = p.scale_freedom + around.sum(1)
         self.scale = (p.scale_freedom * of_frame + of_near) / self.freedom

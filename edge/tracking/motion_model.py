@@ -34,9 +34,11 @@ class MotionModel:
         field = component_covariance(x, PREDICTING)
         self._own = float(field[0, 0])
         self._all = _with_affine(field, x)
-        self._among = _with_affine(field[near[:, :, None], near[:, None, :]], tip.lattice.offset)
+        among = _with_affine(field[near[:, :, None], near[:, None, :]], tip.lattice.offset)
         affine = np.broadcast_to([1.0, 0.0, 0.0], (len(tip), 3))
         self._with = np.concatenate([field[near, row[:, None]], affine], axis=1)
+        self._inverse = np.linalg.inv(among)
+        self._weight = (self._inverse @ self._with[..., None])[..., 0]  # where all near are known
         self.weight, self.variance = self.from_near(row, np.ones(near.shape, np.bool_))
         found = near[near] == row[:, None, None]
         place = near * near.shape[1] + found.argmax(2)
@@ -57,12 +59,16 @@ class MotionModel:
         """(r, k) the weights of the known ones among the near pins (r, k) in the prediction of these pins,
         and (r,) its variance against the field's scale.
         """
-        known = np.concatenate([known, np.ones((len(rows), 3), np.bool_)], axis=1)
-        both = known[:, :, None] & known[:, None, :]
-        among = np.where(both, self._among[rows], np.eye(known.shape[1]))
-        with_own = np.where(known, self._with[rows], 0.0)
-        weight = np.linalg.solve(among, with_own[..., None])[..., 0]
-        return weight[:, :-3], self._own - (weight * with_own).sum(1)
+        # Of the inverse of all equations, that of the rest follows from the block of the unknown pins.
+        first = np.argsort(known, axis=1, kind="stable")[:, : int((~known).sum(1).max(initial=0))]
+        unknown = ~np.take_along_axis(known, first, axis=1)
+        block = self._inverse[rows[:, None, None], first[:, :, None], first[:, None]]
+        block = np.where(unknown[:, :, None] & unknown[:, None], block, np.eye(first.shape[1]))
+        given_up = np.where(unknown, self._weight[rows[:, None], first], 0.0)
+        given_up = np.linalg.solve(block, given_up[..., None])[:, None, :, 0]
+        weight = self._weight[rows] - (given_up @ self._inverse[rows[:, None], first])[:, 0]
+        weight[:, :-3] *= known
+        return weight[:, :-3], self._own - (weight * self._with[rows]).sum(1)
 
     def weight_in_near(self, weight: Array) -> Array:
         """(n, k) the weight that each pin has in the prediction of those near it; weight (n, k) of those near

@@ -164,7 +164,7 @@ class Identifier:
         count = np.empty(len(motions), np.int32)
         for h, motion in enumerate(motions):
             predicted, _, _ = self._tip.affine.predict(motion, known[h])
-            agree = np.hypot(*(motion - predicted).T) < self._gate_px
+            agree = ((motion - predicted) ** 2).sum(1) < self._gate_px**2
             count[h] = np.count_nonzero(known[h] & agree)
         return count
 

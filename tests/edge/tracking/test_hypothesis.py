@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from edge.geometry.motion_field import PREDICTING, component_covariance
 from edge.tracking.hypothesis import Hypothesis, certain_match
 from edge.tracking.motion_model import MotionModel
 from edge.tracking.tip import TrackedTip
@@ -165,3 +166,27 @@ def test_a_pin_far_off_goes_and_takes_none_of_its_neighbours_along() -> None:
     now[N // 2] += [0.3 * PITCH_PX, 0.0]
     found = Hypothesis(model, now, blob, good)
     assert np.flatnonzero(~found.known).tolist() == [N // 2]
+
+
+@pytest.mark.parametrize("known_n", [18, 17, 10, 4, 3])
+def test_weights_with_unknown_neighbours_solve_the_equations_of_the_known(known_n: int) -> None:
+    """The best linear estimate from the known ones alone: its error is uncorrelated with their motion."""
+    model = model_of(hexagonal(7))
+    near, pin = model.tip.lattice.near, N // 2
+    known = np.zeros(near.shape[1], bool)
+    known[np.random.default_rng(5).permutation(known.size)[:known_n]] = True
+    weight, variance = model.from_near(np.array([pin], np.int32), known[None])
+    assert not weight[0, ~known].any()
+    x = model.tip.rest_xy / model.tip.pitch_px
+    field = component_covariance(x, PREDICTING)
+    here, chosen = near[pin][known], weight[0, known]
+    np.testing.assert_allclose([chosen.sum(), *(chosen @ (x[here] - x[pin]))], [1.0, 0.0, 0.0], atol=1e-4)
+    error = field[pin, pin] - 2 * chosen @ field[here, pin] + chosen @ field[np.ix_(here, here)] @ chosen
+    assert variance[0] == pytest.approx(error, rel=1e-3)
+    # No other weights that continue an affine motion exactly predict with less variance.
+    terms = np.column_stack([np.ones(known_n), x[here] - x[pin]])
+    free = np.linalg.svd(terms.T)[2][3:]
+    for step in free:
+        other = chosen + 0.05 * step
+        worse = field[pin, pin] - 2 * other @ field[here, pin] + other @ field[np.ix_(here, here)] @ other
+        assert worse > error
