@@ -44,7 +44,6 @@ KERNELS = {
     "edge.features.pin_noise": FAST,
     "edge.features.quantized_operator": FAST,
     "edge.features.regions": FAST,
-    "edge.features.split": FAST,
     "edge.geometry.neighbours": FAST,
     "edge.geometry.plane": FAST,
     "edge.geometry.select": FAST,

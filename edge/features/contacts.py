@@ -1,7 +1,7 @@
 """Contacts of a frame, from the contact field to their places.
 
     contact field --peaks--> above the noise --prominence--> contacts, each a region
-    --seen pins--> no guesses --sharper field--> close pairs separated --pins round it--> place
+    --seen pins--> no guesses --fits--> close pairs separated, bars joined --pins round it--> place
 
 A probe makes one peak, a long edge a chain of them, a flat surface a ring or a rough plateau. Peaks with no
 real valley between them are one contact.
@@ -19,8 +19,7 @@ from edge.features.fitted_contacts import Fits, FittedContacts
 from edge.features.params import PARAMS, FeatureParams
 from edge.features.peaks import PeakFinder
 from edge.features.pin_noise import PinNoise
-from edge.features.regions import CONTACTS_MAX, Regions
-from edge.features.split import SplitTest
+from edge.features.regions import Regions
 from edge.features.surface import Surface
 from edge.types import Array, ContactRegion, FittedContact, Heights, Mask
 
@@ -52,14 +51,9 @@ class ContactFinder:
         self._place = ContactPlace(surface.rest_img, surface.pitch_px, surface.field, self._regions, params)
         self._fitted = FittedContacts(surface, self._regions, params)
         self._pin_noise = PinNoise(surface.rest_img, surface.pitch_px)
-        self._split_test: SplitTest | None = None
-        self._noise_px: float | None = None  # of a pin in this frame; None: not measured yet
         # The kernels' arrays.
         self._blend = np.asarray(surface.field.blend)
-        self._semi_axis, self._elongation = (
-            np.asarray(self._regions.semi_axis),
-            np.asarray(self._regions.elongation),
-        )
+        self._elongation = np.asarray(self._regions.elongation)
         self._direction = np.asarray(self._regions.direction)
         self._placed, self._middle = np.asarray(self._place.place), np.asarray(self._regions.middle)
         self._divergence_moment = np.asarray(self._place.divergence_moment)
@@ -68,21 +62,6 @@ class ContactFinder:
     def forget(self) -> None:
         """The next frame does not follow the last one."""
         self._fitted.forget()
-
-    def prepare(self) -> None:
-        """Make now what otherwise the first small long contact would wait for (100 ms)."""
-        self.split_test  # noqa: B018
-
-    @property
-    def split_test(self) -> SplitTest:
-        """The test of long contacts in the sharper field."""
-        if self._split_test is None:
-            surface = self._surface
-            grid, divergences = surface.sharper_grid(self._params.split_steps_per_pitch)
-            self._split_test = SplitTest(
-                grid, divergences, surface.field, self._peaks, self._regions, surface.pitch_px, self._params
-            )
-        return self._split_test
 
     def find(
         self, xy_img: Array, seen: Mask, sigma_px: float, *, moments: bool = True, fits: Fits = Fits.ALL
@@ -98,7 +77,6 @@ class ContactFinder:
         """
         params, regions, peaks = self._params, self._regions, self._peaks
         field_noise = self._surface.divergence_noise
-        self._noise_px = None
         peaks.set_field(self._blend)
         if not peaks.find(field_noise, params.contact_sigma * sigma_px, params.min_area_change):
             self.forget()
@@ -106,12 +84,11 @@ class ContactFinder:
         regions.merge(field_noise, self._pin_noise_px(xy_img, seen, sigma_px) if peaks.n_peaks > 1 else 0.0)
         if regions.n_contacts > 1:
             self._place.drop_guesses(seen)
-        is_long = self._split_close_pairs(xy_img, seen, sigma_px)
         self._fitted.begin()
         n, direction = regions.n_contacts, math.nan
         if n == 2:
             direction = self._fitted.join(xy_img, seen)
-        elif n == 1 and is_long:
+        elif n == 1 and self._elongation[0] >= params.min_oriented_elongation:
             direction = self._fitted.split(xy_img, seen)
         self._place.find_places(xy_img)
         if moments:
@@ -123,30 +100,8 @@ class ContactFinder:
         return tuple(contacts)
 
     def _pin_noise_px(self, xy_img: Array, seen: Mask, sigma_px: float) -> float:
-        """Noise of a pin, from its neighbours in this frame and from rest; computed on demand."""
-        if self._noise_px is None:
-            self._noise_px = math.hypot(self._pin_noise.sigma_px(xy_img, seen), sigma_px)
-        return self._noise_px
-
-    def _split_close_pairs(self, xy_img: Array, seen: Mask, sigma_px: float) -> bool:
-        """Split each long, small contact that the sharper field shows to be two. Whether one was long."""
-        params, regions = self._params, self._regions
-        max_axis_px = params.close_pitch * self._surface.pitch_px
-        split = is_long = False
-        for i in range(regions.n_contacts):
-            oriented = self._elongation[i] >= params.min_oriented_elongation
-            is_long |= bool(oriented)
-            if not (oriented and self._semi_axis[i] < max_axis_px):
-                continue
-            if regions.n_contacts == CONTACTS_MAX:
-                break
-            test = self.split_test
-            if test.find_peaks(i) > 1 and test.find_pair(self._pin_noise_px(xy_img, seen, sigma_px)):
-                regions.split(i, test.first, test.second)
-                split = True
-        if split:
-            regions.sort()
-        return is_long
+        """Noise of a pin, from its neighbours in this frame and from rest."""
+        return math.hypot(self._pin_noise.sigma_px(xy_img, seen), sigma_px)
 
     def _describe(self, i: int, moments: bool, fitted: list[FittedContact]) -> ContactRegion:
         elongation = float(self._elongation[i])

@@ -136,7 +136,7 @@ class FeatureExtractor:
         self._motion = PinMotion(rest)
         self._modes = Modes(rest)
         self._slip = Slip(rest, self._motion, params)
-        self._surface: Surface | None = None  # 10 ms to make: made for the first contact
+        self._surface: Surface | None = None  # made for the first contact
         self._finder: ContactFinder | None = None
         self._plan = _Plan(frozenset())
 
@@ -155,9 +155,9 @@ class FeatureExtractor:
         return self._finder
 
     def prepare(self, demand: frozenset[Feature]) -> None:
-        """Make now what otherwise the first contacts would wait for (100 ms)."""
+        """Make now what otherwise the first contact would wait for (70 ms)."""
         if Feature.CONTACTS in demand:
-            self.finder.prepare()
+            self.finder  # noqa: B018
 
     def forget_contacts(self) -> None:
         """The next frame's contacts do not follow from the last one's."""

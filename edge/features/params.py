@@ -42,11 +42,8 @@ class FeatureParams:
     place_radius_pitch: float = 2.0  # pins within this radius of the middle make a contact's place
     place_radius_axis: float = 1.25  # ... or within this many semi-axes, if that is more
 
-    # --- sharper field: one long contact, or two close ones?
-    close_pitch: float = 2.5  # closer contacts may be one region; a contact's surroundings
-    split_steps_per_pitch: float = 2.5  # of its grid
-
     # --- contacts fitted to the pins' motion: one or two?
+    close_pitch: float = 2.5  # closer contacts may be one region; a contact's surroundings
     shape_evidence: float = 60.0  # logarithm of the likelihoods' ratio that overrules the regions
 
     # --- modes

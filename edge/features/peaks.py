@@ -118,45 +118,6 @@ class PeakFinder:
                 self._insert(p, h)
         return self.n_peaks
 
-    def find_within(
-        self,
-        member: cython.const[cython.uchar][::1],
-        points: cython.const[cython.int][::1],
-        n: cython.Py_ssize_t,
-    ) -> cython.Py_ssize_t:
-        """Find the strict maxima among the first n of these points that are members; the search stays among
-        these.
-
-        member   (k,) uint8; points (at least n,) int32, which of the k points
-        Returns  number of peaks, PEAKS_MAX at most
-        Raises   ValueError: sizes that do not fit, no such point
-        """
-        k: cython.Py_ssize_t = self.place.shape[0]
-        i: cython.Py_ssize_t
-        d: cython.Py_ssize_t
-        here: cython.Py_ssize_t
-        h: cython.float
-        highest: cython.bint
-        if member.shape[0] != k or n < 0 or n > points.shape[0]:
-            raise ValueError(f"member ({k},) and n of 0 to {points.shape[0]} are wanted")
-        self.n_peaks = 0
-        for i in range(n):
-            if points[i] < 0 or points[i] >= k:
-                raise ValueError(f"points: 0 to {k - 1} are wanted, not {points[i]}")
-            here = self.place[points[i]]
-            self.mark[here] = _UNKNOWN
-            if not member[points[i]]:
-                continue
-            h = self.grid[here]
-            highest = True
-            for d in range(8):
-                if not self.grid[here + self._around[d]] < h:
-                    highest = False
-                    break
-            if highest:
-                self._insert(points[i], h)
-        return self.n_peaks
-
     def first_connected(self, j: cython.Py_ssize_t, level: cython.float) -> cython.Py_ssize_t:
         """The first, and so highest, peak that peak j is connected with at or above a level; j itself if none
         before it.

@@ -18,11 +18,9 @@ skin. `contact_place` finds where a contact lies in the current image.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edge.features.contact_field import ContactField
 from edge.features.params import PARAMS, FeatureParams
-from edge.geometry.motion_field import SHARP, divergence_operator
 from edge.geometry.thin_plate import thin_plate_operators
 from edge.types import Array, Heights, Mask, Rest
 
@@ -72,19 +70,3 @@ class Surface:
         grid = np.full(self.size * self.size, np.nan)
         grid[self._flat] = self.field.whole_surface(area_change)
         return grid.reshape(self.size, self.size)
-
-    def sharper_grid(self, steps_per_pitch: float) -> tuple[tuple[Array, Array, NDArray[np.intp]], Array]:
-        """A finer grid over the same square, and the matrix of the sharper field on it
-        (`geometry.motion_field`).
-
-        Returns  columns x and rows y (h,) px, and which of the k points lies nearest (h, h), -1 outside;
-                 (m, 2 n): divergence of the motion, at the m points that are inside, row by row
-        """
-        side = float(self.x_img[-1] - self.x_img[0])
-        size = round(side / self.pitch_px * steps_per_pitch) + 1
-        x = np.linspace(self.x_img[0], self.x_img[-1], size)
-        y = np.linspace(self.y_img[0], self.y_img[-1], size)
-        column, row = (np.rint((a - a[0]) / self.step_px).astype(np.intp) for a in (x, y))
-        point = self.index[np.ix_(row, column)]
-        points_img = np.column_stack([a[point >= 0] for a in np.meshgrid(x, y)])
-        return (x, y, point), divergence_operator(self.rest_img, points_img, self.pitch_px, SHARP)

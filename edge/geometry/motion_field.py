@@ -25,11 +25,7 @@ import numpy as np
 from edge.geometry.layout import affine_terms
 from edge.types import Array
 
-__all__ = ["PREDICTING", "SHARP", "MotionPrior", "component_covariance", "divergence_operator", "precision"]
-
-
-#: Rows of an operator that are made at once: what is needed meanwhile stays small.
-BLOCK = 256
+__all__ = ["PREDICTING", "SHARP", "MotionPrior", "component_covariance", "precision"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,34 +43,10 @@ class MotionPrior:
     noise: float
 
 
-#: For the divergence within a contact: sharp, but noisy where pins are badly seen.
+#: For a contact that is fitted to the motion round it: sharp. The fit takes noise and curl.
 SHARP = MotionPrior(((1.0, 0.1), (2.0, 0.3), (4.0, 1.0)), curl=0.02, noise=0.01)
 #: For the places of missing pins.
 PREDICTING = MotionPrior(((0.7, 0.05), (1.4, 0.2), (2.8, 0.5), (5.6, 1.0)), curl=0.2, noise=0.05)
-
-
-def divergence_operator(knots: Array, points: Array, pitch: float, prior: MotionPrior) -> Array:
-    """The matrix that gives the divergence of a motion at points from the motion at the knots.
-
-    knots    (n, 2) and points (m, 2), any unit; at least three knots that are not on a line
-    pitch    of the knots, same unit
-    Returns  (m, 2 n) float64, per unit; columns are x and y of the first knot, of the second, ...
-    """
-    n, m = len(knots), len(points)
-    centre = knots.mean(axis=0)
-    x, p = (knots - centre) / pitch, (points - centre) / pitch
-    # Unknowns: 2 n weights of the kernels, then 6 of an affine field (x part, y part).
-    system = np.zeros((2 * n + 6, 2 * n + 6))
-    system[: 2 * n, : 2 * n] = _covariance(x, prior)
-    affine = _affine_basis(x)
-    system[: 2 * n, 2 * n :] = affine
-    system[2 * n :, : 2 * n] = affine.T
-    inverse = np.linalg.inv(system)[:, : 2 * n] / pitch
-    divergence_of_affine = inverse[2 * n + 2] + inverse[2 * n + 5]  # d/dx of the x part, d/dy of the y part
-    operator = np.empty((m, 2 * n))
-    for rows in (slice(k, k + BLOCK) for k in range(0, m, BLOCK)):
-        operator[rows] = _divergence_covariance(p[rows], x, prior) @ inverse[: 2 * n] + divergence_of_affine
-    return operator
 
 
 def precision(knots: Array, pitch: float, prior: MotionPrior) -> Array:
@@ -131,15 +103,3 @@ def _covariance(x: Array, prior: MotionPrior) -> Array:
     total[0::2, 1::2] = total[1::2, 0::2] = along * dx * dy
     total[np.diag_indices(2 * n)] += prior.noise**2
     return total
-
-
-def _divergence_covariance(p: Array, x: Array, prior: MotionPrior) -> Array:
-    """(m, 2 n) covariance of the divergence at p (m, 2) with the motion at x (n, 2): of the curl-free part
-    alone.
-    """
-    dx, dy = (p[:, None, k] - x[:, k] for k in (0, 1))
-    r2 = dx * dx + dy * dy
-    slope = np.zeros_like(r2)
-    for width, variance in prior.potentials:
-        slope -= variance * (4.0 / width**2 - r2 / width**4) * np.exp(-0.5 * r2 / width**2)
-    return np.stack([slope * dx, slope * dy], axis=2).reshape(len(p), -1)

@@ -98,7 +98,6 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     "how memory is given out, of which no result depends": frozenset({
         "edge/runtime/process.py:_MMAP_THRESHOLD", "edge/runtime/process.py:_TRIM_THRESHOLD",
         "edge/runtime/process.py:_LARGE_BYTES",
-        "edge/geometry/motion_field.py:BLOCK",
     }),
     "figures of a maker": frozenset({"edge/runtime/board_monitor.py:HOT_DEGC"}),
     "colours": frozenset({

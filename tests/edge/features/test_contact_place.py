@@ -8,7 +8,6 @@ import pytest
 from edge.features.contact_place import ContactPlace
 from edge.features.peaks import PeakFinder
 from edge.features.regions import Regions
-from edge.features.split import SplitTest
 from edge.features.surface import Surface
 from edge.geometry.thin_plate import thin_plate_operators
 from edge.types import Array
@@ -132,21 +131,3 @@ def test_sizes_that_do_not_fit_are_refused() -> None:
         near.find_places(REST.xy_img[1:])
     with pytest.raises(ValueError, match="wanted"):
         ContactPlace(REST.xy_img[1:], PITCH, surface.field, regions)
-
-
-def test_the_split_test_refuses_arrays_of_other_sizes() -> None:
-    surface, peaks, regions, _ = made()
-    grid, divergences = surface.sharper_grid(2.0)
-    with pytest.raises(ValueError, match="divergences"):
-        SplitTest(grid, divergences[1:], surface.field, peaks, regions, PITCH)
-    with pytest.raises(ValueError, match="divergences"):
-        SplitTest(grid, divergences[:, 1:], surface.field, peaks, regions, PITCH)
-    x, y, point = grid
-    far = np.where(point >= 0, 10**6, -1)
-    with pytest.raises(ValueError, match="point"):
-        SplitTest((x, y, far), divergences, surface.field, peaks, regions, PITCH)
-    look = SplitTest(grid, divergences, surface.field, peaks, regions, PITCH)
-    for i in (-1, 0, 8):  # no contact yet
-        with pytest.raises(ValueError, match="contact"):
-            look.find_peaks(i)
-    assert not look.find_pair(0.05)

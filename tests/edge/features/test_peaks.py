@@ -101,19 +101,6 @@ def test_no_level_lets_a_search_leave_the_grid() -> None:
     assert not np.asarray(finder.mark).reshape(5, 6)[0].any()
 
 
-def test_strict_maxima_within_a_region() -> None:
-    rng = np.random.default_rng(4)
-    inside = np.ones((12, 15), np.bool_)
-    field = rng.normal(size=180).astype(np.float32)
-    finder = PeakFinder(inside)
-    finder.set_field(field)
-    member = (rng.random(180) < 0.5).astype(np.uint8)
-    points = np.flatnonzero(rng.random(180) < 0.7).astype(np.int32)
-    chosen = local_maxima(field.reshape(12, 15)).ravel() & (member == 1) & np.isin(np.arange(180), points)
-    assert finder.find_within(member, points, len(points)) == np.count_nonzero(chosen)
-    assert set(np.asarray(finder.point)[: finder.n_peaks]) == set(np.flatnonzero(chosen))
-
-
 def test_arrays_that_do_not_fit_are_refused() -> None:
     finder = PeakFinder(np.ones((4, 5), np.bool_))
     for n in (0, 19, 21):
@@ -121,14 +108,6 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
             finder.set_field(np.zeros(n, np.float32))
         with pytest.raises(ValueError, match="wanted"):
             finder.find(np.zeros(n, np.float32), 1.0, 0.0)
-        with pytest.raises(ValueError, match="wanted"):
-            finder.find_within(np.zeros(n, np.uint8), np.zeros(3, np.int32), 3)
-    for n in (-1, 4):
-        with pytest.raises(ValueError, match="wanted"):
-            finder.find_within(np.ones(20, np.uint8), np.zeros(3, np.int32), n)
-    for point in (-1, 20):
-        with pytest.raises(ValueError, match="points"):
-            finder.find_within(np.ones(20, np.uint8), np.array([point], np.int32), 1)
     for j in (-1, 0, 3):  # no peaks at all
         with pytest.raises(ValueError, match="peak"):
             finder.first_connected(j, 0.0)

@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 
 from edge.calibration import Calibration
-from edge.features import contacts
-from edge.features.split import SplitTest
+from edge.features import extract
+from edge.features.contacts import ContactFinder
 from edge.link.sinks import MemorySink
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.drift import DriftParams
@@ -325,11 +325,11 @@ def test_contacts_are_prepared_while_nothing_touches_yet(
 ) -> None:
     made = threading.Event()
 
-    def split_test(*arguments: Any) -> SplitTest:
+    def finder(*arguments: Any) -> ContactFinder:
         made.set()
-        return SplitTest(*arguments)
+        return ContactFinder(*arguments)
 
-    monkeypatch.setattr(contacts, "SplitTest", split_test)
+    monkeypatch.setattr(extract, "ContactFinder", finder)
     finger.loop.measurement.tare.in_thread = True
     before_n = finger.loop.tares_n
     finger.loop.request_tare()
