@@ -34,7 +34,7 @@ from edge.features.contact_detector import ContactDetector
 from edge.features.contacts import ContactFinder
 from edge.features.fitted_contacts import Fits
 from edge.features.modes import Modes
-from edge.features.params import PARAMS, FeatureParams
+from edge.features.params import PARAMS, FeatureParams, largest_noise
 from edge.features.pin_motion import PinMotion
 from edge.features.slip import Slip
 from edge.features.surface import Surface
@@ -261,7 +261,7 @@ class FeatureExtractor:
         plan, changes, xy_img = self._plan, self._area_change, self._xy
         changes.fill(area_change, xy_img)
         if plan.volume:
-            threshold = self._params.volume_sigma * self._detector.cell_noise(sigma_px)
+            threshold = largest_noise(len(seen)) * self._detector.cell_noise(sigma_px)
             given["volume_px2"] = changes.volume(threshold)
         if plan.surface:
             given["surface"] = self.surface.picture(self._changes)

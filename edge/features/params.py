@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
+from math import log, pi, sqrt
 
 #: Relative noise of a cell's area, and of the mean over a pin and its six neighbours, per pin noise in
 #: pitches, on a hexagonal lattice to first order. A pin that moves outwards by d moves the side of length
@@ -14,19 +14,25 @@ RING_NOISE = 4.0 / (7.0 * 3.0**0.5)
 MEDIAN_NOISE = (0.5 * pi) ** 0.5
 
 
+def largest_noise(n: int) -> float:
+    """What n values of normal noise hardly exceed, in standard deviations; so high that one among n passes a
+    level `hypot(a, largest_noise(n))` as rarely as a single one passes a.
+
+    Source  Donoho and Johnstone, "Ideal spatial adaptation by wavelet shrinkage", Biometrika 81, 1994
+    """
+    return sqrt(2.0 * log(n))
+
+
 @dataclass(frozen=True, slots=True)
 class FeatureParams:
     """Parameters by name. Units: sigma, in standard deviations of the noise; rel, a share; pitch, in pin
-    pitches.
+    pitches; n, a number.
     """
 
     # --- contact: a ring's mean area change, a cell's, a height, a motion
-    contact_sigma: float = 5.0  # more than this is no noise
-    raise_sigma: float = 6.0  # a contact begins above this mean area change of a ring
+    contact_sigma: float = 5.0  # more than this in one place is no noise
     noise_ratio_max: float = 3.0  # learnt noise over predicted noise, and its inverse
-    noise_learning_rate: float = 1.0 / 64.0  # weight of one untouched frame in the learnt noise
-
-    volume_sigma: float = 3.0  # heights below this are left out of the volume
+    noise_frames_n: int = 64  # untouched frames over which the noise is learnt
     min_area_change: float = 0.01  # smallest relative area change beyond drift of brightness and focus
     min_seen_rel: float = 0.5  # share of the pins that must be seen for the others to be predicted
 

@@ -6,14 +6,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from edge.features.contact_detector import ContactDetector
-from edge.features.params import PARAMS, RING_NOISE
+from edge.features.params import PARAMS, RING_NOISE, largest_noise
 from edge.geometry.lattice import slope_stencil
 from edge.types import Array, Rest
 from tests.support.fields import areas, push, tip
 
 pytestmark = pytest.mark.kernels
+
+ENDS = PARAMS.contact_sigma
+BEGINS = np.hypot(ENDS, largest_noise(127))
 
 
 def area_change_by_medians(rest: Rest, xy: Array) -> Array:
@@ -33,11 +37,11 @@ def test_in_contact_where_ring_means_and_medians_are_beyond_the_limits() -> None
     for height in np.linspace(0.0, 0.01, 40):
         xy = rest.xy_img + push(rest, (20.0, -15.0), 50.0, height) + rng.normal(0.0, 0.05, (127, 2))
         change = areas(xy, rest) / rest_area - 1.0
-        limit = PARAMS.raise_sigma * RING_NOISE * 0.05 / rest.pattern.pitch_px
+        limit = BEGINS * RING_NOISE * 0.05 / rest.pattern.pitch_px
         mean = change[ring].mean(axis=1)
         by_medians = area_change_by_medians(rest, xy)
         coherent = (
-            by_medians[ring[mean.argmax()]].max() > PARAMS.contact_sigma / PARAMS.raise_sigma * limit
+            by_medians[ring[mean.argmax()]].max() > ENDS / BEGINS * limit
             or by_medians.max() > limit
         )
         expected = bool(mean.max() > limit and coherent)
@@ -51,21 +55,28 @@ def test_a_contact_has_hysteresis() -> None:
     detector = ContactDetector(rest)
     change = np.zeros(127)
     xy = rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1)  # the medians agree throughout
-    between = 0.5 * (PARAMS.raise_sigma + PARAMS.contact_sigma)
+    between = 0.5 * (BEGINS + ENDS)
     unit = RING_NOISE * 0.05 / rest.pattern.pitch_px
     answers = []
-    for sigmas in (between, PARAMS.raise_sigma + 0.1, between, PARAMS.contact_sigma - 0.1, between):
+    for sigmas in (between, BEGINS + 0.1, between, ENDS - 0.1, between):
         change[:] = sigmas * unit
         answers.append(ContactDetector.by_area(detector, change, xy, 0.05))
         detector = detector if answers[-1] else ContactDetector(rest)  # without what it learnt
     assert answers == [False, True, True, False, False]
 
 
+@pytest.mark.parametrize("n", [19, 127, 331])
+def test_the_highest_of_many_passes_its_level_as_rarely_as_one_passes_its_own(n: int) -> None:
+    """Of normal noise; to a fifth, which is 0.04 standard deviations."""
+    many, one = n * norm.sf(np.hypot(ENDS, largest_noise(n))), norm.sf(ENDS)
+    assert many == pytest.approx(one, rel=0.2)
+
+
 def test_a_mean_over_few_cells_is_scaled_down_and_over_three_ignored() -> None:
     rest = tip(127)
     ring, _ = slope_stencil(rest.xy_img, rest.pattern.pitch_px)
     xy = rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1)
-    limit = PARAMS.raise_sigma * RING_NOISE * 0.05 / rest.pattern.pitch_px
+    limit = BEGINS * RING_NOISE * 0.05 / rest.pattern.pitch_px
     for known, factor, expected in ((4, 1.01, True), (4, 0.99, False), (3, 100.0, False)):
         change = np.full(127, np.nan)
         change[ring[0, :known]] = factor * limit / np.sqrt(known / 7)
