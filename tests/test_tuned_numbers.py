@@ -14,7 +14,7 @@ AT_MOST = {
     "cells": 9,
     "cli": 15,
     "edge": 11,
-    "features": 22,
+    "features": 18,
     "geometry": 9,
     "link": 16,
     "pins": 42,

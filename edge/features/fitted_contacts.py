@@ -8,7 +8,8 @@ Rules
   unless somebody asks.
 - Shapes are compared on the same pins by the likelihood of their motion, its noise unknown: the logarithm
   of two likelihoods' ratio is n log of the ratio of squared errors, of n pins with two coordinates each.
-- What the regions say is overruled by much evidence only: the model's errors are alike among neighbours.
+- The model's errors are alike among neighbours: a pin and its ring count as one. What the regions say is
+  overruled by as much evidence as pins are identified with.
 - Two points are two contacts only if both press.
 """
 
@@ -24,7 +25,8 @@ from edge.features.contact_fit import FITS_MAX, ContactFit
 from edge.features.params import PARAMS, FeatureParams
 from edge.features.regions import CONTACTS_MAX, Regions
 from edge.features.surface import Surface
-from edge.types import Array, FittedContact, Mask
+from edge.geometry.lattice import N_RING
+from edge.types import Array, FittedContact, Mask, Tracks
 
 __all__ = ["Fits", "FittedContacts"]
 
@@ -74,6 +76,8 @@ class FittedContacts:
     def __init__(self, surface: Surface, regions: Regions, params: FeatureParams = PARAMS) -> None:
         self._fit = ContactFit(surface.rest_img, surface.pitch_px, params)
         self._regions, self._params, self._pitch_px = regions, params, surface.pitch_px
+        odds = Tracks.LOW_CONFIDENCE / (1.0 - Tracks.LOW_CONFIDENCE)
+        self._evidence = (N_RING + 1) * math.log(odds)  # of all pins, that overrules the regions
         self._middle, self._semi_axis = np.asarray(regions.middle), np.asarray(regions.semi_axis)
         self._direction = np.asarray(regions.direction)
         fit = self._fit
@@ -187,4 +191,4 @@ class FittedContacts:
 
     def _limit(self, error: float) -> float:
         """The error below which another shape has as much evidence as overrules one with this error."""
-        return error * math.exp(-self._params.shape_evidence / self._fit.n_pins)
+        return error * math.exp(-self._evidence / self._fit.n_pins)

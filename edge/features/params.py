@@ -42,15 +42,13 @@ class FeatureParams:
 
     # --- contacts: peaks of the contact field, merged
     divergence_rel: float = 0.7  # share of the divergence in the contact field; the rest is the surface
-    min_prominence_rel: float = 0.35  # depth of the valley that separates two contacts, of the lower peak
-    region_level_rel: float = 0.3  # a contact's region is what lies above this share of its peak
+    shallow_rel: float = 0.3  # of a peak: what is lower is outside of its contact, a valley less deep is none
     min_oriented_elongation: float = 1.5  # ratio of the axes above which a direction is given
     place_radius_pitch: float = 2.0  # pins within this radius of the middle make a contact's place
     place_radius_axis: float = 1.25  # ... or within this many semi-axes, if that is more
 
     # --- contacts fitted to the pins' motion: one or two?
     close_pitch: float = 2.5  # closer contacts may be one region; a contact's surroundings
-    shape_evidence: float = 60.0  # logarithm of the likelihoods' ratio that overrules the regions
 
     # --- modes
     modes_ridge: float = 1e-3  # of the normal equations, pins: keeps high terms bounded when pins are lost

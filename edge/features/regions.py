@@ -83,8 +83,7 @@ class Regions:
     _place: cython.int[::1]
     _column: cython.int[::1]  # of each place in the padded grid
     _row: cython.int[::1]
-    _level_rel: cython.double
-    _min_prominence_rel: cython.float
+    _shallow_rel: cython.double
     _min_prominence_sigma: cython.double
 
     def __init__(
@@ -106,8 +105,7 @@ class Regions:
         row, column = np.divmod(np.arange(len(peaks.grid), dtype=np.int32), peaks.width)
         self._row, self._column = row.astype(np.int32), column.astype(np.int32)
         self.x0, self.y0, self.step_px = x0 - step_px, y0 - step_px, step_px
-        self._level_rel = params.region_level_rel
-        self._min_prominence_rel = params.min_prominence_rel
+        self._shallow_rel = params.shallow_rel
         self._min_prominence_sigma = 2.0 * params.contact_sigma
 
     def merge(self, noise: Heights, noise_px: cython.double) -> cython.Py_ssize_t:
@@ -136,7 +134,7 @@ class Regions:
             depth = 0.0
             if j > 0:
                 valley = pins * self._noise[self._found_point[j]]
-                depth = max(self._min_prominence_rel * self._height[j], valley)
+                depth = max(self._shallow_rel * self._height[j], valley)
                 first = self._peaks.first_connected(j, self._height[j] - depth)
             if depth > self._height[j]:
                 self._contact[j] = _NOISE
@@ -343,10 +341,10 @@ class Regions:
         x: cython.double
         y: cython.double
         lowest: cython.float = (
-            np.inf if self.n_contacts == 0 else self._level_rel * self._height[self._highest(0)]
+            np.inf if self.n_contacts == 0 else self._shallow_rel * self._height[self._highest(0)]
         )
         for i in range(self.n_contacts):
-            self._level[i] = self._level_rel * self._height[self._highest(i)]
+            self._level[i] = self._shallow_rel * self._height[self._highest(i)]
             lowest = min(lowest, self._level[i])
             self._n_points[i] = 0
             for p in range(6):
