@@ -33,7 +33,6 @@ import cython
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.features.params import PARAMS, FeatureParams
 from edge.types import Array, Complex, Mask, Rest
 
 if cython.compiled:
@@ -55,7 +54,8 @@ _MIRROR = tuple(MODE_POWERS.index((b, a)) for a, b in MODE_POWERS)
 MODE_NAMES = tuple(f"c{a}{b}" for a, b in MODE_POWERS)
 #: Padded length of a row of the basis: whole vectors.
 ROW = cython.declare(cython.Py_ssize_t, 24)
-#: A term of which less than this share is independent of the lower ones cannot be resolved by the layout.
+#: A term of which less than this share is independent of the lower ones cannot be resolved: by the layout, it
+#: is none; by the pins that are left, it stays bounded.
 INDEPENDENT_REL = 1e-6
 
 
@@ -112,11 +112,11 @@ class Modes:
     _sum_re: cython.double[::1]  # (k,) the sums, which become the coefficients
     _sum_im: cython.double[::1]
 
-    def __init__(self, rest: Rest, params: FeatureParams = PARAMS) -> None:
+    def __init__(self, rest: Rest) -> None:
         basis = mode_basis(rest)
         n, k = basis.shape
         empty = np.where(np.any(basis, axis=0), 0.0, n)
-        gram = basis.conj().T @ basis + np.diag(empty) + params.modes_ridge * np.eye(k)
+        gram = basis.conj().T @ basis + np.diag(empty) + INDEPENDENT_REL * n * np.eye(k)
         self._n, self._k = n, k
         self._motion_view = PointsView()
         self._result_array = self._result = np.empty(k, np.complex128)

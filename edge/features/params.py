@@ -50,9 +50,6 @@ class FeatureParams:
     # --- contacts fitted to the pins' motion: one or two?
     close_pitch: float = 2.5  # closer contacts may be one region; a contact's surroundings
 
-    # --- modes
-    modes_ridge: float = 1e-3  # of the normal equations, pins: keeps high terms bounded when pins are lost
-
     # --- slip
     slip_model_rel: float = 0.03  # error of Mindlin's curve, of the motion around the contact
     slip_prior_odds: float = 10.0  # against more than half of the contact sliding

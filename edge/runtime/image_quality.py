@@ -1,21 +1,23 @@
 """Does the image show pins as the rest frame did? Dark, overexposed, out of focus; and has the camera moved?
 
 Rules
-- Dark and overexposed are checked in every image, against the full scale and against the rest frame.
-- Focus is measured in windows as wide as the pitch: wherever the pins have moved, about one pin lies in each,
-  so this needs no tracking. The measure is the energy of the gradient over the square of the contrast, which
-  does not depend on brightness, relative to that of the rest frame.
+- Dark and overexposed are checked in every image, against the full scale and against the rest frame, on
+  `sample_n` rows and columns.
+- Focus is measured in `sample_n` windows as wide as the pitch: wherever the pins have moved, about one pin
+  lies in each, so this needs no tracking. The measure is the energy of the gradient over the square of the
+  contrast, which does not depend on brightness, relative to that of the rest frame.
 - Without contrast focus is not reported if the image is dark or overexposed: that explains it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import nan
+from math import isqrt, nan
 
 import numpy as np
 
 from edge.pins.lens import rest_as_seen
+from edge.pins.params import PARAMS as PINS
 from edge.runtime.checks import Check
 from edge.runtime.measures import FocusWindows, median_length, sample_levels
 from edge.runtime.params import PARAMS as RUNTIME
@@ -38,13 +40,11 @@ __all__ = [
 class ImageParams:
     """Parameters by name; evidence in docs/tuning.md. `_rel`: a share of the rest frame's."""
 
-    least_rel: float = 0.25  # mean level, or contrast over level, below which the image shows nothing
-    half_rel: float = 0.5  # sharpness, or pixels that are not saturated, below which the image is spoilt
-    sample_step_px: int = 16  # brightness is read on every such row and column
-    windows_n: int = 32  # in which the focus is measured
+    least_rel: float = PINS.pin_share_min  # level, or contrast over level, below which nothing is shown
+    half_rel: float = 0.5  # sharpness, or pixels that are not saturated, below which the image is spoilt; of
+    # the common step by which pins differ from it, when the camera moved
     focus_period_s: float = RUNTIME.check_s  # between measurements of the focus
-    alike_rel: float = 0.35  # of the common step by which pins differ from it, when the camera moved
-    alike_share: float = RUNTIME.most_rel  # of the pins that do
+    alike_share: float = RUNTIME.most_rel  # of the pins that make a common step
 
 
 PARAMS = ImageParams()
@@ -55,7 +55,8 @@ ONE_LEVEL = 1 / 255
 def level_of(image: Image, bits: int) -> tuple[float, float]:
     """Mean level and share of saturated pixels, of full scale."""
     top = (1 << bits) - 1
-    total, full, n = sample_levels(image, PARAMS.sample_step_px, top)
+    step = max(1, isqrt(image.size) // RUNTIME.sample_n)
+    total, full, n = sample_levels(image, step, top)
     return (total / (n * top), full / n) if n else (0.0, 0.0)
 
 
@@ -79,11 +80,11 @@ class ImageQuality:
         """Take this image of the untouched tip as the reference."""
         height, width = frame.image.shape
         rest = rest_as_seen(rest)
-        half, tail = max(3, round(rest.pattern.pitch_px / 2)), round(1.0 / RUNTIME.astray_rel)
+        half, n = max(3, round(rest.pattern.pitch_px / 2)), RUNTIME.sample_n
         xy = np.rint(rest.xy_img).astype(np.int32)
         inside = np.all((xy >= half) & (xy < [width - half, height - half]), axis=1)
-        chosen = xy[inside][:: max(1, np.count_nonzero(inside) // self._params.windows_n)]
-        self._focus = FocusWindows(chosen - half, 2 * half + 1, tail) if len(chosen) else None
+        chosen = xy[inside][:: max(1, np.count_nonzero(inside) // n)]
+        self._focus = FocusWindows(chosen - half, 2 * half + 1, n) if len(chosen) else None
         self._seen = np.empty((len(chosen), 2))
         self._noise_energy = 4.0 * rest.pattern.noise**2  # of two differences of two pixels each
         self._level, self._saturated = level_of(frame.image, frame.bits)
@@ -165,5 +166,5 @@ def common_step_px(step_px: Array, least_px: float, params: ImageParams = PARAMS
         return None
     common: Array = np.nanmedian(step_px, axis=0)
     off_px = np.hypot(*(step_px - common).T)
-    alike = np.nanquantile(off_px, params.alike_share) < params.alike_rel * np.hypot(*common)
+    alike = np.nanquantile(off_px, params.alike_share) < params.half_rel * np.hypot(*common)
     return common if alike else None

@@ -5,20 +5,26 @@ Rules
   undetermined, and a contact there is hidden.
 - Nor when many pins vanish at once, until they are back: the baseline is learnt in normal operation and
   forgotten slowly, so that a tip that has lost pins for good becomes usable again.
+- Nor in an image that is corrupt in one place: pins that vanish are next to each other, and those around them
+  stand still. Pins that vanish one by one are next to each other too, as often as chance has it. Both
+  explanations are compared by their likelihoods; as much evidence decides as for the pins' identities.
 - Values return after a few good frames in a row: then the identities of the pins that came back are certain.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log, sqrt
 
 import numpy as np
 
+from edge.features.params import PARAMS as FEATURES
 from edge.geometry.lattice import N_RING
 from edge.geometry.neighbours import nearest_of
+from edge.runtime.image_quality import PARAMS as IMAGE
 from edge.runtime.measures import count_apart
 from edge.runtime.params import PARAMS as RUNTIME
-from edge.types import Mask, Rest, Tracks
+from edge.types import Index, Mask, Rest, Tracks
 
 __all__ = ["PinVisibility", "PinVisibilityParams"]
 
@@ -27,21 +33,19 @@ __all__ = ["PinVisibility", "PinVisibilityParams"]
 class PinVisibilityParams:
     """Thresholds; evidence in docs/tuning.md. `_rel`: a share; pins are counted over the rest frame's."""
 
-    seen_rel: float = 0.8  # smallest share of the pins
+    seen_rel: float = FEATURES.min_seen_rel  # smallest share of the pins: with fewer no others are predicted
     hole_rel: float = 0.01  # largest share of them that are lost with all their neighbours
-    noisy_ratio: float = 5.0  # a pin whose sigma is so many times the baseline counts as lost
+    noisy_ratio: float = FEATURES.noise_ratio_max  # a pin with so many times the usual sigma counts as lost
     drop_rel: float = RUNTIME.most_rel  # of the baseline share; with fewer, too many vanished at once
-    back_rel: float = 0.98  # of the same: until so many are back
+    back_rel: float = RUNTIME.hysteresis_rel  # of the same, above it: until so many are back
     settled_frames_n: int = 4  # good frames in a row until values are sent again
-    baseline_frames_n: int = 64  # over which the baseline is learnt
-    forget_frames_n: int = 1024  # over which it is forgotten while too few are seen
-    corrupt_pins_n: int = 4  # pins that vanish together while those around them are static: a corrupt image
-    corrupt_neighbours_rel: float = 0.25  # of such a pin's neighbours vanish with it
-    corrupt_over_chance: float = 2.0  # times the share expected if single pins vanish
+    baseline_frames_n: int = FEATURES.noise_frames_n  # over which the baseline is learnt
+    forget_rel: float = RUNTIME.astray_rel  # weight of a frame in it while too few are seen, of a good one's
+    corrupt_confidence: float = Tracks.LOW_CONFIDENCE  # that pins vanished side by side not by chance
     still_pitches: float = RUNTIME.still_pitches  # largest motion in a frame that counts as static
-    far_pitches: float = 3.0  # skin cannot move further
+    load_pitches: float = RUNTIME.load_pitches  # skin cannot move twice as far as what overloads it
     far_rel: float = RUNTIME.astray_rel  # share of the pins so far away: identities are wrong
-    noise_ratio: float = 1.3  # times the baseline noise, the focus is checked now
+    blurred_rel: float = IMAGE.half_rel  # sharpness of a blurred image, which may show in its pins' noise
 
 
 PARAMS = PinVisibilityParams()
@@ -69,9 +73,10 @@ class PinVisibility:
         hole_n = int(np.count_nonzero(bad[self._near].all(axis=1))) if bad.any() else 0
         corrupt = self._image_corrupt(tracks, bad)
         few = share < p.seen_rel or hole_n > p.hole_rel * n or corrupt
-        suddenly = share < (p.back_rel if self._reason else p.drop_rel) * self._baseline_share
-        frames_n = p.forget_frames_n if few or suddenly else p.baseline_frames_n
-        self._baseline_share += (share - self._baseline_share) / frames_n
+        least = p.drop_rel * (1.0 + p.back_rel) if self._reason else p.drop_rel
+        suddenly = share < least * self._baseline_share
+        weight = p.forget_rel if few or suddenly else 1.0
+        self._baseline_share += weight * (share - self._baseline_share) / p.baseline_frames_n
         unidentified = tracks.confidence < Tracks.LOW_CONFIDENCE
         if few or suddenly or unidentified:
             self._good_n = 0
@@ -93,17 +98,13 @@ class PinVisibility:
         return self._reason
 
     def _image_corrupt(self, tracks: Tracks, bad: Mask) -> bool:
-        """Whether several pins vanished together since the last frame while those around them did not
-        move."""
+        """Whether pins vanished side by side since the last frame while those around them did not move."""
         p = self._params
         gone, before = bad & ~self._bad, self._before
         self._bad, self._before = bad, tracks.xy_img
-        if np.count_nonzero(gone) < p.corrupt_pins_n:
+        if _evidence_of_place(gone, self._near) <= log(p.corrupt_confidence / (1.0 - p.corrupt_confidence)):
             return False
         around = self._near[gone, 1:]
-        beside = gone[around]
-        if beside.mean() <= max(p.corrupt_neighbours_rel, p.corrupt_over_chance * gone.mean()):
-            return False
         rest = np.unique(around[~bad[around]])
         step = tracks.xy_img[rest] - before[rest]
         length_px = np.hypot(step[:, 0], step[:, 1])
@@ -116,12 +117,32 @@ class PinVisibility:
         if tracks.n_seen < (1.0 - RUNTIME.astray_rel) * len(tracks.seen):
             return True
         noise_px = float(tracks.sigma_px[tracks.seen].mean())
-        noisy = noise_px > p.noise_ratio * self._baseline_px
+        # A centroid's sigma is as the root of the gradient's energy.
+        noisy = noise_px * sqrt(p.blurred_rel) > self._baseline_px
         self._baseline_px += (noise_px - self._baseline_px) / p.baseline_frames_n
         return noisy
 
     def impossible(self, tracks: Tracks) -> bool:
         """Whether pins moved further than skin can."""
         p = self._params
-        far_n = count_apart(tracks.xy_img, self._rest_img, p.far_pitches * self._pitch_px)
+        far_n = count_apart(tracks.xy_img, self._rest_img, 2.0 * p.load_pitches * self._pitch_px)
         return far_n > p.far_rel * len(self._rest_img)
+
+
+def _evidence_of_place(gone: Mask, near: Index) -> float:
+    """Logarithm of two likelihoods' ratio: that pins next to a lost one are lost as often as is seen, and as
+    often as any pin. 0 where they are not lost more often.
+
+    near  (n, k) int, of each pin itself and its neighbours
+    """
+    n, lost_n = len(gone), int(np.count_nonzero(gone))
+    if not 1 < lost_n < n:
+        return 0.0
+    beside = gone[near[gone, 1:]]
+    share, chance = float(beside.mean()), (lost_n - 1) / (n - 1)
+    if share <= chance:
+        return 0.0
+    evidence = share * log(share / chance)
+    if share < 1.0:
+        evidence += (1.0 - share) * log((1.0 - share) / (1.0 - chance))
+    return 0.5 * beside.size * evidence  # two pins that are next to each other are counted from both sides

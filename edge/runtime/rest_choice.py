@@ -49,16 +49,21 @@ __all__ = [
 class RestChoiceParams:
     """Parameters of the choice; evidence in docs/tuning.md.
 
-    images_n     images that are compared, at least, evenly over the recording; at most twice as many
-    untouched_rel  share of the images that are taken to show an untouched tip: this quantile of a cell's area
-                 is untouched, and so is an image that shows the same cells as so many of the others; two at
-                 least, because any image may have a double
+    touched_rel  share of the images that may show a touch: the quantile of a cell's area over the others is
+                 untouched, and so is an image that shows the same cells as as many as they are; two at least,
+                 because any image may have a double
     agree_rel    an image may be chosen if so many others agree with it, of the largest number that do
     """
 
-    images_n: int = 32
-    untouched_rel: float = 0.1
-    agree_rel: float = 0.5
+    touched_rel: float = RUNTIME.most_rel
+    agree_rel: float = RUNTIME.most_rel
+
+    @property
+    def images_n(self) -> int:
+        """Images that are compared, at least, evenly over the recording; at most twice as many. With fewer,
+        those untouched would not be two.
+        """
+        return round(2.0 / (1.0 - self.touched_rel))
 
 
 PARAMS = RestChoiceParams()
@@ -146,7 +151,7 @@ def _compare(images: Sequence[Image], rest: Rest, params: RestChoiceParams) -> _
     area, sigma, seen = _cells(images, rest)
     known = np.isfinite(sigma)
     area = area[:, np.isfinite(area[known]).any(axis=0)]  # a pin may be seen in no other image
-    untouched = np.nanquantile(area[known], params.untouched_rel, axis=0)
+    untouched = np.nanquantile(area[known], 1.0 - params.touched_rel, axis=0)
     deformation = np.full(len(area), np.nan)
     deformation[known] = _rms(area[known] - untouched)
     agrees = np.zeros((len(area), len(area)), bool)
@@ -163,7 +168,7 @@ def _compare(images: Sequence[Image], rest: Rest, params: RestChoiceParams) -> _
 
 def _agree_min_n(compared_n: int, params: RestChoiceParams) -> float:
     """Other images that must show the same cells."""
-    return max(2.0, params.untouched_rel * compared_n)
+    return max(2.0, (1.0 - params.touched_rel) * compared_n)
 
 
 def _rms(change: Array) -> Array:

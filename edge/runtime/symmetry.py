@@ -6,6 +6,8 @@ Idea
 - What is left and still smooth is asymmetry. A touch beside the middle, or a tilted one, makes it.
 - Pins that stand unevenly make some too, by chance. So it counts only if it exceeds the irregularity from
   cell to cell.
+- The boundary decides the areas of the outermost cells: those less than a pitch from the tip's rim are left
+  out.
 
 Rules
 - A touch straight onto the middle is as symmetric as a dome, and is not detected.
@@ -29,14 +31,10 @@ __all__ = ["PARAMS", "RestSymmetry", "SymmetryParams", "symmetry_of"]
 class SymmetryParams:
     """Parameters by name; evidence in docs/tuning.md, "Rest frame".
 
-    inner            tip radii within which cells are used: outside the boundary decides their area
-    asymmetry_max    rms relative area that lens and mount make
-    irregular_ratio  asymmetry over irregularity that chance makes
+    asymmetry_max  rms relative area that lens and mount make
     """
 
-    inner: float = 0.85
     asymmetry_max: float = 0.03
-    irregular_ratio: float = 1.5
 
 
 PARAMS = SymmetryParams()
@@ -56,7 +54,7 @@ class RestSymmetry:
     @property
     def in_contact(self) -> bool:
         """Whether something touches the tip, as far as that can be seen."""
-        return self.asymmetry > max(PARAMS.asymmetry_max, PARAMS.irregular_ratio * self.irregularity)
+        return self.asymmetry > max(PARAMS.asymmetry_max, self.irregularity)
 
     @property
     def message(self) -> str:
@@ -73,7 +71,7 @@ def symmetry_of(rest: Rest) -> RestSymmetry:
     except DegenerateLayout:
         return RestSymmetry(0.0, 0.0)
     place = np.asarray((rest.xy_img - pattern.centre_img) / pattern.tip_radius_px @ (1, 1j))
-    used = (np.abs(place) < PARAMS.inner) & np.isfinite(cells.area_px2)
+    used = (np.abs(place) < 1.0 - pattern.pitch_px / pattern.tip_radius_px) & np.isfinite(cells.area_px2)
     symmetric, smooth = _columns(place[used])
     free_n = int(used.sum()) - symmetric.shape[1] - smooth.shape[1]
     if free_n < smooth.shape[1]:

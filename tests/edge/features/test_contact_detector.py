@@ -40,10 +40,7 @@ def test_in_contact_where_ring_means_and_medians_are_beyond_the_limits() -> None
         limit = BEGINS * RING_NOISE * 0.05 / rest.pattern.pitch_px
         mean = change[ring].mean(axis=1)
         by_medians = area_change_by_medians(rest, xy)
-        coherent = (
-            by_medians[ring[mean.argmax()]].max() > ENDS / BEGINS * limit
-            or by_medians.max() > limit
-        )
+        coherent = by_medians[ring[mean.argmax()]].max() > ENDS / BEGINS * limit or by_medians.max() > limit
         expected = bool(mean.max() > limit and coherent)
         assert ContactDetector(rest).by_area(change, xy, 0.05) == expected
         answers.append(expected)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.features.modes import MODE_NAMES, MODE_POWERS, Modes, mode_basis
-from edge.features.params import PARAMS
+from edge.features.modes import INDEPENDENT_REL, MODE_NAMES, MODE_POWERS, Modes, mode_basis
 from tests.support.fields import CENTRE, make_rest, push, tip
 
 pytestmark = pytest.mark.kernels
@@ -23,7 +22,8 @@ def test_least_squares_over_the_seen_pins(pins: int, lost: int) -> None:
     motion[~seen] = np.nan
     basis = mode_basis(rest)
     b, d = basis[seen], motion[seen] @ [1.0, 1j]
-    expected = np.linalg.solve(b.conj().T @ b + PARAMS.modes_ridge * np.eye(b.shape[1]), b.conj().T @ d)
+    ridge = INDEPENDENT_REL * pins * np.eye(b.shape[1])
+    expected = np.linalg.solve(b.conj().T @ b + ridge, b.conj().T @ d)
     rounding = 1e-11 if lost else 1e-6 * np.abs(d).max()  # of all pins, in single precision
     np.testing.assert_allclose(Modes(rest).fit(motion, seen), expected, rtol=0, atol=rounding)
 

@@ -1,0 +1,88 @@
+"""Pins that vanish: side by side or by chance, in a hole, many at once; and when values return."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from edge.runtime.pin_visibility import PARAMS, PinVisibility
+from edge.types import Array, Mask, Tracks
+from tests.support.fields import tip
+
+REST = tip(331)
+N = len(REST)
+XY = REST.xy_img
+PITCH = REST.pattern.pitch_px
+
+
+def frame(lost: Mask, motion_px: Array | float = 0.0) -> Tracks:
+    xy = np.where(lost[:, None], np.nan, XY + motion_px)
+    return Tracks(xy, np.where(lost, np.nan, REST.pins.sigma_px), ~lost, 1.0)
+
+
+def block(rng: np.random.Generator, area: float, share: float) -> Mask:
+    """Pins lost in a square of that part of the image."""
+    radius = REST.pattern.tip_radius_px
+    side = 2.0 * radius * np.sqrt(area)
+    corner = REST.pattern.centre_img + rng.uniform(-radius, radius - side, 2)
+    within = (np.abs(XY - corner - side / 2.0) < side / 2.0).all(axis=1)
+    return np.asarray(within & (rng.random(N) < share))
+
+
+def vanish(lost: Mask, motion_px: Array | float = 0.0) -> str:
+    """The problem when these are lost from one frame to the next."""
+    pins = PinVisibility(REST)
+    assert not pins.problem(frame(np.zeros(N, np.bool_)))
+    return pins.problem(frame(lost, motion_px))
+
+
+@pytest.mark.parametrize("share", [0.01, 0.03, 0.1])
+def test_single_pins_that_are_lost_are_no_corrupt_image(share: float) -> None:
+    rng = np.random.default_rng(1)
+    problems = [vanish(rng.random(N) < share) for _ in range(300)]
+    assert sum("side by side" in problem for problem in problems) <= 3
+
+
+@pytest.mark.parametrize(
+    ("area", "share", "least"), [(1 / 16, 0.8, 0.9), (1 / 8, 0.5, 0.75), (1 / 8, 0.8, 0.98)]
+)
+def test_pins_lost_side_by_side_are_a_corrupt_image(area: float, share: float, least: float) -> None:
+    """Unless all pins move: then a touch may hide them."""
+    rng = np.random.default_rng(2)
+    blocks = [block(rng, area, share) for _ in range(100)]
+    assert np.mean([bool(vanish(lost)) for lost in blocks]) >= least
+    moving = [vanish(lost, 0.2 * PITCH) for lost in blocks]
+    assert not any("side by side" in problem for problem in moving)
+
+
+def test_four_neighbours_are_enough_and_four_anywhere_are_not() -> None:
+    near = np.argsort(np.hypot(*(XY - XY[40]).T))
+    together, apart = np.zeros((2, N), np.bool_)
+    together[near[:4]] = True
+    apart[[3, 100, 200, 300]] = True
+    assert "side by side" in vanish(together)
+    assert not vanish(apart)
+
+
+def test_values_return_when_nearly_all_are_back_for_some_frames() -> None:
+    pins, everyone = PinVisibility(REST), np.zeros(N, np.bool_)
+    lost = np.random.default_rng(3).permutation(N)
+    many, some, few = (np.isin(np.arange(N), lost[:n]) for n in (50, 10, 1))
+    assert not pins.problem(frame(everyone))
+    assert "vanished at once" in pins.problem(frame(many))
+    assert all(pins.problem(frame(some)) for _ in range(20))
+    answers = [bool(pins.problem(frame(few))) for _ in range(PARAMS.settled_frames_n)]
+    assert answers == [True] * (PARAMS.settled_frames_n - 1) + [False]
+
+
+def test_a_tip_that_has_lost_pins_for_good_becomes_usable_again() -> None:
+    pins = PinVisibility(REST)
+    lost = np.random.default_rng(4).random(N) < 0.3
+    assert pins.problem(frame(lost))
+    frames_n = next(n for n in range(20_000) if not pins.problem(frame(lost)))
+    assert PARAMS.baseline_frames_n < frames_n * PARAMS.forget_rel < 10 * PARAMS.baseline_frames_n
+
+
+def test_a_hole_has_no_values() -> None:
+    from_one = np.hypot(*(XY - XY[165]).T)
+    assert "no pin is seen either" in vanish(from_one < 2.6 * PITCH)
