@@ -81,7 +81,7 @@ def test_the_time_of_a_touch_does_not_count(rest: Rest, quiet: bool, lost: int, 
     assert drift.offset_px == pytest.approx(10 * 0.1 * 0.1 / 100.0, rel=0.01)
 
 
-def test_what_a_touch_leaves_for_a_second_is_hardly_learnt(rest: Rest) -> None:
+def test_a_second_after_a_touch_is_hardly_learnt(rest: Rest) -> None:
     drift = Drift(rest)
     rest_for(drift, rest.xy_img + 0.2, 1.0)
     assert 0.0 < drift.offset_px < 0.002
