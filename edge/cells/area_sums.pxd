@@ -1,5 +1,5 @@
 # The sums of `first_order`, which baseline x86 runs too slowly as compiled Python, described in `area_sums.py`. A frame
-# of 331 pins: 16,000 instructions with the AVX2 clone, chosen when the program loads; 45,000 one by one.
+# of 331 pins: 29,000 instructions with the AVX2 clone, chosen when the program loads; 49,000 one by one.
 
 cdef extern from *:
     """

@@ -1,5 +1,5 @@
 # How `mesh` takes the coordinates of a frame, which baseline x86 runs too slowly as compiled Python, described in
-# `coordinates.py`. 484 points: 4,000 instructions with the AVX2 clone, chosen when the program loads; 15,000 one by one.
+# `coordinates.py`. 484 points: 5,000 instructions with the AVX2 clone, chosen when the program loads; 15,000 one by one.
 
 cdef extern from *:
     """

@@ -74,8 +74,6 @@ SLIVER = cython.declare(cython.double, 1e-10)
 # 4 eps q^2 + 6 eps q. Its squared length and the sum of two parts add 6 eps q, and q >= sqrt(3), so that
 # 8 eps q (1 + q) is enough. No edge's square is above 2/3 S.
 ERROR_BOUND = cython.declare(cython.double, 16.0 / 3.0 * EPSILON)
-# Roundings of an exact part: 4 of the squared length, 5 of 3 predicates and 2 divisions, 1 of the product.
-EXACT_BOUND = cython.declare(cython.double, 10.0 * EPSILON)
 # Largest error bound of an edge, as a share of its part of the area; larger ones are added up, and must be
 # below this share of the cell's area. Otherwise the cell is summed from exact weights.
 AREA_TOLERANCE = cython.declare(cython.double, 0.5e-12)
@@ -540,7 +538,8 @@ class Mesh:
                 self._push(h)
                 return -1.0
             part = self._exact_part(h, g)
-            error = EXACT_BOUND * part
+            # 4 roundings of the squared length, 5 of three predicates and two divisions, 1 of the product.
+            error = 10.0 * EPSILON * part
         self.bound[self.tail[h]] += error
         self.bound[self.tail[g]] += error
         return part

@@ -1,5 +1,5 @@
 # The selection of `select`, which baseline x86 runs too slowly as compiled Python, described in `counting.py`. The
-# median of 331 numbers: 2,800 instructions with the AVX2 clone, chosen when the program loads, 8,000 by partitioning.
+# median of 331 numbers: 5,000 instructions with the AVX2 clone, chosen when the program loads, 9,000 by partitioning.
 
 cdef extern from *:
     """

@@ -1,5 +1,5 @@
 # Sums over neighbours, which baseline x86 runs too slowly as compiled Python, described in `pair_sums.py`. 331 pins of
-# 18 neighbours: 22,000 instructions; 52,000 in double precision.
+# 18 neighbours: 30,000 instructions; 52,000 in double precision.
 
 cdef extern from *:
     """
