@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 
 from edge.types import Array, Index
 
-#: All three parts of a triangle are certain.
-CERTAIN = 7
-
 
 def measure_fours(
     tail: Index,
@@ -75,6 +72,6 @@ def sum_shares(
     """
     area[:] = 0.0
     np.add.at(area, tail[: 3 * n], share[:, :n].T.ravel())
-    found = np.flatnonzero(certain[:n] != CERTAIN)
+    found = np.flatnonzero(certain[:n] != 7)  # a bit of each part
     uncertain[: len(found)] = found
     return len(found)
