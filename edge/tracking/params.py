@@ -28,12 +28,19 @@ class TrackingParams:
     outlier_residual_max_search: float = 0.04  # ... and after a search
     outlier_residual_ratio: float = 4.0  # ... or this many times what two thirds of its neighbours show
     # --- whether the identities are held
-    seen_share_min: float = 0.4  # with fewer nothing is held
-    full_share_min: float = 0.85  # of those of the last frame; of the most that a search found, which is ...
-    research_frames: int = 60  # ... searched again every so many frames
-    leap_innovation: float = 0.1  # median; with so much the frame is searched if it has fewer pins
+    median_innovation_max: float = (
+        0.35  # motion that was not predicted: as near to the next pin as to the own
+    )
+    seen_share_min: float = 0.4
+    baseline_share_min: float = 0.65  # of the baseline: the share seen lately
+    baseline_frames: float = 30.0  # time constant of the baseline, frames
+    full_share_min: float = 0.85  # of the largest share that a search found; less is searched again ...
+    research_frames: int = 60  # ... every so many frames
+    leap_innovation: float = 0.1  # so much innovation with fewer than this share of the baseline is a leap
+    leap_share_min: float = 0.95
     # --- coarse fits, search
-    gate: float = 0.33  # how far a pin's blob may be from where it is predicted, from neighbours or frames
+    gate: float = 0.33  # of a blob from a coarse fit; of neighbours' motions
+    region_gate: float = 0.38  # of a blob from where matched neighbours predict it
     coarse_degrees: tuple[int, ...] = (1, 1, 2, 2, 3, 3, 4, 4)  # of the polynomial of each round
     coarse_n: int = 5  # fits that go on after the affine rounds, each to be tried
     regions_max: int = 16  # matches grown in all, alternatives included: half a millisecond each

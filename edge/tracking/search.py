@@ -62,13 +62,14 @@ class Identifier:
         p, lattice = tip.params, tip.lattice
         self._tip = tip
         self._gate_px = p.gate * tip.local_pitch_px
+        self._region_gate_px = p.region_gate * tip.local_pitch_px
         self._links = Links(len(tip), lattice.edges, self._gate_px[lattice.edges[:, 0]])
         row, column = np.nonzero(lattice.weight)
         beside = np.stack([row, lattice.near[row, column]], axis=1).astype(np.int32)
         self._bridges = Links(len(tip), beside, self._gate_px[row])
         # Each sweep takes a match on by a pitch and more: so many take it across the tip.
         sweeps_n = int(np.ceil(np.ptp(tip.rest_xy, axis=0).max() / tip.pitch_px))
-        self._region = RegionGrower(tip.affine, tip.rest_xy, self._gate_px, p.support_min, sweeps_n)
+        self._region = RegionGrower(tip.affine, tip.rest_xy, self._region_gate_px, p.support_min, sweeps_n)
         self._coarse = CoarseFit(tip)
         self._model = MotionModel(tip)
         self._lattice_steps = _lattice_steps(tip)

@@ -40,7 +40,7 @@ class Tracker:
         self._held = False
         self._confidence = 0.0  # of the identities that are held, or were
         self._fresh = False  # the last positions are of the frame before: later they are no evidence
-        self._last_share = 0.0  # of the pins, seen in the last frame
+        self._baseline_share = 0.0  # of the pins, seen lately
         self._found_share = 0.0  # the largest that a search found
         self._frames_since_search = 0
         self._fallback: Tracks | None = None  # what `follow` found and refused in this frame
@@ -67,7 +67,7 @@ class Tracker:
         self._frames_since_search += 1
         continues = self._continues(innovation, share)
         refused = not continues or self._too_few(share, innovation)
-        self._last_share = share
+        self._baseline_share += (share - self._baseline_share) / p.baseline_frames
         if refused:
             self._held = False
             self._fallback = tracks if continues else None
@@ -99,7 +99,7 @@ class Tracker:
             confidence = 0.0
         if confidence >= Tracks.LOW_CONFIDENCE:
             self._confidence = confidence
-            self._last_share, self._found_share = share, max(share, self._found_share)
+            self._baseline_share, self._found_share = share, max(share, self._found_share)
             autocorrelation = self._follower.settle(now, now - self._tip.rest_xy - predicted, seen)
             self._hold()
             return Tracks(xy, sigma, seen, confidence, autocorrelation)
@@ -133,16 +133,16 @@ class Tracker:
         return xy, sigma
 
     def _too_few(self, share: float, innovation: float) -> bool:
-        """Whether so few pins are seen that the frame is searched.
+        """Whether so few pins are seen, against the baseline, that the identities are given up.
 
-        If many vanish at once, the rest may be a lattice that slipped. A region that was lost as a whole does
-        not come back by itself: it is searched for from time to time. And in a leap some pins may take their
-        neighbours' blobs while others are lost.
+        If a third vanish at once, the rest may be a lattice that slipped. A region that was lost as a whole
+        does not come back by itself: it is searched for from time to time. And in a leap some pins may take
+        their neighbours' blobs while others are lost.
         """
         p = self._params
-        vanished = share < p.full_share_min * self._last_share
+        vanished = share < p.baseline_share_min * self._baseline_share
         incomplete = share < p.full_share_min * self._found_share
-        leapt = innovation > p.leap_innovation and share < self._last_share
+        leapt = innovation > p.leap_innovation and share < p.leap_share_min * self._baseline_share
         return vanished or (incomplete and self._frames_since_search >= p.research_frames) or leapt
 
     def _continues(self, innovation: float, share: float) -> bool:
@@ -153,4 +153,4 @@ class Tracker:
         share       of the pins that were seen
         """
         p = self._params
-        return share >= p.seen_share_min and innovation <= p.gate
+        return share >= p.seen_share_min and innovation <= p.median_innovation_max
