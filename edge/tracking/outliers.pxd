@@ -6,7 +6,7 @@ cdef class PhotometricFilter:
     cdef LocalAffine affine
     cdef double brightness_sigmas, brightness_change_min, sigma_ratio_max
     cdef double residual_ratio, support_min
-    cdef double[::1] most2, most2_search, rest_brightness, rest_sigma_ratio, off, values
+    cdef double[::1] most2, most2_search, rest_brightness, radius, rest_sigma_ratio, off, values
     cdef unsigned char[::1] suspect, trusted
 
     cdef bint find_suspects(
@@ -16,9 +16,9 @@ cdef class PhotometricFilter:
         self, const double[::1] brightness, const double[::1] sigma, const double[:, ::1] motion,
         unsigned char[::1] seen, bint searched
     ) noexcept nogil
-    cdef void _find_trusted(
+    cdef double _find_trusted(
         self, const double[::1] brightness, const double[::1] sigma, const unsigned char[::1] seen,
         double sigma_ratio_max
     ) noexcept nogil
-    cdef bint _fits(self, const double[:, ::1] motion, Py_ssize_t i, double most2) noexcept nogil
+    cdef bint _fits(self, const double[:, ::1] motion, Py_ssize_t i, double most2, double light2) noexcept nogil
     cdef double _off_trusted(self, const double[:, ::1] motion, Py_ssize_t i) noexcept nogil

@@ -3,9 +3,10 @@
 A kernel: compiled by Cython, and the same when it is not.
 
 Idea: stray light beside a pin biases its centroid, and a speck may lie where a dark pin was. A pin with an
-anomalous brightness or sigma is therefore accepted only with a small residual. The limits come from the frame
-itself: from the gain that all pins share and the scatter of the others, scaled by the pin's own ratio at rest
-(permanent glare is no anomaly).
+anomalous brightness or sigma is therefore accepted only with a small residual, or if light can move it by
+less than its neighbours' prediction is wrong: pins come close near a contact, and each one's light falls
+into the other's window. The limits come from the frame itself: from the gain that all pins share and the
+scatter of the others, scaled by the pin's own ratio at rest (permanent glare is no anomaly).
 """
 
 # mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
@@ -71,6 +72,7 @@ class PhotometricFilter:
         self.most2 = np.square(params.outlier_residual_max * local_pitch_px)
         self.most2_search = np.square(params.outlier_residual_max_search * local_pitch_px)
         self.rest_brightness = np.array(at_rest.brightness, np.float64)
+        self.radius = np.array(at_rest.radius_px, np.float64)
         self.rest_sigma_ratio = np.maximum(at_rest.sigma_px / np.median(at_rest.sigma_px), 1.0)
         self.off, self.values = np.empty(n), np.empty(n)
         self.suspect, self.trusted = np.empty(n, np.uint8), np.empty(n, np.uint8)
@@ -120,12 +122,17 @@ class PhotometricFilter:
         """`accepted` where `find_suspects` found any, for arrays of the right size; updates seen."""
         i: cython.Py_ssize_t
         most2: cython.double[::1] = self.most2_search if searched else self.most2
-        self._find_trusted(brightness, sigma, seen, HUGE_VAL if searched else self.sigma_ratio_max)
+        gain: cython.double
+        change: cython.double
+        gain = self._find_trusted(brightness, sigma, seen, HUGE_VAL if searched else self.sigma_ratio_max)
         for i in range(self.n):
             self.off[i] = UNKNOWN
         for i in range(self.n):
             if self.suspect[i] and not self.trusted[i]:
-                seen[i] = self._fits(motion, i, most2[i])
+                # Light moves a disc by its radius times the share that is not the disc's, at most; sigma is
+                # the radius times the square of the share that the disc does not explain.
+                change = self.radius[i] * (brightness[i] / (gain * self.rest_brightness[i]) - 1.0)
+                seen[i] = self._fits(motion, i, most2[i], change * change + self.radius[i] * sigma[i])
 
     def _find_trusted(
         self,
@@ -133,8 +140,8 @@ class PhotometricFilter:
         sigma: cython.const[cython.double][::1],
         seen: cython.const[cython.uchar][::1],
         sigma_ratio_max: cython.double,
-    ) -> cython.void:
-        """The seen pins, one at least, of normal brightness and sigma."""
+    ) -> cython.double:
+        """The seen pins, one at least, of normal brightness and sigma; returns the gain that all share."""
         off: cython.double[::1] = self.off
         values: cython.double[::1] = self.values
         at_rest: cython.double[::1] = self.rest_brightness
@@ -163,20 +170,29 @@ class PhotometricFilter:
             trusted[i] = (
                 seen[i] & (not fabs(off[i] - gain) > change_max) & (not sigma[i] > sigma_max * sigma_ratio[i])
             )
+        return gain
 
     def _fits(
-        self, motion: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t, most2: cython.double
+        self,
+        motion: cython.const[cython.double][:, ::1],
+        i: cython.Py_ssize_t,
+        most2: cython.double,
+        light2: cython.double,
     ) -> cython.bint:
-        """Whether a pin fits the trusted ones nearly as closely as two thirds of its trusted neighbours
-        do."""
+        """Whether a pin fits the trusted ones nearly as closely as two thirds of its trusted neighbours do, or
+        light can have moved it by less than those are off.
+
+        light2  square of how far light can have moved its centroid, px2
+        """
         own: cython.double = self._off_trusted(motion, i)
-        ratio: cython.double = self.residual_ratio
+        ratio2: cython.double = self.residual_ratio * self.residual_ratio
         c: cython.Py_ssize_t
         at: cython.Py_ssize_t
         m: cython.Py_ssize_t = 0
         above: cython.Py_ssize_t = 0
         if own < most2:
             return True
+        own = min(own, ratio2 * light2)
         for c in range(self.affine.k):
             at = self.affine.near[i, c]
             if not self.trusted[at] or not self.affine.weight[i, c] > 0:
@@ -184,7 +200,7 @@ class PhotometricFilter:
             if self.off[at] == UNKNOWN:
                 self.off[at] = self._off_trusted(motion, at)
             if self.off[at] >= 0:
-                above += own < ratio * ratio * self.off[at]
+                above += own < ratio2 * self.off[at]
                 m += 1
         return m == 0 or m - above <= 2 * m // 3
 

@@ -69,6 +69,26 @@ def test_a_search_rejects_a_speck_in_the_place_of_a_pin() -> None:
     assert np.flatnonzero(~tracks.seen).tolist() == [PIN]
 
 
+@pytest.mark.parametrize(("dimming", "kept"), [(0.95, True), (0.7, False)])
+def test_light_matters_where_it_moves_a_pin_by_more_than_neighbours_do_not_know(
+    dimming: float, kept: bool
+) -> None:
+    rest = tip(127)
+    lattice = Lattice(rest.xy_img, rest.pattern.pitch_px)
+    affine, params = LocalAffine(lattice, 0.05), TrackingParams()
+    away = (rest.xy_img - rest.xy_img[PIN]) / rest.pattern.pitch_px
+    motion = 0.8 * away * np.abs(away[:, :1])  # no affine map
+    motion[PIN] += 0.25 * lattice.local_pitch_px[PIN]  # off by more than four times what its neighbours are
+    seen = np.ones(len(rest), np.bool_)
+    brightness = rest.pins.brightness.copy()
+    brightness[PIN] *= dimming
+    pins = replace(rest.pins, xy_img=rest.xy_img + motion, brightness=brightness)
+    accepted = PhotometricFilter(affine, rest.pins, lattice.local_pitch_px, params).accepted(
+        pins, motion, motion - affine.predict(motion, seen)[0], seen, searched=False
+    )
+    assert np.flatnonzero(~accepted).tolist() == ([] if kept else [PIN])
+
+
 @pytest.mark.parametrize("field", ["brightness", "sigma_px"])
 def test_arrays_of_another_number_of_pins_are_refused(field: str) -> None:
     rest = tip(127)
