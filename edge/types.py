@@ -70,7 +70,7 @@ def per_frame(cls: type[T]) -> type[T]:
     """
     own = {name: value for name, value in vars(cls).items() if name not in ("__dict__", "__weakref__")}
     own["__dataclass_fields__"] = {f.name: f for f in fields(dataclass(cls))}  # type: ignore[arg-type]
-    options = {"frozen": True, "eq": False}
+    options = {"frozen": True}
     return new_class(cls.__name__, (msgspec.Struct,), options, lambda namespace: namespace.update(own))
 
 

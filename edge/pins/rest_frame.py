@@ -52,9 +52,12 @@ def _at_rest(greys: Sequence[Image], polarity: Polarity) -> tuple[bool, list[Ima
         pattern, pins = learn(_mean(greys), polarity)
     except NoPins:
         return None
-    greys = [as_bright(grey, pattern.dark) for grey in greys]
+    dark = pattern.dark
+    if dark:  # the mean of inverted images is rounded otherwise than the inverse of their mean
+        greys = [as_bright(grey, dark) for grey in greys]
+        pattern, pins = learn(_mean(greys), Polarity.BRIGHT)
     rest = Rest(pins, replace(pattern, dark=False))
-    return (pattern.dark, greys, rest) if len(_steady(greys, 0, rest)) == len(greys) else None
+    return (dark, greys, rest) if len(_steady(greys, 0, rest)) == len(greys) else None
 
 
 def _at_rest_in_some(greys: Sequence[Image], polarity: Polarity) -> tuple[bool, list[Image], Rest]:
