@@ -1,11 +1,10 @@
 # Sums over neighbours, which baseline x86 runs too slowly as compiled Python, described in `pair_sums.py`. 331 pins of
-# 18 neighbours: 30,000 instructions; 52,000 in double precision.
+# 18 neighbours: 35,000 instructions; 52,000 in double precision.
 
 cdef extern from *:
     """
     /* x and y of two neighbours in one vector, of SSE2 and NEON alike */
     typedef float vt_pairs __attribute__((vector_size(16)));
-    typedef float vt_pairs_at __attribute__((vector_size(16), aligned(4)));
     typedef double vt_both __attribute__((vector_size(16)));
     typedef double vt_pair __attribute__((may_alias, aligned(4)));
 
@@ -16,10 +15,11 @@ cdef extern from *:
         for (Py_ssize_t i = 0; i < n; i++) {
             const unsigned short *const end = near_ + width;
             vt_pairs sum = {0};
-            for (; near_ < end; near_ += 6, weight += 12) /* no remainder: width is a multiple of 6 */
+            for (; near_ < end; near_ += 6, weight += 6) /* no remainder: width is a multiple of 6 */
                 for (int k = 0; k < 6; k += 2) {
                     const vt_both of = {xy[near_[k]], xy[near_[k + 1]]};
-                    sum += *(const vt_pairs_at *)(weight + 2 * k) * (vt_pairs)of;
+                    const float first = weight[k], second = weight[k + 1];
+                    sum += (vt_pairs){first, first, second, second} * (vt_pairs)of;
                 }
             sums[2 * i] = sum[0] + sum[2];
             sums[2 * i + 1] = sum[1] + sum[3];

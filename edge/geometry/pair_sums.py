@@ -18,7 +18,7 @@ def pair_rows(near: Index, weight: Array) -> tuple[NDArray[np.uint16], NDArray[n
     width = -(-k // N_RING) * N_RING
     rows, weights = np.zeros((n, width), np.uint16), np.zeros((n, width), np.float32)
     rows[:, :k], weights[:, :k] = near, weight
-    return rows, np.repeat(weights, 2, axis=1)
+    return rows, weights
 
 
 def pair_sums(
@@ -30,10 +30,10 @@ def pair_sums(
     """Weighted sum over the neighbours of each of the first n points.
 
     near    (n, k) rows of motion, k a multiple of 6
-    weight  (n, 2 k), each twice, for x and y
+    weight  (n, k)
     motion  (m, 2) px, finite
     sums    (n or more, 2) px; written
     """
-    terms = weight.reshape(*near.shape, 2) * motion[near]
+    terms = weight[:, :, None] * motion[near]
     by_turns = [np.add.accumulate(terms[:, first::2], axis=1)[:, -1] for first in (0, 1)]
     sums[: len(near)] = by_turns[0] + by_turns[1]
