@@ -76,7 +76,7 @@ class Follower:
 
     n: cython.Py_ssize_t
     photometric: PhotometricFilter
-    innovation_max_lost: cython.double
+    innovation_max: cython.double
     near_seen_min: cython.double
     # of the tip
     rest: cython.double[:, ::1]
@@ -120,7 +120,7 @@ class Follower:
         _check(lattice, photometric.n)
         self.n = n
         self.photometric = photometric
-        self.innovation_max_lost = params.innovation_max_lost
+        self.innovation_max = params.innovation_max
         self.near_seen_min = params.near_seen_min
         self.rest = np.array(lattice.rest_xy, np.float64, order="C")
         self.local_pitch = np.array(lattice.local_pitch_px, np.float64)
@@ -256,14 +256,15 @@ class Follower:
     @cython.exceptval(check=False)
     @cython.nogil
     def _innovation_max_of_lost(self, i: cython.Py_ssize_t) -> cython.double:
-        """How far the residual of a lost pin may change, in local pitches. It returns where most of its
-        nearest were seen.
+        """How far the residual of a lost pin may change, in local pitches: its last one is a prediction as
+        well, which makes the variance twice as large. It returns where most of its nearest were seen.
         """
         c: cython.Py_ssize_t
         seen_n: cython.int = 0
         for c in range(self.closest.shape[1]):
             seen_n += self.last_seen[self.closest[i, c]]
-        return self.innovation_max_lost if seen_n >= self.near_seen_min * self.closest.shape[1] else 0.0
+        most: cython.double = sqrt(2.0) * self.innovation_max
+        return most if seen_n >= self.near_seen_min * self.closest.shape[1] else 0.0
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -370,7 +371,7 @@ class Follower:
         brightness: cython.const[cython.double][::1],
     ) -> cython.void:
         """Reject the photometric outliers among the seen pins."""
-        if not self.photometric.find_suspects(self.residual, self.seen, False):
+        if not self.photometric.find_suspects(self.residual, self.seen):
             return
         subtract(found, self.rest, self.motion)
         self.photometric.filter(brightness, sigma, self.motion, self.seen, False)

@@ -4,13 +4,12 @@ from edge.tracking.affine cimport LocalAffine
 cdef class PhotometricFilter:
     cdef readonly Py_ssize_t n
     cdef LocalAffine affine
-    cdef double brightness_sigmas, brightness_change_min, sigma_ratio_max
-    cdef double residual_ratio, support_min
-    cdef double[::1] most2, most2_search, rest_brightness, radius, rest_sigma_ratio, off, values
+    cdef double ratio, brightness_change_min, sigma_ratio_max, support_min
+    cdef double[::1] most2, rest_brightness, radius, rest_sigma_ratio, off, values
     cdef unsigned char[::1] suspect, trusted
 
     cdef bint find_suspects(
-        self, const double[:, ::1] residual, const unsigned char[::1] seen, bint searched
+        self, const double[:, ::1] residual, const unsigned char[::1] seen
     ) noexcept nogil
     cdef void filter(
         self, const double[::1] brightness, const double[::1] sigma, const double[:, ::1] motion,
@@ -20,5 +19,5 @@ cdef class PhotometricFilter:
         self, const double[::1] brightness, const double[::1] sigma, const unsigned char[::1] seen,
         double sigma_ratio_max
     ) noexcept nogil
-    cdef bint _fits(self, const double[:, ::1] motion, Py_ssize_t i, double most2, double light2) noexcept nogil
+    cdef bint _fits(self, const double[:, ::1] motion, Py_ssize_t i, double light2) noexcept nogil
     cdef double _off_trusted(self, const double[:, ::1] motion, Py_ssize_t i) noexcept nogil

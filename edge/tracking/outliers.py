@@ -64,13 +64,11 @@ class PhotometricFilter:
             raise ValueError(f"brightness, sigma_px and local_pitch_px of {n} numbers each are wanted")
         self.n = n
         self.affine = affine
-        self.brightness_sigmas = params.brightness_sigmas
+        self.ratio = params.outlier_ratio
         self.brightness_change_min = params.brightness_change_min
         self.sigma_ratio_max = params.sigma_ratio_max
-        self.residual_ratio = params.outlier_residual_ratio
         self.support_min = params.support_min
         self.most2 = np.square(params.outlier_residual_max * local_pitch_px)
-        self.most2_search = np.square(params.outlier_residual_max_search * local_pitch_px)
         self.rest_brightness = np.array(at_rest.brightness, np.float64)
         self.radius = np.array(at_rest.radius_px, np.float64)
         self.rest_sigma_ratio = np.maximum(at_rest.sigma_px / np.median(at_rest.sigma_px), 1.0)
@@ -83,8 +81,7 @@ class PhotometricFilter:
         pins              of n; ignored where not seen
         motion, residual  (n, 2) px since rest, and off what the neighbours predict; likewise
         seen              (n,) bool
-        searched          the pins come from a search: a large sigma does not count, a larger residual is
-                          allowed
+        searched          the pins come from a search: a large sigma does not count
         Raises            ValueError: sizes that do not fit
         """
         n = self.n
@@ -92,7 +89,7 @@ class PhotometricFilter:
         if sizes != {n} or motion.shape != (n, 2) or residual.shape != (n, 2):
             raise ValueError(f"arrays of {n} pins are wanted, not of {sorted(sizes)}")
         is_seen = np.array(seen, np.bool_).view(np.uint8)
-        if self.find_suspects(np.ascontiguousarray(residual, np.float64), is_seen, searched):
+        if self.find_suspects(np.ascontiguousarray(residual, np.float64), is_seen):
             self.filter(
                 np.ascontiguousarray(pins.brightness, np.float64),
                 np.ascontiguousarray(pins.sigma_px, np.float64),
@@ -106,10 +103,9 @@ class PhotometricFilter:
         self,
         residual: cython.const[cython.double][:, ::1],
         seen: cython.const[cython.uchar][::1],
-        searched: cython.bint,
     ) -> cython.bint:
         """The seen pins whose residual is so large that they must not be outliers; whether there are any."""
-        return beyond(residual, self.most2_search if searched else self.most2, seen, self.suspect)
+        return beyond(residual, self.most2, seen, self.suspect)
 
     def filter(
         self,
@@ -121,7 +117,6 @@ class PhotometricFilter:
     ) -> cython.void:
         """`accepted` where `find_suspects` found any, for arrays of the right size; updates seen."""
         i: cython.Py_ssize_t
-        most2: cython.double[::1] = self.most2_search if searched else self.most2
         gain: cython.double
         change: cython.double
         gain = self._find_trusted(brightness, sigma, seen, HUGE_VAL if searched else self.sigma_ratio_max)
@@ -132,7 +127,7 @@ class PhotometricFilter:
                 # Light moves a disc by its radius times the share that is not the disc's, at most; sigma is
                 # the radius times the square of the share that the disc does not explain.
                 change = self.radius[i] * (brightness[i] / (gain * self.rest_brightness[i]) - 1.0)
-                seen[i] = self._fits(motion, i, most2[i], change * change + self.radius[i] * sigma[i])
+                seen[i] = self._fits(motion, i, change * change + self.radius[i] * sigma[i])
 
     def _find_trusted(
         self,
@@ -159,7 +154,7 @@ class PhotometricFilter:
         gain = select_kth(values, m, m // 2)
         for i in range(m):
             values[i] = fabs(values[i] - gain)
-        change_max = self.brightness_sigmas * _SIGMA_OF_MAD * select_kth(values, m, m // 2)
+        change_max = self.ratio * _SIGMA_OF_MAD * select_kth(values, m, m // 2)
         change_max = max(change_max, self.brightness_change_min * gain)
         m = 0
         for i in range(self.n):
@@ -176,21 +171,20 @@ class PhotometricFilter:
         self,
         motion: cython.const[cython.double][:, ::1],
         i: cython.Py_ssize_t,
-        most2: cython.double,
         light2: cython.double,
     ) -> cython.bint:
-        """Whether a pin fits the trusted ones nearly as closely as two thirds of its trusted neighbours do, or
-        light can have moved it by less than those are off.
+        """Whether a pin fits the trusted ones nearly as closely as two thirds of its trusted neighbours do,
+        or light can have moved it by less than those are off.
 
         light2  square of how far light can have moved its centroid, px2
         """
         own: cython.double = self._off_trusted(motion, i)
-        ratio2: cython.double = self.residual_ratio * self.residual_ratio
+        ratio2: cython.double = self.ratio * self.ratio
         c: cython.Py_ssize_t
         at: cython.Py_ssize_t
         m: cython.Py_ssize_t = 0
         above: cython.Py_ssize_t = 0
-        if own < most2:
+        if own < self.most2[i]:
             return True
         own = min(own, ratio2 * light2)
         for c in range(self.affine.k):

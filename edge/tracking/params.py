@@ -18,33 +18,29 @@ class TrackingParams:
     # --- which followed pins are seen: residual = motion off the neighbours' map
     residual_max: float = 0.5
     innovation_max: float = 0.25  # change of the residual from one frame to the next
-    innovation_max_lost: float = 0.35  # the same of a pin that was lost
     near_seen_min: float = 0.5  # share of a lost pin's nearest that must be seen for it to return
     # --- photometric outliers: brightness or centroid sigma unlike the pin's own
-    brightness_sigmas: float = 4.0  # robust sigmas of the frame, from the gain that all pins share
-    brightness_change_min: float = 0.03  # ... and at least this share
+    # So many times the scatter of the others: robust sigmas of the frame's brightness, from the gain that
+    # all pins share; what two thirds of the neighbours are off by
+    outlier_ratio: float = 4.0
+    brightness_change_min: float = 0.03  # least change of brightness, as a share
     sigma_ratio_max: float = 2.0  # to the frame's median, times the pin's own ratio at rest
-    outlier_residual_max: float = 0.005  # of such a pin while it is followed
-    outlier_residual_max_search: float = 0.04  # ... and after a search
-    outlier_residual_ratio: float = 4.0  # ... or this many times what two thirds of its neighbours show
+    outlier_residual_max: float = 0.005  # of such a pin
     # --- whether the identities are held
-    median_innovation_max: float = (
-        0.35  # motion that was not predicted: as near to the next pin as to the own
-    )
     seen_share_min: float = 0.4
     baseline_share_min: float = 0.65  # of the baseline: the share seen lately
     baseline_frames: float = 30.0  # time constant of the baseline, frames
-    full_share_min: float = 0.85  # of the largest share that a search found; less is searched again ...
-    research_frames: int = 60  # ... every so many frames
-    leap_innovation: float = 0.1  # so much innovation with fewer than this share of the baseline is a leap
-    leap_share_min: float = 0.95
+    research_frames: int = 60  # until an incomplete tip is searched again
+    full_share_min: float = (
+        0.95  # fewer: of the largest share that a search found, and it is searched again ...
+    )
+    leap_innovation: float = 0.1  # ... of the baseline, with so much innovation: a leap
     # --- coarse fits, search
-    gate: float = 0.33  # of a blob from a coarse fit; of neighbours' motions
+    gate: float = 0.33  # of a blob from a coarse fit; of neighbours' motions; of a tip's median innovation
     region_gate: float = 0.38  # of a blob from where matched neighbours predict it
     coarse_degrees: tuple[int, ...] = (1, 1, 2, 2, 3, 3, 4, 4)  # of the polynomial of each round
     coarse_n: int = 5  # fits that go on after the affine rounds, each to be tried
     regions_max: int = 16  # matches grown in all, alternatives included: half a millisecond each
-    raster_px: float = 2.0  # cell of the nearest-blob table
     # --- posterior of a match
     shift_spread: float = 0.5  # pitches; standard deviation of a tip's mean motion
     rotation_spread: float = 0.2  # pitches; of its mean motion around the centre

@@ -84,7 +84,9 @@ class Identifier:
         """
         if not len(blob_xy):
             return Identity(np.full(len(self._tip), -1, np.int32), 0, 0.0)
-        blobs = _BlobIndex(blob_xy, _nearest_blob(blob_xy, self._low, self._high, self._tip.params.raster_px))
+        # A cell's diagonal is the radius of a pin: all of it is within a radius of a disc's centre in it.
+        cell_px = self._tip.rest.pattern.pin_radius_px / np.sqrt(2)
+        blobs = _BlobIndex(blob_xy, _nearest_blob(blob_xy, self._low, self._high, cell_px))
         found, *others = self._search(blobs, guesses or [])
         again, certain = certain_match(found)
         best = max(found, again, key=lambda match: match.log_posterior)

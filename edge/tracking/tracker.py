@@ -142,7 +142,7 @@ class Tracker:
         p = self._params
         vanished = share < p.baseline_share_min * self._baseline_share
         incomplete = share < p.full_share_min * self._found_share
-        leapt = innovation > p.leap_innovation and share < p.leap_share_min * self._baseline_share
+        leapt = innovation > p.leap_innovation and share < p.full_share_min * self._baseline_share
         return vanished or (incomplete and self._frames_since_search >= p.research_frames) or leapt
 
     def _continues(self, innovation: float, share: float) -> bool:
@@ -153,4 +153,4 @@ class Tracker:
         share       of the pins that were seen
         """
         p = self._params
-        return share >= p.seen_share_min and innovation <= p.median_innovation_max
+        return share >= p.seen_share_min and innovation <= p.gate
