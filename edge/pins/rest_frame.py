@@ -44,7 +44,7 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens
     return rest if lens is None else corrected_rest(rest, lens)
 
 
-def _at_rest(greys: Sequence[Image], polarity: Polarity) -> tuple[bool, list[Image], Rest] | None:
+def _at_rest(greys: list[Image], polarity: Polarity) -> tuple[bool, list[Image], Rest] | None:
     """Of a tip in which nothing moves: whether its pins are dark, its images with bright ones, and the pins
     of their mean. None: something moves, or there are no pins.
     """

@@ -20,6 +20,7 @@ import pytest
 
 import hostlink
 from edge.errors import CalibrationError, SinkError
+from edge.link.nmt import NmtState
 from edge.link.node import Node, RequestRefused
 from edge.link.sinks import CanClassicSink, CanSink, SerialSink, open_sink
 from edge.runtime.settings import SettingsFile
@@ -301,9 +302,9 @@ def test_stop_and_sync_from_the_host(pair: Pair) -> None:
     node.send(state(0))
     finger = hand.finger()
     hand.nmt(2, finger.node)
-    until(lambda: node.state == "STOPPED", "stopped")
+    until(lambda: node.state == NmtState.STOPPED, "stopped")
     hand.nmt(1)
-    until(lambda: node.state == "OPERATIONAL", "started")
+    until(lambda: node.state == NmtState.OPERATIONAL, "started")
     finger.set("tpdo1_transmission", 1)
     node.send(state(7))
     hand.sync()
@@ -523,7 +524,7 @@ def stopped_finger(bus: str, heartbeat_ms: int) -> Iterator[str]:
     with hostlink.connect(bus) as hand:
         hand.finger(4).set("heartbeat_ms", heartbeat_ms)
         hand.nmt(128)
-        until(lambda: node.state == "PRE-OPERATIONAL", "it sends no samples")
+        until(lambda: node.state == NmtState.PRE_OPERATIONAL, "it sends no samples")
     yield application.serial
     node.close()
 
