@@ -69,7 +69,9 @@ def per_frame(cls: type[T]) -> type[T]:
     1,000 instructions a field. `dataclasses.replace` and `fields` take these objects too.
     """
     own = {name: value for name, value in vars(cls).items() if name not in ("__dict__", "__weakref__")}
-    own["__dataclass_fields__"] = {f.name: f for f in fields(dataclass(cls))}  # type: ignore[arg-type]
+    made = dataclass(frozen=True)(cls)
+    own["__dataclass_fields__"] = {f.name: f for f in fields(made)}  # type: ignore[arg-type]
+    own["__dataclass_params__"] = made.__dataclass_params__  # type: ignore[attr-defined]
     options = {"frozen": True}
     return new_class(cls.__name__, (msgspec.Struct,), options, lambda namespace: namespace.update(own))
 

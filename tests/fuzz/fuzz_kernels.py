@@ -151,7 +151,7 @@ def play() -> None:
     """A scene that reaches every kernel."""
     from edge.calibration import Calibration
     from edge.calibration.gaussian_process import ProcessKernel
-    from edge.calibration.inputs import evaluate_terms
+    from edge.calibration.inputs import contact_inputs, evaluate_terms, frame_inputs
     from edge.geometry import select
     from edge.pipeline import Pipeline
     from edge.runtime import measures
@@ -165,6 +165,11 @@ def play() -> None:
     pipeline = Pipeline(rest, calibration)
     for frame in [*frames, frames[0], dataclasses.replace(frames[-1], image=frames[0].image * 0), frames[-1]]:
         result = pipeline.process(frame)
+    features = result.features
+    assert features is not None
+    assert features.contacts
+    frame_inputs(features, rest.pattern)
+    contact_inputs(features.contacts[0], features, rest.pattern)
     image, motion = frames[-1].image, result.tracks.xy_img - rest.xy_img
     measures.sample_levels(image, 8, 255)
     measures.count_longer(motion, 1.0)
