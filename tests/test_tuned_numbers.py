@@ -21,7 +21,7 @@ AT_MOST = {
     "recording": 6,
     "runtime": 21,
     "sources": 28,
-    "tracking": 27,
+    "tracking": 28,
     "view": 15,
     "worker": 16,
 }

@@ -63,8 +63,6 @@ class Identifier:
         self._tip = tip
         self._gate_px = p.gate * tip.local_pitch_px
         self._region_gate_px = p.region_gate * tip.local_pitch_px
-        # Each coarse fit with two kinds of links, and an alternative of each.
-        self._matches_max = 4 * p.coarse_n
         self._links = Links(len(tip), lattice.edges, self._gate_px[lattice.edges[:, 0]])
         row, column = np.nonzero(lattice.weight)
         beside = np.stack([row, lattice.near[row, column]], axis=1).astype(np.int32)
@@ -97,21 +95,21 @@ class Identifier:
         return Identity(np.where(certain, again.blob, -1), best.known_n, confidence)
 
     def _search(self, blobs: _BlobIndex, guesses: list[Array]) -> list[Hypothesis]:
-        """All hypotheses, the best first; ends with one that can be trusted, or after `_matches_max`."""
+        """All hypotheses, the best first; ends with one that can be trusted, or after `regions_max`."""
         p = self._tip.params
         tried: list[Hypothesis] = []
         for motion, seed in self._starts(blobs, guesses):
             self._climb(blobs, self._grow(blobs, motion, seed), tried)
             tried.sort(key=lambda match: -match.log_posterior)
             confidence = self._confidence(tried[0], _ahead(tried[0], tried[1:]))
-            if confidence > p.posterior_min or len(tried) >= self._matches_max:
+            if confidence > p.posterior_min or len(tried) >= p.regions_max:
                 break
         return tried
 
     def _climb(self, blobs: _BlobIndex, found: Hypothesis, tried: list[Hypothesis]) -> None:
         """Add a hypothesis and its alternatives by one lattice step, from the better one again and again."""
         tried.append(found)
-        while len(tried) < self._matches_max:
+        while len(tried) < self._tip.params.regions_max:
             alternative = self._best_alternative(blobs, found)
             tried.append(alternative)
             if alternative.log_posterior <= found.log_posterior:
