@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from enum import StrEnum
 from types import new_class
 from typing import Annotated, Any, Literal, Protocol, TypeVar, dataclass_transform, runtime_checkable
@@ -66,12 +66,12 @@ def per_frame(cls: type[T]) -> type[T]:
     """A frozen dataclass for what every frame makes anew, with objects made by msgspec.
 
     A dataclass's own constructor is Python code, which takes three times as long, and when frozen more than
-    1,000 instructions a field. `dataclasses.replace` and `fields` take these objects too.
+    1,000 instructions a field. What `dataclasses.replace`, `fields` and dask read of a
+    dataclass is there too.
     """
     own = {name: value for name, value in vars(cls).items() if name not in ("__dict__", "__weakref__")}
-    made = dataclass(frozen=True)(cls)
-    own["__dataclass_fields__"] = {f.name: f for f in fields(made)}  # type: ignore[arg-type]
-    own["__dataclass_params__"] = made.__dataclass_params__  # type: ignore[attr-defined]
+    described = vars(dataclass(init=False, repr=False, eq=False)(cls))
+    own |= {name: described[name] for name in ("__dataclass_fields__", "__dataclass_params__")}
     options = {"frozen": True}
     return new_class(cls.__name__, (msgspec.Struct,), options, lambda namespace: namespace.update(own))
 

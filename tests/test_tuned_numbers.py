@@ -19,9 +19,9 @@ AT_MOST = {
     "link": 16,
     "pins": 42,
     "recording": 6,
-    "runtime": 21,
+    "runtime": 24,
     "sources": 28,
-    "tracking": 28,
+    "tracking": 29,
     "view": 15,
     "worker": 16,
 }

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["CanFrame"]
+__all__ = ["CanFrame", "is_off_after"]
+
+# Class bits in the identifier of an error frame: linux/can/error.h.
+CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x40, 0x100
 
 
 class CanFrame(NamedTuple):
@@ -17,3 +20,10 @@ class CanFrame(NamedTuple):
     can_id: int
     data: bytes
     fd: bool = False
+
+
+def is_off_after(error_id: int, before: bool) -> bool:
+    """Whether the controller is off the bus after an error frame with this identifier; before it, `before`."""
+    if error_id & CAN_ERR_BUSOFF:
+        return True
+    return before and not error_id & CAN_ERR_RESTARTED

@@ -12,7 +12,7 @@ from contextlib import suppress
 import can
 import serial
 
-from edge.link.can_frame import CanFrame
+from edge.link.can_frame import CanFrame, is_off_after
 from edge.link.media import FULL, MediumError, MediumFull
 from edge.link.params import PARAMS
 from hostlink.can_bus import open_can_bus
@@ -28,8 +28,6 @@ logging.getLogger("can").propagate = False
 
 _NO_DRIVER = (ImportError, AttributeError, NameError)  # without a driver's own library
 _BROKEN = (can.CanError, OSError, ValueError, TypeError)
-# Error frames have the class bits of SocketCAN in their identifier (linux/can/error.h).
-CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x40, 0x100
 
 
 class CanMedium:
@@ -74,10 +72,7 @@ class CanMedium:
         if message is None:
             return None
         if message.is_error_frame:
-            if message.arbitration_id & CAN_ERR_BUSOFF:
-                self.bus_off = True
-            elif message.arbitration_id & CAN_ERR_RESTARTED:
-                self.bus_off = False
+            self.bus_off = is_off_after(message.arbitration_id, self.bus_off)
             return None
         if message.is_extended_id or message.is_remote_frame:
             return None

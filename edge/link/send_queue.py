@@ -97,7 +97,8 @@ class SendQueue:
         """The most urgent items, to be written now; None: nothing is due. `done` follows."""
         series = self._periodic
         if series is not None and now_s >= series.due_s:
-            series.due_s = max(series.due_s + series.period_s, now_s)
+            passed_n = math.floor((now_s - series.due_s) / series.period_s) + 1  # a stall keeps the phase
+            series.due_s += passed_n * series.period_s
             self._control.append(series.make())
         if self._control:
             self._in_hand = "control"

@@ -6,7 +6,6 @@ with other fingers their samples would wake the reader a thousand times a second
 
 from __future__ import annotations
 
-import errno
 import select
 import socket
 import struct
@@ -14,23 +13,21 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from edge.link.can_frame import CanFrame
-from edge.link.media import MediumError, MediumFull
+from edge.link.can_frame import CAN_ERR_BUSOFF, CAN_ERR_RESTARTED, CanFrame, is_off_after
+from edge.link.media import FULL, MediumError, MediumFull
 from hostlink.wire.open_errors import message_of
 
 __all__ = ["SocketCanMedium", "open_socket"]
 
 INTERFACES = Path("/sys/class/net")
-_FULL = frozenset({errno.ENOBUFS, errno.EAGAIN})
 
-# linux/can.h, linux/can/raw.h, linux/can/error.h
+# linux/can.h, linux/can/raw.h
 _CLASSIC, _FD = struct.Struct("=IBxxx8s"), struct.Struct("=IBBxx64s")  # can_frame, canfd_frame
 _FILTER = struct.Struct("=II")
 CANFD_BRS, CANFD_FDF = 0x01, 0x04
 CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG = 0x80000000, 0x40000000, 0x20000000
 CAN_SFF_MASK = 0x7FF
 CAN_RAW_ERR_FILTER = 2  # not in the type checker's `socket`
-CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x40, 0x100
 
 
 class SocketCanMedium:
@@ -59,7 +56,7 @@ class SocketCanMedium:
         try:
             self._bus.send(frame)
         except OSError as error:
-            if error.errno in _FULL:
+            if error.errno in FULL:
                 raise MediumFull(message_of(error)) from error
             raise MediumError(message_of(error)) from error
 
@@ -86,10 +83,7 @@ class SocketCanMedium:
             raise MediumError(f"{len(frame)} bytes are no CAN frame")
         can_id, length = struct.unpack_from("=IB", frame)
         if can_id & CAN_ERR_FLAG:
-            if can_id & CAN_ERR_BUSOFF:
-                self.bus_off = True
-            elif can_id & CAN_ERR_RESTARTED:
-                self.bus_off = False
+            self.bus_off = is_off_after(can_id, self.bus_off)
             return None
         if can_id & (CAN_EFF_FLAG | CAN_RTR_FLAG):
             return None

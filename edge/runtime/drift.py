@@ -4,10 +4,9 @@ Idea: while the tip is certainly untouched, its pins are at rest. Their offset f
 very slowly and subtracted before anything is computed from their motion.
 
 Rules
-- Only while untouched: nearly all pins seen, no pin further from its adapted place than a small part of the
-  pitch, no fault of camera, image or tracker.
-- Slow: a time constant of minutes. Of the second before a touch is detected, and of what a touch leaves for
-  some seconds, a hundredth is learnt.
+- Only while certainly untouched: no touch for `untouched_s` without a break, nearly all pins seen, no pin
+  further from its adapted place than a small part of the pitch, no fault of camera, image or tracker.
+- Slow: a time constant of minutes. A touch of seconds is never learnt.
 - Bounded: no pin's offset exceeds `limit_px`. A larger one is a camera that moved, or a tip that needs a
   tare, and is reported (`limit_share`).
 - Reported (`offset_px`, `limit_share`) and reversible: `forget` restores the rest frame as it was taken.
@@ -33,6 +32,7 @@ class DriftParams:
 
     limit_px: float = 0.3  # largest offset of a pin in x and in y; 0: nothing is learnt
     time_s: float = 120.0  # time constant
+    untouched_s: float = 3.0  # without a touch, before anything is learnt
     near_pitches: float = RUNTIME.still_pitches  # of a pin from its adapted place, beyond the limit
     period_s: float = RUNTIME.check_s  # of learning: faster has no benefit
 
@@ -53,7 +53,7 @@ class Drift:
         self.limit_share = 0.0
         self._offset = np.zeros_like(rest.xy_img)
         self._learnt = False
-        self._suitable = False  # the last frame that was looked at
+        self._since_ns: int | None = None
         self._last_ns = 0
 
     @property
@@ -75,28 +75,30 @@ class Drift:
         if p.limit_px == 0.0:
             return
         if not quiet:
-            self._suitable = False
+            self._since_ns = None
             return
         gap_s = (capture_ns - self._last_ns) * 1e-9
         if 0.0 <= gap_s < p.period_s:
             return
         self._last_ns = capture_ns
         away = tracks.xy_img - self._rest.xy_img
-        before, self._suitable = self._suitable, self._fit(tracks, away)
-        if not (before and self._suitable and gap_s > 0.0):
-            return
-        wanted = np.where(tracks.seen[:, None], away, self._offset)
-        self._offset += (wanted - self._offset) * min(1.0, gap_s / p.time_s)
-        beyond = np.abs(self._offset).max(axis=1) > p.limit_px
-        np.clip(self._offset, -p.limit_px, p.limit_px, out=self._offset)
-        self._learnt = True
-        self.limit_share = float(np.mean(beyond))
+        if not (gap_s > 0.0 and self._fit(tracks, away)):
+            self._since_ns = None
+        elif self._since_ns is None:
+            self._since_ns = capture_ns
+        elif capture_ns - self._since_ns >= p.untouched_s * 1e9:
+            wanted = np.where(tracks.seen[:, None], away, self._offset)
+            self._offset += (wanted - self._offset) * min(1.0, gap_s / p.time_s)
+            beyond = np.abs(self._offset).max(axis=1) > p.limit_px
+            np.clip(self._offset, -p.limit_px, p.limit_px, out=self._offset)
+            self._learnt = True
+            self.limit_share = float(np.mean(beyond))
 
     def forget(self) -> None:
         """Restore the rest frame as it was taken."""
         self._offset = np.zeros_like(self._offset)
         self._learnt, self.limit_share = False, 0.0
-        self._suitable = False
+        self._since_ns = None
 
     def _fit(self, tracks: Tracks, away: Array) -> bool:
         if tracks.n_seen < (1.0 - RUNTIME.astray_rel) * len(tracks.seen):

@@ -21,7 +21,6 @@ class RuntimeParams:
     astray_rel: float = 0.05  # share of the pins that may be beyond a limit for reasons of their own
     most_rel: float = 0.9  # share of the pins, or more: nearly all
     still_pitches: float = 0.08  # pins of an untouched tip that have moved less are where they were
-    load_pitches: float = 1.6  # motion of a pin beyond which it counts as overloaded
 
     @property
     def sample_n(self) -> int:

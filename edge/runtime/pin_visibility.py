@@ -33,7 +33,7 @@ __all__ = ["PinVisibility", "PinVisibilityParams"]
 class PinVisibilityParams:
     """Thresholds; evidence in docs/tuning.md. `_rel`: a share; pins are counted over the rest frame's."""
 
-    seen_rel: float = FEATURES.min_seen_rel  # smallest share of the pins: with fewer no others are predicted
+    seen_rel: float = 0.8  # smallest share of the pins
     hole_rel: float = 0.01  # largest share of them that are lost with all their neighbours
     noisy_ratio: float = FEATURES.noise_ratio_max  # a pin with so many times the usual sigma counts as lost
     drop_rel: float = RUNTIME.most_rel  # of the baseline share; with fewer, too many vanished at once
@@ -43,7 +43,7 @@ class PinVisibilityParams:
     forget_rel: float = RUNTIME.astray_rel  # weight of a frame in it while too few are seen, of a good one's
     corrupt_confidence: float = Tracks.LOW_CONFIDENCE  # that pins vanished side by side not by chance
     still_pitches: float = RUNTIME.still_pitches  # largest motion in a frame that counts as static
-    load_pitches: float = RUNTIME.load_pitches  # skin cannot move twice as far as what overloads it
+    far_pitches: float = 3.0  # skin cannot move further
     far_rel: float = RUNTIME.astray_rel  # share of the pins so far away: identities are wrong
     blurred_rel: float = IMAGE.half_rel  # sharpness of a blurred image, which may show in its pins' noise
 
@@ -125,7 +125,7 @@ class PinVisibility:
     def impossible(self, tracks: Tracks) -> bool:
         """Whether pins moved further than skin can."""
         p = self._params
-        far_n = count_apart(tracks.xy_img, self._rest_img, 2.0 * p.load_pitches * self._pitch_px)
+        far_n = count_apart(tracks.xy_img, self._rest_img, p.far_pitches * self._pitch_px)
         return far_n > p.far_rel * len(self._rest_img)
 
 

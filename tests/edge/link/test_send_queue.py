@@ -71,6 +71,12 @@ def test_series_of_other_phases_never_come_together(begun_s: float) -> None:
     assert [round(due_s / 0.1 % 1.0, 6) % 1.0 for due_s in due] == [0.0, 0.25, 0.5]
 
 
+def test_a_stall_costs_its_periods_and_keeps_the_phase() -> None:
+    queue = SendQueue(4, 8)
+    queue.every(0.1, lambda: "beat", 0.0, 0.25)
+    assert [taken(queue, t) for t in (0.03, 0.47, 0.48, 0.53)] == [["beat"], ["beat"], [], ["beat"]]
+
+
 def test_no_sample_overtakes_one_that_is_being_written() -> None:
     queue = SendQueue(4, 8)
     queue.put_control("c")

@@ -13,10 +13,10 @@ import pytest
 from can.interfaces.socketcan.socketcan import build_can_frame, dissect_can_frame
 
 from edge.errors import SinkError
-from edge.link.can_frame import CanFrame
+from edge.link.can_frame import CAN_ERR_BUSOFF, CAN_ERR_RESTARTED, CanFrame
 from edge.link.media import MediumError, MediumFull
 from edge.link.sinks import CanFdSink, open_sink
-from edge.link.socketcan import CAN_ERR_BUSOFF, CAN_ERR_FLAG, CAN_ERR_RESTARTED, SocketCanMedium, open_socket
+from edge.link.socketcan import CAN_ERR_FLAG, SocketCanMedium, open_socket
 from hostlink.wire import FaultCode, State, unpack_state
 from tests.support.waiting import SOON_S, until
 

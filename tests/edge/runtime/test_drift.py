@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from edge.runtime.drift import Drift, DriftParams
+from edge.runtime.drift import PARAMS, Drift, DriftParams
 from edge.types import Array, PinPattern, Pins, Rest, Tracks
 
 STEP_NS = 100_000_000
@@ -42,7 +42,7 @@ def rest_for(
 def test_drift_is_subtracted_with_the_time_constant(rest: Rest) -> None:
     drift = Drift(rest, DriftParams(limit_px=0.5, time_s=10.0))
     moved = rest.xy_img + np.array([0.2, -0.1])
-    rest_for(drift, moved, 10.1)
+    rest_for(drift, moved, PARAMS.untouched_s + 10.0)
     left = drift.correct(tracks(moved)).xy_img - rest.xy_img
     np.testing.assert_allclose(left, np.tile([0.2, -0.1], (len(rest), 1)) * np.exp(-1.0), rtol=0.03)
     assert drift.offset_px == pytest.approx(0.2 * (1 - np.exp(-1.0)), rel=0.03)
@@ -56,35 +56,29 @@ def test_the_same_tracks_as_long_as_nothing_is_learnt(rest: Rest) -> None:
 
 
 @pytest.mark.parametrize(
-    ("quiet", "lost", "away"),
+    ("quiet", "lost", "away", "seconds"),
     [
-        (False, 0, 0.2),  # touched, or a fault
-        (True, 8, 0.2),  # pins missing
-        (True, 0, 2.0),  # a light touch, or a camera that moved
+        (False, 0, 0.2, 60.0),  # touched, or a fault
+        (True, 8, 0.2, 60.0),  # pins missing
+        (True, 0, 2.0, 60.0),  # a light touch, or a camera that moved
+        (True, 0, 0.2, PARAMS.untouched_s - 0.5),  # not for long enough
     ],
 )
 def test_drift_is_learnt_only_while_certainly_untouched(
-    rest: Rest, quiet: bool, lost: int, away: float
+    rest: Rest, quiet: bool, lost: int, away: float, seconds: float
 ) -> None:
     drift = Drift(rest, DriftParams(limit_px=0.3, time_s=1.0))
-    rest_for(drift, rest.xy_img + np.array([away, 0.0]), 60.0, quiet=quiet, lost=lost)
+    rest_for(drift, rest.xy_img + np.array([away, 0.0]), seconds, quiet=quiet, lost=lost)
     assert drift.offset_px == 0.0
 
 
-@pytest.mark.parametrize(("quiet", "lost", "away"), [(False, 0, 0.1), (True, 8, 0.1), (True, 0, 2.0)])
-def test_the_time_of_a_touch_does_not_count(rest: Rest, quiet: bool, lost: int, away: float) -> None:
-    drift, moved = Drift(rest, DriftParams(time_s=100.0)), rest.xy_img + 0.1
+def test_a_touch_restarts_the_waiting_time(rest: Rest) -> None:
+    drift = Drift(rest, DriftParams(time_s=1.0))
     now = 0
-    for _ in range(10):  # two frames with a step between them, and a minute that is not suitable
-        now = rest_for(drift, moved, 0.2, now)
-        now = rest_for(drift, rest.xy_img + away, 60.0, now, quiet, lost)
-    assert drift.offset_px == pytest.approx(10 * 0.1 * 0.1 / 100.0, rel=0.01)
-
-
-def test_a_second_after_a_touch_is_hardly_learnt(rest: Rest) -> None:
-    drift = Drift(rest)
-    rest_for(drift, rest.xy_img + 0.2, 1.0)
-    assert 0.0 < drift.offset_px < 0.002
+    for _ in range(5):
+        now = rest_for(drift, rest.xy_img + 0.1, PARAMS.untouched_s - 0.5, now)
+        drift.learn(tracks(rest.xy_img + 0.1), now + STEP_NS, False)
+    assert drift.offset_px == 0.0
 
 
 def test_no_offset_ever_exceeds_the_limit(rest: Rest) -> None:
