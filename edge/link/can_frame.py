@@ -23,7 +23,7 @@ class CanFrame(NamedTuple):
 
 
 def is_off_after(error_id: int, before: bool) -> bool:
-    """Whether the controller is off the bus after an error frame with this identifier; before it, `before`."""
+    """Whether the controller is off the bus after an error frame of this identifier; it was `before`."""
     if error_id & CAN_ERR_BUSOFF:
         return True
     return before and not error_id & CAN_ERR_RESTARTED
