@@ -55,12 +55,12 @@ from edge.types import Array, Index
 if cython.compiled:
     from cython.cimports.edge.cells.coordinates import extent, take
     from cython.cimports.edge.cells.predicates import Predicates
-    from cython.cimports.edge.cells.triangle_parts import measure_fours, sum_shares
+    from cython.cimports.edge.cells.triangle_parts import sum_certain
     from cython.cimports.edge.geometry.views import PointsView
 else:
     from edge.cells.coordinates import extent, take
     from edge.cells.predicates import Predicates
-    from edge.cells.triangle_parts import measure_fours, sum_shares
+    from edge.cells.triangle_parts import sum_certain
     from edge.geometry.views import PointsView
 
 INFINITY = cython.declare(cython.double, float("inf"))
@@ -84,6 +84,10 @@ N_GUARD = cython.declare(cython.Py_ssize_t, 4)
 EXTENT_MIN = cython.declare(cython.double, 2.0**-66)
 EXTENT_MAX = cython.declare(cython.double, 2.0**66)
 SNAP = cython.declare(cython.double, 2.0**-140)
+
+#: Of a triangle, the part of each edge: cotangent of the angle that faces it times its squared length; and the
+#: bound of their error, infinite where rounding does not allow cotangents.
+Parts = cython.struct(ab=cython.double, bc=cython.double, ca=cython.double, error=cython.double)
 
 # Outcomes of an update.
 DONE = cython.declare(cython.int, 0)
@@ -132,13 +136,9 @@ class Mesh:
     same_as: cython.int[::1]  # the point whose vertex it uses, mostly itself
     tail: cython.int[::1]  # per half-edge
     twin: cython.int[::1]
-    part: cython.double[:, ::1]  # (3, t) of edge k of triangle t: cot facing it times length^2
     stacked: cython.uchar[::1]  # whether it is on the stack
     stack: cython.int[::1]  # half-edges to check
-    share: cython.double[:, ::1]  # (3, t) of corner k of triangle t: certain parts of its two edges
-    error: cython.double[::1]  # per triangle: bound of the error of its parts; inf: unknown
-    certain: cython.longlong[::1]  # per triangle: bit k is set where the part of edge k is
-    uncertain: cython.int[::1]  # the triangles that are not certain
+    uncertain: cython.int[::1]  # the triangles with a part that is not
     points_view: PointsView
     areas: cython.double[::1]  # given last
     areas_array: Array | None  # the same memory
@@ -170,15 +170,11 @@ class Mesh:
         self.bound = np.zeros(n_all)
         self.exactly = np.zeros(n_all, np.uint8)
         self.same_as = np.zeros(n_all, np.int32)
-        self.tail = np.zeros(3 * n_triangles, np.int32)
+        self.tail = np.zeros(3 * (n_triangles + 3), np.int32)  # read four triangles at a time
         self.twin = np.zeros(3 * n_triangles, np.int32)
-        self.part = np.zeros((3, n_triangles))
-        self.share = np.zeros((3, n_triangles))
-        self.certain = np.zeros(n_triangles, np.int64)
         self.stacked = np.zeros(3 * n_triangles, np.uint8)
         self.stack = np.zeros(3 * n_triangles, np.int32)
-        self.error = np.zeros(n_triangles)
-        self.uncertain = np.zeros(n_triangles, np.int32)
+        self.uncertain = np.zeros(n_triangles + 1, np.int32)  # written one beyond the last
         self.points_view, self.areas_array = PointsView(), None
         self.total_area = 0.0
 
@@ -257,16 +253,8 @@ class Mesh:
         outcome: cython.int = self._take(points)
         if outcome != DONE:
             return outcome
-        if (self.n_triangles == 0 or self._parted() or not self._follow()) and not self._build():
+        if not self._triangulate():
             return NOT_BUILT
-        while True:
-            self._sweep()
-            if self.n_stack == 0:
-                break
-            self.changes += 1
-            # More flips than triangles would take longer than a new triangulation.
-            if not self._legalize(True, self.n_triangles) and not self._build():
-                return NOT_BUILT
         self._sum_exactly()
         self._share()
         i: cython.Py_ssize_t
@@ -276,6 +264,30 @@ class Mesh:
             total += areas[i]
         self.total_area = total
         return DONE
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _triangulate(self) -> cython.bint:
+        """Make the triangles those of the points, and sum the areas; false if no triangulation can be built."""
+        built: cython.bint = self.n_triangles == 0 or self._parted()
+        if built and not self._build():
+            return False
+        while True:
+            if self._sweep():
+                if self.n_stack == 0:
+                    return True
+                self.changes += 1
+                # More flips than triangles would take longer than a new triangulation.
+                if self._legalize(self.n_triangles):
+                    continue
+            elif built:  # no triangle of a new one is turned over
+                return False
+            elif self._repair():
+                continue
+            built = True
+            if not self._build():
+                return False
 
     @cython.cfunc
     @cython.nogil
@@ -315,47 +327,16 @@ class Mesh:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def _follow(self) -> cython.bint:
-        """Measure the kept triangles where they are now; false where flips cannot repair them."""
-        valid: cython.bint = True
-        flips: cython.Py_ssize_t = self.flips
-        n: cython.Py_ssize_t = self.n_triangles
-        t: cython.Py_ssize_t
-        plain: cython.bint = measure_fours(
-            self.tail,
-            self.x,
-            self.y,
-            n,
-            SLIVER,
-            ERROR_BOUND,
-            AREA_TOLERANCE,
-            self.part,
-            self.share,
-            self.error,
-            self.certain,
-        )
-        for t in range(n - n % 4, n):
-            plain &= self._measure_plain(t)
-        if not plain:
-            for t in range(self.n_triangles):
-                valid &= self.error[t] < INFINITY or self._measure(t)
-        if not valid:
-            valid = self._repair()
-        self.changes += self.flips != flips
-        return valid
-
-    @cython.cfunc
-    @cython.nogil
-    @cython.exceptval(check=False)
     def _repair(self) -> cython.bint:
         """Flip the edge that a point crossed, where that makes both triangles valid; true if all are then.
 
         Again and again, while fewer and fewer are turned over.
         """
+        flips: cython.Py_ssize_t = self.flips
         h: cython.Py_ssize_t
         g: cython.Py_ssize_t
         t: cython.Py_ssize_t
-        turned: cython.Py_ssize_t = 0
+        turned: cython.Py_ssize_t
         before: cython.Py_ssize_t = self.n_triangles + 1
         p: cython.Py_ssize_t
         q: cython.Py_ssize_t
@@ -364,7 +345,7 @@ class Mesh:
         while True:
             turned = 0
             for t in range(self.n_triangles):
-                if self.error[t] < INFINITY or self._measure(t):
+                if not self._is_turned(t):
                     continue
                 turned += 1
                 for h in range(3 * t, 3 * t + 3):
@@ -375,32 +356,28 @@ class Mesh:
                     r, s = self.tail[_before(h)], self.tail[_before(g)]
                     if self.predicates.orient(p, s, r) > 0.0 and self.predicates.orient(q, r, s) > 0.0:
                         self._flip(h)
-                        self._measure(t)
-                        self._measure(g // 3)
                         break
-            if turned == 0:
-                return True
-            if turned >= before:
-                return False
+            if turned == 0 or turned >= before:
+                self.changes += self.flips != flips
+                return turned == 0
             before = turned
 
     # ---- triangles and areas
 
     @cython.cfunc
+    @cython.inline
     @cython.nogil
     @cython.exceptval(check=False)
-    def _measure(self, t: cython.Py_ssize_t) -> cython.bint:
-        """Parts and error bound of triangle t; false if it is turned over or flat."""
-        return self._measure_plain(t) or (
-            self.predicates.orient(self.tail[3 * t], self.tail[3 * t + 1], self.tail[3 * t + 2]) > 0.0
-        )
+    def _is_turned(self, t: cython.Py_ssize_t) -> cython.bint:
+        """Whether triangle t is turned over or flat."""
+        return not self.predicates.orient(self.tail[3 * t], self.tail[3 * t + 1], self.tail[3 * t + 2]) > 0.0
 
     @cython.cfunc
     @cython.inline
     @cython.nogil
     @cython.exceptval(check=False)
-    def _measure_plain(self, t: cython.Py_ssize_t) -> cython.bint:
-        """The same; false, and an infinite bound, where rounding does not allow cotangents."""
+    def _parts(self, t: cython.Py_ssize_t) -> Parts:
+        """Parts of triangle t."""
         h: cython.Py_ssize_t = 3 * t
         a: cython.Py_ssize_t = self.tail[h]
         b: cython.Py_ssize_t = self.tail[h + 1]
@@ -417,88 +394,70 @@ class Mesh:
         ca2: cython.double = cax * cax + cay * cay
         sum2: cython.double = ab2 + bc2 + ca2
         if not cross > SLIVER * sum2:
-            self.error[t] = INFINITY
-            self.share[0, t] = self.share[1, t] = self.share[2, t] = 0.0
-            self.certain[t] = 0
-            return False
+            return Parts(0.0, 0.0, 0.0, INFINITY)
         inverse: cython.double = 1.0 / cross
-        ab: cython.double = -(bcx * cax + bcy * cay) * inverse * ab2
-        bc: cython.double = -(cax * abx + cay * aby) * inverse * bc2
-        ca: cython.double = -(abx * bcx + aby * bcy) * inverse * ca2
         q: cython.double = 0.5 * sum2 * inverse
-        error: cython.double = ERROR_BOUND * q * (1.0 + q) * sum2
-        self.part[0, t], self.part[1, t], self.part[2, t] = ab, bc, ca
-        self.error[t] = error
-        self.certain[t] = 7
-        if not error < AREA_TOLERANCE * ab:
-            self.certain[t] -= 1
-            ab = 0.0
-        if not error < AREA_TOLERANCE * bc:
-            self.certain[t] -= 2
-            bc = 0.0
-        if not error < AREA_TOLERANCE * ca:
-            self.certain[t] -= 4
-            ca = 0.0
-        self.share[0, t], self.share[1, t], self.share[2, t] = ab + ca, ab + bc, bc + ca
-        return True
-
-    @cython.cfunc
-    @cython.inline
-    @cython.nogil
-    @cython.exceptval(check=False)
-    def _is_certain(self, k: cython.Py_ssize_t, t: cython.Py_ssize_t) -> cython.bint:
-        """Whether the part of edge k of triangle t is positive and accurate by itself."""
-        return self.certain[t] >> k & 1
+        return Parts(
+            -(bcx * cax + bcy * cay) * inverse * ab2,
+            -(cax * abx + cay * aby) * inverse * bc2,
+            -(abx * bcx + aby * bcy) * inverse * ca2,
+            ERROR_BOUND * q * (1.0 + q) * sum2,
+        )
 
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def _sweep(self) -> cython.void:
+    def _sweep(self) -> cython.bint:
         """Check every edge and sum the areas; edges that are not Delaunay are put onto the stack.
 
         An edge both of whose parts are certain is Delaunay. Certain parts are added triangle by triangle.
+        Returns false, and areas are of no use, where a triangle is turned over.
         """
-        bound: cython.double[::1] = self.bound
         i: cython.Py_ssize_t
         k: cython.Py_ssize_t
         t: cython.Py_ssize_t
+        own: Parts
         for i in range(self.n_points + N_GUARD):
-            bound[i] = 0.0
-        n: cython.Py_ssize_t = sum_shares(
-            self.tail, self.share, self.certain, self.n_triangles, self.area, self.uncertain
-        )
+            self.area[i] = self.bound[i] = 0.0
+        n: cython.Py_ssize_t = sum_certain(
+            self.tail, self.x, self.y, self.n_triangles, SLIVER, ERROR_BOUND, AREA_TOLERANCE, self.area,
+            self.uncertain,
+        )  # fmt: skip
         for i in range(n):
             t = self.uncertain[i]
+            own = self._parts(t)
+            if own.error == INFINITY and self._is_turned(t):
+                return False
             for k in range(3):
-                if not self._is_certain(k, t):
-                    self._sweep_edge(k, t)
+                if not _is_certain(own, k):
+                    self._sweep_edge(3 * t + k, _part_of(own, k), own.error)
         if self.reached or self.marked != self.changes:
             self.marked = self.changes
             self.reached = self._mark()
+        return True
 
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def _sweep_edge(self, k: cython.Py_ssize_t, t: cython.Py_ssize_t) -> cython.void:
-        """Check an edge whose part of triangle t is not certain, and add what its cells have not got yet."""
-        h: cython.Py_ssize_t = 3 * t + k
+    def _sweep_edge(self, h: cython.Py_ssize_t, own: cython.double, error: cython.double) -> cython.void:
+        """Check an edge whose part of its triangle is not certain, and add what its cells have not got yet."""
         g: cython.Py_ssize_t = self.twin[h]
         if g < 0:  # the hull
             return
-        other: cython.Py_ssize_t = g // 3
         p: cython.Py_ssize_t = self.tail[h]
         q: cython.Py_ssize_t = self.tail[g]
-        beyond: cython.double = self.part[g - 3 * other, other]
-        part: cython.double = self.part[k, t] + beyond
-        error: cython.double = self.error[t] + self.error[other]
-        is_certain: cython.bint = self._is_certain(g - 3 * other, other)
+        other: Parts = self._parts(g // 3)
+        beyond: cython.double = _part_of(other, g % 3)
+        part: cython.double = own + beyond
+        is_certain: cython.bint = _is_certain(other, g % 3)
         if g < h and not is_certain:  # seen from the other side
             return
+        error += other.error
         if not error < AREA_TOLERANCE * part:
             part = self._part(h, g, part, error)
             if part < 0.0:
                 return
-        if is_certain:  # it has been added, or will be
+        if is_certain:  # it has been added
             part -= beyond
             if part < 0.0:  # and rounding of the sums counts: of each cell, six terms a triangle at most
                 error = 6.0 * EPSILON * self.n_triangles * beyond
@@ -686,7 +645,7 @@ class Mesh:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def _legalize(self, measured: cython.bint, limit: cython.Py_ssize_t) -> cython.bint:
+    def _legalize(self, limit: cython.Py_ssize_t) -> cython.bint:
         """Flip until each edge on the stack, or beside a flip, is Delaunay; false beyond the limit."""
         h: cython.Py_ssize_t
         g: cython.Py_ssize_t
@@ -701,9 +660,6 @@ class Mesh:
                 return False
             limit -= 1
             self._flip(h)
-            if measured:
-                self._measure(h // 3)
-                self._measure(g // 3)
             self._push_round(h, g)
         return True
 
@@ -734,8 +690,6 @@ class Mesh:
             if near < 0:
                 self.n_triangles = 0
                 return False
-        for i in range(self.n_triangles):
-            self._measure(i)
         self.flips = flips
         self.builds += 1
         self.changes += 1
@@ -797,7 +751,7 @@ class Mesh:
         if not self._split(i, t, on_edge if zeros == 1 else -1):
             return -1
         # Each flip adds a lasting edge to the new point: there cannot be more flips than points.
-        return t if self._legalize(False, self.n_triangles + 8) else -1
+        return t if self._legalize(self.n_triangles + 8) else -1
 
     @cython.cfunc
     @cython.nogil
@@ -834,6 +788,24 @@ class Mesh:
         self._flip(flat)
         self._push_round(flat, g)
         return True
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _part_of(parts: Parts, k: cython.Py_ssize_t) -> cython.double:
+    """That of edge k."""
+    return parts.ab if k == 0 else parts.bc if k == 1 else parts.ca
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _is_certain(parts: Parts, k: cython.Py_ssize_t) -> cython.bint:
+    """Whether the part of edge k is positive and accurate by itself."""
+    return parts.error < AREA_TOLERANCE * _part_of(parts, k)
 
 
 @cython.cfunc

@@ -1,17 +1,16 @@
-"""What `mesh` measures of each triangle, for uncompiled runs; `triangle_parts.pxd` has it in C.
+"""What `mesh` adds up of each triangle, for uncompiled runs; `triangle_parts.pxd` has it in C.
 
-Both compute the same operations in the same order, as `Mesh._measure_plain` does, and give exactly the same.
+Both compute the same operations in the same order, as `Mesh._parts` does, and give exactly the same.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edge.types import Array, Index
 
 
-def measure_fours(
+def sum_certain(
     tail: Index,
     x: Array,
     y: Array,
@@ -19,59 +18,40 @@ def measure_fours(
     sliver: float,
     bound: float,
     tolerance: float,
-    part: Array,
-    share: Array,
-    error: Array,
-    certain: NDArray[np.int64],
-) -> bool:
-    """`Mesh._measure_plain` of the first n triangles, but for up to three that are over after the last four.
+    area: Array,
+    uncertain: Index,
+) -> int:
+    """Add the certain parts of the first n triangles to the areas of their corners.
 
-    tail         (3 n,) corners, triangle after triangle
+    tail         (3 n + 9 or more,) corners, triangle after triangle; of points that exist
     x, y         of the points
     sliver       share of the squared sides that twice the area must be above
     bound        of the error, over q (1 + q) times the squared sides
     tolerance    share of a part that the error is below where the part is certain
-    part         (3, n or more), written: of each edge; of a sliver it is of no use
-    share        (3, n or more), written: of each corner, the certain parts of its two edges
-    error        (n or more,), written; of a sliver it is infinite
-    certain      (n or more,), written: bit k is set where the part of edge k is certain
-    Returns      there is no sliver
+    area         of the points, added to
+    uncertain    (n + 1 or more,), written: the triangles with a part that is not certain, ascending
+    Returns      their number
     """
-    n -= n % 4
     corner = tail[: 3 * n].reshape(n, 3)
     (ax, bx, cx), (ay, by, cy) = x[corner].T, y[corner].T
     abx, aby, bcx, bcy, cax, cay = bx - ax, by - ay, cx - bx, cy - by, ax - cx, ay - cy
     cross = aby * cax - abx * cay
     ab2, bc2, ca2 = abx * abx + aby * aby, bcx * bcx + bcy * bcy, cax * cax + cay * cay
     sum2 = ab2 + bc2 + ca2
-    plain = cross > sliver * sum2
     with np.errstate(all="ignore"):
         inverse = 1.0 / cross
         q = 0.5 * sum2 * inverse
-        ab = -(bcx * cax + bcy * cay) * inverse * ab2
-        bc = -(cax * abx + cay * aby) * inverse * bc2
-        ca = -(abx * bcx + aby * bcy) * inverse * ca2
-        part[:, :n] = ab, bc, ca
-        error[:n] = np.where(plain, bound * q * (1.0 + q) * sum2, np.inf)
-        is_certain = error[:n] < tolerance * part[:, :n]
-        ab, bc, ca = np.where(is_certain, part[:, :n], 0.0)
-    share[:, :n] = ab + ca, ab + bc, bc + ca
-    certain[:n] = is_certain[0] + 2 * is_certain[1] + 4 * is_certain[2]
-    return bool(plain.all())
-
-
-def sum_shares(
-    tail: Index, share: Array, certain: NDArray[np.int64], n: int, area: Array, uncertain: Index
-) -> int:
-    """Add up the shares of the first n triangles.
-
-    tail, share, certain  as above
-    area       of the points, written
-    uncertain  (n or more,) int32, written: the triangles with a part that is not certain, ascending
-    Returns    how many these are
-    """
-    area[:] = 0.0
-    np.add.at(area, tail[: 3 * n], share[:, :n].T.ravel())
-    found = np.flatnonzero(certain[:n] != 7)  # a bit of each part
+        part = np.stack(
+            [
+                -(bcx * cax + bcy * cay) * inverse * ab2,
+                -(cax * abx + cay * aby) * inverse * bc2,
+                -(abx * bcx + aby * bcy) * inverse * ca2,
+            ]
+        )
+        error = np.where(cross > sliver * sum2, bound * q * (1.0 + q) * sum2, np.inf)
+        is_certain = error < tolerance * part
+    ab, bc, ca = np.where(is_certain, part, 0.0)
+    np.add.at(area, corner.ravel(), np.stack([ab + ca, ab + bc, bc + ca], axis=1).ravel())
+    found = np.flatnonzero(~is_certain.all(axis=0))
     uncertain[: len(found)] = found
     return len(found)
