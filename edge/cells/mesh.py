@@ -85,8 +85,8 @@ EXTENT_MIN = cython.declare(cython.double, 2.0**-66)
 EXTENT_MAX = cython.declare(cython.double, 2.0**66)
 SNAP = cython.declare(cython.double, 2.0**-140)
 
-#: Of a triangle, the part of each edge: cotangent of the angle that faces it times its squared length; and the
-#: bound of their error, infinite where rounding does not allow cotangents.
+#: Of a triangle, the part of each edge: the cotangent of the angle that faces it times its squared length;
+#: and the bound of their error, infinite where rounding does not allow cotangents.
 Parts = cython.struct(ab=cython.double, bc=cython.double, ca=cython.double, error=cython.double)
 
 # Outcomes of an update.
@@ -132,8 +132,10 @@ class Mesh:
     high: cython.double[::1]
     area: cython.double[::1]
     bound: cython.double[::1]  # of the error of the area's parts that are not accurate by themselves
+    has_bounds: cython.bint  # one is above 0
     exactly: cython.uchar[::1]  # whether the area must be summed from exact weights
     same_as: cython.int[::1]  # the point whose vertex it uses, mostly itself
+    sharers: cython.int[::1]  # how many use its vertex
     tail: cython.int[::1]  # per half-edge
     twin: cython.int[::1]
     stacked: cython.uchar[::1]  # whether it is on the stack
@@ -159,7 +161,7 @@ class Mesh:
         self.n_triangles = self.n_stack = self.n_shared = 0
         self.flips = self.builds = self.changes = 0
         self.marked, self.reached = -1, False
-        self.busy = False
+        self.busy = self.has_bounds = False
         self.guard_reach = params.guard_reach
         x, y = np.zeros(n_all), np.zeros(n_all)
         self.predicates = Predicates(x, y)
@@ -169,7 +171,7 @@ class Mesh:
         self.area = np.zeros(n_all)
         self.bound = np.zeros(n_all)
         self.exactly = np.zeros(n_all, np.uint8)
-        self.same_as = np.zeros(n_all, np.int32)
+        self.same_as, self.sharers = np.zeros((2, n_all), np.int32)
         self.tail = np.zeros(3 * (n_triangles + 3), np.int32)  # read four triangles at a time
         self.twin = np.zeros(3 * n_triangles, np.int32)
         self.stacked = np.zeros(3 * n_triangles, np.uint8)
@@ -269,7 +271,7 @@ class Mesh:
     @cython.nogil
     @cython.exceptval(check=False)
     def _triangulate(self) -> cython.bint:
-        """Make the triangles those of the points, and sum the areas; false if no triangulation can be built."""
+        """Make the triangles those of the points, and sum the areas; false where none can be built."""
         built: cython.bint = self.n_triangles == 0 or self._parted()
         if built and not self._build():
             return False
@@ -418,7 +420,11 @@ class Mesh:
         t: cython.Py_ssize_t
         own: Parts
         for i in range(self.n_points + N_GUARD):
-            self.area[i] = self.bound[i] = 0.0
+            self.area[i] = 0.0
+        if self.has_bounds:
+            self.has_bounds = False
+            for i in range(self.n_points):
+                self.bound[i] = 0.0
         n: cython.Py_ssize_t = sum_certain(
             self.tail, self.x, self.y, self.n_triangles, SLIVER, ERROR_BOUND, AREA_TOLERANCE, self.area,
             self.uncertain,
@@ -440,7 +446,7 @@ class Mesh:
     @cython.nogil
     @cython.exceptval(check=False)
     def _sweep_edge(self, h: cython.Py_ssize_t, own: cython.double, error: cython.double) -> cython.void:
-        """Check an edge whose part of its triangle is not certain, and add what its cells have not got yet."""
+        """Check an edge whose part of its triangle is not certain, and add what its cells lack."""
         g: cython.Py_ssize_t = self.twin[h]
         if g < 0:  # the hull
             return
@@ -460,9 +466,7 @@ class Mesh:
         if is_certain:  # it has been added
             part -= beyond
             if part < 0.0:  # and rounding of the sums counts: of each cell, six terms a triangle at most
-                error = 6.0 * EPSILON * self.n_triangles * beyond
-                self.bound[p] += error
-                self.bound[q] += error
+                self._add_bound(p, q, 6.0 * EPSILON * self.n_triangles * beyond)
         self.area[p] += part
         self.area[q] += part
 
@@ -499,15 +503,29 @@ class Mesh:
             part = self._exact_part(h, g)
             # 4 roundings of the squared length, 5 of three predicates and two divisions, 1 of the product.
             error = 10.0 * EPSILON * part
-        self.bound[self.tail[h]] += error
-        self.bound[self.tail[g]] += error
+        self._add_bound(self.tail[h], self.tail[g], error)
         return part
+
+    @cython.cfunc
+    @cython.inline
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def _add_bound(self, p: cython.Py_ssize_t, q: cython.Py_ssize_t, error: cython.double) -> cython.void:
+        """To those of an edge's two cells; only the pins' count."""
+        if p < self.n_pins:
+            self.bound[p] += error
+            self.has_bounds = True
+        if q < self.n_pins:
+            self.bound[q] += error
+            self.has_bounds = True
 
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
     def _sum_exactly(self) -> cython.void:
         """Sum the cells again whose error bound is too large, from exact weights."""
+        if not self.has_bounds:
+            return
         n: cython.Py_ssize_t = self.n_pins
         area: cython.double[::1] = self.area
         bound: cython.double[::1] = self.bound
@@ -548,17 +566,18 @@ class Mesh:
             return
         i: cython.Py_ssize_t
         first: cython.Py_ssize_t
+        sharers: cython.int[::1] = self.sharers
         for i in range(self.n_points):
-            self.bound[i] = 0.0
+            sharers[i] = 0
         for i in range(self.n_points):
-            self.bound[self.same_as[i]] += 1.0
+            sharers[self.same_as[i]] += 1
         for i in range(self.n_points):
             first = self.same_as[i]
             if first != i:
-                self.area[i] = self.area[first] / self.bound[first]
+                self.area[i] = self.area[first] / sharers[first]
         for i in range(self.n_points):
             if self.same_as[i] == i:
-                self.area[i] /= self.bound[i]
+                self.area[i] /= sharers[i]
 
     @cython.cfunc
     @cython.nogil

@@ -68,7 +68,8 @@ class Tessellator:
 
         tracks.xy_img  (n, 2) px, row i is pin i; NaN where lost
         tracks.autocorrelation  how much the frame that this was called for before tells of lost pins
-        Returns        new arrays; but `rest_area_px2` and `triangles` are shared by frames and read-only
+        Returns        new arrays; but `rest_area_px2` and `triangles` are shared by frames and read-only, and
+                       `xy_img` is that of the tracks if no pin is lost
         Raises         DegenerateLayout: fewer than 3 visible pins, or all on a line
         """
         n = len(self._rest_img)
@@ -81,16 +82,14 @@ class Tessellator:
             triangles = self._rest_triangles
         else:
             triangles = self._tessellate(tracks)
-        points, area = self._points.copy(), self._area.copy()
+        xy, area = tracks.xy_img, self._area.copy()
+        around = self._points[n : n + self._n_boundary].copy()
         lost, whole = self._lost.gap[0], None
         if len(lost):
-            whole = self._area.copy()
+            xy, whole = self._points[:n].copy(), self._area.copy()
             area[lost] = np.nan
-        around = points[n : n + self._n_boundary]
         # By place: names cost 3,600 instructions a frame.
-        return Cells(
-            area, self._rest_area_px2, points[:n], triangles, around, whole, self._gap, self._gap_img
-        )
+        return Cells(area, self._rest_area_px2, xy, triangles, around, whole, self._gap, self._gap_img)
 
     def keep(self, tracks: Tracks) -> None:
         """Make a frame whose cells nobody needs the last one; all of its pins are seen."""

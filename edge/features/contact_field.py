@@ -103,8 +103,9 @@ class ContactField:
         self._change_view, self._xy_view = NumbersView(), PointsView()
         self._n = n
         self._rest = np.array(rest_xy, np.float64, order="C")
-        self._interpolator = QuantizedOperator(interpolator)
-        self._divergences = QuantizedOperator(divergences)
+        by_y = np.argsort(rest_xy[:, 1], kind="stable")  # points go row by row
+        self._interpolator = QuantizedOperator(interpolator, by_y)
+        self._divergences = QuantizedOperator(divergences, (2 * by_y[:, None] + [0, 1]).ravel())
         self.area_change, self._height_row = self._interpolator.values, self._interpolator.result
         self.detrended, self._divergence_row = self._divergences.values, self._divergences.result
         self._curl_array = self._divergences.result

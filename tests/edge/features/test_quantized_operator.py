@@ -33,6 +33,23 @@ def test_chosen_rows_are_those_of_the_whole_product() -> None:
     np.testing.assert_array_equal(np.asarray(operator.result)[:4], whole[which[:4]])
 
 
+@pytest.mark.parametrize("k", [1, 4, 6])
+def test_columns_in_any_order_give_the_same(k: int) -> None:
+    """Weights that round to zero are left out: far from the middle of a row, and rows of zeros."""
+    rng = np.random.default_rng(k)
+    matrix = rng.normal(size=(k, 90)) * np.exp(-np.abs(np.arange(90) - np.linspace(0, 89, k)[:, None]))
+    matrix[-1] = 0.0
+    order = rng.permutation(90)
+    plain, shuffled = QuantizedOperator(matrix), QuantizedOperator(matrix[:, np.argsort(order)], order)
+    values = rng.normal(size=90)
+    np.asarray(plain.values)[:] = values
+    np.asarray(shuffled.values)[:] = values[np.argsort(order)]
+    plain.apply()
+    shuffled.apply()
+    np.testing.assert_array_equal(shuffled.result, plain.result)
+    np.testing.assert_allclose(plain.result, matrix @ values, atol=1e-2)
+
+
 def test_the_largest_sums_fit_32_bits() -> None:
     operator = QuantizedOperator(np.ones((2, 1000)) * [[1.0], [-1.0]])
     np.asarray(operator.values)[:] = 1.0
@@ -57,6 +74,9 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
     for bad in (np.zeros(3), np.zeros((0, 3)), np.zeros((3, 0)), np.array([[np.nan]]), np.array([[np.inf]])):
         with pytest.raises(ValueError, match="finite"):
             QuantizedOperator(bad)
+    for order in ([0, 0], [0], [1, 2]):
+        with pytest.raises(ValueError, match="order"):
+            QuantizedOperator(np.ones((2, 2)), np.array(order))
     operator, which = QuantizedOperator(np.ones((2, 2))), np.array([0, 1, 0], np.int32)
     for n in (-1, 3, 4):
         with pytest.raises(ValueError, match="rows"):
