@@ -9,19 +9,21 @@ cdef extern from *:
     #define VT_WIDE
     #endif
 
-    VT_WIDE static void vt_mode_sums(const float *restrict basis, const double *restrict motion, Py_ssize_t n,
-                                     float *restrict sums)
+    VT_WIDE static void vt_mode_sums(const short *restrict basis, const float *restrict step,
+                                     const double *restrict motion, Py_ssize_t n, float *restrict sums)
     {
         float re[24] = {0}, im[24] = {0}; /* in registers */
         for (Py_ssize_t i = 0; i < n; i++, basis += 24) {
             const float x = (float)motion[2 * i], y = (float)motion[2 * i + 1];
-            for (int j = 0; j < 24; j++) re[j] += basis[j] * x, im[j] += basis[j] * y;
+            for (int j = 0; j < 24; j++) re[j] += (float)basis[j] * x, im[j] += (float)basis[j] * y;
         }
-        for (int j = 0; j < 24; j++) sums[j] = re[j], sums[24 + j] = im[j];
+        for (int j = 0; j < 24; j++) sums[j] = re[j] * step[j], sums[24 + j] = im[j] * step[j];
     }
     """
-    void vt_mode_sums(const float *, const double *, Py_ssize_t, float *) noexcept nogil
+    void vt_mode_sums(const short *, const float *, const double *, Py_ssize_t, float *) noexcept nogil
 
 
-cdef inline void mode_sums(const float[:, ::1] basis, const double[:, ::1] motion, float[::1] sums) noexcept nogil:
-    vt_mode_sums(&basis[0, 0], &motion[0, 0], basis.shape[0], &sums[0])
+cdef inline void mode_sums(
+    const short[:, ::1] basis, const float[::1] step, const double[:, ::1] motion, float[::1] sums
+) noexcept nogil:
+    vt_mode_sums(&basis[0, 0], &step[0], &motion[0, 0], basis.shape[0], &sums[0])

@@ -13,9 +13,10 @@ preferred direction, so a shear (spin 1) can depend only on products of spin 1, 
 spin 0. That leaves a tenth of the terms of an unrestricted polynomial: few calibration frames are enough, and
 the direction is right all the way round.
 
-Where all pins are seen, or predicted, the sums are in single precision: an error of 1e-6 of the motion, a
-thousandth of the pins' noise, for half of the memory. And they are real: mode (b, a) is the conjugate of mode
-(a, b), so that the sums of the latter's real and imaginary part give the coefficients of both.
+Where all pins are seen, or predicted, the basis is in 16-bit integers and the sums are in single precision:
+for a quarter of the memory an error of 1e-6 of the motion, a thousandth of the pins' noise. And they are
+real: mode (b, a) is the conjugate of mode (a, b), so that the sums of the latter's real and imaginary part
+give the coefficients of both.
 
 Terms of equal spin are made orthonormal over the rest pins (Gram-Schmidt, lowest degree first), which keeps
 the spins and makes coefficients comparable; on a round layout terms of different spin are orthogonal anyway.
@@ -81,14 +82,16 @@ def mode_basis(rest: Rest) -> Complex:
     return basis
 
 
-def _in_rows(basis: Complex) -> NDArray[np.float32]:
-    """The basis (n, k) as (n, ROW): the real part where a >= b in a mode's powers, there the imaginary part
-    of (b, a).
+def _in_rows(basis: Complex) -> tuple[NDArray[np.int16], NDArray[np.float32]]:
+    """The basis (n, k) as (n, ROW) whole steps, and each column's step: the real part where a >= b in a
+    mode's powers, there the imaginary part of (b, a). What a pin loses by rounding, the next one gets.
     """
-    rows = np.zeros((len(basis), ROW), np.float32)
+    rows = np.zeros((len(basis), ROW))
     for column, mirror in enumerate(_MIRROR):
         rows[:, column] = basis[:, column].real if column <= mirror else basis[:, mirror].imag
-    return rows
+    step = np.maximum(np.abs(rows).max(axis=0), np.finfo(np.float32).tiny) / (np.iinfo(np.int16).max - 1)
+    whole = np.diff(np.rint(np.cumsum(rows / step, axis=0)), axis=0, prepend=0.0)
+    return whole.astype(np.int16), step.astype(np.float32)
 
 
 @cython.cclass
@@ -103,7 +106,8 @@ class Modes:
     _re: cython.double[:, ::1]  # (n, k), the basis
     _im: cython.double[:, ::1]
     _mirror: cython.int[::1]
-    _rows: cython.const[cython.float][:, ::1]  # basis times inverse Gram matrix, as `_in_rows` has it
+    _rows: cython.const[cython.short][:, ::1]  # basis times inverse Gram matrix, as `_in_rows` has it
+    _step: cython.const[cython.float][::1]
     _sums: cython.float[::1]  # of `mode_sums`
     _gram_re: cython.double[:, ::1]  # (k, k), of all pins
     _gram_im: cython.double[:, ::1]
@@ -122,7 +126,7 @@ class Modes:
         self._result_array = self._result = np.empty(k, np.complex128)
         self._re, self._im = np.array(basis.real, order="C"), np.array(basis.imag, order="C")
         self._mirror = np.array(_MIRROR, np.int32)
-        self._rows = _in_rows(basis @ np.linalg.inv(gram))
+        self._rows, self._step = _in_rows(basis @ np.linalg.inv(gram))
         self._sums = np.zeros(2 * ROW, np.float32)
         self._gram_re, self._gram_im = np.array(gram.real, order="C"), np.array(gram.imag, order="C")
         self._factor_re, self._factor_im = np.empty((k, k)), np.empty((k, k))
@@ -168,7 +172,7 @@ class Modes:
         sums: cython.float[::1] = self._sums
         j: cython.Py_ssize_t
         m: cython.Py_ssize_t
-        mode_sums(self._rows, motion, sums)
+        mode_sums(self._rows, self._step, motion, sums)
         for j in range(self._k):  # of real part r and imaginary part i: r - i i, and r + i i of the conjugate
             m = self._mirror[j]
             if j == m:
