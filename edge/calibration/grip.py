@@ -53,10 +53,9 @@ class Grip:
         values, sigmas  of the frame: force_n, force_x_n, force_y_n, and torque_z_nmm if it is calibrated
         area_mm2        of the contact; None: not known, the torque is then left out
         """
-        try:
-            normal, x, y = values["force_n"], values["force_x_n"], values["force_y_n"]
-        except KeyError:
+        if not ("force_n" in values and "force_x_n" in values and "force_y_n" in values):
             return {}
+        normal, x, y = values["force_n"], values["force_x_n"], values["force_y_n"]
         square = x * x + y * y
         variance = (x * sigmas["force_x_n"]) ** 2 + (y * sigmas["force_y_n"]) ** 2
         if area_mm2 is not None and area_mm2 > 0.0 and "torque_z_nmm" in values:

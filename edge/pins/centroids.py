@@ -13,7 +13,7 @@ Rules
 - Templates (`templates.py`) are in 16-bit integers for PHASES x PHASES subpixel offsets, zero outside of the
   support circle. d is orthogonal to 1; tx and ty to 1 and d.
 - One pass over the pixels of the support, which are copied from the image without the gaps between its rows
-  (`windows`); then the steps, four pins at a time (`steps`). Nine pins in ten need only one.
+  (`windows`); then the steps, four pins at a time (`steps`); TOGETHER pins in turn. Nine in ten need only one.
 - All sums are exact integers. What depends on the template alone is precomputed in `norms`.
 - Dark pins are bright ones in the inverted image, whose sums follow from the image's own: the result is the
   same to the last bit.
@@ -33,6 +33,9 @@ from edge.pins.templates import BLOCK, HALF_MAX, LANES, NORM, PHASES, STEP_MAX, 
 from edge.pins.windows import KIND
 from edge.types import Array, Image, Index
 
+#: Pins of which the sums are at hand together: they stay in the first-level cache.
+TOGETHER = 64
+
 if cython.compiled:
     from cython.cimports.edge.pins.rejection import CentroidFilter
     from cython.cimports.edge.pins.steps import take_steps
@@ -48,6 +51,7 @@ else:
 
 INT_MAX = cython.declare(cython.Py_ssize_t, np.iinfo(np.int32).max)
 N_PHASES = cython.declare(cython.int, PHASES)
+MANY = cython.declare(cython.Py_ssize_t, TOGETHER)
 LEVEL_MAX = cython.declare(cython.int, STEP_MAX)
 
 #: Columns of `norms`.
@@ -105,7 +109,8 @@ class CentroidKernel:
     _filter: CentroidFilter
     _pixels: cython.uchar[::1]
     _window: cython.short[::1]
-    _who: cython.int[::1]  # the pins that take a step
+    _asked: cython.int[::1]  # the pins that take a step
+    _who: cython.int[::1]  # TOGETHER of them, or fewer
     _others: cython.int[::1]  # of these, those that `sum_windows` does not read
     _taken: cython.Py_ssize_t  # how many have sums
     _at: cython.int[::1]
@@ -163,7 +168,8 @@ class CentroidKernel:
         plane_max = int(np.max(templates.plane))
         self._pixels = np.zeros(plane_max + 2 * HALF_MAX + LANES, np.uint8)
         self._window = np.zeros(plane_max, np.int16)
-        rows = self.n + LANES  # they are taken four at a time
+        self._asked = np.zeros(self.n, np.int32)
+        rows = TOGETHER + LANES  # they are taken four at a time
         self._who, self._others, self._at, self._begin = np.zeros((4, rows), np.int32)
         self._middle, self._sums = np.zeros((2, rows)), np.zeros((rows, NORM.index("inv_d")))
         self._predicted_array = None
@@ -242,11 +248,29 @@ class CentroidKernel:
         i: cython.Py_ssize_t
         n: cython.Py_ssize_t = self.n
         iteration: cython.int
-        for i in range(self.n):
-            self._who[i] = i
+        for i in range(n):
+            self._asked[i] = i
         for iteration in range(self._steps_max):
-            if n:
-                n = self._step(n, iteration)
+            n = self._step_all(n, iteration)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _step_all(self, n: cython.Py_ssize_t, iteration: cython.int) -> cython.Py_ssize_t:
+        """A step of the first n of `_asked`. Returns how many, put first there, have to go on."""
+        i: cython.Py_ssize_t
+        first: cython.Py_ssize_t = 0
+        many: cython.Py_ssize_t
+        on: cython.Py_ssize_t = 0
+        while first < n:
+            many = min(n - first, MANY)
+            for i in range(many):
+                self._who[i] = self._asked[first + i]
+            first += many
+            many = self._step(many, iteration)
+            for i in range(many):
+                self._asked[on + i] = self._who[i]
+            on += many
+        return on
 
     @cython.cfunc
     @cython.exceptval(check=False)
