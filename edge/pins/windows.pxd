@@ -21,6 +21,7 @@ cdef extern from *:
 
     #define VT_PHASES 4
     #define VT_ROWS 6 /* copied at once; LANES steps behind a kind's are zero */
+    #define VT_AHEAD 2 /* windows later is what is fetched from memory: a fifth of the time */
     #define VT_SUM 8 /* numbers of a window */
     #define VT_NORM 24 /* and of a phase, in the order of NORM */
 
@@ -175,6 +176,13 @@ cdef extern from *:
         for (Py_ssize_t j = 0; j < n; j++, sums += VT_SUM) {
             const unsigned phase = (unsigned)at[j] % (VT_PHASES * VT_PHASES);
             const vt_kind *const k = kinds + (unsigned)at[j] / (VT_PHASES * VT_PHASES);
+            if (j + VT_AHEAD < n) {
+                const vt_kind *const then = kinds + (unsigned)at[j + VT_AHEAD] / (VT_PHASES * VT_PHASES);
+                const Py_ssize_t *const end = steps + 2 * then->end_step;
+                const unsigned char *row = image + begin[j + VT_AHEAD];
+                for (const Py_ssize_t *step = steps + 2 * then->first_step; step < end; step += 2)
+                    __builtin_prefetch(row += step[0]);
+            }
             memset(vt_take_rows(image + begin[j], steps + 2 * k->first_step, steps + 2 * k->end_step, k->row_bytes,
                                 pixels), 0, 32);
             sums_of(pixels, values + k->first + 3 * k->plane * phase, uv + k->first_uv, k->plane,
