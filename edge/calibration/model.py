@@ -221,9 +221,7 @@ class Calibration:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
         found = features.contacts if self._gives_contacts else None
         self._derive(features, found, values, sigmas, interval_s)
-        contacts = self._places(features, found, pattern)
-        if len(contacts) == 1 and "displacement_mm" in values:
-            contacts[0, 2] = values["displacement_mm"]
+        contacts = self._places(features, found, pattern, values.get("displacement_mm"))
         return Reading(values, sigmas, contacts, saturated, calibrated=True)
 
     def frame_values(self, z: Complex) -> Iterator[tuple[str, float, float, bool]]:
@@ -274,8 +272,10 @@ class Calibration:
             elif scale is not None and interval_s is not None and interval_s > 0.0:
                 values["slip_speed_mm_s"] = features.slip_px * scale / interval_s
 
-    def _places(self, features: Features, found: Contacts | None, pattern: PinPattern) -> Array:
-        """`Reading.contacts`, but for the depth of a single one."""
+    def _places(
+        self, features: Features, found: Contacts | None, pattern: PinPattern, depth_mm: float | None
+    ) -> Array:
+        """`Reading.contacts`; the depth of a single one is that of the frame, if it is known."""
         if not found:
             return np.empty((0, 3))
         # Lists: an array's fancy indexing costs thousands of instructions, for a handful of numbers.
@@ -290,6 +290,8 @@ class Calibration:
                     place[column] = value
         if self._joint_columns and len(found) > 1:
             self._write_joint(places, features, found, pattern)
+        if len(found) == 1 and depth_mm is not None:
+            places[0][2] = depth_mm
         return np.array(places)
 
     def _write_joint(

@@ -8,8 +8,7 @@ Rules
 - The terms of a polynomial are products of inputs, given as columns of the row (inputs, their conjugates).
   Models share half of their terms, and terms their first factors: each product is computed once, as a shorter
   one times one more factor.
-- Complex numbers are pairs of float64. A factor, which widens the sigma alone, is in 16-bit integers with one
-  step a term: 2e-5 of what the term adds to any row; a file has three digits.
+- Complex numbers are pairs of float64. A factor, which widens the sigma alone, is in single precision.
 - A NaN among a model's inputs gives NaN, within the model's range.
 - The GIL is held: the scratch belongs to the object, and the work is short.
 """
@@ -70,8 +69,7 @@ class ModelKernel:
     _products: cython.double[:, ::1]  # their values
     _product_of: cython.int[::1]  # of each term
     _weights: cython.double[:, ::1]
-    _spread: cython.short[:, ::1]  # four rows of a factor, term by term: their real, then imaginary parts
-    _step: cython.float[::1]  # of each term, what one of these integers stands for
+    _spread: cython.float[:, ::1]  # four rows of a factor, term by term: their real, then imaginary parts
     _low: cython.double[::1]  # of each output
     _high: cython.double[::1]
     _sigma: cython.double[::1]
@@ -90,7 +88,7 @@ class ModelKernel:
         knots: list[tuple[float, float]] = []
         columns: list[list[int]] = []
         weights: list[tuple[float, float]] = []
-        spread, step = np.zeros((0, 2 * ROWS), np.int16), np.zeros(0, np.float32)
+        spread = np.zeros((0, 2 * ROWS), np.float32)
         for model in models:
             if isinstance(model, Curve):
                 curve_inputs.append(_curve_input(model, inputs))
@@ -100,8 +98,7 @@ class ModelKernel:
                 curve_inputs.append(-1)
                 columns += _columns_of(model, inputs)
                 weights += model.weights
-                whole, unit = _rows_by_four(model)
-                spread, step = np.concatenate([spread, whole]), np.concatenate([step, unit])
+                spread = np.concatenate([spread, _rows_by_four(model)])
                 outputs += [(*valid, s) for valid, s in zip(model.valid, model.sigma, strict=True)]
             first.append((len(outputs), len(knots), len(columns), len(spread)))
         self.n_outputs = len(outputs)
@@ -114,7 +111,7 @@ class ModelKernel:
         self._products = np.zeros((len(products), 2))
         self._product_of = np.array([products[tuple(factors)] for factors in columns], np.int32)
         self._weights = np.array(weights, np.float64).reshape(-1, 2)
-        self._spread, self._step = spread, step
+        self._spread = spread
         self._low, self._high, self._sigma = np.array(outputs, np.float64).reshape(-1, 3).T.copy()
         self._z_view, self._out_array = PointsView(), None
         self._row = np.zeros((2 * len(inputs), 2))
@@ -236,7 +233,7 @@ class ModelKernel:
             y_re += self._weights[begin + i, 0] * re - self._weights[begin + i, 1] * im
             y_im += self._weights[begin + i, 0] * im + self._weights[begin + i, 1] * re
         away: cython.double = sum_squares(
-            self._spread, self._first_spread[m], self._first_spread[m + 1], self._step, begin, self._terms, n
+            self._spread, self._first_spread[m], self._first_spread[m + 1], self._terms, n
         )
         output: cython.Py_ssize_t = self._first_output[m]
         self._write(output, y_re, sqrt(1.0 + away), out)
@@ -274,17 +271,12 @@ def _products_of(
     return products, steps
 
 
-def _rows_by_four(model: Polynomial) -> tuple[NDArray[np.int16], NDArray[np.float32]]:
-    """A factor's rows, four at a time and filled up with zeros, as `sum_squares` takes them: whole steps; and
-    each term's step.
-    """
+def _rows_by_four(model: Polynomial) -> NDArray[np.float32]:
+    """A factor's rows, four at a time and filled up with zeros, as `sum_squares` takes them."""
     n = len(model.terms)
     padding = [[(0.0, 0.0)] * n] * ((ROWS - len(model.spread) % ROWS) % ROWS)
-    rows = np.array([*model.spread, *padding], np.float64).reshape(-1, ROWS, n, 2)
-    step = np.abs(rows).max(axis=(0, 1, 3), initial=0.0) / np.iinfo(np.int16).max
-    step[step == 0.0] = 1.0
-    whole = np.rint(rows / step[:, None]).transpose(0, 2, 3, 1).reshape(-1, 2 * ROWS)
-    return np.ascontiguousarray(whole, np.int16), step.astype(np.float32)
+    rows = np.array([*model.spread, *padding], np.float32).reshape(-1, ROWS, n, 2)
+    return np.ascontiguousarray(rows.transpose(0, 2, 3, 1).reshape(-1, 2 * ROWS))
 
 
 def _curve_input(model: Curve, inputs: Sequence[str]) -> int:

@@ -52,9 +52,8 @@ class FirstOrderAreas:
     _motion: cython.double[:, ::1]  # (n + b, 2)
     _area: cython.double[::1]
     _start: cython.int[::1]  # (n + 1,) in the next two: neighbours of the first pin, of the second, ...
-    _near: cython.int[
-        ::1
-    ]  # twice the neighbour's row; an even number of them, the last may be the pin itself
+    # twice the neighbour's row; an even number of them, the last may be the pin itself
+    _near: cython.int[::1]
     _slope: cython.double[:, ::1]  # (k, 2) px, of the area over a neighbour's motion
     _square_max: cython.double[::1]  # (n,) px2, of the sum of |d|^2
     _moved: cython.Py_ssize_t  # the cell that was last found to have moved too much

@@ -96,7 +96,7 @@ class _Motion:
     px        (n, 2) since rest; NaN where lost; good until the next frame
     whole_px  the same, with lost pins predicted if enough are seen; `known` (n,) where
               finite; None: everywhere
-    mean_px   x, y, mean of `whole_px`
+    mean_px   (2,) mean of `whole_px`; good until the next frame
     sigma_px  noise of one coordinate of one pin's motion
     filled    whether lost pins were predicted
     """
@@ -104,7 +104,7 @@ class _Motion:
     px: Array
     whole_px: Array
     known: Mask | None
-    mean_px: tuple[float, float]
+    mean_px: Array
     sigma_px: float
     filled: bool
 
@@ -130,10 +130,10 @@ class FeatureExtractor:
         # Kernels need not look at arrays again that stay the same objects: these are written in each frame.
         self._changes = np.asarray(self._area_change.values)  # the kernel's array
         self._px, self._whole_px = np.empty_like(self._xy_rest), np.empty_like(self._xy_rest)
-        self._xy = np.empty_like(self._xy_rest)
         self._change, self._whole_change = np.empty(len(rest)), np.empty(len(rest))
         self._detector = ContactDetector(rest, params)
         self._motion = PinMotion(rest)
+        self._xy = self._motion.xy
         self._modes = Modes(rest)
         self._slip = Slip(rest, self._motion, params)
         self._surface: Surface | None = None  # made for the first contact
@@ -199,13 +199,12 @@ class FeatureExtractor:
             "gap_img": cells.gap_img if cells is not None else None,
         }
         if plan.shear:
-            given["shear_px"] = np.array(motion.mean_px)
+            given["shear_px"] = motion.mean_px.copy()
         if contact_holds:
             in_contact = True
         elif cells is None:
             in_contact = self._detector.by_motion(np.ascontiguousarray(tracks.xy_img), motion.sigma_px)
         else:
-            self._xy[:] = cells.xy_img
             in_contact = self._detector.by_area(whole_change, self._xy, motion.sigma_px)
         if plan.modes and (in_contact or modes_at_rest):
             given["modes_px"] = self._modes.fit(motion.whole_px, motion.known)
@@ -223,17 +222,18 @@ class FeatureExtractor:
 
     def _motion_of(self, tracks: Tracks, cells: Cells | None) -> _Motion:
         seen, px = tracks.seen, self._px
-        mean_x, mean_y, now_px, n_seen = self._motion.since_rest(
+        now_px, n_seen = self._motion.since_rest(
             np.ascontiguousarray(tracks.xy_img), np.ascontiguousarray(tracks.sigma_px), seen, px
         )
-        sigma_px = self._detector.sigma_px(now_px)
+        sigma_px, mean_px = self._detector.sigma_px(now_px), self._motion.mean
         if n_seen == len(seen):
-            return _Motion(px, px, None, (mean_x, mean_y), sigma_px, False)
+            return _Motion(px, px, None, mean_px, sigma_px, False)
+        if cells is not None:
+            self._xy[:] = cells.xy_img
         if cells is None or n_seen < max(self._params.min_seen_rel * len(seen), 1):
-            return _Motion(px, px, seen, (mean_x, mean_y), sigma_px, False)
+            return _Motion(px, px, seen, mean_px, sigma_px, False)
         whole = np.subtract(cells.xy_img, self._xy_rest, out=self._whole_px)
-        mean_x, mean_y = whole.mean(axis=0).tolist()
-        return _Motion(px, whole, None, (mean_x, mean_y), sigma_px, True)
+        return _Motion(px, whole, None, whole.mean(axis=0), sigma_px, True)
 
     def _area_changes(self, cells: Cells | None, filled: bool) -> tuple[Array, Array]:
         """Relative area changes, (n,), NaN where lost; and the same with lost pins' cells, if these are

@@ -44,8 +44,16 @@ _ELLIPSE = cython.declare(cython.double, 4.0)
 
 @cython.cclass
 class PinMotion:
-    """Motion of the n pins of one tip."""
+    """Motion of the n pins of one tip.
 
+    xy, mean  (n, 2) and (2,) px: the last places given to `since_rest`, and the mean motion; good until the
+              next call
+    """
+
+    xy = cython.declare(object, visibility="readonly")
+    mean = cython.declare(object, visibility="readonly")
+    _xy: cython.double[:, ::1]  # the same memory
+    _mean: cython.double[::1]
     _n: cython.Py_ssize_t
     _rest: cython.double[:, ::1]
     _motion: cython.double[:, ::1]  # of `since_rest`, given last
@@ -63,6 +71,8 @@ class PinMotion:
         if rest.xy_img.shape != (n, 2):
             raise ValueError(f"rest places ({n}, 2) are wanted, not {rest.xy_img.shape}")
         self._n = n
+        self.xy = self._xy = np.empty((n, 2))
+        self.mean = self._mean = np.empty(2)
         self._rest = np.array(rest.xy_img, np.float64, order="C")
         self._motion_array = None
         self._change_view, self._motion_view, self._pins_view = NumbersView(), PointsView(), RowsView()
@@ -79,12 +89,12 @@ class PinMotion:
         sigma_px: cython.const[cython.double][::1],
         seen: cython.const[cython.uchar][::1],
         motion: Array,
-    ) -> tuple[float, float, float, int]:
-        """Motion since rest into `motion`, and means over the seen pins.
+    ) -> tuple[float, int]:
+        """Motion since rest into `motion`, and its mean over the seen pins into `mean`, NaN if none is seen.
 
         xy, motion  (n, 2) float64 px; xy is NaN where lost, and so is the motion
         sigma_px    (n,) float64; seen (n,) bool
-        Returns     mean motion x, y (NaN where no pin is seen), mean sigma (0 then), number of seen pins
+        Returns     mean sigma of the seen pins (0 where none is), their number
         Raises      ValueError: sizes that do not fit
         """
         n: cython.Py_ssize_t = self._n
@@ -101,6 +111,8 @@ class PinMotion:
         y: cython.double = 0.0
         sigma: cython.double = 0.0
         for i in range(n):
+            self._xy[i, 0] = xy[i, 0]
+            self._xy[i, 1] = xy[i, 1]
             out[i, 0] = xy[i, 0] - self._rest[i, 0]
             out[i, 1] = xy[i, 1] - self._rest[i, 1]
             if seen[i]:
@@ -109,8 +121,11 @@ class PinMotion:
                 sigma += sigma_px[i]
                 n_seen += 1
         if n_seen == 0:
-            return NAN, NAN, 0.0, 0
-        return x / n_seen, y / n_seen, sigma / n_seen, n_seen
+            self._mean[0] = self._mean[1] = NAN
+            return 0.0, 0
+        self._mean[0] = x / n_seen
+        self._mean[1] = y / n_seen
+        return sigma / n_seen, n_seen
 
     def in_contact(self, area_change: Array, least: cython.double) -> Index:
         """Which pins are in the contact: those in the ellipse of the compressed pins' spread.

@@ -72,9 +72,10 @@ class Regions:
     _n_peaks: cython.Py_ssize_t
     _at: cython.int[::1]  # of each peak: its place in the padded grid
     _height: cython.float[::1]
-    _contact: cython.int[
-        ::1
-    ]  # the contact it belongs to, -1: one too many; a contact's first peak is its highest
+    # the contact it belongs to, -1: one too many; a contact's first peak is its highest
+    _contact: cython.int[::1]
+    _ridge: cython.double[:, ::1]  # places of one contact's peaks
+    _ridge_array: object  # the same memory
     _peaks: PeakFinder
     _found_at: cython.int[::1]  # of `peaks`
     _found_point: cython.int[::1]
@@ -99,6 +100,7 @@ class Regions:
         self._sums = np.zeros((CONTACTS_MAX, 6))
         self._at, self._contact = np.zeros(table, np.int32), np.zeros(table, np.int32)
         self._height = np.zeros(table, np.float32)
+        self._ridge_array = self._ridge = np.empty((table, 2))
         self._peaks = peaks
         self._found_at, self._found_point, self._found_height = peaks.at, peaks.point, peaks.height
         self._grid, self._place, self.owner = peaks.grid, peaks.place, peaks.mark
@@ -280,16 +282,14 @@ class Regions:
         """(m, 2) float64 px, all peaks of contact i."""
         self._check(i)
         j: cython.Py_ssize_t
-        places = []
+        n: cython.Py_ssize_t = 0
         for j in range(self._n_peaks):
             if self._contact[j] == i:
-                places.append(
-                    (
-                        self.x0 + self.step_px * self._column[self._at[j]],
-                        self.y0 + self.step_px * self._row[self._at[j]],
-                    )
-                )
-        return np.array(places)
+                self._ridge[n, 0] = self.x0 + self.step_px * self._column[self._at[j]]
+                self._ridge[n, 1] = self.y0 + self.step_px * self._row[self._at[j]]
+                n += 1
+        found: Array = self._ridge_array[:n].copy()
+        return found
 
     @cython.cfunc
     def _check(self, i: cython.Py_ssize_t) -> cython.bint:

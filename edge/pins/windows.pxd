@@ -122,6 +122,16 @@ cdef extern from *:
         return to;
     }
 
+    /* into the cache */
+    static inline void vt_fetch_rows(const unsigned char *row, const Py_ssize_t *steps, const vt_kind *k)
+    {
+        const Py_ssize_t *step = steps + 2 * k->first_step, *const end = steps + 2 * k->end_step;
+        do {
+            _Pragma("GCC unroll 6")
+            for (int i = 0; i < VT_ROWS; i++, step += 2) __builtin_prefetch(row += step[0]);
+        } while (step < end);
+    }
+
     /* one number of each of four pins */
     typedef double vt_four __attribute__((vector_size(32)));
     typedef long long vt_mask __attribute__((vector_size(32)));
@@ -176,13 +186,8 @@ cdef extern from *:
         for (Py_ssize_t j = 0; j < n; j++, sums += VT_SUM) {
             const unsigned phase = (unsigned)at[j] % (VT_PHASES * VT_PHASES);
             const vt_kind *const k = kinds + (unsigned)at[j] / (VT_PHASES * VT_PHASES);
-            if (j + VT_AHEAD < n) {
-                const vt_kind *const then = kinds + (unsigned)at[j + VT_AHEAD] / (VT_PHASES * VT_PHASES);
-                const Py_ssize_t *const end = steps + 2 * then->end_step;
-                const unsigned char *row = image + begin[j + VT_AHEAD];
-                for (const Py_ssize_t *step = steps + 2 * then->first_step; step < end; step += 2)
-                    __builtin_prefetch(row += step[0]);
-            }
+            if (j + VT_AHEAD < n) vt_fetch_rows(image + begin[j + VT_AHEAD], steps, kinds + (unsigned)at[j + VT_AHEAD]
+                                                / (VT_PHASES * VT_PHASES));
             memset(vt_take_rows(image + begin[j], steps + 2 * k->first_step, steps + 2 * k->end_step, k->row_bytes,
                                 pixels), 0, 32);
             sums_of(pixels, values + k->first + 3 * k->plane * phase, uv + k->first_uv, k->plane,

@@ -26,12 +26,13 @@ def test_mean_motion_is_that_of_the_seen_pins() -> None:
     rest = make_rest(np.array([[5.0, 5.0], [6.0, 5.0], [7.0, 5.0]]), 1.0)
     xy = rest.xy_img + np.array([[1.0, 2.0], [3.0, 4.0], [np.nan, np.nan]])
     out, sigma = np.empty((3, 2)), np.array([0.1, 0.3, np.nan])
-    got = PinMotion(rest).since_rest(xy, sigma, np.array([True, True, False]), out)
-    assert got == pytest.approx((2.0, 3.0, 0.2, 2))
+    motion = PinMotion(rest)
+    assert motion.since_rest(xy, sigma, np.array([True, True, False]), out) == pytest.approx((0.2, 2))
+    np.testing.assert_allclose(motion.mean, [2.0, 3.0])
+    np.testing.assert_array_equal(motion.xy, xy)
     np.testing.assert_array_equal(out, xy - rest.xy_img)
-    x, y, noise, seen = PinMotion(rest).since_rest(xy, sigma, np.zeros(3, dtype=np.bool_), out)
-    assert np.isnan([x, y]).all()
-    assert (noise, seen) == (0.0, 0)
+    assert motion.since_rest(xy, sigma, np.zeros(3, dtype=np.bool_), out) == (0.0, 0)
+    assert np.isnan(motion.mean).all()
 
 
 @pytest.mark.parametrize("angle", [-1.2, -0.05, 0.0, 0.003, 0.4])
