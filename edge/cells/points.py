@@ -34,7 +34,7 @@ class FramePoints:
 
     n_pins: cython.Py_ssize_t
     n_missing: cython.Py_ssize_t
-    rest: cython.double[:, ::1]
+    rest: cython.const[cython.double][:, ::1]
     rim: cython.int[::1]
     rim_terms: cython.double[:, ::1]
     fit: cython.double[:, ::1]
@@ -68,7 +68,7 @@ class FramePoints:
             raise ValueError(f"near: rim pins of 0 to {r - 1} are wanted")
         self.n_pins = n
         self.points_array = None
-        self.rest = np.array(rest_xy, np.float64, order="C")
+        self.rest = np.ascontiguousarray(rest_xy, np.float64)
         self.rim = np.array(rim, np.int32)
         self.rim_terms = np.array(rim_terms, np.float64, order="C")
         self.fit = np.array(fit, np.float64, order="C")
@@ -171,7 +171,7 @@ class FramePoints:
     @cython.exceptval(check=False)
     def _carry_around(self, points: cython.double[:, ::1]) -> cython.void:
         """Move the points round the tip with the rim pins."""
-        rest: cython.double[:, ::1] = self.rest
+        rest: cython.const[cython.double][:, ::1] = self.rest
         rim: cython.int[::1] = self.rim
         fit: cython.double[:, ::1] = self.fit
         rim_terms: cython.double[:, ::1] = self.rim_terms

@@ -1,6 +1,6 @@
 # What `mesh` adds up of each triangle, which baseline x86 runs too slowly as compiled Python, described in
-# `triangle_parts.py`. A frame of 331 pins, 930 triangles: 53,000 instructions with
-# the AVX2 clone, chosen when the program loads; 100,000 with SSE2.
+# `triangle_parts.py`. A frame of 331 pins, 930 triangles: 53,000 instructions with the AVX2 clone, chosen when the
+# program loads.
 
 cdef extern from *:
     """

@@ -48,7 +48,7 @@ class AreaChange:
     _n: cython.Py_ssize_t
     _change_view: NumbersView
     _xy_view: PointsView
-    _rest: cython.double[:, ::1]
+    _rest: cython.const[cython.double][:, ::1]
     _rest_area: cython.double[::1]
     _inverse_area: cython.double[::1]
     _out: cython.double[::1]  # of `since_rest`, given last
@@ -62,7 +62,7 @@ class AreaChange:
             raise ValueError(f"rest_xy (n, 2) and rest_area_px2 (n,) are wanted, not {rest_area_px2.shape}")
         self._n = n
         self._change_view, self._xy_view = NumbersView(), PointsView()
-        self._rest = np.array(rest_xy, np.float64, order="C")
+        self._rest = np.ascontiguousarray(rest_xy, np.float64)
         self._rest_area = np.array(rest_area_px2, np.float64)
         self._inverse_area = 1.0 / rest_area_px2
         self._out_array = None

@@ -68,7 +68,7 @@ class ContactDetector:
     _width: cython.Py_ssize_t  # pins of a ring
     _change_view: NumbersView
     _xy_view: PointsView
-    _rest: cython.double[:, ::1]
+    _rest: cython.const[cython.double][:, ::1]
     _ring: cython.int[:, ::1]
     _slope: cython.double[:, :, ::1]
     _pitch_px: cython.double
@@ -97,7 +97,7 @@ class ContactDetector:
         n, width = ring.shape
         self._n, self._width = n, width
         self._change_view, self._xy_view = NumbersView(), PointsView()
-        self._rest = np.array(rest.xy_img, np.float64, order="C")
+        self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
         self._ring, self._slope = ring, slope
         self._pitch_px = rest.pattern.pitch_px
         self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2

@@ -79,7 +79,7 @@ class ContactField:
     _near_start: cython.int[::1]  # (n + 1,)
     _is_active: cython.uchar[::1]  # (k,)
     _min_area_change: cython.float
-    _rest: cython.double[:, ::1]
+    _rest: cython.const[cython.double][:, ::1]
     _gram: cython.double[:, ::1]  # (3, 5), a plane's equations for all pins; right sides zero
     _g: cython.double[:, ::1]  # scratch
     _divergence_rel: cython.float  # shares of the blend
@@ -102,7 +102,7 @@ class ContactField:
             )
         self._change_view, self._xy_view = NumbersView(), PointsView()
         self._n = n
-        self._rest = np.array(rest_xy, np.float64, order="C")
+        self._rest = np.ascontiguousarray(rest_xy, np.float64)
         by_y = np.argsort(rest_xy[:, 1], kind="stable")  # points go row by row
         self._interpolator = QuantizedOperator(interpolator, by_y)
         self._divergences = QuantizedOperator(divergences, (2 * by_y[:, None] + [0, 1]).ravel())
@@ -237,7 +237,7 @@ class ContactField:
         quantize more finely.
         """
         g: cython.double[:, ::1] = self._g
-        rest: cython.double[:, ::1] = self._rest
+        rest: cython.const[cython.double][:, ::1] = self._rest
         detrended: cython.float[::1] = self.detrended
         i: cython.Py_ssize_t
         x: cython.double

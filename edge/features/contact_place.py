@@ -49,7 +49,7 @@ class ContactPlace:
     _near: cython.int[::1]  # grid points round a contact, and their weights
     _weight: cython.double[::1]
     _kept: cython.uchar[::1]
-    _rest: cython.double[:, ::1]
+    _rest: cython.const[cython.double][:, ::1]
     _area_change: cython.float[::1]  # of the frame's field
     _regions: Regions
     _middle: cython.double[:, ::1]
@@ -75,7 +75,7 @@ class ContactPlace:
         self._field, self._points, self._active = field, field.points, field.active
         self._divergence = field.divergence
         self._near, self._weight = np.zeros(len(field.points), np.int32), np.zeros(len(field.points))
-        self._rest = np.array(rest_xy, np.float64, order="C")
+        self._rest = np.ascontiguousarray(rest_xy, np.float64)
         self._area_change = field.area_change
         self._regions, self._middle, self._semi_axis = regions, regions.middle, regions.semi_axis
         self._kept = np.zeros(CONTACTS_MAX, np.uint8)

@@ -67,7 +67,7 @@ class PartialSlip:
     share = cython.declare(cython.double, visibility="readonly")
     probability = cython.declare(cython.double, visibility="readonly")
     _n: cython.Py_ssize_t
-    _rest: cython.double[:, ::1]
+    _rest: cython.const[cython.double][:, ::1]
     _motion_view: PointsView
     _pins_view: RowsView
     _begun: cython.bint
@@ -97,7 +97,7 @@ class PartialSlip:
         if rest_xy.shape != (n, 2):
             raise ValueError(f"rest_xy ({n}, 2) is wanted, not {rest_xy.shape}")
         self._n = n
-        self._rest = np.array(rest_xy, np.float64, order="C")
+        self._rest = np.ascontiguousarray(rest_xy, np.float64)
         self._motion_view, self._pins_view = PointsView(), RowsView()
         self._begin = np.empty((n, 2))
         self._core, self._around = np.empty(n, np.int32), np.empty(n, np.int32)

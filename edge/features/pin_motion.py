@@ -55,7 +55,7 @@ class PinMotion:
     _xy: cython.double[:, ::1]  # the same memory
     _mean: cython.double[::1]
     _n: cython.Py_ssize_t
-    _rest: cython.double[:, ::1]
+    _rest: cython.const[cython.double][:, ::1]
     _motion: cython.double[:, ::1]  # of `since_rest`, given last
     _motion_array: object  # the same memory
     _change_view: NumbersView
@@ -73,7 +73,7 @@ class PinMotion:
         self._n = n
         self.xy = self._xy = np.empty((n, 2))
         self.mean = self._mean = np.empty(2)
-        self._rest = np.array(rest.xy_img, np.float64, order="C")
+        self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
         self._motion_array = None
         self._change_view, self._motion_view, self._pins_view = NumbersView(), PointsView(), RowsView()
         self._unit = np.ascontiguousarray(

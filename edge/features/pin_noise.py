@@ -34,13 +34,13 @@ _SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)
 class PinNoise:
     """Measures the noise of the n pins of one tip."""
 
-    _rest: cython.double[:, ::1]
+    _rest: cython.const[cython.double][:, ::1]
     _near: cython.int[:, ::1]
     _weight: cython.double[:, ::1]
     _sizes: cython.double[::1]
 
     def __init__(self, rest_xy: Array, pitch_px: float) -> None:
-        self._rest = np.array(rest_xy, np.float64, order="C")
+        self._rest = np.ascontiguousarray(rest_xy, np.float64)
         self._near, self._weight = residual_stencil(rest_xy, pitch_px)
         self._sizes = np.empty(2 * len(rest_xy))
 

@@ -79,7 +79,7 @@ class Follower:
     innovation_max: cython.double
     near_seen_min: cython.double
     # of the tip
-    rest: cython.double[:, ::1]
+    rest: cython.const[cython.double][:, ::1]
     local_pitch: cython.double[::1]
     most2: cython.double[::1]  # px2, limits of the squares of a seen pin's residual and of its change
     change2: cython.double[::1]
@@ -122,7 +122,7 @@ class Follower:
         self.photometric = photometric
         self.innovation_max = params.innovation_max
         self.near_seen_min = params.near_seen_min
-        self.rest = np.array(lattice.rest_xy, np.float64, order="C")
+        self.rest = np.ascontiguousarray(lattice.rest_xy, np.float64)
         self.local_pitch = np.array(lattice.local_pitch_px, np.float64)
         self.most2 = np.square(params.residual_max * lattice.local_pitch_px)
         self.change2 = np.square(params.innovation_max * lattice.local_pitch_px)
