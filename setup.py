@@ -97,7 +97,7 @@ def extensions(variant: Variant) -> list[Extension]:
             name,
             [name.replace(".", "/") + suffix],
             define_macros=LIMITED_API,
-            extra_compile_args=["-std=c11", "-g0", *flags, *variant.compile_args],
+            extra_compile_args=["-std=c11", "-g0", "-fno-plt", *flags, *variant.compile_args],
             extra_link_args=list(variant.link_args),
             py_limited_api=True,
         )

@@ -69,7 +69,7 @@ class ContactDetector:
     _change_view: NumbersView
     _xy_view: PointsView
     _rest: cython.const[cython.double][:, ::1]
-    _ring: cython.int[:, ::1]
+    _ring: cython.ushort[:, ::1]
     _slope: cython.double[:, :, ::1]
     _pitch_px: cython.double
     _rest_variance: cython.double
@@ -98,7 +98,7 @@ class ContactDetector:
         self._n, self._width = n, width
         self._change_view, self._xy_view = NumbersView(), PointsView()
         self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
-        self._ring, self._slope = ring, slope
+        self._ring, self._slope = ring.astype(np.uint16), slope  # as in `pair_rows`, for less memory
         self._pitch_px = rest.pattern.pitch_px
         self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
         self._noise_ratio = 1.0

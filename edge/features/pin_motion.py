@@ -61,7 +61,9 @@ class PinMotion:
     _change_view: NumbersView
     _motion_view: PointsView
     _pins_view: RowsView
-    _unit: cython.double[:, ::1]  # rest places on the tip's unit disc
+    _centre_x: cython.double  # of the tip, px
+    _centre_y: cython.double
+    _per_px: cython.double  # over the tip's radius
     _pins: cython.int[::1]  # of `in_contact`
     _pins_array: Index  # the same memory
     _g: cython.double[:, ::1]  # (3, 5), equations of a plane: three unknowns, two right sides
@@ -76,9 +78,8 @@ class PinMotion:
         self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
         self._motion_array = None
         self._change_view, self._motion_view, self._pins_view = NumbersView(), PointsView(), RowsView()
-        self._unit = np.ascontiguousarray(
-            (rest.xy_img - rest.pattern.centre_img) / rest.pattern.tip_radius_px
-        )
+        self._centre_x, self._centre_y = rest.pattern.centre_img.tolist()
+        self._per_px = 1.0 / rest.pattern.tip_radius_px
         self._pins_array = np.empty(n, np.int32)
         self._pins = self._pins_array
         self._g = np.empty((3, 5))
@@ -144,6 +145,19 @@ class PinMotion:
         return rows[: self._select(change, max(least, 0.0))]
 
     @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _x_disc(self, i: cython.Py_ssize_t) -> cython.double:
+        """Place of a pin at rest on the tip's unit disc."""
+        return (self._rest[i, 0] - self._centre_x) * self._per_px
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _y_disc(self, i: cython.Py_ssize_t) -> cython.double:
+        return (self._rest[i, 1] - self._centre_y) * self._per_px
+
+    @cython.cfunc
     @cython.exceptval(check=False)
     def _select(
         self, area_change: cython.const[cython.double][::1], least: cython.double
@@ -162,8 +176,8 @@ class PinMotion:
         for i in range(self._n):
             c = area_change[i]
             if c > least:
-                u = self._unit[i, 0]
-                v = self._unit[i, 1]
+                u = self._x_disc(i)
+                v = self._y_disc(i)
                 total += c
                 x += c * u
                 y += c * v
@@ -182,8 +196,8 @@ class PinMotion:
             if not total > 0.0:
                 chosen = True
             elif det > _FLAT:
-                u = self._unit[i, 0] - x
-                v = self._unit[i, 1] - y
+                u = self._x_disc(i) - x
+                v = self._y_disc(i) - y
                 chosen = u * u * yy - 2.0 * u * v * xy + v * v * xx <= _ELLIPSE * det
             else:
                 chosen = area_change[i] > least
@@ -297,7 +311,7 @@ class PinMotion:
             dx = now[i, 0] - before[i, 0]
             dy = now[i, 1] - before[i, 1]
             if not isnan(dx):
-                self._add(self._unit[i, 0], self._unit[i, 1], dx, dy)
+                self._add(self._x_disc(i), self._y_disc(i), dx, dy)
                 square += dx * dx + dy * dy
                 used += 1
         if used == 0:
@@ -310,8 +324,8 @@ class PinMotion:
             dx = now[i, 0] - before[i, 0]
             dy = now[i, 1] - before[i, 1]
             if not isnan(dx):
-                dx = dx - self._g[0, 3] - self._g[1, 3] * self._unit[i, 0] - self._g[2, 3] * self._unit[i, 1]
-                dy = dy - self._g[0, 4] - self._g[1, 4] * self._unit[i, 0] - self._g[2, 4] * self._unit[i, 1]
+                dx = dx - self._g[0, 3] - self._g[1, 3] * self._x_disc(i) - self._g[2, 3] * self._y_disc(i)
+                dy = dy - self._g[0, 4] - self._g[1, 4] * self._x_disc(i) - self._g[2, 4] * self._y_disc(i)
                 left += dx * dx + dy * dy
         return used, square, left
 

@@ -3,7 +3,7 @@
 
 cdef extern from *:
     """
-    static Py_ssize_t vt_highest_ring(const int *restrict ring, Py_ssize_t n, const double *restrict values,
+    static Py_ssize_t vt_highest_ring(const unsigned short *restrict ring, Py_ssize_t n, const double *restrict values,
                                       double *restrict highest)
     {
         Py_ssize_t row = 0, unknown = 0;
@@ -18,8 +18,10 @@ cdef extern from *:
         return unknown ? -1 : row;
     }
     """
-    Py_ssize_t vt_highest_ring(const int *, Py_ssize_t, const double *, double *) noexcept nogil
+    Py_ssize_t vt_highest_ring(const unsigned short *, Py_ssize_t, const double *, double *) noexcept nogil
 
 
-cdef inline Py_ssize_t highest_ring(const int[:, ::1] ring, const double[::1] values, double[::1] highest) noexcept nogil:
+cdef inline Py_ssize_t highest_ring(
+    const unsigned short[:, ::1] ring, const double[::1] values, double[::1] highest
+) noexcept nogil:
     return vt_highest_ring(&ring[0, 0], ring.shape[0], &values[0], &highest[0])

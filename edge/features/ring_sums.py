@@ -6,11 +6,12 @@ Both add in the same order and give exactly the same.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from edge.types import Array, Index
+from edge.types import Array
 
 
-def highest_ring(ring: Index, values: Array, highest: Array) -> int:
+def highest_ring(ring: NDArray[np.uint16], values: Array, highest: Array) -> int:
     """Which ring (n, 7) of rows of values has the highest sum; 0 if none is above 0, -1 if one is NaN.
 
     highest  (1,) float64, written: that sum, or 0

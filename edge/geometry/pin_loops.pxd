@@ -31,11 +31,11 @@ cdef extern from *:
     }
 
     VT_WIDE static void vt_square_distances(const double *restrict a, const double *restrict b,
-                                            const double *restrict unit, Py_ssize_t n, double *restrict out)
+                                            const double *restrict unit2, Py_ssize_t n, double *restrict out)
     {
         for (Py_ssize_t i = 0; i < n; i++) {
             const double x = a[2 * i] - b[2 * i], y = a[2 * i + 1] - b[2 * i + 1];
-            out[i] = (x * x + y * y) / (unit[i] * unit[i]);
+            out[i] = (x * x + y * y) / unit2[i];
         }
     }
 
@@ -47,28 +47,28 @@ cdef extern from *:
     }
 
     VT_WIDE static int vt_within(const double *restrict residual, const double *restrict before,
-                                 const double *restrict most2, const double *restrict change2, Py_ssize_t n,
-                                 unsigned char *restrict is_within)
+                                 double most, const double *restrict unit2, double change,
+                                 const double *restrict change2, Py_ssize_t n, unsigned char *restrict is_within)
     {
         unsigned char changed = 0;
         for (Py_ssize_t i = 0; i < n; i++) {
             const double x = residual[2 * i], y = residual[2 * i + 1];
             const double dx = x - before[2 * i], dy = y - before[2 * i + 1];
-            const unsigned char is = (x * x + y * y < most2[i]) & (dx * dx + dy * dy < change2[i]);
+            const unsigned char is = (x * x + y * y < most * unit2[i]) & (dx * dx + dy * dy < change * change2[i]);
             changed |= is ^ is_within[i];
             is_within[i] = is;
         }
         return changed;
     }
 
-    VT_WIDE static int vt_beyond(const double *restrict residual, const double *restrict most2,
+    VT_WIDE static int vt_beyond(const double *restrict residual, double most, const double *restrict unit2,
                                  const unsigned char *restrict seen, Py_ssize_t n,
                                  unsigned char *restrict is_beyond)
     {
         unsigned char some = 0;
         for (Py_ssize_t i = 0; i < n; i++) {
             const double x = residual[2 * i], y = residual[2 * i + 1];
-            is_beyond[i] = (x * x + y * y > most2[i]) & seen[i];
+            is_beyond[i] = (x * x + y * y > most * unit2[i]) & seen[i];
             some |= is_beyond[i];
         }
         return some;
@@ -92,10 +92,10 @@ cdef extern from *:
         const double *, const double *, const float *, Py_ssize_t, double *
     ) noexcept nogil
     bint vt_within(
-        const double *, const double *, const double *, const double *, Py_ssize_t, unsigned char *
+        const double *, const double *, double, const double *, double, const double *, Py_ssize_t, unsigned char *
     ) noexcept nogil
     bint vt_beyond(
-        const double *, const double *, const unsigned char *, Py_ssize_t, unsigned char *
+        const double *, double, const double *, const unsigned char *, Py_ssize_t, unsigned char *
     ) noexcept nogil
     bint vt_all_near(const double *, const double *, Py_ssize_t, double) noexcept nogil
 
@@ -119,9 +119,9 @@ cdef inline void extrapolate(
 
 
 cdef inline void square_distances(
-    const double[:, ::1] a, const double[:, ::1] b, const double[::1] unit, double[::1] out
+    const double[:, ::1] a, const double[:, ::1] b, const double[::1] unit2, double[::1] out
 ) noexcept nogil:
-    vt_square_distances(&a[0, 0], &b[0, 0], &unit[0], a.shape[0], &out[0])
+    vt_square_distances(&a[0, 0], &b[0, 0], &unit2[0], a.shape[0], &out[0])
 
 
 cdef inline void subtract_prediction(
@@ -131,18 +131,19 @@ cdef inline void subtract_prediction(
 
 
 cdef inline bint within(
-    const double[:, ::1] residual, const double[:, ::1] before, const double[::1] most2, const double[::1] change2,
-    unsigned char[::1] is_within
+    const double[:, ::1] residual, const double[:, ::1] before, double most, const double[::1] unit2, double change,
+    const double[::1] change2, unsigned char[::1] is_within
 ) noexcept nogil:
     return vt_within(
-        &residual[0, 0], &before[0, 0], &most2[0], &change2[0], residual.shape[0], &is_within[0]
+        &residual[0, 0], &before[0, 0], most, &unit2[0], change, &change2[0], residual.shape[0], &is_within[0]
     )
 
 
 cdef inline bint beyond(
-    const double[:, ::1] residual, const double[::1] most2, const unsigned char[::1] seen, unsigned char[::1] is_beyond
+    const double[:, ::1] residual, double most, const double[::1] unit2, const unsigned char[::1] seen,
+    unsigned char[::1] is_beyond
 ) noexcept nogil:
-    return vt_beyond(&residual[0, 0], &most2[0], &seen[0], residual.shape[0], &is_beyond[0])
+    return vt_beyond(&residual[0, 0], most, &unit2[0], &seen[0], residual.shape[0], &is_beyond[0])
 
 
 cdef inline bint all_near(const double[:, ::1] a, const double[:, ::1] b, double far2) noexcept nogil:

@@ -32,9 +32,9 @@ def extrapolate(now: Array, last: Array, share: float, out: Array) -> None:
     out[:] = now + share * (now - last)
 
 
-def square_distances(a: Array, b: Array, unit: Array, out: Array) -> None:
-    """Squared distances of a from b, in units (n,) of each pin."""
-    out[:] = _squares(a - b) / (unit * unit)
+def square_distances(a: Array, b: Array, unit2: Array, out: Array) -> None:
+    """Squared distances of a from b, in squared units (n,) of each pin."""
+    out[:] = _squares(a - b) / unit2
 
 
 def subtract_prediction(found: Array, rest: Array, predicted: Heights, residual: Array) -> None:
@@ -43,21 +43,32 @@ def subtract_prediction(found: Array, rest: Array, predicted: Heights, residual:
 
 
 def within(
-    residual: Array, before: Array, most2: Array, change2: Array, is_within: NDArray[np.uint8]
+    residual: Array,
+    before: Array,
+    most: float,
+    unit2: Array,
+    change: float,
+    change2: Array,
+    is_within: NDArray[np.uint8],
 ) -> bool:
-    """Whether a residual, and its change from `before`, have squares below their limits, px2; NaN has not.
+    """Whether the square of a residual is below `most` squared units of the pin, and that of its change from
+    `before` below `change` of others, px2; NaN is not.
 
     Returns  it is otherwise for one pin than `is_within` was
     """
-    inside = (_squares(residual) < most2) & (_squares(residual - before) < change2)
+    inside = (_squares(residual) < most * unit2) & (_squares(residual - before) < change * change2)
     changed = bool((inside != is_within).any())
     is_within[:] = inside
     return changed
 
 
-def beyond(residual: Array, most2: Array, seen: NDArray[np.uint8], is_beyond: NDArray[np.uint8]) -> bool:
-    """Whether a pin is seen and the square of its residual above its limit, px2; returns whether one is."""
-    is_beyond[:] = (_squares(residual) > most2) & (seen != 0)
+def beyond(
+    residual: Array, most: float, unit2: Array, seen: NDArray[np.uint8], is_beyond: NDArray[np.uint8]
+) -> bool:
+    """Whether a pin is seen and the square of its residual above `most` squared units; returns whether one
+    is.
+    """
+    is_beyond[:] = (_squares(residual) > most * unit2) & (seen != 0)
     return bool(is_beyond.any())
 
 

@@ -76,13 +76,12 @@ class Follower:
 
     n: cython.Py_ssize_t
     photometric: PhotometricFilter
-    innovation_max: cython.double
     near_seen_min: cython.double
     # of the tip
     rest: cython.const[cython.double][:, ::1]
-    local_pitch: cython.double[::1]
-    most2: cython.double[::1]  # px2, limits of the squares of a seen pin's residual and of its change
-    change2: cython.double[::1]
+    pitch2: cython.const[cython.double][::1]  # px2, square of the local pitch
+    most2: cython.double  # limits of the squares of a seen pin's residual and of its change, in these
+    change2: cython.double
     near: cython.ushort[:, ::1]  # neighbours of full neighbourhoods, of `pair_rows`
     weight: cython.float[:, ::1]  # theirs
     closest: cython.int[:, ::1]
@@ -120,12 +119,10 @@ class Follower:
         _check(lattice, photometric.n)
         self.n = n
         self.photometric = photometric
-        self.innovation_max = params.innovation_max
         self.near_seen_min = params.near_seen_min
         self.rest = np.ascontiguousarray(lattice.rest_xy, np.float64)
-        self.local_pitch = np.array(lattice.local_pitch_px, np.float64)
-        self.most2 = np.square(params.residual_max * lattice.local_pitch_px)
-        self.change2 = np.square(params.innovation_max * lattice.local_pitch_px)
+        self.pitch2 = photometric.pitch2
+        self.most2, self.change2 = params.residual_max**2, params.innovation_max**2
         self.near, self.weight = _in_rows(photometric.affine.matrix())
         self.closest = np.array(lattice.closest, np.int32, order="C")
         self.pairs = np.array(lattice.pairs, np.int32, order="C")
@@ -255,16 +252,15 @@ class Follower:
     @cython.cfunc
     @cython.exceptval(check=False)
     @cython.nogil
-    def _innovation_max_of_lost(self, i: cython.Py_ssize_t) -> cython.double:
-        """How far the residual of a lost pin may change, in local pitches: its last one is a prediction as
-        well, which makes the variance twice as large. It returns where most of its nearest were seen.
+    def _change_of_lost(self, i: cython.Py_ssize_t) -> cython.double:
+        """How far the residual of a lost pin may change, in `change2`: its last one is a prediction as well,
+        which makes the variance twice as large. It returns where most of its nearest were seen.
         """
         c: cython.Py_ssize_t
         seen_n: cython.int = 0
         for c in range(self.closest.shape[1]):
             seen_n += self.last_seen[self.closest[i, c]]
-        most: cython.double = sqrt(2.0) * self.innovation_max
-        return most if seen_n >= self.near_seen_min * self.closest.shape[1] else 0.0
+        return 2.0 if seen_n >= self.near_seen_min * self.closest.shape[1] else 0.0
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -292,19 +288,19 @@ class Follower:
     @cython.nogil
     def _reject_by_residual(self, found: cython.const[cython.double][:, ::1]) -> cython.bint:
         """Update which pins are seen, by the residual and its change; true if that altered any."""
-        change2: cython.double[::1] = self.change2
+        change2: cython.const[cython.double][::1] = self.pitch2
         i: cython.Py_ssize_t
-        most: cython.double
         subtract_prediction(found, self.rest, self.predicted, self.residual)
         if _any_missing(self.last_seen):
-            change2 = self.some
             for i in range(self.n):
-                change2[i] = self.change2[i]
+                self.some[i] = self.pitch2[i]
                 if not self.last_seen[i]:
-                    most = self._innovation_max_of_lost(i) * self.local_pitch[i]
-                    change2[i] = most * most
+                    self.some[i] *= self._change_of_lost(i)
+            change2 = self.some
         # NaN, not found, is not within.
-        return within(self.residual, self.last_residual, self.most2, change2, self.seen)
+        return within(
+            self.residual, self.last_residual, self.most2, self.pitch2, self.change2, change2, self.seen
+        )
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -439,7 +435,7 @@ class Follower:
     @cython.exceptval(check=False)
     @cython.nogil
     def _median_innovation(self, xy: cython.const[cython.double][:, ::1]) -> cython.double:
-        square_distances(xy, self.expected, self.local_pitch, self.some)
+        square_distances(xy, self.expected, self.pitch2, self.some)
         return sqrt(select_kth(self.some, self.n, self.n // 2))
 
 

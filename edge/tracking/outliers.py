@@ -68,7 +68,8 @@ class PhotometricFilter:
         self.brightness_change_min = params.brightness_change_min
         self.sigma_ratio_max = params.sigma_ratio_max
         self.support_min = params.support_min
-        self.most2 = np.square(params.outlier_residual_max * local_pitch_px)
+        self.pitch2 = np.square(local_pitch_px)
+        self.most2 = params.outlier_residual_max**2
         self.rest_brightness = np.array(at_rest.brightness, np.float64)
         self.radius = np.array(at_rest.radius_px, np.float64)
         self.rest_sigma_ratio = np.maximum(at_rest.sigma_px / np.median(at_rest.sigma_px), 1.0)
@@ -105,7 +106,7 @@ class PhotometricFilter:
         seen: cython.const[cython.uchar][::1],
     ) -> cython.bint:
         """The seen pins whose residual is so large that they must not be outliers; whether there are any."""
-        return beyond(residual, self.most2, seen, self.suspect)
+        return beyond(residual, self.most2, self.pitch2, seen, self.suspect)
 
     def filter(
         self,
@@ -184,7 +185,7 @@ class PhotometricFilter:
         at: cython.Py_ssize_t
         m: cython.Py_ssize_t = 0
         above: cython.Py_ssize_t = 0
-        if own < self.most2[i]:
+        if own < self.most2 * self.pitch2[i]:
             return True
         own = min(own, ratio2 * light2)
         for c in range(self.affine.k):
