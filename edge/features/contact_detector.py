@@ -79,6 +79,8 @@ class ContactDetector:
     _peak_row: cython.Py_ssize_t  # the ring of `_highest_mean`
     _begins: cython.double  # area change that begins a contact, of the last `by_area`
     _middle: cython.double[:, ::1]  # ring medians of the motion; NaN: not looked up yet
+    _looked_up: cython.int[::1]  # the first n_looked_up: rows of those that were
+    _n_looked_up: cython.Py_ssize_t
     _sorted_x: cython.double[::1]  # motion of one ring, in order
     _sorted_y: cython.double[::1]
     _values: cython.double[::1]
@@ -105,7 +107,8 @@ class ContactDetector:
         self._in_contact = False
         self._peak_row, self._begins = 0, np.inf
         self._root = np.sqrt(np.arange(width + 1) / width)
-        self._middle = np.empty((n, 2))
+        self._middle = np.full((n, 2), np.nan)
+        self._looked_up, self._n_looked_up = np.empty(n, np.int32), 0
         self._sorted_x, self._sorted_y = np.empty(width), np.empty(width)
         self._values, self._highest = np.empty(n), np.empty(1)
         self._cell_noise, self._ring_noise, self._median_noise = CELL_NOISE, RING_NOISE, MEDIAN_NOISE
@@ -163,8 +166,7 @@ class ContactDetector:
         for i in range(n):
             if isnan(xy[i, 0]):
                 return False
-        for i in range(self._width):
-            self._middle[self._ring[self._peak_row, i], 0] = NAN
+        self._forget_medians()
         return self._median_area_change(xy, self._peak_row) > self._begins
 
     def by_motion(self, xy: cython.const[cython.double][:, ::1], sigma_px: cython.double) -> bool:
@@ -185,6 +187,7 @@ class ContactDetector:
         known: cython.Py_ssize_t
         size: cython.double
         highest: cython.double = 0.0
+        self._forget_medians()
         for i in range(n):
             known = self._ring_median(xy, i, shift_x, shift_y)
             if known >= self._min_ring_known:
@@ -248,8 +251,7 @@ class ContactDetector:
         """
         i: cython.Py_ssize_t
         at_peak: cython.double = self._clear_sigma / self._raise_sigma * limit
-        for i in range(self._n):
-            self._middle[i, 0] = NAN
+        self._forget_medians()
         for i in range(self._width):
             if self._median_area_change(xy, self._ring[self._peak_row, i]) > at_peak:
                 return True
@@ -257,6 +259,15 @@ class ContactDetector:
             if self._median_area_change(xy, i) > limit:
                 return True
         return False
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _forget_medians(self) -> cython.void:
+        """Ring medians of an earlier frame are none of this one."""
+        i: cython.Py_ssize_t
+        for i in range(self._n_looked_up):
+            self._middle[self._looked_up[i], 0] = NAN
+        self._n_looked_up = 0
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -314,6 +325,8 @@ class ContactDetector:
             self._sorted_y[to] = y
             known += 1
         if known > 0:
+            self._looked_up[self._n_looked_up] = cython.cast(cython.int, i)
+            self._n_looked_up += 1
             j = (known - 1) // 2
             k = known // 2
             self._middle[i, 0] = 0.5 * (self._sorted_x[j] + self._sorted_x[k])

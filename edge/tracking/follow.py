@@ -191,8 +191,10 @@ class Follower:
                 self.autocorrelation = self._correlate(self.residual, self.seen)
                 self._place_lost()
             innovation = self._median_innovation(self.now)
-        xy, sigma, seen = self.results
-        return xy.copy(), sigma.copy(), seen.copy(), seen_n, innovation, self.autocorrelation
+        xy_seen, sigma_seen, seen = self.results
+        if seen_n == n:
+            xy_seen, sigma_seen = found, sigma
+        return xy_seen.copy(), sigma_seen.copy(), seen.copy(), seen_n, innovation, self.autocorrelation
 
     def accept(self, damping: cython.double) -> None:
         """Make the frame that was followed the last one; damping: share of its motion that is expected
@@ -399,7 +401,9 @@ class Follower:
         found: cython.const[cython.double][:, ::1],
         sigma: cython.const[cython.double][::1],
     ) -> cython.Py_ssize_t:
-        """Place the seen pins where they were found, and write `results`; returns how many are seen."""
+        """Place the seen pins where they were found, and write `results`, of which `seen` alone if all are;
+        returns how many are seen.
+        """
         seen: cython.uchar[::1] = self.seen
         xy: cython.double[:, ::1] = self.result_xy
         sigma_out: cython.double[::1] = self.result_sigma
@@ -407,13 +411,13 @@ class Follower:
         i: cython.Py_ssize_t
         seen_n: cython.Py_ssize_t = 0
         copy(found, self.now)  # of those not seen `_place_lost` takes care
-        copy(found, xy)
         for i in range(self.n):
-            sigma_out[i] = sigma[i]
             is_seen[i] = seen[i]
             seen_n += seen[i]
         if seen_n < self.n:
+            copy(found, xy)
             for i in range(self.n):
+                sigma_out[i] = sigma[i]
                 if not seen[i]:
                     xy[i, 0] = xy[i, 1] = sigma_out[i] = NAN
         return seen_n
