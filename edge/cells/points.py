@@ -39,7 +39,7 @@ class FramePoints:
     rim_terms: cython.double[:, ::1]
     fit: cython.double[:, ::1]
     terms: cython.double[:, ::1]
-    near: cython.int[:, ::1]  # where the x of a rim pin's residual stands
+    near: cython.ushort[:, ::1]  # where the x of a rim pin's residual stands
     weight: cython.float[:, ::1]
     around_rest: cython.double[:, ::1]
     residual: cython.double[::1]  # (2 r,) x, y, x, y, ...: motion of the rim pins less the affine fit
@@ -73,7 +73,7 @@ class FramePoints:
         self.rim_terms = np.array(rim_terms, np.float64, order="C")
         self.fit = np.array(fit, np.float64, order="C")
         self.terms = np.array(terms, np.float64, order="C")
-        self.near = np.array(2 * near, np.int32, order="C")
+        self.near = np.array(2 * near, np.uint16, order="C")
         self.weight = np.array(weight, np.float32, order="C")
         self.around_rest = np.array(around_rest, np.float64, order="C")
         self.residual = np.zeros(2 * r)
@@ -177,7 +177,7 @@ class FramePoints:
         rim_terms: cython.double[:, ::1] = self.rim_terms
         terms: cython.double[:, ::1] = self.terms
         around: cython.double[:, ::1] = self.around_rest
-        near: cython.int[:, ::1] = self.near
+        near: cython.ushort[:, ::1] = self.near
         weights: cython.float[:, ::1] = self.weight
         residual: cython.double[::1] = self.residual
         n: cython.Py_ssize_t = self.n_pins

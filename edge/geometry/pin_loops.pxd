@@ -74,7 +74,7 @@ cdef extern from *:
         return some;
     }
 
-    VT_WIDE static int vt_all_near(const double *restrict a, const double *restrict b, Py_ssize_t n, double far2)
+    VT_WIDE static int vt_all_near(const double *restrict a, const float *restrict b, Py_ssize_t n, double far2)
     {
         long long far = 0;
         for (Py_ssize_t i = 0; i < n; i++) {
@@ -97,7 +97,7 @@ cdef extern from *:
     bint vt_beyond(
         const double *, double, const double *, const unsigned char *, Py_ssize_t, unsigned char *
     ) noexcept nogil
-    bint vt_all_near(const double *, const double *, Py_ssize_t, double) noexcept nogil
+    bint vt_all_near(const double *, const float *, Py_ssize_t, double) noexcept nogil
 
 
 cdef inline void copy(const double[:, ::1] a, double[:, ::1] out) noexcept nogil:
@@ -146,5 +146,5 @@ cdef inline bint beyond(
     return vt_beyond(&residual[0, 0], most, &unit2[0], &seen[0], residual.shape[0], &is_beyond[0])
 
 
-cdef inline bint all_near(const double[:, ::1] a, const double[:, ::1] b, double far2) noexcept nogil:
+cdef inline bint all_near(const double[:, ::1] a, const float[:, ::1] b, double far2) noexcept nogil:
     return vt_all_near(&a[0, 0], &b[0, 0], a.shape[0], far2)

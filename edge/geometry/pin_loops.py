@@ -72,7 +72,7 @@ def beyond(
     return bool(is_beyond.any())
 
 
-def all_near(a: Array, b: Array, far2: float) -> bool:
+def all_near(a: Array, b: Heights, far2: float) -> bool:
     """Whether all squared distances of a from b are below far2; NaN in a is, in b alone it is not."""
     return bool(((_squares(a - b) < far2) | np.isnan(a[:, 0])).all())
 
