@@ -41,12 +41,12 @@ cdef extern from *:
 
     VT_WIDE static void vt_subtract_prediction(const double *restrict found, const double *restrict rest,
                                                const float *restrict predicted, Py_ssize_t n,
-                                               double *restrict residual)
+                                               float *restrict residual)
     {
-        for (Py_ssize_t i = 0; i < 2 * n; i++) residual[i] = found[i] - rest[i] - predicted[i];
+        for (Py_ssize_t i = 0; i < 2 * n; i++) residual[i] = (float)(found[i] - rest[i] - predicted[i]);
     }
 
-    VT_WIDE static int vt_within(const double *restrict residual, const double *restrict before,
+    VT_WIDE static int vt_within(const float *restrict residual, const float *restrict before,
                                  double most, const double *restrict unit2, double change,
                                  const double *restrict change2, Py_ssize_t n, unsigned char *restrict is_within)
     {
@@ -61,7 +61,7 @@ cdef extern from *:
         return changed;
     }
 
-    VT_WIDE static int vt_beyond(const double *restrict residual, double most, const double *restrict unit2,
+    VT_WIDE static int vt_beyond(const float *restrict residual, double most, const double *restrict unit2,
                                  const unsigned char *restrict seen, Py_ssize_t n,
                                  unsigned char *restrict is_beyond)
     {
@@ -89,13 +89,13 @@ cdef extern from *:
     void vt_extrapolate(const double *, const double *, Py_ssize_t, double, double *) noexcept nogil
     void vt_square_distances(const double *, const double *, const double *, Py_ssize_t, double *) noexcept nogil
     void vt_subtract_prediction(
-        const double *, const double *, const float *, Py_ssize_t, double *
+        const double *, const double *, const float *, Py_ssize_t, float *
     ) noexcept nogil
     bint vt_within(
-        const double *, const double *, double, const double *, double, const double *, Py_ssize_t, unsigned char *
+        const float *, const float *, double, const double *, double, const double *, Py_ssize_t, unsigned char *
     ) noexcept nogil
     bint vt_beyond(
-        const double *, double, const double *, const unsigned char *, Py_ssize_t, unsigned char *
+        const float *, double, const double *, const unsigned char *, Py_ssize_t, unsigned char *
     ) noexcept nogil
     bint vt_all_near(const double *, const float *, Py_ssize_t, double) noexcept nogil
 
@@ -125,13 +125,13 @@ cdef inline void square_distances(
 
 
 cdef inline void subtract_prediction(
-    const double[:, ::1] found, const double[:, ::1] rest, const float[:, ::1] predicted, double[:, ::1] residual
+    const double[:, ::1] found, const double[:, ::1] rest, const float[:, ::1] predicted, float[:, ::1] residual
 ) noexcept nogil:
     vt_subtract_prediction(&found[0, 0], &rest[0, 0], &predicted[0, 0], found.shape[0], &residual[0, 0])
 
 
 cdef inline bint within(
-    const double[:, ::1] residual, const double[:, ::1] before, double most, const double[::1] unit2, double change,
+    const float[:, ::1] residual, const float[:, ::1] before, double most, const double[::1] unit2, double change,
     const double[::1] change2, unsigned char[::1] is_within
 ) noexcept nogil:
     return vt_within(
@@ -140,7 +140,7 @@ cdef inline bint within(
 
 
 cdef inline bint beyond(
-    const double[:, ::1] residual, double most, const double[::1] unit2, const unsigned char[::1] seen,
+    const float[:, ::1] residual, double most, const double[::1] unit2, const unsigned char[::1] seen,
     unsigned char[::1] is_beyond
 ) noexcept nogil:
     return vt_beyond(&residual[0, 0], most, &unit2[0], &seen[0], residual.shape[0], &is_beyond[0])

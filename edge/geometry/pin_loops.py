@@ -37,14 +37,14 @@ def square_distances(a: Array, b: Array, unit2: Array, out: Array) -> None:
     out[:] = _squares(a - b) / unit2
 
 
-def subtract_prediction(found: Array, rest: Array, predicted: Heights, residual: Array) -> None:
+def subtract_prediction(found: Array, rest: Array, predicted: Heights, residual: Heights) -> None:
     """Motion since rest less the predicted one, in single precision."""
     residual[:] = found - rest - predicted
 
 
 def within(
-    residual: Array,
-    before: Array,
+    residual: Heights,
+    before: Heights,
     most: float,
     unit2: Array,
     change: float,
@@ -56,14 +56,16 @@ def within(
 
     Returns  it is otherwise for one pin than `is_within` was
     """
-    inside = (_squares(residual) < most * unit2) & (_squares(residual - before) < change * change2)
+    inside = (_squares(residual) < most * unit2) & (
+        _squares(residual.astype(np.float64) - before) < change * change2
+    )
     changed = bool((inside != is_within).any())
     is_within[:] = inside
     return changed
 
 
 def beyond(
-    residual: Array, most: float, unit2: Array, seen: NDArray[np.uint8], is_beyond: NDArray[np.uint8]
+    residual: Heights, most: float, unit2: Array, seen: NDArray[np.uint8], is_beyond: NDArray[np.uint8]
 ) -> bool:
     """Whether a pin is seen and the square of its residual above `most` squared units; returns whether one
     is.
@@ -77,6 +79,7 @@ def all_near(a: Array, b: Heights, far2: float) -> bool:
     return bool(((_squares(a - b) < far2) | np.isnan(a[:, 0])).all())
 
 
-def _squares(xy: Array) -> Array:
-    square: Array = xy[:, 0] * xy[:, 0] + xy[:, 1] * xy[:, 1]
+def _squares(xy: Array | Heights) -> Array:
+    x, y = xy.astype(np.float64).T
+    square: Array = x * x + y * y
     return square

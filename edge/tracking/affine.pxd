@@ -7,9 +7,9 @@ cdef struct Fit:
 cdef class LocalAffine:
     cdef readonly Py_ssize_t n
     cdef Py_ssize_t k
-    cdef int[:, ::1] near
-    cdef double[:, ::1] weight
-    cdef double[:, :, ::1] offset
+    cdef unsigned short[:, ::1] near
+    cdef float[:, ::1] weight
+    cdef float[:, :, ::1] offset
     cdef double ridge
 
     cdef Fit fit(self, const double[:, ::1] motion, const unsigned char[::1] known, Py_ssize_t i) noexcept nogil

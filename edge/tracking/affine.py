@@ -52,9 +52,9 @@ class LocalAffine:
             raise ValueError(f"near: 1 or more neighbours of 0 to {n - 1} are wanted for each pin")
         self.n = n
         self.k = k
-        self.near = np.array(lattice.near, np.int32, order="C")
-        self.weight = np.array(lattice.weight, np.float64, order="C")
-        self.offset = np.array(lattice.offset, np.float64, order="C")
+        self.near = np.array(lattice.near, np.uint16, order="C")
+        self.weight = np.array(lattice.weight, np.float32, order="C")
+        self.offset = np.array(lattice.offset, np.float32, order="C")
         self.ridge = ridge
 
     def predict(self, motion: Array, known: Mask) -> tuple[Array, Array, Array]:

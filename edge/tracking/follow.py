@@ -92,7 +92,7 @@ class Follower:
     last: cython.double[:, ::1]
     expected: cython.double[:, ::1]  # places in the next frame
     expected_array: Array  # the same memory
-    last_residual: cython.double[:, ::1]
+    last_residual: cython.float[:, ::1]
     last_seen: cython.uchar[::1]
     # given last; the arrays beside them are the same memory
     found: cython.const[cython.double][:, ::1]
@@ -105,12 +105,11 @@ class Follower:
     result_seen: cython.uchar[::1]
     # of the frame in hand
     now: cython.double[:, ::1]
-    residual: cython.double[:, ::1]
+    residual: cython.float[:, ::1]
     seen: cython.uchar[::1]
     autocorrelation: cython.double  # of the residuals with those of the last frame
     predicted: cython.float[:, ::1]  # motion since rest, by the neighbours
     known: cython.float[:, ::1]  # motion that they predict from
-    motion: cython.double[:, ::1]  # for the photometric filter
     some: cython.double[::1]
     before: cython.uchar[::1]
 
@@ -128,9 +127,9 @@ class Follower:
         self.pairs = np.array(lattice.pairs, np.int32, order="C")
         self.distance_min = np.array(lattice.distance_min_px, np.float64)
         self.separation = Separation(n)
-        self.last, self.last_residual = np.empty((n, 2)), np.empty((n, 2))
+        self.last, self.last_residual = np.empty((n, 2)), np.empty((n, 2), np.float32)
         self.expected_array = self.expected = np.empty((n, 2))
-        self.now, self.residual, self.motion = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2))
+        self.now, self.residual = np.empty((n, 2)), np.empty((n, 2), np.float32)
         self.predicted, self.known = np.empty((n, 2), np.float32), np.empty((n, 2), np.float32)
         self.last_seen, self.seen = np.empty(n, np.uint8), np.empty(n, np.uint8)
         self.before = np.empty(n, np.uint8)
@@ -216,7 +215,7 @@ class Follower:
         if xy.shape != (self.n, 2) or residual.shape != (self.n, 2) or seen.shape != (self.n,):
             raise ValueError(f"xy ({self.n}, 2), residual ({self.n}, 2) and seen ({self.n},) are wanted")
         is_seen = np.array(seen, np.bool_).view(np.uint8)
-        self.autocorrelation = self._correlate(np.ascontiguousarray(residual, np.float64), is_seen)
+        self.autocorrelation = self._correlate(np.ascontiguousarray(residual, np.float32), is_seen)
         np.asarray(self.last)[:] = xy
         np.asarray(self.expected)[:] = xy
         np.asarray(self.last_residual)[:] = residual
@@ -371,26 +370,32 @@ class Follower:
         """Reject the photometric outliers among the seen pins."""
         if not self.photometric.find_suspects(self.residual, self.seen):
             return
-        subtract(found, self.rest, self.motion)
-        self.photometric.filter(brightness, sigma, self.motion, self.seen, False)
+        motion: cython.double[:, ::1] = self.now  # which is written after this
+        subtract(found, self.rest, motion)
+        self.photometric.filter(brightness, sigma, motion, self.seen, False)
 
     @cython.cfunc
     @cython.exceptval(check=False)
     @cython.nogil
     def _correlate(
-        self, residual: cython.const[cython.double][:, ::1], seen: cython.const[cython.uchar][::1]
+        self, residual: cython.const[cython.float][:, ::1], seen: cython.const[cython.uchar][::1]
     ) -> cython.double:
         """Autocorrelation of the residuals with the last ones, of the pins seen in both; as of a process of
         first order.
         """
-        last: cython.double[:, ::1] = self.last_residual
+        last: cython.float[:, ::1] = self.last_residual
         i: cython.Py_ssize_t
+        x: cython.double
+        y: cython.double
         both: cython.double = 0
         square: cython.double = 0
         for i in range(self.n):
             if seen[i] and self.last_seen[i]:
-                both += residual[i, 0] * last[i, 0] + residual[i, 1] * last[i, 1]
-                square += last[i, 0] * last[i, 0] + last[i, 1] * last[i, 1]
+                x = cython.cast(cython.double, last[i, 0])
+                y = cython.cast(cython.double, last[i, 1])
+                both += x * cython.cast(cython.double, residual[i, 0])
+                both += y * cython.cast(cython.double, residual[i, 1])
+                square += x * x + y * y
         return min(max(both / square, 0.0), 1.0) if square > 0 else 0.0
 
     @cython.cfunc
@@ -429,11 +434,13 @@ class Follower:
         """Place the pins that are not seen where their neighbours predict them."""
         i: cython.Py_ssize_t
         d: cython.int
+        left: cython.double
         for i in range(self.n):
             if not self.seen[i]:
                 for d in range(2):
-                    self.residual[i, d] = self.autocorrelation * self.last_residual[i, d]
-                    self.now[i, d] = self.rest[i, d] + self.predicted[i, d] + self.residual[i, d]
+                    left = self.autocorrelation * cython.cast(cython.double, self.last_residual[i, d])
+                    self.residual[i, d] = cython.cast(cython.float, left)
+                    self.now[i, d] = self.rest[i, d] + self.predicted[i, d] + left
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -90,7 +90,7 @@ class PhotometricFilter:
         if sizes != {n} or motion.shape != (n, 2) or residual.shape != (n, 2):
             raise ValueError(f"arrays of {n} pins are wanted, not of {sorted(sizes)}")
         is_seen = np.array(seen, np.bool_).view(np.uint8)
-        if self.find_suspects(np.ascontiguousarray(residual, np.float64), is_seen):
+        if self.find_suspects(np.ascontiguousarray(residual, np.float32), is_seen):
             self.filter(
                 np.ascontiguousarray(pins.brightness, np.float64),
                 np.ascontiguousarray(pins.sigma_px, np.float64),
@@ -102,7 +102,7 @@ class PhotometricFilter:
 
     def find_suspects(
         self,
-        residual: cython.const[cython.double][:, ::1],
+        residual: cython.const[cython.float][:, ::1],
         seen: cython.const[cython.uchar][::1],
     ) -> cython.bint:
         """The seen pins whose residual is so large that they must not be outliers; whether there are any."""
