@@ -107,21 +107,25 @@ def _sums(
     c: cython.Py_ssize_t
     at: cython.Py_ssize_t
     weight: cython.double
+    u: cython.double
+    v: cython.double
     x: cython.double
     y: cython.double
     for c in range(affine.k):
         at = affine.near[i, c]
-        weight = affine.weight[i, c]
+        weight = cython.cast(cython.double, affine.weight[i, c])
         if not known[at] or weight <= 0:
             continue
-        x = weight * affine.offset[i, c, 0]
-        y = weight * affine.offset[i, c, 1]
+        u = cython.cast(cython.double, affine.offset[i, c, 0])
+        v = cython.cast(cython.double, affine.offset[i, c, 1])
+        x = weight * u
+        y = weight * v
         s.w += weight
         s.x += x
         s.y += y
-        s.xx += x * affine.offset[i, c, 0]
-        s.xy += x * affine.offset[i, c, 1]
-        s.yy += y * affine.offset[i, c, 1]
+        s.xx += x * u
+        s.xy += x * v
+        s.yy += y * v
         s.mx += weight * motion[at, 0]
         s.my += weight * motion[at, 1]
         s.xmx += x * motion[at, 0]
