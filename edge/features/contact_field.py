@@ -23,6 +23,7 @@ import cython
 import numpy as np
 
 from edge.features.params import PARAMS, FeatureParams
+from edge.features.quantized_operator import BLOCK
 from edge.types import Array, Index
 
 if cython.compiled:
@@ -103,9 +104,9 @@ class ContactField:
         self._change_view, self._xy_view = NumbersView(), PointsView()
         self._n = n
         self._rest = np.ascontiguousarray(rest_xy, np.float64)
-        by_y = np.argsort(rest_xy[:, 1], kind="stable")  # points go row by row
-        self._interpolator = QuantizedOperator(interpolator, by_y)
-        self._divergences = QuantizedOperator(divergences, (2 * by_y[:, None] + [0, 1]).ravel())
+        near, near_both = _in_patches(rest_xy, BLOCK), _in_patches(rest_xy, BLOCK // 2)
+        self._interpolator = QuantizedOperator(interpolator, near)
+        self._divergences = QuantizedOperator(divergences, (2 * near_both[:, None] + [0, 1]).ravel())
         self.area_change, self._height_row = self._interpolator.values, self._interpolator.result
         self.detrended, self._divergence_row = self._divergences.values, self._divergences.result
         self._curl_array = self._divergences.result
@@ -277,6 +278,14 @@ class ContactField:
             detrended[2 * i + 1] = dy - y0 - yx * x - yy * y
         self.plane_divergence = xx + yy
         self.plane_curl = yx - xy_
+
+
+def _in_patches(xy: Array, n: int) -> Index:
+    """An order of places (k, 2) in which n that follow each other fill about a square."""
+    size = np.ptp(xy, axis=0)
+    side = max(float(np.sqrt(n * size.prod() / len(xy))), np.finfo(np.float64).tiny)
+    strip = np.floor((xy[:, 1] - xy[:, 1].min()) / side)
+    return np.lexsort((xy[:, 0], strip)).astype(np.int32)
 
 
 def _points_near(pins: Array, points: Array, radius: float) -> tuple[Index, Index]:

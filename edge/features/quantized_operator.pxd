@@ -4,12 +4,13 @@ cimport cython
 @cython.final
 cdef class QuantizedOperator:
     cdef readonly float[::1] values, result
-    cdef short[::1] _weights  # in whole steps: bands of groups of four rows, of their rows
-    cdef int[::1] _start  # (groups + 1,) of each group in them
-    cdef int[::1] _first  # (groups,) column of each band
+    cdef short[::1] _weights  # in whole steps, of groups of four rows, of their rows, of the group's blocks
+    cdef int[::1] _start  # (groups + 1,) where the blocks of each group begin in the next
+    cdef unsigned short[::1] _block  # which of a row's blocks they are
     cdef int[::1] _order  # (m,) the value of each column
     cdef float[::1] _row_step
     cdef short[::1] _vector  # (w,), the values in whole steps
+    cdef short[::1] _taken  # (w,), scratch
     cdef int[::1] _sums  # (k,), filled up to a group
     cdef float _step
 

@@ -3,7 +3,7 @@
 Idea: the surface's operators are constant, and their products are most of a frame's arithmetic. As 16-bit
 integers with one step a row they stream through the cache in half the time of single precision. Sums are
 exact; rounding adds an error of 1e-4 of the highest value, a tenth of the noise of an area. Weights of pins
-far away round to zero: with columns in the order of their places a band of each row, two thirds, is kept.
+far away round to zero: of columns of pins that lie together, whole blocks are left out.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -31,9 +31,9 @@ _ROW_MAX = 65000.0
 #: Adding and subtracting it rounds a single-precision number below 2**22 to the nearest integer, ties to
 #: even.
 _ROUND = cython.declare(cython.float, 1.5 * 2.0**23)
-#: Bands begin and end at multiples of this, for the vector units, ...
-_BLOCK = 16
-#: ... and this many rows, whose products are formed together, have the same.
+#: Columns that are kept or left out together, for the vector units, ...
+BLOCK = 16
+#: ... by this many rows, whose products are formed together.
 _GROUP = 4
 
 
@@ -48,7 +48,7 @@ class QuantizedOperator:
     """
 
     def __init__(self, matrix: Array, order: Index | None = None) -> None:
-        """The matrix, and its columns in the order in which bands are narrow; None: as they are.
+        """The matrix, and an order of its columns in which near ones are together; None: as they are.
 
         Raises   ValueError: the matrix is empty, or a weight is not finite; not an order of its columns
         """
@@ -61,9 +61,9 @@ class QuantizedOperator:
         size = np.abs(matrix)
         least = np.maximum(size.max(axis=1) / _WEIGHT_MAX, size.sum(axis=1) / _ROW_MAX)
         step = np.where(least > 0.0, least, 1.0)
-        self._weights, self._start, self._first = _in_bands(matrix[:, columns], step)
+        self._weights, self._start, self._block = _in_blocks(matrix[:, columns], step)
         self._order, self._row_step = columns.astype(np.int32), step.astype(np.float32)
-        self._vector = np.zeros(-(-m // _BLOCK) * _BLOCK, np.int16)
+        self._vector, self._taken = np.zeros((2, -(-m // BLOCK) * BLOCK), np.int16)
         self._sums = np.empty(-(-k // _GROUP) * _GROUP, np.int32)
         self._step = 0.0
         self.values = np.zeros(m, np.float32)
@@ -73,7 +73,7 @@ class QuantizedOperator:
         """`result`: the matrix times `values`."""
         with cython.nogil:
             self._quantize()
-            all_rows(self._weights, self._start, self._first, self._vector, self._sums)
+            all_rows(self._weights, self._start, self._block, self._vector, self._taken, self._sums)
             self._scale(self._row_step.shape[0])
 
     def apply_rows(self, which: cython.const[cython.int][::1], n: cython.Py_ssize_t) -> cython.void:
@@ -91,7 +91,9 @@ class QuantizedOperator:
                 raise ValueError(f"which: rows of 0 to {k - 1} are wanted, not {which[p]}")
         with cython.nogil:
             self._quantize()
-            some_rows(self._weights, self._start, self._first, which, n, self._vector, self._sums)
+            some_rows(
+                self._weights, self._start, self._block, which, n, self._vector, self._taken, self._sums
+            )
         for p in range(n):
             self.result[p] = cython.cast(cython.float, self._sums[p]) * self._row_step[which[p]] * self._step
 
@@ -115,20 +117,17 @@ class QuantizedOperator:
             self.result[p] = cython.cast(cython.float, self._sums[p]) * self._row_step[p] * self._step
 
 
-def _in_bands(matrix: Array, step: Array) -> tuple[NDArray[np.int16], Index, Index]:
-    """Each group's band, group after group and row after row, in whole steps; where each group's begins, and
-    the end of the last; the first column of each.
+def _in_blocks(matrix: Array, step: Array) -> tuple[NDArray[np.int16], Index, NDArray[np.uint16]]:
+    """The rows of each group, in whole steps, without the blocks that are zero in all of them, group after
+    group; where the blocks of each group begin in the next, and the end of the last; which these are.
     """
     groups = -(-len(matrix) // _GROUP)
-    rows = np.zeros((groups * _GROUP, -(-matrix.shape[1] // _BLOCK) * _BLOCK), np.int16)
+    rows = np.zeros((groups * _GROUP, -(-matrix.shape[1] // BLOCK) * BLOCK), np.int16)
     for row, weights, unit in zip(rows, matrix, step, strict=False):
         row[: len(weights)] = np.rint(weights / unit)
-    blocks = (rows.reshape(groups, _GROUP, -1, _BLOCK) != 0).any(axis=(1, 3))
-    blocks[~blocks.any(axis=1), 0] = True
-    first = _BLOCK * blocks.argmax(axis=1)
-    end = rows.shape[1] - _BLOCK * blocks[:, ::-1].argmax(axis=1)
-    start = np.concatenate([[0], np.cumsum(_GROUP * (end - first))])
-    weights = np.concatenate(
-        [group[:, a:b].ravel() for group, a, b in zip(np.split(rows, groups), first, end, strict=True)]
-    )
-    return weights, start.astype(np.int32), first.astype(np.int32)
+    blocks = rows.reshape(groups, _GROUP, -1, BLOCK)
+    kept = (blocks != 0).any(axis=(1, 3))
+    kept[~kept.any(axis=1), 0] = True
+    start = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
+    weights = np.concatenate([group[:, of].ravel() for group, of in zip(blocks, kept, strict=True)])
+    return weights, start.astype(np.int32), np.nonzero(kept)[1].astype(np.uint16)

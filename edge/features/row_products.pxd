@@ -4,23 +4,37 @@
 
 cdef extern from *:
     """
+    #include <string.h>
+
     #if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
     #define VT_WIDE __attribute__((target_clones("arch=x86-64-v3", "default")))
     #else
     #define VT_WIDE
     #endif
 
+    #define VT_BLOCK 16 /* columns */
+
+    /* Of a vector what a group of four rows is multiplied with. */
+    static inline void vt_take_blocks(const short *restrict vector, const unsigned short *block, Py_ssize_t n,
+                                      short *restrict taken)
+    {
+        for (Py_ssize_t b = 0; b < n; b++)
+            memcpy(taken + VT_BLOCK * b, vector + VT_BLOCK * block[b], VT_BLOCK * sizeof *taken);
+    }
+
     /* Four rows at a time: the vector is read once for the four, and their sums are independent. */
-    VT_WIDE static void vt_all_rows(const short *restrict weights, const int *restrict start, const int *restrict first,
-                                    Py_ssize_t groups, const short *restrict vector_, int *restrict sums)
+    VT_WIDE static void vt_all_rows(const short *restrict weights, const int *restrict start,
+                                    const unsigned short *restrict block, Py_ssize_t groups,
+                                    const short *restrict vector, short *restrict taken, int *restrict sums)
     {
         for (Py_ssize_t g = 0; g < groups; g++) {
-            const Py_ssize_t width = (start[g + 1] - start[g]) / 4 & -16; /* no remainder: a multiple of 16 */
-            const short *restrict r0 = weights + start[g], *restrict r1 = r0 + width;
-            const short *restrict r2 = r1 + width, *restrict r3 = r2 + width, *restrict vector = vector_ + first[g];
+            const Py_ssize_t n = start[g + 1] - start[g], width = VT_BLOCK * n;
+            const short *restrict r0 = weights + 4 * VT_BLOCK * (Py_ssize_t)start[g], *restrict r1 = r0 + width;
+            const short *restrict r2 = r1 + width, *restrict r3 = r2 + width;
             int s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+            vt_take_blocks(vector, block + start[g], n, taken);
             for (Py_ssize_t i = 0; i < width; i++) {
-                const int v = vector[i];
+                const int v = taken[i];
                 s0 += r0[i] * v;
                 s1 += r1[i] * v;
                 s2 += r2[i] * v;
@@ -31,34 +45,38 @@ cdef extern from *:
     }
 
     VT_WIDE static void vt_some_rows(const short *restrict weights, const int *restrict start,
-                                     const int *restrict first, const int *restrict which, Py_ssize_t n,
-                                     const short *restrict vector_, int *restrict sums)
+                                     const unsigned short *restrict block, const int *restrict which, Py_ssize_t n,
+                                     const short *restrict vector, short *restrict taken, int *restrict sums)
     {
+        Py_ssize_t last = -1;
         for (Py_ssize_t p = 0; p < n; p++) {
-            const unsigned row = (unsigned)which[p], g = row / 4;
-            const Py_ssize_t width = (start[g + 1] - start[g]) / 4 & -16;
-            const short *restrict weight = weights + start[g] + row % 4 * width, *restrict vector = vector_ + first[g];
+            const Py_ssize_t g = which[p] / 4, m = start[g + 1] - start[g], width = VT_BLOCK * m;
+            const short *restrict row = weights + 4 * VT_BLOCK * (Py_ssize_t)start[g] + which[p] % 4 * width;
             int sum = 0;
-            for (Py_ssize_t i = 0; i < width; i++) sum += weight[i] * vector[i];
+            if (g != last) vt_take_blocks(vector, block + start[g], m, taken);
+            last = g;
+            for (Py_ssize_t i = 0; i < width; i++) sum += row[i] * taken[i];
             sums[p] = sum;
         }
     }
     """
-    void vt_all_rows(const short *, const int *, const int *, Py_ssize_t, const short *, int *) noexcept nogil
+    void vt_all_rows(
+        const short *, const int *, const unsigned short *, Py_ssize_t, const short *, short *, int *
+    ) noexcept nogil
     void vt_some_rows(
-        const short *, const int *, const int *, const int *, Py_ssize_t, const short *, int *
+        const short *, const int *, const unsigned short *, const int *, Py_ssize_t, const short *, short *, int *
     ) noexcept nogil
 
 
 cdef inline void all_rows(
-    short[::1] weights, int[::1] start, int[::1] first, short[::1] vector, int[::1] sums
+    short[::1] weights, int[::1] start, unsigned short[::1] block, short[::1] vector, short[::1] taken, int[::1] sums
 ) noexcept nogil:
-    vt_all_rows(&weights[0], &start[0], &first[0], first.shape[0], &vector[0], &sums[0])
+    vt_all_rows(&weights[0], &start[0], &block[0], start.shape[0] - 1, &vector[0], &taken[0], &sums[0])
 
 
 cdef inline void some_rows(
-    short[::1] weights, int[::1] start, int[::1] first, const int[::1] which, Py_ssize_t n, short[::1] vector,
-    int[::1] sums
+    short[::1] weights, int[::1] start, unsigned short[::1] block, const int[::1] which, Py_ssize_t n,
+    short[::1] vector, short[::1] taken, int[::1] sums
 ) noexcept nogil:
     if n:
-        vt_some_rows(&weights[0], &start[0], &first[0], &which[0], n, &vector[0], &sums[0])
+        vt_some_rows(&weights[0], &start[0], &block[0], &which[0], n, &vector[0], &taken[0], &sums[0])

@@ -13,23 +13,35 @@ from edge.types import Index
 Shorts = NDArray[np.int16]
 
 
-def all_rows(weights: Shorts, start: Index, first: Index, vector: Shorts, sums: Index) -> None:
+def all_rows(
+    weights: Shorts, start: Index, block: NDArray[np.uint16], vector: Shorts, taken: Shorts, sums: Index
+) -> None:
     """Products of all rows.
 
-    weights  bands of groups of four rows, of their rows
-    start    (groups + 1,) of each group in them
-    first    (groups,) column of each band; bands are multiples of 16 wide
+    weights  of groups of four rows, of their rows, of the group's blocks of 16 columns
+    start    (groups + 1,) where the blocks of each group begin in the next
+    block    which of a row's blocks they are
     vector   (columns,)
+    taken    (columns,), scratch
     sums     (4 groups,), written
     """
-    some_rows(weights, start, first, np.arange(len(sums), dtype=np.int32), len(sums), vector, sums)
+    some_rows(weights, start, block, np.arange(len(sums), dtype=np.int32), len(sums), vector, taken, sums)
 
 
 def some_rows(
-    weights: Shorts, start: Index, first: Index, which: Index, n: int, vector: Shorts, sums: Index
+    weights: Shorts,
+    start: Index,
+    block: NDArray[np.uint16],
+    which: Index,
+    n: int,
+    vector: Shorts,
+    taken: Shorts,
+    sums: Index,
 ) -> None:
     """Those of the first n rows that `which` names, into the first n of sums."""
+    blocks = vector.reshape(-1, 16).astype(np.int32)
     for p in range(n):
         group, row = divmod(int(which[p]), 4)
-        band = weights[start[group] : start[group + 1]].reshape(4, -1)[row].astype(np.int32)
-        sums[p] = band @ vector[first[group] :][: len(band)]
+        begin, end = start[group], start[group + 1]
+        rows = weights[64 * begin : 64 * end].reshape(4, -1, 16)
+        sums[p] = (rows[row] * blocks[block[begin:end]]).sum()
