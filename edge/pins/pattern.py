@@ -58,7 +58,7 @@ def belongs(spots: Spots) -> Mask:
         inside = _inside_hull(spots.xy_img[core], xy, 0.5 * pitch)
         near = nearest_of(spots.xy_img[core], xy)[0][:, 0] < PARAMS.link_pitches_outside * pitch
         fits = (outlierness < PARAMS.outlier_max) & (
-            inside | (near & (outlierness < PARAMS.outlier_max_outside))
+            inside | (near & (outlierness < PARAMS.outlier_max_doubtful))
         )
         keep[index[~fits]] = False
         if fits.all():
@@ -111,12 +111,12 @@ def _outlierness(spots: Spots) -> Array:
         SIGMA_OF_MAD * np.median(np.abs(difference), axis=1), PARAMS.scatter_min, PARAMS.scatter_max
     )
     outlierness: Array = ((difference / scatter[:, None]) ** 2).sum(axis=0)
-    # Two that touch where their neighbours do not: one is a reflection on or beside the other.
+    # Two that overlap where their neighbours do not: one is a reflection on or beside the other.
     closest = near[:, 0]
-    touching = distance[:, 0] < PARAMS.touch_radii * (spots.radius_px + spots.radius_px[closest])
-    touching &= distance[:, 0] < PARAMS.gap_pitches_min * np.median(distance[near, 0], axis=1)
+    overlap = distance[:, 0] < spots.radius_px + spots.radius_px[closest]
+    overlap &= distance[:, 0] < PARAMS.gap_pitches_min * np.median(distance[near, 0], axis=1)
     return np.where(
-        touching & (outlierness > outlierness[closest]) & (outlierness > PARAMS.outlier_max_touching),
+        overlap & (outlierness > outlierness[closest]) & (outlierness > PARAMS.outlier_max_doubtful),
         np.inf,
         outlierness,
     )
