@@ -8,7 +8,7 @@ Idea
 Rules
 - Looked for outside of the pins that were found whole, next to them, and only where pins are missing.
 - The housing may show arcs of its own: those seen at rest, when no pin is cut, are not pins.
-- An arc that no circle of the pins' radius fits to within the blur of their edge is glare. So is one much
+- An arc that no circle of the pins' radius fits to within the blur of its edge is glare. So is one much
   dimmer than the pins next to it.
 - Sigma follows from the arc's scatter about the circle, and is at least a quarter of a pixel: the border
   distorts the arc's ends.
@@ -118,7 +118,8 @@ def _fit_arc(
     if top - dark < PARAMS.pin_share_min * brightness:
         return None
     fine = cv2.resize(crop, None, fx=FINER, fy=FINER, interpolation=cv2.INTER_LINEAR)
-    fine = cv2.GaussianBlur(fine, (0, 0), 0.5 * FINER)
+    smooth_px = 0.5
+    fine = cv2.GaussianBlur(fine, (0, 0), smooth_px * FINER)
     bright = (fine > 0.5 * (top + dark)).view(np.uint8)
     outlines, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     middle = (at - corner + 0.5) * FINER - 0.5
@@ -149,7 +150,7 @@ def _fit_arc(
         if mx * mx + my * my < 1e-4:
             break
     scatter = float(np.sqrt(np.mean(off * off)))
-    if scatter > edge_px:
+    if scatter > np.hypot(edge_px, smooth_px):
         return None
     # FINER samples of the outline count as one pixel of evidence; sigma is that of the worse coordinate.
     least = (xx + yy - np.hypot(xx - yy, 2 * xy)) / 2

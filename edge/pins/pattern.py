@@ -58,7 +58,7 @@ def belongs(spots: Spots) -> Mask:
         inside = _inside_hull(spots.xy_img[core], xy, 0.5 * pitch)
         near = nearest_of(spots.xy_img[core], xy)[0][:, 0] < PARAMS.link_pitches_outside * pitch
         fits = (outlierness < PARAMS.outlier_max) & (
-            inside | (near & (outlierness < PARAMS.outlier_max_doubtful))
+            inside | (near & (outlierness < PARAMS.outlier_max_outside))
         )
         keep[index[~fits]] = False
         if fits.all():
@@ -111,15 +111,13 @@ def _outlierness(spots: Spots) -> Array:
         SIGMA_OF_MAD * np.median(np.abs(difference), axis=1), PARAMS.scatter_min, PARAMS.scatter_max
     )
     outlierness: Array = ((difference / scatter[:, None]) ** 2).sum(axis=0)
-    # Two that overlap where their neighbours do not: one is a reflection on or beside the other.
+    # Two that overlap where their neighbours do not: one is a reflection on or beside the other, if it is
+    # further off than pins are on average.
     closest = near[:, 0]
     overlap = distance[:, 0] < spots.radius_px + spots.radius_px[closest]
     overlap &= distance[:, 0] < PARAMS.gap_pitches_min * np.median(distance[near, 0], axis=1)
-    return np.where(
-        overlap & (outlierness > outlierness[closest]) & (outlierness > PARAMS.outlier_max_doubtful),
-        np.inf,
-        outlierness,
-    )
+    worse = (outlierness > outlierness[closest]) & (outlierness > len(difference))
+    return np.where(overlap & worse, np.inf, outlierness)
 
 
 def _log_ratio(value: Array, near: Index) -> Array:
