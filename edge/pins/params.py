@@ -36,7 +36,7 @@ class PinParams:
     cut_facing_min: float = 0.4  # cosine between the arc's slope and straight outwards
     # --- rest frame
     rest_gap_radii: float = 0.5  # from a pin's centre to the image's border, pin radii
-    steady_radii: float = 0.1  # images are of one place if four of five pins moved less, noise aside
+    steady_radii: float = 0.1  # images are of one place if four of five pins moved less beyond their noise
     # --- centroids in the windows of known pins
     steps_max: int = 8  # of the fit, from the prediction
     near_phases: float = 0.75  # a step shorter than this share of a subpixel phase is the last
