@@ -17,7 +17,7 @@ AT_MOST = {
     "features": 17,
     "geometry": 9,
     "link": 16,
-    "pins": 42,
+    "pins": 34,
     "recording": 6,
     "runtime": 24,
     "sources": 28,

@@ -28,7 +28,7 @@ from edge.pins.params import PARAMS
 from edge.pins.partial import find_cut
 from edge.pins.pattern import belongs, fills_gap, one_of_each, unevenness
 from edge.pins.refine import CentroidRefiner
-from edge.pins.templates import RADIUS_MAX_PX
+from edge.pins.templates import radius_max_px
 from edge.types import Array, Image, Mask, PinPattern, Pins, Polarity, Rest
 
 #: Which of bright and dark pins are looked for: whether each is dark.
@@ -131,14 +131,12 @@ class _Learnt:
 def _learn(grey: Image, dark: bool) -> _Learnt:
     """Of an image whose pins are bright; `dark`: it is the inverted one."""
     noise = noise_of(grey)
-    low, high = np.percentile(grey[::4, ::4], (1.0, 99.0))
-    depth_min = max(PARAMS.depth_min_range * float(high - low), 2.0)
     radius_max = max(3.0, PARAMS.search_radius_max_side * min(grey.shape))
     step = PARAMS.search_radius_step
     scales = PARAMS.search_radius_min_px * step ** np.arange(
         np.log(radius_max / PARAMS.search_radius_min_px) / np.log(step)
     )
-    found = _at_scales(grey, scales, depth_min)
+    found = _at_scales(grey, scales, max(noise, 1.0))
     spots = found[_well_shaped(found)]
     if len(spots) < PINS_MIN:
         raise _NotThese(f"{len(spots)} spots")
@@ -168,10 +166,11 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
     )
     if radius_px < PARAMS.scale_range[0] * PARAMS.search_radius_min_px:
         raise _NotThese(f"spots of {radius_px:.1f} px radius")
-    if radius_px > RADIUS_MAX_PX:
+    most_px = radius_max_px(pattern.edge_px)
+    if radius_px > most_px:
         raise _NotThese(
             f"of {radius_px:.0f} px radius in an image of {grey.shape[1]} x {grey.shape[0]} px: up to "
-            f"{RADIUS_MAX_PX} px are read; set the camera to a smaller image"
+            f"{most_px:.0f} px are read; set the camera to a smaller image"
         )
     spots = _find(grey, pattern)
     if len(spots) >= PINS_MIN:

@@ -16,8 +16,7 @@ class PinParams:
     scale_range: tuple[float, float] = (0.7, 1.4)  # radii that one scale sees well, ratios to it
     reduced_radius_px: float = 2.5  # a pin's radius in the reduced image that is searched
     unlike_pins_max: float = 1.15  # unevenness of the neighbours plus the variation that discs do not explain
-    depth_min_range: float = 0.03  # a spot's depth, of the image's own range
-    depth_min_pins: float = 0.3  # ... of the pins' median depth
+    depth_min_pins: float = 0.3  # a spot's depth, of the pins' median depth
     twin_radii: float = 0.8  # two centroids nearer than this share of the sum of their radii are one pin
     # --- shape of a single spot, along rays
     ray_step_radii: float = 0.25  # a ray is read in such steps, ...
@@ -29,21 +28,15 @@ class PinParams:
     scatter_max: tuple[float, float, float] = (0.11, 0.20, 0.20)
     outlier_max: float = 25.0  # sum of squares in units of that scatter
     outlier_max_outside: float = 9.0  # outside of the hull of what is connected
-    outlier_max_touching: float = 6.0  # of two spots that touch
     link_factor: float = 1.6  # two are connected within this many times the distance to their nearest
     link_pitches_outside: float = 1.9  # to the nearest pin, of one outside or beyond the known edge
-    touch_radii: float = 1.15  # two touch within this share of the sum of their radii
     gap_pitches_min: float = 0.8  # from a pin to the nearest; nearer than this, two spots may be one
     # --- pins that a border cuts
     cut_area_range: tuple[float, float] = (0.12, 1.05)  # share of the disc that is left
     cut_facing_min: float = 0.4  # cosine between the arc's slope and straight outwards
-    cut_scatter_max_px: float = 0.5  # rms of the arc about its circle
-    cut_same_pitches: float = 0.2  # an arc of the housing is found again within this
-    cut_sigma_min_radii: float = 0.05  # and at least a sample of the arc
     # --- rest frame
     rest_gap_radii: float = 0.5  # from a pin's centre to the image's border, pin radii
-    steady_radii: float = 0.1  # images are of one place where four of five pins moved less than this
-    steady_sigmas: float = 4.0
+    steady_radii: float = 0.1  # images are of one place if four of five pins moved less beyond their noise
     # --- centroids in the windows of known pins
     steps_max: int = 8  # of the fit, from the prediction
     near_phases: float = 0.75  # a step shorter than this share of a subpixel phase is the last
@@ -52,7 +45,8 @@ class PinParams:
     # what a pin has at least: of its window's variation, explained by the disc; of the disc, at the image's
     # border; of its brightness at rest, after the gain common to all pins; of the neighbours', where cut
     pin_share_min: float = 0.25
-    own_pitches: float = 0.6  # nearer than this is the same pin: to its prediction, to another arc
+    # nearer than this is the same pin: to its prediction, to another arc; or the same arc of the housing
+    own_pitches: float = 0.6
     clash_radii: float = 1.1  # mean radii; two centroids nearer than this lie on one blob
     gain_max: float = 2.5  # how much brighter than at rest the pins may become before they saturate
 

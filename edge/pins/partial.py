@@ -8,7 +8,8 @@ Idea
 Rules
 - Looked for outside of the pins that were found whole, next to them, and only where pins are missing.
 - The housing may show arcs of its own: those seen at rest, when no pin is cut, are not pins.
-- An arc that no circle of the pins' radius fits is glare. So is one much dimmer than the pins next to it.
+- An arc that no circle of the pins' radius fits to within the blur of its edge is glare. So is one much
+  dimmer than the pins next to it.
 - Sigma follows from the arc's scatter about the circle, and is at least a quarter of a pixel: the border
   distorts the arc's ends.
 """
@@ -53,13 +54,13 @@ def find_cut(grey: Image, pins: Pins, pattern: PinPattern, most: int) -> Pins:
                 float(np.median(pins.brightness[beside])),
                 float(np.median(pins.radius_px[beside])),
             )
-            fit = _fit_arc(grey, at, outwards, radius, brightness)
+            fit = _fit_arc(grey, at, outwards, radius, brightness, pattern.edge_px)
             if fit is None:
                 continue
             (x, y), sigma = fit
             outside = cv2.pointPolygonTest(hull, (x, y), False) < 0
             known = any(
-                np.hypot(x - gx, y - gy) < PARAMS.cut_same_pitches * pitch for gx, gy in pattern.glints_img
+                np.hypot(x - gx, y - gy) < PARAMS.own_pitches * pitch for gx, gy in pattern.glints_img
             )
             if (
                 outside
@@ -103,9 +104,9 @@ def _slivers(grey: Image, pins: Pins, hull: NDArray[np.float32], radius_px: floa
 
 
 def _fit_arc(
-    grey: Image, at: Array, outwards: Array, radius_px: float, brightness: float
+    grey: Image, at: Array, outwards: Array, radius_px: float, brightness: float, edge_px: float
 ) -> tuple[tuple[float, float], float] | None:
-    """Middle of the disc whose inner edge runs by `at`, and the sigma of a coordinate, px."""
+    """Middle of the disc whose inner edge, blurred by `edge_px`, runs by `at`; sigma of a coordinate, px."""
     half = int(np.ceil(1.5 * radius_px))
     corner = np.rint(at).astype(np.intp) - half
     size = 2 * half + 1
@@ -117,7 +118,8 @@ def _fit_arc(
     if top - dark < PARAMS.pin_share_min * brightness:
         return None
     fine = cv2.resize(crop, None, fx=FINER, fy=FINER, interpolation=cv2.INTER_LINEAR)
-    fine = cv2.GaussianBlur(fine, (0, 0), 0.5 * FINER)
+    smooth_px = 0.5
+    fine = cv2.GaussianBlur(fine, (0, 0), smooth_px * FINER)
     bright = (fine > 0.5 * (top + dark)).view(np.uint8)
     outlines, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     middle = (at - corner + 0.5) * FINER - 0.5
@@ -148,9 +150,9 @@ def _fit_arc(
         if mx * mx + my * my < 1e-4:
             break
     scatter = float(np.sqrt(np.mean(off * off)))
-    if scatter > PARAMS.cut_scatter_max_px:
+    if scatter > np.hypot(edge_px, smooth_px):
         return None
     # FINER samples of the outline count as one pixel of evidence; sigma is that of the worse coordinate.
     least = (xx + yy - np.hypot(xx - yy, 2 * xy)) / 2
     sigma = scatter * float(np.sqrt(FINER / least))
-    return (cx, cy), max(sigma, 1.0 / FINER, PARAMS.cut_sigma_min_radii * radius_px)
+    return (cx, cy), max(sigma, 1.0 / FINER)

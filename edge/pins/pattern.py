@@ -111,15 +111,13 @@ def _outlierness(spots: Spots) -> Array:
         SIGMA_OF_MAD * np.median(np.abs(difference), axis=1), PARAMS.scatter_min, PARAMS.scatter_max
     )
     outlierness: Array = ((difference / scatter[:, None]) ** 2).sum(axis=0)
-    # Two that touch where their neighbours do not: one is a reflection on or beside the other.
+    # Two that overlap where their neighbours do not: one is a reflection on or beside the other, if it is
+    # further off than pins are on average.
     closest = near[:, 0]
-    touching = distance[:, 0] < PARAMS.touch_radii * (spots.radius_px + spots.radius_px[closest])
-    touching &= distance[:, 0] < PARAMS.gap_pitches_min * np.median(distance[near, 0], axis=1)
-    return np.where(
-        touching & (outlierness > outlierness[closest]) & (outlierness > PARAMS.outlier_max_touching),
-        np.inf,
-        outlierness,
-    )
+    overlap = distance[:, 0] < spots.radius_px + spots.radius_px[closest]
+    overlap &= distance[:, 0] < PARAMS.gap_pitches_min * np.median(distance[near, 0], axis=1)
+    worse = (outlierness > outlierness[closest]) & (outlierness > len(difference))
+    return np.where(overlap & worse, np.inf, outlierness)
 
 
 def _log_ratio(value: Array, near: Index) -> Array:

@@ -118,20 +118,23 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
 def _steady(greys: Sequence[Image], start: int, rest: Rest) -> list[int]:
     """Indices of the largest set of images that show the pins in the same places; `rest` is of `start`."""
     refiner = CentroidRefiner(rest)
-    xy = np.empty((len(greys), len(rest), 2))
+    xy, sigma = np.empty((len(greys), len(rest), 2)), np.empty((len(greys), len(rest)))
     for way in (range(start, len(greys)), range(start - 1, -1, -1)):
         expected = rest.xy_img
         for k in way:
-            xy[k] = refiner.refine(greys[k], expected).xy_img
+            pins = refiner.refine(greys[k], expected)
+            xy[k], sigma[k] = pins.xy_img, pins.sigma_px
             expected = np.where(np.isfinite(xy[k]), xy[k], expected)
-    sigma = float(np.median(rest.pins.sigma_px))
-    limit = PARAMS.steady_radii * rest.pattern.pin_radius_px + PARAMS.steady_sigmas * sigma
+    most = 0.8  # of the pins
+    # Of pins that did not move, this share are apart by less in two images: noise alone.
+    apart = 2.0 * float(np.sqrt(-np.log(1.0 - most)) * np.median(sigma[np.isfinite(sigma)]))
+    limit = PARAMS.steady_radii * rest.pattern.pin_radius_px + apart
     away = np.full((len(greys), len(greys)), np.inf)
     for k in range(len(greys)):
         moved = np.hypot(*np.moveaxis(xy - xy[k], -1, 0))
         both = np.isfinite(moved)
         enough = both.any(axis=1)
-        away[k, enough] = [np.quantile(m[b], 0.8) for m, b in zip(moved[enough], both[enough], strict=True)]
+        away[k, enough] = [np.quantile(m[b], most) for m, b in zip(moved[enough], both[enough], strict=True)]
     near = away <= limit
     size = near.sum(axis=1)
     # Of sets of the same size the steadiest is taken; of equally steady ones the first.

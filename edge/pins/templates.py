@@ -24,7 +24,6 @@ PHASES = 4  # subpixel offsets along each axis
 LANES = 16  # bytes: a window's rows are copied in multiples of it
 BLOCK = 32  # a plane's length is a multiple of it: loops have no remainder
 HALF_MAX = 39  # px, half width of a window
-RADIUS_MAX_PX = 34  # largest pin that fits such a window with its edge and surroundings
 STEP_MAX = 4095  # a pixel against the window's middle, levels: 12 bits; brighter images lose their last bits
 
 #: Of one phase, in this order; `steps` reads those from `inv_d` to `step_max` by number. |p| is the root of
@@ -97,6 +96,16 @@ def _begins(sizes: list[int]) -> tuple[int, ...]:
     return tuple(int(begin) for begin in np.cumsum([0, *sizes[:-1]]))
 
 
+def radius_max_px(edge_px: float) -> float:
+    """The largest disc that a window holds with its edge, where others stand as close as they may."""
+    return HALF_MAX - 0.5 - _tight(0.0, edge_px)
+
+
+def _tight(radius: float, edge_px: float) -> float:
+    """The least radius of a support."""
+    return radius + 1.5 * edge_px
+
+
 class _Kind(NamedTuple):
     """Templates of one radius: half width, spans, values (16, 3, plane), uv (2, plane), norms (16, 24)."""
 
@@ -115,9 +124,8 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> _Kind:
     """Of each phase the disc, made orthogonal to a constant, and its slopes in x and y, made orthogonal to
     both.
     """
-    support = min(
-        radius + 3.0 * edge_px + 0.5, max(radius + 1.5 * edge_px, 0.85 * pitch_px - radius - 1.5 * edge_px)
-    )
+    tight = _tight(radius, edge_px)
+    support = min(radius + 3.0 * edge_px + 0.5, max(tight, 0.85 * pitch_px - tight))
     half = min(int(np.ceil(support + 0.5)), HALF_MAX)
     offset = (np.arange(PHASES) + 0.5) / PHASES - 0.5
     grid = np.arange(-half, half + 1, dtype=np.float64)

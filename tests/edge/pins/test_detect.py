@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from skimage.data import coins
 
 from edge.errors import NoPins
 from edge.pins import CentroidRefiner, detect, inspect_image, learn_pattern, take_rest
@@ -103,6 +104,8 @@ def textures() -> dict[str, Image]:
     for sigma in (1, 2, 4):
         smooth = cv2.GaussianBlur(rng.normal(0, 1, (480, 640)), (0, 0), sigma)
         found[f"smooth noise {sigma}"] = np.clip(120 + 40 * smooth / smooth.std(), 0, 255).astype(np.uint8)
+    found["noise, 16 bit"] = rng.normal(20000, 300, (480, 640)).astype(np.uint16)
+    found["coins"] = coins()
     return found
 
 
@@ -150,6 +153,15 @@ def test_rest_is_taken_from_the_images_in_which_nothing_moves() -> None:
     assert missed_and_false(pins, truth, 0.2) == (0, 0)
     moving = take_rest(images[:4])
     assert missed_and_false(moving.pins, truth + np.array([9.0, 0.0]), 0.3) == (0, 0)
+
+
+def test_noise_alone_keeps_no_image_from_a_rest_frame() -> None:
+    truth = hexagon(6, 15.0, (160.0, 120.0))
+    clean = draw((320, 240), truth, 3.0, 1.2, 60.0, 60.0)
+    rest = take_rest([expose(clean, 15.0, np.random.default_rng(k)) for k in range(8)])
+    assert missed_and_false(rest.pins, truth, 0.5) == (0, 0)
+    off = cKDTree(truth).query(rest.xy_img)[0]
+    assert np.sqrt(np.mean(np.square(off)) / 2) < 0.08  # of a single image it is 0.17 px
 
 
 def test_a_reflection_on_a_pin_gives_no_second_pin() -> None:
