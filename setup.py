@@ -21,13 +21,15 @@ from setuptools.command.build_ext import build_ext
 LIMITED_API = [("Py_LIMITED_API", "0x030B0000"), ("CYTHON_LIMITED_API", "1")]
 
 FAST = ["-O3", "-fno-math-errno", "-fno-wrapv"]
+#: Of few loops, or short ones: less code.
+SMALL = ["-O2", *FAST[1:]]
 #: Exact arithmetic: a multiplication and an addition must not become one operation with one rounding.
 EXACT = ["-O3", "-ffp-contract=off"]
 #: Kernel -> flags of the C compiler.
 KERNELS = {
     "edge.calibration.polynomial": FAST,
     "edge.calibration.gaussian_process": FAST,
-    "edge.calibration.inputs": FAST,
+    "edge.calibration.inputs": SMALL,
     "edge.cells.first_order": FAST,
     "edge.cells.mesh": EXACT,
     "edge.cells.points": EXACT,
@@ -38,17 +40,17 @@ KERNELS = {
     "edge.features.contact_fit": FAST,
     "edge.features.contact_place": FAST,
     "edge.features.modes": FAST,
-    "edge.features.partial_slip": FAST,
+    "edge.features.partial_slip": SMALL,
     "edge.features.peaks": FAST,
     "edge.features.pin_motion": FAST,
     "edge.features.pin_noise": FAST,
     "edge.features.quantized_operator": FAST,
-    "edge.features.regions": FAST,
+    "edge.features.regions": SMALL,
     "edge.geometry.neighbours": FAST,
-    "edge.geometry.plane": FAST,
+    "edge.geometry.plane": SMALL,
     "edge.geometry.select": FAST,
     "edge.geometry.separation": FAST,
-    "edge.geometry.views": FAST,
+    "edge.geometry.views": SMALL,
     "edge.pins.centroids": FAST,
     "edge.pins.rejection": FAST,
     "edge.runtime.measures": FAST,
