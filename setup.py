@@ -57,6 +57,7 @@ KERNELS = {
     "edge.tracking.affine": FAST,
     "edge.tracking.assignment": FAST,
     "edge.tracking.follow": FAST,
+    "edge.tracking.kriging": FAST,
     "edge.tracking.links": FAST,
     "edge.tracking.match": FAST,
     "edge.tracking.outliers": FAST,

@@ -41,7 +41,7 @@ twin[h] the same edge in the neighbouring triangle or -1 on the hull. Triangles 
 in the coordinates' own sense (x right, y up).
 """
 
-# mypy: disable-error-code="untyped-decorator,valid-type"
+# mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ class Regions:
     # the contact it belongs to, -1: one too many; a contact's first peak is its highest
     _contact: cython.int[::1]
     _ridge: cython.double[:, ::1]  # places of one contact's peaks
-    _ridge_array: object  # the same memory
+    _ridge_array: Array  # the same memory
     _peaks: PeakFinder
     _found_at: cython.int[::1]  # of `peaks`
     _found_point: cython.int[::1]

@@ -61,14 +61,14 @@ cdef extern from *:
         return changed;
     }
 
-    VT_WIDE static int vt_beyond(const float *restrict residual, double most, const double *restrict unit2,
+    VT_WIDE static int vt_beyond(const float *restrict residual, const double *restrict most2,
                                  const unsigned char *restrict seen, Py_ssize_t n,
                                  unsigned char *restrict is_beyond)
     {
         unsigned char some = 0;
         for (Py_ssize_t i = 0; i < n; i++) {
             const double x = residual[2 * i], y = residual[2 * i + 1];
-            is_beyond[i] = (x * x + y * y > most * unit2[i]) & seen[i];
+            is_beyond[i] = (x * x + y * y > most2[i]) & seen[i];
             some |= is_beyond[i];
         }
         return some;
@@ -95,7 +95,7 @@ cdef extern from *:
         const float *, const float *, double, const double *, double, const double *, Py_ssize_t, unsigned char *
     ) noexcept nogil
     bint vt_beyond(
-        const float *, double, const double *, const unsigned char *, Py_ssize_t, unsigned char *
+        const float *, const double *, const unsigned char *, Py_ssize_t, unsigned char *
     ) noexcept nogil
     bint vt_all_near(const double *, const float *, Py_ssize_t, double) noexcept nogil
 
@@ -140,10 +140,9 @@ cdef inline bint within(
 
 
 cdef inline bint beyond(
-    const float[:, ::1] residual, double most, const double[::1] unit2, const unsigned char[::1] seen,
-    unsigned char[::1] is_beyond
+    const float[:, ::1] residual, const double[::1] most2, const unsigned char[::1] seen, unsigned char[::1] is_beyond
 ) noexcept nogil:
-    return vt_beyond(&residual[0, 0], most, &unit2[0], &seen[0], residual.shape[0], &is_beyond[0])
+    return vt_beyond(&residual[0, 0], &most2[0], &seen[0], residual.shape[0], &is_beyond[0])
 
 
 cdef inline bint all_near(const double[:, ::1] a, const float[:, ::1] b, double far2) noexcept nogil:

@@ -64,13 +64,9 @@ def within(
     return changed
 
 
-def beyond(
-    residual: Heights, most: float, unit2: Array, seen: NDArray[np.uint8], is_beyond: NDArray[np.uint8]
-) -> bool:
-    """Whether a pin is seen and the square of its residual above `most` squared units; returns whether one
-    is.
-    """
-    is_beyond[:] = (_squares(residual) > most * unit2) & (seen != 0)
+def beyond(residual: Heights, most2: Array, seen: NDArray[np.uint8], is_beyond: NDArray[np.uint8]) -> bool:
+    """Whether a pin is seen and the square of its residual above its limit, px2; returns whether one is."""
+    is_beyond[:] = (_squares(residual) > most2) & (seen != 0)
     return bool(is_beyond.any())
 
 

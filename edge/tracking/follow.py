@@ -120,7 +120,7 @@ class Follower:
         self.photometric = photometric
         self.near_seen_min = params.near_seen_min
         self.rest = np.ascontiguousarray(lattice.rest_xy, np.float64)
-        self.pitch2 = photometric.pitch2
+        self.pitch2 = np.square(lattice.local_pitch_px)
         self.most2, self.change2 = params.residual_max**2, params.innovation_max**2
         self.near, self.weight = _in_rows(photometric.affine.matrix())
         self.closest = np.array(lattice.closest, np.int32, order="C")

@@ -152,23 +152,19 @@ class Hypothesis:
         """Each wanted pin from the known ones near, and the scale of the field from the errors of the known
         ones' predictions.
         """
-        p, near, motion = self._tip.params, self._tip.lattice.near, self.motion
-        known_near = self.known[near]
+        p, kriging, motion = self._tip.params, self.model.kriging, self.motion
+        known_near = self.known[self._tip.lattice.near]
         rows = _rows((known_near != self._weighted).any(1) & wanted)
-        self._weight[rows], self.variance[rows] = self.model.from_near(rows, known_near[rows])
+        self._weight[rows], self.variance[rows] = kriging.weights(rows, known_near[rows])
         self._weighted[rows] = known_near[rows]
-        self.mean = (self._weight[:, None] @ motion[near])[:, 0]
+        self.mean = kriging.predict(self._weight, motion)
         error = motion - self.mean
         self.square = (error**2).sum(1)
-        ratio = self.square / self.variance
         # Of the frame by the median, which outliers do not move; half the square is that of one component.
-        of_frame = float(np.median(ratio[self.known])) / (2 * np.log(2))
+        of_frame = float(np.median((self.square / self.variance)[self.known])) / (2 * np.log(2))
         # Of those near as if the pin were where it is predicted: an outlier is no evidence of a rough field.
-        around = np.where(known_near, self._tip.lattice.weight, 0.0)
-        own = self.model.weight_in_near(self._weight) * self.known[:, None]
-        without = sum((of_one[near] + own * of_one[:, None]) ** 2 for of_one in error.T)
-        of_near = (around * without / self.variance[near]).sum(1) / 2
-        self.freedom = p.scale_freedom + around.sum(1)
+        of_near, near_n = kriging.square_around(error, self.variance, self._weight, self.known)
+        self.freedom = p.scale_freedom + near_n
         self.scale = (p.scale_freedom * of_frame + of_near) / self.freedom
 
     @property

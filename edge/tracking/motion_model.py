@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from edge.geometry.motion_field import PREDICTING, component_covariance
+from edge.tracking.kriging import Kriging
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
 
@@ -36,13 +37,10 @@ class MotionModel:
         self._all = _with_affine(field, x)
         among = _with_affine(field[near[:, :, None], near[:, None, :]], tip.lattice.offset)
         affine = np.broadcast_to([1.0, 0.0, 0.0], (len(tip), 3))
-        self._with = np.concatenate([field[near, row[:, None]], affine], axis=1)
-        self._inverse = np.linalg.inv(among)
-        self._weight = (self._inverse @ self._with[..., None])[..., 0]  # where all near are known
-        self.weight, self.variance = self.from_near(row, np.ones(near.shape, np.bool_))
-        found = near[near] == row[:, None, None]
-        place = near * near.shape[1] + found.argmax(2)
-        self._in_near = np.where(found.any(2), place, near.size)
+        own_with = np.concatenate([field[near, row[:, None]], affine], axis=1)
+        inverse = np.asarray(np.linalg.inv(among), np.float64)
+        self.kriging = Kriging(near, tip.lattice.weight, inverse, own_with, self._own)
+        self.weight, self.variance = self.kriging.weights(row, np.ones(near.shape, np.bool_))
 
     def log_prior(self, motion: Array, known: Mask) -> float:
         """Logarithm of the density of a tip's motion as a whole, against that at rest; motion (n, 2) pitches.
@@ -54,27 +52,6 @@ class MotionModel:
         shift, around = moved.mean(0), around - around.mean(0)
         rotation = float(np.sum((moved - shift) * around)) / max(float(np.sum(around**2)), 1e-9)
         return -float(shift @ shift) / (2 * p.shift_spread**2) - rotation**2 / (2 * p.rotation_spread**2)
-
-    def from_near(self, rows: Index, known: Mask) -> tuple[Array, Array]:
-        """(r, k) the weights of the known ones among the near pins (r, k) in the prediction of these pins,
-        and (r,) its variance against the field's scale.
-        """
-        # Of the inverse of all equations, that of the rest follows from the block of the unknown pins.
-        first = np.argsort(known, axis=1, kind="stable")[:, : int((~known).sum(1).max(initial=0))]
-        unknown = ~np.take_along_axis(known, first, axis=1)
-        block = self._inverse[rows[:, None, None], first[:, :, None], first[:, None]]
-        block = np.where(unknown[:, :, None] & unknown[:, None], block, np.eye(first.shape[1]))
-        given_up = np.where(unknown, self._weight[rows[:, None], first], 0.0)
-        given_up = np.linalg.solve(block, given_up[..., None])[:, None, :, 0]
-        weight = self._weight[rows] - (given_up @ self._inverse[rows[:, None], first])[:, 0]
-        weight[:, :-3] *= known
-        return weight[:, :-3], self._own - (weight * self._with[rows]).sum(1)
-
-    def weight_in_near(self, weight: Array) -> Array:
-        """(n, k) the weight that each pin has in the prediction of those near it; weight (n, k) of those near
-        in its own.
-        """
-        return np.append(weight, 0.0)[self._in_near]
 
     def from_around(self, motion: Array, known: Mask, rows: Index) -> tuple[Array, Array]:
         """(r, 2) the motion of these pins as predicted by all known pins around them, and (r,) its variance

@@ -4,9 +4,8 @@ from edge.tracking.affine cimport LocalAffine
 cdef class PhotometricFilter:
     cdef readonly Py_ssize_t n
     cdef LocalAffine affine
-    cdef double most2, ratio, brightness_change_min, sigma_ratio_max, support_min
-    cdef const double[::1] pitch2
-    cdef double[::1] rest_brightness, radius, rest_sigma_ratio, off, values
+    cdef double ratio, brightness_change_min, sigma_ratio_max, support_min
+    cdef double[::1] most2, rest_brightness, radius, rest_sigma_ratio, off, values
     cdef unsigned char[::1] suspect, trusted
 
     cdef bint find_suspects(

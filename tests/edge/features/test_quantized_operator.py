@@ -39,7 +39,7 @@ def test_columns_in_any_order_give_the_same(k: int) -> None:
     rng = np.random.default_rng(k)
     matrix = rng.normal(size=(k, 90)) * np.exp(-np.abs(np.arange(90) - np.linspace(0, 89, k)[:, None]))
     matrix[-1] = 0.0
-    order = rng.permutation(90)
+    order = rng.permutation(90).astype(np.int32)
     plain, shuffled = QuantizedOperator(matrix), QuantizedOperator(matrix[:, np.argsort(order)], order)
     values = rng.normal(size=90)
     np.asarray(plain.values)[:] = values

@@ -115,7 +115,7 @@ def test_an_affine_motion_is_predicted_exactly_whatever_is_missing() -> None:
     motion = xy / PITCH_PX @ np.array([[0.1, 0.05], [-0.1, 0.2]])
     known = np.random.default_rng(5).random(N) < 0.6
     near = model.tip.lattice.near
-    weight, variance = model.from_near(np.arange(N, dtype=np.int32), known[near])
+    weight, variance = model.kriging.weights(np.arange(N, dtype=np.int32), known[near])
     np.testing.assert_allclose((weight[..., None] * motion[near]).sum(1), motion, atol=1e-5)
     assert np.all(variance > model.variance - 1e-9)
     lost = np.flatnonzero(~known).astype(np.int32)
@@ -175,7 +175,7 @@ def test_weights_with_unknown_neighbours_solve_the_equations_of_the_known(known_
     near, pin = model.tip.lattice.near, N // 2
     known = np.zeros(near.shape[1], bool)
     known[np.random.default_rng(5).permutation(known.size)[:known_n]] = True
-    weight, variance = model.from_near(np.array([pin], np.int32), known[None])
+    weight, variance = model.kriging.weights(np.array([pin], np.int32), known[None])
     assert not weight[0, ~known].any()
     x = model.tip.rest_xy / model.tip.pitch_px
     field = component_covariance(x, PREDICTING)
