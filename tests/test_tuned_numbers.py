@@ -21,7 +21,7 @@ AT_MOST = {
     "recording": 6,
     "runtime": 24,
     "sources": 28,
-    "tracking": 28,
+    "tracking": 29,
     "view": 15,
     "worker": 16,
 }

@@ -43,21 +43,32 @@ UNSUPPORTED = cython.declare(cython.double, -1)
 class PhotometricFilter:
     """Rejects the outliers among the n pins of one tip.
 
-    at_rest  how bright each pin is at rest, and its sigma
-    Raises   ValueError: arrays of another number of pins
+    at_rest         how bright each pin is at rest, and its sigma
+    local_pitch_px  (n,) float64
+    Raises          ValueError: arrays of another number of pins
     """
 
-    def __init__(self, affine: LocalAffine, at_rest: Pins, params: TrackingParams) -> None:
+    def __init__(
+        self, affine: LocalAffine, at_rest: Pins, local_pitch_px: Array, params: TrackingParams
+    ) -> None:
         n = affine.n
-        if at_rest.brightness.shape != (n,) or at_rest.sigma_px.shape != (n,) or len(at_rest) != n:
-            raise ValueError(f"brightness and sigma_px of {n} pins are wanted, not of {len(at_rest)}")
+        if len(at_rest) != n or len(local_pitch_px) != n:
+            raise ValueError(
+                f"arrays of {n} pins are wanted, not of {len(at_rest)} and {len(local_pitch_px)}"
+            )
+        if (
+            at_rest.brightness.shape != (n,)
+            or at_rest.sigma_px.shape != (n,)
+            or np.shape(local_pitch_px) != (n,)
+        ):
+            raise ValueError(f"brightness, sigma_px and local_pitch_px of {n} numbers each are wanted")
         self.n = n
         self.affine = affine
         self.ratio = params.outlier_ratio
         self.brightness_change_min = params.brightness_change_min
         self.sigma_ratio_max = params.sigma_ratio_max
         self.support_min = params.support_min
-        self.most2 = 2.0 * np.square(at_rest.sigma_px)  # noise of a centroid, both coordinates
+        self.most2 = np.square(params.outlier_residual_max * local_pitch_px)
         self.rest_brightness = np.array(at_rest.brightness, np.float64)
         self.radius = np.array(at_rest.radius_px, np.float64)
         self.rest_sigma_ratio = np.maximum(at_rest.sigma_px / np.median(at_rest.sigma_px), 1.0)
@@ -162,8 +173,8 @@ class PhotometricFilter:
         i: cython.Py_ssize_t,
         light2: cython.double,
     ) -> cython.bint:
-        """Whether a pin fits the trusted ones as closely as its noise lets it, or nearly as closely as two
-        thirds of its trusted neighbours do, or light can have moved it by less than those are off.
+        """Whether a pin fits the trusted ones nearly as closely as two thirds of its trusted neighbours do,
+        or light can have moved it by less than those are off.
 
         light2  square of how far light can have moved its centroid, px2
         """

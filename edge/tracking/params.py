@@ -25,6 +25,7 @@ class TrackingParams:
     outlier_ratio: float = 4.0
     brightness_change_min: float = 0.03  # least change of brightness, as a share
     sigma_ratio_max: float = 2.0  # to the frame's median, times the pin's own ratio at rest
+    outlier_residual_max: float = 0.005  # of such a pin
     # --- whether the identities are held
     seen_share_min: float = 0.4
     baseline_share_min: float = 0.65  # of the baseline: the share seen lately

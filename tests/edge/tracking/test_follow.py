@@ -183,5 +183,6 @@ def test_the_filter_refuses_other_sizes() -> None:
         motion, residual, seen = np.zeros((sizes[2], 2)), np.zeros((sizes[3], 2)), np.ones(sizes[4], bool)
         with pytest.raises(ValueError, match="19 pins"):
             tip.photometric.accepted(pins, motion, residual, seen, False)
-    with pytest.raises(ValueError, match="19 pins"):
-        PhotometricFilter(tip.affine, small_tip(1).pins, tip.params)
+    for at_rest, local in ((small_tip(1).pins, np.ones(19)), (small_tip().pins, np.ones(18))):
+        with pytest.raises(ValueError, match="19 pins"):
+            PhotometricFilter(tip.affine, at_rest, local, tip.params)

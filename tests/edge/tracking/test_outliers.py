@@ -83,7 +83,7 @@ def test_light_matters_where_it_moves_a_pin_by_more_than_neighbours_do_not_know(
     brightness = rest.pins.brightness.copy()
     brightness[PIN] *= dimming
     pins = replace(rest.pins, xy_img=rest.xy_img + motion, brightness=brightness)
-    accepted = PhotometricFilter(affine, rest.pins, params).accepted(
+    accepted = PhotometricFilter(affine, rest.pins, lattice.local_pitch_px, params).accepted(
         pins, motion, motion - affine.predict(motion, seen)[0], seen, searched=False
     )
     assert np.flatnonzero(~accepted).tolist() == ([] if kept else [PIN])
@@ -95,4 +95,4 @@ def test_arrays_of_another_number_of_pins_are_refused(field: str) -> None:
     affine = LocalAffine(Lattice(rest.xy_img, rest.pattern.pitch_px), 0.05)
     pins = replace(rest.pins, **{field: getattr(rest.pins, field)[1:]})
     with pytest.raises(ValueError, match="are wanted"):
-        PhotometricFilter(affine, pins, TrackingParams())
+        PhotometricFilter(affine, pins, np.ones(127), TrackingParams())
