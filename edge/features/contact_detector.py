@@ -325,12 +325,13 @@ class ContactDetector:
             self._sorted_y[to] = y
             known += 1
         if known > 0:
-            self._looked_up[self._n_looked_up] = cython.cast(cython.int, i)
-            self._n_looked_up += 1
             j = (known - 1) // 2
             k = known // 2
             self._middle[i, 0] = 0.5 * (self._sorted_x[j] + self._sorted_x[k])
             self._middle[i, 1] = 0.5 * (self._sorted_y[j] + self._sorted_y[k])
+        if not isnan(self._middle[i, 0]):  # what is NaN is looked up again
+            self._looked_up[self._n_looked_up] = cython.cast(cython.int, i)
+            self._n_looked_up += 1
         return known
 
     @cython.cfunc

@@ -150,7 +150,7 @@ class CentroidKernel:
         self._values, self._uv = templates.values, templates.uv
         self._sign = -1 if dark else 1
         self._norms = np.concatenate(templates.norms)
-        self._rows = self._columns = self._stride = 0
+        self._rows = self._columns = self._stride = -1  # none yet
         if not 0 <= limits["spare_bits"] <= 8:
             raise ValueError(f"spare_bits of 0 to 8 are wanted, not {limits['spare_bits']}")
         self._reach2 = limits["reach_px"] ** 2

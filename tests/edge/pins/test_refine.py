@@ -315,7 +315,7 @@ def test_windows_whose_copies_would_end_beyond_the_image_are_read_pixel_by_pixel
 
 
 def test_an_image_without_pixels_is_refused() -> None:
-    refiner, _, predicted = scattered(8, dark=False)
-    for shape in ((0, 100), (100, 0)):
+    for shape in ((0, 0), (0, 100), (100, 0)):
+        refiner, _, predicted = scattered(8, dark=False)
         with pytest.raises(ValueError, match="an image of"):
             refiner.refine(np.zeros(shape, np.uint8), predicted)
