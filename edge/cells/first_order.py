@@ -69,6 +69,8 @@ class FirstOrderAreas:
         self._rest = np.array(rest, np.float64, order="C")
         self._area = np.array(area_px2, np.float64)
         pin, neighbour, slope = _slopes(rest, triangles, n)
+        if not len(pin):
+            raise ValueError("triangles: a cell with an edge between two of them is wanted")
         odd = np.flatnonzero(np.bincount(pin, minlength=n) % 2)
         end = np.searchsorted(pin, odd, side="right")
         pin, neighbour, slope = (

@@ -63,6 +63,8 @@ def test_sizes_that_do_not_fit_are_refused() -> None:
         FirstOrderAreas(rest, np.ones(5), triangles)
     with pytest.raises(ValueError, match="are wanted"):
         FirstOrderAreas(rest, np.array([1.0, np.nan]), triangles)
+    with pytest.raises(ValueError, match="an edge between two"):
+        FirstOrderAreas(rest, np.ones(2), triangles[:0])
     for wrong in (-1, 4):
         with pytest.raises(ValueError, match="points of 0 to 3"):
             FirstOrderAreas(rest, np.ones(2), np.array([[0, 1, wrong]], np.int32))
