@@ -173,15 +173,28 @@ class ContactField:
             result[i] += self.plane_curl
         return self._curl_array
 
-    def whole_surface(self, area_change: cython.const[cython.double][::1]) -> Array:
-        """(k,) float32, new: the surface through area changes (n,) at all points, for a picture."""
-        if area_change.shape[0] != self._n:
-            raise ValueError(f"area_change ({self._n},) is wanted")
+    def write_surface(
+        self, area_change: cython.const[cython.double][::1], at: Index, out: cython.double[::1]
+    ) -> None:
+        """The surface through area changes (n,) at all points, for a picture: each into `out` at its place.
+
+        at, out  (k,) int32 and (any,) float64
+        Raises   ValueError: sizes that do not fit, a place beyond
+        """
         i: cython.Py_ssize_t
+        to: cython.const[cython.int][::1] = at
+        single: cython.float[::1] = self.area_change
+        row: cython.float[::1] = self._height_row
+        if area_change.shape[0] != self._n or to.shape[0] != row.shape[0]:
+            raise ValueError(f"area_change ({self._n},) and at ({row.shape[0]},) are wanted")
+        for i in range(to.shape[0]):
+            if not 0 <= to[i] < out.shape[0]:
+                raise ValueError(f"at: places of 0 to {out.shape[0] - 1} are wanted, not {to[i]}")
         for i in range(self._n):
-            self.area_change[i] = cython.cast(cython.float, area_change[i])
+            single[i] = cython.cast(cython.float, area_change[i])
         self._interpolator.apply()
-        return np.array(self._height_row)
+        for i in range(row.shape[0]):
+            out[to[i]] = row[i]
 
     @cython.cfunc
     @cython.exceptval(check=False)

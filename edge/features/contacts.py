@@ -52,7 +52,7 @@ class ContactFinder:
         self._fitted = FittedContacts(surface, self._regions, params)
         self._pin_noise = PinNoise(surface.rest_img, surface.pitch_px)
         # The kernels' arrays.
-        self._blend = np.asarray(surface.field.blend)
+        self._blend, self._active = np.asarray(surface.field.blend), np.asarray(surface.field.active)
         self._elongation = np.asarray(self._regions.elongation)
         self._direction = np.asarray(self._regions.direction)
         self._placed, self._middle = np.asarray(self._place.place), np.asarray(self._regions.middle)
@@ -77,7 +77,7 @@ class ContactFinder:
         """
         params, regions, peaks = self._params, self._regions, self._peaks
         field_noise = self._surface.divergence_noise
-        peaks.set_field(self._blend)
+        peaks.set_field(self._blend, self._active, self._surface.field.n_active)
         if not peaks.find(field_noise, params.contact_sigma * sigma_px, params.min_area_change):
             self.forget()
             return ()

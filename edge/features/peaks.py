@@ -17,7 +17,7 @@ from __future__ import annotations
 import cython
 import numpy as np
 
-from edge.types import Heights, Mask
+from edge.types import Heights, Index, Mask
 
 #: The size of the tables of peaks.
 PEAKS_MAX = 24
@@ -26,11 +26,11 @@ _PEAKS_MAX = cython.declare(cython.Py_ssize_t, PEAKS_MAX)
 _NOTHING = cython.declare(cython.float, -np.inf)
 _LOWEST = cython.declare(cython.float, float(np.finfo(np.float32).min))
 # Marks of a point.
-_UNKNOWN = cython.declare(cython.int, 0)
-_SLOPE = cython.declare(cython.int, 1)
-_TOP = cython.declare(cython.int, 2)
-_PLATEAU = cython.declare(cython.int, 3)  # visited, not decided yet
-_REACHED = cython.declare(cython.int, 4)  # and upwards: reached from peak 0, 1, ...
+_UNKNOWN = cython.declare(cython.schar, 0)
+_SLOPE = cython.declare(cython.schar, 1)
+_TOP = cython.declare(cython.schar, 2)
+_PLATEAU = cython.declare(cython.schar, 3)  # visited, not decided yet
+_REACHED = cython.declare(cython.schar, 4)  # and upwards: reached from peak 0, 1, ...
 
 
 @cython.cclass
@@ -40,7 +40,8 @@ class PeakFinder:
     width    points of a padded row: point p lies in column place[p] % width, row place[p] // width
     place    (k,) int32, where in the padded grid each point lies
     grid     (h * width,) float32, the field, -inf outside
-    mark     (h * width,) int32, scratch
+    active   (k,) int32, the first n_active: points at which the field may be other than zero, ascending
+    mark     (h * width,) int8, scratch
     n_peaks  of the last field; at (PEAKS_MAX,) int32, place of each, highest first;
              point (PEAKS_MAX,) int32, which of the k points it is; height (PEAKS_MAX,) float32
 
@@ -50,13 +51,18 @@ class PeakFinder:
     width = cython.declare(cython.Py_ssize_t, visibility="readonly")
     place = cython.declare(cython.int[::1], visibility="readonly")
     grid = cython.declare(cython.float[::1], visibility="readonly")
-    mark = cython.declare(cython.int[::1], visibility="readonly")
+    active = cython.declare(cython.int[::1], visibility="readonly")
+    n_active = cython.declare(cython.Py_ssize_t, visibility="readonly")
+    mark = cython.declare(cython.schar[::1], visibility="readonly")
     n_peaks = cython.declare(cython.Py_ssize_t, visibility="readonly")
     at = cython.declare(cython.int[::1], visibility="readonly")
     point = cython.declare(cython.int[::1], visibility="readonly")
     height = cython.declare(cython.float[::1], visibility="readonly")
     _field: cython.const[cython.float][::1]  # given last
     _field_array: object  # the same memory
+    _given_active: cython.const[cython.int][::1]
+    _active_array: object
+    _all_points: Index
     _noise: cython.const[cython.float][::1]
     _noise_array: object
     _around: cython.int[::1]  # (8,) from a place to its neighbours
@@ -67,26 +73,50 @@ class PeakFinder:
         self.width = padded.shape[1]
         self.place = np.flatnonzero(padded).astype(np.int32)
         self.grid = np.full(padded.size, -np.inf, np.float32)
-        self.mark, self._stack = np.zeros(padded.size, np.int32), np.empty(padded.size, np.int32)
+        self.mark, self._stack = np.zeros(padded.size, np.int8), np.empty(padded.size, np.int32)
+        self.active = np.arange(len(self.place), dtype=np.int32)
+        self.n_active = len(self.place)  # of no field yet: its first one is written everywhere
         self.at, self.point = np.zeros(PEAKS_MAX, np.int32), np.zeros(PEAKS_MAX, np.int32)
         self.height = np.zeros(PEAKS_MAX, np.float32)
-        self._field_array = self._noise_array = None
+        self._field_array = self._noise_array = self._active_array = None
+        self._all_points = np.arange(len(self.place), dtype=np.int32)
         self.n_peaks = 0
         w = self.width
         self._around = np.array([-w - 1, -w, -w + 1, -1, 1, w - 1, w, w + 1], np.int32)
 
-    def set_field(self, field: Heights) -> None:
-        """The field (k,) float32 at the points, row by row. Raises ValueError: another number of points."""
+    def set_field(self, field: Heights, active: Index | None = None, n_active: cython.Py_ssize_t = 0) -> None:
+        """The field (k,) float32 at the points, row by row.
+
+        active   (n_active or more,) int32, points, ascending; elsewhere the field is zero. None: nowhere
+        Raises   ValueError: another number of points, no such point
+        """
+        i: cython.Py_ssize_t
         p: cython.Py_ssize_t
+        k: cython.Py_ssize_t = self.place.shape[0]
         if field is not self._field_array:
             self._field = self._field_array = field
-        if self._field.shape[0] != self.place.shape[0]:
-            raise ValueError(f"field ({self.place.shape[0]},) is wanted")
+        if active is None:
+            n_active = k
+        which: Index = self._all_points if active is None else active
+        if which is not self._active_array:
+            self._given_active = self._active_array = which
+        if self._field.shape[0] != k or not 0 <= n_active <= min(self._given_active.shape[0], k):
+            raise ValueError(f"field ({k},) is wanted, and up to so many of its points")
         values: cython.const[cython.float][::1] = self._field
+        given: cython.const[cython.int][::1] = self._given_active
         place: cython.int[::1] = self.place
         grid: cython.float[::1] = self.grid
-        for p in range(place.shape[0]):
+        mine: cython.int[::1] = self.active
+        for i in range(n_active):
+            if not 0 <= given[i] < k:
+                raise ValueError(f"active: points of 0 to {k - 1} are wanted, not {given[i]}")
+        for i in range(self.n_active):
+            grid[place[mine[i]]] = 0.0
+        for i in range(n_active):
+            p = given[i]
+            mine[i] = given[i]
             grid[place[p]] = values[p]
+        self.n_active = n_active
 
     def mark_maxima(self) -> Mask:
         """(k,) bool, which points are regional maxima."""
@@ -94,7 +124,7 @@ class PeakFinder:
         return np.array([self._is_maximum(place) for place in self.place], np.bool_)
 
     def find(self, noise: Heights, noise_factor: cython.float, least: cython.float) -> cython.Py_ssize_t:
-        """Find the peaks above noise_factor times the noise at the point, and above `least`.
+        """Find the peaks above noise_factor times the noise at the point, and above `least`, which is above 0.
 
         noise    (k,) float32
         Returns  number of peaks, PEAKS_MAX at most
@@ -104,6 +134,7 @@ class PeakFinder:
             self._noise = self._noise_array = noise
         if self._noise.shape[0] != self.place.shape[0]:
             raise ValueError(f"noise ({self.place.shape[0]},) is wanted")
+        i: cython.Py_ssize_t
         p: cython.Py_ssize_t
         h: cython.float
         noises: cython.const[cython.float][::1] = self._noise
@@ -111,7 +142,8 @@ class PeakFinder:
         grid: cython.float[::1] = self.grid
         self.mark[:] = _UNKNOWN
         self.n_peaks = 0
-        for p in range(place.shape[0]):
+        for i in range(self.n_active):
+            p = self.active[i]
             h = grid[place[p]]
             # The height first: most points lie below the noise, and their neighbours need not be read.
             if h > least and h > noises[p] * noise_factor and self._is_maximum(place[p]):
@@ -130,7 +162,7 @@ class PeakFinder:
         d: cython.Py_ssize_t
         to: cython.int
         n: cython.Py_ssize_t = 1
-        reached: cython.int = _REACHED + cython.cast(cython.int, j)
+        reached: cython.schar = _REACHED + cython.cast(cython.schar, j)
         if level < _LOWEST:
             level = _LOWEST  # the border is -inf: no search may reach it
         self._stack[0] = self.at[j]
@@ -199,7 +231,7 @@ class PeakFinder:
         d: cython.Py_ssize_t
         n: cython.Py_ssize_t = 1
         to: cython.int
-        verdict: cython.int = _TOP
+        verdict: cython.schar = _TOP
         self._stack[0] = cython.cast(cython.int, start)
         self.mark[start] = _PLATEAU
         while i < n:

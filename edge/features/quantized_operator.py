@@ -3,7 +3,8 @@
 Idea: the surface's operators are constant, and their products are most of a frame's arithmetic. As 16-bit
 integers with one step a row they stream through the cache in half the time of single precision. Sums are
 exact; rounding adds an error of 1e-4 of the highest value, a tenth of the noise of an area. Weights of pins
-far away round to zero: of columns of pins that lie together, whole blocks are left out.
+far away are small: of columns of pins that lie together, each row leaves out the smallest blocks, as many as
+add no more to its error than rounding does.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -19,9 +20,9 @@ from numpy.typing import NDArray
 from edge.types import Array, Index
 
 if cython.compiled:
-    from cython.cimports.edge.features.row_products import all_rows, some_rows
+    from cython.cimports.edge.features.row_products import row_products
 else:
-    from edge.features.row_products import all_rows, some_rows
+    from edge.features.row_products import row_products
 
 #: Largest weight, and largest value of a vector, in steps.
 _WEIGHT_MAX = 32767.0
@@ -31,10 +32,10 @@ _ROW_MAX = 65000.0
 #: Adding and subtracting it rounds a single-precision number below 2**22 to the nearest integer, ties to
 #: even.
 _ROUND = cython.declare(cython.float, 1.5 * 2.0**23)
-#: Columns that are kept or left out together, for the vector units, ...
+#: Columns that are kept or left out together, for the vector units.
 BLOCK = 16
-#: ... by this many rows, whose products are formed together.
-_GROUP = 4
+#: Numbers of 16 bits in a line of the cache.
+_LINE = 32
 
 
 @cython.final
@@ -44,7 +45,6 @@ class QuantizedOperator:
 
     values   (m,) float32, finite; to be written before `quantize`
     result   (k,) float32; of `apply` or `apply_rows`
-    step     float32, of the quantized values
     """
 
     def __init__(self, matrix: Array, order: Index | None = None) -> None:
@@ -63,18 +63,14 @@ class QuantizedOperator:
         step = np.where(least > 0.0, least, 1.0)
         self._weights, self._start, self._block = _in_blocks(matrix[:, columns], step)
         self._order, self._row_step = columns.astype(np.int32), step.astype(np.float32)
-        self._vector, self._taken = np.zeros((2, -(-m // BLOCK) * BLOCK), np.int16)
-        self._sums = np.empty(-(-k // _GROUP) * _GROUP, np.int32)
-        self._step = 0.0
+        self._vector = _aligned(np.zeros(-(-m // BLOCK) * BLOCK))
+        self._sums, self._all = np.empty(k, np.int32), np.arange(k, dtype=np.int32)
         self.values = np.zeros(m, np.float32)
         self.result = np.empty(k, np.float32)
 
     def apply(self) -> cython.void:
         """`result`: the matrix times `values`."""
-        with cython.nogil:
-            self._quantize()
-            all_rows(self._weights, self._start, self._block, self._vector, self._taken, self._sums)
-            self._scale(self._row_step.shape[0])
+        self._multiply(self._all, self._all.shape[0])
 
     def apply_rows(self, which: cython.const[cython.int][::1], n: cython.Py_ssize_t) -> cython.void:
         """The first n of `result`: the first n of these rows times `values`.
@@ -89,45 +85,57 @@ class QuantizedOperator:
         for p in range(n):
             if which[p] < 0 or which[p] >= k:
                 raise ValueError(f"which: rows of 0 to {k - 1} are wanted, not {which[p]}")
-        with cython.nogil:
-            self._quantize()
-            some_rows(
-                self._weights, self._start, self._block, which, n, self._vector, self._taken, self._sums
-            )
-        for p in range(n):
-            self.result[p] = cython.cast(cython.float, self._sums[p]) * self._row_step[which[p]] * self._step
+        self._multiply(which, n)
 
-    def _quantize(self) -> cython.void:
+    def _multiply(self, which: cython.const[cython.int][::1], n: cython.Py_ssize_t) -> cython.void:
+        p: cython.Py_ssize_t
+        step: cython.float = self._quantize()
+        sums: cython.int[::1] = self._sums
+        row_step: cython.float[::1] = self._row_step
+        result: cython.float[::1] = self.result
+        row_products(self._weights, self._start, self._block, which, n, self._vector, sums)
+        for p in range(n):
+            result[p] = cython.cast(cython.float, sums[p]) * row_step[which[p]] * step
+
+    def _quantize(self) -> cython.float:
+        """The values in whole steps; returns the step."""
         i: cython.Py_ssize_t
         size: cython.float
         highest: cython.float = 0.0
-        for i in range(self.values.shape[0]):
-            size = abs(self.values[i])
-            if size > highest:
-                highest = size
+        values: cython.float[::1] = self.values
+        order: cython.int[::1] = self._order
+        vector: cython.short[::1] = self._vector
+        for i in range(values.shape[0]):
+            highest = max(highest, abs(values[i]))
         scale: cython.float = _VALUE_MAX / highest if highest > 0.0 else 0.0
-        for i in range(self.values.shape[0]):
-            size = self.values[self._order[i]] * scale + _ROUND
-            self._vector[i] = cython.cast(cython.short, size - _ROUND)
-        self._step = highest / _VALUE_MAX
-
-    def _scale(self, k: cython.Py_ssize_t) -> cython.void:
-        p: cython.Py_ssize_t
-        for p in range(k):
-            self.result[p] = cython.cast(cython.float, self._sums[p]) * self._row_step[p] * self._step
+        for i in range(values.shape[0]):
+            size = values[order[i]] * scale + _ROUND
+            vector[i] = cython.cast(cython.short, size - _ROUND)
+        return highest / _VALUE_MAX
 
 
 def _in_blocks(matrix: Array, step: Array) -> tuple[NDArray[np.int16], Index, NDArray[np.uint16]]:
-    """The rows of each group, in whole steps, without the blocks that are zero in all of them, group after
-    group; where the blocks of each group begin in the next, and the end of the last; which these are.
+    """The blocks of each row that are kept, in whole steps, row after row; where those of each row begin in
+    the next, and the end of the last; which these are.
     """
-    groups = -(-len(matrix) // _GROUP)
-    rows = np.zeros((groups * _GROUP, -(-matrix.shape[1] // BLOCK) * BLOCK), np.int16)
-    for row, weights, unit in zip(rows, matrix, step, strict=False):
-        row[: len(weights)] = np.rint(weights / unit)
-    blocks = rows.reshape(groups, _GROUP, -1, BLOCK)
-    kept = (blocks != 0).any(axis=(1, 3))
-    kept[~kept.any(axis=1), 0] = True
+    k, m = matrix.shape
+    whole = np.zeros((k, -(-m // BLOCK) * BLOCK))
+    whole[:, :m] = matrix / step[:, None]
+    blocks = whole.reshape(k, -1, BLOCK)
+    size2 = (blocks**2).sum(axis=2)
+    smallest = np.argsort(size2, axis=1)
+    left_out = np.cumsum(np.take_along_axis(size2, smallest, axis=1), axis=1) <= m / 12.0
+    left_out[:, -1] = False  # a row has one block at least
+    kept = np.empty_like(left_out)
+    np.put_along_axis(kept, smallest, ~left_out, axis=1)
     start = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
-    weights = np.concatenate([group[:, of].ravel() for group, of in zip(blocks, kept, strict=True)])
-    return weights, start.astype(np.int32), np.nonzero(kept)[1].astype(np.uint16)
+    weights, block = np.rint(blocks[kept]).ravel(), np.nonzero(kept)[1]
+    return _aligned(weights), start.astype(np.int32), block.astype(np.uint16)
+
+
+def _aligned(numbers: Array) -> NDArray[np.int16]:
+    """As int16 from the beginning of a line of the cache, so that no block lies in two."""
+    room = np.empty(len(numbers) + _LINE, np.int16)
+    first = -(room.ctypes.data // room.itemsize) % _LINE
+    room[first : first + len(numbers)] = numbers
+    return room[first : first + len(numbers)]

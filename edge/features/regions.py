@@ -48,7 +48,6 @@ class Regions:
     semi_axis    (CONTACTS_MAX,) float64 px, the long one
     elongation   (CONTACTS_MAX,) float64, long over short axis
     direction    (CONTACTS_MAX,) float64 rad, of the long axis, from x towards y
-    owner        (padded grid,) int32, contact that a point belongs to, -1: none
     x0, y0, step_px  place of the padded grid's first column and row, and the distance of its points
 
     peaks        of the field
@@ -60,7 +59,6 @@ class Regions:
     semi_axis = cython.declare(cython.double[::1], visibility="readonly")
     elongation = cython.declare(cython.double[::1], visibility="readonly")
     direction = cython.declare(cython.double[::1], visibility="readonly")
-    owner = cython.declare(cython.int[::1], visibility="readonly")
     x0 = cython.declare(cython.double, visibility="readonly")
     y0 = cython.declare(cython.double, visibility="readonly")
     step_px = cython.declare(cython.double, visibility="readonly")
@@ -82,8 +80,9 @@ class Regions:
     _found_height: cython.float[::1]
     _grid: cython.float[::1]
     _place: cython.int[::1]
-    _column: cython.int[::1]  # of each place in the padded grid
-    _row: cython.int[::1]
+    _active: cython.int[::1]
+    _column: cython.short[::1]  # of each place in the padded grid
+    _row: cython.short[::1]
     _shallow_rel: cython.double
     _min_prominence_sigma: cython.double
 
@@ -103,9 +102,9 @@ class Regions:
         self._ridge_array = self._ridge = np.empty((table, 2))
         self._peaks = peaks
         self._found_at, self._found_point, self._found_height = peaks.at, peaks.point, peaks.height
-        self._grid, self._place, self.owner = peaks.grid, peaks.place, peaks.mark
+        self._grid, self._place, self._active = peaks.grid, peaks.place, peaks.active
         row, column = np.divmod(np.arange(len(peaks.grid), dtype=np.int32), peaks.width)
-        self._row, self._column = row.astype(np.int32), column.astype(np.int32)
+        self._row, self._column = row.astype(np.int16), column.astype(np.int16)
         self.x0, self.y0, self.step_px = x0 - step_px, y0 - step_px, step_px
         self._shallow_rel = params.shallow_rel
         self._min_prominence_sigma = 2.0 * params.contact_sigma
@@ -332,8 +331,9 @@ class Regions:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _collect(self) -> cython.void:
-        """Owner of each point, and sums over each region, weighted by the height above its edge."""
+        """Sums over each region's active points, weighted by the height above its edge."""
         i: cython.Py_ssize_t
+        k: cython.Py_ssize_t
         p: cython.Py_ssize_t
         at: cython.Py_ssize_t
         h: cython.float
@@ -349,16 +349,14 @@ class Regions:
             self._n_points[i] = 0
             for p in range(6):
                 self._sums[i, p] = 0.0
-        for p in range(self._place.shape[0]):
-            at = self._place[p]
+        for k in range(self._peaks.n_active):
+            at = self._place[self._active[k]]
             h = self._grid[at]
-            self.owner[at] = _NONE
             if not h > lowest:
                 continue
             i = self._contact[self._nearest(at)]
             if i < 0 or not h > self._level[i]:
                 continue
-            self.owner[at] = cython.cast(cython.int, i)
             w = cython.cast(cython.double, h - self._level[i])
             x = self._column[at]
             y = self._row[at]

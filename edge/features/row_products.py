@@ -13,35 +13,23 @@ from edge.types import Index
 Shorts = NDArray[np.int16]
 
 
-def all_rows(
-    weights: Shorts, start: Index, block: NDArray[np.uint16], vector: Shorts, taken: Shorts, sums: Index
-) -> None:
-    """Products of all rows.
-
-    weights  of groups of four rows, of their rows, of the group's blocks of 16 columns
-    start    (groups + 1,) where the blocks of each group begin in the next
-    block    which of a row's blocks they are
-    vector   (columns,)
-    taken    (columns,), scratch
-    sums     (4 groups,), written
-    """
-    some_rows(weights, start, block, np.arange(len(sums), dtype=np.int32), len(sums), vector, taken, sums)
-
-
-def some_rows(
+def row_products(
     weights: Shorts,
     start: Index,
     block: NDArray[np.uint16],
     which: Index,
     n: int,
     vector: Shorts,
-    taken: Shorts,
     sums: Index,
 ) -> None:
-    """Those of the first n rows that `which` names, into the first n of sums."""
-    blocks = vector.reshape(-1, 16).astype(np.int32)
+    """Products of the first n rows that `which` names, into the first n of sums.
+
+    weights  of each row's blocks of 16 columns, row after row
+    start    (rows + 1,) where the blocks of each row begin in the next
+    block    which of the columns' blocks they are
+    vector   (columns,)
+    """
+    rows, columns = weights.reshape(-1, 16).astype(np.int32), vector.reshape(-1, 16).astype(np.int32)
     for p in range(n):
-        group, row = divmod(int(which[p]), 4)
-        begin, end = start[group], start[group + 1]
-        rows = weights[64 * begin : 64 * end].reshape(4, -1, 16)
-        sums[p] = (rows[row] * blocks[block[begin:end]]).sum()
+        of_row = slice(start[which[p]], start[which[p] + 1])
+        sums[p] = (rows[of_row] * columns[block[of_row]]).sum()

@@ -55,7 +55,8 @@ class Surface:
         self.step_px = float(line[1] - line[0])
         self.x_img, self.y_img = line + pattern.centre_img[0], line + pattern.centre_img[1]
         self.inside: Mask = line[None, :] ** 2 + line[:, None] ** 2 <= radius * radius
-        self._flat = np.flatnonzero(self.inside)
+        self._flat = np.flatnonzero(self.inside).astype(np.int32)
+        self._blank = np.full(size * size, np.nan)
         self.index = np.full((size, size), -1, dtype=np.intp)
         self.index[self.inside] = np.arange(len(self._flat))
         self.points_img = np.column_stack([self.x_img[self._flat % size], self.y_img[self._flat // size]])
@@ -67,6 +68,6 @@ class Surface:
 
     def picture(self, area_change: Array) -> Array:
         """The surface through area changes (n,), finite: (g, g) float64, NaN beyond the circle; new."""
-        grid = np.full(self.size * self.size, np.nan)
-        grid[self._flat] = self.field.whole_surface(area_change)
+        grid = self._blank.copy()
+        self.field.write_surface(area_change, self._flat, grid)
         return grid.reshape(self.size, self.size)

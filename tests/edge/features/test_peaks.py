@@ -101,7 +101,34 @@ def test_no_level_lets_a_search_leave_the_grid() -> None:
     assert not np.asarray(finder.mark).reshape(5, 6)[0].any()
 
 
+def test_the_field_is_zero_beyond_the_active_points() -> None:
+    finder = PeakFinder(np.ones((3, 4), bool))
+    field = np.arange(1.0, 13.0, dtype=np.float32)
+    finder.set_field(field)
+    for active in ([2, 5, 11], [0, 5], []):
+        which = np.array([*active, 7], np.int32)
+        finder.set_field(field, which, len(active))
+        expected = np.zeros(12, np.float32)
+        expected[active] = field[active]
+        np.testing.assert_array_equal(np.asarray(finder.grid)[np.asarray(finder.place)], expected)
+        found = finder.find(np.zeros(12, np.float32), 0.0, 0.5)
+        high = local_maxima(expected.reshape(3, 4)) & (expected.reshape(3, 4) > 0.0)
+        assert found == np.count_nonzero(high)
+        np.testing.assert_array_equal(np.sort(np.asarray(finder.point)[:found]), np.flatnonzero(high))
+
+
 def test_arrays_that_do_not_fit_are_refused() -> None:
+    finder = PeakFinder(np.ones((4, 5), np.bool_))
+    field, which = np.zeros(20, np.float32), np.zeros(3, np.int32)
+    for n in (-1, 4, 21):
+        with pytest.raises(ValueError, match="wanted"):
+            finder.set_field(field, which, n)
+    for point in (-1, 20):
+        with pytest.raises(ValueError, match="points"):
+            finder.set_field(field, np.array([3, point], np.int32), 2)
+
+
+def test_fields_that_do_not_fit_are_refused() -> None:
     finder = PeakFinder(np.ones((4, 5), np.bool_))
     for n in (0, 19, 21):
         with pytest.raises(ValueError, match="wanted"):

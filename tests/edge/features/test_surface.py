@@ -26,6 +26,11 @@ def divergence(surface: Surface, xy: Array) -> Array:
     return np.array(surface.field.divergence)
 
 
+def heights_at(surface: Surface, area_change: Array) -> Array:
+    """At all points."""
+    return np.asarray(surface.picture(area_change)[surface.inside])
+
+
 @pytest.mark.parametrize("pins", [127, 331])
 def test_a_smooth_bump_is_interpolated_as_well_as_by_clough_tocher(pins: int) -> None:
     """A bump two pitches wide: both interpolants meet the truth."""
@@ -35,7 +40,7 @@ def test_a_smooth_bump_is_interpolated_as_well_as_by_clough_tocher(pins: int) ->
     values = bump(rest.xy_img, at, width)
     truth = bump(surface.points_img, at, width)
     inner = np.hypot(*(surface.points_img - CENTRE).T) < 0.8 * rest.pattern.tip_radius_px
-    ours = np.abs(surface.field.whole_surface(values) - truth)[inner]
+    ours = np.abs(heights_at(surface, values) - truth)[inner]
     cubic = np.abs(CloughTocher2DInterpolator(rest.xy_img, values)(surface.points_img) - truth)[inner]
     # 0.1 % of the bump's height, which is less than one sigma of noise in any single cell.
     assert np.sqrt((ours**2).mean()) < 1e-3
@@ -71,7 +76,7 @@ def test_sixteen_bits_are_enough() -> None:
     )
     change = 0.3 * bump(rest.xy_img, CENTRE, 40.0)
     heights = value @ change
-    np.testing.assert_allclose(surface.field.whole_surface(change), heights, atol=2e-4 * heights.max())
+    np.testing.assert_allclose(heights_at(surface, change), heights, atol=2e-4 * heights.max())
 
 
 def test_a_picture_is_laid_out_row_by_row() -> None:
@@ -91,7 +96,7 @@ def test_the_field_is_a_blend_near_increased_areas() -> None:
     area_change = rest.xy_img[change > PARAMS.min_area_change]
     near = np.hypot(*(surface.points_img[:, None] - area_change).transpose(2, 0, 1)).min(axis=1)
     near = near <= rest.pattern.pitch_px
-    whole = surface.field.whole_surface(change), divergence(surface, xy)
+    whole = heights_at(surface, change), divergence(surface, xy)
     field.find(np.ones(331), xy)  # the result does not depend on the frame before
     field.find(change, xy)
     np.testing.assert_array_equal(np.asarray(field.active)[: field.n_active], np.flatnonzero(near))
@@ -111,7 +116,12 @@ def test_sizes_that_do_not_fit_are_refused() -> None:
         with pytest.raises(ValueError, match="wanted"):
             field.find(change, xy)
     with pytest.raises(ValueError, match="wanted"):
-        field.whole_surface(np.zeros(128))
+        field.write_surface(np.zeros(128), np.zeros(len(field.points), np.int32), np.zeros(9))
+    with pytest.raises(ValueError, match="wanted"):
+        field.write_surface(np.zeros(127), np.zeros(len(field.points) - 1, np.int32), np.zeros(9))
+    for place in (-1, 9):
+        with pytest.raises(ValueError, match="places"):
+            field.write_surface(np.zeros(127), np.full(len(field.points), place, np.int32), np.zeros(9))
     for heights, divergences in (((9, 126), (9, 254)), ((9, 127), (9, 253)), ((9, 127), (8, 254))):
         with pytest.raises(ValueError, match="wanted"):
             ContactField(rest.xy_img, 32.0, np.ones((9, 2)), np.ones(heights), np.ones(divergences))
