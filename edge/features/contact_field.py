@@ -43,7 +43,7 @@ _NOTHING = cython.declare(cython.float, -np.inf)
 class ContactField:
     """Fields of one frame of one tip; n pins, k points of the grid. All arrays are good until the next frame.
 
-    area_change       (n,) float32, of the last `find`
+    area_change       (n,) float32, as set last
     active            (k,) int32, the first n_active: points at which the fields are computed, ascending
     heights           (k,) float32, the surface through the area changes; zero where not active
     detrended         (2 n,) float32 px, the motion less its plane
@@ -76,6 +76,9 @@ class ContactField:
     _height_row: cython.float[::1]  # results of the operators' rows
     _divergence_row: cython.float[::1]
     _curl_array: object  # the same memory
+    _is_whole: cython.bint  # the first is of all points, not of the active ones
+    _at: cython.const[cython.int][::1]  # given last
+    _at_array: object  # the same memory
     _near: cython.int[::1]  # points near each pin, pin after pin
     _near_start: cython.int[::1]  # (n + 1,)
     _is_active: cython.uchar[::1]  # (k,)
@@ -109,7 +112,8 @@ class ContactField:
         self._divergences = QuantizedOperator(divergences, (2 * near_both[:, None] + [0, 1]).ravel())
         self.area_change, self._height_row = self._interpolator.values, self._interpolator.result
         self.detrended, self._divergence_row = self._divergences.values, self._divergences.result
-        self._curl_array = self._divergences.result
+        self._curl_array, self._at_array = self._divergences.result, None
+        self._is_whole = False
         self.heights, self.divergence = np.zeros(k, np.float32), np.zeros(k, np.float32)
         self.blend = np.zeros(k, np.float32)
         self.active, self.n_active = np.zeros(k, np.int32), 0
@@ -122,31 +126,45 @@ class ContactField:
         self._divergence_rel, self._heights_rel = params.divergence_rel, 1.0 - params.divergence_rel
         self._sum_gram()
 
-    def find(self, area_change: Array, xy: Array) -> None:
-        """All fields of a frame.
-
-        area_change  (n,) float64, relative; finite
-        xy           (n, 2) float64 px, where the pins are; finite
-        Raises       ValueError: sizes that do not fit
-        """
+    def set_area_change(self, area_change: Array) -> None:
+        """The area changes of a frame, (n,) float64, relative; finite. Raises ValueError: another number."""
         given: cython.const[cython.double][::1] = self._change_view.of(area_change)
-        at: cython.const[cython.double][:, ::1] = self._xy_view.of(xy)
-        if given.shape[0] != self._n or at.shape[0] != self._n or at.shape[1] != 2:
-            raise ValueError(f"area_change ({self._n},) and xy ({self._n}, 2) are wanted")
+        if given.shape[0] != self._n:
+            raise ValueError(f"area_change ({self._n},) is wanted")
         i: cython.Py_ssize_t
-        p: cython.Py_ssize_t
         single: cython.float[::1] = self.area_change
         for i in range(self._n):
             single[i] = cython.cast(cython.float, given[i])
+        self._is_whole = False
+
+    def find(self, xy: Array) -> None:
+        """All fields of the frame whose area changes were set.
+
+        xy       (n, 2) float64 px, where the pins are; finite
+        Raises   ValueError: sizes that do not fit
+        """
+        at: cython.const[cython.double][:, ::1] = self._xy_view.of(xy)
+        if at.shape[0] != self._n or at.shape[1] != 2:
+            raise ValueError(f"xy ({self._n}, 2) is wanted")
+        i: cython.Py_ssize_t
+        p: cython.Py_ssize_t
+        active: cython.int[::1] = self.active
+        height_row: cython.float[::1] = self._height_row
+        divergence_row: cython.float[::1] = self._divergence_row
+        heights: cython.float[::1] = self.heights
+        divergence: cython.float[::1] = self.divergence
+        blend: cython.float[::1] = self.blend
+        is_whole: cython.bint = self._is_whole
         self._find_active()
         self._detrend(at)
-        self._interpolator.apply_rows(self.active, self.n_active)
-        self._divergences.apply_rows(self.active, self.n_active)
+        if not is_whole:
+            self._interpolator.apply_rows(active, self.n_active)
+        self._divergences.apply_rows(active, self.n_active)
         for i in range(self.n_active):
-            p = self.active[i]
-            self.heights[p] = self._height_row[i]
-            self.divergence[p] = self._divergence_row[i] + self.plane_divergence
-            self.blend[p] = self._divergence_rel * self.divergence[p] + self._heights_rel * self.heights[p]
+            p = active[i]
+            heights[p] = height_row[p if is_whole else i]
+            divergence[p] = divergence_row[i] + self.plane_divergence
+            blend[p] = self._divergence_rel * divergence[p] + self._heights_rel * heights[p]
 
     def curl(self, which: cython.const[cython.int][::1], n: cython.Py_ssize_t) -> object:
         """(n or more,) float32, rotation of the motion at the first n of these points, per length; good until
@@ -173,26 +191,25 @@ class ContactField:
             result[i] += self.plane_curl
         return self._curl_array
 
-    def write_surface(
-        self, area_change: cython.const[cython.double][::1], at: Index, out: cython.double[::1]
-    ) -> None:
-        """The surface through area changes (n,) at all points, for a picture: each into `out` at its place.
+    def write_surface(self, at: Index, out: cython.double[::1]) -> None:
+        """The surface through the frame's area changes at all points, for a picture: each into `out` at its
+        place.
 
         at, out  (k,) int32 and (any,) float64
         Raises   ValueError: sizes that do not fit, a place beyond
         """
         i: cython.Py_ssize_t
-        to: cython.const[cython.int][::1] = at
-        single: cython.float[::1] = self.area_change
+        if at is not self._at_array:
+            self._at = self._at_array = at
+        to: cython.const[cython.int][::1] = self._at
         row: cython.float[::1] = self._height_row
-        if area_change.shape[0] != self._n or to.shape[0] != row.shape[0]:
-            raise ValueError(f"area_change ({self._n},) and at ({row.shape[0]},) are wanted")
+        if to.shape[0] != row.shape[0]:
+            raise ValueError(f"at ({row.shape[0]},) is wanted")
         for i in range(to.shape[0]):
             if not 0 <= to[i] < out.shape[0]:
                 raise ValueError(f"at: places of 0 to {out.shape[0] - 1} are wanted, not {to[i]}")
-        for i in range(self._n):
-            single[i] = cython.cast(cython.float, area_change[i])
         self._interpolator.apply()
+        self._is_whole = True
         for i in range(row.shape[0]):
             out[to[i]] = row[i]
 

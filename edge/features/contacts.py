@@ -81,7 +81,8 @@ class ContactFinder:
         if not peaks.find(field_noise, params.contact_sigma * sigma_px, params.min_area_change):
             self.forget()
             return ()
-        regions.merge(field_noise, self._pin_noise_px(xy_img, seen, sigma_px) if peaks.n_peaks > 1 else 0.0)
+        if regions.merge(field_noise, 0.0) > 1:  # otherwise the noise of the pins changes nothing
+            regions.merge(field_noise, self._pin_noise_px(xy_img, seen, sigma_px))
         if regions.n_contacts > 1:
             self._place.drop_guesses(seen)
         self._fitted.begin()

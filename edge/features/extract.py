@@ -263,11 +263,15 @@ class FeatureExtractor:
         if plan.volume:
             threshold = largest_noise(len(seen)) * self._detector.cell_noise(sigma_px)
             given["volume_px2"] = changes.volume(threshold)
+        if not (plan.surface or plan.contacts):
+            return
+        surface = self.surface
+        surface.field.set_area_change(self._changes)
         if plan.surface:
-            given["surface"] = self.surface.picture(self._changes)
-            given["grid_img"] = (self.surface.x_img, self.surface.y_img)
+            given["surface"] = surface.picture()
+            given["grid_img"] = surface.x_img, surface.y_img
         if plan.contacts:
-            self.surface.field.find(self._changes, xy_img)
+            surface.field.find(xy_img)
             given["contacts"] = self.finder.find(xy_img, seen, sigma_px, moments=moments, fits=fits)
 
     def _add_contact_motion(

@@ -65,6 +65,7 @@ class PeakFinder:
     _all_points: Index
     _noise: cython.const[cython.float][::1]
     _noise_array: object
+    _level: cython.float[::1]  # at which `is_connected` searched from each peak
     _around: cython.int[::1]  # (8,) from a place to its neighbours
     _stack: cython.int[::1]
 
@@ -77,7 +78,7 @@ class PeakFinder:
         self.active = np.arange(len(self.place), dtype=np.int32)
         self.n_active = len(self.place)  # of no field yet: its first one is written everywhere
         self.at, self.point = np.zeros(PEAKS_MAX, np.int32), np.zeros(PEAKS_MAX, np.int32)
-        self.height = np.zeros(PEAKS_MAX, np.float32)
+        self.height, self._level = np.zeros(PEAKS_MAX, np.float32), np.zeros(PEAKS_MAX, np.float32)
         self._field_array = self._noise_array = self._active_array = None
         self._all_points = np.arange(len(self.place), dtype=np.int32)
         self.n_peaks = 0
@@ -156,30 +157,70 @@ class PeakFinder:
 
         Raises ValueError: no such peak
         """
+        i: cython.Py_ssize_t
+        self._must_be_peak(j)
+        self._search(j, level, False)
+        for i in range(j):
+            if self.mark[self.at[i]] == _REACHED + j:
+                return i
+        return j
+
+    def is_connected(self, j: cython.Py_ssize_t, level: cython.float) -> bool:
+        """Whether peak j is connected at or above a level with any peak before it; those have been asked
+        about since the last `find`. Sooner than `first_connected`: it ends where another search has been.
+
+        Raises ValueError: no such peak
+        """
+        self._must_be_peak(j)
+        self.mark[self.at[0]], self._level[0] = _REACHED, self.height[0]
+        return j > 0 and self._search(j, level, True)
+
+    @cython.cfunc
+    def _must_be_peak(self, j: cython.Py_ssize_t) -> cython.bint:
         if j < 0 or j >= self.n_peaks:
             raise ValueError(f"j: a peak of 0 to {self.n_peaks - 1} is wanted, not {j}")
-        i: cython.Py_ssize_t
+        return True
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _search(self, j: cython.Py_ssize_t, given: cython.float, soon: cython.bint) -> cython.bint:
+        """Mark what is connected with peak j at or above a level; soon: until a search from a peak before it
+        is met that was not below this level. Whether one was.
+        """
         d: cython.Py_ssize_t
         to: cython.int
+        i: cython.Py_ssize_t = 0
         n: cython.Py_ssize_t = 1
+        other: cython.Py_ssize_t
         reached: cython.schar = _REACHED + cython.cast(cython.schar, j)
-        if level < _LOWEST:
-            level = _LOWEST  # the border is -inf: no search may reach it
+        level: cython.float = (
+            _LOWEST if given < _LOWEST else given
+        )  # the border is -inf: no search reaches it
+        self._level[j] = level
         self._stack[0] = self.at[j]
         self.mark[self.at[j]] = reached
-        i = 0
         while i < n:
             for d in range(8):
                 to = self._stack[i] + self._around[d]
                 if self.grid[to] >= level and self.mark[to] != reached:
+                    other = self.mark[to] - _REACHED
+                    if soon and 0 <= other < j and (self._level[other] >= level or self._is_peak(to, j)):
+                        return True
                     self.mark[to] = reached
                     self._stack[n] = to
                     n += 1
             i += 1
-        for i in range(j):
-            if self.mark[self.at[i]] == reached:
-                return i
-        return j
+        return False
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _is_peak(self, place: cython.int, n: cython.Py_ssize_t) -> cython.bint:
+        """Whether one of the first n peaks lies there."""
+        i: cython.Py_ssize_t
+        for i in range(n):  # noqa: SIM110
+            if self.at[i] == place:
+                return True
+        return False
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -136,7 +136,10 @@ class Regions:
             if j > 0:
                 valley = pins * self._noise[self._found_point[j]]
                 depth = max(self._shallow_rel * self._height[j], valley)
-                first = self._peaks.first_connected(j, self._height[j] - depth)
+                if self.n_contacts > 1:
+                    first = self._peaks.first_connected(j, self._height[j] - depth)
+                elif self._peaks.is_connected(j, self._height[j] - depth):
+                    first = 0
             if depth > self._height[j]:
                 self._contact[j] = _NOISE
             elif first < j:

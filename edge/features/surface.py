@@ -66,8 +66,8 @@ class Surface:
         self.divergence_noise: Heights = np.sqrt((divergences**2).sum(axis=1)).astype(np.float32)
         self.field = ContactField(self.rest_img, self.pitch_px, self.points_img, value, divergences, params)
 
-    def picture(self, area_change: Array) -> Array:
-        """The surface through area changes (n,), finite: (g, g) float64, NaN beyond the circle; new."""
+    def picture(self) -> Array:
+        """The surface through the area changes set in `field`: (g, g) float64, NaN beyond the circle; new."""
         grid = self._blank.copy()
-        self.field.write_surface(area_change, self._flat, grid)
+        self.field.write_surface(self._flat, grid)
         return grid.reshape(self.size, self.size)

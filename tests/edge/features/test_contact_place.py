@@ -30,7 +30,8 @@ def find(
     surface: Surface, peaks: PeakFinder, regions: Regions, xy: Array, change: Array | None = None
 ) -> None:
     """Contacts of pins at xy, whose cells have grown by a tenth each or by `change`."""
-    surface.field.find(np.full(127, 0.1) if change is None else change, xy)
+    surface.field.set_area_change(np.full(127, 0.1) if change is None else change)
+    surface.field.find(xy)
     peaks.set_field(surface.field.divergence)
     peaks.find(surface.divergence_noise, 0.1, 0.01)
     regions.merge(surface.divergence_noise, 0.05)

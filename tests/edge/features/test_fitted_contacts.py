@@ -26,7 +26,8 @@ def contacts(
     xy = REST.xy_img + SCALE * (skin.along_mm - LEVER_MM * skin.slope) + noise
     tracks, cells = frame(REST, xy)
     surface = Surface(REST)
-    surface.field.find(cells.area_px2 / cells.rest_area_px2 - 1.0, xy)
+    surface.field.set_area_change(cells.area_px2 / cells.rest_area_px2 - 1.0)
+    surface.field.find(xy)
     seen = tracks.seen if lost is None else tracks.seen & ~lost
     return ContactFinder(surface).find(xy, seen, 0.04, fits=fits)
 

@@ -89,6 +89,27 @@ def test_peaks_are_connected_where_no_valley_goes_below_the_level() -> None:
             assert finder.first_connected(j, level) == int(np.argmax(component == component[j]))
 
 
+def test_a_peak_is_connected_with_one_before_it_or_not_however_it_is_asked() -> None:
+    rng = np.random.default_rng(4)
+    inside = disc(24)
+    finder = PeakFinder(inside)
+    answers = set()
+    for _ in range(20):
+        field = rng.normal(size=np.count_nonzero(inside)).astype(np.float32)
+        finder.set_field(field)
+        levels = [float(rng.uniform(-0.5, 1.5)) for _ in range(PEAKS_MAX)]  # also higher than one before
+        n = finder.find(np.zeros(len(field), np.float32), 0.0, -10.0)
+        soon = [finder.is_connected(j, min(levels[j], float(finder.height[j]))) for j in range(n)]
+        finder.find(np.zeros(len(field), np.float32), 0.0, -10.0)
+        whole = [finder.first_connected(j, min(levels[j], float(finder.height[j]))) < j for j in range(n)]
+        assert soon == whole
+        answers |= set(soon)
+    assert answers == {False, True}
+    for j in (-1, n):
+        with pytest.raises(ValueError, match="peak"):
+            finder.is_connected(j, 0.0)
+
+
 def test_no_level_lets_a_search_leave_the_grid() -> None:
     """The border is -inf: at a level of -inf the search ran over it, beyond the memory of the grid."""
     inside = np.ones((3, 4), bool)

@@ -22,13 +22,15 @@ def bump(xy: Array, at: Array, width: float) -> Array:
 
 def divergence(surface: Surface, xy: Array) -> Array:
     """At all points: without area changes all are active."""
-    surface.field.find(np.zeros(len(xy)), xy)
+    surface.field.set_area_change(np.zeros(len(xy)))
+    surface.field.find(xy)
     return np.array(surface.field.divergence)
 
 
 def heights_at(surface: Surface, area_change: Array) -> Array:
     """At all points."""
-    return np.asarray(surface.picture(area_change)[surface.inside])
+    surface.field.set_area_change(area_change)
+    return np.asarray(surface.picture()[surface.inside])
 
 
 @pytest.mark.parametrize("pins", [127, 331])
@@ -82,7 +84,8 @@ def test_sixteen_bits_are_enough() -> None:
 def test_a_picture_is_laid_out_row_by_row() -> None:
     rest = tip(331)
     surface = Surface(rest, 40)
-    grid = surface.picture(rest.xy_img[:, 0] - CENTRE[0])  # a plane, which the spline continues
+    surface.field.set_area_change(rest.xy_img[:, 0] - CENTRE[0])  # a plane, which the spline continues
+    grid = surface.picture()
     row, col = np.nonzero(surface.inside)
     np.testing.assert_allclose(grid[row, col], surface.x_img[col] - CENTRE[0], atol=0.2)
     assert np.isnan(grid[~surface.inside]).all()
@@ -97,8 +100,10 @@ def test_the_field_is_a_blend_near_increased_areas() -> None:
     near = np.hypot(*(surface.points_img[:, None] - area_change).transpose(2, 0, 1)).min(axis=1)
     near = near <= rest.pattern.pitch_px
     whole = heights_at(surface, change), divergence(surface, xy)
-    field.find(np.ones(331), xy)  # the result does not depend on the frame before
-    field.find(change, xy)
+    field.set_area_change(np.ones(331))
+    field.find(xy)  # the result does not depend on the frame before
+    field.set_area_change(change)
+    field.find(xy)
     np.testing.assert_array_equal(np.asarray(field.active)[: field.n_active], np.flatnonzero(near))
     assert 0 < field.n_active < len(near) // 2
     heights, divergences = (np.where(near, all_of_it, 0.0) for all_of_it in whole)
@@ -109,19 +114,37 @@ def test_the_field_is_a_blend_near_increased_areas() -> None:
     assert left_out.max() < 0.1 * np.max(field.blend)
 
 
+def test_a_picture_beside_the_fields_changes_nothing() -> None:
+    rest = tip(331)
+    surface, field = Surface(rest), Surface(rest).field
+    xy = rest.xy_img + push(rest, (20.0, -30.0), 30.0, 0.1)
+    change = 0.3 * bump(rest.xy_img, CENTRE + np.array([20.0, -30.0]), 30.0)
+    for each in (surface.field, field):
+        each.set_area_change(change)
+    picture = surface.picture()[surface.inside]
+    for each in (surface.field, field):
+        each.find(xy)
+    active = np.asarray(field.active)[: field.n_active]
+    np.testing.assert_array_equal(surface.field.heights, field.heights)
+    np.testing.assert_array_equal(surface.field.blend, field.blend)
+    np.testing.assert_array_equal(np.asarray(field.heights)[active], picture[active].astype(np.float32))
+
+
 def test_sizes_that_do_not_fit_are_refused() -> None:
     rest = tip(127)
     field = Surface(rest).field
-    for change, xy in ((np.zeros(126), rest.xy_img), (np.zeros(127), np.zeros((127, 3)))):
+    k = len(field.points)
+    for n in (0, 126, 128):
         with pytest.raises(ValueError, match="wanted"):
-            field.find(change, xy)
+            field.set_area_change(np.zeros(n))
+    for shape in ((126, 2), (127, 3)):
+        with pytest.raises(ValueError, match="wanted"):
+            field.find(np.zeros(shape))
     with pytest.raises(ValueError, match="wanted"):
-        field.write_surface(np.zeros(128), np.zeros(len(field.points), np.int32), np.zeros(9))
-    with pytest.raises(ValueError, match="wanted"):
-        field.write_surface(np.zeros(127), np.zeros(len(field.points) - 1, np.int32), np.zeros(9))
+        field.write_surface(np.zeros(k - 1, np.int32), np.zeros(9))
     for place in (-1, 9):
         with pytest.raises(ValueError, match="places"):
-            field.write_surface(np.zeros(127), np.full(len(field.points), place, np.int32), np.zeros(9))
+            field.write_surface(np.full(k, place, np.int32), np.zeros(9))
     for heights, divergences in (((9, 126), (9, 254)), ((9, 127), (9, 253)), ((9, 127), (8, 254))):
         with pytest.raises(ValueError, match="wanted"):
             ContactField(rest.xy_img, 32.0, np.ones((9, 2)), np.ones(heights), np.ones(divergences))
