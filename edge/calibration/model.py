@@ -22,6 +22,8 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import compress
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -213,11 +215,8 @@ class Calibration:
             names = self._frame.outputs
             values, sigmas = dict(zip(names, y, strict=True)), dict(zip(names, sigma, strict=True))
             if 1.0 in outside:
-                saturated = frozenset(
-                    name
-                    for name, out in zip(names, outside, strict=True)
-                    if out and math.isfinite(values[name])
-                )
+                is_outside = [out and isfinite(value) for out, value in zip(outside, y, strict=True)]
+                saturated = frozenset(compress(names, is_outside))
         else:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
         found = features.contacts if self._gives_contacts else None

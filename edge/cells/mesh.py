@@ -228,18 +228,21 @@ class Mesh:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _choose(self, corners: cython.int[:, ::1]) -> cython.Py_ssize_t:
+        """Each triangle is written, over the last one if that was not chosen: half of them are, at random."""
+        tail: cython.int[::1] = self.tail
+        n: cython.int = cython.cast(cython.int, self.n_pins)
+        bounded: cython.int = cython.cast(cython.int, self.n_bounded)
         chosen: cython.Py_ssize_t = 0
         t: cython.Py_ssize_t
         a: cython.int
         b: cython.int
         c: cython.int
         for t in range(self.n_triangles):
-            a, b, c = self.tail[3 * t], self.tail[3 * t + 1], self.tail[3 * t + 2]
-            if min(a, b, c) < self.n_pins and max(a, b, c) < self.n_bounded:
-                corners[chosen, 0] = a
-                corners[chosen, 1] = b
-                corners[chosen, 2] = c
-                chosen += 1
+            a, b, c = tail[3 * t], tail[3 * t + 1], tail[3 * t + 2]
+            corners[chosen, 0] = a
+            corners[chosen, 1] = b
+            corners[chosen, 2] = c
+            chosen += ((a < n) | (b < n) | (c < n)) & (a < bounded) & (b < bounded) & (c < bounded)
         return chosen
 
     def counts(self) -> tuple[int, int, int]:

@@ -46,7 +46,6 @@ class ContactField:
     area_change       (n,) float32, as set last
     active            (k,) int32, the first n_active: points at which the fields are computed, ascending
     heights           (k,) float32, the surface through the area changes; zero where not active
-    detrended         (2 n,) float32 px, the motion less its plane
     plane_divergence, plane_curl  floats, the plane's share of `divergence` and of the curl
     divergence        (k,) float32, relative change of area, to first order; zero where not active
     blend             (k,) float32, of both: the contact field
@@ -62,7 +61,6 @@ class ContactField:
     active = cython.declare(cython.int[::1], visibility="readonly")
     n_active = cython.declare(cython.Py_ssize_t, visibility="readonly")
     heights = cython.declare(cython.float[::1], visibility="readonly")
-    detrended = cython.declare(cython.float[::1], visibility="readonly")
     divergence = cython.declare(cython.float[::1], visibility="readonly")
     blend = cython.declare(cython.float[::1], visibility="readonly")
     plane_divergence = cython.declare(cython.float, visibility="readonly")
@@ -73,7 +71,11 @@ class ContactField:
     _n: cython.Py_ssize_t
     _interpolator: QuantizedOperator
     _divergences: QuantizedOperator
-    _height_row: cython.float[::1]  # results of the operators' rows
+    _column: cython.Py_ssize_t[::1]  # of each pin in the interpolator; and in the divergences that of its x
+    _column_both: cython.Py_ssize_t[::1]
+    _change_row: cython.float[::1]  # what the operators are multiplied with, in the order of their columns
+    _detrended: cython.float[::1]  # that is the motion less its plane, px
+    _height_row: cython.float[::1]  # results of their rows
     _divergence_row: cython.float[::1]
     _curl_array: object  # the same memory
     _is_whole: cython.bint  # the first is of all points, not of the active ones
@@ -108,10 +110,12 @@ class ContactField:
         self._n = n
         self._rest = np.ascontiguousarray(rest_xy, np.float64)
         near, near_both = _in_patches(rest_xy, BLOCK), _in_patches(rest_xy, BLOCK // 2)
-        self._interpolator = QuantizedOperator(interpolator, near)
-        self._divergences = QuantizedOperator(divergences, (2 * near_both[:, None] + [0, 1]).ravel())
-        self.area_change, self._height_row = self._interpolator.values, self._interpolator.result
-        self.detrended, self._divergence_row = self._divergences.values, self._divergences.result
+        self._column, self._column_both = np.argsort(near), 2 * np.argsort(near_both)
+        self._interpolator = QuantizedOperator(interpolator[:, near])
+        self._divergences = QuantizedOperator(divergences[:, (2 * near_both[:, None] + [0, 1]).ravel()])
+        self.area_change = np.zeros(n, np.float32)
+        self._change_row, self._height_row = self._interpolator.values, self._interpolator.result
+        self._detrended, self._divergence_row = self._divergences.values, self._divergences.result
         self._curl_array, self._at_array = self._divergences.result, None
         self._is_whole = False
         self.heights, self.divergence = np.zeros(k, np.float32), np.zeros(k, np.float32)
@@ -133,8 +137,11 @@ class ContactField:
             raise ValueError(f"area_change ({self._n},) is wanted")
         i: cython.Py_ssize_t
         single: cython.float[::1] = self.area_change
+        row: cython.float[::1] = self._change_row
+        column: cython.Py_ssize_t[::1] = self._column
         for i in range(self._n):
             single[i] = cython.cast(cython.float, given[i])
+            row[column[i]] = single[i]
         self._is_whole = False
 
     def find(self, xy: Array) -> None:
@@ -176,7 +183,7 @@ class ContactField:
         # With motion (u, v) the rows make du/dx + dv/dy; with (v, -u) they make dv/dx - du/dy.
         i: cython.Py_ssize_t
         u: cython.float
-        motion: cython.float[::1] = self.detrended
+        motion: cython.float[::1] = self._detrended
         result: cython.float[::1] = self._divergence_row
         for i in range(self._n):
             u = motion[2 * i]
@@ -269,7 +276,8 @@ class ContactField:
         """
         g: cython.double[:, ::1] = self._g
         rest: cython.const[cython.double][:, ::1] = self._rest
-        detrended: cython.float[::1] = self.detrended
+        detrended: cython.float[::1] = self._detrended
+        column: cython.Py_ssize_t[::1] = self._column_both
         i: cython.Py_ssize_t
         x: cython.double
         y: cython.double
@@ -304,8 +312,8 @@ class ContactField:
             y = rest[i, 1] - rest[0, 1]
             dx = xy[i, 0] - rest[i, 0]
             dy = xy[i, 1] - rest[i, 1]
-            detrended[2 * i] = dx - x0 - xx * x - xy_ * y
-            detrended[2 * i + 1] = dy - y0 - yx * x - yy * y
+            detrended[column[i]] = dx - x0 - xx * x - xy_ * y
+            detrended[column[i] + 1] = dy - y0 - yx * x - yy * y
         self.plane_divergence = xx + yy
         self.plane_curl = yx - xy_
 

@@ -10,7 +10,7 @@ real valley between them are one contact.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -53,8 +53,9 @@ class ContactFinder:
         self._pin_noise = PinNoise(surface.rest_img, surface.pitch_px)
         # The kernels' arrays.
         self._blend, self._active = np.asarray(surface.field.blend), np.asarray(surface.field.active)
-        self._elongation = np.asarray(self._regions.elongation)
-        self._direction = np.asarray(self._regions.direction)
+        # In their `data` numbers are read in a fifth of the time.
+        self._elongation: Any = np.asarray(self._regions.elongation).data
+        self._direction: Any = np.asarray(self._regions.direction).data
         self._placed, self._middle = np.asarray(self._place.place), np.asarray(self._regions.middle)
         self._divergence_moment = np.asarray(self._place.divergence_moment)
         self._curl_moment = np.asarray(self._place.curl_moment)
@@ -95,23 +96,25 @@ class ContactFinder:
         if moments:
             self._place.find_moments()
         fitted = self._fitted.fit(xy_img, seen) if regions.n_contacts >= fits else []
-        contacts = [self._describe(i, moments, fitted) for i in range(regions.n_contacts)]
-        if direction == direction:
-            contacts[0] = replace(contacts[0], orientation_rad=direction)
-        return tuple(contacts)
+        directions = [direction] + [math.nan] * (regions.n_contacts - 1)
+        return tuple([self._describe(i, known, moments, fitted) for i, known in enumerate(directions)])
 
     def _pin_noise_px(self, xy_img: Array, seen: Mask, sigma_px: float) -> float:
         """Noise of a pin, from its neighbours in this frame and from rest."""
         return math.hypot(self._pin_noise.sigma_px(xy_img, seen), sigma_px)
 
-    def _describe(self, i: int, moments: bool, fitted: list[FittedContact]) -> ContactRegion:
-        elongation = float(self._elongation[i])
-        oriented = elongation >= self._params.min_oriented_elongation
+    def _describe(
+        self, i: int, direction: float, moments: bool, fitted: list[FittedContact]
+    ) -> ContactRegion:
+        """Contact i, whose direction is known from a fit, or NaN."""
+        elongation = self._elongation[i]
+        if math.isnan(direction) and elongation >= self._params.min_oriented_elongation:
+            direction = self._direction[i]
         return ContactRegion(
             xy_img=self._placed[i].copy(),
             peak=self._regions.peak_height(i),
             area_px2=self._regions.area_px2(i),
-            orientation_rad=float(self._direction[i]) if oriented else math.nan,
+            orientation_rad=direction,
             elongation=elongation,
             ridge_img=self._regions.ridge(i),
             middle_img=self._middle[i].copy(),

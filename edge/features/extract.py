@@ -132,6 +132,7 @@ class FeatureExtractor:
         self._px, self._whole_px = np.empty_like(self._xy_rest), np.empty_like(self._xy_rest)
         self._change, self._whole_change = np.empty(len(rest)), np.empty(len(rest))
         self._detector = ContactDetector(rest, params)
+        self._largest_noise = largest_noise(len(rest))
         self._motion = PinMotion(rest)
         self._xy = self._motion.xy
         self._modes = Modes(rest)
@@ -261,8 +262,7 @@ class FeatureExtractor:
         plan, changes, xy_img = self._plan, self._area_change, self._xy
         changes.fill(area_change, xy_img)
         if plan.volume:
-            threshold = largest_noise(len(seen)) * self._detector.cell_noise(sigma_px)
-            given["volume_px2"] = changes.volume(threshold)
+            given["volume_px2"] = changes.volume(self._largest_noise * self._detector.cell_noise(sigma_px))
         if not (plan.surface or plan.contacts):
             return
         surface = self.surface

@@ -7,7 +7,8 @@ Rules
   connected grid points (8 neighbours) of one height, all of whose other neighbours are lower.
 - The grid has a border of -inf, so that every point has eight neighbours and no search leaves it.
 
-A kernel: compiled by Cython (see setup.py), and the same when it is not.
+A kernel: compiled by Cython (see setup.py), and the same when it is not; other kernels import it through
+`peaks.pxd`.
 """
 
 # mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
@@ -48,27 +49,6 @@ class PeakFinder:
     inside   (rows, columns) bool: the k points, row by row
     """
 
-    width = cython.declare(cython.Py_ssize_t, visibility="readonly")
-    place = cython.declare(cython.int[::1], visibility="readonly")
-    grid = cython.declare(cython.float[::1], visibility="readonly")
-    active = cython.declare(cython.int[::1], visibility="readonly")
-    n_active = cython.declare(cython.Py_ssize_t, visibility="readonly")
-    mark = cython.declare(cython.schar[::1], visibility="readonly")
-    n_peaks = cython.declare(cython.Py_ssize_t, visibility="readonly")
-    at = cython.declare(cython.int[::1], visibility="readonly")
-    point = cython.declare(cython.int[::1], visibility="readonly")
-    height = cython.declare(cython.float[::1], visibility="readonly")
-    _field: cython.const[cython.float][::1]  # given last
-    _field_array: object  # the same memory
-    _given_active: cython.const[cython.int][::1]
-    _active_array: object
-    _all_points: Index
-    _noise: cython.const[cython.float][::1]
-    _noise_array: object
-    _level: cython.float[::1]  # at which `is_connected` searched from each peak
-    _around: cython.int[::1]  # (8,) from a place to its neighbours
-    _stack: cython.int[::1]
-
     def __init__(self, inside: Mask) -> None:
         padded = np.pad(inside, 1)
         self.width = padded.shape[1]
@@ -79,7 +59,9 @@ class PeakFinder:
         self.n_active = len(self.place)  # of no field yet: its first one is written everywhere
         self.at, self.point = np.zeros(PEAKS_MAX, np.int32), np.zeros(PEAKS_MAX, np.int32)
         self.height, self._level = np.zeros(PEAKS_MAX, np.float32), np.zeros(PEAKS_MAX, np.float32)
-        self._field_array = self._noise_array = self._active_array = None
+        self._field_array: Heights | None = None
+        self._noise_array: Heights | None = None
+        self._active_array: Index | None = None
         self._all_points = np.arange(len(self.place), dtype=np.int32)
         self.n_peaks = 0
         w = self.width
@@ -125,7 +107,7 @@ class PeakFinder:
         return np.array([self._is_maximum(place) for place in self.place], np.bool_)
 
     def find(self, noise: Heights, noise_factor: cython.float, least: cython.float) -> cython.Py_ssize_t:
-        """Find the peaks above noise_factor times the noise at the point, and above `least`, which is above 0.
+        """Find the peaks above noise_factor times the noise at the point, and above `least`, above 0.
 
         noise    (k,) float32
         Returns  number of peaks, PEAKS_MAX at most
@@ -165,7 +147,7 @@ class PeakFinder:
                 return i
         return j
 
-    def is_connected(self, j: cython.Py_ssize_t, level: cython.float) -> bool:
+    def is_connected(self, j: cython.Py_ssize_t, level: cython.float) -> cython.bint:
         """Whether peak j is connected at or above a level with any peak before it; those have been asked
         about since the last `find`. Sooner than `first_connected`: it ends where another search has been.
 
@@ -175,14 +157,11 @@ class PeakFinder:
         self.mark[self.at[0]], self._level[0] = _REACHED, self.height[0]
         return j > 0 and self._search(j, level, True)
 
-    @cython.cfunc
     def _must_be_peak(self, j: cython.Py_ssize_t) -> cython.bint:
         if j < 0 or j >= self.n_peaks:
             raise ValueError(f"j: a peak of 0 to {self.n_peaks - 1} is wanted, not {j}")
         return True
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
     def _search(self, j: cython.Py_ssize_t, given: cython.float, soon: cython.bint) -> cython.bint:
         """Mark what is connected with peak j at or above a level; soon: until a search from a peak before it
         is met that was not below this level. Whether one was.
@@ -212,8 +191,6 @@ class PeakFinder:
             i += 1
         return False
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
     def _is_peak(self, place: cython.int, n: cython.Py_ssize_t) -> cython.bint:
         """Whether one of the first n peaks lies there."""
         i: cython.Py_ssize_t
@@ -222,8 +199,6 @@ class PeakFinder:
                 return True
         return False
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
     def _insert(self, p: cython.Py_ssize_t, h: cython.float) -> cython.void:
         """Insert point p into the list of peaks; of equal heights the first comes first."""
         i: cython.Py_ssize_t = self.n_peaks
@@ -242,8 +217,6 @@ class PeakFinder:
         self.at[i] = self.place[p]
         self.point[i] = p
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
     def _is_maximum(self, here: cython.Py_ssize_t) -> cython.bint:
         """Whether a place is a regional maximum; it, or the plateau it is on, is marked _TOP or _SLOPE."""
         d: cython.Py_ssize_t
@@ -263,8 +236,6 @@ class PeakFinder:
             self._mark_plateau(here)
         return self.mark[here] == _TOP
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
     def _mark_plateau(self, start: cython.Py_ssize_t) -> cython.void:
         """All connected points of one height are _TOP if nothing round them is higher, else _SLOPE."""
         h: cython.float = self.grid[start]

@@ -7,7 +7,6 @@ cdef class QuantizedOperator:
     cdef short[::1] _weights  # in whole steps, of each row's blocks, row after row
     cdef int[::1] _start  # (k + 1,) where the blocks of each row begin in the next
     cdef unsigned short[::1] _block  # which of the columns' blocks they are
-    cdef int[::1] _order  # (m,) the value of each column
     cdef float[::1] _row_step
     cdef short[::1] _vector  # (w,), the values in whole steps
     cdef int[::1] _sums  # (k,)

@@ -3,8 +3,8 @@
 Idea: the surface's operators are constant, and their products are most of a frame's arithmetic. As 16-bit
 integers with one step a row they stream through the cache in half the time of single precision. Sums are
 exact; rounding adds an error of 1e-4 of the highest value, a tenth of the noise of an area. Weights of pins
-far away are small: of columns of pins that lie together, each row leaves out the smallest blocks, as many as
-add no more to its error than rounding does.
+far away are small: where columns of pins that lie together follow each other, each row leaves out the
+smallest blocks of them, as many as add no more to its error than rounding does.
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -47,22 +47,16 @@ class QuantizedOperator:
     result   (k,) float32; of `apply` or `apply_rows`
     """
 
-    def __init__(self, matrix: Array, order: Index | None = None) -> None:
-        """The matrix, and an order of its columns in which near ones are together; None: as they are.
-
-        Raises   ValueError: the matrix is empty, or a weight is not finite; not an order of its columns
-        """
+    def __init__(self, matrix: Array) -> None:
+        """Raises ValueError: the matrix is empty, or a weight is not finite."""
         if matrix.ndim != 2 or not matrix.size or not np.isfinite(matrix).all():
             raise ValueError(f"a matrix (k, m) of finite numbers is wanted, not {matrix.shape}")
         k, m = matrix.shape
-        columns = np.arange(m) if order is None else np.asarray(order)
-        if not np.array_equal(np.sort(columns), np.arange(m)):
-            raise ValueError(f"order: each column of 0 to {m - 1} once is wanted")
         size = np.abs(matrix)
         least = np.maximum(size.max(axis=1) / _WEIGHT_MAX, size.sum(axis=1) / _ROW_MAX)
         step = np.where(least > 0.0, least, 1.0)
-        self._weights, self._start, self._block = _in_blocks(matrix[:, columns], step)
-        self._order, self._row_step = columns.astype(np.int32), step.astype(np.float32)
+        self._weights, self._start, self._block = _in_blocks(matrix, step)
+        self._row_step = step.astype(np.float32)
         self._vector = _aligned(np.zeros(-(-m // BLOCK) * BLOCK))
         self._sums, self._all = np.empty(k, np.int32), np.arange(k, dtype=np.int32)
         self.values = np.zeros(m, np.float32)
@@ -103,13 +97,12 @@ class QuantizedOperator:
         size: cython.float
         highest: cython.float = 0.0
         values: cython.float[::1] = self.values
-        order: cython.int[::1] = self._order
         vector: cython.short[::1] = self._vector
         for i in range(values.shape[0]):
             highest = max(highest, abs(values[i]))
         scale: cython.float = _VALUE_MAX / highest if highest > 0.0 else 0.0
         for i in range(values.shape[0]):
-            size = values[order[i]] * scale + _ROUND
+            size = values[i] * scale + _ROUND
             vector[i] = cython.cast(cython.short, size - _ROUND)
         return highest / _VALUE_MAX
 

@@ -21,13 +21,16 @@ import cython
 import numpy as np
 
 from edge.features.params import PARAMS, FeatureParams
-from edge.features.peaks import PEAKS_MAX, PeakFinder
+from edge.features.peaks import PEAKS_MAX
 from edge.types import Array, Heights
 
 if cython.compiled:
+    from cython.cimports.edge.features.peaks import PeakFinder
     from cython.cimports.libc.math import atan2, hypot, isfinite, sqrt
 else:
     from math import atan2, hypot, isfinite, sqrt
+
+    from edge.features.peaks import PeakFinder
 
 #: The size of the tables of contacts: as many as a sample can count.
 CONTACTS_MAX = 14

@@ -29,7 +29,7 @@ class Tracker:
     def __init__(self, rest: Rest, params: TrackingParams | None = None) -> None:
         """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
         self._tip = TrackedTip.of(rest, params)
-        self._params = self._tip.params
+        self._params, self._n = self._tip.params, len(self._tip)
         self._follower = Follower(self._tip.lattice, self._tip.photometric, self._params)
         self._identifier = Identifier(self._tip)
         self.forget()
@@ -62,7 +62,7 @@ class Tracker:
             np.ascontiguousarray(pins.sigma_px),
             np.ascontiguousarray(pins.brightness, np.float64),
         )
-        share = seen_n / len(self._tip)
+        share = seen_n / self._n
         tracks = Tracks(xy, sigma, seen, self._confidence, autocorrelation)
         self._frames_since_search += 1
         continues = self._continues(innovation, share)
@@ -89,11 +89,11 @@ class Tracker:
         predicted, _, _ = self._tip.affine.predict(xy - self._tip.rest_xy, seen)
         now = np.where(seen[:, None], xy, self._tip.rest_xy + predicted)
         self._frames_since_search = 0
-        share = float(np.count_nonzero(seen)) / len(self._tip)
+        share = float(np.count_nonzero(seen)) / self._n
         confidence = identity.confidence
         if self._fresh:
             innovation = self._follower.median_innovation(now)
-            if self._continues(innovation, identity.known_n / len(self._tip)):
+            if self._continues(innovation, identity.known_n / self._n):
                 confidence = max(confidence, self._confidence)
         if fallback is not None and fallback.n_seen > np.count_nonzero(seen):
             confidence = 0.0
@@ -118,7 +118,7 @@ class Tracker:
 
         searched  the result of the search is all that is known of the frame
         """
-        n = len(self._tip)
+        n = self._n
         seen = identity.blob >= 0
         xy, sigma = np.full((n, 2), np.nan), np.full(n, np.nan)
         xy[seen] = pins.xy_img[identity.blob[seen]]
