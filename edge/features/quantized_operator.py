@@ -17,6 +17,7 @@ import cython
 import numpy as np
 from numpy.typing import NDArray
 
+from edge.geometry.memory import aligned
 from edge.types import Array, Index
 
 if cython.compiled:
@@ -34,8 +35,6 @@ _ROW_MAX = 65000.0
 _ROUND = cython.declare(cython.float, 1.5 * 2.0**23)
 #: Columns that are kept or left out together, for the vector units.
 BLOCK = 16
-#: Numbers of 16 bits in a line of the cache.
-_LINE = 32
 
 
 @cython.final
@@ -57,7 +56,7 @@ class QuantizedOperator:
         step = np.where(least > 0.0, least, 1.0)
         self._weights, self._start, self._block = _in_blocks(matrix, step)
         self._row_step = step.astype(np.float32)
-        self._vector = _aligned(np.zeros(-(-m // BLOCK) * BLOCK))
+        self._vector = aligned(np.zeros(-(-m // BLOCK) * BLOCK, np.int16))
         self._sums, self._all = np.empty(k, np.int32), np.arange(k, dtype=np.int32)
         self.values = np.zeros(m, np.float32)
         self.result = np.empty(k, np.float32)
@@ -122,13 +121,5 @@ def _in_blocks(matrix: Array, step: Array) -> tuple[NDArray[np.int16], Index, ND
     kept = np.empty_like(left_out)
     np.put_along_axis(kept, smallest, ~left_out, axis=1)
     start = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
-    weights, block = np.rint(blocks[kept]).ravel(), np.nonzero(kept)[1]
-    return _aligned(weights), start.astype(np.int32), block.astype(np.uint16)
-
-
-def _aligned(numbers: Array) -> NDArray[np.int16]:
-    """As int16 from the beginning of a line of the cache, so that no block lies in two."""
-    room = np.empty(len(numbers) + _LINE, np.int16)
-    first = -(room.ctypes.data // room.itemsize) % _LINE
-    room[first : first + len(numbers)] = numbers
-    return room[first : first + len(numbers)]
+    weights, block = np.rint(blocks[kept]).ravel().astype(np.int16), np.nonzero(kept)[1]
+    return aligned(weights), start.astype(np.int32), block.astype(np.uint16)
