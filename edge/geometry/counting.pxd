@@ -46,6 +46,7 @@ cdef extern from *:
             low[0] = low[i] < low[0] ? low[i] : low[0];
             high[0] = high[i] > high[0] ? high[i] : high[0];
         }
+        if (high[0] == 0) high[0] = 0; /* of zeros the last one */
         long long least = vt_key(low[0]), most = vt_key(high[0]);
         while (up_to - below > 1 && least < most) {
             /* the upper half's first; halves of both, as their sum may be too large */
@@ -61,14 +62,15 @@ cdef extern from *:
             if (count > k) most = half - 1, up_to = count;
             else least = half, below = count;
         }
-        /* the only one in the range, or equal to the others there */
-        const double from = vt_number(least), to = vt_number(most);
-        const vt_row froms = {from, from, from, from}, tos = {to, to, to, to};
+        /* the only one in the range, or equal to the others there; beyond infinity is NaN, and nothing above that */
+        const double from = vt_number(least), beyond = vt_number(most + 1);
+        const vt_row froms = {from, from, from, from}, beyonds = {beyond, beyond, beyond, beyond};
         for (i = 0; i + 4 <= n; i += 4) {
-            const vt_which in = (froms <= *(const vt_row *)(v + i)) & (tos >= *(const vt_row *)(v + i));
+            const vt_row row = *(const vt_row *)(v + i);
+            const vt_which in = (row >= froms) & ~(row >= beyonds);
             if (in[0] | in[1] | in[2] | in[3]) break;
         }
-        while (i + 1 < n && !(v[i] >= from && v[i] <= to)) i++;
+        while (i + 1 < n && (!(v[i] >= from) || v[i] >= beyond)) i++;
         return v[i];
     }
     """
