@@ -483,11 +483,13 @@ class Mesh:
         c: cython.Py_ssize_t
         t: cython.Py_ssize_t
         reached: cython.bint = False
+        tail: cython.int[::1] = self.tail
+        area: cython.double[::1] = self.area
         for t in range(self.n_triangles):
-            a, b, c = self.tail[3 * t], self.tail[3 * t + 1], self.tail[3 * t + 2]
-            if a >= self.n_bounded or b >= self.n_bounded or c >= self.n_bounded:
-                self.area[a] = self.area[b] = self.area[c] = INFINITY
-                reached |= a < self.n_pins or b < self.n_pins or c < self.n_pins
+            a, b, c = tail[3 * t], tail[3 * t + 1], tail[3 * t + 2]
+            if max(a, b, c) >= self.n_bounded:
+                area[a] = area[b] = area[c] = INFINITY
+                reached |= min(a, b, c) < self.n_pins
         return reached
 
     @cython.cfunc

@@ -111,11 +111,13 @@ class PinMotion:
         x: cython.double = 0.0
         y: cython.double = 0.0
         sigma: cython.double = 0.0
+        kept: cython.double[:, ::1] = self._xy
+        rest: cython.const[cython.double][:, ::1] = self._rest
         for i in range(n):
-            self._xy[i, 0] = xy[i, 0]
-            self._xy[i, 1] = xy[i, 1]
-            out[i, 0] = xy[i, 0] - self._rest[i, 0]
-            out[i, 1] = xy[i, 1] - self._rest[i, 1]
+            kept[i, 0] = xy[i, 0]
+            kept[i, 1] = xy[i, 1]
+            out[i, 0] = xy[i, 0] - rest[i, 0]
+            out[i, 1] = xy[i, 1] - rest[i, 1]
             if seen[i]:
                 x += out[i, 0]
                 y += out[i, 1]
@@ -191,19 +193,16 @@ class PinMotion:
             xy = xy / total - x * y
             yy = yy / total - y * y
         det: cython.double = xx * yy - xy * xy
-        chosen: cython.bint
+        pins: cython.int[::1] = self._pins
+        is_ellipse: cython.bint = total > 0.0 and det > _FLAT
         for i in range(self._n):
-            if not total > 0.0:
-                chosen = True
-            elif det > _FLAT:
+            pins[n_pins] = cython.cast(cython.int, i)  # written over if it is not chosen
+            if is_ellipse:
                 u = self._x_disc(i) - x
                 v = self._y_disc(i) - y
-                chosen = u * u * yy - 2.0 * u * v * xy + v * v * xx <= _ELLIPSE * det
+                n_pins += u * u * yy - 2.0 * u * v * xy + v * v * xx <= _ELLIPSE * det
             else:
-                chosen = area_change[i] > least
-            if chosen:
-                self._pins[n_pins] = i
-                n_pins += 1
+                n_pins += not total > 0.0 or area_change[i] > least
         return n_pins
 
     def torsion(self, motion_px: Array, pins: Index) -> float:
