@@ -19,6 +19,7 @@ import cython
 import numpy as np
 
 from edge.cells.boundary import RimMotion
+from edge.geometry.memory import short_rows
 from edge.types import Array, Index
 
 
@@ -73,7 +74,7 @@ class FramePoints:
         self.rim_terms = np.array(rim_terms, np.float64, order="C")
         self.fit = np.array(fit, np.float64, order="C")
         self.terms = np.array(terms, np.float64, order="C")
-        self.near = np.array(2 * near, np.uint16, order="C")
+        self.near = short_rows(2 * near)
         self.weight = np.array(weight, np.float32, order="C")
         self.around_rest = np.array(around_rest, np.float64, order="C")
         self.residual = np.zeros(2 * r)

@@ -40,6 +40,7 @@ from edge.features.params import (
     largest_noise,
 )
 from edge.geometry.lattice import N_RING, slope_stencil
+from edge.geometry.memory import short_rows
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.types import Array, Rest
 
@@ -100,7 +101,7 @@ class ContactDetector:
         self._n, self._width = n, width
         self._change_view, self._xy_view = NumbersView(), PointsView()
         self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
-        self._ring, self._slope = ring.astype(np.uint16), slope  # as in `pair_rows`, for less memory
+        self._ring, self._slope = short_rows(ring), slope
         self._pitch_px = rest.pattern.pitch_px
         self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
         self._noise_ratio = 1.0

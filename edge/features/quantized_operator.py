@@ -17,7 +17,7 @@ import cython
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.geometry.memory import aligned
+from edge.geometry.memory import aligned, short_rows
 from edge.types import Array, Index
 
 if cython.compiled:
@@ -122,4 +122,4 @@ def _in_blocks(matrix: Array, step: Array) -> tuple[NDArray[np.int16], Index, ND
     np.put_along_axis(kept, smallest, ~left_out, axis=1)
     start = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
     weights, block = np.rint(blocks[kept]).ravel().astype(np.int16), np.nonzero(kept)[1]
-    return aligned(weights), start.astype(np.int32), block.astype(np.uint16)
+    return aligned(weights), start.astype(np.int32), short_rows(block.astype(np.int32))

@@ -9,15 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge.geometry.lattice import N_RING
+from edge.geometry.memory import short_rows
 from edge.types import Array, Index
 
 
 def pair_rows(near: Index, weight: Array) -> tuple[NDArray[np.uint16], NDArray[np.float32]]:
-    """Neighbours (n, k) and their weights, 0 beyond those that there are, as `pair_sums` wants them."""
+    """Neighbours (n, k) and their weights, 0 beyond those that there are, as `pair_sums` wants them.
+
+    Raises  ValueError: a row that 16 bits do not hold
+    """
     n, k = near.shape
     width = -(-k // N_RING) * N_RING
     rows, weights = np.zeros((n, width), np.uint16), np.zeros((n, width), np.float32)
-    rows[:, :k], weights[:, :k] = near, weight
+    rows[:, :k], weights[:, :k] = short_rows(near), weight
     return rows, weights
 
 

@@ -15,6 +15,7 @@ import cython
 import numpy as np
 
 from edge.geometry.lattice import Lattice
+from edge.geometry.memory import short_rows
 from edge.types import Array, Mask
 
 if not cython.compiled:
@@ -52,7 +53,7 @@ class LocalAffine:
             raise ValueError(f"near: 1 or more neighbours of 0 to {n - 1} are wanted for each pin")
         self.n = n
         self.k = k
-        self.near = np.array(lattice.near, np.uint16, order="C")
+        self.near = short_rows(lattice.near)
         self.weight = np.array(lattice.weight, np.float32, order="C")
         self.offset = np.array(lattice.offset, np.float32, order="C")
         self.ridge = ridge
