@@ -12,9 +12,7 @@ from edge.geometry.memory import aligned, short_rows
 from edge.geometry.pair_sums import pair_rows
 
 
-@pytest.mark.parametrize(
-    "array", [np.arange(7, dtype=np.int16), np.ones((3, 5)), np.empty((0, 4), np.float32)]
-)
+@pytest.mark.parametrize("array", [np.arange(7, dtype=np.int16), np.ones((3, 5))])
 def test_a_copy_begins_with_a_line(array: NDArray[Any]) -> None:
     copies = [aligned(array) for _ in range(20)]
     for copy in copies:
