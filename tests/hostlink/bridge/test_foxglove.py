@@ -58,11 +58,13 @@ class Viewer:
         self.parameters: dict[str, list[dict[str, Any]]] = {}
         self.answers: dict[int, bytes] = {}
         self._subscribed: dict[int, str] = {}
+        self._refused: set[str] = set()  # ids of channels that the server did not know yet
 
     async def until(self, condition: Callable[[], Any], what: str) -> Any:
         async with asyncio.timeout(WAIT_S):
             while not (found := condition()):
                 self._take(await self._socket.receive())
+                await self._insist()
             return found
 
     def _take(self, message: aiohttp.WSMessage) -> None:
@@ -86,14 +88,26 @@ class Viewer:
                 self.services |= {s["name"]: s for s in output["services"]}
             case "parameterValues":
                 self.parameters[output.get("id", "")] = output["parameters"]
+            case "status":
+                _, _, channel = output["message"].partition("Unknown channel ID: ")
+                self._refused |= {channel} - {""}
 
     async def subscribe(self, topic: str) -> None:
         await self.until(lambda: topic in self.channels, topic)
         number = len(self._subscribed) + 1
         self._subscribed[number] = topic
-        await self.say(
-            op="subscribe", subscriptions=[{"id": number, "channelId": self.channels[topic]["id"]}]
-        )
+        await self._ask(number)
+
+    async def _ask(self, number: int) -> None:
+        channel = self.channels[self._subscribed[number]]["id"]
+        await self.say(op="subscribe", subscriptions=[{"id": number, "channelId": channel}])
+
+    async def _insist(self) -> None:
+        """The server announces a channel a moment before it knows it."""
+        refused, self._refused = self._refused, set()
+        for number, topic in self._subscribed.items():
+            if str(self.channels[topic]["id"]) in refused:
+                await self._ask(number)
 
     async def say(self, **what: Any) -> None:
         await self._socket.send_str(json.dumps(what))
