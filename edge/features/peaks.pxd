@@ -20,6 +20,7 @@ cdef class PeakFinder:
     cdef int[::1] _around  # (8,) from a place to its neighbours
     cdef int[::1] _stack
 
+    cpdef void forget_searches(self) except *
     cpdef Py_ssize_t first_connected(self, Py_ssize_t j, float level) except -1
     cpdef bint is_connected(self, Py_ssize_t j, float level) except -1
     cdef bint _must_be_peak(self, Py_ssize_t j) except -1

@@ -133,6 +133,10 @@ class PeakFinder:
                 self._insert(p, h)
         return self.n_peaks
 
+    def forget_searches(self) -> cython.void:
+        """What follows does not depend on what was searched before: each peak may be asked about once."""
+        self.mark[:] = _UNKNOWN
+
     def first_connected(self, j: cython.Py_ssize_t, level: cython.float) -> cython.Py_ssize_t:
         """The first, and so highest, peak that peak j is connected with at or above a level; j itself if none
         before it.
@@ -148,8 +152,8 @@ class PeakFinder:
         return j
 
     def is_connected(self, j: cython.Py_ssize_t, level: cython.float) -> cython.bint:
-        """Whether peak j is connected at or above a level with any peak before it; those have been asked
-        about since the last `find`. Sooner than `first_connected`: it ends where another search has been.
+        """Whether peak j is connected at or above a level with any peak before it, all of which have been asked
+        about. Sooner than `first_connected`: it ends where another search has been.
 
         Raises ValueError: no such peak
         """

@@ -130,6 +130,7 @@ class Regions:
         valley: cython.float
         pins: cython.float = self._min_prominence_sigma * noise_px
         self._n_peaks = self._peaks.n_peaks
+        self._peaks.forget_searches()
         self.n_contacts = 0
         for j in range(self._n_peaks):
             self._at[j] = self._found_at[j]

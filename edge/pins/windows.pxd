@@ -21,7 +21,7 @@ cdef extern from *:
 
     #define VT_PHASES 4
     #define VT_ROWS 6 /* copied at once; LANES steps behind a kind's are zero */
-    #define VT_AHEAD 6 /* windows later is what is fetched from memory: a fifth of the time */
+    #define VT_AHEAD 6 /* windows later is what is fetched from memory: a quarter of the time */
     #define VT_SUM 8 /* numbers of a window */
     #define VT_NORM 24 /* and of a phase, in the order of NORM */
 

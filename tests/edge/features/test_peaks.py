@@ -100,7 +100,7 @@ def test_a_peak_is_connected_with_one_before_it_or_not_however_it_is_asked() -> 
         levels = [float(rng.uniform(-0.5, 1.5)) for _ in range(PEAKS_MAX)]  # also higher than one before
         n = finder.find(np.zeros(len(field), np.float32), 0.0, -10.0)
         soon = [finder.is_connected(j, min(levels[j], float(finder.height[j]))) for j in range(n)]
-        finder.find(np.zeros(len(field), np.float32), 0.0, -10.0)
+        finder.forget_searches()
         whole = [finder.first_connected(j, min(levels[j], float(finder.height[j]))) < j for j in range(n)]
         assert soon == whole
         answers |= set(soon)

@@ -63,6 +63,17 @@ def test_a_shallow_valley_joins_and_a_deep_one_separates() -> None:
     assert regions.n_contacts == 1
 
 
+def test_peaks_can_be_merged_again_with_another_noise() -> None:
+    hills = sum(hill(8.0 + 6.0 * k, 20.0, 1.0 - 0.1 * k, 2.0) for k in range(5))
+    peaks, regions = regions_of(np.asarray(hills))
+    for noise_px in (0.0, 3.0, 6.0, 3.0, 0.0):
+        _, fresh = regions_of(np.asarray(hills), noise_px)
+        n = regions.merge(NOISE, noise_px)
+        assert n == fresh.n_contacts
+        np.testing.assert_array_equal(np.asarray(regions.middle)[:n], np.asarray(fresh.middle)[:n])
+    assert peaks.n_peaks == 5
+
+
 def test_a_second_peak_below_the_noise_is_none() -> None:
     far = hill(10.0, 20.0, 1.0, 2.0) + hill(32.0, 20.0, 0.2, 2.0)  # nothing but zero between them
     _, regions = regions_of(far, noise_px=1.9)
