@@ -107,7 +107,7 @@ class PeakFinder:
         return np.array([self._is_maximum(place) for place in self.place], np.bool_)
 
     def find(self, noise: Heights, noise_factor: cython.float, least: cython.float) -> cython.Py_ssize_t:
-        """Find the peaks above noise_factor times the noise at the point, and above `least`, above 0.
+        """Find the peaks, of the active points, above noise_factor times the noise there, and above `least`.
 
         noise    (k,) float32
         Returns  number of peaks, PEAKS_MAX at most
@@ -134,7 +134,7 @@ class PeakFinder:
         return self.n_peaks
 
     def forget_searches(self) -> cython.void:
-        """What follows does not depend on what was searched before: each peak may be asked about once."""
+        """What is asked next does not depend on what was asked before. Each peak is asked about once."""
         self.mark[:] = _UNKNOWN
 
     def first_connected(self, j: cython.Py_ssize_t, level: cython.float) -> cython.Py_ssize_t:
@@ -176,9 +176,8 @@ class PeakFinder:
         n: cython.Py_ssize_t = 1
         other: cython.Py_ssize_t
         reached: cython.schar = _REACHED + cython.cast(cython.schar, j)
-        level: cython.float = (
-            _LOWEST if given < _LOWEST else given
-        )  # the border is -inf: no search reaches it
+        # The border is -inf: no search reaches it.
+        level: cython.float = _LOWEST if given < _LOWEST else given
         self._level[j] = level
         self._stack[0] = self.at[j]
         self.mark[self.at[j]] = reached
