@@ -54,7 +54,6 @@ class ContactPlace:
     _regions: Regions
     _middle: cython.double[:, ::1]
     _semi_axis: cython.double[::1]
-    _min_seen_rel: cython.double
     _visibility_radius_px: cython.double
     _place_radius_px: cython.double
     _place_radius_axis: cython.double
@@ -79,7 +78,6 @@ class ContactPlace:
         self._area_change = field.area_change
         self._regions, self._middle, self._semi_axis = regions, regions.middle, regions.semi_axis
         self._kept = np.zeros(CONTACTS_MAX, np.uint8)
-        self._min_seen_rel = params.min_seen_rel
         self._visibility_radius_px = params.close_pitch * pitch_px
         self._place_radius_px = params.place_radius_pitch * pitch_px
         self._place_radius_axis = params.place_radius_axis
@@ -93,9 +91,7 @@ class ContactPlace:
         n_contacts: cython.Py_ssize_t = self._regions.n_contacts
         n_known: cython.Py_ssize_t = 0
         for i in range(n_contacts):
-            self._kept[i] = (
-                self.visible_share(seen, self._middle[i, 0], self._middle[i, 1]) >= self._min_seen_rel
-            )
+            self._kept[i] = 2.0 * self.visible_share(seen, self._middle[i, 0], self._middle[i, 1]) >= 1.0
             n_known += self._kept[i]
         if 0 < n_known < n_contacts:
             self._regions.keep(self._kept)

@@ -231,7 +231,7 @@ class FeatureExtractor:
             return _Motion(px, px, None, mean_px, sigma_px, False)
         if cells is not None:
             self._xy[:] = cells.xy_img
-        if cells is None or n_seen < max(self._params.min_seen_rel * len(seen), 1):
+        if cells is None or 2 * n_seen < max(len(seen), 2):  # most are a guess
             return _Motion(px, px, seen, mean_px, sigma_px, False)
         whole = np.subtract(cells.xy_img, self._xy_rest, out=self._whole_px)
         return _Motion(px, whole, None, whole.mean(axis=0), sigma_px, True)

@@ -34,7 +34,6 @@ class FeatureParams:
     noise_ratio_max: float = 3.0  # learnt noise over predicted noise, and its inverse
     noise_frames_n: int = 64  # untouched frames over which the noise is learnt
     min_area_change: float = 0.01  # smallest relative area change beyond drift of brightness and focus
-    min_seen_rel: float = 0.5  # share of the pins that must be seen for the others to be predicted
 
     # --- grid of the surface
     grid_steps_per_pitch: float = 1.5

@@ -152,7 +152,7 @@ class PeakFinder:
         return j
 
     def is_connected(self, j: cython.Py_ssize_t, level: cython.float) -> cython.bint:
-        """Whether peak j is connected at or above a level with any peak before it, all of which have been asked
+        """Whether peak j is connected at or above a level with any peak before it, all of which were asked
         about. Sooner than `first_connected`: it ends where another search has been.
 
         Raises ValueError: no such peak

@@ -56,7 +56,7 @@ class Surface:
         self.x_img, self.y_img = line + pattern.centre_img[0], line + pattern.centre_img[1]
         self.inside: Mask = line[None, :] ** 2 + line[:, None] ** 2 <= radius * radius
         self._flat = np.flatnonzero(self.inside).astype(np.int32)
-        self._blank = np.full(size * size, np.nan)
+        self._empty_grid = np.full(size * size, np.nan)
         self.index = np.full((size, size), -1, dtype=np.intp)
         self.index[self.inside] = np.arange(len(self._flat))
         self.points_img = np.column_stack([self.x_img[self._flat % size], self.y_img[self._flat // size]])
@@ -68,6 +68,6 @@ class Surface:
 
     def picture(self) -> Array:
         """The surface through the area changes set in `field`: (g, g) float64, NaN beyond the circle; new."""
-        grid = self._blank.copy()
+        grid = self._empty_grid.copy()
         self.field.write_surface(self._flat, grid)
         return grid.reshape(self.size, self.size)

@@ -19,8 +19,14 @@ class RuntimeParams:
     check_s: float = 0.04  # between checks of what changes slowly, and between samples without images
     hysteresis_rel: float = 0.1  # of the level at which a fault appears; so far back, it clears
     astray_rel: float = 0.05  # share of the pins that may be beyond a limit for reasons of their own
-    most_rel: float = 0.9  # share of the pins, or more: nearly all
     still_pitches: float = 0.08  # pins of an untouched tip that have moved less are where they were
+
+    @property
+    def most_rel(self) -> float:
+        """Share of the pins, or more: nearly all, where two frames or tips are compared. In each of the two,
+        some are beyond a limit for reasons of their own.
+        """
+        return 1.0 - 2.0 * self.astray_rel
 
     @property
     def sample_n(self) -> int:

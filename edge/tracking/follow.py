@@ -76,7 +76,6 @@ class Follower:
 
     n: cython.Py_ssize_t
     photometric: PhotometricFilter
-    near_seen_min: cython.double
     # of the tip
     rest: cython.const[cython.double][:, ::1]
     pitch2: cython.const[cython.double][::1]  # px2, square of the local pitch
@@ -118,10 +117,10 @@ class Follower:
         _check(lattice, photometric.n)
         self.n = n
         self.photometric = photometric
-        self.near_seen_min = params.near_seen_min
         self.rest = np.ascontiguousarray(lattice.rest_xy, np.float64)
         self.pitch2 = np.square(lattice.local_pitch_px)
-        self.most2, self.change2 = params.residual_max**2, params.innovation_max**2
+        # Half a pitch: further off, a blob is nearer to another pin's place.
+        self.most2, self.change2 = 0.5**2, params.innovation_max**2
         self.near, self.weight = _in_rows(photometric.affine.matrix())
         self.closest = np.array(lattice.closest, np.int32, order="C")
         self.pairs = np.array(lattice.pairs, np.int32, order="C")
@@ -261,7 +260,7 @@ class Follower:
         seen_n: cython.int = 0
         for c in range(self.closest.shape[1]):
             seen_n += self.last_seen[self.closest[i, c]]
-        return 2.0 if seen_n >= self.near_seen_min * self.closest.shape[1] else 0.0
+        return 2.0 if 2 * seen_n >= self.closest.shape[1] else 0.0
 
     @cython.cfunc
     @cython.exceptval(check=False)

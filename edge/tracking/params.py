@@ -15,10 +15,8 @@ class TrackingParams:
     gradient_ridge: float = 0.05  # on the local map's gradient, in neighbours' weights
     support_min: float = 1.2  # sum of the neighbours' weights that carries a prediction: two near ones
     velocity_damping: float = 0.7  # share of the last motion that is expected again
-    # --- which followed pins are seen: residual = motion off the neighbours' map
-    residual_max: float = 0.5
+    # --- which followed pins are seen: residual = motion off the neighbours' map, half a pitch at most
     innovation_max: float = 0.25  # change of the residual from one frame to the next
-    near_seen_min: float = 0.5  # share of a lost pin's nearest that must be seen for it to return
     # --- photometric outliers: brightness or centroid sigma unlike the pin's own
     # So many times the scatter of the others: robust sigmas of the frame's brightness, from the gain that
     # all pins share; what two thirds of the neighbours are off by
