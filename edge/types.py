@@ -394,7 +394,8 @@ class ContactRegion:
     area_px2         area over the contact threshold that belongs to this maximum
     orientation_rad  direction of the long axis, in (-pi/2, pi/2], from x towards y; NaN when round
     elongation       long over short axis, >= 1
-    ridge_img        (k, 2) px, the chain of maxima merged into this contact (k >= 1)
+    ridge_img        (k, 2) px, the chain of maxima merged into this contact (k >= 1); of a single contact
+                     also those that the pins' noise may have made
     middle_img       (2,) px, centre of gravity of the region, where its skin lies at rest
     divergence_moment_px, curl_moment_px
                      (2,) first moments of the motion's divergence, and of its curl turned by a right angle,

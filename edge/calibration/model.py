@@ -23,7 +23,6 @@ import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -215,7 +214,7 @@ class Calibration:
             names = self._frame.outputs
             values, sigmas = dict(zip(names, y, strict=True)), dict(zip(names, sigma, strict=True))
             if 1.0 in outside:
-                is_outside = [out and isfinite(value) for out, value in zip(outside, y, strict=True)]
+                is_outside = [out and math.isfinite(value) for out, value in zip(outside, y, strict=True)]
                 saturated = frozenset(compress(names, is_outside))
         else:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()

@@ -82,7 +82,7 @@ class ContactFinder:
         if not peaks.find(field_noise, params.contact_sigma * sigma_px, params.min_area_change):
             self.forget()
             return ()
-        if regions.merge(field_noise, 0.0) > 1:  # otherwise the noise of the pins changes nothing
+        if regions.merge(field_noise, 0.0) > 1:  # noise joins contacts, it parts none
             regions.merge(field_noise, self._pin_noise_px(xy_img, seen, sigma_px))
         if regions.n_contacts > 1:
             self._place.drop_guesses(seen)

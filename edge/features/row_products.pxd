@@ -1,6 +1,5 @@
 # The products of `quantized_operator`, which baseline x86 runs too slowly as compiled Python, described in
-# `row_products.py`. Both surfaces of a frame of 331 pins: 37 us with SSE2, 10 us with the AVX2 clone, chosen
-# when the program loads.
+# `row_products.py`. The whole surface of 331 pins, 709 points: 5 us with AVX2, chosen at run time.
 
 cdef extern from *:
     """

@@ -370,7 +370,7 @@ def _table(tip: str, rows: Sequence[Row]) -> Table:
 
 @click.command(name="contacts", help="Contacts on a second, independent simulator, against their bounds.")
 @click.option(
-    "--scenes", "n_scenes", default=16, show_default=True, help="Of each kind.", type=click.IntRange(1)
+    "--scenes", "n_scenes", default=8, show_default=True, help="Of each kind.", type=click.IntRange(1)
 )
 @click.option("--bars", "n_bars", default=16, show_default=True, type=click.IntRange(1))
 @click.option(
