@@ -47,14 +47,14 @@ cdef extern from *:
     }
 
     VT_WIDE static int vt_within(const float *restrict residual, const float *restrict before,
-                                 double most, const double *restrict unit2, double change,
+                                 const double *restrict most2, double change,
                                  const double *restrict change2, Py_ssize_t n, unsigned char *restrict is_within)
     {
         unsigned char changed = 0;
         for (Py_ssize_t i = 0; i < n; i++) {
             const double x = residual[2 * i], y = residual[2 * i + 1];
             const double dx = x - before[2 * i], dy = y - before[2 * i + 1];
-            const unsigned char is = (x * x + y * y < most * unit2[i]) & (dx * dx + dy * dy < change * change2[i]);
+            const unsigned char is = (x * x + y * y < most2[i]) & (dx * dx + dy * dy < change * change2[i]);
             changed |= is ^ is_within[i];
             is_within[i] = is;
         }
@@ -92,7 +92,7 @@ cdef extern from *:
         const double *, const double *, const float *, Py_ssize_t, float *
     ) noexcept nogil
     bint vt_within(
-        const float *, const float *, double, const double *, double, const double *, Py_ssize_t, unsigned char *
+        const float *, const float *, const double *, double, const double *, Py_ssize_t, unsigned char *
     ) noexcept nogil
     bint vt_beyond(
         const float *, const double *, const unsigned char *, Py_ssize_t, unsigned char *
@@ -131,11 +131,11 @@ cdef inline void subtract_prediction(
 
 
 cdef inline bint within(
-    const float[:, ::1] residual, const float[:, ::1] before, double most, const double[::1] unit2, double change,
+    const float[:, ::1] residual, const float[:, ::1] before, const double[::1] most2, double change,
     const double[::1] change2, unsigned char[::1] is_within
 ) noexcept nogil:
     return vt_within(
-        &residual[0, 0], &before[0, 0], most, &unit2[0], change, &change2[0], residual.shape[0], &is_within[0]
+        &residual[0, 0], &before[0, 0], &most2[0], change, &change2[0], residual.shape[0], &is_within[0]
     )
 
 

@@ -45,18 +45,17 @@ def subtract_prediction(found: Array, rest: Array, predicted: Heights, residual:
 def within(
     residual: Heights,
     before: Heights,
-    most: float,
-    unit2: Array,
+    most2: Array,
     change: float,
     change2: Array,
     is_within: NDArray[np.uint8],
 ) -> bool:
-    """Whether the square of a residual is below `most` squared units of the pin, and that of its change from
-    `before` below `change` of others, px2; NaN is not.
+    """Whether the square of a residual is below the pin's limit, px2, and that of its change from `before`
+    below `change` of another; NaN is not.
 
     Returns  it is otherwise for one pin than `is_within` was
     """
-    inside = (_squares(residual) < most * unit2) & (
+    inside = (_squares(residual) < most2) & (
         _squares(residual.astype(np.float64) - before) < change * change2
     )
     changed = bool((inside != is_within).any())

@@ -79,8 +79,7 @@ class Follower:
     # of the tip
     rest: cython.const[cython.double][:, ::1]
     pitch2: cython.const[cython.double][::1]  # px2, square of the local pitch
-    most2: cython.double  # limits of the squares of a seen pin's residual and of its change, in these
-    change2: cython.double
+    change2: cython.double  # limit of the square of a residual's change, in these
     near: cython.ushort[:, ::1]  # neighbours of full neighbourhoods, of `pair_rows`
     weight: cython.float[:, ::1]  # theirs
     closest: cython.int[:, ::1]
@@ -110,6 +109,7 @@ class Follower:
     predicted: cython.float[:, ::1]  # motion since rest, by the neighbours
     known: cython.float[:, ::1]  # motion that they predict from
     some: cython.double[::1]
+    limits: cython.double[::1]
     before: cython.uchar[::1]
 
     def __init__(self, lattice: Lattice, photometric: PhotometricFilter, params: TrackingParams) -> None:
@@ -119,8 +119,7 @@ class Follower:
         self.photometric = photometric
         self.rest = np.ascontiguousarray(lattice.rest_xy, np.float64)
         self.pitch2 = np.square(lattice.local_pitch_px)
-        # Half a pitch: further off, a blob is nearer to another pin's place.
-        self.most2, self.change2 = 0.5**2, params.innovation_max**2
+        self.change2 = params.innovation_max**2
         self.near, self.weight = _in_rows(photometric.affine.matrix())
         self.closest = np.array(lattice.closest, np.int32, order="C")
         self.pairs = np.array(lattice.pairs, np.int32, order="C")
@@ -132,7 +131,7 @@ class Follower:
         self.predicted, self.known = np.empty((n, 2), np.float32), np.empty((n, 2), np.float32)
         self.last_seen, self.seen = np.empty(n, np.uint8), np.empty(n, np.uint8)
         self.before = np.empty(n, np.uint8)
-        self.some = np.empty(n)
+        self.some, self.limits = np.empty(n), np.empty(n)
         self.given = None
         self.results = xy, sigma, seen = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
         self.result_xy, self.result_sigma, self.result_seen = xy, sigma, seen.view(np.uint8)
@@ -287,20 +286,24 @@ class Follower:
     @cython.exceptval(check=False)
     @cython.nogil
     def _reject_by_residual(self, found: cython.const[cython.double][:, ::1]) -> cython.bint:
-        """Update which pins are seen, by the residual and its change; true if that altered any."""
+        """Update which pins are seen, by the residual and its change; true if that altered any.
+
+        A pitch off, a pin is in another's place; half a pitch off, a blob is nearer to that place. Where a pin
+        was seen in the last frame, it is known whose the blob is.
+        """
+        most2: cython.const[cython.double][::1] = self.pitch2
         change2: cython.const[cython.double][::1] = self.pitch2
         i: cython.Py_ssize_t
         subtract_prediction(found, self.rest, self.predicted, self.residual)
         if _any_missing(self.last_seen):
             for i in range(self.n):
-                self.some[i] = self.pitch2[i]
+                self.limits[i] = self.some[i] = self.pitch2[i]
                 if not self.last_seen[i]:
+                    self.limits[i] *= 0.5**2
                     self.some[i] *= self._change_of_lost(i)
-            change2 = self.some
+            most2, change2 = self.limits, self.some
         # NaN, not found, is not within.
-        return within(
-            self.residual, self.last_residual, self.most2, self.pitch2, self.change2, change2, self.seen
-        )
+        return within(self.residual, self.last_residual, most2, self.change2, change2, self.seen)
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -15,7 +15,7 @@ class TrackingParams:
     gradient_ridge: float = 0.05  # on the local map's gradient, in neighbours' weights
     support_min: float = 1.2  # sum of the neighbours' weights that carries a prediction: two near ones
     velocity_damping: float = 0.7  # share of the last motion that is expected again
-    # --- which followed pins are seen: residual = motion off the neighbours' map, half a pitch at most
+    # --- which followed pins are seen: residual = motion off the neighbours' map
     innovation_max: float = 0.25  # change of the residual from one frame to the next
     # --- photometric outliers: brightness or centroid sigma unlike the pin's own
     # So many times the scatter of the others: robust sigmas of the frame's brightness, from the gain that
