@@ -288,7 +288,7 @@ class Follower:
     def _reject_by_residual(self, found: cython.const[cython.double][:, ::1]) -> cython.bint:
         """Update which pins are seen, by the residual and its change; true if that altered any.
 
-        A pitch off, a pin is in another's place; half a pitch off, a blob is nearer to that place. Where a pin
+        A pitch off, a pin is in another's place; half a pitch off, a blob is nearer to that place. If the pin
         was seen in the last frame, it is known whose the blob is.
         """
         most2: cython.const[cython.double][::1] = self.pitch2

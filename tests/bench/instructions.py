@@ -6,7 +6,9 @@ neither its start nor its first frames.
 
 Rules
 - Frames are rendered beforehand and read from a file; garbage collection is off; one thread.
-- A compiled kernel is identified by its symbol, which Cython derives from the module's name.
+- A function belongs to the stage whose library holds it: C that is inlined into a kernel has no name of ours.
+- BLAS, which only the start uses, computes without fused multiply-add: valgrind emulates it a hundred times
+  slower.
 """
 
 from __future__ import annotations
@@ -14,11 +16,12 @@ from __future__ import annotations
 import collections
 import json
 import os
+import platform
 import re
 import subprocess
 import sys
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import click
@@ -29,8 +32,9 @@ from rich.table import Table
 from tests.bench.compiled import compiled
 from tests.bench.frames import REST_FRAMES, scene
 from tests.bench.output import ROOT, writes_results
+from tests.bench.speed import NARROW, PINS, SIZES
 
-__all__ = ["Counter", "Counts", "command", "count", "count_child"]
+__all__ = ["Counter", "Counts", "command", "count", "count_child", "of_functions", "record", "stage_of"]
 
 #: First-level instruction and data caches and the last level of a small board: bytes, ways, bytes of a line.
 CACHES = ("--I1=49152,12,64", "--D1=32768,8,64", "--LL=1048576,16,64")
@@ -65,11 +69,20 @@ class Counts:
         return dict(sorted(total.items(), key=lambda item: -item[1]))
 
 
-def count(kind: str, frames: Path, folder: Path) -> Counts:
-    """Count one kind of work (see `instructions_child`) on a recording."""
+@dataclass(frozen=True)
+class Growth:
+    """The cost of a frame of so many pins, in an image of width and height `size_px`."""
+
+    pins: int
+    size_px: tuple[int, int]
+    instructions: int
+
+
+def count(kind: str, frames: Path, folder: Path, *, caches: bool = True) -> Counts:
+    """Count one kind of work (see `instructions_child`) on a recording; caches as of `count_child`."""
     warm, counted = LENGTHS[kind]
     child = ["tests.bench.instructions_child", kind, str(frames), str(warm), str(counted)]
-    return count_child(child, counted, folder / f"callgrind.{kind}")
+    return count_child(child, counted, folder / f"callgrind.{kind}", caches=caches)
 
 
 def count_child(child: list[str], frames: int, out: Path, *, caches: bool = True) -> Counts:
@@ -83,17 +96,16 @@ def count_child(child: list[str], frames: int, out: Path, *, caches: bool = True
     plain = ("--compress-strings=no", "--compress-pos=no", "--instr-atstart=no", "--collect-atstart=no")
     command = ["valgrind", "--tool=callgrind", *simulated, *plain, f"--callgrind-out-file={out}"]
     env = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
+    env["OPENBLAS_CORETYPE"] = "Nehalem" if platform.machine() == "x86_64" else "ARMV8"
     env.pop("PYTHONDONTWRITEBYTECODE", None)  # compiling each import again takes minutes here
     done = subprocess.run(
         [*command, sys.executable, "-m", *child], cwd=ROOT, env=env, capture_output=True, text=True
     )
     if done.returncode:
         raise RuntimeError(f"{' '.join(child)}: {done.stderr[-2000:]}")
-    counted, misses = _read(out)
-    functions: defaultdict[tuple[str, str], float] = defaultdict(float)
-    for name, n in counted.items():
-        functions[_stage_of(name)] += n / frames
-    return Counts(sum(functions.values()), misses / frames, dict(functions))
+    counted, misses = of_functions(out)
+    functions = {function: n / frames for function, n in counted.items()}
+    return Counts(sum(functions.values()), misses / frames, functions)
 
 
 class Counter:
@@ -113,24 +125,48 @@ class Counter:
         self._library.toggle()
 
 
-def record(variant: str, folder: Path) -> Path:
-    """The frames of a variant, rendered into a file."""
+def record(
+    variant: str,
+    folder: Path,
+    pins: int = 331,
+    size_px: tuple[int, int] = (640, 480),
+    radius_px: float = 0.0,
+) -> Path:
+    """The frames of a variant, rendered into a file; pins, size and radius as of `scene`."""
     name, skipped, _ = VARIANTS[variant]
-    frames = scene(name, 331)
+    frames = scene(name, pins, size_px, radius_px)
     path = folder / f"{variant}.npz"
     np.savez(path, images=np.stack([frame.image for frame in frames]), contact=REST_FRAMES + skipped)
     return path
 
 
-def _read(path: Path) -> tuple[collections.Counter[str], int]:
-    """Instructions of each function, and all last-level misses."""
-    functions: collections.Counter[str] = collections.Counter()
+def growth(variant: str, folder: Path) -> dict[str, list[Growth]]:
+    """Instructions of a frame over the pins, and over the pixels around the same tip."""
+    cases: dict[str, list[tuple[int, tuple[int, int], float]]] = {
+        "pins": [(n, (640, 480), 0.0) for n in PINS],
+        "pixels, same tip": [(331, size, NARROW) for size in SIZES],
+    }
+    out: dict[str, list[Growth]] = {}
+    for name, cameras in cases.items():
+        out[name] = []
+        for pins, size, radius in cameras:
+            frames = record(variant, folder, pins, size, radius)
+            counts = count(VARIANTS[variant][2], frames, folder, caches=False)
+            out[name].append(Growth(pins, size, round(counts.instructions)))
+    return out
+
+
+def of_functions(path: Path) -> tuple[collections.Counter[tuple[str, str]], int]:
+    """Instructions of each function, by stage and name, and all last-level misses, of callgrind's output."""
+    functions: collections.Counter[tuple[str, str]] = collections.Counter()
     events: list[str] = []
     misses = 0
-    function = ""
+    library = function = ""
     with path.open() as lines:
         for line in lines:
-            if line.startswith("fn="):
+            if line.startswith("ob="):
+                library = line[3:].strip()
+            elif line.startswith("fn="):
                 function = line[3:].strip()
             elif line.startswith("events:"):
                 events = line.split()[1:]
@@ -138,34 +174,48 @@ def _read(path: Path) -> tuple[collections.Counter[str], int]:
                 next(lines)  # the cost of what is called, which that function has itself
             elif line[0].isdigit():
                 counts = dict(zip(events, map(int, line.split()[1:]), strict=False))
-                functions[function] += counts.get("Ir", 0)
+                functions[stage_of(library, function)] += counts.get("Ir", 0)
                 misses += sum(counts.get(kind, 0) for kind in ("ILmr", "DLmr", "DLmw"))
     return functions, misses
 
 
-def _stage_of(symbol: str) -> tuple[str, str]:
-    """Stage and name of a symbol: __pyx_f_4edge_5cells_4mesh_4Mesh__sweep is cells, mesh.Mesh._sweep."""
-    match = re.match(r"__pyx_[a-z]+_(?=4edge_)", symbol)
-    if not match:
+def stage_of(library: str, symbol: str) -> tuple[str, str]:
+    """Stage and name of a symbol of a library: in edge/cells/mesh.so __pyx_f_4edge_5cells_4mesh_4Mesh__sweep
+    is cells, mesh.Mesh._sweep.
+    """
+    of = re.search(r"/edge/(?:([a-z_]+)/)?([a-z_]+)\.[^/]*so$", library)
+    if not of:
         return "interpreter, libraries", symbol
-    rest = symbol[match.end() :]
-    parts: list[str] = []
+    stage, module = of[1] or "edge", of[2]
+    rest, parts = re.sub(r"^__pyx_[a-z]+_(?=\d)", "", symbol), list[str]()
     while (piece := re.match(r"(\d+)", rest)) and len(parts) < 4:
         size = int(piece[1])
         parts.append(rest[piece.end() : piece.end() + size])
         rest = rest[piece.end() + size :].removeprefix("_")
-    return parts[1] if len(parts) > 1 else "edge", ".".join([*parts[2:], rest])
+    rest = rest.lstrip("0123456789")  # Cython's number of a method
+    named = [*parts[2:], rest] if parts[:1] == ["edge"] else [module, symbol]
+    return stage, ".".join(name for name in named if name)
 
 
 @click.command("instructions")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout, nothing else.")
 @click.option("--variant", type=click.Choice(list(VARIANTS)), default="contact", show_default=True)
 @click.option("--reference/--no-reference", default=True, help="Count the paper's method, too.")
+@click.option("--growth", "grows", is_flag=True, help="Count over pins and over pixels, instructions alone.")
 @writes_results
-def command(as_json: bool, variant: str, reference: bool, out: Path) -> None:
+def command(as_json: bool, variant: str, reference: bool, grows: bool, out: Path) -> None:
     """Instructions and last-level cache misses of a frame of 331 pins, by stage and function."""
     folder = ROOT / "out" / "instructions"
     folder.mkdir(parents=True, exist_ok=True)
+    if grows:
+        scaling = growth(variant, folder)
+        plain = {name: [asdict(row) for row in rows] for name, rows in scaling.items()}
+        (out / f"growth_{variant}.json").write_text(json.dumps(plain, indent=1) + "\n")
+        if as_json:
+            click.echo(json.dumps(plain))
+        else:
+            show_growth(scaling)
+        return
     frames = record(variant, folder)
     counts = count(VARIANTS[variant][2], frames, folder)
     result: dict[str, object] = {
@@ -203,3 +253,12 @@ def show(result: dict[str, object]) -> None:
     for stage, function, n in functions:
         table.add_row(stage, function[:70], f"{n:,}")
     console.print(whole, table)
+
+
+def show_growth(scaling: dict[str, list[Growth]]) -> None:
+    """Tables on the terminal."""
+    for name, rows in scaling.items():
+        table = Table("pins", "pixels", "instructions a frame", title=f"growth with {name}")
+        for row in rows:
+            table.add_row(str(row.pins), "x".join(map(str, row.size_px)), f"{row.instructions:,}")
+        Console().print(table)

@@ -50,7 +50,7 @@ __all__ = ["command"]
 HERE = Path(__file__).parent
 BLOCK = 8  # frames of each in turn
 WARM = 24  # frames before anything is counted
-PINS = (61, 127, 331, 1027)  # whole rings; 1027 is the next one to 1000
+PINS = (61, 127, 331, 547, 721, 1027)  # whole rings; 1027 is the next one to 1000
 SIZES = ((320, 240), (640, 480), (1280, 800))
 NARROW = 0.38 * 240  # px, a tip that fits the smallest image
 #: Typical demands: untouched, a grasp controller, everything.
