@@ -4,6 +4,9 @@ The videos have no truth. Necessary conditions are counted: played forwards and 
 ends where it began; two tracks never come nearer than half a pitch (or their limit at rest, if that is
 less); a pin never leaps against its neighbours from one frame to the next.
 
+Contacts are counted, too: a tip is touched where its pins' motion is bent, and quiet where it is hardly more
+than noise. A light touch is neither; a contact in a quiet frame just begins or ends, or is false.
+
 `north` and `west` are the directions in which the tip is dragged. Both videos begin loaded or moving, so a
 direction needs the untouched tip: the pose of most frames, found in a first pass.
 """
@@ -21,10 +24,12 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from edge.geometry.layout import affine_terms
 from edge.pins import CentroidRefiner, detect, take_rest
+from edge.pipeline import Pipeline
 from edge.tracking import Tracker
 from edge.tracking.tip import TrackedTip
-from edge.types import Array, Image, Rest, Tracks
+from edge.types import Array, Feature, Frame, Image, Rest, Tracks
 from tests.bench.identity import picture
 from tests.bench.output import writes_results
 from tests.bench.recordings import REAL
@@ -33,6 +38,7 @@ NAMES = ("Movement4", "north", "west", "flatSkin")
 STRIDES = (1, 2, 4, 8)
 TARE_FRAMES = 8  # the configuration's default
 LEAP = 0.5  # steps to the next pin, against the neighbours, from one frame to the next
+QUIET, TOUCHED = 0.012, 0.08  # pitches, median distance of the pins from an affine motion: below, above
 STRONG = 0.1  # share of the frames with the largest shear that give its direction
 
 
@@ -60,6 +66,22 @@ class Play:
     nearest: float
     leaps: int
     left: int | None
+
+
+@dataclass(frozen=True)
+class Felt:
+    """What a pipeline says of one video.
+
+    touched, one, more        frames with a bent motion; of these with one contact, with more
+    quiet, quiet_contacts     frames with hardly any motion; of these with a contact
+    """
+
+    video: str
+    touched: int
+    one: int
+    more: int
+    quiet: int
+    quiet_contacts: int
 
 
 def read(name: str) -> list[Image]:
@@ -113,6 +135,27 @@ def evaluate(video: str, way: str, rest: Rest, tracks: list[Tracks], searched: i
     )  # fmt: skip
 
 
+def bend(tracks: Tracks, rest: Rest) -> float:
+    """Median distance of the seen pins' motion from an affine one, pitches."""
+    motion = (tracks.xy_img - rest.xy_img)[tracks.seen] / rest.pattern.pitch_px
+    terms = affine_terms(rest.xy_img[tracks.seen], rest.pattern.centre_img, rest.pattern.pitch_px)
+    off = motion - terms @ np.linalg.lstsq(terms, motion, rcond=None)[0]
+    return float(np.median(np.hypot(*off.T)))
+
+
+def felt(video: str, images: Sequence[Image], rest: Rest) -> Felt:
+    """Contacts in the trusted frames of a video, against how bent the motion is."""
+    pipeline = Pipeline(rest, demand=frozenset({Feature.CONTACTS}))
+    results = [pipeline.process(Frame(image, k, k)) for k, image in enumerate(images)]
+    rows = [(bend(r.tracks, rest), len(r.features.contacts or ())) for r in results if r.features is not None]
+    touched = [count for bent, count in rows if bent > TOUCHED]
+    quiet = [count for bent, count in rows if bent < QUIET]
+    return Felt(
+        video, len(touched), touched.count(1), sum(count > 1 for count in touched),
+        len(quiet), sum(count > 0 for count in quiet),
+    )  # fmt: skip
+
+
 def untouched(images: Sequence[Image]) -> Rest:
     """The rest frame from where the tip stays most of the time."""
     first = take_rest(images[:TARE_FRAMES])
@@ -149,6 +192,7 @@ def command(pictures: Path | None, out: Path) -> None:
     """Exit code 1 if Movement4 does not end where it began."""
     console = Console()
     plays: list[Play] = []
+    contacts: list[Felt] = []
     pointing: dict[str, dict[str, tuple[float, float]]] = {}
     for name in NAMES:
         images = read(name)
@@ -162,6 +206,7 @@ def command(pictures: Path | None, out: Path) -> None:
                 there = images[::stride]
                 both = run([*there, *there[::-1]], rest)
                 plays.append(evaluate(name, f"there and back, every {stride}", rest, *both, back=True))
+        calm = rest
         if name in ("north", "west"):
             calm = untouched(images)
             at_ease, searched = run(images, calm)
@@ -170,14 +215,23 @@ def command(pictures: Path | None, out: Path) -> None:
                 "first frames": direction(shear(rest, tracks)),
                 "untouched": direction(shear(calm, at_ease)),
             }
+        contacts.append(felt(name, images, calm))
     table = Table("video", "way", "frames", "rest", "held", "unsure", "searched", "nearest", "leaps", "left")
     for p in plays:
         table.add_row(*("" if v is None else str(v) for v in asdict(p).values()))
     console.print(table)
+    table = Table("video", "touched", "one contact", "more", "quiet", "with a contact")
+    for f in contacts:
+        table.add_row(*(str(v) for v in asdict(f).values()))
+    console.print(table)
     for name, ways in pointing.items():
         for tare, (angle, size) in ways.items():
             console.print(f"{name}: shear points to {angle:.0f} deg (90: up), {size:.1f} px; tare: {tare}")
-    report = {"plays": [asdict(p) for p in plays], "shear_deg_px": pointing}
+    report = {
+        "plays": [asdict(p) for p in plays],
+        "contacts": [asdict(f) for f in contacts],
+        "shear_deg_px": pointing,
+    }
     (out / "videos.json").write_text(json.dumps(report, indent=1) + "\n")
     if any(p.left for p in plays):
         raise SystemExit(1)
