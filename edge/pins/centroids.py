@@ -29,7 +29,7 @@ import cython
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.pins.templates import BLOCK, HALF_MAX, LANES, NORM, PHASES, STEP_MAX, TemplateSet
+from edge.pins.templates import BLOCK, FAR_PX, HALF_MAX, LANES, NORM, PHASES, STEP_MAX, TemplateSet
 from edge.pins.windows import KIND
 from edge.types import Array, Image, Index
 
@@ -136,8 +136,7 @@ class CentroidKernel:
         templates       of k kinds of pins
         kind_of         (n,) int32, which of the kinds each pin is
         rest_amplitude  (n,) float64, levels
-        limits          share_min, reach_px, clash_px, far_px, near_phases, steps_max, noise (levels),
-                        spare_bits
+        limits          share_min, reach_px, clash_px, near_phases, steps_max, noise (levels), spare_bits
         dark            the pins are darker than the skin
         Raises          ValueError: arrays that do not belong together, an index out of range
         """
@@ -158,7 +157,7 @@ class CentroidKernel:
         self._gain = 2.0**self._shift
         self._noise2 = limits["noise"] ** 2 / 4.0 ** int(limits["spare_bits"])
         self._steps_max = int(limits["steps_max"])
-        self._near2, self._far2 = (limits["near_phases"] / PHASES) ** 2, limits["far_px"] ** 2
+        self._near2, self._far2 = (limits["near_phases"] / PHASES) ** 2, FAR_PX**2
         self._share_min = limits["share_min"]
         self._filter = CentroidFilter(rest_amplitude, limits["share_min"], limits["clash_px"])
         self.xy = self._xy = np.full((self.n, 2), np.nan)

@@ -280,14 +280,14 @@ def _centroids(grey: Image, spots: Spots, pattern: PinPattern) -> tuple[Pins, fl
 
 
 def _twins(pins: Pins, fit: Array) -> Mask:
-    """(n,) true for all but the best fitting of pins that overlap each other."""
+    """(n,) true for all but the best fitting of pins one of whose middles lies on the disc of the other."""
     twin = np.zeros(len(pins), bool)
     there = np.flatnonzero(np.isfinite(pins.xy_img[:, 0]))
     xy, radius = pins.xy_img[there], pins.radius_px[there]
     if len(there) < 2:
         return twin
-    a, b = pairs_within(xy, 2 * PARAMS.twin_radii * float(radius.max())).T
-    close = np.hypot(*(xy[a] - xy[b]).T) < PARAMS.twin_radii * (radius[a] + radius[b])
+    a, b = pairs_within(xy, float(radius.max())).T
+    close = np.hypot(*(xy[a] - xy[b]).T) < np.maximum(radius[a], radius[b])
     for i, j in zip(there[a[close]], there[b[close]], strict=True):
         if not (twin[i] or twin[j]):
             twin[j if fit[i] >= fit[j] else i] = True

@@ -17,7 +17,6 @@ class PinParams:
     reduced_radius_px: float = 2.5  # a pin's radius in the reduced image that is searched
     unlike_pins_max: float = 1.15  # unevenness of the neighbours plus the variation that discs do not explain
     depth_min_pins: float = 0.3  # a spot's depth, of the pins' median depth
-    twin_radii: float = 0.8  # two centroids nearer than this share of the sum of their radii are one pin
     # --- shape of a single spot, along rays
     ray_step_radii: float = 0.25  # a ray is read in such steps, ...
     ray_steps_n: int = 10  # ... so many, from 0 on
@@ -40,15 +39,12 @@ class PinParams:
     # --- centroids in the windows of known pins
     steps_max: int = 8  # of the fit, from the prediction
     near_phases: float = 0.75  # a step shorter than this share of a subpixel phase is the last
-    far_px: float = 0.35  # of a longer step the slopes alone are enough
     radius_kind_step: float = 1.05  # ratio of one template's radius to the next
     # what a pin has at least: of its window's variation, explained by the disc; of the disc, at the image's
     # border; of its brightness at rest, after the gain common to all pins; of the neighbours', where cut
     pin_share_min: float = 0.25
     # nearer than this is the same pin: to its prediction, to another arc; or the same arc of the housing
     own_pitches: float = 0.6
-    clash_radii: float = 1.1  # mean radii; two centroids nearer than this lie on one blob
-    gain_max: float = 2.5  # how much brighter than at rest the pins may become before they saturate
 
 
 PARAMS = PinParams()

@@ -32,12 +32,12 @@ class CentroidRefiner:
             {
                 "steps_max": params.steps_max,
                 "near_phases": params.near_phases,
-                "far_px": params.far_px,
                 "share_min": params.pin_share_min,
                 "reach_px": params.own_pitches * pattern.pitch_px,
-                "clash_px": params.clash_radii * radius.min(),
+                "clash_px": radius.min(),  # nearer, one's middle lies on the other's disc
                 "noise": pattern.noise,
-                "spare_bits": max(0.0, np.ceil(np.log2(params.gain_max * pattern.brightness / STEP_MAX))),
+                # So few that one bit is left above the pins' brightness: the light may double.
+                "spare_bits": max(0.0, np.ceil(np.log2(pattern.brightness / STEP_MAX)) + 1.0),
             },
             pattern.dark,
         )

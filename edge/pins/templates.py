@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from edge.types import Array, Index, Mask
 
 PHASES = 4  # subpixel offsets along each axis
+FAR_PX = 2.0**0.5 / PHASES  # a phase's diagonal: a longer step goes beyond the middles of those next to it
 LANES = 16  # bytes: a window's rows are copied in multiples of it
 BLOCK = 32  # a plane's length is a multiple of it: loops have no remainder
 HALF_MAX = 39  # px, half width of a window

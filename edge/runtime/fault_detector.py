@@ -35,7 +35,7 @@ class FaultParams:
     search_s: float = RUNTIME.wait_s  # a frame that takes longer is one whose pins are being searched for
     clock_step_s: float = 0.5  # by which the capture clock is further ahead of ours than it ever was
     moved_pitches: float = RUNTIME.still_pitches  # if all pins are off by more, the camera moved
-    load_pitches: float = 1.6  # motion of a pin beyond which it counts as overloaded
+    load_pitches: float = RUNTIME.load_pitches  # motion of a pin beyond which it counts as overloaded
     astray_rel: float = RUNTIME.astray_rel  # share of such pins, or of those whose drift is at its limit
 
 

@@ -38,14 +38,19 @@ class PinVisibilityParams:
     noisy_ratio: float = FEATURES.noise_ratio_max  # a pin with so many times the usual sigma counts as lost
     drop_rel: float = RUNTIME.most_rel  # of the baseline share; with fewer, too many vanished at once
     back_rel: float = RUNTIME.hysteresis_rel  # of the same, above it: until so many are back
-    settled_frames_n: int = 4  # good frames in a row until values are sent again
+    # good frames in a row until values are sent again: those that slip is taken over are good then
+    settled_frames_n: int = FEATURES.slip_span_frames
     baseline_frames_n: int = FEATURES.noise_frames_n  # over which the baseline is learnt
     forget_rel: float = RUNTIME.astray_rel  # weight of a frame in it while too few are seen, of a good one's
     corrupt_confidence: float = Tracks.LOW_CONFIDENCE  # that pins vanished side by side not by chance
     still_pitches: float = RUNTIME.still_pitches  # largest motion in a frame that counts as static
-    far_pitches: float = 3.0  # skin cannot move further
     far_rel: float = RUNTIME.astray_rel  # share of the pins so far away: identities are wrong
     blurred_rel: float = IMAGE.half_rel  # sharpness of a blurred image, which may show in its pins' noise
+
+    @property
+    def far_pitches(self) -> float:
+        """Skin cannot move further: twice as far as where a pin counts as overloaded."""
+        return 2.0 * RUNTIME.load_pitches
 
 
 PARAMS = PinVisibilityParams()

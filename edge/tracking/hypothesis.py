@@ -216,7 +216,7 @@ class Hypothesis:
             apart, _ = nearest_of(unassigned, self.blob_xy[self.blob])
             by_unassigned = apart[:, 0] < PARAMS.near_reach * self._tip.pitch_px
         spread = (self.freedom * self.variance * self.scale + self.square) / (self.freedom + 2)
-        rough, rougher = spread > p.slip_spread**2, spread > p.slip_spread_hidden**2
+        rough, rougher = spread > p.slip_spread**2, spread > (2.0 * p.slip_spread) ** 2
         return np.asarray((by_unmatched & by_unassigned & rough) | ((by_unmatched | by_unassigned) & rougher))
 
 

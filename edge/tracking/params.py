@@ -29,9 +29,9 @@ class TrackingParams:
     baseline_share_min: float = 0.65  # of the baseline: the share seen lately
     baseline_frames: float = 30.0  # time constant of the baseline, frames
     research_frames: int = 60  # until an incomplete tip is searched again
-    full_share_min: float = (
-        0.95  # fewer: of the largest share that a search found, and it is searched again ...
-    )
+    # Share of the pins that may be missing for reasons of their own. More: of the largest share that a search
+    # found, and it is searched again ...
+    astray_rel: float = 0.05
     leap_innovation: float = 0.1  # ... of the baseline, with so much innovation: a leap
     # --- coarse fits, search
     gate: float = 0.33  # of a blob from a coarse fit; of neighbours' motions; of a tip's median innovation
@@ -47,5 +47,14 @@ class TrackingParams:
     # --- which blob each pin has for certain
     posterior_min: float = 0.98  # that a pin has its blob; that a match is right, which ends a search
     scale_freedom: float = 4.0  # pins that the roughness of the whole frame counts as, beside those near
-    slip_spread: float = 0.03  # pitches; beyond this standard deviation a step of a pitch may go unnoticed
-    slip_spread_hidden: float = 0.06  # ... where but one sign of a slip is seen
+    # pitches; beyond this standard deviation a step of a pitch may go unnoticed, beyond twice as much where
+    # one of the two signs of a slip is not seen
+    slip_spread: float = 0.03
+
+    @property
+    def full_share_min(self) -> float:
+        """Share of the pins that counts as all of them."""
+        return 1.0 - self.astray_rel
+
+
+PARAMS = TrackingParams()

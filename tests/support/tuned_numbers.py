@@ -66,6 +66,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/features/pin_motion.py:_ELLIPSE", "edge/features/modes.py:MODE_POWERS",
         "edge/features/slip.py:NO_SLIP", "edge/pins/blobs.py:_ANGLES", "edge/runtime/measurement.py:_NOTHING",
         "edge/geometry/lattice.py:N_RING", "edge/runtime/layout_match.py:_SYMMETRY",
+        "edge/runtime/layout_match.py:CLEAR", "edge/pins/templates.py:FAR_PX",
         "edge/calibration/grip.py:_RADIUS", "edge/pins/rejection.py:_SLANT",
         "edge/cells/mesh.py:N_GUARD",
         "edge/features/partial_slip.py:_SHARES",

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.kernels
 
 RADII = (3.0, 5.5, 9.0)
 LIMITS = {
-    "steps_max": PARAMS.steps_max, "near_phases": PARAMS.near_phases, "far_px": PARAMS.far_px,
+    "steps_max": PARAMS.steps_max, "near_phases": PARAMS.near_phases,
     "share_min": PARAMS.pin_share_min,
     "reach_px": 10.0, "clash_px": 4.0, "noise": 1.0, "spare_bits": 0.0,
 }  # fmt: skip
