@@ -21,7 +21,7 @@ AT_MOST = {
     "recording": 6,
     "runtime": 19,
     "sources": 28,
-    "tracking": 26,
+    "tracking": 25,
     "view": 15,
     "worker": 16,
 }

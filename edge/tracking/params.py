@@ -25,7 +25,6 @@ class TrackingParams:
     sigma_ratio_max: float = 2.0  # to the frame's median, times the pin's own ratio at rest
     outlier_residual_max: float = 0.005  # of such a pin
     # --- whether the identities are held
-    seen_share_min: float = 0.4
     baseline_share_min: float = 0.65  # of the baseline: the share seen lately
     baseline_frames: float = 30.0  # time constant of the baseline, frames
     research_frames: int = 60  # until an incomplete tip is searched again

@@ -150,7 +150,6 @@ class Tracker:
         neighbour's.
 
         innovation  median over the pins of the motion that was not predicted, in local pitches
-        share       of the pins that were seen
+        share       of the pins that were seen; most of them are to tell where the others are
         """
-        p = self._params
-        return share >= p.seen_share_min and innovation <= p.gate
+        return 2.0 * share >= 1.0 and innovation <= self._params.gate
