@@ -70,7 +70,7 @@ class Counts:
 
 
 @dataclass(frozen=True)
-class Growth:
+class Cost:
     """The cost of a frame of so many pins, in an image of width and height `size_px`."""
 
     pins: int
@@ -140,19 +140,19 @@ def record(
     return path
 
 
-def growth(variant: str, folder: Path) -> dict[str, list[Growth]]:
+def scaling(variant: str, folder: Path) -> dict[str, list[Cost]]:
     """Instructions of a frame over the pins, and over the pixels around the same tip."""
     cases: dict[str, list[tuple[int, tuple[int, int], float]]] = {
         "pins": [(n, (640, 480), 0.0) for n in PINS],
         "pixels, same tip": [(331, size, NARROW) for size in SIZES],
     }
-    out: dict[str, list[Growth]] = {}
+    out: dict[str, list[Cost]] = {}
     for name, cameras in cases.items():
         out[name] = []
         for pins, size, radius in cameras:
             frames = record(variant, folder, pins, size, radius)
             counts = count(VARIANTS[variant][2], frames, folder, caches=False)
-            out[name].append(Growth(pins, size, round(counts.instructions)))
+            out[name].append(Cost(pins, size, round(counts.instructions)))
     return out
 
 
@@ -208,13 +208,13 @@ def command(as_json: bool, variant: str, reference: bool, grows: bool, out: Path
     folder = ROOT / "out" / "instructions"
     folder.mkdir(parents=True, exist_ok=True)
     if grows:
-        scaling = growth(variant, folder)
-        plain = {name: [asdict(row) for row in rows] for name, rows in scaling.items()}
+        costs = scaling(variant, folder)
+        plain = {name: [asdict(row) for row in rows] for name, rows in costs.items()}
         (out / f"growth_{variant}.json").write_text(json.dumps(plain, indent=1) + "\n")
         if as_json:
             click.echo(json.dumps(plain))
         else:
-            show_growth(scaling)
+            show_scaling(costs)
         return
     frames = record(variant, folder)
     counts = count(VARIANTS[variant][2], frames, folder)
@@ -255,9 +255,9 @@ def show(result: dict[str, object]) -> None:
     console.print(whole, table)
 
 
-def show_growth(scaling: dict[str, list[Growth]]) -> None:
+def show_scaling(costs: dict[str, list[Cost]]) -> None:
     """Tables on the terminal."""
-    for name, rows in scaling.items():
+    for name, rows in costs.items():
         table = Table("pins", "pixels", "instructions a frame", title=f"growth with {name}")
         for row in rows:
             table.add_row(str(row.pins), "x".join(map(str, row.size_px)), f"{row.instructions:,}")

@@ -135,7 +135,7 @@ def evaluate(video: str, way: str, rest: Rest, tracks: list[Tracks], searched: i
     )  # fmt: skip
 
 
-def bend(tracks: Tracks, rest: Rest) -> float:
+def residual_of(tracks: Tracks, rest: Rest) -> float:
     """Median distance of the seen pins' motion from an affine one, pitches."""
     motion = (tracks.xy_img - rest.xy_img)[tracks.seen] / rest.pattern.pitch_px
     terms = affine_terms(rest.xy_img[tracks.seen], rest.pattern.centre_img, rest.pattern.pitch_px)
@@ -147,9 +147,13 @@ def felt(video: str, images: Sequence[Image], rest: Rest) -> Felt:
     """Contacts in the trusted frames of a video, against how bent the motion is."""
     pipeline = Pipeline(rest, demand=frozenset({Feature.CONTACTS}))
     results = [pipeline.process(Frame(image, k, k)) for k, image in enumerate(images)]
-    rows = [(bend(r.tracks, rest), len(r.features.contacts or ())) for r in results if r.features is not None]
-    touched = [count for bent, count in rows if bent > TOUCHED]
-    quiet = [count for bent, count in rows if bent < QUIET]
+    rows = [
+        (residual_of(r.tracks, rest), len(r.features.contacts or ()))
+        for r in results
+        if r.features is not None
+    ]
+    touched = [count for off, count in rows if off > TOUCHED]
+    quiet = [count for off, count in rows if off < QUIET]
     return Felt(
         video, len(touched), touched.count(1), sum(count > 1 for count in touched),
         len(quiet), sum(count > 0 for count in quiet),
