@@ -177,9 +177,10 @@ class Identifier:
 
 
 def found_evidence(best: Hypothesis) -> tuple[float, float, float, float]:
-    """What tells that the search found the right hypothesis: a constant; how far its certain pins are off an
-    affine motion, pitches; the rotation of that motion, rad; and the logarithm of the posterior for each pin,
-    as if the motion were equally rough in all frames.
+    """What tells that the search found the right hypothesis: a constant; the root of how far its certain pins
+    are off an affine motion, pitches; the root of that motion's rotation, rad; and how well it explains each
+    pin, as if the motion were equally rough in all frames. This is half the posterior, half the likelihood:
+    by the posterior alone, missing pins and false blobs would count for more than they harm a search.
     """
     certain, tip = best.certain(), best.model.tip
     if not certain.any():
@@ -189,8 +190,9 @@ def found_evidence(best: Hypothesis) -> tuple[float, float, float, float]:
     fit = np.linalg.lstsq(terms, motion, rcond=None)[0]
     bent = np.sqrt(np.mean(np.sum((motion - terms @ fit) ** 2, axis=1)))
     rotation = abs(fit[1, 1] - fit[2, 0]) / 2
-    posterior = best.log_posterior / best.known_n + np.log(np.median(best.spread[certain]))
-    return 1.0, float(bent), float(rotation), float(posterior)
+    explained = (best.log_posterior + best.log_likelihood) / (2 * best.known_n)
+    explained += np.log(np.median(best.spread[certain]))
+    return 1.0, float(np.sqrt(bent)), float(np.sqrt(rotation)), float(explained)
 
 
 def _logistic(odds: float) -> float:
