@@ -68,11 +68,6 @@ class Hypothesis:
         return int(np.count_nonzero(self.known))
 
     @property
-    def log_likelihood(self) -> float:
-        """Of the known pins' places, density per square pitch."""
-        return float(self._density[self.known].sum())
-
-    @property
     def spread(self) -> Array:
         """(n,) variance of each pin's place as predicted, with the noise of a centroid, square pitches."""
         return np.asarray(self.variance * self.scale + self.model.noise**2)
@@ -92,7 +87,7 @@ class Hypothesis:
             return 0.0
         ways = lgamma(n + 1) - lgamma(known_n + 1) - lgamma(n - known_n + 1)
         ways += lgamma(m + 1) - lgamma(m - known_n + 1)
-        places = self.log_likelihood + known_n * np.log(self._area)
+        places = self._density[self.known].sum() + known_n * np.log(self._area)
         return float(places - ways + self.model.log_prior(self.motion, self.known))
 
     def differs(self, other: Hypothesis) -> bool:

@@ -13,7 +13,7 @@ row off looks as regular as the right one. Nearest neighbour from rest fails on 
    themselves when each ring is rotated by one pin, but for the innermost six, so a wrong match can have 98 %
    of the pins agree. Where an alternative comes near, the identities cannot be known.
 5. The confidence is the probability that the best hypothesis is right: that it is, of those that were found,
-   by the posteriors; and that the right one was found, by what `found_evidence` lists.
+   by its lead in posterior; and that the right one was found, by what `found_evidence` lists.
 """
 
 from __future__ import annotations
@@ -120,12 +120,15 @@ class Identifier:
         """Probability that the best hypothesis is the right one of those that were found, and that the right
         one was found.
 
+        The chance of the best alternative falls with the lead, not with its exponential: the posteriors are
+        of a Gaussian motion, and a twisted skin with a side hidden moves further.
+
         ahead  of the best alternative, difference of the logarithms of the posteriors
         """
         if not best.known_n:
             return 0.0
-        found = np.dot(self._tip.params.found_weights, found_evidence(best))
-        return float(_logistic(ahead) * _logistic(found))
+        found = float(np.dot(self._tip.params.found_weights, found_evidence(best)))
+        return best_of_two(ahead) * _logistic(found)
 
     def _starts(self, blobs: _BlobIndex, guesses: list[Array]) -> Iterator[tuple[Array, Mask]]:
         """Motion (n, 2) and the pins (n,) to grow from: guesses unchanged, then coarse fits, best first."""
@@ -178,9 +181,8 @@ class Identifier:
 
 def found_evidence(best: Hypothesis) -> tuple[float, float, float, float]:
     """What tells that the search found the right hypothesis: a constant; the root of how far its certain pins
-    are off an affine motion, pitches; the root of that motion's rotation, rad; and how well it explains each
-    pin, as if the motion were equally rough in all frames. This is half the posterior, half the likelihood:
-    by the posterior alone, missing pins and false blobs would count for more than they harm a search.
+    are off an affine motion, pitches; the root of that motion's rotation, rad; and the logarithm of the
+    posterior for each pin, as if the motion were equally rough in all frames.
     """
     certain, tip = best.certain(), best.model.tip
     if not certain.any():
@@ -190,9 +192,13 @@ def found_evidence(best: Hypothesis) -> tuple[float, float, float, float]:
     fit = np.linalg.lstsq(terms, motion, rcond=None)[0]
     bent = np.sqrt(np.mean(np.sum((motion - terms @ fit) ** 2, axis=1)))
     rotation = abs(fit[1, 1] - fit[2, 0]) / 2
-    explained = (best.log_posterior + best.log_likelihood) / (2 * best.known_n)
-    explained += np.log(np.median(best.spread[certain]))
-    return 1.0, float(np.sqrt(bent)), float(np.sqrt(rotation)), float(explained)
+    posterior = best.log_posterior / best.known_n + np.log(np.median(best.spread[certain]))
+    return 1.0, float(np.sqrt(bent)), float(np.sqrt(rotation)), float(posterior)
+
+
+def best_of_two(ahead: float) -> float:
+    """Probability that the better of two hypotheses is right, by how far it is ahead: a half if they tie."""
+    return 1.0 - 0.5 / (1.0 + ahead)
 
 
 def _logistic(odds: float) -> float:

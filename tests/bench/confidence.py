@@ -26,7 +26,7 @@ from scipy.special import expit
 from calib.sim import deform
 from edge.pins import detect, take_rest
 from edge.tracking.hypothesis import Hypothesis
-from edge.tracking.search import Identifier, Identity, found_evidence
+from edge.tracking.search import Identifier, Identity, best_of_two, found_evidence
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Rest, Tracks
 from tests.bench.identity import Hazard, grey, random_contact, simulated_rest, spoil
@@ -144,7 +144,7 @@ def _outcome(recorder: Recorder, blob: Array, owner: Owners) -> Outcome:
 def fitted(outcomes: list[Outcome]) -> Array:
     """The weights of the evidence under which the outcomes are most likely."""
     right = np.array([o.right for o in outcomes])
-    ahead = expit([o.ahead for o in outcomes])
+    ahead = np.array([best_of_two(o.ahead) for o in outcomes])
     terms = np.nan_to_num(np.array([o.evidence for o in outcomes]), neginf=-20.0)
 
     def log_loss(weights: Array) -> float:
