@@ -109,7 +109,7 @@ class Follower:
     predicted: cython.float[:, ::1]  # motion since rest, by the neighbours
     known: cython.float[:, ::1]  # motion that they predict from
     some: cython.double[::1]
-    limits: cython.double[::1]
+    limits: cython.double[::1]  # of the residuals' squares, px2
     before: cython.uchar[::1]
 
     def __init__(self, lattice: Lattice, photometric: PhotometricFilter, params: TrackingParams) -> None:

@@ -167,6 +167,13 @@ def test_a_search_ends_after_a_bounded_number_of_matches(monkeypatch: pytest.Mon
         assert 4 < len(regions) <= TrackingParams().regions_max + 1
 
 
+def test_of_two_matches_that_tie_each_is_right_in_half_of_the_cases() -> None:
+    assert best_of_two(0.0) == 0.5
+    chance = [best_of_two(ahead) for ahead in (0.0, 1.0, 5.0, 50.0, 500.0)]
+    assert chance == sorted(chance)
+    assert best_of_two(5.0) < Tracks.LOW_CONFIDENCE < best_of_two(50.0) < 1.0
+
+
 def test_a_lattice_that_may_have_slipped_by_a_step_has_low_confidence() -> None:
     """A row is hidden, and the others fit where they are and one step on: it cannot be determined."""
     xy = LAYOUTS["square144"]
