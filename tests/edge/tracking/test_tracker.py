@@ -17,7 +17,7 @@ from edge.pins import CentroidRefiner, detect, take_rest
 from edge.tracking import Tracker
 from edge.tracking.hypothesis import Hypothesis
 from edge.tracking.params import TrackingParams
-from edge.tracking.search import Identifier, Identity
+from edge.tracking.search import Identifier, Identity, best_of_two
 from edge.types import Array, Image, PinPattern, Pins, Rest, Tracks
 from tests.bench import identity
 
