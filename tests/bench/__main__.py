@@ -34,7 +34,7 @@ COMMANDS = {
     "soak": "The program under a random schedule of all faults, and its promises.",
     "speed": "Time per frame and stage, against reference and floor (default).",
     "stability": "Hard cases of the geometry against exact arithmetic.",
-    "videos": "Identities held through the published videos.",
+    "videos": "Identities held and contacts found in the published videos.",
     "viewers": "Viewers of the live page: what they cost the loop.",
     "wire": "Coding of frames: processor time of one.",
 }
@@ -54,6 +54,7 @@ class _Benchmarks(CommandGroup):
 @click.group(
     cls=_Benchmarks,
     table={name: CommandRow(f"tests.bench.{name}:command", text) for name, text in COMMANDS.items()},
+    extra="dev",
     context_settings={"help_option_names": list(HELP)},
 )
 def main() -> None:

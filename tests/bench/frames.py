@@ -15,7 +15,12 @@ from edge.calibration.file import sensor_of
 from edge.pins import take_rest
 from edge.types import Frame
 
-__all__ = ["REST_FRAMES", "back_and_forth", "calibration_of", "scene"]
+__all__ = ["NARROW", "PINS", "REST_FRAMES", "SIZES", "back_and_forth", "calibration_of", "scene"]
+
+#: Tips and images over which the cost of a frame is measured.
+PINS = (61, 127, 331, 547, 721, 1027)  # whole rings; 1027 is the next one to 1000
+SIZES = ((320, 240), (640, 480), (1280, 800))
+NARROW = 0.38 * 240  # px, a tip that fits the smallest image
 
 
 def scene(

@@ -30,9 +30,8 @@ from rich.console import Console
 from rich.table import Table
 
 from tests.bench.compiled import compiled
-from tests.bench.frames import REST_FRAMES, scene
+from tests.bench.frames import NARROW, PINS, REST_FRAMES, SIZES, scene
 from tests.bench.output import ROOT, writes_results
-from tests.bench.speed import NARROW, PINS, SIZES
 
 __all__ = ["Counter", "Counts", "command", "count", "count_child", "of_functions", "record", "stage_of"]
 

@@ -9,6 +9,8 @@ from typing import Any
 
 import click
 
+from hostlink.output_file import OutputError
+
 __all__ = ["ROOT", "writes_results"]
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,7 +31,10 @@ def writes_results(command: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(command)
     def with_folder(*, out: Path, keep: bool, **options: Any) -> None:
         folder = RESULTS if keep else out
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(f"--out {folder}: {error.strerror}; give a folder that can be made") from None
         command(out=folder, **options)
 
     return with_folder

@@ -40,7 +40,7 @@ from edge.runtime.tare import tare
 from edge.types import Feature, Frame
 from hostlink.wire import Status, pack_state
 from tests.bench.floor import Floor
-from tests.bench.frames import REST_FRAMES, back_and_forth, calibration_of, scene
+from tests.bench.frames import NARROW, PINS, REST_FRAMES, SIZES, back_and_forth, calibration_of, scene
 from tests.bench.output import writes_results
 from tests.bench.paced import run_child
 from tests.bench.reference import Reference
@@ -50,9 +50,6 @@ __all__ = ["command"]
 HERE = Path(__file__).parent
 BLOCK = 8  # frames of each in turn
 WARM = 24  # frames before anything is counted
-PINS = (61, 127, 331, 547, 721, 1027)  # whole rings; 1027 is the next one to 1000
-SIZES = ((320, 240), (640, 480), (1280, 800))
-NARROW = 0.38 * 240  # px, a tip that fits the smallest image
 #: Typical demands: untouched, a grasp controller, everything.
 GRASP = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
 #: The same demand without and with a contact.

@@ -189,7 +189,7 @@ def direction(motion: Array) -> tuple[float, float]:
     return float(np.rad2deg(np.arctan2(-y, x))), float(np.hypot(x, y))
 
 
-@click.command(name="videos", help="Identities held through the published videos.")
+@click.command(name="videos", help="Identities held and contacts found in the published videos.")
 @click.option("--pictures", type=click.Path(file_okay=False, path_type=Path), help="Folder for overlays.")
 @writes_results
 def command(pictures: Path | None, out: Path) -> None:
