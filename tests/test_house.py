@@ -36,9 +36,10 @@ MAY_IMPORT = {
     "edge": ("edge", "hostlink.wire", "hostlink.web", *SHARED_WITH_EDGE),
     "calib": ("calib", "edge", "hostlink"),
 }
-#: Modules of a stage know `types`, `errors`, `limits` and the mathematics in `geometry`, never another stage.
+#: Modules of a stage know `types`, `errors`, `limits`, `params` and the mathematics in `geometry`, never
+#: another stage.
 STAGES = ("sources", "pins", "tracking", "cells", "features", "calibration")
-SHARED = ("edge.types", "edge.errors", "edge.limits", "edge.geometry")
+SHARED = ("edge.types", "edge.errors", "edge.limits", "edge.params", "edge.geometry")
 
 
 def imports(path: Path) -> set[str]:
@@ -127,7 +128,7 @@ def test_stages_know_only_the_types(stage: str) -> None:
             if name.startswith("edge."):
                 known = name in SHARED or any(name == o or name.startswith(o + ".") for o in own)
                 known = known or any(name.startswith(s + ".") for s in SHARED)
-                assert known, f"{path} imports {name}: a stage knows types, errors, limits, geometry alone"
+                assert known, f"{path} imports {name}: a stage knows {', '.join(SHARED)} alone"
 
 
 def test_geometry_knows_no_stage() -> None:

@@ -20,8 +20,9 @@ AT_MOST = {
     "pins": 30,
     "recording": 6,
     "runtime": 19,
+    "shared": 1,
     "sources": 28,
-    "tracking": 25,
+    "tracking": 24,
     "view": 15,
     "worker": 16,
 }

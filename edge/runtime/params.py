@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from edge.tracking.params import PARAMS as TRACKING
+from edge.params import ASTRAY_REL
 
 __all__ = ["PARAMS", "RuntimeParams"]
 
@@ -20,7 +20,7 @@ class RuntimeParams:
     wait_s: float = 0.02  # longest time without handling faults and commands
     check_s: float = 0.04  # between checks of what changes slowly, and between samples without images
     hysteresis_rel: float = 0.1  # of the level at which a fault appears; so far back, it clears
-    astray_rel: float = TRACKING.astray_rel  # of the pins: may be beyond a limit for reasons of their own
+    astray_rel: float = ASTRAY_REL  # of the pins: may be beyond a limit for reasons of their own
     still_pitches: float = 0.08  # pins of an untouched tip that have moved less are where they were
     load_pitches: float = 1.6  # motion of a pin beyond which it counts as overloaded
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from edge.params import ASTRAY_REL
+
 
 @dataclass(frozen=True, slots=True)
 class TrackingParams:
@@ -28,10 +30,7 @@ class TrackingParams:
     baseline_share_min: float = 0.65  # of the baseline: the share seen lately
     baseline_frames: float = 30.0  # time constant of the baseline, frames
     research_frames: int = 60  # until an incomplete tip is searched again
-    # Share of the pins that may be missing for reasons of their own. More: of the largest share that a search
-    # found, and it is searched again ...
-    astray_rel: float = 0.05
-    leap_innovation: float = 0.1  # ... of the baseline, with so much innovation: a leap
+    leap_innovation: float = 0.1  # with fewer than all pins of the baseline: a leap
     # --- coarse fits, search
     gate: float = 0.33  # of a blob from a coarse fit; of neighbours' motions; of a tip's median innovation
     region_gate: float = 0.38  # of a blob from where matched neighbours predict it
@@ -52,8 +51,5 @@ class TrackingParams:
 
     @property
     def full_share_min(self) -> float:
-        """Share of the pins that counts as all of them."""
-        return 1.0 - self.astray_rel
-
-
-PARAMS = TrackingParams()
+        """Of the baseline, or of the largest share that a search found: so many pins count as all of them."""
+        return 1.0 - ASTRAY_REL

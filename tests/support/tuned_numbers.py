@@ -154,11 +154,12 @@ def numbers_of(path: Path) -> Iterator[str]:
 
 
 def tuned_numbers() -> dict[str, list[str]]:
-    """By stage: the folder below `edge`, or `edge` itself."""
+    """By stage: the folder below `edge`, or `edge` itself; `shared` are those that several stages use."""
     found: dict[str, list[str]] = {}
     for path in sorted((ROOT / "edge").rglob("*.py")):
         stage = path.relative_to(ROOT / "edge").parts
-        found.setdefault(stage[0] if len(stage) > 1 else "edge", []).extend(numbers_of(path))
+        name = stage[0] if len(stage) > 1 else "shared" if path.name == "params.py" else "edge"
+        found.setdefault(name, []).extend(numbers_of(path))
     return found
 
 
@@ -169,5 +170,6 @@ if __name__ == "__main__":
     if not sys.argv[1:]:
         for stage, names in sorted(found.items(), key=lambda row: -len(row[1])):
             print(f"{stage:12} {len(names):4}")
-        model = sum(len(found[stage]) for stage in ("pins", "tracking", "features", "runtime"))
-        print(f"{'all':12} {sum(map(len, found.values())):4}; pins, tracking, features, runtime: {model}")
+        model = ("pins", "tracking", "features", "runtime", "shared")
+        n = sum(len(found[stage]) for stage in model)
+        print(f"{'all':12} {sum(map(len, found.values())):4}; {', '.join(model)}: {n}")
