@@ -167,6 +167,19 @@ def test_a_search_ends_after_a_bounded_number_of_matches(monkeypatch: pytest.Mon
         assert 4 < len(regions) <= TrackingParams().regions_max + 1
 
 
+def test_half_of_the_pins_missing_and_false_blobs_swap_no_pins() -> None:
+    rng = np.random.default_rng(11)
+    xy = LAYOUTS["rings331"]
+    trusted = 0
+    for _ in range(4):
+        now = pressed(xy, rng)
+        tracks = Tracker(rest_at(xy)).identify(pins_at(spoiled(now, 0.5, 50, rng)))
+        if tracks.confidence >= Tracks.LOW_CONFIDENCE:
+            trusted += 1
+            assert swapped(tracks, now) == 0
+    assert trusted >= 3
+
+
 def test_of_two_matches_that_tie_each_is_right_in_half_of_the_cases() -> None:
     assert best_of_two(0.0) == 0.5
     chance = [best_of_two(ahead) for ahead in (0.0, 1.0, 5.0, 50.0, 500.0)]
