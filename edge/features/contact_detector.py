@@ -13,8 +13,10 @@ Rules
 - The medians are computed only if the means exceed the limit, first where the area change is highest: in a
   contact that costs a hundredth of the whole scan. There the limit is lower, as of one place. A frame that
   fails here counts as untouched.
-- The noise is predicted from the pins' own sigma until untouched frames have given a better value. The learnt
-  value stays within `noise_ratio_max` of the prediction, so that a slow touch cannot raise its own limit.
+- The noise is predicted from the pins' own sigma until untouched frames have given a better value, of cells
+  and of rings' means each: skin that creeps back from the last touch moves neighbours alike, and no mean over
+  them averages that out. The learnt value stays within `noise_ratio_max` of the prediction, so that a slow
+  touch cannot raise its own limit.
 - A mean over fewer cells averages out less noise and is scaled down accordingly.
 - While a contact lasts, the slope of the ring medians where the areas had increased most tells by itself that
   it does, if it is above what begins one: no areas are needed for that.
@@ -74,7 +76,9 @@ class ContactDetector:
     _slope: cython.double[:, :, ::1]
     _pitch_px: cython.double
     _rest_variance: cython.double
-    _noise_ratio: cython.double  # measured over predicted noise
+    _noise_ratio: cython.double  # of a cell: measured over predicted noise
+    _ring_noise_ratio: cython.double  # of a ring's mean
+    _turn: cython.Py_ssize_t  # which rings it is learnt from next
     _in_contact: cython.bint
     _root: cython.double[::1]  # sqrt(known pins of a ring / all of them)
     _peak_row: cython.Py_ssize_t  # the ring of `_highest_mean`
@@ -85,6 +89,7 @@ class ContactDetector:
     _sorted_x: cython.double[::1]  # motion of one ring, in order
     _sorted_y: cython.double[::1]
     _values: cython.double[::1]
+    _ring_values: cython.double[::1]
     _highest: cython.double[::1]  # (1,), of `highest_ring`
     _cell_noise: cython.double
     _ring_noise: cython.double
@@ -104,14 +109,15 @@ class ContactDetector:
         self._ring, self._slope = short_rows(ring), slope
         self._pitch_px = rest.pattern.pitch_px
         self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
-        self._noise_ratio = 1.0
+        self._noise_ratio = self._ring_noise_ratio = 1.0
+        self._turn = 0
         self._in_contact = False
         self._peak_row, self._begins = 0, np.inf
         self._root = np.sqrt(np.arange(width + 1) / width)
         self._middle = np.full((n, 2), np.nan)
         self._looked_up, self._n_looked_up = np.empty(n, np.int32), 0
         self._sorted_x, self._sorted_y = np.empty(width), np.empty(width)
-        self._values, self._highest = np.empty(n), np.empty(1)
+        self._values, self._ring_values, self._highest = np.empty(n), np.empty(n), np.empty(1)
         self._cell_noise, self._ring_noise, self._median_noise = CELL_NOISE, RING_NOISE, MEDIAN_NOISE
         self._clear_sigma = params.contact_sigma
         self._raise_sigma = hypot(params.contact_sigma, largest_noise(n))
@@ -144,7 +150,7 @@ class ContactDetector:
         if isnan(highest):
             return self._in_contact  # a dark frame is no evidence
         predicted: cython.double = sigma_px / self._pitch_px
-        noise: cython.double = self._ring_noise * predicted * self._noise_ratio
+        noise: cython.double = self._ring_noise * predicted * self._ring_noise_ratio
         limit: cython.double = self._limit_sigma() * noise
         self._begins = self._raise_sigma * noise
         self._in_contact = highest > limit and self._is_coherent(at, limit)
@@ -356,16 +362,38 @@ class ContactDetector:
         pitches.
         """
         i: cython.Py_ssize_t
+        k: cython.Py_ssize_t
         known: cython.Py_ssize_t = 0
-        for i in range(self._n):
+        known_rings: cython.Py_ssize_t = 0
+        total: cython.double
+        # In each frame as many rings as hold each cell about once, in turn. About zero rather than about the
+        # median: drift is noise too.
+        self._turn = (self._turn + 1) % self._width
+        for i in range(self._turn, self._n, self._width):
+            total = 0.0
+            for k in range(self._width):
+                total += area_change[self._ring[i, k]]
             if isfinite(area_change[i]):
                 self._values[known] = fabs(area_change[i])
                 known += 1
-        # About zero rather than about the median: drift is noise too.
+            if isfinite(total):
+                self._ring_values[known_rings] = fabs(total) / self._width
+                known_rings += 1
+        self._noise_ratio = self._moved(self._noise_ratio, self._values, known, self._cell_noise * predicted)
+        self._ring_noise_ratio = self._moved(
+            self._ring_noise_ratio, self._ring_values, known_rings, self._ring_noise * predicted
+        )
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _moved(
+        self, learnt: cython.double, sizes: cython.double[::1], n: cython.Py_ssize_t, predicted: cython.double
+    ) -> cython.double:
+        """A learnt ratio, moved towards that of the first n sizes to the predicted noise."""
         ratio: cython.double = 1.0
+        if n == 0:
+            return learnt
         if predicted > 0.0:
-            ratio = _SIGMA_OF_MAD * median(self._values, known) / (self._cell_noise * predicted)
-        if not isfinite(ratio):
-            return
+            ratio = _SIGMA_OF_MAD * median(sizes, n) / predicted
         ratio = min(max(ratio, 1.0 / self._noise_ratio_max), self._noise_ratio_max)
-        self._noise_ratio += (ratio - self._noise_ratio) / self._noise_frames_n
+        return learnt + (ratio - learnt) / self._noise_frames_n

@@ -5,7 +5,8 @@ ends where it began; two tracks never come nearer than half a pitch (or their li
 less); a pin never leaps against its neighbours from one frame to the next.
 
 Contacts are counted, too: a tip is touched where its pins' motion is bent, and quiet where it is hardly more
-than noise. A light touch is neither; a contact in a quiet frame just begins or ends, or is false.
+than noise. A light touch is neither. A quiet frame near one that is not quiet may show a touch that begins or
+ends; amid quiet ones it is untouched, and a contact in it is false.
 
 `north` and `west` are the directions in which the tip is dragged. Both videos begin loaded or moving, so a
 direction needs the untouched tip: the pose of most frames, found in a first pass.
@@ -39,6 +40,7 @@ STRIDES = (1, 2, 4, 8)
 TARE_FRAMES = 8  # the configuration's default
 LEAP = 0.5  # steps to the next pin, against the neighbours, from one frame to the next
 QUIET, TOUCHED = 0.012, 0.08  # pitches, median distance of the pins from an affine motion: below, above
+AMID = 3  # quiet frames on either side of an untouched one: the videos show a picture up to three times
 STRONG = 0.1  # share of the frames with the largest shear that give its direction
 
 
@@ -74,6 +76,7 @@ class Felt:
 
     touched, one, more        frames with a bent motion; of these with one contact, with more
     quiet, quiet_contacts     frames with hardly any motion; of these with a contact
+    untouched, false          quiet frames amid quiet ones; of these with a contact
     """
 
     video: str
@@ -82,6 +85,8 @@ class Felt:
     more: int
     quiet: int
     quiet_contacts: int
+    untouched: int
+    false: int
 
 
 def read(name: str) -> list[Image]:
@@ -147,16 +152,16 @@ def felt(video: str, images: Sequence[Image], rest: Rest) -> Felt:
     """Contacts in the trusted frames of a video, against how bent the motion is."""
     pipeline = Pipeline(rest, demand=frozenset({Feature.CONTACTS}))
     results = [pipeline.process(Frame(image, k, k)) for k, image in enumerate(images)]
-    rows = [
-        (residual_of(r.tracks, rest), len(r.features.contacts or ()))
-        for r in results
-        if r.features is not None
-    ]
-    touched = [count for off, count in rows if off > TOUCHED]
-    quiet = [count for off, count in rows if off < QUIET]
+    sure = [r for r in results if r.features is not None]
+    off = np.full(len(results), np.inf)  # of frames whose identities are not trusted nothing is known
+    off[[r.frame.sequence for r in sure]] = [residual_of(r.tracks, rest) for r in sure]
+    count = np.array([0 if r.features is None else len(r.features.contacts or ()) for r in results])
+    bent, quiet = np.isfinite(off) & (off > TOUCHED), off < QUIET
+    amid = np.convolve(quiet, np.ones(2 * AMID + 1), "same") > 2 * AMID
+    touched = count[bent].tolist()
     return Felt(
-        video, len(touched), touched.count(1), sum(count > 1 for count in touched),
-        len(quiet), sum(count > 0 for count in quiet),
+        video, len(touched), touched.count(1), sum(n > 1 for n in touched),
+        int(quiet.sum()), int((count[quiet] > 0).sum()), int(amid.sum()), int((count[amid] > 0).sum()),
     )  # fmt: skip
 
 
@@ -224,7 +229,7 @@ def command(pictures: Path | None, out: Path) -> None:
     for p in plays:
         table.add_row(*("" if v is None else str(v) for v in asdict(p).values()))
     console.print(table)
-    table = Table("video", "touched", "one contact", "more", "quiet", "with a contact")
+    table = Table("video", "touched", "one contact", "more", "quiet", "with a contact", "untouched", "false")
     for f in contacts:
         table.add_row(*(str(v) for v in asdict(f).values()))
     console.print(table)

@@ -121,3 +121,20 @@ def test_sizes_that_do_not_fit_are_refused() -> None:
         detector.by_motion(xy[1:], 0.05)
     with pytest.raises(ValueError, match="wanted"):
         detector.by_motion(np.zeros((127, 1)), 0.05)
+
+
+def test_skin_that_creeps_is_learnt_as_noise_of_rings_and_a_touch_still_begins() -> None:
+    """Neighbours move alike: cells' noise is hardly more, and a ring's mean keeps all of it."""
+    rest = tip(127)
+    rest_area = areas(rest.xy_img, rest)
+    rng = np.random.default_rng(0)
+    detector = ContactDetector(rest)
+
+    def decide(height: float) -> bool:
+        """One frame of pins' noise and of waves across the skin, pressed so much."""
+        waves = rng.normal(0.0, 0.05, 2) * np.sin(rest.xy_img / 40.0 + rng.uniform(0.0, 6.0, 2))
+        xy = rest.xy_img + push(rest, (20.0, -15.0), 50.0, height) + waves + rng.normal(0.0, 0.05, (127, 2))
+        return detector.by_area(areas(xy, rest) / rest_area - 1.0, xy, 0.05)
+
+    assert not any([decide(0.0) for _ in range(300)][64:])
+    assert decide(0.05)
