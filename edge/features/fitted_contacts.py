@@ -1,16 +1,18 @@
 """What fits of contacts decide in a frame: one long contact or two, the direction of a long one, and what
 each of several contacts does alone.
 
-    regions --one, long--> line or two points? --two--> two points or a line? --several--> points together
+    regions --one, long, or of two peaks--> line or two points? --two--> two points or a line?
+            --several--> points together
 
 Rules
-- Only frames that may hold more than one contact, or a long one, are fitted; a round contact alone is not,
-  unless somebody asks.
+- Only frames that may hold more than one contact, or a long one, are fitted; a round contact of one peak
+  is not, unless somebody asks.
 - Shapes are compared on the same pins by the likelihood of their motion, its noise unknown: the logarithm
   of two likelihoods' ratio is n log of the ratio of squared errors, of n pins with two coordinates each.
 - The model's errors are alike among neighbours: a pin and its ring count as one. What the regions say is
   overruled by as much evidence as pins are identified with.
-- Two points are two contacts only if both press.
+- Two points are two contacts only if both press, and neither lies within the other's width: a pin that is
+  seen in the wrong place within a broad contact looks like a narrow one.
 """
 
 from __future__ import annotations
@@ -133,18 +135,21 @@ class FittedContacts:
         line = self._fit_line(middle, half)
         if self._semi_axis[0] >= self._params.close_pitch * self._pitch_px:
             return line.direction  # two so far apart would be two regions
-        limit = self._limit(line.error)
-        pair = self._fit_pair(starts, limit)
-        if pair.error >= limit or min(pair.heights) <= 0.0:
-            return line.direction
-        if pair.error >= self._limit(self._fit.fit_points(middle[None], 1)):
-            return math.nan
-        first, second = (self._regions.nearest_point(x, y) for x, y in pair.columns[0].tolist())
-        if first == second:
-            return line.direction
-        self._regions.split(0, first, second)
-        self._regions.sort()
-        return math.nan
+        return self._divide(starts, line)
+
+    def split_at(self, xy: Array, seen: Mask, ridge: Array) -> None:
+        """Split a single round region that is two contacts.
+
+        xy, seen  as of `fit`
+        ridge     (m, 2) px, its peaks: two may be two contacts, one none, many a flat one
+        """
+        if len(ridge) != 2:
+            return
+        half = 0.5 * (ridge[1] - ridge[0])
+        if 2.0 * math.hypot(*half) >= self._params.close_pitch * self._pitch_px:
+            return  # two so far apart would be two regions
+        if self._choose_pins(xy, seen, ridge):
+            self._divide(ridge, self._fit_line(ridge.mean(axis=0), half))
 
     def join(self, xy: Array, seen: Mask) -> float:
         """Join two regions that are one long contact.
@@ -164,6 +169,26 @@ class FittedContacts:
             return math.nan
         self._regions.join(0, 1)
         return line.direction
+
+    def _divide(self, starts: Array, line: _Line) -> float:
+        """Split the single region if it is two contacts, rather than a line or a round one; as `split`."""
+        limit = self._limit(line.error)
+        pair = self._fit_pair(starts, limit)
+        if pair.error >= limit or not self._are_apart(pair):
+            return line.direction
+        if pair.error >= self._limit(self._fit.fit_points(self._middle[:1], 1)):
+            return math.nan
+        first, second = (self._regions.nearest_point(x, y) for x, y in pair.columns[0].tolist())
+        if first == second:
+            return line.direction
+        self._regions.split(0, first, second)
+        self._regions.sort()
+        return math.nan
+
+    def _are_apart(self, pair: _Pair) -> bool:
+        """Whether both press, and neither lies within the other's width."""
+        (place, other), width = pair.columns[0], pair.columns[1]
+        return min(pair.heights) > 0.0 and math.hypot(*(place - other)) > max(width) * self._pitch_px
 
     def _choose_pins(self, xy: Array, seen: Mask, places: Array) -> bool:
         """The pins near these places are those to be explained; whether they are enough."""

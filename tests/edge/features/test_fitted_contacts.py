@@ -91,3 +91,20 @@ def test_where_few_pins_are_seen_nothing_is_fitted() -> None:
     lost[:15] = False
     for contact in contacts([Ball(0.0, 0.0, 1.0, radius_mm=2.4)], lost=lost):
         assert contact.fitted is None
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("x_mm", "y_mm", "degrees", "depth_mm"),
+    [(-1.43, 0.75, 102.9, 0.40), (0.68, -0.19, 147.9, 0.38), (-0.14, -2.54, 2.2, 0.59)],
+)
+def test_a_shallow_ball_by_a_deeper_one_is_another_where_their_region_is_round(
+    x_mm: float, y_mm: float, degrees: float, depth_mm: float
+) -> None:
+    """Its peak is hardly parted from the other's, and too low to lengthen the region."""
+    way = 2.0 * PITCH_MM * np.exp(1j * np.deg2rad(degrees))
+    balls = [
+        Ball(x_mm, y_mm, 0.95, radius_mm=1.8),
+        Ball(x_mm + way.real, y_mm + way.imag, depth_mm, radius_mm=1.8),
+    ]
+    assert [len(contacts(list(balls), seed=seed)) for seed in range(5)] == [2] * 5
