@@ -103,15 +103,15 @@ class Hypothesis:
         return self._apart(self.known & clear & ~self._may_have_slipped(), odds)
 
     def assign(self, scale: Array, freedom: Array) -> None:
-        """Give unassigned blobs to unmatched pins; predicted again from the assignment until an earlier one
-        comes back, or fewer pins have a blob.
+        """Give unassigned blobs to unmatched pins; predicted again from the assignment while that gives more
+        pins a blob, or as many a likelier one: it could go round thousands of assignments.
         """
         if not self.known.any():
             return
         tip, pins, free = self._tip, _rows(~self.known), _rows(self._unassigned())
         at, blob_at = tip.rest_xy[pins] / tip.pitch_px, self.blob_xy[free] / tip.pitch_px
         mean, variance = self.model.from_around(self.motion, self.known, pins)
-        assigned_n, assignments = 0, set[bytes]()
+        before = (0, 0.0)
         while True:
             square = ((at[:, None] + mean[:, None] - blob_at) ** 2).sum(2)
             density = self._log_density(square, (variance * scale[pins])[:, None], freedom[pins, None])
@@ -122,10 +122,10 @@ class Hypothesis:
             pin = pin[odds[pin, blob[pin]] > 0]
             chosen = np.full(len(pins), -1, np.int32)
             chosen[pin] = free[blob[pin]]
-            assigned_n, before_n = int(np.count_nonzero(chosen >= 0)), assigned_n
-            if assigned_n < before_n or chosen.tobytes() in assignments:
+            now = (len(pin), float(odds[pin, blob[pin]].sum()))
+            if now <= before:
                 break
-            assignments.add(chosen.tobytes())
+            before = now
             self.known[pins], self.blob[pins] = chosen >= 0, np.maximum(chosen, 0)
             self._predict(np.ones(len(self.known), np.bool_))
             mean, variance, scale, freedom = self.mean[pins], self.variance[pins], self.scale, self.freedom
