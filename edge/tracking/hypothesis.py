@@ -52,6 +52,7 @@ class Hypothesis:
     square            (n,) of the distance from there, square pitches
     scale, freedom    (n,) variance of the field at each pin, square pitches, and its degrees of freedom
     log_posterior     against that all pins are missing and all blobs false
+    log_together      of it, because pins are missing together instead of at random
     """
 
     def __init__(self, model: MotionModel, blob_xy: Array, blob: Index, known: Mask) -> None:
@@ -77,10 +78,11 @@ class Hypothesis:
         """(n, 2) pitches; meaningless where not known."""
         return np.asarray((self.blob_xy[self.blob] - self._tip.rest_xy) / self._tip.pitch_px, np.float64)
 
-    def _log_posterior(self) -> float:
-        """The shares of missing pins and of false blobs are unknown: all numbers of them are alike. False
-        blobs are anywhere on the tip. The likelihood of the places is that of each pin by its neighbours
-        (Besag, Statistical analysis of non-lattice data, The Statistician 24, 1975).
+    def _log_posterior_at_random(self) -> float:
+        """As if pins were missing at random. The shares of missing pins and of false blobs are unknown: all
+        numbers of them are alike. False blobs are anywhere on the tip. The likelihood of the places is that
+        of each pin by its neighbours (Besag, Statistical analysis of non-lattice data, The Statistician 24,
+        1975).
         """
         n, m, known_n = len(self.known), len(self.blob_xy), self.known_n
         if not known_n:
@@ -89,6 +91,27 @@ class Hypothesis:
         ways += lgamma(m + 1) - lgamma(m - known_n + 1)
         places = self._density[self.known].sum() + known_n * np.log(self._area)
         return float(places - ways + self.model.log_prior(self.motion, self.known))
+
+    def _log_together(self) -> float:
+        """A hidden side takes pins that are beside each other: a lattice that slipped by one step away from
+        there leaves a row of pins without blobs at the far rim, and fits as well in all else. So the share of
+        missing pins is another, and unknown, for each number of missing neighbours; the likelihood is that of
+        each pin by its neighbours again.
+        """
+        n, known_n = len(self.known), self.known_n
+        at_random = lgamma(known_n + 1) + lgamma(n - known_n + 1) - lgamma(n + 1)
+        nothing = np.zeros(n, np.bool_)
+        return self._log_missing(self.known) - self._log_missing(nothing) - at_random
+
+    def _log_missing(self, known: Mask) -> float:
+        """Logarithm of the probability that just these pins are known."""
+        adjacent = self._tip.lattice.adjacent
+        around_n = np.append(~known, False)[adjacent].sum(1)
+        have = np.bincount(around_n[known], minlength=adjacent.shape[1] + 1).tolist()
+        have_not = np.bincount(around_n[~known], minlength=adjacent.shape[1] + 1).tolist()
+        return sum(
+            lgamma(a + 1) + lgamma(b + 1) - lgamma(a + b + 2) for a, b in zip(have, have_not, strict=True)
+        )
 
     def differs(self, other: Hypothesis) -> bool:
         """Whether it has less than half of the other's identities."""
@@ -142,7 +165,8 @@ class Hypothesis:
             if not worst.any():
                 break
             self.known = self.known & ~worst
-        self.log_posterior = self._log_posterior()
+        self.log_together = self._log_together()
+        self.log_posterior = self._log_posterior_at_random() + self.log_together
 
     def _odds(self) -> Array:
         """(n,) logarithm of the odds that a known pin has its blob; infinite elsewhere."""

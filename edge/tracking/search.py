@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import erf, sqrt
 
 import cv2
 import numpy as np
@@ -120,10 +121,7 @@ class Identifier:
         """Probability that the best hypothesis is the right one of those that were found, and that the right
         one was found.
 
-        The chance of the best alternative falls with the lead, not with its exponential: the posteriors are
-        of a Gaussian motion, and a twisted skin with a side hidden moves further.
-
-        ahead  of the best alternative, difference of the logarithms of the posteriors
+        ahead  of the best alternative, standard deviations
         """
         if not best.known_n:
             return 0.0
@@ -182,7 +180,7 @@ class Identifier:
 def found_evidence(best: Hypothesis) -> tuple[float, float, float, float]:
     """What tells that the search found the right hypothesis: a constant; the root of how far its certain pins
     are off an affine motion, pitches; the root of that motion's rotation, rad; and the logarithm of the
-    posterior for each pin, as if the motion were equally rough in all frames.
+    posterior for each pin, as if the motion were equally rough in all frames and pins missing at random.
     """
     certain, tip = best.certain(), best.model.tip
     if not certain.any():
@@ -192,13 +190,16 @@ def found_evidence(best: Hypothesis) -> tuple[float, float, float, float]:
     fit = np.linalg.lstsq(terms, motion, rcond=None)[0]
     bent = np.sqrt(np.mean(np.sum((motion - terms @ fit) ** 2, axis=1)))
     rotation = abs(fit[1, 1] - fit[2, 0]) / 2
-    posterior = best.log_posterior / best.known_n + np.log(np.median(best.spread[certain]))
+    posterior = (best.log_posterior - best.log_together) / best.known_n
+    posterior += np.log(np.median(best.spread[certain]))
     return 1.0, float(np.sqrt(bent)), float(np.sqrt(rotation)), float(posterior)
 
 
 def best_of_two(ahead: float) -> float:
-    """Probability that the better of two hypotheses is right, by how far it is ahead: a half if they tie."""
-    return 1.0 - 0.5 / (1.0 + ahead)
+    """Probability that the better of two hypotheses is right, by its lead in standard deviations (Vuong,
+    Likelihood ratio tests for model selection, Econometrica 57, 1989): a half if they tie.
+    """
+    return 0.5 + 0.5 * erf(ahead / sqrt(2))
 
 
 def _logistic(odds: float) -> float:
@@ -207,9 +208,12 @@ def _logistic(odds: float) -> float:
 
 
 def _ahead(best: Hypothesis, others: list[Hypothesis]) -> float:
-    """How far the logarithm of its posterior is above that of its best alternative, or of no match at all."""
+    """How far the logarithm of its posterior is above that of its best alternative, or of no match at all, in
+    standard deviations: it is a sum over the pins, each off by about 1.
+    """
     alternatives = [match.log_posterior for match in others if match.differs(best)]
-    return max(best.log_posterior - max(alternatives, default=0.0), 0.0)
+    above = max(best.log_posterior - max(alternatives, default=0.0), 0.0)
+    return above / sqrt(max(best.known_n, 1))
 
 
 def _lattice_steps(tip: TrackedTip) -> Array:

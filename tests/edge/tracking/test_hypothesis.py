@@ -148,16 +148,34 @@ def test_of_a_match_and_one_a_row_off_the_right_one_is_more_likely() -> None:
 
 def test_a_side_that_is_hidden_leaves_little_to_tell_a_row_by() -> None:
     """Without the row at one side the match one row off has as many pins: only the tip's motion tells."""
+    right, off = one_row_off(np.zeros(2), 1)
+    assert 0 < right.log_posterior - off.log_posterior < 10
+
+
+@pytest.mark.parametrize("rows", [4, 8])
+def test_of_a_hidden_side_the_far_rim_tells_a_row_by(rows: int) -> None:
+    """The match one row off has as many pins and moved about as far; but pins are missing on both sides."""
+    right, off = one_row_off(np.array([-0.6 * PITCH_PX, 0.0]), rows)
+    assert right.known_n == off.known_n
+    at_random = [match.log_posterior - match.log_together for match in (right, off)]
+    assert abs(at_random[0] - at_random[1]) < 2
+    assert right.log_posterior > off.log_posterior + 10
+
+
+def one_row_off(shift_px: Array, rows: int) -> tuple[Hypothesis, Hypothesis]:
+    """Two matches of blobs that moved by a shift, without those of some rows at the left: the right one, and
+    one row off towards there.
+    """
     model, now, _, _ = inconsistent(0)
     xy = model.tip.rest_xy
     apart = np.hypot(*(xy[:, None] - xy + [PITCH_PX, 0.0]).transpose(2, 0, 1))
     to, has = apart.argmin(1).astype(np.int32), apart.min(1) < 1.0
-    left = ~np.isin(np.arange(N), to[has])
-    seen = ~left
+    seen = np.ones(N, np.bool_)
+    for _ in range(rows):
+        seen &= np.isin(np.arange(N), to[has & seen])
     blob_of = np.where(seen, np.cumsum(seen) - 1, 0).astype(np.int32)
-    right = Hypothesis(model, now[seen], blob_of, seen)
-    off = Hypothesis(model, now[seen], blob_of[to], has & seen[to])
-    assert 0 < right.log_posterior - off.log_posterior < 10
+    blobs = now[seen] + shift_px
+    return Hypothesis(model, blobs, blob_of, seen), Hypothesis(model, blobs, blob_of[to], has & seen[to])
 
 
 def test_a_pin_far_off_goes_and_takes_none_of_its_neighbours_along() -> None:

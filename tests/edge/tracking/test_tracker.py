@@ -182,9 +182,9 @@ def test_half_of_the_pins_missing_and_false_blobs_swap_no_pins() -> None:
 
 def test_of_two_matches_that_tie_each_is_right_in_half_of_the_cases() -> None:
     assert best_of_two(0.0) == 0.5
-    chance = [best_of_two(ahead) for ahead in (0.0, 1.0, 5.0, 50.0, 500.0)]
+    chance = [best_of_two(ahead) for ahead in (0.0, 0.5, 1.0, 2.0, 5.0)]
     assert chance == sorted(chance)
-    assert best_of_two(5.0) < Tracks.LOW_CONFIDENCE < best_of_two(50.0) < 1.0
+    assert best_of_two(1.5) < Tracks.LOW_CONFIDENCE < best_of_two(2.5) < 1.0
 
 
 def test_a_lattice_that_may_have_slipped_by_a_step_has_low_confidence() -> None:
