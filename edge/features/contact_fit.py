@@ -12,9 +12,11 @@ potentials there. The rational quadratic potential is a mean over Gaussian ones 
 place, a width and a height has to be known of the tool.
 
 Rules
-- Levenberg and Marquardt's steps on all parameters at once, from given places, or from where the last frame's
-  fit of the same shape ended, if that is near them; a fixed number at most, so that a frame's time is
-  bounded. Weak Gaussian priors keep shears and widths finite where pins cannot tell.
+- Levenberg and Marquardt's steps on all parameters at once, from given places, or from where the last fit of
+  the same shape ended, if that is near them; a fixed number at most, so that a frame's time is bounded. Weak
+  Gaussian priors keep shears and widths finite where pins cannot tell.
+- A step from where the last fit ended is the last one where the error became what the linear model had
+  promised.
 - Seen pins near the given places count, no predicted ones.
 - Place and motion are where the skin lies at rest: a shear that drags the skin does not move them.
 
@@ -75,6 +77,7 @@ class ContactFit:
     total      (FITS_MAX,) float64 squared pitches, of all potentials at this contact's place
     shear      (FITS_MAX, 2) float64 pitches, t
     dipole     (FITS_MAX, 2) float64 pitches, v; of a line: half of the line
+    least      squared pitches, what the squared error could still fall to if steps went on
     n_pins     pins that count
 
     rest_xy, pitch_px  (n, 2) px, and their pitch
@@ -88,11 +91,18 @@ class ContactFit:
     total = cython.declare(cython.double[::1], visibility="readonly")
     shear = cython.declare(cython.double[:, ::1], visibility="readonly")
     dipole = cython.declare(cython.double[:, ::1], visibility="readonly")
+    least = cython.declare(cython.double, visibility="readonly")
     n_pins = cython.declare(cython.Py_ssize_t, visibility="readonly")
     _rest: cython.double[:, ::1]  # pitches
     _pitch_px: cython.double
-    _place: cython.double[:, ::1]  # of the pins that count at rest, pitches
+    _pin: cython.int[::1]  # the pins that count
+    _place: cython.double[:, ::1]  # theirs at rest, pitches
     _motion: cython.double[:, ::1]  # theirs, pitches
+    _marked: cython.double[:, ::1]  # the same in an earlier frame
+    _lost: cython.int[::1]  # others as near, which were not seen
+    _lost_n: cython.Py_ssize_t
+    _near: cython.double[:, ::1]  # the places that they were chosen for, px
+    _near_n: cython.Py_ssize_t
     _left: cython.double[:, ::1]  # what is left of it; of a line, along and across it
     _middle_x: cython.double  # of the affine part, pitches
     _middle_y: cython.double
@@ -114,8 +124,7 @@ class ContactFit:
     _limit: cython.double  # of it
     _promise: cython.double  # by how much a step reduces the squared error, to first order
     _last: cython.double[:, ::1]  # where the last fit of each shape ended: of a line, one point, two ...
-    _is_known: cython.uchar[::1]  # of each shape: fitted in this frame or the last
-    _is_new: cython.uchar[::1]  # in this one
+    _is_known: cython.uchar[::1]  # of each shape
     _is_taken: cython.uchar[::1]  # of a last fit's contacts
 
     def __init__(
@@ -132,14 +141,24 @@ class ContactFit:
         self.height, self.total = np.zeros(FITS_MAX), np.zeros(FITS_MAX)
         self.shear, self.dipole = np.zeros((FITS_MAX, 2)), np.zeros((FITS_MAX, 2))
         self._rest, self._pitch_px = np.array(rest_xy / pitch_px, np.float64, order="C"), pitch_px
-        self._place, self._motion, self._left = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
+        self._pin, self._lost = np.zeros((2, n), np.int32)
+        self._lost_n, self._place = 0, np.zeros((n, 2))
+        self._motion, self._marked, self._left = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
+        self._near, self._near_n = np.zeros((FITS_MAX, 2)), 0
         self._start, self._now, self._next = np.zeros(size), np.zeros(size), np.zeros(size)
         self._scale, self._step, self._damped = np.zeros(size), np.zeros(size), np.zeros((size, size))
         columns = 4 * (size // 4 + 1)  # with what is left of the motion; as `normal_sums` wants it
         self._rows, self._normal = np.zeros((2 * n + 2, columns)), np.zeros((columns, columns))
         self._last, self._error, self._promise = np.zeros((FITS_MAX + 1, size)), 0.0, 0.0
-        self._is_known, self._is_new, self._is_taken = np.zeros((3, FITS_MAX + 1), np.uint8)
-        self.n_pins, self._m, self._is_line, self._middle_x, self._middle_y = 0, 0, False, 0.0, 0.0
+        self._is_known, self._is_taken = np.zeros((2, FITS_MAX + 1), np.uint8)
+        self.least, self.n_pins, self._m, self._is_line, self._middle_x, self._middle_y = (
+            0.0,
+            0,
+            0,
+            False,
+            0.0,
+            0.0,
+        )
         self._radius, self._reach = 2.0 * params.close_pitch, params.place_radius_pitch
         self._width = 1.0 / params.grid_steps_per_pitch
         noise, shear = prior.noise, prior.noise / prior.curl
@@ -149,65 +168,123 @@ class ContactFit:
         """The next frame does not follow the last one."""
         i: cython.Py_ssize_t
         for i in range(_FITS_MAX + 1):
-            self._is_new[i] = self._is_known[i] = False
+            self._is_known[i] = False
 
-    def begin(self) -> None:
-        """Another frame begins, which follows the last one."""
-        i: cython.Py_ssize_t
-        for i in range(_FITS_MAX + 1):
-            self._is_known[i], self._is_new[i] = self._is_new[i], False
-
-    def set_motion(
-        self, xy: cython.const[cython.double][:, ::1], seen: cython.const[cython.uchar][::1]
+    def choose(
+        self,
+        xy: cython.const[cython.double][:, ::1],
+        seen: cython.const[cython.uchar][::1],
+        places: cython.const[cython.double][:, ::1],
     ) -> None:
-        """The motion to be explained, of the seen pins.
+        """From now on the seen pins within the fit's radius of one of these places count, with this motion.
 
         xy       (n, 2) float64 px, where the pins are; finite where seen
         seen     (n,) bool
+        places   (k, 2) float64 px, at rest; k 1 to FITS_MAX
         Raises   ValueError: sizes that do not fit
         """
-        n: cython.Py_ssize_t = self._rest.shape[0]
-        if xy.shape[0] != n or xy.shape[1] != 2 or seen.shape[0] != n:
-            raise ValueError(f"xy ({n}, 2) and seen ({n},) are wanted")
-        i: cython.Py_ssize_t
-        self.n_pins = 0
-        for i in range(n):
-            if seen[i]:
-                self._place[self.n_pins, 0] = self._rest[i, 0]
-                self._place[self.n_pins, 1] = self._rest[i, 1]
-                self._motion[self.n_pins, 0] = xy[i, 0] / self._pitch_px - self._rest[i, 0]
-                self._motion[self.n_pins, 1] = xy[i, 1] / self._pitch_px - self._rest[i, 1]
-                self.n_pins += 1
-
-    def keep_near(self, places: cython.const[cython.double][:, ::1]) -> None:
-        """From now on only the pins within the fit's radius of one of these places count.
-
-        places   (k, 2) float64 px, at rest; one at least
-        Raises   ValueError: sizes that do not fit
-        """
-        if places.shape[0] < 1 or places.shape[1] != 2:
-            raise ValueError(f"places (k, 2) are wanted, not ({places.shape[0]}, {places.shape[1]})")
+        self._check(xy, seen, places)
         i: cython.Py_ssize_t
         j: cython.Py_ssize_t
         k: cython.Py_ssize_t = places.shape[0]
         n: cython.Py_ssize_t = 0
         x: cython.double
         y: cython.double
+        radius2: cython.double = self._radius * self._radius
         self._middle_x = 0.0
         self._middle_y = 0.0
         for j in range(k):
             self._middle_x += places[j, 0] / (self._pitch_px * k)
             self._middle_y += places[j, 1] / (self._pitch_px * k)
-        for i in range(self.n_pins):
+            self._near[j, 0], self._near[j, 1] = places[j, 0], places[j, 1]
+        self._lost_n = 0
+        for i in range(self._rest.shape[0]):
             for j in range(k):
-                x = self._place[i, 0] - places[j, 0] / self._pitch_px
-                y = self._place[i, 1] - places[j, 1] / self._pitch_px
-                if x * x + y * y <= self._radius * self._radius:
-                    self._place[n, 0], self._place[n, 1] = self._place[i, 0], self._place[i, 1]
-                    self._motion[n, 0], self._motion[n, 1] = self._motion[i, 0], self._motion[i, 1]
-                    n += 1
+                x = self._rest[i, 0] - places[j, 0] / self._pitch_px
+                y = self._rest[i, 1] - places[j, 1] / self._pitch_px
+                if x * x + y * y <= radius2:
+                    if seen[i]:
+                        self._pin[n] = cython.cast(cython.int, i)
+                        self._place[n, 0], self._place[n, 1] = self._rest[i, 0], self._rest[i, 1]
+                        n += 1
+                    else:
+                        self._lost[self._lost_n] = cython.cast(cython.int, i)
+                        self._lost_n += 1
                     break
-        self.n_pins = n
+        self.n_pins, self._near_n = n, k
+        self._take_motion(xy)
+        self.mark()
+
+    def mark(self) -> None:
+        """Say later how far the motion is from the present one."""
+        i: cython.Py_ssize_t
+        for i in range(self.n_pins):
+            self._marked[i, 0], self._marked[i, 1] = self._motion[i, 0], self._motion[i, 1]
+
+    def again(
+        self,
+        xy: cython.const[cython.double][:, ::1],
+        seen: cython.const[cython.uchar][::1],
+        places: cython.const[cython.double][:, ::1],
+    ) -> float:
+        """The motion of another frame, of the same pins.
+
+        xy, seen, places  as of `choose`
+        Returns           pitches, root of the squared distance from the motion that was marked, or with which
+                          they were chosen; infinite: other pins are seen near these places, or a place is
+                          another point of the grid
+        Raises            ValueError: sizes that do not fit
+        """
+        self._check(xy, seen, places)
+        i: cython.Py_ssize_t
+        x: cython.double
+        y: cython.double
+        square: cython.double = 0.0
+        if places.shape[0] != self._near_n:
+            return _NO_LIMIT
+        for i in range(self._near_n):
+            x, y = places[i, 0] - self._near[i, 0], places[i, 1] - self._near[i, 1]
+            if not hypot(x, y) <= self._width * self._pitch_px:
+                return _NO_LIMIT
+        for i in range(self.n_pins):
+            if not seen[self._pin[i]]:
+                return _NO_LIMIT
+        for i in range(self._lost_n):
+            if seen[self._lost[i]]:
+                return _NO_LIMIT
+        self._take_motion(xy)
+        for i in range(self.n_pins):
+            x = self._motion[i, 0] - self._marked[i, 0]
+            y = self._motion[i, 1] - self._marked[i, 1]
+            square += x * x + y * y
+        return sqrt(square)
+
+    @cython.cfunc
+    def _check(
+        self,
+        xy: cython.const[cython.double][:, ::1],
+        seen: cython.const[cython.uchar][::1],
+        places: cython.const[cython.double][:, ::1],
+    ) -> cython.bint:
+        n: cython.Py_ssize_t = self._rest.shape[0]
+        if xy.shape[0] != n or xy.shape[1] != 2 or seen.shape[0] != n:
+            raise ValueError(f"xy ({n}, 2) and seen ({n},) are wanted")
+        if not 0 < places.shape[0] <= _FITS_MAX or places.shape[1] != 2:
+            raise ValueError(
+                f"places (1 to {FITS_MAX}, 2) are wanted, not ({places.shape[0]}, {places.shape[1]})"
+            )
+        return True
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _take_motion(self, xy: cython.const[cython.double][:, ::1]) -> cython.void:
+        """Of the pins that count."""
+        i: cython.Py_ssize_t
+        p: cython.Py_ssize_t
+        for i in range(self.n_pins):
+            p = self._pin[i]
+            self._motion[i, 0] = xy[p, 0] / self._pitch_px - self._rest[p, 0]
+            self._motion[i, 1] = xy[p, 1] / self._pitch_px - self._rest[p, 1]
 
     def fit_points(
         self,
@@ -258,6 +335,20 @@ class ContactFit:
         self._start[7] = half_y / self._pitch_px
         return self._solve()
 
+    def last_error(self, points: cython.Py_ssize_t) -> float:
+        """What so many points, 0 a line, leave of the motion as they were fitted last, in whatever frame.
+
+        points   1 to FITS_MAX, or 0
+        Returns  squared error, squared pitches; infinite: they were not fitted yet
+        Raises   ValueError: another number
+        """
+        if not 0 <= points <= _FITS_MAX:
+            raise ValueError(f"0 to {FITS_MAX} points are wanted, not {points}")
+        if not self._is_known[points]:
+            return _NO_LIMIT
+        self._m, self._is_line = max(points, 1), points == 0
+        return self._explain(self._last[points], False)
+
     @cython.cfunc
     @cython.exceptval(check=False)
     def _clear(self) -> cython.void:
@@ -278,11 +369,7 @@ class ContactFit:
         """Fit, and write the results."""
         size: cython.Py_ssize_t = _OWN * self._m + _COMMON
         shape: cython.Py_ssize_t = 0 if self._is_line else self._m
-        ended: cython.bint = False
-        if self._follow(shape):
-            # One step to the optimum, one that finds no more; more of them often end in another optimum.
-            ended = self._descend(_DAMPING_MIN, 2) or self._error - self._promise > self._limit
-        if not ended:
+        if not (self._follow(shape) and self._descend_on()):
             self._now[:size] = self._start[:size]
             self._sum_up()
             # Strengths are zero still: the first step finds them, with places, widths and a line as they are.
@@ -290,28 +377,59 @@ class ContactFit:
             self._now[:size] = self._next[:size]
             if self._is_line:
                 self._now[6:8] = self._start[6:8]
-            self._descend(_DAMPING, _STEPS_MAX)
+            self._descend()
         self._last[shape, :size] = self._now[:size]
-        self._is_new[shape] = self._is_known[shape] = True
+        self._is_known[shape] = True
         self._write()
         return self._error
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _descend(self, damping: cython.double, steps: cython.Py_ssize_t) -> cython.bint:
-        """So many steps at most, while they gain; whether the last one promised next to nothing."""
+    def _descend_on(self) -> cython.bint:
+        """Two steps at most from an earlier frame's optimum, since more of them often end in another one.
+        Whether they end in an optimum, or out of reach of the limit.
+        """
         size: cython.Py_ssize_t = _OWN * self._m + _COMMON
         before: cython.double
         other: cython.double
-        is_last: cython.bint = False
+        left: cython.Py_ssize_t
+        self._error = self._sum_up()
+        for left in range(1, -1, -1):
+            if not self._find_step(_DAMPING_MIN):
+                break
+            before = self._error
+            other = self._explain(self._next, False)
+            if other < before:
+                self._now[:size] = self._next[:size]
+                self._error = other
+            self.least = self._error
+            if abs(before - self._promise - other) < _ENOUGH * other:
+                return True
+            self.least = max(self._error - self._promise, 0.0)
+            if self.least > self._limit:
+                return True
+            if not other < before:
+                break
+            if left:
+                self._sum_up()
+        return False
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _descend(self) -> cython.void:
+        """Steps while they gain."""
+        size: cython.Py_ssize_t = _OWN * self._m + _COMMON
+        before: cython.double
+        other: cython.double
+        damping: cython.double = _DAMPING
+        steps: cython.Py_ssize_t = _STEPS_MAX
         self._error = self._sum_up()
         while steps and damping <= _DAMPING_MAX:
             steps -= 1
             before = self._error
             other = self._explain(self._next, False) if self._find_step(damping) else before
-            is_last = self._promise < _ENOUGH * before
             if not other < before:
-                if is_last:
+                if self._promise < _ENOUGH * before:
                     break
                 damping *= 10.0
                 continue
@@ -322,7 +440,7 @@ class ContactFit:
             damping *= 0.1
             if steps:
                 self._sum_up()
-        return is_last
+        self.least = self._error
 
     @cython.cfunc
     @cython.exceptval(check=False)

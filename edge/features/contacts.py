@@ -89,7 +89,7 @@ class ContactFinder:
         self._fitted.begin()
         n, direction = regions.n_contacts, math.nan
         if n == 2:
-            direction = self._fitted.join(xy_img, seen)
+            direction = self._fitted.join(xy_img, seen, wanted=fits <= n)
         elif n == 1 and self._elongation[0] >= params.min_oriented_elongation:
             direction = self._fitted.split(xy_img, seen)
         elif n == 1 and peaks.n_peaks > 1:

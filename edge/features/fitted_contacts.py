@@ -13,6 +13,9 @@ Rules
   overruled by as much evidence as pins are identified with.
 - Two points are two contacts only if both press, and neither lies within the other's width: a pin that is
   seen in the wrong place within a broad contact looks like a narrow one.
+- What was decided is decided again where it may have changed. By the triangle inequality the root of a
+  shape's squared error changes by no more than the root of the squared distance between two frames' motions:
+  as long as that leaves the other shapes too large an error, only a shape whose result is wanted is fitted.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum, auto
+from typing import Any
 
 import numpy as np
 
@@ -47,29 +51,15 @@ class Fits(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class _Line:
-    """One long contact fitted.
+class _Verdict:
+    """What was decided when the pins were chosen.
 
-    error      squared, in squared pitches
-    direction  rad
+    overruled    the regions were
+    alternative  pitches, the least root of the squared errors of the shapes that were decided against
     """
 
-    error: float
-    direction: float
-
-
-@dataclass(frozen=True, slots=True)
-class _Pair:
-    """Two points fitted.
-
-    error    squared, in squared pitches
-    heights  of the potentials, squared pitches
-    columns  what `FittedContact` has, of both
-    """
-
-    error: float
-    heights: tuple[float, float]
-    columns: list[Array]
+    overruled: bool
+    alternative: float
 
 
 class FittedContacts:
@@ -77,26 +67,37 @@ class FittedContacts:
 
     def __init__(self, surface: Surface, regions: Regions, params: FeatureParams = PARAMS) -> None:
         self._fit = ContactFit(surface.rest_img, surface.pitch_px, params)
-        self._regions, self._params, self._pitch_px = regions, params, surface.pitch_px
+        self._regions = regions
+        self._pitch_px = surface.pitch_px
+        self._close_px = params.close_pitch * surface.pitch_px
         odds = Tracks.LOW_CONFIDENCE / (1.0 - Tracks.LOW_CONFIDENCE)
         self._evidence = (N_RING + 1) * math.log(odds)  # of all pins, that overrules the regions
-        self._middle, self._semi_axis = np.asarray(regions.middle), np.asarray(regions.semi_axis)
-        self._direction = np.asarray(regions.direction)
+        self._middle, self._starts = np.asarray(regions.middle), np.zeros((2, 2))
         fit = self._fit
         self._fitted = [np.asarray(a) for a in (fit.place, fit.width, fit.total, fit.shear, fit.dipole)]
-        self._pair: _Pair | None = None  # the two regions, fitted in this frame
+        # In their `data` numbers are read and set in a fifth of the time.
+        self._middle_cell: Any = self._middle.data
+        self._start: Any = self._starts.data
+        self._semi_axis: Any = np.asarray(regions.semi_axis).data
+        self._direction: Any = np.asarray(regions.direction).data
+        self._height: Any = np.asarray(fit.height).data
+        self._width: Any = self._fitted[1].data
+        self._dipole: Any = self._fitted[-1].data
+        self._verdict: _Verdict | None = None
+        self._moved = 0.0  # pitches, root of the squared distance from the motion that it is about
+        self._pair: list[Array] | None = None  # of this frame's two regions
         self._n = 0  # regions of this frame, before any was split or joined
 
     def forget(self) -> None:
         """The next frame does not follow the last one."""
         self._fit.forget()
+        self._verdict = None
 
     def begin(self) -> None:
         """Another frame begins, which follows the last one; with other regions it is another scene."""
         n = self._regions.n_contacts
         if n != self._n:
             self.forget()
-        self._fit.begin()
         self._pair, self._n = None, n
 
     def fit(self, xy: Array, seen: Mask) -> list[FittedContact]:
@@ -108,13 +109,11 @@ class FittedContacts:
         n = self._regions.n_contacts
         if not 0 < n <= FITS_MAX:
             return []
-        if self._pair is not None and n == 2:
-            columns = self._pair.columns
-        else:
-            starts = self._middle[:n]
-            if not self._choose_pins(xy, seen, starts):
+        columns = self._pair if n == 2 else None
+        if columns is None:
+            if not self._choose_pins(xy, seen, self._middle[:n]):
                 return []
-            self._fit.fit_points(starts, n)
+            self._fit.fit_points(self._middle, n)
             columns = self._columns(n)
         return [
             FittedContact(place, width, potential, shear, dipole)
@@ -127,15 +126,12 @@ class FittedContacts:
         xy, seen  as of `fit`
         Returns   direction of the contact, rad; NaN: there are two, it is round, or too few pins are seen
         """
-        half = self._semi_axis[0] * np.array([math.cos(self._direction[0]), math.sin(self._direction[0])])
-        middle = self._middle[0]
-        starts = np.array([middle - _HALF * half, middle + _HALF * half])
-        if not self._choose_pins(xy, seen, starts):
-            return math.nan
-        line = self._fit_line(middle, half)
-        if self._semi_axis[0] >= self._params.close_pitch * self._pitch_px:
-            return line.direction  # two so far apart would be two regions
-        return self._divide(starts, line)
+        (x, y), long_px, angle = self._place_of(0), self._semi_axis[0], self._direction[0]
+        half_x, half_y = long_px * math.cos(angle), long_px * math.sin(angle)
+        off_x, off_y = _HALF * half_x, _HALF * half_y
+        self._start_at(x - off_x, y - off_y, x + off_x, y + off_y)
+        # Two contacts farther apart than that would be two regions.
+        return self._divide(xy, seen, (x, y, half_x, half_y), is_line=long_px >= self._close_px)
 
     def split_at(self, xy: Array, seen: Mask, ridge: Array) -> None:
         """Split a single round region that is two contacts.
@@ -145,70 +141,152 @@ class FittedContacts:
         """
         if len(ridge) != 2:
             return
-        half = 0.5 * (ridge[1] - ridge[0])
-        if 2.0 * math.hypot(*half) >= self._params.close_pitch * self._pitch_px:
+        (x0, y0), (x1, y1) = ridge.tolist()
+        if math.hypot(x1 - x0, y1 - y0) >= self._close_px:
             return  # two so far apart would be two regions
-        if self._choose_pins(xy, seen, ridge):
-            self._divide(ridge, self._fit_line(ridge.mean(axis=0), half))
+        self._start_at(x0, y0, x1, y1)
+        line_at = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0)
+        self._divide(xy, seen, line_at, wanted=False)
 
-    def join(self, xy: Array, seen: Mask) -> float:
+    def _divide(
+        self,
+        xy: Array,
+        seen: Mask,
+        line_at: tuple[float, float, float, float],
+        *,
+        is_line: bool = False,
+        wanted: bool = True,
+    ) -> float:
+        """Split the single region if it is two contacts that begin at `_starts`.
+
+        line_at  where a line begins, as of `fit_line`
+        is_line  it is one contact in any case
+        wanted   its direction is
+        Returns  as of `split`
+        """
+        fit, starts = self._fit, self._starts
+        if not self._take_pins(xy, seen, starts):
+            return math.nan
+        split, stays = self._last(True), self._last(False)
+        if split is not None:
+            stands = self._stands(split, fit.fit_points(starts, 2))
+            if stands and self._split_at(self._pair_places()):
+                return math.nan
+        if stays is not None and not wanted and self._stands(stays, fit.last_error(0)):
+            return math.nan
+        line, line_least = fit.fit_line(*line_at), fit.least
+        direction = self._line_direction()
+        if is_line or (stays is not None and self._stands(stays, line)):
+            return direction
+        pair, pair_least = fit.fit_points(starts, 2, self._limit(line)), fit.least
+        if pair >= self._limit(line):
+            self._decide(False, pair_least)
+            return direction
+        places = self._pair_places()
+        if not places:
+            return direction
+        if pair >= self._limit(fit.fit_points(self._middle, 1)):
+            return math.nan
+        if not self._split_at(places):
+            return direction
+        self._decide(True, min(line_least, fit.least))
+        return math.nan
+
+    def join(self, xy: Array, seen: Mask, *, wanted: bool) -> float:
         """Join two regions that are one long contact.
 
         xy, seen  as of `fit`
+        wanted    whether `fit` will be asked for the two, if they are two
         Returns   direction of the contact, rad; NaN: there are two, or too few pins are seen
         """
-        starts = self._middle[:2].copy()
-        if not self._choose_pins(xy, seen, starts):
+        fit, starts, (x0, y0), (x1, y1) = self._fit, self._starts, self._place_of(0), self._place_of(1)
+        self._start_at(x0, y0, x1, y1)
+        line_at = 0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0
+        if not self._take_pins(xy, seen, starts):
+            return math.nan
+        joined, stays = self._last(True), self._last(False)
+        if joined is not None and self._stands(joined, fit.fit_line(*line_at)):
+            self._regions.join(0, 1)
+            return self._line_direction()
+        if stays is not None and not wanted and self._stands(stays, fit.last_error(2)):
             return math.nan
         # A round contact is no third: two points explain the motion as well as one does.
-        pair = self._fit_pair(starts)
-        limit = self._limit(pair.error)
-        line = self._fit_line(starts.mean(axis=0), starts[1] - starts[0], limit)
-        if line.error >= limit:
-            self._pair = pair
+        pair, pair_least = fit.fit_points(starts, 2), fit.least
+        self._pair = self._columns(2) if wanted else None
+        if stays is not None and self._stands(stays, pair):
             return math.nan
+        line = fit.fit_line(*line_at, self._limit(pair))
+        if line >= self._limit(pair):
+            self._decide(False, fit.least)
+            return math.nan
+        self._decide(True, pair_least)
         self._regions.join(0, 1)
-        return line.direction
+        return self._line_direction()
 
-    def _divide(self, starts: Array, line: _Line) -> float:
-        """Split the single region if it is two contacts, rather than a line or a round one; as `split`."""
-        limit = self._limit(line.error)
-        pair = self._fit_pair(starts, limit)
-        if pair.error >= limit or not self._are_apart(pair):
-            return line.direction
-        if pair.error >= self._limit(self._fit.fit_points(self._middle[:1], 1)):
-            return math.nan
-        first, second = (self._regions.nearest_point(x, y) for x, y in pair.columns[0].tolist())
-        if first == second:
-            return line.direction
-        self._regions.split(0, first, second)
-        self._regions.sort()
-        return math.nan
+    def _take_pins(self, xy: Array, seen: Mask, places: Array) -> bool:
+        """The motion of the pins that were chosen last, with what was decided on them; of others, if the
+        contacts have moved. Whether they are enough.
+        """
+        self._moved = self._fit.again(xy, seen, places)
+        if math.isfinite(self._moved):
+            return bool(self._fit.n_pins >= _PINS_MIN)
+        return self._choose_pins(xy, seen, places)
 
-    def _are_apart(self, pair: _Pair) -> bool:
-        """Whether both press, and neither lies within the other's width."""
-        (place, other), width = pair.columns[0], pair.columns[1]
-        return min(pair.heights) > 0.0 and math.hypot(*(place - other)) > max(width) * self._pitch_px
+    def _last(self, overruled: bool) -> _Verdict | None:
+        """The last verdict, if it was such a one."""
+        last = self._verdict
+        return last if last is not None and last.overruled == overruled else None
+
+    def _stands(self, last: _Verdict, error: float) -> bool:
+        """Whether it would be decided the same again, whatever the others' errors are now.
+
+        error  squared pitches, of the shape that was decided for
+        """
+        alternative = max(last.alternative - self._moved, 0.0) ** 2
+        return error < self._limit(alternative) if last.overruled else alternative >= self._limit(error)
+
+    def _decide(self, overruled: bool, least: float) -> None:
+        """Keep what was decided, and the least squared error of the shapes that were decided against."""
+        self._fit.mark()
+        self._verdict = _Verdict(overruled, math.sqrt(least))
 
     def _choose_pins(self, xy: Array, seen: Mask, places: Array) -> bool:
         """The pins near these places are those to be explained; whether they are enough."""
-        fit = self._fit
-        fit.set_motion(xy, seen)
-        fit.keep_near(places)
-        return bool(fit.n_pins >= _PINS_MIN)
+        self._verdict, self._moved = None, 0.0
+        self._fit.choose(xy, seen, places)
+        return bool(self._fit.n_pins >= _PINS_MIN)
 
-    def _fit_line(self, middle: Array, half: Array, limit: float = math.inf) -> _Line:
-        """A line on those pins; with an error above a limit it is of no use."""
-        fit = self._fit
-        error = fit.fit_line(middle[0], middle[1], half[0], half[1], limit)
-        x, y = fit.dipole[0]
-        angle = math.atan2(y, x)
-        return _Line(error, angle - math.pi * round(angle / math.pi))
+    def _start_at(self, x0: float, y0: float, x1: float, y1: float) -> None:
+        """Where two points begin."""
+        cell = self._start
+        cell[0, 0], cell[0, 1], cell[1, 0], cell[1, 1] = x0, y0, x1, y1
 
-    def _fit_pair(self, starts: Array, limit: float = math.inf) -> _Pair:
-        """Two points on those pins; likewise."""
-        fit = self._fit
-        return _Pair(fit.fit_points(starts, 2, limit), (fit.height[0], fit.height[1]), self._columns(2))
+    def _place_of(self, i: int) -> tuple[float, float]:
+        """px, middle of a region."""
+        return self._middle_cell[i, 0], self._middle_cell[i, 1]
+
+    def _pair_places(self) -> list[list[float]]:
+        """px, of the two points fitted last; none: one does not press, or lies within the other's width."""
+        places: list[list[float]] = self._fitted[0][:2].tolist()
+        (x0, y0), (x1, y1) = places
+        apart = math.hypot(x1 - x0, y1 - y0) > self._pitch_px * max(self._width[0], self._width[1])
+        return places if apart and min(self._height[0], self._height[1]) > 0.0 else []
+
+    def _split_at(self, places: list[list[float]]) -> bool:
+        """Make two regions of the one; False: both places are the same."""
+        if not places:
+            return False
+        first, second = (self._regions.nearest_point(x, y) for x, y in places)
+        if first == second:
+            return False
+        self._regions.split(0, first, second)
+        self._regions.sort()
+        return True
+
+    def _line_direction(self) -> float:
+        """rad, of the line fitted last."""
+        angle = math.atan2(self._dipole[0, 1], self._dipole[0, 0])
+        return angle - math.pi * round(angle / math.pi)
 
     def _columns(self, n: int) -> list[Array]:
         """What `FittedContact` has, of the n points fitted last."""

@@ -47,8 +47,7 @@ def affine_px(rng: np.random.Generator) -> Array:
 
 def made(motion: Array, near: Array, seen: Mask = SEEN, prior: MotionPrior = SHARP) -> ContactFit:
     fit = ContactFit(REST.xy_img, PITCH, prior=prior)
-    fit.set_motion(REST.xy_img + motion, seen)
-    fit.keep_near(near)
+    fit.choose(REST.xy_img + motion, seen, near)
     return fit
 
 
@@ -132,10 +131,13 @@ def test_motion_without_any_sense_gives_finite_numbers() -> None:
 
 def test_wrong_sizes_are_refused() -> None:
     fit = ContactFit(REST.xy_img, PITCH)
-    with pytest.raises(ValueError, match="xy"):
-        fit.set_motion(REST.xy_img[1:].copy(), SEEN)
-    with pytest.raises(ValueError, match="places"):
-        fit.keep_near(np.zeros((0, 2)))
+    for take in (fit.choose, fit.again):
+        with pytest.raises(ValueError, match="xy"):
+            take(REST.xy_img[1:].copy(), SEEN, CENTRE[None])
+        with pytest.raises(ValueError, match="places"):
+            take(REST.xy_img, SEEN, np.zeros((0, 2)))
+        with pytest.raises(ValueError, match="places"):
+            take(REST.xy_img, SEEN, np.zeros((FITS_MAX + 1, 2)))
     with pytest.raises(ValueError, match="starts"):
         fit.fit_points(np.zeros((FITS_MAX + 1, 2)), FITS_MAX + 1)
     with pytest.raises(ValueError, match="starts"):
