@@ -81,6 +81,7 @@ class ContactField:
     _is_whole: cython.bint  # the first is of all points, not of the active ones
     _at: cython.const[cython.int][::1]  # given last
     _at_array: object  # the same memory
+    _out_n: cython.Py_ssize_t  # places that they are among
     _near: cython.int[::1]  # points near each pin, pin after pin
     _near_start: cython.int[::1]  # (n + 1,)
     _is_active: cython.uchar[::1]  # (k,)
@@ -116,7 +117,7 @@ class ContactField:
         self.area_change = np.zeros(n, np.float32)
         self._change_row, self._height_row = self._interpolator.values, self._interpolator.result
         self._detrended, self._divergence_row = self._divergences.values, self._divergences.result
-        self._curl_array, self._at_array = self._divergences.result, None
+        self._curl_array, self._at_array, self._out_n = self._divergences.result, None, -1
         self._is_whole = False
         self.heights, self.divergence = np.zeros(k, np.float32), np.zeros(k, np.float32)
         self.blend = np.zeros(k, np.float32)
@@ -206,19 +207,28 @@ class ContactField:
         Raises   ValueError: sizes that do not fit, a place beyond
         """
         i: cython.Py_ssize_t
-        if at is not self._at_array:
-            self._at = self._at_array = at
+        if at is not self._at_array or out.shape[0] != self._out_n:
+            self._check_places(at, out.shape[0])
         to: cython.const[cython.int][::1] = self._at
         row: cython.float[::1] = self._height_row
-        if to.shape[0] != row.shape[0]:
-            raise ValueError(f"at ({row.shape[0]},) is wanted")
-        for i in range(to.shape[0]):
-            if not 0 <= to[i] < out.shape[0]:
-                raise ValueError(f"at: places of 0 to {out.shape[0] - 1} are wanted, not {to[i]}")
         self._interpolator.apply()
         self._is_whole = True
         for i in range(row.shape[0]):
             out[to[i]] = row[i]
+
+    @cython.cfunc
+    def _check_places(self, at: object, out_n: cython.Py_ssize_t) -> cython.bint:
+        """Take the places of the points of a picture of so many."""
+        i: cython.Py_ssize_t
+        to: cython.const[cython.int][::1] = np.array(at, np.int32)  # nobody changes them later
+        self._at_array = None
+        if to.shape[0] != self._height_row.shape[0]:
+            raise ValueError(f"at ({self._height_row.shape[0]},) is wanted")
+        for i in range(to.shape[0]):
+            if not 0 <= to[i] < out_n:
+                raise ValueError(f"at: places of 0 to {out_n - 1} are wanted, not {to[i]}")
+        self._at, self._at_array, self._out_n = to, at, out_n
+        return True
 
     @cython.cfunc
     @cython.exceptval(check=False)

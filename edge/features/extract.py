@@ -23,7 +23,6 @@ Rules
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Any
 
@@ -38,7 +37,7 @@ from edge.features.params import PARAMS, FeatureParams, largest_noise
 from edge.features.pin_motion import PinMotion
 from edge.features.slip import Slip
 from edge.features.surface import Surface
-from edge.types import Array, Cells, Feature, Features, Mask, Rest, Tracks
+from edge.types import Array, Cells, Feature, Features, Mask, Rest, Tracks, per_frame
 
 __all__ = ["NEEDS", "FeatureExtractor", "Quantity"]
 
@@ -89,7 +88,7 @@ class _Plan:
         self.contact_pins = self.torsion or self.slip
 
 
-@dataclass(slots=True)
+@per_frame
 class _Motion:
     """Where the pins are, and how far they have moved.
 

@@ -8,8 +8,9 @@ from edge.types import Array
 
 if cython.compiled:
     from cython.cimports.edge.geometry.counting import kth
-    from cython.cimports.libc.math import NAN
+    from cython.cimports.libc.math import INFINITY, NAN
 else:
+    from math import inf as INFINITY  # noqa: N812
     from math import nan as NAN  # noqa: N812
 
     from edge.geometry.counting import kth
@@ -39,5 +40,13 @@ def median(v: cython.double[::1], n: cython.Py_ssize_t) -> cython.double:
     """Median of the first n, the mean of the middle two if n is even. NaN of none."""
     if n == 0:
         return NAN
+    i: cython.Py_ssize_t
+    below_n: cython.Py_ssize_t = 0
+    below: cython.double = -INFINITY  # the largest of those
     middle: cython.double = kth(v, n, n // 2)
-    return middle if n % 2 == 1 else 0.5 * (kth(v, n, n // 2 - 1) + middle)
+    if n % 2 == 1:
+        return middle
+    for i in range(n):
+        below_n += v[i] < middle
+        below = max(below, v[i] if v[i] < middle else -INFINITY)
+    return 0.5 * ((below if below_n == n // 2 else middle) + middle)
