@@ -4,7 +4,8 @@ r"""A few parametric contacts fitted to the pins' motion together: place, size, 
 
     press    -grad of a potential h f, with f = 1 / (1 + r^2 / 2 s^2): width s, height h
     shear    t f + (v . d) d f^2 / s^2, with d = x - place
-    line     the same press and t, mean over the points of a line: a bar, an edge
+    line     the same press and t, mean over the points of a line: a bar, an edge. With Hertz's pressure along
+             it, as of a bar on a dome or a bar with round ends, or with an even one
 
 Idea: motions of several contacts add up, their areas, peaks and regions do not. So what one contact does is
 what is left when the fitted others are taken away, and the depth of the skin at its place is the sum of all
@@ -40,9 +41,9 @@ from edge.types import Array
 
 if cython.compiled:
     from cython.cimports.edge.features.normal_sums import normal_sums
-    from cython.cimports.libc.math import atan2, exp, hypot, log, sqrt
+    from cython.cimports.libc.math import exp, hypot, log, sqrt
 else:
-    from math import atan2, exp, hypot, log, sqrt
+    from math import exp, hypot, log, sqrt
 
     from edge.features.normal_sums import normal_sums
 
@@ -50,13 +51,16 @@ else:
 FITS_MAX = 4
 
 _FITS_MAX = cython.declare(cython.Py_ssize_t, FITS_MAX)
+_EVEN = cython.declare(cython.Py_ssize_t, FITS_MAX + 1)  # beside 0, a line, and so many points: an even line
 #: Parameters of a contact: place (2), logarithm of the width, strength, t (2), v or half a line (2).
 _OWN = cython.declare(cython.Py_ssize_t, 8)
 _COMMON = cython.declare(cython.Py_ssize_t, 6)
 _AFFINE_PITCHES = cython.declare(
     cython.double, 5.0
 )  # scale of the affine part: any that is of the fit's size
-_HALF_MIN = cython.declare(cython.double, 1e-3)  # pitches, half of a line: below it differences are rounding
+#: Points of a line, over which its mean is a weighted sum: exact to 1 % for a line of ten pitches and a width
+#: of two thirds of one.
+_NODES = cython.declare(cython.Py_ssize_t, 12)
 _LOG_WIDTH_MAX = cython.declare(cython.double, 3.0)  # a twentieth to twenty pitches: keeps them finite
 _STEPS_MAX = cython.declare(cython.Py_ssize_t, 60)  # so that a frame's time is bounded; more change nothing
 _DAMPING_MIN = cython.declare(cython.double, 1e-9)
@@ -103,7 +107,7 @@ class ContactFit:
     _lost_n: cython.Py_ssize_t
     _near: cython.double[:, ::1]  # the places that they were chosen for, px
     _near_n: cython.Py_ssize_t
-    _left: cython.double[:, ::1]  # what is left of it; of a line, along and across it
+    _left: cython.double[:, ::1]  # what is left of it
     _middle_x: cython.double  # of the affine part, pitches
     _middle_y: cython.double
     _m: cython.Py_ssize_t  # contacts
@@ -116,6 +120,9 @@ class ContactFit:
     _normal: cython.double[:, ::1]  # normal equations: Hessian to first order, last row gradient and cost
     _damped: cython.double[:, ::1]
     _step: cython.double[::1]
+    _node: cython.double[:, ::1]  # of a line, from -1 to 1: with Hertz's pressure, with an even one
+    _weight: cython.double[:, ::1]
+    _evenly: cython.bint
     _radius: cython.double
     _reach: cython.double
     _width: cython.double
@@ -123,7 +130,7 @@ class ContactFit:
     _error: cython.double  # squared, at the present parameters
     _limit: cython.double  # of it
     _promise: cython.double  # by how much a step reduces the squared error, to first order
-    _last: cython.double[:, ::1]  # where the last fit of each shape ended: of a line, one point, two ...
+    _last: cython.double[:, ::1]  # where the last fit of each shape ended: a line, one point, two ..., _EVEN
     _is_known: cython.uchar[::1]  # of each shape
     _is_taken: cython.uchar[::1]  # of a last fit's contacts
 
@@ -149,8 +156,8 @@ class ContactFit:
         self._scale, self._step, self._damped = np.zeros(size), np.zeros(size), np.zeros((size, size))
         columns = 4 * (size // 4 + 1)  # with what is left of the motion; as `normal_sums` wants it
         self._rows, self._normal = np.zeros((2 * n + 2, columns)), np.zeros((columns, columns))
-        self._last, self._error, self._promise = np.zeros((FITS_MAX + 1, size)), 0.0, 0.0
-        self._is_known, self._is_taken = np.zeros((2, FITS_MAX + 1), np.uint8)
+        self._last, self._error, self._promise = np.zeros((FITS_MAX + 2, size)), 0.0, 0.0
+        self._is_known, self._is_taken = np.zeros((2, FITS_MAX + 2), np.uint8)
         self.least, self.n_pins, self._m, self._is_line, self._middle_x, self._middle_y = (
             0.0,
             0,
@@ -161,13 +168,19 @@ class ContactFit:
         )
         self._radius, self._reach = 2.0 * params.close_pitch, params.place_radius_pitch
         self._width = 1.0 / params.grid_steps_per_pitch
+        # Gauss and Chebyshev's of the second kind, of a mean weighted by sqrt(1 - z^2); Gauss and Legendre's.
+        angle = np.pi * np.arange(1, _NODES + 1) / (_NODES + 1)
+        node, weight = np.polynomial.legendre.leggauss(_NODES)
+        self._node = np.array([np.cos(angle), node])
+        self._weight = np.array([2.0 / (_NODES + 1) * np.sin(angle) ** 2, 0.5 * weight])
+        self._evenly = False
         noise, shear = prior.noise, prior.noise / prior.curl
         self._prior = np.array([0.0, 0.0, noise, noise / 10.0, shear, shear, shear, shear])
 
     def forget(self) -> None:
         """The next frame does not follow the last one."""
         i: cython.Py_ssize_t
-        for i in range(_FITS_MAX + 1):
+        for i in range(_EVEN + 1):
             self._is_known[i] = False
 
     def choose(
@@ -317,15 +330,17 @@ class ContactFit:
         half_x: cython.double,
         half_y: cython.double,
         limit: cython.double = _NO_LIMIT,
+        evenly: cython.bint = False,
     ) -> float:
         """Fit one long contact.
 
         x, y, half_x, half_y  px, where to begin: the middle, and half of the line
         limit                 as of `fit_points`
+        evenly                with an even pressure along it, not Hertz's
         Returns               the squared error left, in squared pitches; 0 where no pin counts
         """
         i: cython.Py_ssize_t
-        self._m, self._is_line, self._limit = 1, True, limit
+        self._m, self._is_line, self._evenly, self._limit = 1, True, evenly, limit
         self._clear()
         self._start[0] = x / self._pitch_px
         self._start[1] = y / self._pitch_px
@@ -346,7 +361,7 @@ class ContactFit:
             raise ValueError(f"0 to {FITS_MAX} points are wanted, not {points}")
         if not self._is_known[points]:
             return _NO_LIMIT
-        self._m, self._is_line = max(points, 1), points == 0
+        self._m, self._is_line, self._evenly = max(points, 1), points == 0, False
         return self._explain(self._last[points], False)
 
     @cython.cfunc
@@ -368,7 +383,7 @@ class ContactFit:
     def _solve(self) -> cython.double:
         """Fit, and write the results."""
         size: cython.Py_ssize_t = _OWN * self._m + _COMMON
-        shape: cython.Py_ssize_t = 0 if self._is_line else self._m
+        shape: cython.Py_ssize_t = self._m if not self._is_line else _EVEN if self._evenly else 0
         if not (self._follow(shape) and self._descend_on()):
             self._now[:size] = self._start[:size]
             self._sum_up()
@@ -435,7 +450,7 @@ class ContactFit:
                 continue
             self._now[:size] = self._next[:size]
             self._error = other
-            if before - other < _ENOUGH * before:
+            if before - other < _ENOUGH * before and damping < _DAMPING:  # a damped step is short by itself
                 break
             damping *= 0.1
             if steps:
@@ -506,34 +521,27 @@ class ContactFit:
         y: cython.double
         off: cython.double
         cost: cython.double = 0.0
-        cos: cython.double = 1.0
-        sin: cython.double = 0.0
-        half: cython.double
         rows: cython.double[:, ::1] = self._rows
         left: cython.double[:, ::1] = self._left
         for j in range(base + _COMMON):
             off = self._scale[j] * self._off(parameters, j)
             cost += off * off
-        if self._is_line:
-            half = hypot(parameters[6], parameters[7])
-            if half > 0.0:
-                cos, sin = parameters[6] / half, parameters[7] / half
         for i in range(self.n_pins):
             x = (self._place[i, 0] - self._middle_x) / _AFFINE_PITCHES
             y = (self._place[i, 1] - self._middle_y) / _AFFINE_PITCHES
             if derive:
-                rows[2 * i, base] = rows[2 * i + 1, base + 3] = cos
-                rows[2 * i, base + 1] = rows[2 * i + 1, base + 4] = cos * x
-                rows[2 * i, base + 2] = rows[2 * i + 1, base + 5] = cos * y
-                rows[2 * i, base + 3], rows[2 * i + 1, base] = sin, -sin
-                rows[2 * i, base + 4], rows[2 * i + 1, base + 1] = sin * x, -sin * x
-                rows[2 * i, base + 5], rows[2 * i + 1, base + 2] = sin * y, -sin * y
+                rows[2 * i, base] = rows[2 * i + 1, base + 3] = 1.0
+                rows[2 * i, base + 1] = rows[2 * i + 1, base + 4] = x
+                rows[2 * i, base + 2] = rows[2 * i + 1, base + 5] = y
+                rows[2 * i, base + 3] = rows[2 * i, base + 4] = rows[2 * i, base + 5] = 0.0
+                rows[2 * i + 1, base] = rows[2 * i + 1, base + 1] = rows[2 * i + 1, base + 2] = 0.0
             off = x * parameters[base + 4] + y * parameters[base + 5]
-            x = self._motion[i, 0] - parameters[base] - x * parameters[base + 1] - y * parameters[base + 2]
-            y = self._motion[i, 1] - parameters[base + 3] - off
-            left[i, 0], left[i, 1] = cos * x + sin * y, cos * y - sin * x
+            left[i, 0] = self._motion[i, 0] - (
+                parameters[base] + x * parameters[base + 1] + y * parameters[base + 2]
+            )
+            left[i, 1] = self._motion[i, 1] - (parameters[base + 3] + off)
         if self._is_line:
-            self._add_line(parameters, cos, sin, derive)
+            self._add_line(parameters, derive)
         else:
             for j in range(self._m):
                 self._add_point(parameters, _OWN * j, derive)
@@ -616,100 +624,91 @@ class ContactFit:
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _add_line(
-        self, parameters: cython.double[::1], cos: cython.double, sin: cython.double, derive: cython.bint
-    ) -> cython.void:
-        """The same by a line: means over it of f and of k = f^2 d, along the line (x) and across (y).
-
-        With z from one end to the other along x, D = z^2 + h^2, h^2 = y^2 + 2 s^2, all are integrals of
-        1 / D, 1 / D^2, 1 / D^3.
-        """
+    def _add_line(self, parameters: cython.double[::1], derive: cython.bint) -> cython.void:
+        """The same by a line: weighted sums over its nodes."""
         i: cython.Py_ssize_t
+        k: cython.Py_ssize_t
         q: cython.Py_ssize_t
         r: cython.Py_ssize_t
         rows: cython.double[:, ::1] = self._rows
         left: cython.double[:, ::1] = self._left
-        s: cython.double = exp(parameters[2])
-        s2: cython.double = s * s
-        a: cython.double = parameters[3] / s
-        half: cython.double = max(hypot(parameters[6], parameters[7]), _HALF_MIN)
-        ux: cython.double = cos * parameters[4] + sin * parameters[5]
-        uy: cython.double = cos * parameters[5] - sin * parameters[4]
-        scale: cython.double = s2 / half
-        dx: cython.double
-        dy: cython.double
+        i1: cython.double = exp(-parameters[2])
+        i2: cython.double = i1 * i1
+        a: cython.double = parameters[3] * i1
+        tx: cython.double = parameters[4]
+        ty: cython.double = parameters[5]
         x: cython.double
         y: cython.double
-        h: cython.double
-        h2: cython.double
-        z0: cython.double
-        z1: cython.double
-        i0: cython.double
-        i1: cython.double
-        one: cython.double
-        two: cython.double
-        three: cython.double
+        z: cython.double
+        w: cython.double
+        dx: cython.double
+        dy: cython.double
+        r2: cython.double
         f: cython.double
-        kx: cython.double
-        ky: cython.double
-        f0: cython.double
-        f1: cython.double
-        fx: cython.double
-        fy: cython.double
-        kxx: cython.double
-        kxy: cython.double
-        kyy: cython.double
-        px: cython.double
-        py: cython.double
-        qx: cython.double
-        qy: cython.double
-        lx: cython.double
-        ly: cython.double
+        g: cython.double
+        g3: cython.double
+        gx: cython.double
+        gy: cython.double
+        node: cython.double[::1] = self._node[1 if self._evenly else 0]
+        weight: cython.double[::1] = self._weight[1 if self._evenly else 0]
+        gxx: cython.double
+        gxy: cython.double
+        gyy: cython.double
         for i in range(self.n_pins):
-            dx, dy = self._place[i, 0] - parameters[0], self._place[i, 1] - parameters[1]
-            x, y = cos * dx + sin * dy, cos * dy - sin * dx
-            h2 = y * y + 2.0 * s2
-            h = sqrt(h2)
-            z0, z1 = x - half, x + half
-            i0, i1 = 1.0 / (h2 + z0 * z0), 1.0 / (h2 + z1 * z1)
-            # Integrals over z of 1 / D, the angle that the line is seen at from a distance of h, and 1 / D^2.
-            one = atan2(2.0 * half * h, h2 + z0 * z1) / h
-            two = (z1 * i1 - z0 * i0 + one) / (2.0 * h2)
-            f = scale * one
-            kx, ky = s2 * scale * (i0 - i1), 2.0 * s2 * scale * y * two
-            left[i, 0] -= a * kx + ux * f
-            left[i, 1] -= a * ky + uy * f
+            x, y = self._place[i, 0] - parameters[0], self._place[i, 1] - parameters[1]
+            # Sums of f, of f^2 d, of their derivatives with d, these times z, and with the width.
+            f0: cython.double = 0.0
+            kx: cython.double = 0.0
+            ky: cython.double = 0.0
+            kxx: cython.double = 0.0
+            kxy: cython.double = 0.0
+            kyy: cython.double = 0.0
+            zx: cython.double = 0.0
+            zy: cython.double = 0.0
+            zxx: cython.double = 0.0
+            zxy: cython.double = 0.0
+            zyy: cython.double = 0.0
+            fs: cython.double = 0.0
+            sx: cython.double = 0.0
+            sy: cython.double = 0.0
+            for k in range(_NODES):
+                z, w = node[k], weight[k]
+                dx, dy = x - z * parameters[6], y - z * parameters[7]
+                r2 = (dx * dx + dy * dy) * i2
+                f = 1.0 / (1.0 + 0.5 * r2)
+                g = f * f * w
+                gx, gy = g * dx, g * dy
+                f0 += f * w
+                kx += gx
+                ky += gy
+                if derive:
+                    g3 = 2.0 * f * i2
+                    gxx, gxy, gyy = g - g3 * gx * dx, -g3 * gx * dy, g - g3 * gy * dy
+                    kxx += gxx
+                    kxy += gxy
+                    kyy += gyy
+                    zx += z * gx
+                    zy += z * gy
+                    zxx += z * gxx
+                    zxy += z * gxy
+                    zyy += z * gyy
+                    fs += g * r2
+                    sx += 2.0 * f * r2 * gx
+                    sy += 2.0 * f * r2 * gy
+            left[i, 0] -= a * kx + tx * f0
+            left[i, 1] -= a * ky + ty * f0
             if not derive:
                 continue
-            three = (z1 * i1 * i1 - z0 * i0 * i0 + 3.0 * two) / (4.0 * h2)
-            f0, f1 = 2.0 * s2 * i0, 2.0 * s2 * i1  # at the line's ends
-            fx, fy = -kx / s2, -ky / s2
-            kxx = 0.5 * (f1 * f1 * z1 - f0 * f0 * z0) / half
-            kxy = 0.5 * (f1 * f1 - f0 * f0) * y / half
-            kyy = 2.0 * s2 * scale * (two - 4.0 * y * y * three)
-            # Place: against the derivative along x and y of the line's frame.
-            px, py = a * kxx + ux * fx, a * kxy + uy * fx
-            qx, qy = a * kxy + ux * fy, a * kyy + uy * fy
             q, r = 2 * i, 2 * i + 1
-            rows[q, 0], rows[r, 0] = sin * qx - cos * px, sin * qy - cos * py
-            rows[q, 1], rows[r, 1] = -sin * px - cos * qx, -sin * py - cos * qy
-            # The logarithm of the width: h^2 changes by 4 s^2, 1 / D by -4 s^2 / D^2.
-            z0, z1 = z0 * f0 * f0, z1 * f1 * f1
-            one = 2.0 * f - 4.0 * s2 * scale * two
-            rows[q, 2] = a * (3.0 * kx - s2 * scale * 4.0 * s2 * (i0 * i0 - i1 * i1)) + ux * one
-            rows[r, 2] = a * (3.0 * ky - 16.0 * s2 * s2 * scale * y * three) + uy * one
-            rows[q, 3], rows[r, 3] = kx / s, ky / s
-            rows[q, 4], rows[r, 4] = cos * f, -sin * f
-            rows[q, 5], rows[r, 5] = sin * f, cos * f
-            # The line's length, and its turn.
-            one = 0.5 * (f0 + f1) - f
-            lx = (a * (0.5 * (z0 + z1) - kx) + ux * one) / half
-            ly = (a * (0.5 * (f0 * f0 + f1 * f1) * y - ky) + uy * one) / half
-            one = y * fx - x * fy
-            px = (a * (y * kxx - x * kxy - ky) + ux * one) / half
-            py = (a * (y * kxy - x * kyy + kx) + uy * one) / half
-            rows[q, 6], rows[r, 6] = cos * lx - sin * px, cos * ly - sin * py
-            rows[q, 7], rows[r, 7] = sin * lx + cos * px, sin * ly + cos * py
+            # Along d, f changes by -f^2 d / s^2; d by the place, and by z times half of the line.
+            rows[q, 0], rows[r, 0] = tx * i2 * kx - a * kxx, ty * i2 * kx - a * kxy
+            rows[q, 1], rows[r, 1] = tx * i2 * ky - a * kxy, ty * i2 * ky - a * kyy
+            rows[q, 2], rows[r, 2] = a * (sx - kx) + tx * fs, a * (sy - ky) + ty * fs
+            rows[q, 3], rows[r, 3] = kx * i1, ky * i1
+            rows[q, 4], rows[r, 4] = f0, 0.0
+            rows[q, 5], rows[r, 5] = 0.0, f0
+            rows[q, 6], rows[r, 6] = tx * i2 * zx - a * zxx, ty * i2 * zx - a * zxy
+            rows[q, 7], rows[r, 7] = tx * i2 * zy - a * zxy, ty * i2 * zy - a * zyy
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -185,11 +185,16 @@ class FittedContacts:
         places = self._pair_places()
         if not places:
             return direction
-        if pair >= self._limit(fit.fit_points(self._middle, 1)):
+        point, point_least = fit.fit_points(self._middle, 1), fit.least
+        if pair >= self._limit(point):
             return math.nan
+        # A line may have to be looked for elsewhere than in the region's middle: a sheared ball's.
+        (x, y), (_, _, half_x, half_y) = self._fitted[0][0].tolist(), line_at
+        if pair >= self._limit(fit.fit_line(x, y, half_x, half_y, math.inf, True)):
+            return self._line_direction()
         if not self._split_at(places):
             return direction
-        self._decide(True, min(line_least, fit.least))
+        self._decide(True, min(line_least, point_least, fit.least))
         return math.nan
 
     def join(self, xy: Array, seen: Mask, *, wanted: bool) -> float:

@@ -31,10 +31,10 @@ def motion_px(
 
 
 def line_px(place: Array, width: float, height: float, half: Array) -> Array:
-    """(127, 2) px: the mean over a line, half of which is `half` pitches."""
+    """(127, 2) px: the mean over a line, half of which is `half` pitches, with Hertz's pressure along it."""
     nodes, weights = np.polynomial.legendre.leggauss(60)
     parts = [
-        0.5 * w * motion_px(place + t * half * PITCH, width, height)
+        2.0 / np.pi * np.sqrt(1.0 - t * t) * w * motion_px(place + t * half * PITCH, width, height)
         for t, w in zip(nodes, weights, strict=True)
     ]
     return np.asarray(np.sum(parts, axis=0), np.float64)
