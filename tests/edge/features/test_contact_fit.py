@@ -30,11 +30,13 @@ def motion_px(
     return np.asarray(PITCH * motion, np.float64)
 
 
-def line_px(place: Array, width: float, height: float, half: Array) -> Array:
-    """(127, 2) px: the mean over a line, half of which is `half` pitches, with Hertz's pressure along it."""
+def line_px(place: Array, width: float, height: float, half: Array, evenly: bool = False) -> Array:
+    """(127, 2) px: the mean over a line, half of which is `half` pitches: of Hertz's pressure or an even one."""
     nodes, weights = np.polynomial.legendre.leggauss(60)
     parts = [
-        2.0 / np.pi * np.sqrt(1.0 - t * t) * w * motion_px(place + t * half * PITCH, width, height)
+        (0.5 if evenly else 2.0 / np.pi * np.sqrt(1.0 - t * t))
+        * w
+        * motion_px(place + t * half * PITCH, width, height)
         for t, w in zip(nodes, weights, strict=True)
     ]
     return np.asarray(np.sum(parts, axis=0), np.float64)
@@ -67,16 +69,19 @@ def test_two_contacts_are_found_with_their_shears_and_an_affine_motion() -> None
     assert fit.total[0] == pytest.approx(wanted, rel=0.02)
 
 
-def test_a_line_is_found_with_its_direction_and_length() -> None:
+@pytest.mark.parametrize("evenly", [False, True])
+def test_a_line_is_found_with_its_direction_and_length(evenly: bool) -> None:
     half = 1.8 * np.array([np.cos(0.6), np.sin(0.6)])
     place = CENTRE + np.array([4.0, -9.0])
-    fit = made(line_px(place, 0.6, 0.4, half), CENTRE[None])
+    fit = made(line_px(place, 0.6, 0.4, half, evenly), CENTRE[None])
     start = 1.2 * PITCH * np.array([np.cos(0.3), np.sin(0.3)])
-    line = fit.fit_line(CENTRE[0], CENTRE[1], start[0], start[1])
+    other = fit.fit_line(CENTRE[0], CENTRE[1], start[0], start[1], np.inf, not evenly)
+    line = fit.fit_line(CENTRE[0], CENTRE[1], start[0], start[1], np.inf, evenly)
     found = np.asarray(fit.dipole)[0]
     assert np.arctan2(found[1], found[0]) == pytest.approx(0.6, abs=0.01)
     assert np.hypot(*found) == pytest.approx(1.8, rel=0.05)
     np.testing.assert_allclose(np.asarray(fit.place)[0], place, atol=0.05 * PITCH)
+    assert line < other
     assert line < 0.1 * fit.fit_points(CENTRE[None], 1)
 
 
@@ -127,6 +132,52 @@ def test_motion_without_any_sense_gives_finite_numbers() -> None:
             assert np.isfinite(np.asarray(fit.total)[:n]).all()
         half = rng.normal(0.0, 40.0, 2)
         assert np.isfinite(fit.fit_line(CENTRE[0], CENTRE[1], half[0], half[1]))
+
+
+def test_the_same_pins_again_say_how_far_they_have_moved() -> None:
+    near, away = CENTRE[None], np.array([[3.0 * PITCH, 0.0]])
+    moved = REST.xy_img + motion_px(CENTRE, 0.8, 0.3)
+    fit = made(np.zeros((127, 2)), near)
+    within = np.hypot(*(REST.xy_img - CENTRE).T) <= 5.0 * PITCH
+    wanted = np.sqrt((((moved - REST.xy_img)[within] / PITCH) ** 2).sum())
+    assert fit.again(moved, SEEN, near) == pytest.approx(wanted)
+    fit.mark()
+    assert fit.again(moved, SEEN, near) == pytest.approx(0.0)
+    assert fit.fit_points(near, 1) < 1e-3
+    lost = SEEN.copy()
+    lost[np.flatnonzero(within)[3]] = False
+    assert fit.again(moved, lost, near) == np.inf
+    assert fit.again(moved, SEEN, near + away) == np.inf
+    assert fit.again(moved, SEEN, np.concatenate([near, near])) == np.inf
+    fit.choose(moved, lost, near)
+    assert fit.again(moved, lost, near) == pytest.approx(0.0)
+    assert fit.again(moved, SEEN, near) == np.inf
+
+
+def test_the_error_of_the_last_fit_is_known_of_another_motion() -> None:
+    near = CENTRE[None]
+    first, second = motion_px(CENTRE, 0.8, 0.3), motion_px(CENTRE + 3.0, 0.8, 0.35)
+    fit = made(first, near)
+    assert fit.last_error(1) == np.inf
+    error = fit.fit_points(near, 1)
+    assert fit.last_error(1) == pytest.approx(error)
+    fit.again(REST.xy_img + second, SEEN, near)
+    stale = fit.last_error(1)
+    assert stale > fit.fit_points(near, 1)
+    assert fit.least == pytest.approx(fit.last_error(1))
+    fit.forget()
+    assert fit.last_error(1) == np.inf
+    with pytest.raises(ValueError, match="points"):
+        fit.last_error(FITS_MAX + 1)
+
+
+def test_a_fit_without_a_chance_against_a_limit_says_what_it_could_still_reach() -> None:
+    starts = CENTRE + np.array([[-1.5, 0.0], [1.5, 0.0]]) * PITCH
+    motion = motion_px(starts[0], 0.8, 0.3) + motion_px(starts[1], 0.8, 0.2)
+    fit = made(motion, starts)
+    one = fit.fit_points(CENTRE[None], 1)
+    fit.again(REST.xy_img + 1.3 * motion, SEEN, starts)
+    assert fit.fit_points(CENTRE[None], 1, one / 10.0) >= fit.least > one / 10.0
 
 
 def test_wrong_sizes_are_refused() -> None:
