@@ -31,7 +31,7 @@ def motion_px(
 
 
 def line_px(place: Array, width: float, height: float, half: Array, evenly: bool = False) -> Array:
-    """(127, 2) px: the mean over a line, half of which is `half` pitches: of Hertz's pressure or an even one."""
+    """(127, 2) px: the mean over a line, half of which is `half` pitches, by its pressure."""
     nodes, weights = np.polynomial.legendre.leggauss(60)
     parts = [
         (0.5 if evenly else 2.0 / np.pi * np.sqrt(1.0 - t * t))
