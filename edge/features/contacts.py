@@ -93,7 +93,7 @@ class ContactFinder:
         elif n == 1 and self._elongation[0] >= params.min_oriented_elongation:
             direction = self._fitted.split(xy_img, seen)
         elif n == 1 and peaks.n_peaks > 1:
-            self._fitted.split_at(xy_img, seen, regions.ridge(0))
+            self._fitted.split_round(xy_img, seen, regions.ridge(0))
         self._place.find_places(xy_img)
         if moments:
             self._place.find_moments()

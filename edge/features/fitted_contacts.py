@@ -51,7 +51,7 @@ class Fits(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class _Verdict:
+class _Decision:
     """What was decided when the pins were chosen.
 
     overruled    the regions were
@@ -83,7 +83,7 @@ class FittedContacts:
         self._height: Any = np.asarray(fit.height).data
         self._width: Any = self._fitted[1].data
         self._dipole: Any = self._fitted[-1].data
-        self._verdict: _Verdict | None = None
+        self._decision: _Decision | None = None
         self._moved = 0.0  # pitches, root of the squared distance from the motion that it is about
         self._pair: list[Array] | None = None  # of this frame's two regions
         self._n = 0  # regions of this frame, before any was split or joined
@@ -91,7 +91,7 @@ class FittedContacts:
     def forget(self) -> None:
         """The next frame does not follow the last one."""
         self._fit.forget()
-        self._verdict = None
+        self._decision = None
 
     def begin(self) -> None:
         """Another frame begins, which follows the last one; with other regions it is another scene."""
@@ -133,7 +133,7 @@ class FittedContacts:
         # Two contacts farther apart than that would be two regions.
         return self._divide(xy, seen, (x, y, half_x, half_y), is_line=long_px >= self._close_px)
 
-    def split_at(self, xy: Array, seen: Mask, ridge: Array) -> None:
+    def split_round(self, xy: Array, seen: Mask, ridge: Array) -> None:
         """Split a single round region that is two contacts.
 
         xy, seen  as of `fit`
@@ -170,7 +170,7 @@ class FittedContacts:
         split, stays = self._last(True), self._last(False)
         if split is not None:
             stands = self._stands(split, fit.fit_points(starts, 2))
-            if stands and self._split_at(self._pair_places()):
+            if stands and self._make_two(self._pair_places()):
                 return math.nan
         if stays is not None and not wanted and self._stands(stays, fit.last_error(0)):
             return math.nan
@@ -192,7 +192,7 @@ class FittedContacts:
         (x, y), (_, _, half_x, half_y) = self._fitted[0][0].tolist(), line_at
         if pair >= self._limit(fit.fit_line(x, y, half_x, half_y, math.inf, True)):
             return self._line_direction()
-        if not self._split_at(places):
+        if not self._make_two(places):
             return direction
         self._decide(True, min(line_least, point_least, fit.least))
         return math.nan
@@ -237,12 +237,12 @@ class FittedContacts:
             return bool(self._fit.n_pins >= _PINS_MIN)
         return self._choose_pins(xy, seen, places)
 
-    def _last(self, overruled: bool) -> _Verdict | None:
-        """The last verdict, if it was such a one."""
-        last = self._verdict
+    def _last(self, overruled: bool) -> _Decision | None:
+        """The last decision, if it was such a one."""
+        last = self._decision
         return last if last is not None and last.overruled == overruled else None
 
-    def _stands(self, last: _Verdict, error: float) -> bool:
+    def _stands(self, last: _Decision, error: float) -> bool:
         """Whether it would be decided the same again, whatever the others' errors are now.
 
         error  squared pitches, of the shape that was decided for
@@ -253,11 +253,11 @@ class FittedContacts:
     def _decide(self, overruled: bool, least: float) -> None:
         """Keep what was decided, and the least squared error of the shapes that were decided against."""
         self._fit.mark()
-        self._verdict = _Verdict(overruled, math.sqrt(least))
+        self._decision = _Decision(overruled, math.sqrt(least))
 
     def _choose_pins(self, xy: Array, seen: Mask, places: Array) -> bool:
         """The pins near these places are those to be explained; whether they are enough."""
-        self._verdict, self._moved = None, 0.0
+        self._decision, self._moved = None, 0.0
         self._fit.choose(xy, seen, places)
         return bool(self._fit.n_pins >= _PINS_MIN)
 
@@ -277,7 +277,7 @@ class FittedContacts:
         apart = math.hypot(x1 - x0, y1 - y0) > self._pitch_px * max(self._width[0], self._width[1])
         return places if apart and min(self._height[0], self._height[1]) > 0.0 else []
 
-    def _split_at(self, places: list[list[float]]) -> bool:
+    def _make_two(self, places: list[list[float]]) -> bool:
         """Make two regions of the one; False: both places are the same."""
         if not places:
             return False

@@ -95,7 +95,7 @@ def test_two_balls_are_two_and_each_in_its_place() -> None:
         [Ball(-1.5, 0.3, 1.0, radius_mm=2.4), Ball(1.5, 0.0, 1.0, radius_mm=2.4)],
     ],
 )
-def test_a_verdict_that_stands_is_what_a_new_one_would_be(tools: list[Ball | Bar]) -> None:
+def test_a_decision_that_stands_is_what_a_new_one_would_be(tools: list[Ball | Bar]) -> None:
     finder = ContactFinder(Surface(REST))
     counted = count_fits(finder)
     wanted_n, depths = 0, [*np.linspace(0.6, 1.2, 12), *np.full(12, 1.2), *np.linspace(1.2, 0.6, 12)]
