@@ -120,8 +120,8 @@ class ContactFit:
     _normal: cython.double[:, ::1]  # normal equations: Hessian to first order, last row gradient and cost
     _damped: cython.double[:, ::1]
     _step: cython.double[::1]
-    _node: cython.double[:, ::1]  # of a line, from -1 to 1: with Hertz's pressure, with an even one
-    _weight: cython.double[:, ::1]
+    _node: cython.double[::1]  # of a line, from -1 to 1
+    _weight: cython.double[:, ::1]  # with Hertz's pressure, with an even one
     _evenly: cython.bint
     _radius: cython.double
     _reach: cython.double
@@ -168,11 +168,10 @@ class ContactFit:
         )
         self._radius, self._reach = 2.0 * params.close_pitch, params.place_radius_pitch
         self._width = 1.0 / params.grid_steps_per_pitch
-        # Gauss and Chebyshev's of the second kind, of a mean weighted by sqrt(1 - z^2); Gauss and Legendre's.
-        angle = np.pi * np.arange(1, _NODES + 1) / (_NODES + 1)
-        node, weight = np.polynomial.legendre.leggauss(_NODES)
-        self._node = np.array([np.cos(angle), node])
-        self._weight = np.array([2.0 / (_NODES + 1) * np.sin(angle) ** 2, 0.5 * weight])
+        # Gauss and Chebyshev's second kind, for a weight of sqrt(1 - z^2); Fejer's second, for an even one.
+        angle, odd = np.pi * np.arange(1, _NODES + 1) / (_NODES + 1), np.arange(1, _NODES + 1, 2)
+        sine, even = np.sin(angle), (np.sin(np.outer(angle, odd)) / odd).sum(axis=1)
+        self._node, self._weight = np.cos(angle), 2.0 / (_NODES + 1) * sine * np.array([sine, even])
         self._evenly = False
         noise, shear = prior.noise, prior.noise / prior.curl
         self._prior = np.array([0.0, 0.0, noise, noise / 10.0, shear, shear, shear, shear])
@@ -649,7 +648,7 @@ class ContactFit:
         g3: cython.double
         gx: cython.double
         gy: cython.double
-        node: cython.double[::1] = self._node[1 if self._evenly else 0]
+        node: cython.double[::1] = self._node
         weight: cython.double[::1] = self._weight[1 if self._evenly else 0]
         gxx: cython.double
         gxy: cython.double

@@ -69,9 +69,12 @@ class PinMotion:
     _g: cython.double[:, ::1]  # (3, 5), equations of a plane: three unknowns, two right sides
 
     def __init__(self, rest: Rest) -> None:
+        """Raises ValueError: other places than of the pins, a tip without a radius."""
         n = len(rest)
         if rest.xy_img.shape != (n, 2):
             raise ValueError(f"rest places ({n}, 2) are wanted, not {rest.xy_img.shape}")
+        if not rest.pattern.tip_radius_px > 0.0:
+            raise ValueError(f"a tip's radius above 0 px is wanted, not {rest.pattern.tip_radius_px:g}")
         self._n = n
         self.xy = self._xy = np.empty((n, 2))
         self.mean = self._mean = np.empty(2)

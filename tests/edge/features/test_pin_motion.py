@@ -126,6 +126,13 @@ def test_a_rest_frame_without_two_coordinates_a_pin_is_refused() -> None:
         PinMotion(replace(rest, pins=pins))
 
 
+def test_a_tip_without_a_radius_is_refused() -> None:
+    rest = tip(127)
+    flat = replace(rest, pattern=replace(rest.pattern, tip_radius_px=0.0))
+    with pytest.raises(ValueError, match="radius"):
+        PinMotion(flat)
+
+
 def test_arrays_that_do_not_fit_are_refused() -> None:
     rest = tip(127)
     made, xy = PinMotion(rest), rest.xy_img
