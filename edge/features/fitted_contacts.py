@@ -52,7 +52,7 @@ class Fits(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class _Decision:
-    """What was decided when the pins were chosen.
+    """What was decided on the motion that the fit has marked.
 
     overruled    the regions were
     alternative  pitches, the least root of the squared errors of the shapes that were decided against
