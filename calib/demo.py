@@ -251,6 +251,8 @@ def _check_folder(data: Path, out: Path, overwrite: bool) -> None:
     """Make the folder for the pictures. Raises OutputError: not possible, or pictures are there already."""
     if out.resolve() == data.resolve():
         raise OutputError(f"{out}: the recordings are there; give another folder to --out")
+    if out.exists() and not out.is_dir():
+        raise OutputError(f"{out}: is no folder; give the name of one to --out")
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

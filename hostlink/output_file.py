@@ -60,6 +60,8 @@ def check_output(
             raise OutputError(f"{path}: is an input of this command; give another name for the output")
     if os.path.lexists(path) and not overwrite:
         raise OutputError(f"{path}: exists already; give another name, or --overwrite to replace it")
+    if path.parent.exists() and not path.parent.is_dir():
+        raise OutputError(f"{path}: {path.parent} is no folder; give a name in one")
     if not path.parent.is_dir():
         raise OutputError(f"{path}: there is no folder {path.parent}")
     _try_folder(path)

@@ -19,6 +19,7 @@ from edge.link.sinks import CanSink, MemorySink, SerialSink, open_sink
 from edge.runtime.loop import Loop
 from edge.sources import open_source
 from hostlink.decoder import Sample as Decoded
+from hostlink.output_file import OutputError
 from hostlink.recording import LogWriter, decode_recording
 from hostlink.wire import State
 from tests.support.waiting import SOON_S
@@ -37,6 +38,12 @@ def test_the_demo_compares_and_draws_all_recordings(
     pictures = {path.name for path in tmp_path.iterdir()}
     assert {f"{name}.png" for name in RECORDINGS} <= pictures
     assert "press_surface.png" in pictures
+
+
+def test_the_demo_needs_a_folder(data_dir: Path, tmp_path: Path) -> None:
+    (file := tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="file: is no folder; give the name of one to --out"):
+        demo(data_dir, file, Console())
 
 
 def same(a: State, b: State) -> bool:

@@ -31,6 +31,7 @@ from hostlink.output_file import writing
 
 FORMAT = "voronoi-touch-calibration"
 VERSION = 1
+_GIVE = "give one that `python -m calib fit` wrote"
 
 TERMS_MAX = 512  # of a polynomial; the largest that `calib fit` tries has about 200
 FACTORS_MAX = 6  # inputs in a product
@@ -212,7 +213,7 @@ def read_file(path: Path) -> CalibrationFile:
     except OSError as error:
         raise CalibrationError(f"{path}: cannot be read: {error.strerror}") from None
     except BadContent as error:
-        raise CalibrationError(f"{path}: not a calibration file: {error}") from None
+        raise CalibrationError(f"{path}: not a calibration file: {error}; {_GIVE}") from None
     return decode(raw, str(path))
 
 
@@ -226,10 +227,11 @@ def decode(raw: bytes, where: str) -> CalibrationFile:
     try:
         header = limits.decode_json(raw, _Header)
     except BadContent as error:
-        raise CalibrationError(f"{where}: not a calibration file: {error}") from None
+        raise CalibrationError(f"{where}: not a calibration file: {error}; {_GIVE}") from None
     if header.format != FORMAT:
         raise CalibrationError(
-            f"{where}: not a calibration file: its format is {limits.quote(header.format)}, not '{FORMAT}'"
+            f"{where}: not a calibration file: its format is {limits.quote(header.format)}, not '{FORMAT}'; "
+            f"{_GIVE}"
         )
     if header.version != VERSION:
         raise CalibrationError(

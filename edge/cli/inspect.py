@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from edge.cli.options import calibration_option, overwrite_option, rest_option, sensor_option
-from edge.errors import EdgeError, InputError
+from edge.errors import EdgeError, InputError, SourceError
 from hostlink.cli_exit import print_error
 from hostlink.interrupt import exit_on_interrupt
 from hostlink.output_file import check_output, writing
@@ -101,7 +101,11 @@ def _single(path: Path, polarity: Polarity) -> tuple[Image, Rest]:
     from edge.pins import take_rest
     from edge.sources import read_image
 
-    image = read_image(path)
+    try:
+        image = read_image(path)
+    except SourceError as error:
+        advice = "; for a recording add --rest auto" if path.exists() else ""
+        raise SourceError(f"{error}{advice}") from None
     return image, take_rest([image], polarity)
 
 

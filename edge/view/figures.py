@@ -94,7 +94,7 @@ def figure(
     for axes, title in ((left, "cells, contacts, pin motion (x2, mean x6)"), (right, "camera, pins seen")):
         _label(axes, title, outline, unit)
     bar = made.colorbar(cells, ax=[left, right], location="bottom", shrink=0.5, aspect=40, pad=0.02)
-    bar.set_label("relative change of cell area (+ compressed, - expanded)", fontsize=8)
+    bar.set_label("relative change of cell area (+ grown, as where pressed in; - shrunk)", fontsize=8)
     bar.ax.tick_params(labelsize=7)
     made.savefig(path, dpi=200)
 

@@ -254,7 +254,7 @@ def _legend(foot: Canvas, view: View, palette: Palette, full: float) -> None:
         wide = cv2.getTextSize(text, _FONT, size / 21, 1)[0][0]
         x = left + share * len(bar) - (0.5 * wide if share == 0.5 else wide * share)
         _text(foot, (x, bottom + 1.6 * size), text, size, palette.ink)
-    _text(foot, (left, h - 0.4 * size), "change of cell area (+ compressed)", size, palette.ink)
+    _text(foot, (left, h - 0.4 * size), "change of cell area (+ grown)", size, palette.ink)
 
     unit, value = _round_length(0.16 * w / view.scale, view.mm_per_px)
     length = value / (view.mm_per_px or 1.0) * view.scale

@@ -46,7 +46,7 @@ def test_input_is_refused_even_with_overwrite_and_under_another_name(tmp_path: P
         ("x", r"must end in \.json or \.yaml"),
         ("missing/x.json", "there is no folder"),
         ("folder.json", "is a folder"),
-        ("file.json/x.json", "there is no folder"),
+        ("file.json/x.json", "file.json is no folder"),
     ],
 )
 def test_an_unusable_name_is_refused_with_a_usable_one(tmp_path: Path, name: str, what: str) -> None:

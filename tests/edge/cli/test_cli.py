@@ -349,6 +349,7 @@ def _text(folder: Path, name: str, content: str) -> Path:
         (["inspect", "{press}", "--rest", "none"], "--rest none: needs --calibration"),
         (["inspect", "{press}", "--rest", "9999"], "has no image 9999"),
         (["inspect", "missing.png"], "error: image missing.png: no such file"),
+        (["inspect", "{press}"], "; for a recording add --rest auto"),
         (["inspect", "seen"], "error: image seen: is a folder; give the images in it, one by one"),
         (["inspect", "black.png", "seen/black.png", "--overlay", "new"], "two images are named black"),
         (["replay", "{press}", "--view", "--view-token-file", "absent"], "absent: No such file"),
