@@ -111,6 +111,7 @@ def hand_page(chrome: Chrome, folder: Path) -> None:
 
 def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else DATA / "pictures"
+    folder.mkdir(parents=True, exist_ok=True)
     with Chrome() as chrome:
         edge_pages(chrome, folder)
         hand_page(chrome, folder)
