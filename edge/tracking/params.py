@@ -41,7 +41,7 @@ class TrackingParams:
     # --- posterior of a match
     shift_spread: float = 0.5  # pitches; standard deviation of a tip's mean motion
     rotation_spread: float = 0.2  # pitches; of its mean motion around the centre
-    found_weights: tuple[float, float, float, float] = (12.2, -4.3, -7.0, 1.7)  # of `search.found_evidence`
+    found_weights: tuple[float, float, float, float] = (12.0, -4.0, -8.0, 1.6)  # of `search.found_evidence`
     # --- which blob each pin has for certain
     posterior_min: float = 0.98  # that a pin has its blob; that a match is right, which ends a search
     scale_freedom: float = 4.0  # pins that the roughness of the whole frame counts as, beside those near
