@@ -225,6 +225,13 @@ def _pairs_of_probes(
             "%",
             at_least=True,
         ),
+        Requirement(
+            "random pairs 2 mm apart found as one",
+            RESOLVED,
+            _percent(counts[apart_mm == 2.0] == 1),
+            "%",
+            at_least=True,
+        ),
         Requirement("a third contact beside two probes", 0.0, _percent(more), "%"),
     ]
 
