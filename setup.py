@@ -30,6 +30,7 @@ KERNELS = {
     "edge.calibration.polynomial": FAST,
     "edge.calibration.gaussian_process": FAST,
     "edge.calibration.inputs": SMALL,
+    "edge.calibration.outputs": SMALL,
     "edge.cells.first_order": FAST,
     "edge.cells.mesh": EXACT,
     "edge.cells.points": EXACT,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from edge.calibration import Calibration, Grip, uncalibrated
+from edge.calibration import OF_GRIP, Calibration, Grip, uncalibrated
 from edge.cells import Tessellator
 from edge.errors import DegenerateLayout
 from edge.features import FeatureExtractor, Fits
@@ -25,7 +25,6 @@ OF_CELLS = frozenset(Feature) - {Feature.SHEAR, Feature.TORSION}
 #: Those whose models may depend on the pins' motion alone: areas only say when a contact begins and ends.
 OF_MODES = frozenset({Feature.DISPLACEMENT, Feature.FORCE, Feature.TILT, Feature.SHEAR})
 ALL = frozenset(Feature)
-_ALL, _SEVERAL, _NONE = Fits.ALL, Fits.SEVERAL, Fits.NONE  # to look a member up is Python code
 
 
 @per_frame
@@ -58,6 +57,8 @@ class Pipeline:
         self._needed = demand  # the demand, and the features that the calibration needs for it
         self._with_cells = self._with_areas = self._with_grip = True  # whether it needs them
         self._capture_ns: int | None = None  # of the last frame that gave features
+        self._moments = calibration is None or calibration.of_moments  # what is wanted of contacts
+        self._fits = Fits.ALL if calibration is None else Fits.SEVERAL if calibration.of_fits else Fits.NONE
         self._grip = Grip()
         self._refiner = CentroidRefiner(rest)
         self.tracker = Tracker(rest)
@@ -87,32 +88,31 @@ class Pipeline:
             cells = self._tessellator.cells(moved) if self._with_cells and not holds else None
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
-        calibrated = self.calibration is not None
-        moments = self.calibration is None or self.calibration.of_moments
-        fits = _ALL if self.calibration is None else _SEVERAL if self.calibration.of_fits else _NONE
+        calibration = self.calibration
         features = self._extractor.extract(
             moved,
             cells,
             self._needed,
             contact_holds=holds,
-            modes_at_rest=not calibrated,
-            moments=moments,
-            fits=fits,
+            modes_at_rest=calibration is None,
+            moments=self._moments,
+            fits=self._fits,
         )
-        if self.calibration is None:
+        if calibration is None:
             reading = uncalibrated(features)
         else:
             before_ns, self._capture_ns = self._capture_ns, frame.capture_ns
             interval_s = None if before_ns is None else (frame.capture_ns - before_ns) * 1e-9
-            reading = self.calibration.apply(features, self.rest.pattern, interval_s, self.demand)
-            self._add_grip(self.calibration, features, reading)
+            reading = calibration.apply(features, self.rest.pattern, interval_s, self.demand)
+            if self._with_grip:
+                self._add_grip(calibration, features, reading)
         return Result(frame, tracks, cells, features, reading, searched)
 
     def _add_grip(self, calibration: Calibration, features: Features, reading: Reading) -> None:
-        """Add friction and slip margin, if forces are in demand."""
+        """Add friction and slip margin."""
         if not features.in_contact:
             self._grip.forget()
-        elif self._with_grip:
+        else:
             area_mm2 = calibration.area_mm2(features, reading.values)
             reading.values.update(self._grip.update(reading.values, reading.sigmas, area_mm2))
 
@@ -130,7 +130,10 @@ class Pipeline:
         self._tessellator.forget()  # the last cells may be of long ago
         of_volume = self.calibration is None or self.calibration.of_volume
         self._with_areas = of_volume or not self._needed <= OF_MODES
-        self._with_grip = Feature.FORCE in self.demand
+        outputs = frozenset() if self.calibration is None else self.calibration.outputs
+        self._with_grip = Feature.FORCE in self.demand and outputs >= OF_GRIP
+        if not self._with_grip:
+            self._grip.forget()
 
     def _features_for(self, demand: frozenset[Feature]) -> frozenset[Feature]:
         """The demand, and the features that the calibration needs for it."""

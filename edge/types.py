@@ -304,7 +304,7 @@ class Rest:
 class Tracks:
     """Where each pin of the rest frame is now.
 
-    xy_img       (n, 2) float64 px; NaN where lost
+    xy_img       (n, 2) float64 px, C-contiguous; NaN where lost
     sigma_px     (n,) float64; NaN where lost
     seen         (n,) bool
     confidence   0..1; certainty of the identities. Below `LOW_CONFIDENCE` they must not be used.

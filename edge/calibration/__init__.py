@@ -7,7 +7,7 @@ model    curves, polynomials and processes ready to run; `Calibration.apply`: fe
 """
 
 from edge.calibration.file import CalibrationFile
-from edge.calibration.grip import Grip
+from edge.calibration.grip import OF_GRIP, Grip
 from edge.calibration.model import Calibration, uncalibrated
 
-__all__ = ["Calibration", "CalibrationFile", "Grip", "uncalibrated"]
+__all__ = ["OF_GRIP", "Calibration", "CalibrationFile", "Grip", "uncalibrated"]

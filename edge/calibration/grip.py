@@ -26,7 +26,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-__all__ = ["Grip"]
+__all__ = ["OF_GRIP", "Grip"]
+
+#: The values without which nothing is known.
+OF_GRIP = frozenset({"force_n", "force_x_n", "force_y_n"})
 
 #: Torque over force at which a contact of unit radius slides.
 _RADIUS = 3.0 * math.pi / 16.0
@@ -53,7 +56,7 @@ class Grip:
         values, sigmas  of the frame: force_n, force_x_n, force_y_n, and torque_z_nmm if it is calibrated
         area_mm2        of the contact; None: not known, the torque is then left out
         """
-        if not ("force_n" in values and "force_x_n" in values and "force_y_n" in values):
+        if not values.keys() >= OF_GRIP:
             return {}
         normal, x, y = values["force_n"], values["force_x_n"], values["force_y_n"]
         square = x * x + y * y

@@ -22,7 +22,6 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +44,7 @@ from edge.calibration.file import (
 )
 from edge.calibration.gaussian_process import ProcessKernel, wanted_models
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS, InputRow
+from edge.calibration.outputs import OutputRow
 from edge.calibration.polynomial import ModelKernel
 from edge.errors import CalibrationError
 from edge.limits import BadContent
@@ -69,13 +69,15 @@ OF_PROCESS = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS})
 OF_CONTACTS = frozenset({Feature.CONTACTS, Feature.PRESSURE, Feature.CONTACT_AREA, Feature.ORIENTATION})
 
 Contacts = tuple[ContactRegion, ...]
+_NONE: frozenset[str] = frozenset()
 
 
 class _Models:
     """The models that share their inputs, ready to run.
 
     inputs     to be written before `run`
-    outputs    names: those of curves and polynomials in the file's order, then those of processes
+    outputs    to be read after it: those of curves and polynomials in the file's order, then those of
+               processes
     sigmas     each output's, near the data
     processes  their part of the models
     """
@@ -84,7 +86,7 @@ class _Models:
         self._others = others = [model for model in models if not isinstance(model, Process)]
         self.processes = [model for model in models if isinstance(model, Process)]
         ordered = [*others, *self.processes]
-        self.outputs = tuple(name for model in ordered for name in outputs_of(model))
+        self.outputs = OutputRow([name for model in ordered for name in outputs_of(model)])
         self.sigmas = tuple(
             sigma for m in ordered for sigma in ([m.sigma] if isinstance(m, Curve) else m.sigma)
         )
@@ -92,11 +94,10 @@ class _Models:
         # The same memory. A kernel need not look at arrays again that stay the same objects.
         row = self.inputs.values
         self._row, self._rows = row.view(np.float64), row[None].view(np.float64)
-        self._out = np.empty((1, len(self.outputs), 3))
-        self._columns = self._out[0].T
         self._kernel = ModelKernel(inputs, others)
         n_others = sum(len(outputs_of(model)) for model in others)
-        self._of_others, self._of_processes = self._out[:, :n_others], self._out[0, n_others:]
+        rows = self.outputs.rows
+        self._of_others, self._of_processes = rows[None, :n_others], rows[n_others:]
         self._process_kernel = ProcessKernel(inputs, self.processes) if self.processes else None
         self._wanted = wanted_models(self.processes, None)
 
@@ -109,13 +110,11 @@ class _Models:
             )
         )
 
-    def run(self) -> list[list[float]]:
-        """Of all outputs: the values, the sigmas, and 1 where out of range, else 0."""
+    def run(self) -> None:
+        """Write all outputs."""
         self._kernel.run(self._rows, self._of_others)
         if self._process_kernel is not None:
             self._process_kernel.run(self._row, self._wanted, self._of_processes)
-        columns: list[list[float]] = self._columns.tolist()
-        return columns
 
 
 class Calibration:
@@ -141,15 +140,18 @@ class Calibration:
         self._contact = _Models([m for m in of_contact if m not in joint], CONTACT_INPUTS)
         self._joint = _Models(joint, CONTACT_INPUTS)
         self.of_fits = bool(joint)
-        self.outputs = frozenset((*self._frame.outputs, *self._contact.outputs, *self._joint.outputs))
+        self.outputs = frozenset(
+            (*self._frame.outputs.names, *self._contact.outputs.names, *self._joint.outputs.names)
+        )
         read = frozenset().union(*map(_inputs_of, content.models))
         self.of_moments = not read.isdisjoint(MOMENTS)
         self.of_volume = "volume" in read
-        self._columns = [CONTACT_OUTPUTS.index(name) for name in self._contact.outputs]
-        self._joint_columns = [JOINT_OUTPUTS.index(name) for name in self._joint.outputs]
-        self._placed = self.outputs >= {"contact_x_mm", "contact_y_mm"}
-        self._untouched = {name: UNTOUCHED[name] for name in self._frame.outputs}
-        self._untouched_sigmas = dict(zip(self._frame.outputs, self._frame.sigmas, strict=True))
+        self._of_place = [CONTACT_OUTPUTS.index(name) for name in self._contact.outputs.names]
+        self._of_joint = [JOINT_OUTPUTS.index(name) for name in self._joint.outputs.names]
+        # What places are computed with that no model gives.
+        self._scale = None if self.outputs >= set(CONTACT_OUTPUTS[:2]) else content.mm_per_px
+        self._untouched = {name: UNTOUCHED[name] for name in self._frame.outputs.names}
+        self._untouched_sigmas = dict(zip(self._frame.outputs.names, self._frame.sigmas, strict=True))
         self._demand: frozenset[Feature] | None = None
         self._gives_contacts = True  # the demand includes them
 
@@ -207,15 +209,11 @@ class Calibration:
             self._demand = demand
             self._frame.want(None if demand is None else _outputs_in(demand))
             self._gives_contacts = demand is None or not demand.isdisjoint(OF_CONTACTS)
-        saturated: frozenset[str] = frozenset()
+        saturated = _NONE
         if features.in_contact:
             self._frame.inputs.write_frame(features, pattern)
-            y, sigma, outside = self._frame.run()
-            names = self._frame.outputs
-            values, sigmas = dict(zip(names, y, strict=True)), dict(zip(names, sigma, strict=True))
-            if 1.0 in outside:
-                is_outside = [out and math.isfinite(value) for out, value in zip(outside, y, strict=True)]
-                saturated = frozenset(compress(names, is_outside))
+            self._frame.run()
+            values, sigmas, saturated = self._frame.outputs.by_name()
         else:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
         found = features.contacts if self._gives_contacts else None
@@ -226,7 +224,9 @@ class Calibration:
     def frame_values(self, z: Complex) -> Iterator[tuple[str, float, float, bool]]:
         """Name, value, sigma and whether out of range, of every output, from `frame_inputs`."""
         self._frame.inputs.values[:] = z
-        for name, y, sigma, outside in zip(self._frame.outputs, *self._frame.run(), strict=True):
+        self._frame.run()
+        outputs = self._frame.outputs
+        for name, (y, sigma, outside) in zip(outputs.names, outputs.rows.tolist(), strict=True):
             yield name, y, sigma, bool(outside)
 
     def area_mm2(self, features: Features, values: Mapping[str, float]) -> float | None:
@@ -277,40 +277,38 @@ class Calibration:
         """`Reading.contacts`; the depth of a single one is that of the frame, if it is known."""
         if not found:
             return np.empty((0, 3))
-        # Lists: an array's fancy indexing costs thousands of instructions, for a handful of numbers.
-        places = [[math.nan] * 3 for _ in found]
-        if self.mm_per_px is not None and not self._placed:
-            for place, contact in zip(places, found, strict=True):
-                place[:2] = ((contact.xy_img - pattern.centre_img) * self.mm_per_px).tolist()
-        if self._columns:
-            for place, contact in zip(places, found, strict=True):
-                self._contact.inputs.write_contact(contact, features, pattern)
-                for column, value in zip(self._columns, self._contact.run()[0], strict=True):
-                    place[column] = value
-        if self._joint_columns and len(found) > 1:
-            self._write_joint(places, features, found, pattern)
-        if len(found) == 1 and depth_mm is not None:
-            places[0][2] = depth_mm
         contacts = np.empty((len(found), 3))
         cell: Any = contacts.data  # in which numbers are set in a fifth of the time
-        for i, place in enumerate(places):
-            cell[i, 0], cell[i, 1], cell[i, 2] = place
+        for i, contact in enumerate(found):
+            x, y, z = self._place(contact, features, pattern, joint=len(found) > 1)
+            cell[i, 0], cell[i, 1], cell[i, 2] = x, y, z
+        if len(found) == 1 and depth_mm is not None:
+            cell[0, 2] = depth_mm
         return contacts
 
-    def _write_joint(
-        self, places: list[list[float]], features: Features, found: Contacts, pattern: PinPattern
-    ) -> None:
-        """Of the contacts that were fitted, what is known of them so."""
-        for place, contact in zip(places, found, strict=True):
-            if contact.fitted is not None:
-                self._joint.inputs.write_contact(contact, features, pattern)
-                for column, value in zip(self._joint_columns, self._joint.run()[0], strict=True):
-                    place[column] = value
+    def _place(
+        self, contact: ContactRegion, features: Features, pattern: PinPattern, *, joint: bool
+    ) -> list[float]:
+        """x, y and depth of a contact, NaN where not known; joint: it is one of several."""
+        place = [math.nan, math.nan, math.nan]
+        if self._scale is not None:
+            place[:2] = ((contact.xy_img - pattern.centre_img) * self._scale).tolist()
+        if self._of_place:
+            self._contact.inputs.write_contact(contact, features, pattern)
+            self._contact.run()
+            self._contact.outputs.write_into(place, self._of_place)
+        if joint and self.of_fits and contact.fitted is not None:
+            self._joint.inputs.write_contact(contact, features, pattern)
+            self._joint.run()
+            self._joint.outputs.write_into(place, self._of_joint)
+        return place
 
     def contact_values(self, z: Complex) -> Iterator[tuple[str, float, float]]:
         """Name, value and sigma of every output of one contact, from `contact_inputs`."""
         self._contact.inputs.values[:] = z
-        for name, y, sigma, _ in zip(self._contact.outputs, *self._contact.run(), strict=True):
+        self._contact.run()
+        outputs = self._contact.outputs
+        for name, (y, sigma, _) in zip(outputs.names, outputs.rows.tolist(), strict=True):
             yield name, y, sigma
 
 

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from edge.calibration.file import Curve, Polynomial
 from edge.calibration.inputs import term_columns
+from edge.calibration.outputs import FIELDS
 from edge.types import Array, Mask
 
 if cython.compiled:
@@ -38,8 +39,6 @@ else:
     from edge.calibration.spread_sums import sum_squares
     from edge.geometry.views import PointsView
 
-#: Of each output: value, sigma, whether the model is out of its range (0 or 1).
-FIELDS = cython.declare(cython.Py_ssize_t, 3)
 #: Rows of a factor L that are summed together.
 ROWS = 4
 

@@ -43,6 +43,7 @@ class Tessellator:
         self._mesh = Mesh(n, b, f)
         # Of the last frame: kernels need not look at arrays again that stay the same objects.
         self._points, self._area = np.concatenate([xy, boundary, fence]), np.empty(n)
+        self._of_pins, self._around = self._points[:n], self._points[n : n + b]  # the same memory
         self._rest_area_px2 = np.empty(n)
         self._mesh.update(self._points, self._rest_area_px2)
         self._rest_area_px2.flags.writeable = False
@@ -72,28 +73,27 @@ class Tessellator:
                        `xy_img` is that of the tracks if no pin is lost
         Raises         DegenerateLayout: fewer than 3 visible pins, or all on a line
         """
-        n = len(self._rest_img)
         if self._lost.update(tracks.seen):
             self._frame_points.set_missing(*self._lost.gap)
             self._gap, self._gap_img = _size_and_place(self._lost.gap, self._rest_img)
         autocorrelation, self._last_counts = tracks.autocorrelation if self._last_counts else 0.0, True
-        self._frame_points.place(np.ascontiguousarray(tracks.xy_img), self._points, autocorrelation)
+        self._frame_points.place(tracks.xy_img, self._points, autocorrelation)
         if self._first_order is not None and self._first_order.update(self._points, self._area):
             triangles = self._rest_triangles
         else:
             triangles = self._tessellate(tracks)
         xy, area = tracks.xy_img, self._area.copy()
-        around = self._points[n : n + self._n_boundary].copy()
-        lost, whole = self._lost.gap[0], None
-        if len(lost):
-            xy, whole = self._points[:n].copy(), self._area.copy()
-            area[lost] = np.nan
+        whole: Array | None = None
+        if self._gap_img is not None:
+            xy, whole = self._of_pins.copy(), self._area.copy()
+            area[self._lost.gap[0]] = np.nan
         # By place: names cost 3,600 instructions a frame.
+        around = self._around.copy()
         return Cells(area, self._rest_area_px2, xy, triangles, around, whole, self._gap, self._gap_img)
 
     def keep(self, tracks: Tracks) -> None:
         """Make a frame whose cells nobody needs the last one; all of its pins are seen."""
-        self._points[: len(self._rest_img)] = tracks.xy_img
+        self._of_pins[:] = tracks.xy_img
         self._last_counts = True
 
     def forget(self) -> None:
@@ -103,20 +103,22 @@ class Tessellator:
 
     def _tessellate(self, tracks: Tracks) -> Index:
         """Write the exact areas of the points of this frame; returns the triangles."""
-        n, area = len(self._area), self._area
         try:
-            changes = self._mesh.update(self._points, area)
+            changes = self._mesh.update(self._points, self._area)
         except ValueError as error:
-            raise DegenerateLayout(f"{n} pins, {tracks.n_seen} of them seen: {error}") from error
+            raise DegenerateLayout(f"{self._seen_of(tracks)}: {error}") from error
         total_px2 = self._mesh.total_area
         if math.isnan(total_px2):  # rare: a cell is not bounded
-            total_px2 = float(np.nansum(area)) if spans(self._points[:n]) else 0.0
+            total_px2 = float(np.nansum(self._area)) if spans(self._of_pins) else 0.0
         if total_px2 < self._collapsed_px2:
-            raise DegenerateLayout(f"{n} pins, {tracks.n_seen} of them seen: all on a line or at one place")
+            raise DegenerateLayout(f"{self._seen_of(tracks)}: all on a line or at one place")
         if changes != self._changes:
             self._triangles = self._mesh.triangles()
             self._changes = changes
         return self._triangles
+
+    def _seen_of(self, tracks: Tracks) -> str:
+        return f"{len(self._area)} pins, {tracks.n_seen} of them seen"
 
     def _make_first_order(self, params: CellsParams) -> FirstOrderAreas | None:
         """None: a cell is not bounded at rest."""

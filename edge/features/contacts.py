@@ -98,8 +98,10 @@ class ContactFinder:
         if moments:
             self._place.find_moments()
         fitted = self._fitted.fit(xy_img, seen) if regions.n_contacts >= fits else []
-        directions = [direction] + [math.nan] * (regions.n_contacts - 1)
-        return tuple([self._describe(i, known, moments, fitted) for i, known in enumerate(directions)])
+        contacts = [self._describe(0, direction, moments, fitted)]
+        for i in range(1, regions.n_contacts):
+            contacts.append(self._describe(i, math.nan, moments, fitted))
+        return tuple(contacts)
 
     def _pin_noise_px(self, xy_img: Array, seen: Mask, sigma_px: float) -> float:
         """Noise of a pin, from its neighbours in this frame and from rest."""

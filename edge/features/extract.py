@@ -203,7 +203,7 @@ class FeatureExtractor:
         if contact_holds:
             in_contact = True
         elif cells is None:
-            in_contact = self._detector.by_motion(np.ascontiguousarray(tracks.xy_img), motion.sigma_px)
+            in_contact = self._detector.by_motion(tracks.xy_img, motion.sigma_px)
         else:
             in_contact = self._detector.by_area(whole_change, self._xy, motion.sigma_px)
         if plan.modes and (in_contact or modes_at_rest):
@@ -222,9 +222,7 @@ class FeatureExtractor:
 
     def _motion_of(self, tracks: Tracks, cells: Cells | None) -> _Motion:
         seen, px = tracks.seen, self._px
-        now_px, n_seen = self._motion.since_rest(
-            np.ascontiguousarray(tracks.xy_img), np.ascontiguousarray(tracks.sigma_px), seen, px
-        )
+        now_px, n_seen = self._motion.since_rest(tracks.xy_img, tracks.sigma_px, px)
         sigma_px, mean_px = self._detector.sigma_px(now_px), self._motion.mean
         if n_seen == len(seen):
             return _Motion(px, px, None, mean_px, sigma_px, False)

@@ -66,6 +66,8 @@ class PinMotion:
     _per_px: cython.double  # over the tip's radius
     _pins: cython.int[::1]  # of `in_contact`
     _pins_array: Index  # the same memory
+    _chosen: Index  # the first of these: kernels need not look at an array again that is the same object
+    _chosen_n: cython.Py_ssize_t
     _g: cython.double[:, ::1]  # (3, 5), equations of a plane: three unknowns, two right sides
 
     def __init__(self, rest: Rest) -> None:
@@ -84,20 +86,20 @@ class PinMotion:
         self._centre_x, self._centre_y = rest.pattern.centre_img.tolist()
         self._per_px = 1.0 / rest.pattern.tip_radius_px
         self._pins_array = np.empty(n, np.int32)
-        self._pins = self._pins_array
+        self._pins = self._chosen = self._pins_array
+        self._chosen_n = n
         self._g = np.empty((3, 5))
 
     def since_rest(
         self,
         xy: cython.const[cython.double][:, ::1],
-        sigma_px: cython.const[cython.double][::1],
-        seen: cython.const[cython.uchar][::1],
+        sigma_px: cython.const[cython.double][:],
         motion: Array,
     ) -> tuple[float, int]:
         """Motion since rest into `motion`, and its mean over the seen pins into `mean`, NaN if none is seen.
 
         xy, motion  (n, 2) float64 px; xy is NaN where lost, and so is the motion
-        sigma_px    (n,) float64; seen (n,) bool
+        sigma_px    (n,) float64; of the seen pins finite
         Returns     mean sigma of the seen pins (0 where none is), their number
         Raises      ValueError: sizes that do not fit
         """
@@ -107,8 +109,8 @@ class PinMotion:
         out: cython.double[:, ::1] = self._motion
         if xy.shape[0] != n or xy.shape[1] != 2 or out.shape[0] != n or out.shape[1] != 2:
             raise ValueError(f"xy and motion ({n}, 2) are wanted")
-        if sigma_px.shape[0] != n or seen.shape[0] != n:
-            raise ValueError(f"sigma_px and seen ({n},) are wanted")
+        if sigma_px.shape[0] != n:
+            raise ValueError(f"sigma_px ({n},) is wanted")
         i: cython.Py_ssize_t
         n_seen: cython.Py_ssize_t = 0
         x: cython.double = 0.0
@@ -121,7 +123,7 @@ class PinMotion:
             kept[i, 1] = xy[i, 1]
             out[i, 0] = xy[i, 0] - rest[i, 0]
             out[i, 1] = xy[i, 1] - rest[i, 1]
-            if seen[i]:
+            if not isnan(xy[i, 0]):
                 x += out[i, 0]
                 y += out[i, 1]
                 sigma += sigma_px[i]
@@ -146,8 +148,10 @@ class PinMotion:
         change: cython.const[cython.double][::1] = self._change_view.of(area_change)
         if change.shape[0] != self._n:
             raise ValueError(f"area_change ({self._n},) is wanted")
-        rows: Index = self._pins_array
-        return rows[: self._select(change, max(least, 0.0))]
+        chosen_n: cython.Py_ssize_t = self._select(change, max(least, 0.0))
+        if chosen_n != self._chosen_n:
+            self._chosen, self._chosen_n = self._pins_array[:chosen_n], chosen_n
+        return self._chosen
 
     @cython.cfunc
     @cython.inline

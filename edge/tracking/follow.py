@@ -167,8 +167,13 @@ class Follower:
         n: cython.Py_ssize_t = self.n
         given = self.given
         if given is None or given[0] is not found or given[1] is not sigma or given[2] is not brightness:
-            self.found, self.sigma, self.brightness = found, sigma, brightness
-            self.given = found, sigma, brightness
+            # A copy is another object than what is given, and is made anew in each frame.
+            self.given = (
+                np.ascontiguousarray(found),
+                np.ascontiguousarray(sigma),
+                np.ascontiguousarray(brightness, np.float64),
+            )
+            self.found, self.sigma, self.brightness = self.given
         if (
             self.found.shape[0] != n
             or self.found.shape[1] != 2

@@ -30,6 +30,7 @@ class Tracker:
         """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
         self._tip = TrackedTip.of(rest, params)
         self._params, self._n = self._tip.params, len(self._tip)
+        self._full_share_min = self._params.full_share_min
         self._follower = Follower(self._tip.lattice, self._tip.photometric, self._params)
         self._identifier = Identifier(self._tip)
         self.forget()
@@ -58,9 +59,7 @@ class Tracker:
         """
         p = self._params
         xy, sigma, seen, seen_n, innovation, autocorrelation = self._follower.follow(
-            np.ascontiguousarray(pins.xy_img),
-            np.ascontiguousarray(pins.sigma_px),
-            np.ascontiguousarray(pins.brightness, np.float64),
+            pins.xy_img, pins.sigma_px, pins.brightness
         )
         share = seen_n / self._n
         tracks = Tracks(xy, sigma, seen, self._confidence, autocorrelation)
@@ -141,8 +140,8 @@ class Tracker:
         """
         p = self._params
         vanished = share < p.baseline_share_min * self._baseline_share
-        incomplete = share < p.full_share_min * self._found_share
-        leapt = innovation > p.leap_innovation and share < p.full_share_min * self._baseline_share
+        incomplete = share < self._full_share_min * self._found_share
+        leapt = innovation > p.leap_innovation and share < self._full_share_min * self._baseline_share
         return vanished or (incomplete and self._frames_since_search >= p.research_frames) or leapt
 
     def _continues(self, innovation: float, share: float) -> bool:

@@ -27,11 +27,11 @@ def test_mean_motion_is_that_of_the_seen_pins() -> None:
     xy = rest.xy_img + np.array([[1.0, 2.0], [3.0, 4.0], [np.nan, np.nan]])
     out, sigma = np.empty((3, 2)), np.array([0.1, 0.3, np.nan])
     motion = PinMotion(rest)
-    assert motion.since_rest(xy, sigma, np.array([True, True, False]), out) == pytest.approx((0.2, 2))
+    assert motion.since_rest(xy, sigma, out) == pytest.approx((0.2, 2))
     np.testing.assert_allclose(motion.mean, [2.0, 3.0])
     np.testing.assert_array_equal(motion.xy, xy)
     np.testing.assert_array_equal(out, xy - rest.xy_img)
-    assert motion.since_rest(xy, sigma, np.zeros(3, dtype=np.bool_), out) == (0.0, 0)
+    assert motion.since_rest(np.full((3, 2), np.nan), sigma, out) == (0.0, 0)
     assert np.isnan(motion.mean).all()
 
 
@@ -136,13 +136,13 @@ def test_a_tip_without_a_radius_is_refused() -> None:
 def test_arrays_that_do_not_fit_are_refused() -> None:
     rest = tip(127)
     made, xy = PinMotion(rest), rest.xy_img
-    sigma, seen = np.zeros(127), np.ones(127, np.bool_)
+    sigma = np.zeros(127)
     pins = np.arange(5, dtype=np.int32)
     for bad in (xy[:-1], np.zeros((127, 3)), np.zeros((128, 2))):
         with pytest.raises(ValueError, match="wanted"):
-            made.since_rest(bad, sigma, seen, np.empty((127, 2)))
+            made.since_rest(bad, sigma, np.empty((127, 2)))
         with pytest.raises(ValueError, match="wanted"):
-            made.since_rest(xy, sigma, seen, bad)
+            made.since_rest(xy, sigma, bad)
         with pytest.raises(ValueError, match="wanted"):
             made.torsion(bad, pins)
         with pytest.raises(ValueError, match="wanted"):
@@ -150,9 +150,7 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
         with pytest.raises(ValueError, match="wanted"):
             made.fit_step(xy, bad, pins)
     with pytest.raises(ValueError, match="wanted"):
-        made.since_rest(xy, sigma[:-1], seen, np.empty((127, 2)))
-    with pytest.raises(ValueError, match="wanted"):
-        made.since_rest(xy, sigma, seen[:-1], np.empty((127, 2)))
+        made.since_rest(xy, sigma[:-1], np.empty((127, 2)))
     with pytest.raises(ValueError, match="wanted"):
         made.in_contact(sigma[:-1], 0.0)
     for now, before, rows in (
