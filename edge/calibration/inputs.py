@@ -57,9 +57,14 @@ class InputRow:
     values = cython.declare(object, visibility="readonly")
     _numbers: cython.double[::1]  # the same memory: real part, imaginary part
     _n: cython.Py_ssize_t
+    _pattern: PinPattern | None  # given last
+    _x0: cython.double  # its centre and the tip's radius, px
+    _y0: cython.double
+    _radius: cython.double
 
     def __init__(self, inputs: Sequence[str]) -> None:
-        self._n = len(inputs)
+        self._n, self._pattern = len(inputs), None
+        self._x0 = self._y0 = self._radius = 0.0
         self.values = np.zeros(len(inputs), np.complex128)
         self._numbers = self.values.view(np.float64)
 
@@ -68,8 +73,8 @@ class InputRow:
         n: cython.Py_ssize_t = len(MODES)
         first: cython.Py_ssize_t = 2 + n
         i: cython.Py_ssize_t
-        self._must_have(first + 5)
-        r: cython.double = _radius_px(pattern)
+        self._must_have(first + 5, pattern)
+        r: cython.double = self._radius
         volume, modes, contacts = features.volume_px2, features.modes_px, features.contacts
         if volume is None:
             self._set(0, NAN, 0.0)
@@ -88,7 +93,7 @@ class InputRow:
                 mode = modes_px[i]
                 self._set(2 + i, mode.real / r, mode.imag / r)
         if contacts:
-            self._set_place_peak_size(contacts[0], pattern, r, first, first + 1, first + 2)
+            self._set_place_peak_size(contacts[0], first, first + 1, first + 2)
         else:
             nothing: cython.double = NAN if contacts is None else 0.0
             for i in range(first, first + 3):
@@ -97,16 +102,16 @@ class InputRow:
         if features.gap_img is None:
             self._set(first + 4, 0.0, 0.0)
         else:
-            self._set_place(first + 4, features.gap_img, pattern.centre_img, r)
+            self._set_place(first + 4, features.gap_img)
 
     def write_contact(self, contact: ContactRegion, features: Features, pattern: PinPattern) -> None:
         """Those of one contact of a frame. Raises ValueError: as of `write_frame`."""
         i: cython.Py_ssize_t
-        self._must_have(12)
-        r: cython.double = _radius_px(pattern)
-        self._set_place_peak_size(contact, pattern, r, 0, 1, 3)
+        self._must_have(12, pattern)
+        r: cython.double = self._radius
+        self._set_place_peak_size(contact, 0, 1, 3)
         self._set_vector(2, features.shear_px, r)
-        self._set_place(4, contact.middle_img, pattern.centre_img, r)
+        self._set_place(4, contact.middle_img)
         self._set_vector(5, contact.divergence_moment_px, r)
         self._set_vector(6, contact.curl_moment_px, r)
         fitted = contact.fitted
@@ -114,17 +119,23 @@ class InputRow:
             for i in range(7, 12):
                 self._set(i, NAN, 0.0)
         else:
-            self._set_place(7, fitted.place_img, pattern.centre_img, r)
+            self._set_place(7, fitted.place_img)
             self._set(8, fitted.potential, 0.0)
             self._set(9, fitted.width, 0.0)
             self._set_vector(10, fitted.shear, 1.0)
             self._set_vector(11, fitted.dipole, 1.0)
 
     @cython.cfunc
-    def _must_have(self, n: cython.Py_ssize_t) -> cython.bint:
-        """Raises ValueError: this row has another size."""
+    def _must_have(self, n: cython.Py_ssize_t, pattern: PinPattern) -> cython.bint:
+        """Raises ValueError: this row has another size; the tip has no radius."""
         if self._n != n:
             raise ValueError(f"{n} inputs are wanted, not {self._n}")
+        if pattern is not self._pattern:
+            r: cython.double = pattern.tip_radius_px
+            if not (r > 0 and r * r > 0):  # areas are shares of its square
+                raise ValueError(f"tip_radius_px: above 0 is wanted, not {r}")
+            self._x0, self._y0 = pattern.centre_img.tolist()
+            self._radius, self._pattern = r, pattern
         return True
 
     @cython.cfunc
@@ -146,33 +157,26 @@ class InputRow:
         return True
 
     @cython.cfunc
-    def _set_place(
-        self, i: cython.Py_ssize_t, xy_img: Array, centre_img: Array, r: cython.double
-    ) -> cython.bint:
+    def _set_place(self, i: cython.Py_ssize_t, xy_img: Array) -> cython.bint:
         """A place on the tip's unit disc."""
         place: list[float] = xy_img.tolist()
-        centre: list[float] = centre_img.tolist()
         x: cython.double = place[0]
         y: cython.double = place[1]
-        x0: cython.double = centre[0]
-        y0: cython.double = centre[1]
-        self._set(i, (x - x0) / r, (y - y0) / r)
+        self._set(i, (x - self._x0) / self._radius, (y - self._y0) / self._radius)
         return True
 
     @cython.cfunc
     def _set_place_peak_size(
         self,
         contact: ContactRegion,
-        pattern: PinPattern,
-        r: cython.double,
         place: cython.Py_ssize_t,
         peak: cython.Py_ssize_t,
         size: cython.Py_ssize_t,
     ) -> cython.bint:
-        self._set_place(place, contact.xy_img, pattern.centre_img, r)
+        self._set_place(place, contact.xy_img)
         self._set(peak, contact.peak, 0.0)
         area_px2: cython.double = contact.area_px2
-        self._set(size, sqrt(area_px2) / r, 0.0)
+        self._set(size, sqrt(area_px2) / self._radius, 0.0)
         return True
 
 
@@ -190,15 +194,6 @@ def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPatte
     row.write_contact(contact, features, pattern)
     values: Complex = row.values
     return values
-
-
-@cython.cfunc
-def _radius_px(pattern: PinPattern) -> cython.double:
-    """Raises ValueError: the tip has none."""
-    r: cython.double = pattern.tip_radius_px
-    if not (r > 0 and r * r > 0):  # areas are shares of its square
-        raise ValueError(f"tip_radius_px: above 0 is wanted, not {r}")
-    return r
 
 
 def term_columns(terms: Sequence[Sequence[str]], inputs: Sequence[str]) -> list[list[int]]:

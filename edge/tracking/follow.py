@@ -101,6 +101,7 @@ class Follower:
     result_xy: cython.double[:, ::1]
     result_sigma: cython.double[::1]
     result_seen: cython.uchar[::1]
+    all_seen: Mask  # shared by frames, read-only
     # of the frame in hand
     now: cython.double[:, ::1]
     residual: cython.float[:, ::1]
@@ -135,6 +136,8 @@ class Follower:
         self.given = None
         self.results = xy, sigma, seen = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
         self.result_xy, self.result_sigma, self.result_seen = xy, sigma, seen.view(np.uint8)
+        self.all_seen = np.ones(n, np.bool_)
+        self.all_seen.flags.writeable = False
         self.reset()
 
     def reset(self) -> None:
@@ -160,7 +163,7 @@ class Follower:
         found, sigma  (n, 2) and (n,) float64, px; row i is pin i, NaN where nothing was found
         brightness    (n,) float64, levels
         Returns       (n, 2) px and (n,) px, found and sigma of the seen pins, NaN elsewhere; (n,) bool,
-                      seen; how many are seen; the median innovation of all pins, in local pitches; the
+                      seen, read-only if all are; how many are seen; the median innovation of all pins, in local pitches; the
                       autocorrelation of the residuals, 0 if no pin is lost
         Raises        ValueError: sizes that do not fit
         """
@@ -193,9 +196,9 @@ class Follower:
                 self.autocorrelation = self._correlate(self.residual, self.seen)
                 self._place_lost()
             innovation = self._median_innovation(self.now)
-        xy_seen, sigma_seen, seen = self.results
         if seen_n == n:
-            xy_seen, sigma_seen = found, sigma
+            return found.copy(), sigma.copy(), self.all_seen, n, innovation, 0.0
+        xy_seen, sigma_seen, seen = self.results
         return xy_seen.copy(), sigma_seen.copy(), seen.copy(), seen_n, innovation, self.autocorrelation
 
     def accept(self, damping: cython.double) -> None:
@@ -413,8 +416,8 @@ class Follower:
         found: cython.const[cython.double][:, ::1],
         sigma: cython.const[cython.double][::1],
     ) -> cython.Py_ssize_t:
-        """Place the seen pins where they were found, and write `results`, of which `seen` alone if all are;
-        returns how many are seen.
+        """Place the seen pins where they were found, and write `results` if one is not; returns how many are
+        seen.
         """
         seen: cython.uchar[::1] = self.seen
         xy: cython.double[:, ::1] = self.result_xy
@@ -424,11 +427,11 @@ class Follower:
         seen_n: cython.Py_ssize_t = 0
         copy(found, self.now)  # of those not seen `_place_lost` takes care
         for i in range(self.n):
-            is_seen[i] = seen[i]
             seen_n += seen[i]
         if seen_n < self.n:
             copy(found, xy)
             for i in range(self.n):
+                is_seen[i] = seen[i]
                 sigma_out[i] = sigma[i]
                 if not seen[i]:
                     xy[i, 0] = xy[i, 1] = sigma_out[i] = NAN
