@@ -30,7 +30,7 @@ __all__ = ["Surface"]
 class Surface:
     """The grid of one tip, and the fields of a frame on it.
 
-    x_img, y_img      (g,) px: places of the grid's columns and rows
+    x_img, y_img      (g,) px: places of the grid's columns and rows; `grid_img` are both
     step_px           distance of neighbouring grid points
     inside            (g, g) bool: within the tip's circle; "the k points" are these, row by row
     index             (g, g) which of the k points; -1 outside
@@ -53,7 +53,7 @@ class Surface:
         self.rest_img = np.ascontiguousarray(rest.xy_img)
         line = np.linspace(-radius, radius, size)
         self.step_px = float(line[1] - line[0])
-        self.x_img, self.y_img = line + pattern.centre_img[0], line + pattern.centre_img[1]
+        self.grid_img = self.x_img, self.y_img = line + pattern.centre_img[0], line + pattern.centre_img[1]
         self.inside: Mask = line[None, :] ** 2 + line[:, None] ** 2 <= radius * radius
         self._flat = np.flatnonzero(self.inside).astype(np.int32)
         self._empty_grid = np.full(size * size, np.nan)

@@ -163,8 +163,8 @@ class Follower:
         found, sigma  (n, 2) and (n,) float64, px; row i is pin i, NaN where nothing was found
         brightness    (n,) float64, levels
         Returns       (n, 2) px and (n,) px, found and sigma of the seen pins, NaN elsewhere; (n,) bool,
-                      seen, read-only if all are; how many are seen; the median innovation of all pins, in local pitches; the
-                      autocorrelation of the residuals, 0 if no pin is lost
+                      seen, read-only if all are; how many are seen; the median innovation of all pins, in
+                      local pitches; the autocorrelation of the residuals, 0 if no pin is lost
         Raises        ValueError: sizes that do not fit
         """
         n: cython.Py_ssize_t = self.n
