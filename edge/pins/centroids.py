@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge.pins.templates import BLOCK, FAR_PX, HALF_MAX, LANES, NORM, PHASES, STEP_MAX, TemplateSet
-from edge.pins.windows import KIND
+from edge.pins.windows import FETCH, KIND
 from edge.types import Array, Image, Index
 
 #: Pins of which the sums are at hand together: they stay in the first-level cache.
@@ -39,7 +39,7 @@ TOGETHER = 64
 if cython.compiled:
     from cython.cimports.edge.pins.rejection import CentroidFilter
     from cython.cimports.edge.pins.steps import take_steps
-    from cython.cimports.edge.pins.windows import Kind, place, sum_shorts, sum_windows
+    from cython.cimports.edge.pins.windows import Fetch, Kind, place, sum_shorts, sum_windows
     from cython.cimports.libc.math import HUGE_VAL, sqrt
 else:
     from math import inf as HUGE_VAL  # noqa: N812
@@ -101,6 +101,8 @@ class CentroidKernel:
     _spans: cython.int[:, ::1]  # of all kinds
     _steps: cython.Py_ssize_t[:, ::1]  # as `sum_windows` takes it, in 8-bit images of this shape
     _inner: cython.double[::1]  # as `place` takes it
+    _half: cython.Py_ssize_t  # of the largest window
+    _fetch: Fetch[::1]  # as `sum_windows` takes it
     _values: cython.short[::1]  # of the templates
     _uv: cython.schar[::1]
     _norms: cython.double[:, ::1]
@@ -146,6 +148,7 @@ class CentroidKernel:
         self._norm_of = np.asarray(self._kind_of) * np.int32(PHASES * PHASES)
         self._spans = np.concatenate(templates.spans)
         self._kinds = _kinds_of(templates)
+        self._half, self._fetch = max(templates.half), np.zeros(1, FETCH).view(np.recarray)
         self._values, self._uv = templates.values, templates.uv
         self._sign = -1 if dark else 1
         self._norms = np.concatenate(templates.norms)
@@ -249,8 +252,38 @@ class CentroidKernel:
         iteration: cython.int
         for i in range(n):
             self._asked[i] = i
+        if not self._wide:
+            self._begin_to_fetch()
         for iteration in range(self._steps_max):
             n = self._step_all(n, iteration)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _begin_to_fetch(self) -> cython.void:
+        """What lies round the predictions is to be fetched while windows are read: pins come in rows."""
+        i: cython.Py_ssize_t
+        x: cython.double
+        y: cython.double
+        left: cython.double = self._columns
+        right: cython.double = 0.0
+        top: cython.double = self._rows
+        bottom: cython.double = 0.0
+        for i in range(self.n):
+            x, y = self._predicted[i, 0], self._predicted[i, 1]
+            left, right = min(left, x), max(right, x)
+            top, bottom = min(top, y), max(bottom, y)
+        half: cython.Py_ssize_t = self._half
+        first_row: cython.Py_ssize_t = max(cython.cast(cython.Py_ssize_t, max(top, 0.0)) - half, 0)
+        end_row: cython.Py_ssize_t = cython.cast(cython.Py_ssize_t, min(bottom, self._rows)) + half + 1
+        end_row = min(end_row, self._rows)
+        f: Fetch = self._fetch[0]
+        f.row, f.end, f.stride = first_row * self._stride, end_row * self._stride, self._stride
+        f.first = max(cython.cast(cython.Py_ssize_t, max(left, 0.0)) - half, 0)
+        f.beyond = cython.cast(cython.Py_ssize_t, min(right, self._columns)) + half + 1
+        f.beyond = min(f.beyond, self._columns)
+        f.rows = 1 + 3 * (end_row - first_row) // self.n  # so that it gets ahead where pins are few
+        f.ahead = 2 * (2 * half + 1) * self._stride  # that is one and a half windows below the one in hand
+        self._fetch[0] = f
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -293,8 +326,8 @@ class CentroidKernel:
                 self._begin, self._middle,
             )  # fmt: skip
             sum_windows(
-                self._image8, self._begin, self._at, self._taken, self._kinds, self._steps, self._values,
-                self._uv, self._norms, self._pixels, self._sign < 0, self._sums,
+                self._image8, self._fetch, self._begin, self._at, self._taken, self._kinds, self._steps,
+                self._values, self._uv, self._norms, self._pixels, self._sign < 0, self._sums,
             )  # fmt: skip
         others = n - self._taken
         for j in range(others):

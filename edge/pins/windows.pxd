@@ -18,10 +18,13 @@ cdef extern from *:
     typedef struct {
         Py_ssize_t half, first_span, end_span, first_step, end_step, row_bytes, first, first_uv, plane, pixels;
     } vt_kind;
+    typedef struct {
+        Py_ssize_t row, end, stride, first, beyond, rows, ahead;
+    } vt_fetch;
 
     #define VT_PHASES 4
     #define VT_ROWS 6 /* copied at once; LANES steps behind a kind's are zero */
-    #define VT_AHEAD 6 /* windows later is what is fetched from memory: a quarter of the time */
+    #define VT_LINE 64 /* bytes that memory gives at a time */
     #define VT_SUM 8 /* numbers of a window */
     #define VT_NORM 24 /* and of a phase, in the order of NORM */
 
@@ -122,14 +125,15 @@ cdef extern from *:
         return to;
     }
 
-    /* into the cache */
-    static inline void vt_fetch_rows(const unsigned char *row, const Py_ssize_t *steps, const vt_kind *k)
+    /* the next rows of the image into the cache */
+    static inline void vt_fetch_rows(const unsigned char *image, vt_fetch *f, Py_ssize_t begin)
     {
-        const Py_ssize_t *step = steps + 2 * k->first_step, *const end = steps + 2 * k->end_step;
-        do {
-            _Pragma("GCC unroll 6")
-            for (int i = 0; i < VT_ROWS; i++, step += 2) __builtin_prefetch(row += step[0]);
-        } while (step < end);
+        const Py_ssize_t most = f->row + f->rows * f->stride, ahead = begin + f->ahead;
+        const Py_ssize_t until = most < ahead ? most : ahead, end = until < f->end ? until : f->end;
+        for (; f->row < end; f->row += f->stride) {
+            const unsigned char *line = image + f->row + f->first, *const beyond = image + f->row + f->beyond;
+            for (; line < beyond; line += VT_LINE) __builtin_prefetch(line);
+        }
     }
 
     /* one number of each of four pins */
@@ -176,9 +180,9 @@ cdef extern from *:
     }
 
     #define VT_WINDOWS_ARGUMENTS \
-        const unsigned char *image, const int *begin, const int *at, Py_ssize_t n, const vt_kind *kinds, \
-        const Py_ssize_t *steps, const short *values, const signed char *uv, const double *norms, \
-        unsigned char *pixels, int dark, double *sums
+        const unsigned char *image, vt_fetch *fetch, const int *begin, const int *at, Py_ssize_t n, \
+        const vt_kind *kinds, const Py_ssize_t *steps, const short *values, const signed char *uv, \
+        const double *norms, unsigned char *pixels, int dark, double *sums
 
     __attribute__((always_inline))
     static inline void vt_sum_windows_by(vt_sums_of *sums_of, VT_WINDOWS_ARGUMENTS)
@@ -186,8 +190,7 @@ cdef extern from *:
         for (Py_ssize_t j = 0; j < n; j++, sums += VT_SUM) {
             const unsigned phase = (unsigned)at[j] % (VT_PHASES * VT_PHASES);
             const vt_kind *const k = kinds + (unsigned)at[j] / (VT_PHASES * VT_PHASES);
-            if (j + VT_AHEAD < n) vt_fetch_rows(image + begin[j + VT_AHEAD], steps, kinds + (unsigned)at[j + VT_AHEAD]
-                                                / (VT_PHASES * VT_PHASES));
+            vt_fetch_rows(image, fetch, begin[j]);
             memset(vt_take_rows(image + begin[j], steps + 2 * k->first_step, steps + 2 * k->end_step, k->row_bytes,
                                 pixels), 0, 32);
             sums_of(pixels, values + k->first + 3 * k->plane * phase, uv + k->first_uv, k->plane,
@@ -201,7 +204,7 @@ cdef extern from *:
         }
     }
 
-    #define VT_WINDOWS image, begin, at, n, kinds, steps, values, uv, norms, pixels, dark, sums
+    #define VT_WINDOWS image, fetch, begin, at, n, kinds, steps, values, uv, norms, pixels, dark, sums
 
     #ifdef VT_AVX2
     __attribute__((target("avx2"))) static void vt_sum_windows_avx2(VT_WINDOWS_ARGUMENTS)
@@ -221,12 +224,14 @@ cdef extern from *:
     """
     ctypedef struct Kind "vt_kind":
         Py_ssize_t half, first_span, end_span, first_step, end_step, row_bytes, first, first_uv, plane, pixels
+    ctypedef struct Fetch "vt_fetch":
+        Py_ssize_t row, end, stride, first, beyond, rows, ahead
 
     Py_ssize_t vt_place(
         const int *, const double *, int, const double *, int *, Py_ssize_t, int *, int *, int *, double *, double *
     ) noexcept nogil
     void vt_sum_windows(
-        const unsigned char *, const int *, const int *, Py_ssize_t, const Kind *, const Py_ssize_t *,
+        const unsigned char *, Fetch *, const int *, const int *, Py_ssize_t, const Kind *, const Py_ssize_t *,
         const short *, const signed char *, const double *, unsigned char *, bint, double *
     ) noexcept nogil
     void vt_sum_shorts(
@@ -245,12 +250,12 @@ cdef inline Py_ssize_t place(
 
 
 cdef inline void sum_windows(
-    const unsigned char[:, :] image, int[::1] begin, int[::1] at, Py_ssize_t n, Kind[::1] kinds,
-    Py_ssize_t[:, ::1] steps, short[::1] values, signed char[::1] uv, double[:, ::1] norms,
+    const unsigned char[:, :] image, Fetch[::1] fetch, int[::1] begin, int[::1] at, Py_ssize_t n,
+    Kind[::1] kinds, Py_ssize_t[:, ::1] steps, short[::1] values, signed char[::1] uv, double[:, ::1] norms,
     unsigned char[::1] pixels, bint dark, double[:, ::1] sums
 ) noexcept nogil:
     vt_sum_windows(
-        &image[0, 0], &begin[0], &at[0], n, &kinds[0], &steps[0, 0], &values[0], &uv[0], &norms[0, 0],
+        &image[0, 0], &fetch[0], &begin[0], &at[0], n, &kinds[0], &steps[0, 0], &values[0], &uv[0], &norms[0, 0],
         &pixels[0], dark, &sums[0, 0]
     )
 
