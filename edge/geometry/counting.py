@@ -1,7 +1,8 @@
 """The selection of `select` for uncompiled runs; `counting.pxd` has it in C.
 
-There the range of the numbers is halved, and those below are counted, until one number is left in it: counts
-are vectorised, while the branches of a partition are unpredictable. Both give exactly the same.
+There the range of the numbers is halved, and those below are counted, until the wanted one is the lowest or
+the highest of it: counts are vectorised, while the branches of a partition are unpredictable. Both give
+exactly the same.
 """
 
 from __future__ import annotations
