@@ -60,7 +60,6 @@ def imports(path: Path) -> set[str]:
 #: Longer functions, and constructors with more parameters, each with the reason why it is not cut.
 LINES_MAX, PARAMETERS_MAX = 60, 8
 LONG = {
-    "edge/features/contact_fit.py:_add_line": "one field and its derivatives, on integrals that they share",
     "edge/pins/steps.py:take_steps": "one least-squares step, term after term, as its twin in C has them",
 }
 MANY_PARAMETERS: dict[str, str] = {}

@@ -40,11 +40,13 @@ from edge.geometry.motion_field import SHARP, MotionPrior
 from edge.types import Array
 
 if cython.compiled:
+    from cython.cimports.edge.features.line_sums import line_sums
     from cython.cimports.edge.features.normal_sums import normal_sums
     from cython.cimports.libc.math import exp, hypot, log, sqrt
 else:
     from math import exp, hypot, log, sqrt
 
+    from edge.features.line_sums import line_sums
     from edge.features.normal_sums import normal_sums
 
 #: Contacts of one fit: with more a frame would take too long.
@@ -123,6 +125,7 @@ class ContactFit:
     _node: cython.double[::1]  # of a line, from -1 to 1
     _weight: cython.double[:, ::1]  # with Hertz's pressure, with an even one
     _evenly: cython.bint
+    _sums: cython.double[:, ::1]  # of each pin over a line's nodes
     _radius: cython.double
     _reach: cython.double
     _width: cython.double
@@ -172,7 +175,7 @@ class ContactFit:
         angle, odd = np.pi * np.arange(1, _NODES + 1) / (_NODES + 1), np.arange(1, _NODES + 1, 2)
         sine, even = np.sin(angle), (np.sin(np.outer(angle, odd)) / odd).sum(axis=1)
         self._node, self._weight = np.cos(angle), 2.0 / (_NODES + 1) * sine * np.array([sine, even])
-        self._evenly = False
+        self._evenly, self._sums = False, np.zeros((14, -(-n // 4) * 4))  # as `line_sums` wants it
         noise, shear = prior.noise, prior.noise / prior.curl
         self._prior = np.array([0.0, 0.0, noise, noise / 10.0, shear, shear, shear, shear])
 
@@ -626,88 +629,51 @@ class ContactFit:
     def _add_line(self, parameters: cython.double[::1], derive: cython.bint) -> cython.void:
         """The same by a line: weighted sums over its nodes."""
         i: cython.Py_ssize_t
-        k: cython.Py_ssize_t
         q: cython.Py_ssize_t
         r: cython.Py_ssize_t
         rows: cython.double[:, ::1] = self._rows
         left: cython.double[:, ::1] = self._left
+        sums: cython.double[:, ::1] = self._sums
         i1: cython.double = exp(-parameters[2])
         i2: cython.double = i1 * i1
         a: cython.double = parameters[3] * i1
         tx: cython.double = parameters[4]
         ty: cython.double = parameters[5]
-        x: cython.double
-        y: cython.double
-        z: cython.double
-        w: cython.double
-        dx: cython.double
-        dy: cython.double
-        r2: cython.double
-        f: cython.double
-        g: cython.double
-        g3: cython.double
-        gx: cython.double
-        gy: cython.double
-        node: cython.double[::1] = self._node
-        weight: cython.double[::1] = self._weight[1 if self._evenly else 0]
-        gxx: cython.double
-        gxy: cython.double
-        gyy: cython.double
+        f0: cython.double
+        kx: cython.double
+        ky: cython.double
+        fs: cython.double
+        line_sums(
+            self._place,
+            self.n_pins,
+            parameters[0],
+            parameters[1],
+            parameters[6],
+            parameters[7],
+            i2,
+            self._node,
+            self._weight[1 if self._evenly else 0],
+            derive,
+            sums,
+        )
         for i in range(self.n_pins):
-            x, y = self._place[i, 0] - parameters[0], self._place[i, 1] - parameters[1]
-            # Sums of f, of f^2 d, of their derivatives with d, these times z, and with the width.
-            f0: cython.double = 0.0
-            kx: cython.double = 0.0
-            ky: cython.double = 0.0
-            kxx: cython.double = 0.0
-            kxy: cython.double = 0.0
-            kyy: cython.double = 0.0
-            zx: cython.double = 0.0
-            zy: cython.double = 0.0
-            zxx: cython.double = 0.0
-            zxy: cython.double = 0.0
-            zyy: cython.double = 0.0
-            fs: cython.double = 0.0
-            sx: cython.double = 0.0
-            sy: cython.double = 0.0
-            for k in range(_NODES):
-                z, w = node[k], weight[k]
-                dx, dy = x - z * parameters[6], y - z * parameters[7]
-                r2 = (dx * dx + dy * dy) * i2
-                f = 1.0 / (1.0 + 0.5 * r2)
-                g = f * f * w
-                gx, gy = g * dx, g * dy
-                f0 += f * w
-                kx += gx
-                ky += gy
-                if derive:
-                    g3 = 2.0 * f * i2
-                    gxx, gxy, gyy = g - g3 * gx * dx, -g3 * gx * dy, g - g3 * gy * dy
-                    kxx += gxx
-                    kxy += gxy
-                    kyy += gyy
-                    zx += z * gx
-                    zy += z * gy
-                    zxx += z * gxx
-                    zxy += z * gxy
-                    zyy += z * gyy
-                    fs += g * r2
-                    sx += 2.0 * f * r2 * gx
-                    sy += 2.0 * f * r2 * gy
+            f0, kx, ky = sums[0, i], sums[1, i], sums[2, i]
             left[i, 0] -= a * kx + tx * f0
             left[i, 1] -= a * ky + ty * f0
             if not derive:
                 continue
             q, r = 2 * i, 2 * i + 1
             # Along d, f changes by -f^2 d / s^2; d by the place, and by z times half of the line.
-            rows[q, 0], rows[r, 0] = tx * i2 * kx - a * kxx, ty * i2 * kx - a * kxy
-            rows[q, 1], rows[r, 1] = tx * i2 * ky - a * kxy, ty * i2 * ky - a * kyy
-            rows[q, 2], rows[r, 2] = a * (sx - kx) + tx * fs, a * (sy - ky) + ty * fs
+            rows[q, 0], rows[r, 0] = tx * i2 * kx - a * sums[3, i], ty * i2 * kx - a * sums[4, i]
+            rows[q, 1], rows[r, 1] = tx * i2 * ky - a * sums[4, i], ty * i2 * ky - a * sums[5, i]
+            fs = sums[11, i]
+            rows[q, 2], rows[r, 2] = a * (sums[12, i] - kx) + tx * fs, a * (sums[13, i] - ky) + ty * fs
             rows[q, 3], rows[r, 3] = kx * i1, ky * i1
             rows[q, 4], rows[r, 4] = f0, 0.0
             rows[q, 5], rows[r, 5] = 0.0, f0
-            rows[q, 6], rows[r, 6] = tx * i2 * zx - a * zxx, ty * i2 * zx - a * zxy
-            rows[q, 7], rows[r, 7] = tx * i2 * zy - a * zxy, ty * i2 * zy - a * zyy
+            kx, ky = i2 * sums[6, i], i2 * sums[7, i]
+            rows[q, 6], rows[r, 6] = tx * kx - a * sums[8, i], ty * kx - a * sums[9, i]
+            rows[q, 7], rows[r, 7] = tx * ky - a * sums[9, i], ty * ky - a * sums[10, i]
 
     @cython.cfunc
     @cython.exceptval(check=False)
