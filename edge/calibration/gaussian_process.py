@@ -35,6 +35,7 @@ import cython
 import numpy as np
 
 from edge.calibration.file import Process
+from edge.calibration.outputs import FIELDS
 from edge.types import Array, Mask
 
 if cython.compiled:
@@ -43,8 +44,7 @@ else:
     from math import exp, isnan, log, sqrt
     from math import nan as NAN  # noqa: N812
 
-#: Of each output: value, sigma, whether it is out of range (0 or 1).
-FIELDS = cython.declare(cython.Py_ssize_t, 3)
+_FIELDS = cython.declare(cython.Py_ssize_t, FIELDS)
 #: Rows of L are padded to whole blocks of so many, for vector instructions.
 BLOCK = 4
 LOST_MAX = cython.declare(cython.double, 100.0)  # of the logarithm: more is no number any more
@@ -152,7 +152,7 @@ class ProcessKernel:
             raise ValueError(
                 f"run: {n} complex inputs and a flag for each of {self.n_models} models are wanted"
             )
-        if out.shape[0] != self.n_outputs or out.shape[1] != FIELDS:
+        if out.shape[0] != self.n_outputs or out.shape[1] != _FIELDS:
             raise ValueError(f"run: {self.n_outputs} outputs of {FIELDS} fields each are wanted")
         m: cython.Py_ssize_t
         changed: cython.bint = False

@@ -39,6 +39,7 @@ else:
     from edge.calibration.spread_sums import sum_squares
     from edge.geometry.views import PointsView
 
+_FIELDS = cython.declare(cython.Py_ssize_t, FIELDS)
 #: Rows of a factor L that are summed together.
 ROWS = 4
 
@@ -139,7 +140,7 @@ class ModelKernel:
         results: cython.double[:, :, ::1] = self._out
         if rows.shape[1] != 2 * n or results.shape[0] != rows.shape[0]:
             raise ValueError(f"run: rows of {n} complex inputs and as many rows of results are wanted")
-        if results.shape[1] != self.n_outputs or results.shape[2] != FIELDS:
+        if results.shape[1] != self.n_outputs or results.shape[2] != _FIELDS:
             raise ValueError(f"run: {self.n_outputs} outputs of {FIELDS} fields each are wanted")
         r: cython.Py_ssize_t
         i: cython.Py_ssize_t
