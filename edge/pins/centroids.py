@@ -281,8 +281,9 @@ class CentroidKernel:
         f.first = max(cython.cast(cython.Py_ssize_t, max(left, 0.0)) - half, 0)
         f.beyond = cython.cast(cython.Py_ssize_t, min(right, self._columns)) + half + 1
         f.beyond = min(f.beyond, self._columns)
-        f.rows = 1 + 3 * (end_row - first_row) // self.n  # so that it gets ahead where pins are few
-        f.ahead = 2 * (2 * half + 1) * self._stride  # that is one and a half windows below the one in hand
+        # More than the mean, to get ahead where pins are few; to a window and a half below the one in hand.
+        f.rows = 1 + 3 * (end_row - first_row) // max(self.n, 1)
+        f.ahead = 2 * (2 * half + 1) * self._stride
         self._fetch[0] = f
 
     @cython.cfunc

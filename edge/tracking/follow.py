@@ -170,13 +170,14 @@ class Follower:
         n: cython.Py_ssize_t = self.n
         given = self.given
         if given is None or given[0] is not found or given[1] is not sigma or given[2] is not brightness:
-            # A copy is another object than what is given, and is made anew in each frame.
-            self.given = (
+            self.given = None  # until all are found to be of the right type
+            taken = (
                 np.ascontiguousarray(found),
                 np.ascontiguousarray(sigma),
                 np.ascontiguousarray(brightness, np.float64),
             )
-            self.found, self.sigma, self.brightness = self.given
+            self.found, self.sigma, self.brightness = taken
+            self.given = taken  # a copy is another object than what is given: it is made anew in each frame
         if (
             self.found.shape[0] != n
             or self.found.shape[1] != 2

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -55,6 +56,32 @@ def followed() -> Array:
         rows.append([*np.nan_to_num(xy).ravel(), *seen, seen_n, innovation, autocorrelation])
         kernel.accept(0.7)
     return np.array(rows, np.float64)
+
+
+def test_arrays_of_another_layout_are_looked_at_in_each_frame() -> None:
+    rest = small_tip()
+    found = np.asfortranarray(rest.xy_img)
+    brightness: Any = rest.pins.brightness.astype(np.float32)
+    kernel = follower(rest)
+    kernel.settle(rest.xy_img, np.zeros((len(rest), 2)), np.ones(len(rest), bool))
+    for _ in range(2):
+        found += 0.3
+        xy, _, seen, *_ = kernel.follow(found, rest.pins.sigma_px, brightness)
+        assert seen.all()
+        np.testing.assert_array_equal(xy, found)
+        kernel.accept(0.7)
+        np.testing.assert_allclose(kernel.last_xy(), found)
+
+
+@pytest.mark.compiled  # otherwise any type will do
+def test_arrays_of_another_type_are_refused_each_time() -> None:
+    rest = small_tip()
+    kernel = follower(rest)
+    kernel.follow(rest.xy_img, rest.pins.sigma_px, rest.pins.brightness)
+    single: Any = rest.pins.sigma_px.astype(np.float32)
+    for _ in range(2):
+        with pytest.raises(ValueError, match="dtype"):
+            kernel.follow(rest.xy_img, single, rest.pins.brightness)
 
 
 def test_no_pin_is_seen_where_nothing_was_found_or_two_are_on_one_blob() -> None:
