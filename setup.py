@@ -54,7 +54,7 @@ KERNELS = {
     "edge.geometry.views": SMALL,
     "edge.pins.centroids": FAST,
     "edge.pins.rejection": FAST,
-    "edge.runtime.measures": FAST,
+    "edge.faults.frame_counts": FAST,
     "edge.tracking.affine": FAST,
     "edge.tracking.assignment": FAST,
     "edge.tracking.follow": FAST,

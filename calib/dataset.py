@@ -26,8 +26,8 @@ from calib.unloaded import load_of, unloaded
 from edge.calibration import Calibration
 from edge.errors import CalibrationError, NoPins
 from edge.pins import take_rest
-from edge.runtime.rest_choice import aligned, choose_rest
-from edge.runtime.tip_match import in_order_of
+from edge.rest.choice import aligned, choose_rest
+from edge.rest.tip_match import in_order_of
 from edge.sources import read_image
 from edge.types import Image, Lens, Rest
 from hostlink.cli_types import counted

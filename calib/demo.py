@@ -30,10 +30,10 @@ from calib.extract import executor
 from edge.calibration import Calibration
 from edge.cells import cell_polygons
 from edge.errors import SourceError
-from edge.link.device import LoopDevice
 from edge.link.node import Node
 from edge.link.sinks import CanSink, MemorySink, SerialSink, open_sink
 from edge.pipeline import Result
+from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop, LoopConfig
 from edge.sources import open_source
 from edge.types import Feature

@@ -15,7 +15,7 @@ from calib.sim.mechanics import Tool, ToolPose
 from calib.targets import Targets
 from edge.calibration import Calibration
 from edge.pipeline import Pipeline
-from edge.runtime.tare import tare
+from edge.rest.tare import tare
 
 __all__ = ["Range", "calibrate_simulated", "random_contact"]
 

@@ -1,11 +1,46 @@
-"""Chosen numbers that several stages share; the evidence for each is in docs/tuning.md, "Tracking".
+"""Chosen numbers that several rooms share; the evidence for each is in docs/tuning.md, "Shared".
 
-Nothing is imported here: the program reads it before it limits the threads of NumPy.
+Only the standard library is imported here: the program reads it before it limits the threads of NumPy.
 """
 
 from __future__ import annotations
 
-__all__ = ["ASTRAY_REL"]
+from dataclasses import dataclass
+
+__all__ = ["ASTRAY_REL", "PARAMS", "RuntimeParams"]
 
 #: Share of the pins that may be missing, or beyond a limit, for reasons of their own.
 ASTRAY_REL = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class RuntimeParams:
+    """Parameters by name. Units: s, seconds; n, items; rel, a share."""
+
+    switch_s: float = 2e-4  # longest wait of the loop's thread for the interpreter
+    latencies_n: int = 1 << 14  # frames that the statistics of times look back on
+    rarely_s: float = 10.0  # one pair of log lines of a fault that flickers, one collection of garbage
+    patience_s: float = 1.0  # of waiting for a link or an image, and of reporting a failed write
+    wait_s: float = 0.02  # longest time without handling faults and commands
+    check_s: float = 0.04  # between checks of what changes slowly, and between samples without images
+    hysteresis_rel: float = 0.1  # of the level at which a fault appears; so far back, it clears
+    astray_rel: float = ASTRAY_REL  # of the pins: may be beyond a limit for reasons of their own
+    still_pitches: float = 0.08  # pins of an untouched tip that have moved less are where they were
+    load_pitches: float = 1.6  # motion of a pin beyond which it counts as overloaded
+
+    @property
+    def most_rel(self) -> float:
+        """Share of the pins, or more: nearly all, where two frames or tips are compared. In each of the two,
+        some are beyond a limit for reasons of their own.
+        """
+        return 1.0 - 2.0 * self.astray_rel
+
+    @property
+    def sample_n(self) -> int:
+        """So many that one may be beyond a limit for reasons of its own: of an image's rows and columns, of
+        windows in it, of a window's levels to one at each end that is noise or glare.
+        """
+        return round(1.0 / self.astray_rel)
+
+
+PARAMS = RuntimeParams()

@@ -13,10 +13,10 @@ import numpy as np
 
 from edge.calibration import OF_GRIP, Calibration, Grip, uncalibrated
 from edge.cells import Tessellator
+from edge.drift import Drift
 from edge.errors import DegenerateLayout
 from edge.features import FeatureExtractor, Fits
 from edge.pins import CentroidRefiner, detect
-from edge.runtime.drift import Drift
 from edge.tracking import Tracker
 from edge.types import Cells, Feature, Features, Frame, Image, Reading, Rest, Tracks, per_frame
 

@@ -41,6 +41,13 @@ MAY_IMPORT = {
 STAGES = ("sources", "pins", "tracking", "cells", "features", "calibration")
 SHARED = ("edge.types", "edge.errors", "edge.limits", "edge.params", "edge.geometry")
 
+#: The rooms of edge from the bottom up, as a frame passes them; a room imports from those below it alone.
+ROOMS = (
+    "errors", "params", "limits", "types", "geometry", "sensors", "sources", "pins", "tracking", "cells",
+    "features", "calibration", "drift", "pipeline", "faults", "rest", "view", "recording", "link", "runtime",
+    "worker", "config", "cli", "__main__",
+)  # fmt: skip
+
 
 def imports(path: Path) -> set[str]:
     """Full names of the modules that a file imports, at any depth of its code."""
@@ -115,6 +122,20 @@ def test_class_names_are_distinct() -> None:
             if isinstance(node, ast.ClassDef):
                 places.setdefault(node.name, []).append(path.relative_to(ROOT).as_posix())
     assert not {name: where for name, where in places.items() if len(where) > 1}
+
+
+def room_of(module: str) -> str:
+    return module.split(".")[1]
+
+
+def test_imports_within_edge_go_down_only() -> None:
+    up = []
+    for path in sorted((ROOT / "edge").rglob("*.py")):
+        own = room_of(".".join(path.relative_to(ROOT).with_suffix("").parts))
+        names = {name for name in imports(path) if name.startswith("edge.") and room_of(name) != own}
+        if own != "__init__":
+            up += [f"{path} imports {n}" for n in names if ROOMS.index(room_of(n)) > ROOMS.index(own)]
+    assert not up
 
 
 @pytest.mark.parametrize("stage", STAGES)

@@ -13,9 +13,9 @@ from rich.console import Console
 import hostlink
 from calib.demo import RECORDINGS, demo, on_wire, play, serial_line
 from edge.calibration import Calibration
-from edge.link.device import LoopDevice
 from edge.link.node import Node
 from edge.link.sinks import CanSink, MemorySink, SerialSink, open_sink
+from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop
 from edge.sources import open_source
 from hostlink.decoder import Sample as Decoded

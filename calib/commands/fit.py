@@ -22,7 +22,7 @@ from edge.calibration import Calibration
 from edge.calibration.checks import is_of_contact, outputs_of
 from edge.cli.options import sensor_option
 from edge.errors import CalibrationError, ConfigError
-from edge.runtime.sensor_match import mm_per_px as scale_by_pitch
+from edge.rest.sensor_match import mm_per_px as scale_by_pitch
 from edge.sensors import load_sensor
 from edge.types import Rest
 from hostlink.cli_types import FiniteFloat, WholeNumber

@@ -18,7 +18,7 @@ from calib.rig.simulated import Simulation
 from calib.sim import Tool, ToolPose
 from calib.simulated_calibration import TARE_FRAMES, mm_per_px
 from edge.pipeline import Pipeline
-from edge.runtime.tare import tare
+from edge.rest.tare import tare
 from edge.types import Array, Feature, Mask
 
 __all__ = ["DRAGS", "Drag", "Outcome", "Slipped", "drag", "join", "outcome"]

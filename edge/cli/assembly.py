@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from edge.calibration import Calibration
     from edge.cli.options import LoopOptions
     from edge.config import Config, SourceTable
-    from edge.link.device import LoopDevice
     from edge.link.node import Node
+    from edge.link.settings import SettingsFile
     from edge.pipeline import Result
+    from edge.runtime.device import LoopDevice
     from edge.runtime.loop import Loop
-    from edge.runtime.settings import SettingsFile
     from edge.sensors import KnownSensor
     from edge.types import FrameSource
     from edge.worker import WorkerClient
@@ -75,15 +75,15 @@ def make_loop(
     calibration_path: Path | None = None,
 ) -> Loop:
     """The loop with everything that the options request; the stack closes it all."""
-    from edge.link.device import LoopDevice
+    from edge.drift import DriftParams
+    from edge.faults.detector import FaultParams
+    from edge.faults.registry import FaultLog, FaultRegistry
+    from edge.rest.tare import TareParams
     from edge.runtime.board_monitor import BoardMonitor, BoardParams, free_space_problem
     from edge.runtime.calibration_store import CalibrationStore
-    from edge.runtime.drift import DriftParams
-    from edge.runtime.fault_detector import FaultParams
-    from edge.runtime.fault_registry import FaultLog, FaultRegistry
+    from edge.runtime.device import LoopDevice
     from edge.runtime.loop import Loop, LoopConfig
     from edge.runtime.systemd import Notifier
-    from edge.runtime.tare import TareParams
 
     sensor = expect_sensor(source, config)
     state_dir = _state_directory(config)
@@ -155,7 +155,7 @@ def _state_directory(config: Config) -> Path | None:
 
 
 def _settings(config: Config, state_dir: Path | None) -> SettingsFile:
-    from edge.runtime.settings import NodeSettings, SettingsFile
+    from edge.link.settings import NodeSettings, SettingsFile
     from hostlink.wire import FEATURE_BITS
 
     return SettingsFile(

@@ -17,15 +17,15 @@ from edge.calibration.file import Curve
 from edge.cli.machine import Machine
 from edge.config import Config
 from edge.errors import CalibrationError, NoPins, SinkError
+from edge.faults.image_quality import ONE_LEVEL, level_of
+from edge.faults.image_quality import PARAMS as IMAGE
 from edge.link.sinks import open_sink
 from edge.pins import take_rest
+from edge.rest.sensor_match import mm_per_px, recognise
+from edge.rest.symmetry import symmetry_of
+from edge.rest.tip_match import in_order_of
 from edge.runtime.board_monitor import PARAMS as BOARD
 from edge.runtime.board_monitor import STORED_BYTES
-from edge.runtime.image_quality import ONE_LEVEL, level_of
-from edge.runtime.image_quality import PARAMS as IMAGE
-from edge.runtime.sensor_match import mm_per_px, recognise
-from edge.runtime.symmetry import symmetry_of
-from edge.runtime.tip_match import in_order_of
 from edge.sensors import KnownSensor, known_sensors, missing_pins
 from edge.types import AdjustableSource, Frame, FrameSource, Lens, LiveSource, Polarity, Rest
 from hostlink.wire.address import Address, AddressError, parse_address

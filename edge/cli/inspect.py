@@ -115,7 +115,7 @@ def _of_recording(
     """The rest frame of a recording, as `replay` takes it. Raises SourceError, CalibrationError."""
     from contextlib import closing
 
-    from edge.runtime.rest_choice import rest_of_source
+    from edge.rest.choice import rest_of_source
     from edge.sources import open_source
     from edge.types import Polarity
 
@@ -127,8 +127,8 @@ def _of_recording(
 
 
 def _findings(rest: Rest, sensors: Sequence[KnownSensor]) -> dict[str, Any]:
-    from edge.runtime.sensor_match import mm_per_px, recognise
-    from edge.runtime.symmetry import symmetry_of
+    from edge.rest.sensor_match import mm_per_px, recognise
+    from edge.rest.symmetry import symmetry_of
 
     match = recognise(rest, sensors)
     scale = None if match is None else mm_per_px(match.sensor, rest)

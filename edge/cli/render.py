@@ -30,8 +30,8 @@ from edge.cli.progress import bar
 from edge.cli.summary import damage_of, json_line
 from edge.errors import NoPins, SourceError
 from edge.pipeline import Pipeline, Result
-from edge.runtime.rest_choice import GivenRest, rest_if_touched, rest_of_source
-from edge.runtime.tare import TareParams, tare
+from edge.rest.choice import GivenRest, rest_if_touched, rest_of_source
+from edge.rest.tare import TareParams, tare
 from edge.sources import open_source
 from edge.types import Feature, FrameSource, Reading, RecordedSource
 from edge.view.palette import PAPER, SAFE

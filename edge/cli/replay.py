@@ -90,7 +90,7 @@ def _use_rest(loop: Loop, recording: str, how: str | None, quiet: bool) -> None:
     """
     from contextlib import closing
 
-    from edge.runtime.rest_choice import rest_if_touched, rest_of_source
+    from edge.rest.choice import rest_if_touched, rest_of_source
     from edge.sources import open_source
 
     with closing(open_source(recording)) as source:

@@ -36,7 +36,7 @@ def sensor(image: Path, output: Path, across_mm: float | None, title: str | None
     """
     with exit_on_interrupt():
         from edge.pins import take_rest
-        from edge.runtime.symmetry import symmetry_of
+        from edge.rest.symmetry import symmetry_of
         from edge.sensors import load_sensor
         from edge.sources import read_image
 
@@ -63,7 +63,7 @@ def _description(rest: Rest, title: str, across_mm: float | None, image: str) ->
     """The file. The pitch is that of the middle: of the layout, or without one of the three nearest."""
     import numpy as np
 
-    from edge.runtime.sensor_match import layout_of
+    from edge.rest.sensor_match import layout_of
 
     found = layout_of(rest)
     seen = f"found in {image}"

@@ -26,8 +26,8 @@ from edge.link.nmt import NmtCommand, NmtState
 from edge.link.object_server import Device, ObjectServer, RequestRefused
 from edge.link.params import PARAMS
 from edge.link.ports import CanPort, SerialPort
+from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink, CanSink, LinkSink, SerialSink, SinkCounters
-from edge.runtime.settings import SettingsFile
 from hostlink.wire import FAULTS, FEATURE_BITS, CanIds, FaultCode, State, Status, pack_detail, pack_emergency
 
 __all__ = ["Device", "Node", "RequestRefused"]

@@ -33,7 +33,7 @@ from hostlink.wire import (
 from hostlink.wire.objects import TYPES
 
 if TYPE_CHECKING:
-    from edge.runtime.settings import SettingsFile
+    from edge.link.settings import SettingsFile
 
 __all__ = ["Aborted", "Device", "ObjectServer", "RequestRefused"]
 

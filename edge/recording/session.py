@@ -6,9 +6,9 @@ import logging
 import time
 from typing import Protocol
 
+from edge.faults.registry import FaultRegistry
 from edge.pipeline import Result
 from edge.recording.params import PARAMS
-from edge.runtime.fault_registry import FaultRegistry
 from edge.types import Frame
 from hostlink.wire import FaultCode, State
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
 
+from edge.faults.judge import Check, run_checks
+from edge.faults.registry import FaultRegistry
 from edge.limits import CALIBRATION_BYTES, SETTINGS_BYTES
-from edge.runtime.checks import Check, run_checks
-from edge.runtime.fault_registry import FaultRegistry
-from edge.runtime.params import PARAMS as RUNTIME
+from edge.params import PARAMS as RUNTIME
 from hostlink.wire import FaultCode
 
 __all__ = ["PARAMS", "BoardMonitor", "BoardParams", "Thermometer", "free_space_problem"]

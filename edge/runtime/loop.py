@@ -32,18 +32,18 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from edge.calibration import Calibration
+from edge.faults.detector import FaultDetector
+from edge.faults.registry import FaultRegistry
 from edge.link.sample import to_state
 from edge.link.sinks import Sink
+from edge.params import PARAMS as RUNTIME
 from edge.pipeline import Pipeline, Result
 from edge.recording.session import RecordingSession
+from edge.rest.request import TareOutcome, TareRequest
 from edge.runtime.board_monitor import BoardMonitor
-from edge.runtime.fault_detector import FaultDetector
-from edge.runtime.fault_registry import FaultRegistry
 from edge.runtime.measurement import LoopConfig, Measurement
-from edge.runtime.params import PARAMS as RUNTIME
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
 from edge.runtime.systemd import Notifier
-from edge.runtime.tare_state import TareOutcome, TareRequest
 from edge.sources.live import PARAMS as LIVE
 from edge.types import Clock, Feature, Frame, FrameSource, LiveSource
 from hostlink.wire import State, Status

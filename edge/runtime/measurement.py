@@ -13,17 +13,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edge.calibration import Calibration
+from edge.drift import PARAMS as DRIFT
+from edge.drift import Drift, DriftParams
 from edge.errors import CalibrationError, EdgeError, SourceError
+from edge.faults.detector import NO_CALIBRATION, FaultDetector, FaultParams
+from edge.faults.detector import PARAMS as FAULTS
+from edge.faults.registry import FaultRegistry
 from edge.pipeline import Pipeline, Result
-from edge.runtime.drift import PARAMS as DRIFT
-from edge.runtime.drift import Drift, DriftParams
-from edge.runtime.fault_detector import NO_CALIBRATION, FaultDetector, FaultParams
-from edge.runtime.fault_detector import PARAMS as FAULTS
-from edge.runtime.fault_registry import FaultRegistry
+from edge.rest.request import Prepared, TareRequest, TareState
+from edge.rest.tare import PARAMS, RestFrame, TareParams, TareRefused, take_rest_frame
 from edge.runtime.process import give_back_memory
 from edge.runtime.statistics import StatisticsCollector
-from edge.runtime.tare import PARAMS, RestFrame, TareParams, TareRefused, take_rest_frame
-from edge.runtime.tare_state import Prepared, TareRequest, TareState
 from edge.types import Feature, Frame, FrameSource, Reading, Rest
 from hostlink.output_file import OutputError
 from hostlink.wire import FaultCode, RestFrameReason, RestFrameState

@@ -24,7 +24,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import NoReturn
 
-from edge.runtime.params import PARAMS
+from edge.params import PARAMS
 
 __all__ = ["give_back_memory", "limit_resources", "run_and_exit"]
 

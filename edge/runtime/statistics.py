@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from edge.runtime.params import PARAMS
+from edge.params import PARAMS
 from edge.types import Array
 
 __all__ = ["LoopStatistics", "RingBuffer", "StatisticsCollector"]

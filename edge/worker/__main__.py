@@ -75,7 +75,7 @@ class Worker:
             self._recording = self._frame_recorder(self._recorder(Path(begin.record), begin.overwrite))
         self._page: Any = None
         if begin.listen is not None:
-            from edge.view.page import LivePage
+            from edge.worker.page import LivePage
 
             self._page = LivePage(
                 begin.listen,

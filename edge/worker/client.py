@@ -26,8 +26,8 @@ import numpy as np
 
 from edge import errors
 from edge.errors import InputError
+from edge.rest.request import TareBusy
 from edge.runtime.loop import Loop
-from edge.runtime.tare_state import TareBusy
 from edge.types import Feature
 from edge.worker.messages import (
     Answer,

@@ -32,7 +32,7 @@ from calib.sim.render import Renderer
 from calib.simulated_calibration import calibrate_simulated
 from edge.calibration import Calibration
 from edge.pipeline import Pipeline
-from edge.runtime.tare import tare
+from edge.rest.tare import tare
 from edge.types import Array, Feature, Frame, Image, Tracks
 from tests.bench.output import writes_results
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from edge.cells import cell_polygons
 from edge.pins import take_rest
 from edge.pipeline import Pipeline, Result
-from edge.runtime.rest_choice import rest_of_source
+from edge.rest.choice import rest_of_source
 from edge.sources import open_source, read_image
 from edge.types import Frame, Rest
 from edge.view.palette import PAPER

@@ -36,7 +36,7 @@ from rich.table import Table
 from edge.calibration import Calibration
 from edge.link.sample import to_state
 from edge.pipeline import ALL, Pipeline, Result
-from edge.runtime.tare import tare
+from edge.rest.tare import tare
 from edge.types import Feature, Frame
 from hostlink.wire import Status, pack_state
 from tests.bench.floor import Floor

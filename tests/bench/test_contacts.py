@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.runtime.tare import tare
+from edge.rest.tare import tare
 from edge.types import Array
 from tests.bench.contacts import SCENES, Measures, SecondTip, measure
 from tests.bench.flat_gel import FlatGel

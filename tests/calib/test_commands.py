@@ -19,7 +19,7 @@ from edge.calibration import Calibration
 from edge.errors import ConfigError
 from edge.pins import take_rest
 from edge.pipeline import Pipeline
-from edge.runtime.tip_match import in_order_of
+from edge.rest.tip_match import in_order_of
 from edge.sensors import load_sensor
 from hostlink.output_file import WriteError
 

@@ -19,7 +19,7 @@ from calib.report.sections import Requirement
 from calib.rig.simulated import Simulation
 from calib.sim import Camera, Simulator, Tip, Tool, ToolPose
 from edge.pipeline import Pipeline, Result
-from edge.runtime.tare import tare
+from edge.rest.tare import tare
 from edge.types import Frame, Rest
 from tests.support.synthetic import REST, make, targets
 

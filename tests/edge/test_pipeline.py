@@ -14,12 +14,12 @@ import pytest
 from edge.calibration import Calibration
 from edge.calibration.checks import outputs_of
 from edge.calibration.file import Polynomial
+from edge.drift import Drift, DriftParams
 from edge.errors import CalibrationError, NoPins
 from edge.pins import take_rest
 from edge.pipeline import ALL, Pipeline, Result
-from edge.runtime.drift import Drift, DriftParams
-from edge.runtime.tare import tare
-from edge.runtime.tip_match import in_order_of
+from edge.rest.tare import tare
+from edge.rest.tip_match import in_order_of
 from edge.sources import open_source
 from edge.types import Array, Feature, Frame, Image, Rest, Tracks
 

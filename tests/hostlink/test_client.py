@@ -22,8 +22,8 @@ import hostlink
 from edge.errors import CalibrationError, SinkError
 from edge.link.nmt import NmtState
 from edge.link.node import Node, RequestRefused
+from edge.link.settings import SettingsFile
 from edge.link.sinks import CanClassicSink, CanSink, SerialSink, open_sink
-from edge.runtime.settings import SettingsFile
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, objects
 from hostlink.commands.monitor import Board
 from hostlink.decoder import DetailFrame

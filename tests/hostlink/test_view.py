@@ -19,7 +19,7 @@ from hostlink.commands.monitor import Board
 from hostlink.view import HandView, hand
 from hostlink.web import pack_packet, parse_listen
 from hostlink.wire import Contact, State
-from tests.edge.view.test_page import unpack
+from tests.edge.worker.test_page import unpack
 from tests.hostlink.test_client import Application, make_node
 from tests.support.waiting import SOON_S, until
 

@@ -6,8 +6,8 @@ import threading
 from typing import Any
 
 from edge.calibration import Calibration
+from edge.faults.registry import FaultRegistry
 from edge.link.sinks import MemorySink
-from edge.runtime.fault_registry import FaultRegistry
 from edge.runtime.loop import Loop, LoopConfig
 from edge.types import Clock, Frame, FrameSource, Image, Lens, Polarity
 from hostlink.wire import FaultCode, State

@@ -16,8 +16,8 @@ from edge.link.nmt import NmtState
 from edge.link.node import Node
 from edge.link.params import PARAMS
 from edge.link.ports import CanPort
+from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink
-from edge.runtime.settings import SettingsFile
 from hostlink.wire import OBJECTS, CanIds, Kind, Message, encode_frame, pack_message
 from tests.edge.link.test_node import Finger
 from tests.support.waiting import SOON_S

@@ -18,8 +18,8 @@ from edge.link.media import open_line
 from edge.link.nmt import NmtState
 from edge.link.node import Node, RequestRefused
 from edge.link.object_server import Aborted
+from edge.link.settings import NodeSettings, SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink, open_sink
-from edge.runtime.settings import NodeSettings, SettingsFile
 from hostlink.wire import (
     OBJECTS,
     Abort,

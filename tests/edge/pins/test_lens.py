@@ -19,7 +19,7 @@ from edge.geometry.lens import corrected, magnification, seen
 from edge.pins import take_rest
 from edge.pins.lens import pattern_as_seen, rest_as_seen
 from edge.pipeline import Pipeline
-from edge.runtime.tip_match import match_rest
+from edge.rest.tip_match import match_rest
 from edge.sources import open_source
 from edge.sources.lens_file import load_lens, text_of
 from edge.types import Array, Frame, Lens, Rest

@@ -21,13 +21,13 @@ import numpy as np
 import pytest
 
 from edge.calibration import Calibration
+from edge.drift import DriftParams
+from edge.faults.detector import FaultParams
+from edge.faults.registry import FaultRegistry
 from edge.features import extract
 from edge.features.contacts import ContactFinder
 from edge.link.sinks import MemorySink
 from edge.runtime.board_monitor import BoardMonitor
-from edge.runtime.drift import DriftParams
-from edge.runtime.fault_detector import FaultParams
-from edge.runtime.fault_registry import FaultRegistry
 from edge.runtime.loop import PARAMS, Loop
 from edge.sources import open_source
 from edge.types import Clock, Frame, Image

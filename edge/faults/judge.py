@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from edge.runtime.fault_registry import FaultRegistry
-from edge.runtime.params import PARAMS
+from edge.faults.registry import FaultRegistry
+from edge.params import PARAMS
 from hostlink.wire import FaultCode
 
 __all__ = ["Check", "run_checks"]

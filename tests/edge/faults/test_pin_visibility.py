@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.runtime.pin_visibility import PARAMS, PinVisibility
+from edge.faults.pin_visibility import PARAMS, PinVisibility
 from edge.types import Array, Mask, Tracks
 from tests.support.fields import tip
 

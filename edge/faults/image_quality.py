@@ -16,11 +16,11 @@ from math import isqrt, nan
 
 import numpy as np
 
+from edge.faults.frame_counts import FocusWindows, median_length, sample_levels
+from edge.faults.judge import Check
+from edge.params import PARAMS as RUNTIME
 from edge.pins.lens import rest_as_seen
 from edge.pins.params import PARAMS as PINS
-from edge.runtime.checks import Check
-from edge.runtime.measures import FocusWindows, median_length, sample_levels
-from edge.runtime.params import PARAMS as RUNTIME
 from edge.types import Array, Frame, Image, Rest
 from hostlink.wire import FaultCode as F
 

@@ -19,14 +19,14 @@ from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
-from edge.link.device import LoopDevice
 from edge.link.node import RequestRefused
 from edge.pins import take_rest
 from edge.pins.detect import learn as really_learn
+from edge.rest.request import TareBusy
+from edge.rest.tare import RestFrame, TareRefused, take_rest_frame
 from edge.runtime import measurement
 from edge.runtime.calibration_store import CalibrationStore
-from edge.runtime.tare import RestFrame, TareRefused, take_rest_frame
-from edge.runtime.tare_state import TareBusy
+from edge.runtime.device import LoopDevice
 from edge.sources import Paced, open_source
 from edge.types import Frame, Image, Polarity
 from hostlink.wire import FaultCode, RestFrameReason, RestFrameState, Status

@@ -2,7 +2,7 @@
 
 Rules
 - Recognised is a sensor whose layout the pins stand in: nearly all pins have a site, nearly all sites a pin
-  (as `edge.runtime.tip_match` asks of a calibration's tip), and the layout predicts them clearly better
+  (as `edge.rest.tip_match` asks of a calibration's tip), and the layout predicts them clearly better
   than chance.
 - Of those that fit, the one that predicts best is taken; of one layout the one whose file states more.
 - A sensor without a known layout is never recognised; it can be named.
@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from edge.geometry.layout import LAYOUTS
-from edge.runtime.layout_match import CLEAR, LayoutMatch, match_layout
-from edge.runtime.tip_match import PARAMS as TIP
+from edge.rest.layout_match import CLEAR, LayoutMatch, match_layout
+from edge.rest.tip_match import PARAMS as TIP
 from edge.sensors import KnownSensor
 from edge.types import Rest
 

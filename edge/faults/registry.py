@@ -13,7 +13,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 
-from edge.runtime.params import PARAMS
+from edge.params import PARAMS
 from hostlink.wire import FAULTS, FaultCode, Status
 
 __all__ = ["FaultLog", "FaultRegistry"]

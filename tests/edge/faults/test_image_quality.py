@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.runtime.checks import run_checks
-from edge.runtime.fault_registry import FaultRegistry
-from edge.runtime.image_quality import (
+from edge.faults.frame_counts import FocusWindows, count_apart, count_longer, sample_levels
+from edge.faults.image_quality import (
     ImageQuality,
     common_step_px,
     image_checks,
     level_of,
     median_offset_px,
 )
-from edge.runtime.measures import FocusWindows, count_apart, count_longer, sample_levels
+from edge.faults.judge import run_checks
+from edge.faults.registry import FaultRegistry
 from edge.types import Frame, Image
 from hostlink.wire import FaultCode
 from tests.support.layouts import rest_of

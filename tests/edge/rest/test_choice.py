@@ -18,9 +18,9 @@ from calib.targets import read_targets
 from edge.calibration import Calibration
 from edge.errors import NoPins, SourceError
 from edge.pins import take_rest
-from edge.runtime import rest_choice
-from edge.runtime.rest_choice import aligned, choose_rest, rest_if_touched, rest_of_source
-from edge.runtime.tip_match import in_order_of
+from edge.rest import choice as rest_choice
+from edge.rest.choice import aligned, choose_rest, rest_if_touched, rest_of_source
+from edge.rest.tip_match import in_order_of
 from edge.sources import open_source, read_image
 from edge.types import Array, Image, RecordedSource, Rest
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from edge.faults.registry import FaultLog, FaultRegistry
+from edge.params import PARAMS
 from edge.runtime.board_monitor import BoardMonitor, BoardParams, Thermometer, free_space_problem
-from edge.runtime.fault_registry import FaultLog, FaultRegistry
-from edge.runtime.params import PARAMS
 from edge.runtime.systemd import Notifier
 from hostlink.wire import FAULTS, FaultCode, Status
 from tests.support.waiting import SOON_S

@@ -25,11 +25,11 @@ from edge.cells import Tessellator
 from edge.errors import DegenerateLayout, NoPins, SourceError
 from edge.features.params import CELL_NOISE
 from edge.features.params import PARAMS as CONTACT
+from edge.params import PARAMS as RUNTIME
 from edge.pins import CentroidRefiner, detect, take_rest
-from edge.runtime.params import PARAMS as RUNTIME
-from edge.runtime.tare import PARAMS as TARE
-from edge.runtime.tare import TareRefused, take_rest_frame
-from edge.runtime.tip_match import match_rest
+from edge.rest.tare import PARAMS as TARE
+from edge.rest.tare import TareRefused, take_rest_frame
+from edge.rest.tip_match import match_rest
 from edge.tracking import Tracker
 from edge.types import Array, Frame, FrameSource, Image, Lens, Mask, Pins, Polarity, Rest, Tracks
 from hostlink.wire import RestFrameReason

@@ -13,7 +13,7 @@ from calib.sim.mechanics import ToolPose
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from edge.pins import take_rest
-from edge.runtime.symmetry import RestSymmetry, symmetry_of
+from edge.rest.symmetry import RestSymmetry, symmetry_of
 from edge.sources import open_source, read_image
 from edge.types import Image
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import settings as limits
 from hypothesis import strategies as st
 
-from edge.runtime.settings import NodeSettings, SettingsFile
+from edge.link.settings import NodeSettings, SettingsFile
 from hostlink.output_file import OutputError
 from hostlink.wire import OBJECTS
 

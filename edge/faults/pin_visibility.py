@@ -18,12 +18,12 @@ from math import log, sqrt
 
 import numpy as np
 
+from edge.faults.frame_counts import count_apart
+from edge.faults.image_quality import PARAMS as IMAGE
 from edge.features.params import PARAMS as FEATURES
 from edge.geometry.lattice import N_RING
 from edge.geometry.neighbours import nearest_of
-from edge.runtime.image_quality import PARAMS as IMAGE
-from edge.runtime.measures import count_apart
-from edge.runtime.params import PARAMS as RUNTIME
+from edge.params import PARAMS as RUNTIME
 from edge.types import Index, Mask, Rest, Tracks
 
 __all__ = ["PinVisibility", "PinVisibilityParams"]

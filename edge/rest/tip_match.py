@@ -1,6 +1,6 @@
 """Whether a rest frame shows the tip that a calibration belongs to, and which pin is which.
 
-Used at each tare (`edge.runtime.tare`), which then checks more closely whether the tip is untouched.
+Used at each tare (`edge.rest.tare`), which then checks more closely whether the tip is untouched.
 
 Rules
 - A camera that was taken out and put back shifts and rotates all pins alike, a little. The residual after the
@@ -16,7 +16,7 @@ import numpy as np
 
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
-from edge.runtime.params import PARAMS as RUNTIME
+from edge.params import PARAMS as RUNTIME
 from edge.tracking import Tracker
 from edge.types import Lens, Pins, Rest, Tracks
 

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edge.faults.frame_counts import count_longer
+from edge.faults.image_quality import ImageQuality, common_step_px, image_checks, median_offset_px
+from edge.faults.judge import Check, run_checks
+from edge.faults.pin_visibility import PinVisibility
+from edge.faults.registry import FaultRegistry
+from edge.params import PARAMS as RUNTIME
 from edge.pipeline import Result
-from edge.runtime.checks import Check, run_checks
-from edge.runtime.fault_registry import FaultRegistry
-from edge.runtime.image_quality import ImageQuality, common_step_px, image_checks, median_offset_px
-from edge.runtime.measures import count_longer
-from edge.runtime.params import PARAMS as RUNTIME
-from edge.runtime.pin_visibility import PinVisibility
 from edge.sources.live import stalled_after_s
 from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Rest, Tracks
 from hostlink.clock import DRIFT_MAX

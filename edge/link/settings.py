@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 
 from edge import limits
-from edge.runtime.params import PARAMS
+from edge.params import PARAMS
 from hostlink.output_file import OutputError, writing
 from hostlink.wire import OBJECTS
 

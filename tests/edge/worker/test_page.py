@@ -17,7 +17,7 @@ import pytest
 from edge.cells import cell_polygons
 from edge.recording import RecordingSource, read_attachments, read_messages
 from edge.types import Feature
-from edge.view.page import PARAMS
+from edge.worker.page import PARAMS
 from hostlink.web import PageServer, WebError, parse_listen
 from hostlink.web.limits import WebLimits
 from hostlink.wire import FaultCode

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from edge.runtime.drift import PARAMS, Drift, DriftParams
+from edge.drift import PARAMS, Drift, DriftParams
 from edge.types import Array, PinPattern, Pins, Rest, Tracks
 
 STEP_NS = 100_000_000

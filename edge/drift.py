@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edge.runtime.params import PARAMS as RUNTIME
+from edge.params import PARAMS as RUNTIME
 from edge.types import Array, Rest, Tracks
 
 __all__ = ["PARAMS", "Drift", "DriftParams"]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from edge.runtime.checks import Check, run_checks
-from edge.runtime.fault_registry import FaultRegistry
+from edge.faults.judge import Check, run_checks
+from edge.faults.registry import FaultRegistry
 from hostlink.wire import FaultCode
 
 DARK, BRIGHT = FaultCode.IMAGE_DARK, FaultCode.IMAGE_BRIGHT

@@ -11,7 +11,7 @@ from calib.fit import tip_of
 from calib.sim import Camera, Simulator, Tip
 from edge.errors import CalibrationError
 from edge.pins import take_rest
-from edge.runtime.tip_match import in_order_of
+from edge.rest.tip_match import in_order_of
 from edge.types import Pins, Rest
 
 

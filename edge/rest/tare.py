@@ -32,11 +32,11 @@ from edge.features import FeatureExtractor
 from edge.features.params import CELL_NOISE
 from edge.features.params import PARAMS as CONTACT
 from edge.geometry.select import SIGMA_OF_MAD
+from edge.params import PARAMS as RUNTIME
 from edge.pins import CentroidRefiner, take_rest
-from edge.runtime.params import PARAMS as RUNTIME
-from edge.runtime.symmetry import symmetry_of
-from edge.runtime.tip_match import PARAMS as TIP
-from edge.runtime.tip_match import in_order_of, match_rest
+from edge.rest.symmetry import symmetry_of
+from edge.rest.tip_match import PARAMS as TIP
+from edge.rest.tip_match import in_order_of, match_rest
 from edge.tracking import Tracker
 from edge.types import Image, Lens, Pins, Polarity, Rest, Tracks
 from hostlink.wire import RestFrameReason
