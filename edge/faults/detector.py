@@ -1,8 +1,7 @@
 """Which faults hold, from what the loop sees: camera, order of images, picture, pins, load, place.
 
-`image_quality` measures a single image or set of pins; this module turns that into faults and status bits.
-Every check is one method, runs on every frame, and reports to the `FaultRegistry` each time: the line that
-raises a fault also clears it. The message is composed only when a fault appears.
+`begin` looks at a frame's time before it is computed, since that decides how; `judge` writes all other facts
+when it is computed, and has them judged at once. Whatever raises a fault also clears it.
 """
 
 from __future__ import annotations
@@ -13,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from edge.faults.frame_counts import count_longer
-from edge.faults.image_quality import ImageQuality, common_step_px, image_checks, median_offset_px
-from edge.faults.judge import Check, run_checks
+from edge.faults.image_quality import IMAGE_CHECKS, ImageQuality, common_step_px, median_offset_px
+from edge.faults.judge import Check, Facts, Judge
 from edge.faults.pin_visibility import PinVisibility
 from edge.faults.registry import FaultRegistry
 from edge.params import PARAMS as RUNTIME
@@ -43,32 +42,32 @@ PARAMS = FaultParams()
 NO_CALIBRATION = "no calibration file was given"
 
 
+_MOVED = "the pins stand {off_px:.1f} px off the rest frame, all alike; tare"
+
+
 def fault_checks(p: FaultParams = PARAMS) -> tuple[Check, ...]:
-    """Of the images' clock, of load and of place."""
-    moved = "the pins stand {off_px:.1f} px off the rest frame, all alike; tare"
+    """All that is judged once a frame."""
     return (
+        Check(F.CAMERA_LOST, "camera_lost", 1.0, "yes or no", "{camera}"),
+        Check(F.CAMERA_STALLED, "camera_stalled", 1.0, "yes or no", "{camera}"),
+        *IMAGE_CHECKS,
         Check(
-            F.CLOCK_STEP, "clock_off_s", p.clock_step_s, "s",
-            "images' clock jumped by {clock_jump_s:+.3f} s",
+            F.CLOCK_STEP, "clock_stepped", 1.0, "yes or no", "images' clock jumped by {clock_jump_s:+.3f} s"
         ),
-        Check(F.CLOCK_STEP, "clock_back_s", 1e-9, "s", "images' clock jumped by {clock_jump_s:+.3f} s"),
+        Check(F.TRACKER_LOST, "failed", 1.0, "yes or no", "image cannot be measured: {failure}"),
+        Check(F.TRACKER_LOST, "unidentified", 1.0, "yes or no", "pins cannot be identified"),
+        Check(F.PINS_LOST, "pins_missing", 1.0, "yes or no", "{why_missing}"),
         Check(
             F.OVERLOAD, "far_share", p.astray_rel, "of the pins",
             "{far_n} pins moved by more than {limit_px:.0f} px",
         ),
-        Check(
-            F.CAMERA_MOVED, "off_pitches", p.moved_pitches, "pitches", moved
-        ),
-        Check(F.CAMERA_MOVED, "drifted_share", p.astray_rel, "of the pins", moved),
+        Check(F.CAMERA_MOVED, "off_pitches", p.moved_pitches, "pitches", _MOVED),
+        Check(F.CAMERA_MOVED, "drifted_share", p.astray_rel, "of the pins", _MOVED),
     )  # fmt: skip
 
 
-_CAMERA = {
-    "lost": F.CAMERA_LOST,
-    "stalled": F.CAMERA_STALLED,
-    "frozen": F.CAMERA_STALLED,
-    "black": F.IMAGE_DARK,
-}
+#: Conditions of a camera that sends no images, or one again and again.
+_STALLED = ("stalled", "frozen")
 #: Faults that a new rest frame clears.
 _OF_THE_REST = (
     F.TARE_IMPLAUSIBLE,
@@ -101,7 +100,8 @@ class FaultDetector:
         self._source, self._registry, self._clock_ns = source, registry, clock_ns
         self._live = source if isinstance(source, LiveSource) else None
         self._params = params
-        self._checks = (*image_checks(), *fault_checks(params))
+        self._facts = Facts()
+        self._judge = Judge(fault_checks(params), registry)
         self._image = ImageQuality()
         self._pins: PinVisibility | None = None
         self._pitch_px = 0.0
@@ -116,11 +116,6 @@ class FaultDetector:
         self.after_gap = False  # too long after the frame before it to follow the pins from there
 
     @property
-    def blind(self) -> bool:
-        """Whether the camera gives no images, or none that may be used."""
-        return self.frozen or Status.CAMERA_FAULT in self._registry.status
-
-    @property
     def quiet(self) -> bool:
         """Whether drift may be learnt: no gap before this frame, and no fault that would spoil it."""
         return not (self.after_gap or self._registry.status & _NOT_QUIET)
@@ -131,19 +126,23 @@ class FaultDetector:
         self._pitch_px = rest.pattern.pitch_px
         self._motion_px, self._offset_px = np.zeros_like(rest.xy_img), np.zeros(2)
         self._image.learn(rest, frame)
+        self._facts.forget_pins()
         for code in _OF_THE_REST:
             self._registry.report(code, False)
         self._registry.report(F.CALIBRATION_MISSING, not calibrated, NO_CALIBRATION)
 
     def camera(self) -> None:
-        """Report the condition that the source gives for its camera."""
-        condition = "frozen" if self.frozen else self._live.condition if self._live else ""
-        now = _CAMERA.get(condition)
-        for code in (F.CAMERA_LOST, F.CAMERA_STALLED):
-            self._registry.report(code, code is now, lambda: f"{self._source.name}: {condition}")
+        """Report the condition that the source gives for its camera, when no frame is judged."""
+        condition = self._condition()
+        message = f"{self._source.name}: {condition}"
+        self._registry.report(F.CAMERA_LOST, condition == "lost", message)
+        self._registry.report(F.CAMERA_STALLED, condition in _STALLED, message)
 
-    def order(self, frame: Frame, now_ns: int) -> None:
-        """Clock steps, and gaps in the camera's numbering (`gaps_n`)."""
+    def _condition(self) -> str:
+        return "frozen" if self.frozen else self._live.condition if self._live else ""
+
+    def begin(self, frame: Frame, now_ns: int) -> None:
+        """Look at a frame's time: clock steps, and gaps in the camera's numbering (`gaps_n`)."""
         # Check this frame rather than the camera: a newer, good image may have come meanwhile.
         self.frozen = self._live is not None and self._live.frame_condition == "frozen"
         self.after_gap = self._repeated and not self.frozen
@@ -162,31 +161,56 @@ class FaultDetector:
         if live := self._source.live:
             self._least_age_ns += DRIFT_MAX * passed_ns
         ahead_ns = max(0.0, self._least_age_ns - age_ns) if live else float(back_ns)
-        self._check(
-            clock_off_s=ahead_ns / 1e9,
-            clock_back_s=back_ns / 1e9 if live else 0.0,
-            clock_jump_s=(step_ns - (passed_ns if live else 0)) / 1e9,
-        )
-        stepped = self._registry.holds(F.CLOCK_STEP)
+        facts = self._facts
+        stepped = ahead_ns >= self._params.clock_step_s * 1e9 or (live and back_ns > 0)
+        facts.clock_stepped = stepped
+        facts.clock_jump_s = (step_ns - (passed_ns if live else 0)) / 1e9
         self._least_age_ns = float(age_ns) if stepped else min(self._least_age_ns, age_ns)
         gap_ns = passed_ns if stepped else step_ns
         self.after_gap |= gap_ns > stalled_after_s(self._source.rate_hz) * 1e9
         self.gaps_n += max(0, frame.sequence - before.sequence - 1)
 
-    def image(self, frame: Frame) -> None:
-        """Brightness and focus."""
-        black = self._live is not None and self._live.frame_condition == "black"
-        self._check(**self._image.brightness(frame), black=float(black))
-        self._check_focus(frame)
+    def judge(self, frame: Frame, result: Result | None, drifted_share: float = 0.0) -> bool:
+        """Judge a frame that was computed. False: no values may be sent for it.
 
-    def _check_focus(self, frame: Frame, now: bool = False) -> None:
-        """Nothing is said of the focus where brightness explains what is seen."""
-        if not (self._registry.holds(F.IMAGE_DARK) or self._registry.holds(F.IMAGE_BRIGHT)):
-            self._image.measure_focus(frame, now)
-        self._check(sharpness=self._image.sharpness)
+        result         None: there is no rest frame yet
+        drifted_share  of the pins whose learnt drift is at its limit
+        """
+        facts = self._facts
+        facts.failed, doubtful = False, False
+        if result is not None:
+            assert self._pins is not None
+            facts.unidentified = result.features is None
+            facts.why_missing = self._pins.problem(result.tracks)
+            facts.pins_missing = bool(facts.why_missing)
+            doubtful = facts.unidentified or self._pins.needs_focus_check(result.tracks)
+            self._note_motion(result.features, drifted_share)
+        self._note_image(frame, doubtful)
+        self._end()
+        blind = self.frozen or Status.CAMERA_FAULT in self._registry.status
+        return not (facts.unidentified or facts.pins_missing or blind)
 
-    def _check(self, **measured: float) -> None:
-        run_checks(self._checks, measured, self._registry)
+    def failed(self, why: str) -> None:
+        """Judge a frame that could not be computed."""
+        self._facts.failed, self._facts.failure = True, why
+        self._end()
+
+    def _end(self) -> None:
+        facts, condition = self._facts, self._condition()
+        facts.camera_lost, facts.camera_stalled = condition == "lost", condition in _STALLED
+        if condition:
+            facts.camera = f"{self._source.name}: {condition}"
+        self._judge(facts)
+
+    def _note_image(self, frame: Frame, doubtful: bool) -> None:
+        """Brightness; and focus, when it is due or pins are missing and brightness does not explain it."""
+        facts = self._facts
+        facts.black = self._live is not None and self._live.frame_condition == "black"
+        self._image.brightness(frame, facts)
+        if doubtful or self._image.focus_due(frame):
+            held = self._judge.would_hold(facts)
+            if F.IMAGE_DARK not in held and F.IMAGE_BRIGHT not in held:
+                self._image.measure_focus(frame, facts)
 
     def slow(self, begun_ns: int | None) -> None:
         """Whether the current frame takes long, and the brightness of the next one. For another thread.
@@ -197,42 +221,37 @@ class FaultDetector:
             self._registry.report(F.TRACKER_LOST, True, "the pins are being searched for")
             waiting = self._live.peek() if self._live is not None else None
             if waiting is not None:  # report its brightness without waiting for the search
-                run_checks(self._checks, self._image.brightness(waiting), self._registry, clear=False)
+                facts = Facts()
+                self._image.brightness(waiting, facts)
+                for code, check in self._judge.would_hold(facts).items():
+                    self._registry.report(code, True, check.reason.format_map(vars(facts)))
 
     def impossible(self, tracks: Tracks) -> bool:
         """Whether pins moved further than skin can: the pattern was matched to itself rotated."""
         assert self._pins is not None
         return self._pins.impossible(tracks)
 
-    def pins(self, frame: Frame, tracks: Tracks, features: Features | None) -> bool:
-        """Whether pins are seen and identified. False: no values may be sent for this frame."""
-        assert self._pins is not None
-        untrusted = features is None
-        self._registry.report(F.TRACKER_LOST, untrusted, "pins cannot be identified")
-        missing = self._pins.problem(tracks)
-        self._registry.report(F.PINS_LOST, bool(missing), missing)
-        if untrusted or self._pins.needs_focus_check(tracks):
-            self._check_focus(frame, now=True)
-        return not (untrusted or missing)
-
-    def load(self, features: Features | None) -> None:
-        """Whether the pins moved beyond the load limit."""
-        if features is None or not features.in_contact:
-            self._registry.report(F.OVERLOAD, False)
+    def _note_motion(self, features: Features | None, drifted_share: float) -> None:
+        """Whether pins moved beyond the load limit, and the camera from where it was at the rest frame."""
+        facts = self._facts
+        facts.far_share = 0.0
+        if features is None:
             return
-        limit_px = self._params.load_pitches * self._pitch_px
-        far_n = count_longer(features.displacement_px, limit_px)  # a lost pin does not count
-        self._check(far_share=far_n / len(features.displacement_px), far_n=far_n, limit_px=limit_px)
+        motion_px = features.displacement_px
+        if features.in_contact:
+            facts.limit_px = self._params.load_pitches * self._pitch_px
+            facts.far_n = count_longer(motion_px, facts.limit_px)  # a lost pin does not count
+            facts.far_share = facts.far_n / len(motion_px)
+        self._note_place(motion_px, features.in_contact, drifted_share)
 
-    def place(self, motion_px: Array, in_contact: bool, drifted_share: float) -> None:
-        """Whether the camera is where it was when the rest frame was taken.
-
-        An untouched tip shows that by the places of its pins; under a touch, the step common to all pins
-        shows a knock.
+    def _note_place(self, motion_px: Array, in_contact: bool, drifted_share: float) -> None:
+        """An untouched tip shows by the places of its pins whether the camera moved; under a touch, the step
+        common to all pins shows a knock.
 
         motion_px      (n, 2) since rest; NaN where lost
         drifted_share  of the pins whose learnt drift is at its limit
         """
+        facts = self._facts
         before_px, self._motion_px = self._motion_px, motion_px
         limit_px = self._params.moved_pitches * self._pitch_px
         if in_contact:
@@ -240,12 +259,12 @@ class FaultDetector:
             if step_px is None:
                 return
             self._offset_px = self._offset_px + step_px
-            off_px, drifted_share = float(np.hypot(*self._offset_px)), 0.0
+            facts.off_px, drifted_share = float(np.hypot(*self._offset_px)), 0.0
         else:
-            off_px = median_offset_px(motion_px)
-            off = self._registry.holds(F.CAMERA_MOVED) or off_px > limit_px
+            facts.off_px = median_offset_px(motion_px)
+            off = self._registry.holds(F.CAMERA_MOVED) or facts.off_px > limit_px
             self._offset_px = np.nanmedian(motion_px, axis=0) if off else np.zeros(2)
-        self._check(off_pitches=off_px / self._pitch_px, off_px=off_px, drifted_share=drifted_share)
+        facts.off_pitches, facts.drifted_share = facts.off_px / self._pitch_px, drifted_share
 
     def status(self, result: Result | None, skipped_n: int) -> Status:
         """The sample's status bits.

@@ -17,7 +17,7 @@ from math import isqrt, nan
 import numpy as np
 
 from edge.faults.frame_counts import FocusWindows, median_length, sample_levels
-from edge.faults.judge import Check
+from edge.faults.judge import Check, Facts
 from edge.params import PARAMS as RUNTIME
 from edge.pins.lens import rest_as_seen
 from edge.pins.params import PARAMS as PINS
@@ -25,12 +25,12 @@ from edge.types import Array, Frame, Image, Rest
 from hostlink.wire import FaultCode as F
 
 __all__ = [
+    "IMAGE_CHECKS",
     "ONE_LEVEL",
     "PARAMS",
     "ImageParams",
     "ImageQuality",
     "common_step_px",
-    "image_checks",
     "level_of",
     "median_offset_px",
 ]
@@ -50,6 +50,21 @@ class ImageParams:
 PARAMS = ImageParams()
 #: One grey level of 8 bits, of full scale: an image with a lower mean is black.
 ONE_LEVEL = 1 / 255
+_DARK = "mean level {level:.1%} of full scale, {rest_level:.1%} at rest"
+#: Brightness, the camera's own "black", and focus.
+IMAGE_CHECKS = (
+    Check(F.IMAGE_DARK, "level", ONE_LEVEL, "full scale", _DARK, below=True),
+    Check(F.IMAGE_DARK, "level_rel", PARAMS.least_rel, "rest level", _DARK, below=True),
+    Check(F.IMAGE_DARK, "black", 1.0, "yes or no", "black"),
+    Check(
+        F.IMAGE_BRIGHT, "newly_saturated", 1.0 - PARAMS.half_rel, "of the others",
+        "{saturated:.0%} of the image is at full scale",
+    ),
+    Check(
+        F.IMAGE_BLURRED, "sharpness", PARAMS.half_rel, "that at rest",
+        "sharpness {sharpness:.0%} of that at rest", below=True,
+    ),
+)  # fmt: skip
 
 
 def level_of(image: Image, bits: int) -> tuple[float, float]:
@@ -61,14 +76,10 @@ def level_of(image: Image, bits: int) -> tuple[float, float]:
 
 
 class ImageQuality:
-    """Measures images against the rest frame, once there is one; `image_checks` says what is a fault.
-
-    sharpness  relative to the rest frame's, as last measured
-    """
+    """Measures images against the rest frame, once there is one; `IMAGE_CHECKS` says what is a fault."""
 
     def __init__(self, params: ImageParams = PARAMS) -> None:
         self._params = params
-        self.sharpness = 1.0
         self._focus: FocusWindows | None = None
         self._seen = np.empty((0, 2))
         self._rest = (0.0, 0.0, 0.0)
@@ -91,32 +102,28 @@ class ImageQuality:
         self._rest = self._windows(self._focus, frame.image) if self._focus else (0.0, 0.0, 0.0)
         self._due_ns = None
 
-    def brightness(self, frame: Frame) -> dict[str, float]:
-        """What `image_checks` names of the brightness. Changes no state; for any thread."""
-        level, saturated = level_of(frame.image, frame.bits)
-        rest_level, below = self._level, 1.0 - self._saturated  # bright skin round dark pins may be saturated
-        return {
-            "level": level,
-            "rest_level": rest_level,
-            "level_rel": level / rest_level if rest_level else nan,
-            "saturated": saturated,
-            "newly_saturated": (saturated - self._saturated) / below if below else nan,
-        }
+    def brightness(self, frame: Frame, facts: Facts) -> None:
+        """Write what `IMAGE_CHECKS` names of the brightness. Changes no state of its own; for any thread."""
+        facts.level, facts.saturated = level_of(frame.image, frame.bits)
+        below = 1.0 - self._saturated  # bright skin round dark pins may be saturated
+        facts.rest_level = self._level
+        facts.level_rel = facts.level / self._level if self._level else nan
+        facts.newly_saturated = (facts.saturated - self._saturated) / below if below else nan
 
-    def measure_focus(self, frame: Frame, now: bool = False) -> None:
-        """Measure the sharpness, if it is due.
-
-        now  at once: pins are missing in this image
-        """
+    def focus_due(self, frame: Frame) -> bool:
+        """Whether the sharpness was not measured for a while."""
         due = self._due_ns is None or not 0 <= self._due_ns - frame.capture_ns <= self._period_ns
-        if self._focus is None or not (due or now):
+        return due and self._focus is not None
+
+    def measure_focus(self, frame: Frame, facts: Facts) -> None:
+        """Write the sharpness."""
+        if self._focus is None:
             return
-        if not now:
-            self._due_ns = frame.capture_ns + self._period_ns
+        self._due_ns = frame.capture_ns + self._period_ns
         energy, contrast, level = self._windows(self._focus, frame.image)
         rest_energy, rest_contrast, rest_level = self._rest
         flat = contrast / max(level, 1.0) < self._params.least_rel * rest_contrast / max(rest_level, 1.0)
-        self.sharpness = 0.0 if flat else energy / rest_energy if rest_energy > 0.0 else 1.0
+        facts.sharpness = 0.0 if flat else energy / rest_energy if rest_energy > 0.0 else 1.0
 
     @property
     def _period_ns(self) -> int:
@@ -128,24 +135,6 @@ class ImageQuality:
         contrast = np.maximum(self._seen[:, 1], 1.0)
         energy = (self._seen[:, 0] - self._noise_energy) / contrast**2
         return float(np.median(energy)), float(np.median(contrast)), level
-
-
-def image_checks(p: ImageParams = PARAMS) -> tuple[Check, ...]:
-    """Of brightness, and of the camera's own "black"; of the focus."""
-    dark = "mean level {level:.1%} of full scale, {rest_level:.1%} at rest"
-    return (
-        Check(F.IMAGE_DARK, "level", ONE_LEVEL, "full scale", dark, below=True),
-        Check(F.IMAGE_DARK, "level_rel", p.least_rel, "rest level", dark, below=True),
-        Check(F.IMAGE_DARK, "black", 1.0, "yes or no", "black"),
-        Check(
-            F.IMAGE_BRIGHT, "newly_saturated", 1.0 - p.half_rel, "of the others",
-            "{saturated:.0%} of the image is at full scale",
-        ),
-        Check(
-            F.IMAGE_BLURRED, "sharpness", p.half_rel, "that at rest",
-            "sharpness {sharpness:.0%} of that at rest", below=True,
-        ),
-    )  # fmt: skip
 
 
 def median_offset_px(motion_px: Array) -> float:

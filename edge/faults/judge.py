@@ -1,27 +1,72 @@
-"""A table of faults that follow from a measured number, and its evaluation."""
+"""The table of faults that follow from measured numbers, and one walk over it a frame.
+
+    stages, camera, image --> Facts --> Judge --> FaultRegistry
+
+A stage writes what it has counted into `Facts`; nothing is judged before the frame is computed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from math import nan
+from operator import attrgetter, ge, le
 
 from edge.faults.registry import FaultRegistry
 from edge.params import PARAMS
 from hostlink.wire import FaultCode
 
-__all__ = ["Check", "run_checks"]
+__all__ = ["Check", "Facts", "Judge"]
+
+
+@dataclass
+class Facts:
+    """What the newest frame was measured to be; a number that was not measured anew keeps its last value.
+
+    The first group says what `Check.measure` may name; the rest only stands in the reasons for the log.
+    """
+
+    level: float = nan  # mean grey level, of full scale
+    level_rel: float = nan  # of the rest frame's
+    black: bool = False  # the camera says so
+    newly_saturated: float = nan  # of the pixels that were not saturated at rest
+    sharpness: float = nan  # of the rest frame's
+    camera_lost: bool = False
+    camera_stalled: bool = False
+    clock_stepped: bool = False
+    unidentified: bool = False
+    failed: bool = False  # the image could not be computed
+    pins_missing: bool = False
+    far_share: float = nan  # of the pins that have moved beyond the load limit
+    off_pitches: float = nan  # of all pins from the rest frame
+    drifted_share: float = nan  # of the pins whose drift is at its limit
+
+    rest_level: float = nan
+    saturated: float = nan
+    clock_jump_s: float = nan
+    off_px: float = nan
+    far_n: int = 0
+    limit_px: float = nan
+    camera: str = ""
+    failure: str = ""
+    why_missing: str = ""
+
+    def forget_pins(self) -> None:
+        """Forget what was found of the pins: there is a new rest frame."""
+        self.unidentified = self.failed = self.pins_missing = False
+        self.off_pitches = self.drifted_share = nan
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
     """One row: the fault appears when the number reaches `raise_at`, and clears when it is away from it by
     the share of `raise_at` that all checks have in common. Rows of the same fault are alternatives: it holds
-    while one of them does.
+    while one of them does. NaN reaches no limit.
 
-    measure  name of the number
+    measure  name of the number, a field of `Facts`
     unit     of the number and of the limit
-    reason   for the log; a format of the numbers measured
+    reason   for the log; a format of the fields of `Facts`
     below    the fault is below the limit
     """
 
@@ -38,22 +83,47 @@ class Check:
         return self.raise_at + (away if self.below else -away)
 
 
-def run_checks(
-    checks: Sequence[Check], measured: Mapping[str, float], registry: FaultRegistry, clear: bool = True
-) -> None:
-    """Report the faults of the checks whose number is given. NaN reaches no limit.
+class Judge:
+    """Reports to the registry which faults of the checks hold."""
 
-    clear  False: report those that hold only
-    """
-    holding: dict[FaultCode, Check | None] = {}
-    for check in checks:
-        if check.measure in measured:
-            value = measured[check.measure]
-            limit = check.limit(registry.holds(check.code))
-            reached = value <= limit if check.below else value >= limit
-            holding[check.code] = holding.get(check.code) or (check if reached else None)
-    for code, holds in holding.items():
-        if holds is not None:
-            registry.report(code, True, partial(holds.reason.format, **measured))
-        elif clear:
-            registry.report(code, False)
+    def __init__(self, checks: Sequence[Check], registry: FaultRegistry) -> None:
+        self._registry = registry
+        self._checks = sorted(checks, key=lambda check: not check.below)
+        self._below_n = sum(check.below for check in checks)
+        self._measured = attrgetter(*[check.measure for check in self._checks])
+        self._codes = list(dict.fromkeys(check.code for check in checks))
+        self._limits: list[float] = []
+        self._reached: list[bool] = []
+        self._changes_n = -1  # of the registry when the limits were set
+
+    def __call__(self, facts: Facts) -> None:
+        """Judge a frame: one walk, and where nothing has changed one comparison."""
+        changes_n = self._registry.changes_n
+        if changes_n != self._changes_n:
+            self._limits = [check.limit(self._registry.holds(check.code)) for check in self._checks]
+        reached = self._compare(facts, self._limits)
+        if reached == self._reached and changes_n == self._changes_n:
+            return
+        self._reached, self._changes_n = reached, changes_n
+        first = self._first(reached)
+        for code in self._codes:
+            check = first.get(code)
+            reason = partial(check.reason.format_map, vars(facts)) if check else ""
+            self._registry.report(code, check is not None, reason)
+
+    def would_hold(self, facts: Facts) -> dict[FaultCode, Check]:
+        """The faults that hold by these facts, each with the row that says so; reports nothing.
+
+        May be called from any thread.
+        """
+        limits = [check.limit(self._registry.holds(check.code)) for check in self._checks]
+        return self._first(self._compare(facts, limits))
+
+    def _compare(self, facts: Facts, limits: Sequence[float]) -> list[bool]:
+        values, n = self._measured(facts), self._below_n
+        return [*map(le, values[:n], limits[:n]), *map(ge, values[n:], limits[n:])]
+
+    def _first(self, reached: Sequence[bool]) -> dict[FaultCode, Check]:
+        """Each fault whose limit is reached, with the first row that says so."""
+        rows = [check for check, holds in zip(self._checks, reached, strict=True) if holds]
+        return {check.code: check for check in reversed(rows)}

@@ -30,6 +30,7 @@ class FaultRegistry:
                reported it, one at a time
     appeared   how often each fault has appeared
     status     status bits of the active faults
+    changes_n  how often the set has changed
     """
 
     def __init__(self) -> None:
@@ -38,6 +39,7 @@ class FaultRegistry:
         self.listeners: list[Callable[[FaultCode, bool, str], None]] = []
         self.appeared: Counter[FaultCode] = Counter()
         self.status = Status(0)
+        self.changes_n = 0
 
     def report(self, code: FaultCode, active: bool, message: str | Callable[[], str] = "") -> None:
         """Report whether a fault holds now; repeating it changes nothing.
@@ -58,6 +60,7 @@ class FaultRegistry:
             for held in self._active:
                 status |= _STATUS[held]
             self.status = status
+            self.changes_n += 1
             for notify in self.listeners:
                 notify(code, active, message)
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
 
-from edge.faults.judge import Check, run_checks
+from edge.faults.judge import Check
 from edge.faults.registry import FaultRegistry
 from edge.limits import CALIBRATION_BYTES, SETTINGS_BYTES
 from edge.params import PARAMS as RUNTIME
@@ -110,7 +110,9 @@ class BoardMonitor:
     def check(self) -> None:
         """Check everything once."""
         self.temperature_degc = self._thermometer()
-        run_checks([self._temperature], {"degc": self.temperature_degc}, self._registry)
+        hot = self.temperature_degc >= self._temperature.limit(self._registry.holds(self._temperature.code))
+        reason = f"{self.temperature_degc:.0f} degC"
+        self._registry.report(self._temperature.code, hot, reason)
         problems = "; ".join(filter(None, (problem() for problem in self.storage)))
         self._registry.report(FaultCode.DISK_FULL, bool(problems), problems)
         for check in self.checks:

@@ -310,11 +310,10 @@ class Loop:
         """Count the frame, and those missing before it."""
         counts = self._counters.counts
         counts.frames_n += 1
-        self._detector.order(frame, begun_ns)
+        self._detector.begin(frame, begun_ns)
         # A frame replaced by a newer one leaves a gap too, but was not lost by the camera.
         lost_n = self._detector.gaps_n - self.source.dropped_n
         counts.lost_by_camera_n = max(counts.lost_by_camera_n, lost_n)
-        self._detector.camera()
 
     def _send(self, result: Result | None, capture_ns: int, latency_us: float) -> State:
         counts = self._counters.counts

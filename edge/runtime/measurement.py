@@ -128,7 +128,6 @@ class Measurement:
         """
         try:
             self._check_size(frame)
-            self._detector.image(frame)
             result = self._measure(frame)
         except (CalibrationError, SourceError):
             raise
@@ -147,7 +146,7 @@ class Measurement:
             log.log(level, "image %d: %s", frame.sequence, error, exc_info=not expected)
         self._failing = True
         self._counters.counts.failed_n += 1
-        self._faults.report(FaultCode.TRACKER_LOST, True, f"image cannot be measured: {error}")
+        self._detector.failed(str(error))
         if self.tare.frames is not None:
             self.tare.restart()
         if self.pipeline is not None:
@@ -165,12 +164,13 @@ class Measurement:
 
     def _measure(self, frame: Frame) -> Result | None:
         self._tare(frame)
+        detector, counts, drift = self._detector, self._counters.counts, self.drift
         if self.pipeline is None:
+            detector.judge(frame, None)
             return None
-        detector, counts = self._detector, self._counters.counts
         if detector.after_gap:
             self.pipeline.forget()
-        result = self.pipeline.process(frame, self.drift)
+        result = self.pipeline.process(frame, drift)
         counts.full_searches_n += result.searched
         if result.features is not None and detector.impossible(result.tracks):
             self.pipeline.forget()
@@ -179,15 +179,11 @@ class Measurement:
         tracks, features = result.tracks, result.features
         counts.unidentified_n += features is None
         self._counters.pins_seen.add(tracks.n_seen)
-        if not detector.pins(frame, tracks, features) or detector.blind:
+        if not detector.judge(frame, result, drift.limit_share if drift else 0.0):
             no_reading = Reading({}, {}, _NOTHING, calibrated=self.calibration is not None)
             result = replace(result, reading=no_reading)
-        detector.load(features)
-        drift = self.drift
-        untouched = features is not None and not features.in_contact
-        if features is not None:
-            detector.place(features.displacement_px, features.in_contact, drift.limit_share if drift else 0.0)
         if drift is not None:
+            untouched = features is not None and not features.in_contact
             drift.learn(tracks, frame.capture_ns, untouched and detector.quiet)
         return result
 

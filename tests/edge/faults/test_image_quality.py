@@ -7,13 +7,13 @@ import pytest
 
 from edge.faults.frame_counts import FocusWindows, count_apart, count_longer, sample_levels
 from edge.faults.image_quality import (
+    IMAGE_CHECKS,
     ImageQuality,
     common_step_px,
-    image_checks,
     level_of,
     median_offset_px,
 )
-from edge.faults.judge import run_checks
+from edge.faults.judge import Facts, Judge
 from edge.faults.registry import FaultRegistry
 from edge.types import Frame, Image
 from hostlink.wire import FaultCode
@@ -102,9 +102,12 @@ def test_overexposure_counts_only_pixels_not_saturated_at_rest(at_rest: float, b
         image[: round(480 * share)] = 255
         return Frame(image, 0, 0)
 
-    quality, registry = ImageQuality(), FaultRegistry()
+    quality, registry, facts = ImageQuality(), FaultRegistry(), Facts()
+    judge = Judge(IMAGE_CHECKS, registry)
     quality.learn(rest_of(np.array([[320.0, 200.0], [340.0, 200.0], [330.0, 220.0]])), frame(at_rest))
-    run_checks(image_checks(), quality.brightness(frame(at_rest)), registry)
+    quality.brightness(frame(at_rest), facts)
+    judge(facts)
     assert not registry.holds(FaultCode.IMAGE_BRIGHT)
-    run_checks(image_checks(), quality.brightness(frame(bright)), registry)
+    quality.brightness(frame(bright), facts)
+    judge(facts)
     assert "full scale" in registry.active[FaultCode.IMAGE_BRIGHT]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from edge.faults.judge import Check, run_checks
+from edge.faults.judge import Check, Facts, Judge
 from edge.faults.registry import FaultRegistry
 from hostlink.wire import FaultCode
 
@@ -12,14 +12,17 @@ DARK, BRIGHT = FaultCode.IMAGE_DARK, FaultCode.IMAGE_BRIGHT
 CHECKS = (
     Check(DARK, "level", 0.25, "", "level {level:.0%}", below=True),
     Check(DARK, "black", 1.0, "", "black"),
-    Check(BRIGHT, "full", 0.5, "", "full {full:.0%}"),
+    Check(BRIGHT, "saturated", 0.5, "", "full {saturated:.0%}"),
 )
 
 
 def held_after(*values: dict[str, float]) -> list[dict[FaultCode, str]]:
-    registry, held = FaultRegistry(), []
+    registry, facts, held = FaultRegistry(), Facts(), []
+    judge = Judge(CHECKS, registry)
     for measured in values:
-        run_checks(CHECKS, measured, registry)
+        for name, value in measured.items():
+            setattr(facts, name, value)
+        judge(facts)
         held.append(registry.active)
     return held
 
@@ -27,7 +30,7 @@ def held_after(*values: dict[str, float]) -> list[dict[FaultCode, str]]:
 def test_limits_have_a_hysteresis_either_way() -> None:
     levels = [{"level": v} for v in (0.26, 0.25, 0.27, 0.28, 0.27)]
     assert [bool(h) for h in held_after(*levels)] == [False, True, True, False, False]
-    full = [{"full": v} for v in (0.49, 0.5, 0.46, 0.44, 0.46)]
+    full = [{"saturated": v} for v in (0.49, 0.5, 0.46, 0.44, 0.46)]
     assert [bool(h) for h in held_after(*full)] == [False, True, True, False, False]
 
 
@@ -37,15 +40,27 @@ def test_any_row_of_a_fault_holds_it_and_the_first_gives_the_reason() -> None:
 
 
 def test_checks_without_a_measurement_stay_unchanged() -> None:
-    assert held_after({"full": 0.9}, {"level": 0.9}, {"full": 0.1}) == [{BRIGHT: "full 90%"}] * 2 + [{}]
+    assert held_after({"saturated": 0.9}, {"level": 0.9}, {"saturated": 0.1}) == [
+        {BRIGHT: "full 90%"}
+    ] * 2 + [{}]
 
 
 def test_nan_is_no_fault() -> None:
-    assert held_after({"level": math.nan, "full": math.nan}) == [{}]
+    assert held_after({"level": math.nan, "saturated": math.nan}) == [{}]
 
 
-def test_faults_may_be_raised_without_clearing_others() -> None:
+def test_a_fault_that_another_thread_raised_is_judged_with_the_next_frame() -> None:
+    registry, facts = FaultRegistry(), Facts(level=0.9, saturated=0.47)
+    judge = Judge(CHECKS, registry)
+    judge(facts)
+    registry.report(DARK, True, "by another thread")
+    registry.report(BRIGHT, True, "by another thread")
+    judge(facts)
+    assert set(registry.active) == {BRIGHT}  # the limit of a fault that holds is the lower one
+
+
+def test_what_would_hold_is_not_reported() -> None:
     registry = FaultRegistry()
-    run_checks(CHECKS, {"full": 0.9}, registry)
-    run_checks(CHECKS, {"level": 0.1, "full": 0.1}, registry, clear=False)
-    assert set(registry.active) == {DARK, BRIGHT}
+    held = Judge(CHECKS, registry).would_hold(Facts(level=0.1, black=True, saturated=0.6))
+    assert {code: check.measure for code, check in held.items()} == {DARK: "level", BRIGHT: "saturated"}
+    assert not registry.active
