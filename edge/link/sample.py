@@ -8,7 +8,6 @@ Rules
 
 from __future__ import annotations
 
-from dataclasses import fields
 from math import nan
 from typing import Any, Protocol
 
@@ -18,29 +17,13 @@ from hostlink.wire.fields import CONTACTS_MAX
 
 __all__ = ["Measured", "to_state"]
 
-#: Fields that the calibration fills in; the others are the frame's own.
-VALUES = frozenset(f.name for f in fields(State)) - {
-    "sample",
-    "status",
-    "capture_time_us",
-    "latency_us",
-    "pins_tracked",
-    "contact_n",
-    "contacts",
-    "displacement_sigma_mm",
-    "shear_sigma_mm",
-    "force_xy_sigma_n",
-    "torque_z_sigma_nmm",
-    "temperature_degc",
-}
-
-#: Values whose standard deviations are sent; two axes share the larger one.
-SIGMAS = {
-    "displacement_sigma_mm": ("displacement_mm",),
-    "shear_sigma_mm": ("shear_x_mm", "shear_y_mm"),
-    "force_xy_sigma_n": ("force_x_n", "force_y_n"),
-    "torque_z_sigma_nmm": ("torque_z_nmm",),
-}
+#: Standard deviations that are sent, each with the values that it is of; two axes share the larger one.
+SIGMAS = (
+    ("displacement_sigma_mm", ("displacement_mm",)),
+    ("shear_sigma_mm", ("shear_x_mm", "shear_y_mm")),
+    ("force_xy_sigma_n", ("force_x_n", "force_y_n")),
+    ("torque_z_sigma_nmm", ("torque_z_nmm",)),
+)
 
 
 class Measured(Protocol):
@@ -69,35 +52,32 @@ def to_state(
     status            bits known so far; SATURATED, UNCALIBRATED and TRACKER_LOST are added from the result
     capture_time_us   start of exposure on this device's monotonic clock
     latency_us        from capture to sending
-    Raises            KeyError: a value that the wire has no field for (a programming error)
+    Raises            TypeError: a value that the wire has no field for (a programming error)
     """
     frame: dict[str, Any] = {
         "sample": sample,
+        "status": status,
         "capture_time_us": capture_time_us,
         "latency_us": latency_us,
         "temperature_degc": temperature_degc,
     }
     if measured is None:
-        return State(status=status, **frame)
+        return State(**frame)
     reading, tracks = measured.reading, measured.tracks
-    values, sigmas, n = reading.values, reading.sigmas, len(tracks.seen)
-    if not (VALUES.issuperset(values) and VALUES.issuperset(sigmas)):
-        unknown = (values.keys() | sigmas.keys()) - VALUES
-        raise KeyError(f"the state frame has no field {', '.join(sorted(unknown))}")
+    sigmas, found, n = reading.sigmas, reading.contacts, len(tracks.seen)
+    frame |= reading.values
+    for name, parts in SIGMAS:
+        if parts[0] in sigmas:
+            frame[name] = max([sigmas[part] for part in parts])
     if not reading.calibrated:
-        status |= Status.UNCALIBRATED
+        frame["status"] |= Status.UNCALIBRATED
     if reading.saturated:
-        status |= Status.SATURATED
+        frame["status"] |= Status.SATURATED
     if tracks.confidence < Tracks.LOW_CONFIDENCE:
-        status |= Status.TRACKER_LOST
-    frame |= values
-    for name, of in SIGMAS.items():
-        frame[name] = max([sigmas[part] for part in of if part in sigmas], default=nan)
-    found = reading.contacts
-    return State(
-        status=status,
-        pins_tracked=tracks.n_seen / n if n else nan,
-        contact_n=len(found),
-        contacts=tuple([Contact(*row) for row in found[:CONTACTS_MAX].tolist()]) if len(found) else (),
-        **frame,
-    )
+        frame["status"] |= Status.TRACKER_LOST
+    if n:
+        frame["pins_tracked"] = tracks.n_seen / n
+    if len(found):
+        frame["contact_n"] = len(found)
+        frame["contacts"] = tuple([Contact(*row) for row in found[:CONTACTS_MAX].tolist()])
+    return State(**frame)

@@ -7,12 +7,12 @@ along them and one `struct` call each way. Layout and rules: `fields`.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 from functools import cache
+from itertools import repeat
 from math import nan
-from operator import attrgetter
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar, cast, dataclass_transform
 from zlib import crc32
 
 from hostlink.wire.e2e import check_p5, protect_p5
@@ -42,13 +42,93 @@ class Contact:
     depth_mm: float = nan
 
 
-@dataclass(frozen=True, slots=True)
+T = TypeVar("T")
+
+
+class _Decoded:
+    """A field of a sample that came as raw values: decoded when it is read first.
+
+    An instance's own values come before this; a sample that was made of values has the default here.
+    """
+
+    def __init__(self, name: str, default: Any, decode: Callable[[Sequence[int]], Any]) -> None:
+        self._name, self._default, self._decode = name, default, decode
+
+    def __get__(self, state: State | None, owner: type) -> Any:
+        if state is None:
+            return self._default  # of the class: what `dataclasses.fields` and a reader of the class see
+        values = vars(state)
+        if "raws" not in values:
+            return self._default
+        values[self._name] = value = self._decode(values["raws"])
+        return value
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def _sample(cls: type[T]) -> type[T]:
+    """A frozen dataclass whose fields are decoded when they are read: a control loop reads a few of 29, and a
+    dataclass's own constructor takes longer than the bus.
+    """
+    made = dataclass(frozen=True, init=False)(cls)
+    for row in fields(cast("Any", made)):
+        setattr(made, row.name, _Decoded(row.name, row.default, _decoder_of(row.name)))
+    return made
+
+
+def _decoder_of(name: str) -> Callable[[Sequence[int]], Any]:
+    """What makes a field's value of the raw values in the order of LAYOUT."""
+    if name == "contacts":
+        return _contacts_of
+    i = _NAMES.index(name)
+    scale, raw_nan = _SCALES[i], _NANS[i]
+    if i == _STATUS:
+        return lambda raws: _status(raws[i])
+    return lambda raws: raws[i] * scale if raws[i] != raw_nan else nan
+
+
+def _contacts_of(raws: Sequence[int]) -> tuple[Contact, ...]:
+    values = [
+        raw * scale if raw != raw_nan else nan
+        for raw, scale, raw_nan in zip(
+            raws[_FIRST:_BEHIND], _SCALES[_FIRST:_BEHIND], _NANS[_FIRST:_BEHIND], strict=True
+        )
+    ]
+    return tuple(
+        Contact(*values[i : i + _CONTACT_SIZE])
+        for i in range(0, len(values), _CONTACT_SIZE)
+        if raws[_FIRST + i] != _NANS[_FIRST]
+    )
+
+
+_BODY: Final = struct.Struct("<B" + "".join(f.code for f in LAYOUT))  # version, fields
+_BODY_AT: Final = HEADER_SIZE - 1
+_CHECK_AT: Final = STATE_SIZE - CHECK_SIZE
+assert _BODY_AT + _BODY.size == _CHECK_AT
+
+# LAYOUT turned into columns, and where the contacts lie among them.
+_NAMES: Final = tuple(f.name for f in LAYOUT)
+_CONTACT_SIZE: Final = 3
+_FIRST: Final = _NAMES.index("contact0_x_mm")
+_BEHIND: Final = _FIRST + CONTACTS_MAX * _CONTACT_SIZE
+_SAMPLE, _STATUS, _TIME, _COUNT = map(_NAMES.index, ("sample", "status", "capture_time_us", "contact_n"))
+_COUNT_MAX: Final = int(LAYOUT[_COUNT].high)
+
+# A plain integer is scaled by 1, and none of its raw values is NaN.
+_SCALES: Final = tuple(f.scale or 1 for f in LAYOUT)
+_NANS: Final = tuple(-1 if f.plain else f.raw_nan(8 * f.size) for f in LAYOUT)
+_LIMITS: Final = tuple((f.low, f.high, f.raw_low, f.raw_high) for f in LAYOUT)
+
+_status = cache(Status)  # making a flag from its bits costs more than the rest of a field
+
+
+@_sample
 class State:
     """One sample of one fingertip; give the fields by name. Meaning, unit, frame, range: `fields.LAYOUT`.
 
     Floats are NaN where not measured, not calibrated, not asked for or not to be trusted.
     sample and capture_time_us are counters that wrap (16 and 32 bits); `pack_state` takes larger ones
     and keeps their low bits. contacts: at most 2, strongest first; contact_n may be larger.
+    Raises TypeError: no such field; ValueError: more contacts
     """
 
     sample: int = 0
@@ -81,79 +161,56 @@ class State:
     temperature_degc: float = nan
     contacts: tuple[Contact, ...] = ()
 
-    def __post_init__(self) -> None:
-        if len(self.contacts) > CONTACTS_MAX:
-            raise ValueError(f"{len(self.contacts)} contacts, at most {CONTACTS_MAX} fit: give the strongest")
+    if not TYPE_CHECKING:  # a type checker reads the fields
+
+        def __init__(self, **values):
+            if not _FIELDS.issuperset(values):
+                raise TypeError(f"a sample has no field {', '.join(sorted(values.keys() - _FIELDS))}")
+            if "contacts" in values and len(values["contacts"]) > CONTACTS_MAX:
+                raise ValueError(
+                    f"{len(values['contacts'])} contacts, at most {CONTACTS_MAX} fit: give the strongest"
+                )
+            vars(self).update(values)
 
 
-_BODY: Final = struct.Struct("<B" + "".join(f.code for f in LAYOUT))  # version, fields
-_BODY_AT: Final = HEADER_SIZE - 1
-_CHECK_AT: Final = STATE_SIZE - CHECK_SIZE
-assert _BODY_AT + _BODY.size == _CHECK_AT
-
-# LAYOUT turned into columns, and where the contacts lie among them.
-_NAMES: Final = tuple(f.name for f in LAYOUT)
-_CONTACT_SIZE: Final = 3
-_FIRST: Final = _NAMES.index("contact0_x_mm")
-_BEHIND: Final = _FIRST + CONTACTS_MAX * _CONTACT_SIZE
-_BEFORE_CONTACTS: Final = attrgetter(*_NAMES[:_FIRST])
-_BEHIND_CONTACTS: Final = attrgetter(*_NAMES[_BEHIND:])
-_SAMPLE, _STATUS, _TIME, _COUNT = map(_NAMES.index, ("sample", "status", "capture_time_us", "contact_n"))
-_COUNT_MAX: Final = int(LAYOUT[_COUNT].high)
-
-# A plain integer is scaled by 1, and none of its raw values is NaN.
-_SCALES: Final = tuple(f.scale or 1 for f in LAYOUT)
-_NANS: Final = tuple(-1 if f.plain else f.raw_nan(8 * f.size) for f in LAYOUT)
-_LIMITS: Final = tuple(
-    (f.scale or 1, f.low, f.high, f.raw_low, f.raw_high, n) for f, n in zip(LAYOUT, _NANS, strict=True)
-)
-
-_status = cache(Status)  # making a flag from its bits costs more than the rest of a field
+_FIELDS: Final = frozenset(f.name for f in fields(cast("Any", State)))
 
 
-def quantise(state: State) -> list[int]:
+def quantise(state: State) -> Sequence[int]:
     """Raw integers of all fields, in the order of LAYOUT.
 
     Finite values saturate, NaN becomes the 64-byte frame's NaN; sample number and capture time wrap.
     A contact without a place is left out.
     """
+    values = vars(state)
+    if "raws" in values:
+        raws: Sequence[int] = values["raws"]
+        return raws
     places: list[float] = []
     for contact in state.contacts:
         if contact.x_mm == contact.x_mm and contact.y_mm == contact.y_mm:
             places += (contact.x_mm, contact.y_mm, contact.depth_mm)
-    contact_n = len(places) // _CONTACT_SIZE
-    places += (nan,) * (_BEHIND - _FIRST - len(places))
-    values = (*_BEFORE_CONTACTS(state), *places, *_BEHIND_CONTACTS(state))
-    raws = []
-    for value, (scale, low, high, raw_low, raw_high, raw_nan) in zip(values, _LIMITS, strict=True):
-        if low < value < high:
-            raws.append(round(value / scale))
-        elif value >= high:
-            raws.append(raw_high)
-        elif value <= low:
-            raws.append(raw_low)
-        else:
-            raws.append(raw_nan)
-    raws[_SAMPLE] = state.sample & 0xFFFF
-    raws[_STATUS] = int(state.status) & 0xFFFF
-    raws[_TIME] = state.capture_time_us & 0xFFFF_FFFF
-    raws[_COUNT] = min(max(state.contact_n, contact_n), _COUNT_MAX)
-    return raws
+    column = [*map(values.get, _NAMES, repeat(nan))]
+    column[_FIRST : _FIRST + len(places)] = places
+    made = [*_NANS]
+    for i, value in enumerate(column):
+        if value == value:
+            low, high, raw_low, raw_high = _LIMITS[i]
+            made[i] = (
+                round(value / _SCALES[i]) if low < value < high else raw_high if value >= high else raw_low
+            )
+    made[_SAMPLE] = state.sample & 0xFFFF
+    made[_STATUS] = int(state.status) & 0xFFFF
+    made[_TIME] = state.capture_time_us & 0xFFFF_FFFF
+    made[_COUNT] = min(max(state.contact_n, len(places) // _CONTACT_SIZE), _COUNT_MAX)
+    return made
 
 
 def restore(raws: Sequence[int]) -> State:
-    """The inverse of `quantise`."""
-    values: list[Any] = [
-        raw * scale if raw != raw_nan else nan
-        for raw, scale, raw_nan in zip(raws, _SCALES, _NANS, strict=True)
-    ]
-    values[_STATUS] = _status(raws[_STATUS])
-    contacts = tuple(
-        Contact(values[i], values[i + 1], values[i + 2])
-        for i in range(_FIRST, _BEHIND, _CONTACT_SIZE)
-        if raws[i] != _NANS[_FIRST]
-    )
-    return State(*values[:_FIRST] + values[_BEHIND:] + [contacts])
+    """The inverse of `quantise`. The sample keeps the raw values, and decodes a field when it is read."""
+    state = State()
+    vars(state)["raws"] = raws
+    return state
 
 
 def check_of(raws: Sequence[int]) -> int:
