@@ -52,7 +52,6 @@ RENAMED = {
     "look": "appearance",
     "Look": "Appearance",
     "loose": "unassigned",
-    "moved_px": "median_offset_px",
     "news": "changed, arrived",
     "relief": "contact_field",
     "rise": "interpolate",

@@ -7,19 +7,19 @@ when it is computed, and has them judged at once. Whatever raises a fault also c
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edge.faults.frame_counts import count_longer
-from edge.faults.image_quality import IMAGE_CHECKS, ImageQuality, common_step_px, median_offset_px
+from edge.faults.frame_counts import PinCounts
+from edge.faults.image_quality import IMAGE_CHECKS, ImageQuality, common_step_px
 from edge.faults.judge import Check, Facts, Judge
 from edge.faults.pin_visibility import PinVisibility
 from edge.faults.registry import FaultRegistry
 from edge.params import PARAMS as RUNTIME
 from edge.pipeline import Result
 from edge.sources.live import stalled_after_s
-from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Rest, Tracks
+from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Reading, Rest
 from hostlink.clock import DRIFT_MAX
 from hostlink.wire import FaultCode as F
 from hostlink.wire import Status
@@ -39,6 +39,9 @@ class FaultParams:
 
 
 PARAMS = FaultParams()
+_STALLED_NS = stalled_after_s(None) * 1e9  # at the highest rate
+_NOWHERE = np.empty((0, 3))
+_NO_OFFSET = np.zeros(2)
 NO_CALIBRATION = "no calibration file was given"
 
 
@@ -101,12 +104,13 @@ class FaultDetector:
         self._live = source if isinstance(source, LiveSource) else None
         self._params = params
         self._facts = Facts()
-        self._judge = Judge(fault_checks(params), registry)
+        self._calibrated = False
+        self._verdict = Judge(fault_checks(params), registry)
         self._image = ImageQuality()
         self._pins: PinVisibility | None = None
         self._pitch_px = 0.0
         self._motion_px: Array = np.empty((0, 2))  # of the last frame that gave it
-        self._offset_px: Array = np.zeros(2)  # by which the camera moved, as last known
+        self._offset_px: Array = _NO_OFFSET  # by which the camera moved, as last known
         self._skipped_n = 0
         self._least_age_ns = 0.0  # of an image when work on it begins, since the capture clock last stepped
         self.gaps_n = 0  # in the frames' numbers, since the start
@@ -124,9 +128,10 @@ class FaultDetector:
         """Take `rest`, seen in `frame`, as the untouched tip from now on."""
         self._pins = PinVisibility(rest)
         self._pitch_px = rest.pattern.pitch_px
-        self._motion_px, self._offset_px = np.zeros_like(rest.xy_img), np.zeros(2)
+        self._motion_px, self._offset_px = np.zeros_like(rest.xy_img), _NO_OFFSET
         self._image.learn(rest, frame)
         self._facts.forget_pins()
+        self._calibrated = calibrated
         for code in _OF_THE_REST:
             self._registry.report(code, False)
         self._registry.report(F.CALIBRATION_MISSING, not calibrated, NO_CALIBRATION)
@@ -167,28 +172,38 @@ class FaultDetector:
         facts.clock_jump_s = (step_ns - (passed_ns if live else 0)) / 1e9
         self._least_age_ns = float(age_ns) if stepped else min(self._least_age_ns, age_ns)
         gap_ns = passed_ns if stepped else step_ns
-        self.after_gap |= gap_ns > stalled_after_s(self._source.rate_hz) * 1e9
+        if gap_ns > _STALLED_NS:
+            self.after_gap |= gap_ns > stalled_after_s(self._source.rate_hz) * 1e9
         self.gaps_n += max(0, frame.sequence - before.sequence - 1)
 
-    def judge(self, frame: Frame, result: Result | None, drifted_share: float = 0.0) -> bool:
-        """Judge a frame that was computed. False: no values may be sent for it.
+    def judge(self, frame: Frame, result: Result | None, drifted_share: float = 0.0) -> Result | None:
+        """Judge a frame that was computed; returns what may be sent of its result: all, nothing but the
+        tracks, or not even their identities.
 
         result         None: there is no rest frame yet
         drifted_share  of the pins whose learnt drift is at its limit
         """
-        facts = self._facts
-        facts.failed, doubtful = False, False
+        facts, pins = self._facts, self._pins
+        facts.failed, look_closer = False, False
         if result is not None:
-            assert self._pins is not None
-            facts.unidentified = result.features is None
-            facts.why_missing = self._pins.problem(result.tracks)
+            assert pins is not None
+            facts.why_missing = pins.problem(result.tracks)
             facts.pins_missing = bool(facts.why_missing)
-            doubtful = facts.unidentified or self._pins.needs_focus_check(result.tracks)
-            self._note_motion(result.features, drifted_share)
-        self._note_image(frame, doubtful)
+            if pins.impossible and result.features is not None:
+                result = replace(
+                    result, tracks=replace(result.tracks, confidence=0.0), cells=None, features=None
+                )
+            facts.unidentified = result.features is None
+            look_closer = facts.unidentified or pins.needs_focus_check()
+            facts.far_share = 0.0
+            if result.features is not None:
+                self._note_motion(pins.counts, result.features, drifted_share)
+        self._note_image(frame, look_closer)
         self._end()
         blind = self.frozen or Status.CAMERA_FAULT in self._registry.status
-        return not (facts.unidentified or facts.pins_missing or blind)
+        if result is not None and (facts.unidentified or facts.pins_missing or blind):
+            result = replace(result, reading=Reading({}, {}, _NOWHERE, calibrated=self._calibrated))
+        return result
 
     def failed(self, why: str) -> None:
         """Judge a frame that could not be computed."""
@@ -200,15 +215,15 @@ class FaultDetector:
         facts.camera_lost, facts.camera_stalled = condition == "lost", condition in _STALLED
         if condition:
             facts.camera = f"{self._source.name}: {condition}"
-        self._judge(facts)
+        self._verdict(facts)
 
-    def _note_image(self, frame: Frame, doubtful: bool) -> None:
+    def _note_image(self, frame: Frame, look_closer: bool) -> None:
         """Brightness; and focus, when it is due or pins are missing and brightness does not explain it."""
         facts = self._facts
         facts.black = self._live is not None and self._live.frame_condition == "black"
         self._image.brightness(frame, facts)
-        if doubtful or self._image.focus_due(frame):
-            held = self._judge.would_hold(facts)
+        if look_closer or self._image.focus_due(frame):
+            held = self._verdict.would_hold(facts)
             if F.IMAGE_DARK not in held and F.IMAGE_BRIGHT not in held:
                 self._image.measure_focus(frame, facts)
 
@@ -223,47 +238,32 @@ class FaultDetector:
             if waiting is not None:  # report its brightness without waiting for the search
                 facts = Facts()
                 self._image.brightness(waiting, facts)
-                for code, check in self._judge.would_hold(facts).items():
+                for code, check in self._verdict.would_hold(facts).items():
                     self._registry.report(code, True, check.reason.format_map(vars(facts)))
 
-    def impossible(self, tracks: Tracks) -> bool:
-        """Whether pins moved further than skin can: the pattern was matched to itself rotated."""
-        assert self._pins is not None
-        return self._pins.impossible(tracks)
+    def _note_motion(self, counts: PinCounts, features: Features, drifted_share: float) -> None:
+        """Whether pins moved beyond the load limit, and the camera from where it was at the rest frame.
 
-    def _note_motion(self, features: Features | None, drifted_share: float) -> None:
-        """Whether pins moved beyond the load limit, and the camera from where it was at the rest frame."""
-        facts = self._facts
-        facts.far_share = 0.0
-        if features is None:
-            return
-        motion_px = features.displacement_px
-        if features.in_contact:
-            facts.limit_px = self._params.load_pitches * self._pitch_px
-            facts.far_n = count_longer(motion_px, facts.limit_px)  # a lost pin does not count
-            facts.far_share = facts.far_n / len(motion_px)
-        self._note_place(motion_px, features.in_contact, drifted_share)
-
-    def _note_place(self, motion_px: Array, in_contact: bool, drifted_share: float) -> None:
-        """An untouched tip shows by the places of its pins whether the camera moved; under a touch, the step
+        An untouched tip shows by the places of its pins whether the camera moved; under a touch, the step
         common to all pins shows a knock.
-
-        motion_px      (n, 2) since rest; NaN where lost
-        drifted_share  of the pins whose learnt drift is at its limit
         """
         facts = self._facts
-        before_px, self._motion_px = self._motion_px, motion_px
-        limit_px = self._params.moved_pitches * self._pitch_px
-        if in_contact:
-            step_px = common_step_px(motion_px - before_px, limit_px)
-            if step_px is None:
+        before_px, self._motion_px = self._motion_px, features.displacement_px
+        motion_px, limit_px = self._motion_px, self._params.moved_pitches * self._pitch_px
+        if features.in_contact:
+            facts.limit_px = self._params.load_pitches * self._pitch_px
+            facts.far_n = counts.moved(motion_px, facts.limit_px)[0]  # a lost pin does not count
+            facts.far_share = facts.far_n / len(motion_px)
+            step_px = motion_px - before_px
+            common_px = common_step_px(step_px) if counts.moved(step_px, limit_px)[1] >= limit_px else None
+            if common_px is None:
                 return
-            self._offset_px = self._offset_px + step_px
+            self._offset_px = self._offset_px + common_px
             facts.off_px, drifted_share = float(np.hypot(*self._offset_px)), 0.0
         else:
-            facts.off_px = median_offset_px(motion_px)
+            facts.off_px = counts.moved(motion_px, limit_px)[1]
             off = self._registry.holds(F.CAMERA_MOVED) or facts.off_px > limit_px
-            self._offset_px = np.nanmedian(motion_px, axis=0) if off else np.zeros(2)
+            self._offset_px = np.nanmedian(motion_px, axis=0) if off else _NO_OFFSET
         facts.off_pitches, facts.drifted_share = facts.off_px / self._pitch_px, drifted_share
 
     def status(self, result: Result | None, skipped_n: int) -> Status:

@@ -1,4 +1,4 @@
-"""The measurements of `image_quality` and `fault_detector`: each one pass over some hundred numbers.
+"""What is counted of a frame's pins and image for its faults: each one pass over some hundred numbers.
 
 A kernel (`CONTRIBUTING.md`, "Kernels"). Meaning and limits are explained by the callers. NaN marks a lost
 pin; it does not count as far, and has no length.
@@ -12,13 +12,14 @@ import cython
 import numpy as np
 
 from edge.limits import IMAGE_SIDE_PX
-from edge.types import Image, Index
+from edge.types import Array, Image, Index
 
 if cython.compiled:
     from cython.cimports.edge.geometry.select import select_kth
-    from cython.cimports.libc.math import isnan, sqrt
+    from cython.cimports.libc.math import NAN, isnan, sqrt
 else:
     from math import isnan, sqrt
+    from math import nan as NAN  # noqa: N812
 
     from edge.geometry.select import select_kth
 
@@ -32,7 +33,26 @@ def sample_levels(image: Image, step: int, top: int) -> tuple[int, int, int]:
     _check_image(image)
     if step < 1:
         raise ValueError(f"a step of {step}: 1 or more is wanted")
+    if image.dtype == np.uint8:
+        return _sum_bytes(image, step, top)
     return _sum_levels(np.array(image[::step, ::step], np.int32, order="C"), top)
+
+
+@cython.cfunc
+def _sum_bytes(
+    image: cython.const[cython.uchar][:, :], step: cython.Py_ssize_t, top: cython.long
+) -> tuple[int, int, int]:
+    total: cython.longlong = 0
+    full: cython.Py_ssize_t = 0
+    x: cython.Py_ssize_t
+    y: cython.Py_ssize_t
+    rows: cython.Py_ssize_t = (image.shape[0] + step - 1) // step
+    columns: cython.Py_ssize_t = (image.shape[1] + step - 1) // step
+    for y in range(rows):
+        for x in range(columns):
+            total += image[y * step, x * step]
+            full += image[y * step, x * step] >= top
+    return total, full, rows * columns
 
 
 @cython.cfunc
@@ -48,53 +68,116 @@ def _sum_levels(samples: cython.int[:, ::1], top: cython.long) -> tuple[int, int
     return total, full, samples.shape[0] * samples.shape[1]
 
 
-def count_longer(vectors: cython.const[cython.double][:, :], limit: cython.double) -> int:
-    """How many of the vectors (n, 2) are longer than `limit`."""
-    if vectors.shape[1] != 2:
-        raise ValueError("vectors (n, 2) are wanted")
-    i: cython.Py_ssize_t
-    many: cython.Py_ssize_t = 0
-    for i in range(vectors.shape[0]):
-        many += vectors[i, 0] * vectors[i, 0] + vectors[i, 1] * vectors[i, 1] > limit * limit
-    return many
+@cython.cclass
+class PinCounts:
+    """What is counted of the pins of each frame.
 
+    rest_img  (n, 2) float64, px: where they are at rest
+    near      (n, k) int32: each pin itself, and its neighbours
+    bad, new  (n,) uint8, of the last frame that was counted: pins that are bad, and were not so before
+    Raises    ValueError: shapes do not fit, an index out of range
+    """
 
-def count_apart(
-    now: cython.const[cython.double][:, :], before: cython.const[cython.double][:, :], limit: cython.double
-) -> int:
-    """How many of the points (n, 2) lie further than `limit` from where they were."""
-    if now.shape[1] != 2 or before.shape[0] != now.shape[0] or before.shape[1] != 2:
-        raise ValueError("points (n, 2), now and before, are wanted")
-    i: cython.Py_ssize_t
-    many: cython.Py_ssize_t = 0
-    dx: cython.double
-    dy: cython.double
-    for i in range(now.shape[0]):
-        dx = now[i, 0] - before[i, 0]
-        dy = now[i, 1] - before[i, 1]
-        many += dx * dx + dy * dy > limit * limit
-    return many
+    bad = cython.declare(object, visibility="readonly")
+    new = cython.declare(object, visibility="readonly")
+    rest_img: cython.const[cython.double][:, ::1]
+    near: cython.const[cython.int][:, ::1]
+    is_bad: cython.uchar[::1]
+    is_new: cython.uchar[::1]
+    length2: cython.double[::1]
 
+    def __init__(self, rest_img: Array, near: Index) -> None:
+        n = len(rest_img)
+        if rest_img.shape != (n, 2) or near.ndim != 2 or len(near) != n:
+            raise ValueError("places (n, 2) and neighbours (n, k) are wanted")
+        if n and not 0 <= near.min() <= near.max() < n:
+            raise ValueError(f"neighbours are rows of {n} pins")
+        self.rest_img = np.array(rest_img, np.float64, order="C")
+        self.near = np.array(near, np.int32, order="C")
+        self.bad, self.new = np.zeros(n, np.uint8), np.zeros(n, np.uint8)
+        self.is_bad, self.is_new = self.bad, self.new
+        self.length2 = np.empty(n)
 
-def median_length(vectors: cython.const[cython.double][:, :]) -> float:
-    """Median length of the vectors (n, 2) without NaN, as numpy.nanmedian; 0 if there is none."""
-    if vectors.shape[1] != 2:
-        raise ValueError("vectors (n, 2) are wanted")
-    square: cython.double
-    i: cython.Py_ssize_t
-    m: cython.Py_ssize_t = 0
-    length2: cython.double[::1] = np.empty(vectors.shape[0])
-    for i in range(vectors.shape[0]):
-        square = vectors[i, 0] * vectors[i, 0] + vectors[i, 1] * vectors[i, 1]
-        if not isnan(square):
-            length2[m] = square
-            m += 1
-    if m == 0:
-        return 0.0
-    middle: cython.double = sqrt(select_kth(length2, m, m // 2))
-    if m % 2 == 0:
-        middle = 0.5 * (middle + sqrt(select_kth(length2, m, m // 2 - 1)))
-    return middle
+    def seen(
+        self,
+        xy_img: cython.const[cython.double][:, ::1],
+        sigma_px: cython.const[cython.double][::1],
+        noisy_px: cython.double,
+        far_px: cython.double,
+    ) -> tuple[int, int, int, int, int, float]:
+        """How many pins are seen, are bad, were not bad in the last frame, are bad with all their neighbours,
+        stand further from rest than `far_px`; and the mean sigma of those that are seen, NaN of none.
+
+        xy_img    (n, 2) px; NaN where lost
+        sigma_px  (n,); a pin is bad unless this is at most `noisy_px`
+        Raises    ValueError: shapes do not fit
+        """
+        if xy_img.shape[0] != self.rest_img.shape[0] or xy_img.shape[1] != 2:
+            raise ValueError(f"places ({self.rest_img.shape[0]}, 2) are wanted")
+        if sigma_px.shape[0] != self.rest_img.shape[0]:
+            raise ValueError(f"{self.rest_img.shape[0]} sigmas are wanted")
+        i: cython.Py_ssize_t
+        seen_n: cython.Py_ssize_t = 0
+        bad_n: cython.Py_ssize_t = 0
+        new_n: cython.Py_ssize_t = 0
+        far_n: cython.Py_ssize_t = 0
+        bad: cython.bint
+        noise: cython.double = 0.0
+        for i in range(xy_img.shape[0]):
+            dx: cython.double = xy_img[i, 0] - self.rest_img[i, 0]
+            dy: cython.double = xy_img[i, 1] - self.rest_img[i, 1]
+            far_n += dx * dx + dy * dy > far_px * far_px
+            if not isnan(dx):
+                seen_n += 1
+                noise += sigma_px[i]
+            bad = not sigma_px[i] <= noisy_px
+            bad_n += bad
+            self.is_new[i] = bad and not self.is_bad[i]
+            new_n += self.is_new[i]
+            self.is_bad[i] = bad
+        mean_px: cython.double = noise / seen_n if seen_n else NAN
+        return seen_n, bad_n, new_n, self._holes() if bad_n else 0, far_n, mean_px
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _holes(self) -> cython.Py_ssize_t:
+        i: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        many: cython.Py_ssize_t = 0
+        alone: cython.bint
+        for i in range(self.near.shape[0]):
+            alone = True
+            for k in range(self.near.shape[1]):
+                alone = alone and self.is_bad[self.near[i, k]] != 0
+            many += alone
+        return many
+
+    def moved(
+        self, motion_px: cython.const[cython.double][:, :], limit_px: cython.double
+    ) -> tuple[int, float]:
+        """How many of the vectors (n, 2) are longer than the limit, and the median length of those without
+        NaN, as numpy.nanmedian; 0 if there is none.
+
+        Raises  ValueError: shapes do not fit
+        """
+        if motion_px.shape[0] != self.length2.shape[0] or motion_px.shape[1] != 2:
+            raise ValueError(f"vectors ({self.length2.shape[0]}, 2) are wanted")
+        i: cython.Py_ssize_t
+        m: cython.Py_ssize_t = 0
+        long_n: cython.Py_ssize_t = 0
+        square: cython.double
+        for i in range(motion_px.shape[0]):
+            square = motion_px[i, 0] * motion_px[i, 0] + motion_px[i, 1] * motion_px[i, 1]
+            long_n += square > limit_px * limit_px
+            if not isnan(square):
+                self.length2[m] = square
+                m += 1
+        if m == 0:
+            return long_n, 0.0
+        middle: cython.double = sqrt(select_kth(self.length2, m, m // 2))
+        if m % 2 == 0:
+            middle = 0.5 * (middle + sqrt(select_kth(self.length2, m, m // 2 - 1)))
+        return long_n, middle
 
 
 @cython.cclass

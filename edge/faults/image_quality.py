@@ -16,7 +16,7 @@ from math import isqrt, nan
 
 import numpy as np
 
-from edge.faults.frame_counts import FocusWindows, median_length, sample_levels
+from edge.faults.frame_counts import FocusWindows, sample_levels
 from edge.faults.judge import Check, Facts
 from edge.params import PARAMS as RUNTIME
 from edge.pins.lens import rest_as_seen
@@ -32,7 +32,6 @@ __all__ = [
     "ImageQuality",
     "common_step_px",
     "level_of",
-    "median_offset_px",
 ]
 
 
@@ -50,6 +49,7 @@ class ImageParams:
 PARAMS = ImageParams()
 #: One grey level of 8 bits, of full scale: an image with a lower mean is black.
 ONE_LEVEL = 1 / 255
+_SAMPLE_N = RUNTIME.sample_n
 _DARK = "mean level {level:.1%} of full scale, {rest_level:.1%} at rest"
 #: Brightness, the camera's own "black", and focus.
 IMAGE_CHECKS = (
@@ -70,7 +70,7 @@ IMAGE_CHECKS = (
 def level_of(image: Image, bits: int) -> tuple[float, float]:
     """Mean level and share of saturated pixels, of full scale."""
     top = (1 << bits) - 1
-    step = max(1, isqrt(image.size) // RUNTIME.sample_n)
+    step = max(1, isqrt(image.size) // _SAMPLE_N)
     total, full, n = sample_levels(image, step, top)
     return (total / (n * top), full / n) if n else (0.0, 0.0)
 
@@ -85,13 +85,14 @@ class ImageQuality:
         self._rest = (0.0, 0.0, 0.0)
         self._noise_energy = 0.0
         self._level = self._saturated = 0.0
-        self._due_ns: int | None = None
+        self._period_ns = round(params.focus_period_s * 1e9)
+        self._due_ns = -1  # at once
 
     def learn(self, rest: Rest, frame: Frame) -> None:
         """Take this image of the untouched tip as the reference."""
         height, width = frame.image.shape
         rest = rest_as_seen(rest)
-        half, n = max(3, round(rest.pattern.pitch_px / 2)), RUNTIME.sample_n
+        half, n = max(3, round(rest.pattern.pitch_px / 2)), _SAMPLE_N
         xy = np.rint(rest.xy_img).astype(np.int32)
         inside = np.all((xy >= half) & (xy < [width - half, height - half]), axis=1)
         chosen = xy[inside][:: max(1, np.count_nonzero(inside) // n)]
@@ -100,7 +101,7 @@ class ImageQuality:
         self._noise_energy = 4.0 * rest.pattern.noise**2  # of two differences of two pixels each
         self._level, self._saturated = level_of(frame.image, frame.bits)
         self._rest = self._windows(self._focus, frame.image) if self._focus else (0.0, 0.0, 0.0)
-        self._due_ns = None
+        self._due_ns = -1  # at once
 
     def brightness(self, frame: Frame, facts: Facts) -> None:
         """Write what `IMAGE_CHECKS` names of the brightness. Changes no state of its own; for any thread."""
@@ -112,8 +113,7 @@ class ImageQuality:
 
     def focus_due(self, frame: Frame) -> bool:
         """Whether the sharpness was not measured for a while."""
-        due = self._due_ns is None or not 0 <= self._due_ns - frame.capture_ns <= self._period_ns
-        return due and self._focus is not None
+        return self._focus is not None and not 0 <= self._due_ns - frame.capture_ns <= self._period_ns
 
     def measure_focus(self, frame: Frame, facts: Facts) -> None:
         """Write the sharpness."""
@@ -125,10 +125,6 @@ class ImageQuality:
         flat = contrast / max(level, 1.0) < self._params.least_rel * rest_contrast / max(rest_level, 1.0)
         facts.sharpness = 0.0 if flat else energy / rest_energy if rest_energy > 0.0 else 1.0
 
-    @property
-    def _period_ns(self) -> int:
-        return round(self._params.focus_period_s * 1e9)
-
     def _windows(self, windows: FocusWindows, image: Image) -> tuple[float, float, float]:
         """Energy of the gradient over the contrast squared; contrast; level: medians over the windows."""
         level = windows.measure(image, self._seen)
@@ -137,22 +133,11 @@ class ImageQuality:
         return float(np.median(energy)), float(np.median(contrast)), level
 
 
-def median_offset_px(motion_px: Array) -> float:
-    """Offset of the pins as a whole: median length of their motion.
-
-    motion_px  (n, 2) since rest, of an untouched tip; NaN where lost
-    """
-    return median_length(motion_px)
-
-
-def common_step_px(step_px: Array, least_px: float, params: ImageParams = PARAMS) -> Array | None:
-    """The common step of all pins, as when the camera is knocked; None: there was none.
+def common_step_px(step_px: Array, params: ImageParams = PARAMS) -> Array | None:
+    """The common step of all pins, as when the camera is knocked; None: they did not move alike.
 
     step_px   (n, 2) from one frame to the next; NaN where lost in either
-    least_px  smaller steps do not count
     """
-    if median_offset_px(step_px) < least_px:
-        return None
     common: Array = np.nanmedian(step_px, axis=0)
     off_px = np.hypot(*(step_px - common).T)
     alike = np.nanquantile(off_px, params.alike_share) < params.half_rel * np.hypot(*common)

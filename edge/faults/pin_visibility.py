@@ -18,7 +18,7 @@ from math import log, sqrt
 
 import numpy as np
 
-from edge.faults.frame_counts import count_apart
+from edge.faults.frame_counts import PinCounts
 from edge.faults.image_quality import PARAMS as IMAGE
 from edge.features.params import PARAMS as FEATURES
 from edge.geometry.lattice import N_RING
@@ -57,35 +57,48 @@ PARAMS = PinVisibilityParams()
 
 
 class PinVisibility:
-    """Checks the pins of each frame against the rest frame."""
+    """Checks the pins of each frame against the rest frame.
+
+    counts      what is counted of each frame
+    impossible  the pins moved further than skin can: the pattern was matched to itself rotated
+    """
 
     def __init__(self, rest: Rest, params: PinVisibilityParams = PARAMS) -> None:
         self._params = params
-        self._rest_img = np.ascontiguousarray(rest.xy_img)
         self._reason = ""
         self._good_n = params.settled_frames_n
         self._baseline_share = 1.0
         self._baseline_px = float(np.nanmean(rest.pins.sigma_px))
         self._near = nearest_of(rest.xy_img, rest.xy_img, N_RING + 1)[1]
-        self._bad, self._before = np.zeros(len(rest), dtype=np.bool_), rest.xy_img
+        self.counts = PinCounts(rest.xy_img, self._near)
+        self._before = rest.xy_img
         self._pitch_px = rest.pattern.pitch_px
+        self._far_px = params.far_pitches * self._pitch_px
+        self._n = len(rest)
+        self._seen_n = 0
+        self._noise_px = 0.0
+        self.impossible = False
 
     def problem(self, tracks: Tracks) -> str:
-        """Why the pins allow no values for this frame; empty: they do."""
-        p, n = self._params, len(tracks.seen)
-        share = tracks.n_seen / n
-        bad = ~(tracks.sigma_px <= p.noisy_ratio * self._baseline_px)  # NaN for a lost pin
-        hole_n = int(np.count_nonzero(bad[self._near].all(axis=1))) if bad.any() else 0
-        corrupt = self._image_corrupt(tracks, bad)
+        """Count a frame's pins. Why they allow no values for it; empty: they do."""
+        p, n = self._params, self._n
+        seen_n, _, new_n, hole_n, far_n, self._noise_px = self.counts.seen(
+            tracks.xy_img, tracks.sigma_px, p.noisy_ratio * self._baseline_px, self._far_px
+        )
+        self._seen_n = seen_n
+        self.impossible = far_n > p.far_rel * n
+        identified = tracks.confidence >= Tracks.LOW_CONFIDENCE and not self.impossible
+        share = seen_n / n
+        corrupt = new_n > 1 and self._image_corrupt(tracks)
+        self._before = tracks.xy_img
         few = share < p.seen_rel or hole_n > p.hole_rel * n or corrupt
         least = p.drop_rel * (1.0 + p.back_rel) if self._reason else p.drop_rel
         suddenly = share < least * self._baseline_share
         weight = p.forget_rel if few or suddenly else 1.0
         self._baseline_share += weight * (share - self._baseline_share) / p.baseline_frames_n
-        unidentified = tracks.confidence < Tracks.LOW_CONFIDENCE
-        if few or suddenly or unidentified:
+        if few or suddenly or not identified:
             self._good_n = 0
-            counted = f"{tracks.n_seen} of {n} pins are seen"
+            counted = f"{seen_n} of {n} pins are seen"
             if share < p.seen_rel:
                 self._reason = f"only {counted}"
             elif hole_n > p.hole_rel * n:
@@ -102,11 +115,10 @@ class PinVisibility:
                 self._reason = ""
         return self._reason
 
-    def _image_corrupt(self, tracks: Tracks, bad: Mask) -> bool:
+    def _image_corrupt(self, tracks: Tracks) -> bool:
         """Whether pins vanished side by side since the last frame while those around them did not move."""
-        p = self._params
-        gone, before = bad & ~self._bad, self._before
-        self._bad, self._before = bad, tracks.xy_img
+        p, before = self._params, self._before
+        gone, bad = self.counts.new.view(np.bool_), self.counts.bad.view(np.bool_)
         if _evidence_of_place(gone, self._near) <= log(p.corrupt_confidence / (1.0 - p.corrupt_confidence)):
             return False
         around = self._near[gone, 1:]
@@ -116,22 +128,15 @@ class PinVisibility:
         length_px = length_px[np.isfinite(length_px)]
         return not length_px.size or float(np.median(length_px)) < p.still_pitches * self._pitch_px
 
-    def needs_focus_check(self, tracks: Tracks) -> bool:
+    def needs_focus_check(self) -> bool:
         """Whether pins are missing, or seen with more noise than the baseline."""
         p = self._params
-        if tracks.n_seen < (1.0 - RUNTIME.astray_rel) * len(tracks.seen):
+        if self._seen_n < (1.0 - RUNTIME.astray_rel) * self._n:
             return True
-        noise_px = float(tracks.sigma_px[tracks.seen].mean())
         # A centroid's sigma is as the root of the gradient's energy.
-        noisy = noise_px * sqrt(p.blurred_rel) > self._baseline_px
-        self._baseline_px += (noise_px - self._baseline_px) / p.baseline_frames_n
+        noisy = self._noise_px * sqrt(p.blurred_rel) > self._baseline_px
+        self._baseline_px += (self._noise_px - self._baseline_px) / p.baseline_frames_n
         return noisy
-
-    def impossible(self, tracks: Tracks) -> bool:
-        """Whether pins moved further than skin can."""
-        p = self._params
-        far_n = count_apart(tracks.xy_img, self._rest_img, p.far_pitches * self._pitch_px)
-        return far_n > p.far_rel * len(self._rest_img)
 
 
 def _evidence_of_place(gone: Mask, near: Index) -> float:

@@ -297,13 +297,14 @@ class Loop:
         )
         since_ns = frame.capture_ns if ours else begun_ns
         state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)
-        self._counters.latency_us.add((self._clock_ns() - since_ns) / 1e3)
+        latency_us, compute_us = (self._clock_ns() - since_ns) / 1e3, (computed_ns - begun_ns) / 1e3
+        self._counters.add(compute_us, latency_us, nan if result is None else result.tracks.n_seen)
         self._notifier.frame()
-        self.session.take(frame, result, state)
-        if result is not None:
+        if self.session.recorder is not None:
+            self.session.take(frame, result, state)
+        if result is not None and self.result_callbacks:
             _call_each(self.result_callbacks, result, state)
         self._garbage.collect_if_due(begun_ns)
-        self._counters.compute_us.add((computed_ns - begun_ns) / 1e3)
         return state
 
     def _count(self, frame: Frame, begun_ns: int) -> None:

@@ -24,15 +24,13 @@ from edge.rest.request import Prepared, TareRequest, TareState
 from edge.rest.tare import PARAMS, RestFrame, TareParams, TareRefused, take_rest_frame
 from edge.runtime.process import give_back_memory
 from edge.runtime.statistics import StatisticsCollector
-from edge.types import Feature, Frame, FrameSource, Reading, Rest
+from edge.types import Feature, Frame, FrameSource, Rest
 from hostlink.output_file import OutputError
 from hostlink.wire import FaultCode, RestFrameReason, RestFrameState
 
 __all__ = ["LoopConfig", "Measurement"]
 
 log = logging.getLogger(__name__)
-
-_NOTHING = np.empty((0, 3))
 
 
 class _SizeChanged(EdgeError):
@@ -163,29 +161,25 @@ class Measurement:
                 )
 
     def _measure(self, frame: Frame) -> Result | None:
-        self._tare(frame)
+        if self.tare.busy or self.tare.request is not None:
+            self._tare(frame)
         detector, counts, drift = self._detector, self._counters.counts, self.drift
         if self.pipeline is None:
-            detector.judge(frame, None)
-            return None
+            return detector.judge(frame, None)
         if detector.after_gap:
             self.pipeline.forget()
         result = self.pipeline.process(frame, drift)
         counts.full_searches_n += result.searched
-        if result.features is not None and detector.impossible(result.tracks):
+        judged = detector.judge(frame, result, drift.limit_share if drift else 0.0)
+        assert judged is not None
+        if judged.tracks is not result.tracks:  # the pattern was matched to itself rotated
             self.pipeline.forget()
-            tracks = replace(result.tracks, confidence=0.0)
-            result = replace(result, tracks=tracks, cells=None, features=None)
-        tracks, features = result.tracks, result.features
+        features = judged.features
         counts.unidentified_n += features is None
-        self._counters.pins_seen.add(tracks.n_seen)
-        if not detector.judge(frame, result, drift.limit_share if drift else 0.0):
-            no_reading = Reading({}, {}, _NOTHING, calibrated=self.calibration is not None)
-            result = replace(result, reading=no_reading)
         if drift is not None:
             untouched = features is not None and not features.in_contact
-            drift.learn(tracks, frame.capture_ns, untouched and detector.quiet)
-        return result
+            drift.learn(judged.tracks, frame.capture_ns, untouched and detector.quiet)
+        return judged
 
     def use_rest(self, rest: Rest, frame: Frame) -> None:
         """Measure against this rest frame, taken from `frame`, instead of one from the first images."""

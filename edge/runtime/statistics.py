@@ -11,7 +11,7 @@ import numpy as np
 from edge.params import PARAMS
 from edge.types import Array
 
-__all__ = ["LoopStatistics", "RingBuffer", "StatisticsCollector"]
+__all__ = ["LoopStatistics", "StatisticsCollector"]
 
 
 @dataclass(slots=True)
@@ -53,55 +53,48 @@ class LoopStatistics:
     faults: dict[str, int] = field(default_factory=dict)
 
 
-class RingBuffer:
-    """The last values of a series, preallocated."""
-
-    def __init__(self, size: int = PARAMS.latencies_n) -> None:
-        self._values = np.zeros(size)
-        self._n = 0
-
-    def add(self, value: float) -> None:
-        """Append one, in place of the oldest."""
-        self._values[self._n % len(self._values)] = value
-        self._n += 1
-
-    @property
-    def values(self) -> Array:
-        """As many as there are, in no order."""
-        return self._values[: min(self._n, len(self._values))]
-
-    def quantiles(self) -> tuple[float, float, float]:
-        """Median, 99 %, 99.9 %; zeros while it is empty."""
-        if not self._n:
-            return (0.0, 0.0, 0.0)
-        a, b, c = np.quantile(self.values, (0.5, 0.99, 0.999))
-        return (float(a), float(b), float(c))
-
-
 class StatisticsCollector:
     """Counts while the loop runs.
 
     counts  the counters; `snapshot` adds the values measured elsewhere
     """
 
-    def __init__(self) -> None:
+    def __init__(self, size: int = PARAMS.latencies_n) -> None:
         self.counts = LoopStatistics()
-        self.compute_us, self.latency_us, self.pins_seen = RingBuffer(), RingBuffer(), RingBuffer()
         self.started_s = time.monotonic()
+        self._last = np.full((size, 3), np.nan)  # the last frames' times, us, and pins seen; preallocated
+        self._n = 0
+
+    def add(self, compute_us: float, latency_us: float, pins_n: float) -> None:
+        """Note a frame in place of the oldest.
+
+        pins_n  pins seen; NaN: there is no rest frame
+        """
+        self._last[self._n % len(self._last)] = compute_us, latency_us, pins_n
+        self._n += 1
 
     def snapshot(self, **measured: Any) -> LoopStatistics:
         """A copy of the present values.
 
         measured  fields of `LoopStatistics` that the caller knows
         """
-        counts, seen = self.counts, self.pins_seen.values
+        counts, last = self.counts, self._last[: min(self._n, len(self._last))]
+        seen = last[~np.isnan(last[:, 2]), 2]
         elapsed_s = time.monotonic() - self.started_s
         return replace(
             counts,
             pins_seen_min_n=int(seen.min()) if seen.size else 0,
             pins_seen_median_n=int(np.median(seen)) if seen.size else 0,
             rate_hz=counts.frames_n / elapsed_s if counts.frames_n else 0.0,
-            compute_us=self.compute_us.quantiles(),
-            latency_us=self.latency_us.quantiles(),
+            compute_us=_quantiles(last[:, 0]),
+            latency_us=_quantiles(last[:, 1]),
             **measured,
         )
+
+
+def _quantiles(values: Array) -> tuple[float, float, float]:
+    """Median, 99 %, 99.9 %; zeros while there are none."""
+    if not values.size:
+        return (0.0, 0.0, 0.0)
+    a, b, c = np.quantile(values, (0.5, 0.99, 0.999))
+    return (float(a), float(b), float(c))

@@ -152,7 +152,7 @@ def play() -> None:
     from edge.calibration import Calibration
     from edge.calibration.gaussian_process import ProcessKernel
     from edge.calibration.inputs import contact_inputs, evaluate_terms, frame_inputs
-    from edge.faults import frame_counts as measures
+    from edge.faults import frame_counts
     from edge.geometry import select
     from edge.pipeline import Pipeline
     from edge.rest.tare import tare
@@ -171,12 +171,12 @@ def play() -> None:
     frame_inputs(features, rest.pattern)
     contact_inputs(features.contacts[0], features, rest.pattern)
     image, motion = frames[-1].image, result.tracks.xy_img - rest.xy_img
-    measures.sample_levels(image, 8, 255)
-    measures.count_longer(motion, 1.0)
-    measures.count_apart(result.tracks.xy_img, rest.xy_img, 1.0)
-    measures.median_length(motion)
+    frame_counts.sample_levels(image, 8, 255)
+    counts = frame_counts.PinCounts(rest.xy_img, np.arange(len(rest), dtype=np.int32)[:, None])
+    counts.seen(result.tracks.xy_img, result.tracks.sigma_px, 0.05, 1.0)
+    counts.moved(motion, 1.0)
     corners = np.rint(rest.xy_img[20:24]).astype(np.int32)
-    measures.FocusWindows(corners, 7, 20).measure(image, np.empty((4, 2)))
+    frame_counts.FocusWindows(corners, 7, 20).measure(image, np.empty((4, 2)))
     select.kth_smallest(motion[:, 0].copy(), 3)
     evaluate_terms(np.ones((2, 3), np.complex128), [[0], [1, 5]])
     processes = ProcessKernel(INPUTS, MODELS)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.faults.frame_counts import FocusWindows, count_apart, count_longer, sample_levels
+from edge.faults.frame_counts import FocusWindows, PinCounts, sample_levels
 from edge.faults.image_quality import (
     IMAGE_CHECKS,
     ImageQuality,
     common_step_px,
     level_of,
-    median_offset_px,
 )
 from edge.faults.judge import Facts, Judge
 from edge.faults.registry import FaultRegistry
@@ -48,15 +47,38 @@ def test_levels_takes_images_only() -> None:
 
 @pytest.mark.parametrize("n", [1, 2, 7, 330, 331])
 @pytest.mark.parametrize("lost", [0, 1, 5])
-def test_lengths_are_numpy_s(n: int, lost: int) -> None:
+def test_counts_of_pins_are_numpy_s(n: int, lost: int) -> None:
     rng = np.random.default_rng(n + lost)
     before = rng.uniform(0.0, 600.0, (n, 2))
     now = before + rng.normal(0.0, 3.0, (n, 2))
     now[:lost] = np.nan
-    length = np.hypot(*(now - before).T)
-    assert count_apart(now, before, 3.0) == count_longer(now - before, 3.0) == np.count_nonzero(length > 3.0)
+    length, seen = np.hypot(*(now - before).T), ~np.isnan(now[:, 0])
+    sigma = np.where(seen, rng.uniform(0.02, 0.1, n), np.nan)
+    near = np.stack([np.arange(n), (np.arange(n) + 1) % n, (np.arange(n) + 2) % n], axis=1).astype(np.int32)
+    counts, were_bad = PinCounts(before, near), np.zeros(n, np.bool_)
+    for noisy in (0.05, 0.08, 0.03):
+        seen_n, bad_n, new_n, hole_n, far_n, noise = counts.seen(now, sigma, noisy, 3.0)
+        bad = ~(sigma <= noisy)
+        assert [seen_n, bad_n, far_n] == [seen.sum(), bad.sum(), np.count_nonzero(length > 3.0)]
+        assert [new_n, hole_n] == [(bad & ~were_bad).sum(), bad[near].all(axis=1).sum()]
+        assert noise == pytest.approx(sigma[seen].mean() if seen.any() else np.nan, nan_ok=True)
+        were_bad = bad
     wanted = np.nanmedian(length) if lost < n else 0.0
-    assert median_offset_px(now - before) == pytest.approx(wanted, rel=1e-12)
+    assert list(counts.moved(now - before, 3.0)) == [far_n, pytest.approx(wanted, rel=1e-12)]
+
+
+def test_counts_take_the_pins_of_their_tip_only() -> None:
+    counts = PinCounts(np.zeros((4, 2)), np.zeros((4, 1), np.int32))
+    for wrong in (np.zeros((3, 2)), np.zeros((4, 3))):
+        with pytest.raises(ValueError, match="4"):
+            counts.seen(wrong, np.zeros(4), 1.0, 1.0)
+        with pytest.raises(ValueError, match="4"):
+            counts.moved(wrong, 1.0)
+    with pytest.raises(ValueError, match="sigmas"):
+        counts.seen(np.zeros((4, 2)), np.zeros(3), 1.0, 1.0)
+    for near in (np.zeros((3, 1), np.int32), np.full((4, 1), 4, np.int32)):
+        with pytest.raises(ValueError, match=r"neighbours|rows"):
+            PinCounts(np.zeros((4, 2)), near)
 
 
 @pytest.mark.parametrize(("kind", "top"), [(np.uint8, 256), (np.uint16, 4096)])
@@ -86,13 +108,11 @@ def test_a_step_that_all_pins_make_is_common() -> None:
     random = np.random.default_rng(3)
     step_px = random.normal((2.0, -1.0), 0.1, (100, 2))
     step_px[::10] = np.nan
-    common_px = common_step_px(step_px, 1.0)
+    common_px = common_step_px(step_px)
     assert common_px is not None
     assert common_px == pytest.approx([2.0, -1.0], abs=0.05)
-    assert common_step_px(step_px, 3.0) is None  # too small to count
     step_px[1::5] = 0.0  # a fifth of the skin stays where it is
-    assert common_step_px(step_px, 1.0) is None
-    assert common_step_px(np.full((100, 2), np.nan), 1.0) is None
+    assert common_step_px(step_px) is None
 
 
 @pytest.mark.parametrize(("at_rest", "bright"), [(0.0, 0.6), (0.8, 0.95)])
