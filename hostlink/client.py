@@ -10,7 +10,9 @@ Rules
 - `latest` gives None rather than an old sample.
 - A sensor of another version raises VersionMismatch where its samples are requested, and where all samples
   are requested while no other finger sends any. It is logged in any case.
-- No message ends the link's thread: unexpected errors are counted, logged once, and skipped.
+- Neither a message nor a callback ends the link's thread: unexpected errors are counted, logged once, and
+  skipped.
+- Callbacks run in the link's thread. One that asks a finger, or waits for one, gets a UsageError at once.
 - The link reconnects by itself; meanwhile there are no samples, and `up` is False.
 """
 
@@ -38,6 +40,7 @@ from hostlink.events import (
     SecondSender,
 )
 from hostlink.finger import STALE_S, Finger, Info
+from hostlink.link_guard import LinkGuard
 from hostlink.links import CanLink, Link, open_link
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
 from hostlink.sequence import LinkStatistics
@@ -73,6 +76,7 @@ class Connection:
         self._can = CanDecoder(self._ids)
         self._serial = SerialDecoder(self._line_node)
         self._is_can = address.is_can
+        self._guard = LinkGuard(f"a callback of {address}")
         self._link: Link = open_link(address, self._receive)
 
     # ---- samples ----------------------------------------------------------------------------------
@@ -103,6 +107,7 @@ class Connection:
             )
         end_s = time.monotonic() + timeout_s
         if node not in self._fingers and timeout_s > 0:
+            self._link.may_wait()
             self._ask(node)
         with self._changed:
             self._changed.wait_for(lambda: node in self._fingers, max(0.0, end_s - time.monotonic()))
@@ -171,6 +176,7 @@ class Connection:
         timeout_s  longest wait for a sample; None: for ever
         Raises     LinkTimeout, VersionMismatch
         """
+        self._link.may_wait()
         subscription = self._subscribe()
         try:
             while True:
@@ -206,7 +212,10 @@ class Connection:
             self._subscriptions.remove(subscription)
 
     def on_sample(self, callback: Callable[[Sample], None]) -> Callable[[], None]:
-        """Call this with every sample, from the link's thread; returns a function that ends it."""
+        """Call this with every sample, from the link's thread; returns a function that ends it.
+
+        It must not ask a finger: that raises UsageError. What it raises is logged, and the link goes on.
+        """
         return _add(self._callbacks, callback)
 
     def on_detail(self, callback: Callable[[DetailFrame], None]) -> Callable[[], None]:
@@ -235,7 +244,7 @@ class Connection:
     @property
     def unforeseen_n(self) -> int:
         """Messages that led to an unexpected error; the first of each kind is logged."""
-        return self._link.unforeseen_n
+        return self._link.guard.unforeseen_n
 
     @property
     def statistics(self) -> Mapping[int, LinkStatistics]:
@@ -276,7 +285,7 @@ class Connection:
     # ---- the link's thread ------------------------------------------------------------------------
 
     def _receive(self, data: Any, arrival_s: float) -> None:
-        _call(self._raw, data, arrival_s)
+        self._call(self._raw, data, arrival_s)
         try:
             if self._is_can:
                 if data.is_extended_id:
@@ -305,7 +314,7 @@ class Connection:
         elif isinstance(event, Emergency):
             finger.take_emergency(event)
         elif isinstance(event, DetailFrame):
-            _call(self._on_detail, event)
+            self._call(self._on_detail, event)
         elif isinstance(event, SecondSender):
             finger.second_sender = True
             log.warning(
@@ -327,10 +336,13 @@ class Connection:
         for subscription in list(self._subscriptions):
             subscription.put(sample)
         for callback in list(self._callbacks):
-            try:
-                callback(sample)
-            except Exception:
-                log.exception("callback for finger %d", sample.finger)
+            self._guard.call(callback, sample)
+
+    def _call(self, callbacks: list[Any], *what: Any) -> None:
+        """Call all; one that fails is removed."""
+        for callback in list(callbacks):
+            if not self._guard.call(callback, *what) and callback in callbacks:  # removed meanwhile
+                callbacks.remove(callback)
 
     def _mismatch(self, error: VersionMismatch) -> None:
         self._sender(error.node).mismatch = error
@@ -369,14 +381,19 @@ class Connection:
 
     def _objects(self, node: int) -> ObjectClient:
         if not self._is_can:
-            return SerialObjects(lambda frame: self._link.write(frame))
+            return SerialObjects(self._ask_line)
         try:
             request, response = self._ids.of(Kind.SDO_REQUEST, node), self._ids.of(Kind.SDO_RESPONSE, node)
         except ValueError as error:
             raise UsageError(str(error)) from None
-        return SdoObjects(node, request, response, self._send_can)
+        return SdoObjects(node, request, response, self._ask_bus)
 
-    def _send_can(self, can_id: int, data: bytes) -> None:
+    def _ask_line(self, frame: bytes) -> None:
+        self._link.may_wait()
+        self._link.write(frame)
+
+    def _ask_bus(self, can_id: int, data: bytes) -> None:
+        self._link.may_wait()
         if not isinstance(self._link, CanLink):
             raise LinkDown(f"{self.address}: not a CAN bus")
         self._link.send(can_id, data)
@@ -399,17 +416,6 @@ def connect(address: str, *, ids: CanIds | None = None) -> Connection:
         return Connection(parse_address(address), ids)
     except AddressError as error:
         raise ConnectError(str(error)) from None
-
-
-def _call(callbacks: list[Any], *what: Any) -> None:
-    """Call all; one that fails is removed, and the link's thread goes on."""
-    for callback in list(callbacks):
-        try:
-            callback(*what)
-        except Exception:
-            log.exception("a callback raised an error; it is removed")
-            if callback in callbacks:  # it may have been removed meanwhile
-                callbacks.remove(callback)
 
 
 def _wake(loop: asyncio.AbstractEventLoop, arrived: asyncio.Event) -> None:

@@ -24,6 +24,7 @@ SHARED_WITH_EDGE = (
     "hostlink.clock",
     "hostlink.command_group",
     "hostlink.interrupt",
+    "hostlink.link_guard",
     "hostlink.mcap_chunk",
     "hostlink.output_file",
     "hostlink.topics",

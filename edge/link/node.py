@@ -183,7 +183,8 @@ class Node:
         nmt.state = NmtState.OPERATIONAL
 
     def _send(self, state: State) -> bool:
-        dropped_n = self.sink.counters.dropped
+        counters = self.sink.counters
+        dropped_n = counters.dropped + counters.reconnects
         if dropped_n != self._dropped_n:
             state = replace(state, status=state.status | Status.LINK_FAULT)
         sent = self.sink.send(state)

@@ -30,7 +30,7 @@ import numpy as np  # noqa: E402
 
 from edge.calibration import Calibration  # noqa: E402
 from edge.link.device import LoopDevice  # noqa: E402
-from edge.link.media import MediumError  # noqa: E402
+from edge.link.medium import MediumError  # noqa: E402
 from edge.link.node import Node  # noqa: E402
 from edge.link.sinks import CanFdSink, SinkCounters  # noqa: E402
 from edge.link.socketcan import SocketCanMedium  # noqa: E402
