@@ -47,6 +47,7 @@ __all__ = [
 ]
 
 NODE_DEFAULT = 1
+MEMORY_N = 1000  # samples that `memory:` keeps, 1 kB each
 BITRATE, DBITRATE = 1_000_000, 5_000_000  # used if the address names none: CiA 601-3
 
 
@@ -157,7 +158,7 @@ def open_sink(spec: str, node: int | None = None, ids: CanIds | None = None) -> 
     except AddressError as error:
         raise SinkError(str(error)) from None
     if address.scheme == "memory":
-        return MemorySink()
+        return MemorySink(keep=MEMORY_N)
     if not address.is_can:
         line = SerialSink(str(address), open_line(address))
         line.baud = address.baud
