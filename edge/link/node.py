@@ -183,9 +183,8 @@ class Node:
         nmt.state = NmtState.OPERATIONAL
 
     def _send(self, state: State) -> bool:
-        counters = self.sink.counters
-        dropped_n = counters.dropped + counters.reconnects
-        if dropped_n != self._dropped_n:
+        dropped_n = self.sink.counters.dropped
+        if dropped_n != self._dropped_n or not self.sink.up:
             state = replace(state, status=state.status | Status.LINK_FAULT)
         sent = self.sink.send(state)
         if sent:

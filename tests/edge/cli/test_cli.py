@@ -160,7 +160,6 @@ def test_memory_does_not_grow_with_the_samples(
     monkeypatch.setattr(Loop, "run", watched)
     line = command.format(data=data_dir, size="width=160&height=160")
     assert run(monkeypatch, *line.split(), "--sink", "virtual:memory", "-q") == 0
-    print("BLOCKS", least(late_n) - least(early_n))
     assert least(late_n) - least(early_n) < 0.5 * (late_n - early_n)
 
 
