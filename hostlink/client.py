@@ -76,6 +76,7 @@ class Connection:
         self._can = CanDecoder(self._ids)
         self._serial = SerialDecoder(self._line_node)
         self._is_can = address.is_can
+        self._clients: dict[int, SdoObjects | SerialObjects] = {}
         self._guard = LinkGuard(f"a callback of {address}")
         self._link: Link = open_link(address, self._receive)
 
@@ -305,10 +306,12 @@ class Connection:
         finger = self._other(event.node) if anyone else self._sender(event.node)
         if isinstance(event, Sample):
             self._deliver(finger, event)
-        elif isinstance(event, SdoFrame) and isinstance(finger.objects, SdoObjects):
-            finger.objects.answer(event.data)
-        elif isinstance(event, ObjectAnswer) and isinstance(finger.objects, SerialObjects):
-            finger.objects.answer(event.counter, event.reply)
+        elif isinstance(event, SdoFrame) and isinstance(client := self._clients[event.node], SdoObjects):
+            client.answer(event.data)
+        elif isinstance(event, ObjectAnswer) and isinstance(
+            client := self._clients[event.node], SerialObjects
+        ):
+            client.answer(event.counter, event.reply)
         elif isinstance(event, Heartbeat):
             self._note_state(finger, event.state)
         elif isinstance(event, Emergency):
@@ -380,20 +383,19 @@ class Connection:
         return (self._can if self._is_can else self._serial).clock(node)
 
     def _objects(self, node: int) -> ObjectClient:
+        self._clients[node] = client = self._make_client(node)
+        return _FromOutside(client, lambda: self._link.may_wait())
+
+    def _make_client(self, node: int) -> SdoObjects | SerialObjects:
         if not self._is_can:
-            return SerialObjects(self._ask_line)
+            return SerialObjects(lambda frame: self._link.write(frame))
         try:
             request, response = self._ids.of(Kind.SDO_REQUEST, node), self._ids.of(Kind.SDO_RESPONSE, node)
         except ValueError as error:
             raise UsageError(str(error)) from None
-        return SdoObjects(node, request, response, self._ask_bus)
+        return SdoObjects(node, request, response, self._send_can)
 
-    def _ask_line(self, frame: bytes) -> None:
-        self._link.may_wait()
-        self._link.write(frame)
-
-    def _ask_bus(self, can_id: int, data: bytes) -> None:
-        self._link.may_wait()
+    def _send_can(self, can_id: int, data: bytes) -> None:
         if not isinstance(self._link, CanLink):
             raise LinkDown(f"{self.address}: not a CAN bus")
         self._link.send(can_id, data)
@@ -405,6 +407,24 @@ class Connection:
         if error is not None:
             subscription.put(error=error)
         return subscription
+
+
+class _FromOutside:
+    """Access to a node's objects that is refused in the link's own thread, where no answer would come.
+
+    may_wait  raises UsageError in that thread
+    """
+
+    def __init__(self, client: ObjectClient, may_wait: Callable[[], None]) -> None:
+        self._client, self._may_wait = client, may_wait
+
+    def read(self, index: int, sub: int) -> bytes:
+        self._may_wait()
+        return self._client.read(index, sub)
+
+    def write(self, index: int, sub: int, data: bytes) -> None:
+        self._may_wait()
+        self._client.write(index, sub, data)
 
 
 def connect(address: str, *, ids: CanIds | None = None) -> Connection:

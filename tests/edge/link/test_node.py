@@ -470,6 +470,7 @@ def test_whatever_a_driver_raises_is_a_lost_link_and_no_thread_ends(
     bus, finger = Troubled(where, error, instant), Finger()
     sink = CanFdSink("troubled", bus, NODE)
     node = Node(sink, finger)
+    sink.every(0.0, None)  # a heartbeat would show that the link is back
     assert node.drain(SOON_S)
     bus.armed = True
     if where in ("open", "close"):
@@ -490,7 +491,9 @@ def test_whatever_a_driver_raises_is_a_lost_link_and_no_thread_ends(
 
 
 @pytest.mark.parametrize("error", [*UNFORESEEN, SystemExit(1)], ids=repr)
-def test_whatever_a_handler_raises_costs_its_message_alone(bench: Bench, error: BaseException) -> None:
+def test_whatever_a_handler_raises_costs_its_message_alone(
+    monkeypatch: pytest.MonkeyPatch, bench: Bench, error: BaseException
+) -> None:
     sink = bench.node.sink
     receive, report, raised = sink.on_message, sink.on_faults, [error]
     assert receive is not None
@@ -506,6 +509,7 @@ def test_whatever_a_handler_raises_costs_its_message_alone(bench: Bench, error: 
     until(lambda: not raised, "the message")
     assert bench.read("serial_number") == "VT-0042"
     raised.append(error)
+    monkeypatch.setattr(sink._medium, "try_open", lambda: None)
     sink.on_faults = partial(fail_once, report)
     medium = sink._medium.current
     assert medium is not None
