@@ -84,6 +84,8 @@ class OpenBus:
         try:
             self._bus.shutdown()
         finally:
+            if self._interface == "slcan":  # python-can leaves it open where the adapter is gone
+                self._bus.serialPortOrig.close()
             if self._lock is not None:
                 self._lock.close()
 

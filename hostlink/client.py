@@ -304,13 +304,12 @@ class Connection:
         # On a bus, any CANopen device has heartbeats, emergencies and SDO.
         anyone = self._is_can and isinstance(event, Heartbeat | Emergency | SdoFrame)
         finger = self._other(event.node) if anyone else self._sender(event.node)
+        client = self._clients[event.node]
         if isinstance(event, Sample):
             self._deliver(finger, event)
-        elif isinstance(event, SdoFrame) and isinstance(client := self._clients[event.node], SdoObjects):
+        elif isinstance(event, SdoFrame) and isinstance(client, SdoObjects):
             client.answer(event.data)
-        elif isinstance(event, ObjectAnswer) and isinstance(
-            client := self._clients[event.node], SerialObjects
-        ):
+        elif isinstance(event, ObjectAnswer) and isinstance(client, SerialObjects):
             client.answer(event.counter, event.reply)
         elif isinstance(event, Heartbeat):
             self._note_state(finger, event.state)
