@@ -12,8 +12,8 @@ Promises
 - no wrong sample leaves unflagged: displacement and shear are those of an undisturbed run, or a status bit
   forbids their use; and the host decodes what was sent
 - the link delivers within 1 s after its fault
-- memory does not grow with the samples, of this process and of an `edge replay --loop` beside it: its slope over
-  the last two thirds is below `SLOPE_BYTES` a sample
+- memory does not grow with the samples, of this process and of an `edge replay --loop` beside it: its slope
+  over the last two thirds is below `SLOPE_BYTES` a sample
 - hostile viewers of the live page, all the time, cost its process a bounded memory, and an honest one still
   gets its pictures
 - SIGTERM ends cleanly within 1 s; after kill -9, at any moment of an upload too, settings and calibration are
@@ -254,9 +254,10 @@ class Outcome:
         if len(kept) < MEMORY_LEAST_N:
             return
         i, j = np.triu_indices(len(kept), 1)
-        grown_mb = float(np.median((kept[j] - kept[i]) / (j - i))) * len(
-            kept
-        )  # Theil and Sen: steps do not count
+        slopes_mb = (kept[j] - kept[i]) / (
+            j - i
+        )  # of all pairs: their median, Theil and Sen's, knows no steps
+        grown_mb = float(np.median(slopes_mb)) * len(kept)
         slope = 1e6 * grown_mb / (samples_n * len(kept) / len(memory_mb))
         self.slopes_bytes[what] = round(slope, 1)
         if slope > SLOPE_BYTES and grown_mb > NOISE_MB:
@@ -604,6 +605,9 @@ class Replay:
     def end(self, outcome: Outcome) -> None:
         self._process.send_signal(signal.SIGTERM)
         summary = self._process.communicate()[0]
+        if self._process.returncode:
+            outcome.fail(f"edge replay --loop: exit status {self._process.returncode}")
+            return
         outcome.check_memory("edge replay --loop", self.memory_mb, json.loads(summary)["frames_n"])
 
 
