@@ -47,7 +47,6 @@ __all__ = [
 ]
 
 NODE_DEFAULT = 1
-MEMORY_N = 1000  # samples that `memory:` keeps, 1 kB each
 BITRATE, DBITRATE = 1_000_000, 5_000_000  # used if the address names none: CiA 601-3
 
 
@@ -158,7 +157,7 @@ def open_sink(spec: str, node: int | None = None, ids: CanIds | None = None) -> 
     except AddressError as error:
         raise SinkError(str(error)) from None
     if address.scheme == "memory":
-        return MemorySink(keep=MEMORY_N)
+        return MemorySink(keep=1000)  # 1 MB
     if not address.is_can:
         line = SerialSink(str(address), open_line(address))
         line.baud = address.baud
