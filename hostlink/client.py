@@ -244,8 +244,8 @@ class Connection:
 
     @property
     def unforeseen_n(self) -> int:
-        """Messages that led to an unexpected error; the first of each kind is logged."""
-        return self._link.guard.unforeseen_n
+        """Unexpected errors of messages, drivers and callbacks; the first of each kind is logged."""
+        return self._link.guard.unforeseen_n + self._guard.unforeseen_n
 
     @property
     def statistics(self) -> Mapping[int, LinkStatistics]:
