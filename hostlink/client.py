@@ -279,7 +279,7 @@ class Connection:
         _call(self._raw, data, arrival_s)
         try:
             if self._is_can:
-                if data.is_extended_id:
+                if data.is_extended_id or not data.is_rx:
                     return
                 events = self._can.receive(data.arbitration_id, data.data, arrival_s)
             else:
@@ -297,7 +297,7 @@ class Connection:
         if isinstance(event, Sample):
             self._deliver(finger, event)
         elif isinstance(event, SdoFrame) and isinstance(finger.objects, SdoObjects):
-            finger.objects.answer(event.data)
+            (finger.objects.overhear if event.request else finger.objects.answer)(event.data)
         elif isinstance(event, ObjectAnswer) and isinstance(finger.objects, SerialObjects):
             finger.objects.answer(event.counter, event.reply)
         elif isinstance(event, Heartbeat):
