@@ -1,7 +1,7 @@
 """The object table: what can be read and set on a node, over SDO and over serial alike.
 
-The node implements it, the EDS and the documentation are generated from it, `canopen` and the serial
-requests use it. Values: little-endian, as in CiA 301; `pack_value` / `unpack_value`.
+The node implements it, the EDS and the documentation are generated from it, the host reads and writes by
+it. Values: little-endian, as in CiA 301; `pack_value` / `unpack_value`.
 
 Rules
 - 0x1000..0x1FFF are CiA 301's, 0x2000..0x2FFF ours.

@@ -10,6 +10,8 @@ from random import Random
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import hostlink
 from edge.link.object_server import ObjectServer, RequestRefused
@@ -100,6 +102,37 @@ def test_an_answer_that_comes_after_its_transfer_is_not_taken_for_another(
     late += [bytes((0x4B, 0x18, 0x10, 1, 7, 0, 0, 0)), bytes((0x80, 0x18, 0x10, 1, 0, 0, 0, 6))]
     with pytest.raises(LinkTimeout):
         client.read(INDEX, 0)
+
+
+kinds = st.sampled_from([0x00, 0x01, 0x10, 0x20, 0x30, 0x41, 0x43, 0x4F, 0x60, 0x70, 0x80, 0xA0, 0xC0])
+frames = st.builds(
+    lambda kind, what, tail: bytes((kind,)) + what + tail,
+    st.one_of(kinds, st.integers(0, 255)),
+    st.one_of(st.sampled_from([b"\x30\x20\0", bytes(3)]), st.binary(min_size=3, max_size=3)),
+    st.one_of(st.just(b"\x09\0\0\0"), st.binary(min_size=4, max_size=4)),
+)
+
+
+@pytest.mark.generative
+@settings(max_examples=100, deadline=None)
+@given(
+    heard=st.lists(st.lists(st.tuples(st.booleans(), frames), max_size=4), max_size=12),
+    size=st.integers(0, 9),
+)
+def test_a_transfer_ends_whatever_is_heard(heard: list[list[tuple[bool, bytes]]], size: int) -> None:
+    """Answers and others' requests of any content; each list is what comes after a request of ours."""
+    rounds = iter(heard)
+
+    def send(can_id: int, data: bytes) -> None:
+        for another, frame in next(rounds, []):
+            (client.overhear if another else client.answer)(frame)
+
+    client = SdoObjects(NODE, 0x605, 0x585, send)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(objects, "TIMEOUT_S", 0.001)
+        for transfer in (lambda: client.read(INDEX, 0), lambda: client.write(INDEX, 0, bytes(size))):
+            with suppress(ObjectAborted, LinkTimeout):
+                transfer()
 
 
 # ---- lost answers ---------------------------------------------------------------------------------------
