@@ -374,7 +374,8 @@ class Connection:
             request, response = self._ids.of(Kind.SDO_REQUEST, node), self._ids.of(Kind.SDO_RESPONSE, node)
         except ValueError as error:
             raise UsageError(str(error)) from None
-        return SdoObjects(node, request, response, self._send_can)
+        echoes = self.address.interface == "udp_multicast"  # python-can's socket hears itself
+        return SdoObjects(node, request, response, self._send_can, echoes)
 
     def _send_can(self, can_id: int, data: bytes) -> None:
         if not isinstance(self._link, CanLink):

@@ -12,6 +12,7 @@ import queue
 import random
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Set
 from contextlib import suppress
 from typing import Protocol
@@ -50,6 +51,7 @@ TIMEOUT_S = 0.5  # of one request; a node answers within some ms
 TRIES = 3
 GRACE_S = 0.01  # for another host's next frame; pauses after a collision are random up to this
 _ALWAYS_THERE = ObjectRequest(Op.READ, 0x1000, 0)
+_BUSY = "another host keeps the finger busy with a long value; ask again when it is done"
 _UPSET = frozenset({Abort.TOGGLE, Abort.COMMAND})  # segments that another's frame has disturbed
 
 
@@ -72,13 +74,21 @@ class _Disturbed(Exception):
 class SdoObjects:
     """One node's SDO server.
 
-    send  sends (identifier, 8 bytes)
+    send    sends (identifier, 8 bytes)
+    echoes  what is sent comes back, as if it were another host's
     """
 
     def __init__(
-        self, node: int, request_id: int, response_id: int, send: Callable[[int, bytes], None]
+        self,
+        node: int,
+        request_id: int,
+        response_id: int,
+        send: Callable[[int, bytes], None],
+        echoes: bool = False,
     ) -> None:
-        self._node, self._request_id, self._response_id, self._send = node, request_id, response_id, send
+        self._node, self._request_id, self._response_id = node, request_id, response_id
+        self._send_frame = send
+        self._to_come_back = deque[bytes](maxlen=TRIES if echoes else 0)
         self._asking = threading.Lock()  # one transfer at a time: the server has one
         self._changed = threading.Condition()  # guards what follows
         self._channel = SdoChannel(TIMEOUT_S, GRACE_S)
@@ -98,7 +108,14 @@ class SdoObjects:
     def overhear(self, data: bytes) -> None:
         """Another host's message to the SDO server."""
         with self._changed:
-            self._channel.overhear(data, time.monotonic())
+            if data in self._to_come_back:
+                self._to_come_back.remove(data)
+            else:
+                self._channel.overhear(data, time.monotonic())
+
+    def _send(self, data: bytes) -> None:
+        self._to_come_back.append(data)
+        self._send_frame(self._request_id, data)
 
     def read(self, index: int, sub: int) -> bytes:
         return self._transfer(index, sub, lambda: self._upload(index, sub))
@@ -119,7 +136,7 @@ class SdoObjects:
                     if error.code != Abort.NOT_NOW:
                         self._abort(index, sub, error.code)
                     if begun_s >= end_s:
-                        raise aborted(index, sub, error.code) from None
+                        raise aborted(index, sub, error.code, _BUSY) from None
                     _pause()
                 except LinkTimeout:
                     self._abort(index, sub, Abort.TIMEOUT)
@@ -128,7 +145,7 @@ class SdoObjects:
     def _abort(self, index: int, sub: int, code: int) -> None:
         """Give the server free for others."""
         with suppress(LinkDown):
-            self._send(self._request_id, pack_abort(index, sub, code))
+            self._send(pack_abort(index, sub, code))
 
     def _wait_for_turn(self, what: bytes, end_s: float) -> None:
         """Wait while another host transfers the same object: nothing would tell its segments from ours."""
@@ -184,7 +201,7 @@ class SdoObjects:
                 if not self._channel.ask(request, now_s):
                     raise _Disturbed(Abort.TOGGLE)
                 self._answer, self._unclear = b"", False
-            self._send(self._request_id, request)
+            self._send(request)
             with self._changed:
                 self._changed.wait_for(lambda: self._answer or self._unclear, min(TIMEOUT_S, end_s - now_s))
                 answer, unclear = self._answer, self._unclear
@@ -268,10 +285,10 @@ class SerialObjects:
         raise LinkTimeout(f"the finger did not answer ({TRIES} times {TIMEOUT_S:g} s)")
 
 
-def aborted(index: int, sub: int, code: int) -> ObjectAborted:
-    """The error for an abort code."""
+def aborted(index: int, sub: int, code: int, reason: str = "") -> ObjectAborted:
+    """The error for an abort code, if need be with a better reason."""
     try:
         name = object_at(index, sub).name
     except KeyError:  # accessed by its number, on a newer node
         name = ""
-    return ObjectAborted(index, sub, code, ABORTS.get(code, "refused"), name)
+    return ObjectAborted(index, sub, code, reason or ABORTS.get(code, "refused"), name)

@@ -242,6 +242,17 @@ def test_a_request_ends_in_time_whatever_else_arrives(monkeypatch: pytest.Monkey
 # ---- two hosts on one bus -------------------------------------------------------------------------------
 
 
+def test_a_finger_that_another_host_keeps_busy_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(objects, "TIMEOUT_S", 0.01)
+    line = Line("can", Application("VT-0042"))
+    line.sdo.request(b"\x21\x30\x20\0" + (9).to_bytes(4, "little"))  # another host's, unheard
+    line.sdo.request(b"\x00{______")
+    with pytest.raises(ObjectAborted, match="serial_number: another host keeps the finger busy") as error:
+        line.client.read(*SERIAL_NUMBER)
+    assert error.value.code == Abort.NOT_NOW
+    line.client.write(*TARE, b"\1")  # a short value needs no turn
+
+
 class SharedBus:
     """A finger and hosts on a bus. Whose frame comes next is random; the frames of each keep their order.
 
