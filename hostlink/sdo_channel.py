@@ -49,7 +49,7 @@ class SdoChannel:
         self._meanwhile: list[tuple[float, bytes]] = []
         self._theirs = b""  # object of another's segmented transfer
         self._moved = False
-        self._heard_s = 0.0
+        self._last_s = 0.0
 
     def ask(self, request: bytes, now_s: float) -> bool:
         """We send this. False: no, for our transfer is disturbed."""
@@ -65,7 +65,7 @@ class SdoChannel:
 
     def overhear(self, request: bytes, now_s: float) -> None:
         """Another client sends this."""
-        self._heard_s = now_s
+        self._last_s = now_s
         if request[0] & SPECIFIER == Sdo.ABORT:
             self._ended()
         elif len(self._meanwhile) < HELD_MAX:
@@ -77,7 +77,7 @@ class SdoChannel:
         """How long another's transfer of this object may still take without a word; 0: there is none."""
         if what != self._theirs:
             return 0.0
-        return self._heard_s + (self._idle_s if self._moved else self._grace_s) - now_s
+        return self._last_s + (self._idle_s if self._moved else self._grace_s) - now_s
 
     def unanswered_s(self, now_s: float) -> float:
         """How long others' requests may still wait for their answers; 0: there are none."""
@@ -87,7 +87,7 @@ class SdoChannel:
         """The server sends this."""
         ours = self._ours if self._ours and _fits(data, self._ours, self._object) else b""
         if ours and data[:4] == _NO_TRANSFER:
-            self._ours = b""  # whoever is told so
+            self._ours = b""
             self._ended()
             return Whose.OURS
         meanwhile = [item for item in self._meanwhile if _fits(data, item[1], self._theirs)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -24,7 +25,7 @@ from hostlink.finger import Finger
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
 from hostlink.wire import Abort, CanIds, Kind, Message, ObjectReply, unpack_message
 from hostlink.wire.serial import decode_frame
-from tests.hostlink.test_client import Application, make_node, state
+from tests.hostlink.test_client import Application, make_node, need_multicast, state
 from tests.support.waiting import SOON_S
 
 NODE, INDEX = 5, 0x2030
@@ -116,12 +117,12 @@ frames = st.builds(
 @pytest.mark.generative
 @settings(max_examples=100, deadline=None)
 @given(
-    heard=st.lists(st.lists(st.tuples(st.booleans(), frames), max_size=4), max_size=12),
+    received=st.lists(st.lists(st.tuples(st.booleans(), frames), max_size=4), max_size=12),
     size=st.integers(0, 9),
 )
-def test_a_transfer_ends_whatever_is_heard(heard: list[list[tuple[bool, bytes]]], size: int) -> None:
+def test_a_transfer_ends_whatever_is_received(received: list[list[tuple[bool, bytes]]], size: int) -> None:
     """Answers and others' requests of any content; each list is what comes after a request of ours."""
-    rounds = iter(heard)
+    rounds = iter(received)
 
     def send(can_id: int, data: bytes) -> None:
         for another, frame in next(rounds, []):
@@ -242,7 +243,9 @@ def test_a_request_ends_in_time_whatever_else_arrives(monkeypatch: pytest.Monkey
 # ---- two hosts on one bus -------------------------------------------------------------------------------
 
 
-def test_a_finger_that_another_host_keeps_busy_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_finger_that_another_host_keeps_busy_gives_that_as_the_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(objects, "TIMEOUT_S", 0.01)
     line = Line("can", Application("VT-0042"))
     line.sdo.request(b"\x21\x30\x20\0" + (9).to_bytes(4, "little"))  # another host's, unheard
@@ -307,13 +310,13 @@ def not_needed() -> Any:
     raise AssertionError("nothing of a finger's samples is needed")
 
 
-def ask_often(finger: Finger, serial_number: str, n: int, force: bool, wrong: list[str]) -> None:
-    """Read two texts and tare, n times; notes what is not right. The tip is touched."""
+def ask_often(finger: Finger, text: tuple[str, str], n: int, force: bool, wrong: list[str]) -> None:
+    """Read a text and tare, n times; notes what is not right. The tip is touched."""
+    name, expected = text
     for _ in range(n):
         try:
-            read = (finger.get("serial_number"), finger.get("device_name"))
-            if read != (serial_number, "voronoi-touch"):
-                wrong.append(f"read {read}")
+            if (read := finger.get(name)) != expected:
+                wrong.append(f"read {read!r}")
             if force:
                 finger.tare(force=True)
                 continue
@@ -327,8 +330,9 @@ def ask_often(finger: Finger, serial_number: str, n: int, force: bool, wrong: li
 def ask_at_once(fingers: list[Finger], serial_number: str, n: int) -> list[str]:
     """The first host forces its tares, so that they are accepted; the others' are refused."""
     wrong: list[str] = []
+    texts = (("serial_number", serial_number), ("device_name", "voronoi-touch"))
     threads = [
-        threading.Thread(target=ask_often, args=(finger, serial_number, n, k == 0, wrong))
+        threading.Thread(target=ask_often, args=(finger, texts[k % 2], n, k == 0, wrong))
         for k, finger in enumerate(fingers)
     ]
     for thread in threads:
@@ -354,12 +358,24 @@ def test_hosts_on_one_bus_read_and_tare_correctly(
         assert bus.application.tares == [True] * n
 
 
-def test_two_connections_to_one_finger_read_and_tare_correctly(request: pytest.FixtureRequest) -> None:
-    bus = f"virtual:{request.node.name}"
-    node, application = make_node(f"{bus}?node={NODE}")
+@pytest.mark.parametrize(("kind", "n"), [("virtual", 100), ("udp", 20)])
+def test_two_connections_to_one_finger_read_and_tare_correctly(
+    request: pytest.FixtureRequest, kind: str, n: int
+) -> None:
+    if kind == "udp":
+        need_multicast()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("", 0))
+            port = probe.getsockname()[1]
+    bus = f"virtual:{request.node.name}?" if kind == "virtual" else f"udp:239.0.0.5?port={port}&"
+    node, application = make_node(f"{bus}node={NODE}")
     application.touched = True
-    with closing(node), hostlink.connect(bus) as one, hostlink.connect(bus) as other:
+    with (
+        closing(node),
+        hostlink.connect(bus.rstrip("?&")) as one,
+        hostlink.connect(bus.rstrip("?&")) as other,
+    ):
         node.send(state(0))
         fingers = [one.finger(NODE, SOON_S), other.finger(NODE, SOON_S)]
-        assert ask_at_once(fingers, application.serial, 100) == []
-        assert application.tares == [True] * 100
+        assert ask_at_once(fingers, application.serial, n) == []
+        assert application.tares == [True] * n
