@@ -289,7 +289,7 @@ class Connection:
         self._call(self._raw, data, arrival_s)
         try:
             if self._is_can:
-                if data.is_extended_id:
+                if data.is_extended_id or not data.is_rx:
                     return
                 events = self._can.receive(data.arbitration_id, data.data, arrival_s)
             else:
@@ -308,7 +308,7 @@ class Connection:
         if isinstance(event, Sample):
             self._deliver(finger, event)
         elif isinstance(event, SdoFrame) and isinstance(client, SdoObjects):
-            client.answer(event.data)
+            (client.overhear if event.request else client.answer)(event.data)
         elif isinstance(event, ObjectAnswer) and isinstance(client, SerialObjects):
             client.answer(event.counter, event.reply)
         elif isinstance(event, Heartbeat):
@@ -392,7 +392,8 @@ class Connection:
             request, response = self._ids.of(Kind.SDO_REQUEST, node), self._ids.of(Kind.SDO_RESPONSE, node)
         except ValueError as error:
             raise UsageError(str(error)) from None
-        return SdoObjects(node, request, response, self._send_can)
+        echoes = self.address.interface == "udp_multicast"  # python-can's socket hears itself
+        return SdoObjects(node, request, response, self._send_can, echoes)
 
     def _send_can(self, can_id: int, data: bytes) -> None:
         if not isinstance(self._link, CanLink):

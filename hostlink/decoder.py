@@ -269,6 +269,8 @@ class CanDecoder(_Decoder):
                 if len(data) != PART_SIZE:
                     raise CorruptFrame(f"{kind.name} of {len(data)} bytes")
                 events = [SdoFrame(number, data, arrival_s)]
+            elif kind is Kind.SDO_REQUEST and len(data) == PART_SIZE:
+                events = [SdoFrame(number, data, arrival_s, request=True)]
         except CorruptFrame:
             if tpdo is not None and len(data) == PART_SIZE:
                 error = node.corrupt_p11(tpdo, data)

@@ -1,7 +1,7 @@
 """The object table: what can be read and set on a node, over SDO and over serial alike.
 
-The node implements it, the EDS and the documentation are generated from it, `canopen` and the serial
-requests use it. Values: little-endian, as in CiA 301; `pack_value` / `unpack_value`.
+The node implements it, the EDS and the documentation are generated from it, the host reads and writes by
+it. Values: little-endian, as in CiA 301; `pack_value` / `unpack_value`.
 
 Rules
 - 0x1000..0x1FFF are CiA 301's, 0x2000..0x2FFF ours.
@@ -106,6 +106,7 @@ class Abort:
     NOT_NOW = 0x08000022
     NO_DATA = 0x08000024
     TIMEOUT = 0x05040000
+    COMMAND = 0x05040001
     TOGGLE = 0x05030000
 
 
@@ -125,6 +126,7 @@ ABORTS: Final = {
     Abort.NOT_NOW: "not in the present state of the device (a tare needs an untouched tip, or force)",
     Abort.NO_DATA: "no data available",
     Abort.TIMEOUT: "the node did not answer in time",
+    Abort.COMMAND: "no such command: block transfer is not offered",
     Abort.TOGGLE: "segments out of step",
 }
 

@@ -253,6 +253,7 @@ def test_tare_is_refused_under_load_unless_forced(bench: Bench) -> None:
         ("schema_hash", b"\0\0\0\0", Abort.READ_ONLY),
         ("reboot", b"\0\0\0\0", Abort.VALUE_LOW),
         ("tpdo1_transmission", b"\xf5", Abort.VALUE_RANGE),
+        ("error_n", b"\1", Abort.VALUE_RANGE),  # CiA 301, object 1003h
         ("calibration", b"no JSON at all", Abort.VALUE_RANGE),
     ],
 )
@@ -293,6 +294,15 @@ def test_segment_without_a_transfer_is_aborted(bench: Bench, command: int) -> No
     assert answer[0] == 0x80
     bench.remote.sdo.responses.get(timeout=SOON_S)  # the client received it too, and would take it as its own
     assert bench.read("divider") == 1
+
+
+def test_block_transfer_is_refused_and_a_plain_one_does(bench: Bench) -> None:
+    """`canopen`'s client asks for blocks and allows nothing else (pst 0)."""
+    row = object_named("serial_number")
+    for mode, size in (("rb", None), ("wb", 100)):
+        with refused(Abort.COMMAND):
+            bench.remote.sdo.open(row.index, row.sub, mode, block_transfer=True, size=size)
+    assert bench.read("serial_number") == "VT-0042"
 
 
 def test_calibration_goes_up_and_comes_back(bench: Bench) -> None:
