@@ -13,6 +13,7 @@ import os
 import socket
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import urlsplit
 
 __all__ = ["DEFAULT", "TOKEN_VARIABLE", "Listen", "WebError", "find_token", "parse_listen"]
 
@@ -51,6 +52,14 @@ def is_loopback(host: str) -> bool:
         return True
     try:
         return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def is_own_host(host: str) -> bool:
+    """Whether a request's `Host` is this machine's own name, and no other that leads here (DNS rebinding)."""
+    try:
+        return is_loopback(urlsplit(f"//{host}").hostname or "")
     except ValueError:
         return False
 
