@@ -21,9 +21,13 @@ from typing import Annotated, Any, TypeVar
 
 import msgspec
 
+from hostlink import input_file
+
 __all__ = [
     "CALIBRATION_BYTES",
     "CONFIG_BYTES",
+    "DEPTH_MAX",
+    "IMAGE_BYTES",
     "IMAGE_PIXELS",
     "IMAGE_SIDE_PX",
     "PINS_MAX",
@@ -32,6 +36,7 @@ __all__ = [
     "RATE_MAX_HZ",
     "RATE_MIN_HZ",
     "SETTINGS_BYTES",
+    "TABLE_BYTES",
     "BadContent",
     "ImageSide",
     "Name",
@@ -49,9 +54,12 @@ __all__ = [
 CALIBRATION_BYTES = 2 << 20  # a 1000-pin tip with every model takes about 0.5 MB
 CONFIG_BYTES = 64 << 10  # every key with a comment takes 4 kB
 SETTINGS_BYTES = 4 << 10  # five numbers
+TABLE_BYTES = 256 << 20  # a million rows of a capture's table
+DEPTH_MAX = 16  # of tables and lists in a file; ours have three
 
 IMAGE_SIDE_PX = 8192  # width or height
 IMAGE_PIXELS = 1 << 24  # 4096 x 4096, more than any camera that fits behind a fingertip
+IMAGE_BYTES = 8 * IMAGE_PIXELS + (1 << 20)  # of its file: four values of 16 bits a pixel, not compressed
 RATE_MAX_HZ = 100e3  # images a second; a file that states more is damaged
 RATE_MIN_HZ = 0.01  # of a camera or of samples, where 0 has a meaning of its own: less is a mistake
 PINS_MIN = 12  # the fewest that `edge.pins` accepts as a pattern
@@ -59,6 +67,8 @@ PINS_MAX = 2048  # six times the densest tip in use
 POINTS_MAX = 1_000_000  # a plane's; of a triangulation, every index of a half-edge then fits in 32 bits
 
 T = TypeVar("T")
+
+_TOO_DEEP = "lists and tables are nested too deeply"
 
 #: Any number of a file that has no narrower range.
 NUMBER_MAX = 1e15
@@ -78,13 +88,12 @@ def read_bounded(path: Path, bytes_max: int) -> bytes:
 
     Raises  BadContent: it is larger, or not an ordinary file; OSError: it cannot be read
     """
-    if path.exists() and not path.is_file():  # reading a device or a pipe might never end
-        raise BadContent("a folder or a device; give a file")
-    with path.open("rb") as file:
-        raw = file.read(bytes_max + 1)
-    if len(raw) > bytes_max:
-        raise BadContent(f"larger than {bytes_max >> 10} KiB")
-    return raw
+    try:
+        return input_file.read_bounded(path, bytes_max)
+    except IsADirectoryError:
+        raise BadContent("a folder; give a file") from None
+    except input_file.InputFileError as error:
+        raise BadContent(str(error.strerror)) from None
 
 
 def decode_json(raw: bytes, kind: type[T]) -> T:
@@ -99,20 +108,38 @@ def decode_json(raw: bytes, kind: type[T]) -> T:
     except UnicodeDecodeError as error:
         raise BadContent(f"no JSON: byte {error.start} is not UTF-8 text") from None
     except RecursionError:
-        raise BadContent("lists and tables are nested too deeply") from None
+        raise BadContent(_TOO_DEEP) from None
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """A TOML file's table. Raises BadContent; OSError: it cannot be read."""
     raw = read_bounded(path, CONFIG_BYTES)
     try:
-        return tomllib.loads(raw.decode())
+        table = tomllib.loads(raw.decode())
     except tomllib.TOMLDecodeError as error:
-        raise BadContent(f"not TOML: {error}") from None
+        raise BadContent(f"not TOML: {quote(str(error), 200)[1:-1]}") from None
     except UnicodeDecodeError as error:
         raise BadContent(f"not TOML: byte {error.start} is not UTF-8 text") from None
+    except ValueError:  # the interpreter's own limit: 4300 digits
+        raise BadContent("not TOML: a number has too many digits") from None
     except RecursionError:
-        raise BadContent("lists and tables are nested too deeply") from None
+        raise BadContent(_TOO_DEEP) from None
+    _check_size(table)
+    return table
+
+
+def _check_size(table: dict[str, Any]) -> None:
+    """Raises BadContent: deeper than any file is, or with an integer that no message could hold."""
+    below: list[tuple[Any, int]] = [(table, 0)]
+    while below:
+        value, depth = below.pop()
+        if depth > DEPTH_MAX:
+            raise BadContent(_TOO_DEEP)
+        if isinstance(value, int) and value.bit_length() > 64:
+            raise BadContent(f"a number of {value.bit_length()} bits; give one of 64 at most")
+        if isinstance(value, dict | list):
+            inside = value.values() if isinstance(value, dict) else value
+            below += [(one, depth + 1) for one in inside]
 
 
 def read_toml_as(path: Path, kind: type[T], **added: object) -> tuple[dict[str, Any], T]:
@@ -145,9 +172,9 @@ def check_numbers(value: object, place: str = "") -> None:
         raise BadContent(f"{place} = {value:g}: give a finite number, at most {NUMBER_MAX:g}")
 
 
-def quote(text: str) -> str:
+def quote(text: str, most: int = 40) -> str:
     """Text from a file for a message: printable, in quotes, shortened if long."""
-    text = text if len(text) <= 40 else text[:37] + "..."
+    text = text if len(text) <= most else text[: most - 3] + "..."
     return repr(text) if text.isprintable() else ascii(text)
 
 

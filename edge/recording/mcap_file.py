@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from edge.errors import SourceError
+from hostlink.input_file import open_input
 from hostlink.mcap_chunk import UNPACKED_MAX, unpack_chunk
 
 __all__ = ["RawMessage", "attachments_in", "damage", "image_count", "metadata_in", "raw_messages"]
@@ -95,7 +96,7 @@ class _Bounded:
 def _opened(path: Path) -> Iterator[_Bounded]:
     """The file, opened after its magic bytes. Raises SourceError: does not exist, not MCAP."""
     try:
-        file = path.open("rb")
+        file = open_input(path)
     except OSError as error:
         raise SourceError(f"recording {path}: {error.strerror}; give an existing MCAP file") from error
     with file:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Collection, Sequence
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
@@ -94,27 +93,22 @@ def bridge(
     path = None if record is None else check_output(record, (".mcap",), overwrite=overwrite)
     where, cameras = _listen(listen), _cameras(pages)
     control = {normal_origin(text) for text in origins} if allow_control else None
-    # `timeout` and systemd end a program with SIGTERM: as with Ctrl-C, the recording up to then is kept.
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with ExitStack() as stack:
-            # First, so that a wrong address is reported at once: a router may take its time.
-            hand = stack.enter_context(connect(address))
-            file = stack.enter_context(nullcontext() if path is None else writing(path, overwrite))
-            outlets: list[Outlet] = []
-            if foxglove:
-                outlets.append(_foxglove(where, file, cameras, control))
-                stack.callback(outlets[-1].close)
-            if ros is not None:
-                outlets.append(_ros(ros, router, domain, namespace, seconds))
-                stack.callback(outlets[-1].close)
-            carrier = Bridge(hand, outlets)
-            try:
-                carrier.run(seconds)
-            except KeyboardInterrupt:  # the normal end
-                click.echo("", err=True)
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    with ExitStack() as stack:
+        # First, so that a wrong address is reported at once: a router may take its time.
+        hand = stack.enter_context(connect(address))
+        file = stack.enter_context(nullcontext() if path is None else writing(path, overwrite))
+        outlets: list[Outlet] = []
+        if foxglove:
+            outlets.append(_foxglove(where, file, cameras, control))
+            stack.callback(outlets[-1].close)
+        if ros is not None:
+            outlets.append(_ros(ros, router, domain, namespace, seconds))
+            stack.callback(outlets[-1].close)
+        carrier = Bridge(hand, outlets)
+        try:
+            carrier.run(seconds)
+        except KeyboardInterrupt:  # the normal end
+            click.echo("", err=True)
     if carrier.left_out_n:
         click.echo(f"{carrier.left_out_n} samples left out: slower than the fingers", err=True)
 
