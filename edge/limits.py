@@ -68,6 +68,7 @@ POINTS_MAX = 1_000_000  # a plane's; of a triangulation, every index of a half-e
 
 T = TypeVar("T")
 
+_DOTS_MAX = 1000  # of a key: the parser's time grows with their square, to a minute for 64 KiB
 _TOO_DEEP = "lists and tables are nested too deeply"
 
 #: Any number of a file that has no narrower range.
@@ -114,6 +115,8 @@ def decode_json(raw: bytes, kind: type[T]) -> T:
 def read_toml(path: Path) -> dict[str, Any]:
     """A TOML file's table. Raises BadContent; OSError: it cannot be read."""
     raw = read_bounded(path, CONFIG_BYTES)
+    if any(part.count(b".") > _DOTS_MAX for part in re.split(rb"[=\n]", raw)):
+        raise BadContent(_TOO_DEEP)
     try:
         table = tomllib.loads(raw.decode())
     except tomllib.TOMLDecodeError as error:

@@ -83,6 +83,8 @@ def find_token(given: str | None, path: Path | None, option: str) -> str | None:
     except (OSError, UnicodeDecodeError) as error:
         why = error.strerror if isinstance(error, OSError) else "not text"
         raise WebError(f"{option} {path}: {why}; give a file whose first line is the token") from None
+    if not token.isprintable():
+        raise WebError(f"{option} {path}: not text; give a file whose first line is the token")
     if not token:
         raise WebError(f"{option} {path}: its first line is empty; write the token there")
     return token
