@@ -26,7 +26,6 @@ from typing import Any
 from calib.errors import CaptureError
 from calib.protocols import AnyPlan, Step
 from calib.rig.base import Pose, Rig
-from edge.limits import TABLE_BYTES
 from edge.recording import TOPICS, Recorder, RecordingSource, read_messages, read_metadata
 from edge.types import Frame
 from hostlink.input_file import open_input, read_bounded
@@ -252,7 +251,7 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     """The table of a capture. Raises CaptureError: there is none, or it is no capture's."""
     table = path.with_suffix(".csv")
     try:
-        raw = read_bounded(table, TABLE_BYTES)
+        raw = read_bounded(table)
         reader = csv.DictReader(io.StringIO(raw.decode("utf-8"), newline=""))
         rows, names = list(reader), set(reader.fieldnames or ())
     except OSError as error:

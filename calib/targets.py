@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import TableError
-from edge.limits import TABLE_BYTES, BadContent, read_bounded
 from edge.types import Array
+from hostlink.input_file import read_bounded
 
 __all__ = ["COLUMNS", "Targets", "join", "read_targets", "targets_of_capture"]
 
@@ -113,12 +113,10 @@ def read_targets(table: str | Path, folder: str | Path) -> Targets:
     """
     table, folder = Path(table), Path(folder)
     try:
-        raw = read_bounded(table, TABLE_BYTES)
+        raw = read_bounded(table)
         lines = raw.decode("utf-8-sig").splitlines()
     except OSError as error:
         raise TableError(f"{table}: cannot be read: {error.strerror}") from None
-    except BadContent as error:
-        raise TableError(f"{table}: {error}") from None
     except UnicodeDecodeError:
         raise TableError(f"{table}: not a text file; a CSV table with a column {_IMAGE} is needed") from None
     if not folder.is_dir():

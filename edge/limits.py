@@ -26,8 +26,6 @@ from hostlink import input_file
 __all__ = [
     "CALIBRATION_BYTES",
     "CONFIG_BYTES",
-    "DEPTH_MAX",
-    "IMAGE_BYTES",
     "IMAGE_PIXELS",
     "IMAGE_SIDE_PX",
     "PINS_MAX",
@@ -36,7 +34,6 @@ __all__ = [
     "RATE_MAX_HZ",
     "RATE_MIN_HZ",
     "SETTINGS_BYTES",
-    "TABLE_BYTES",
     "BadContent",
     "ImageSide",
     "Name",
@@ -54,12 +51,9 @@ __all__ = [
 CALIBRATION_BYTES = 2 << 20  # a 1000-pin tip with every model takes about 0.5 MB
 CONFIG_BYTES = 64 << 10  # every key with a comment takes 4 kB
 SETTINGS_BYTES = 4 << 10  # five numbers
-TABLE_BYTES = 256 << 20  # a million rows of a capture's table
-DEPTH_MAX = 16  # of tables and lists in a file; ours have three
 
 IMAGE_SIDE_PX = 8192  # width or height
 IMAGE_PIXELS = 1 << 24  # 4096 x 4096, more than any camera that fits behind a fingertip
-IMAGE_BYTES = 8 * IMAGE_PIXELS + (1 << 20)  # of its file: four values of 16 bits a pixel, not compressed
 RATE_MAX_HZ = 100e3  # images a second; a file that states more is damaged
 RATE_MIN_HZ = 0.01  # of a camera or of samples, where 0 has a meaning of its own: less is a mistake
 PINS_MIN = 12  # the fewest that `edge.pins` accepts as a pattern
@@ -68,7 +62,8 @@ POINTS_MAX = 1_000_000  # a plane's; of a triangulation, every index of a half-e
 
 T = TypeVar("T")
 
-_DOTS_MAX = 1000  # of a key: the parser's time grows with their square, to a minute for 64 KiB
+#: A key of as many parts: the parser's time grows with their square, to a minute for 64 KiB.
+_LONG_KEY = re.compile(rb"(?:[^\s.,=\[\]{}]+[ \t]*\.[ \t]*){%d}" % input_file.DEPTH_MAX)
 _TOO_DEEP = "lists and tables are nested too deeply"
 
 #: Any number of a file that has no narrower range.
@@ -94,7 +89,7 @@ def read_bounded(path: Path, bytes_max: int) -> bytes:
     except IsADirectoryError:
         raise BadContent("a folder; give a file") from None
     except input_file.InputFileError as error:
-        raise BadContent(str(error.strerror)) from None
+        raise BadContent(f"{error.strerror}; give a file") from None
 
 
 def decode_json(raw: bytes, kind: type[T]) -> T:
@@ -115,7 +110,7 @@ def decode_json(raw: bytes, kind: type[T]) -> T:
 def read_toml(path: Path) -> dict[str, Any]:
     """A TOML file's table. Raises BadContent; OSError: it cannot be read."""
     raw = read_bounded(path, CONFIG_BYTES)
-    if any(part.count(b".") > _DOTS_MAX for part in re.split(rb"[=\n]", raw)):
+    if _LONG_KEY.search(raw):
         raise BadContent(_TOO_DEEP)
     try:
         table = tomllib.loads(raw.decode())
@@ -136,7 +131,7 @@ def _check_size(table: dict[str, Any]) -> None:
     below: list[tuple[Any, int]] = [(table, 0)]
     while below:
         value, depth = below.pop()
-        if depth > DEPTH_MAX:
+        if depth > input_file.DEPTH_MAX:
             raise BadContent(_TOO_DEEP)
         if isinstance(value, int) and value.bit_length() > 64:
             raise BadContent(f"a number of {value.bit_length()} bits; give one of 64 at most")

@@ -25,6 +25,7 @@ __all__ = ["print_error", "program_name", "run_command"]
 
 Kinds = tuple[type[Exception], ...]
 
+_NO_NAME = frozenset({errno.ENAMETOOLONG, errno.ELOOP})  # no file could have it
 _STDOUT_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 
 
@@ -78,7 +79,9 @@ def run_command(
         return _stdout_ended()
     except OSError as error:
         if error.filename is not None:
-            return print_error(f"{os.fsdecode(error.filename)}: {error.strerror}", 1)
+            return print_error(
+                f"{os.fsdecode(error.filename)}: {error.strerror}", 2 if error.errno in _NO_NAME else 1
+            )
         if error.errno not in _STDOUT_FULL:
             raise
         _stdout_ended()

@@ -17,7 +17,11 @@ import stat
 from pathlib import Path
 from typing import BinaryIO
 
-__all__ = ["InputFileError", "open_input", "read_bounded"]
+__all__ = ["BYTES_MAX", "DEPTH_MAX", "InputFileError", "open_input", "read_bounded"]
+
+
+BYTES_MAX = 160 << 20  # the largest that is read as a whole: an image of 16.8 million pixels of 8 bytes
+DEPTH_MAX = 100  # of lists and tables in a file; ours have three
 
 
 class InputFileError(OSError):
@@ -38,7 +42,7 @@ def open_input(path: str | Path) -> BinaryIO:
         raise
 
 
-def read_bounded(path: str | Path, bytes_max: int) -> bytes:
+def read_bounded(path: str | Path, bytes_max: int = BYTES_MAX) -> bytes:
     """All its bytes. Raises InputFileError: there are more, or it is no file; OSError: it cannot be read."""
     with open_input(path) as file:
         size = os.fstat(file.fileno()).st_size
@@ -53,4 +57,4 @@ def _check(path: str | Path, status: os.stat_result) -> None:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     handed_over = os.path.realpath(path).startswith(("/proc/", "/dev/fd/"))
     if not (stat.S_ISREG(status.st_mode) or (stat.S_ISFIFO(status.st_mode) and handed_over)):
-        raise InputFileError(errno.EINVAL, "a named pipe, a folder or a device; give a file", str(path))
+        raise InputFileError(errno.EINVAL, "a named pipe, a folder or a device", str(path))

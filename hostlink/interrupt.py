@@ -41,7 +41,7 @@ def _interrupt(number: int, _frame: FrameType | None) -> None:
     if number in (
         signal.SIGHUP,
         signal.SIGTERM,
-    ):  # a lost terminal is told twice, by the shell and the kernel
+    ):  # the shell and the kernel both report a lost terminal
         signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt(number)
 

@@ -22,7 +22,7 @@ import numpy as np
 from cv2.utils import logging
 
 from edge.errors import SourceError
-from edge.limits import IMAGE_BYTES, RATE_MAX_HZ
+from edge.limits import RATE_MAX_HZ
 from edge.sources.image_header import check_image_header, check_size
 from edge.types import Clock, Frame, Image, Lens, Polarity
 from hostlink.input_file import read_bounded
@@ -84,7 +84,7 @@ def _natural(path: Path) -> list[tuple[int, int, str]]:
 def _read_image(path: Path) -> Image:
     """Raises ValueError: not an image."""
     try:
-        data = np.frombuffer(read_bounded(path, IMAGE_BYTES), np.uint8)
+        data = np.frombuffer(read_bounded(path), np.uint8)
     except IsADirectoryError:
         raise ValueError("is a folder; give the images in it, one by one") from None
     except FileNotFoundError:

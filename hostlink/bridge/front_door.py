@@ -1,6 +1,6 @@
 """What stands before the SDK's Foxglove server, which asks nobody who they are.
 
-    viewer --> FrontDoor, at --listen --(request checked)--> the SDK's server, at an address that is not told
+    viewer --> FrontDoor, at --listen --(request checked)--> the SDK's server, at an address that nobody knows
 
 Rules
 - The SDK's server is at one of 16 million addresses of this machine (127.0.0.0/8), and at any port: a web
@@ -46,7 +46,7 @@ class Refusal(Exception):
     """A request that is not passed on; the message goes to the viewer and to the log.
 
     status  of HTTP
-    key     of a viewer that is told so by a websocket of the older protocol; "": by HTTP
+    key     of a viewer that gets it by a websocket of the older protocol; "": by HTTP
     """
 
     def __init__(self, status: str, message: str, key: str = "") -> None:

@@ -293,7 +293,7 @@ from hostlink.output_file import writing
 def make(number, when, file):
     def end(*_):
         os.kill(os.getpid(), number)
-        os.kill(os.getpid(), number)  # a terminal's end is told by the shell and by the kernel
+        os.kill(os.getpid(), number)  # the shell and the kernel both report a terminal's end
     if when == "while it gets its name":
         hostlink.output_file._force_to_disk = end
     with writing(file, keep_partial=when == "a recording") as unfinished:

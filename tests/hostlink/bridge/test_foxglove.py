@@ -257,17 +257,18 @@ RATE = json.dumps(
 
 
 class Visit:
-    """How a client is received: HTTP's status, 0 if it was let in; what it was told."""
+    """How a client is received: HTTP's status, 0 if it was let in; what it has to read."""
 
     def __init__(self, url: str, say: str = "", protocol: str = "foxglove.sdk.v1", **headers: str) -> None:
-        self.status, self.capabilities, self.told = 0, [], ""
+        self.status, self.message = 0, ""
+        self.capabilities: list[str] = []
 
         async def main() -> None:
             async with aiohttp.ClientSession(headers=headers) as session:
                 try:
                     async with session.ws_connect(url, protocols=[protocol]) as socket:
                         greeting = json.loads((await socket.receive(WAIT_S)).data)
-                        self.capabilities, self.told = (
+                        self.capabilities, self.message = (
                             greeting.get("capabilities", []),
                             greeting.get("message", ""),
                         )
@@ -329,10 +330,12 @@ def test_control_is_refused_where_others_could_reach_it(capsys: pytest.CaptureFi
         assert message in err
 
 
-def test_a_viewer_of_the_older_protocol_is_told_so(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_viewer_of_the_older_protocol_reads_which_release_it_needs(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
     for _ in range(5):
-        assert "update it (Lichtblick 1.26" in Visit(outlet.url, protocol="foxglove.websocket.v1").told
+        assert "update it (Lichtblick 1.26" in Visit(outlet.url, protocol="foxglove.websocket.v1").message
     assert Visit(outlet.url, protocol="chat").status == 400
     outlet.close()
     assert len(caplog.records) == 1, "one line, however often it tries"

@@ -268,9 +268,10 @@ def packet(text: bytes) -> bytes:
     return len(text).to_bytes(4, "little") + text
 
 
+NO_TIMES: tuple[Any, ...] = ("", [], None, "1" * 5000)
 BAD_PACKETS = [
     *(pack_packet(HEADER | {"size_px": px}, ARRAYS) for px in ([0, 0], [0.0, 1], [1e-320, 1], [1], None)),
-    *(pack_packet(HEADER | {"capture_us": time}, ARRAYS) for time in ("", [], None, "1" * 5000)),
+    *(pack_packet(HEADER | {"capture_us": us}, ARRAYS) for us in NO_TIMES),
     packet(b'{"capture_us": 1e999, "arrays": {"image": ["jpeg", 1, 0]}}'),
     packet(b"[" * 100_000),
     packet(b'{"arrays": {"image": ["jpeg", 1, 1e999]}}'),
