@@ -87,7 +87,7 @@ def read_bounded(path: Path, bytes_max: int) -> bytes:
     try:
         return input_file.read_bounded(path, bytes_max)
     except IsADirectoryError:
-        raise BadContent("a folder; give a file") from None
+        raise BadContent("a folder or a device; give a file") from None
     except input_file.InputFileError as error:
         raise BadContent(f"{error.strerror}; give a file") from None
 
