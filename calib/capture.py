@@ -16,6 +16,8 @@ Rules
 from __future__ import annotations
 
 import csv
+import io
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -26,6 +28,7 @@ from calib.protocols import AnyPlan, Step
 from calib.rig.base import Pose, Rig
 from edge.recording import TOPICS, Recorder, RecordingSource, read_messages, read_metadata
 from edge.types import Frame
+from hostlink.input_file import open_input, read_bounded
 from hostlink.output_file import writing
 
 # column of the table: field of the pose
@@ -44,6 +47,7 @@ COLUMNS = (
     "tool", "tool_radius_mm", "tool_angle_deg", "tool_distance_mm",
     "force_n", "area_mm2", "place_x", "place_y", "force_x_n", "force_y_n", "torque_z_nmm",
 )  # fmt: skip
+_HEADINGS_MAX = 4096  # characters of a table's first line that are looked at
 QUEUE_MB = 1024.0  # the recorder drops what does not fit; a calibration must not lose a frame
 
 
@@ -179,8 +183,8 @@ def _refuse_other_table(table: Path, resume: bool) -> None:
     """Raise CaptureError where the capture's table would replace a file that is not its own."""
     if not table.exists():
         return
-    with table.open(newline="", encoding="utf-8", errors="replace") as file:
-        own = next(csv.reader(file), []) == list(COLUMNS)
+    with io.TextIOWrapper(open_input(table), "utf-8", "replace", newline="") as file:
+        own = file.readline(_HEADINGS_MAX).rstrip("\r\n").split(",") == list(COLUMNS)
     if not (resume and own):
         raise CaptureError(f"{table}: exists, and the capture's table goes there; give another name to -o")
 
@@ -247,9 +251,9 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     """The table of a capture. Raises CaptureError: there is none, or it is no capture's."""
     table = path.with_suffix(".csv")
     try:
-        with table.open(newline="", encoding="utf-8") as file:
-            reader = csv.DictReader(file)
-            rows, names = list(reader), set(reader.fieldnames or ())
+        raw = read_bounded(table)
+        reader = csv.DictReader(io.StringIO(raw.decode("utf-8"), newline=""))
+        rows, names = list(reader), set(reader.fieldnames or ())
     except OSError as error:
         raise CaptureError(_why_no_table(path, table, str(error.strerror))) from None
     except (UnicodeDecodeError, csv.Error):
@@ -258,7 +262,7 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     if missing:
         raise CaptureError(f"{table}: no column {sorted(missing)[0]}; not the table of a capture")
     for line, row in enumerate(rows, 2):
-        if not (row["sequence"] or "").isdecimal() or None in row.values():
+        if not re.fullmatch(r"\d{1,18}", row["sequence"] or "") or None in row.values():
             raise CaptureError(f"{table}: line {line} is not one of a capture's table")
     return rows
 

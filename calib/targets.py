@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from calib.errors import TableError
 from edge.types import Array
+from hostlink.input_file import read_bounded
 
 __all__ = ["COLUMNS", "Targets", "join", "read_targets", "targets_of_capture"]
 
@@ -112,7 +113,7 @@ def read_targets(table: str | Path, folder: str | Path) -> Targets:
     """
     table, folder = Path(table), Path(folder)
     try:
-        raw = table.read_bytes()
+        raw = read_bounded(table)
         lines = raw.decode("utf-8-sig").splitlines()
     except OSError as error:
         raise TableError(f"{table}: cannot be read: {error.strerror}") from None

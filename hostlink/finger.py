@@ -19,6 +19,7 @@ from hostlink.errors import (
     VersionMismatch,
 )
 from hostlink.events import Emergency, Sample
+from hostlink.input_file import read_bounded
 from hostlink.objects import ObjectClient
 from hostlink.sequence import LinkStatistics
 from hostlink.wire import (
@@ -43,6 +44,7 @@ _EXPLAINED = frozenset({Abort.VALUE_RANGE, Abort.NOT_NOW, Abort.NOT_STORED, Abor
 _REASONS = frozenset(RestFrameReason)
 _NOT_THERE = frozenset({Abort.NO_OBJECT, Abort.NO_SUB})  # an older release
 STALE_S = 0.1  # default age above which `latest` gives nothing
+UPLOAD_BYTES = 2 << 20  # a finger takes no more
 TARE_S = 15.0  # a rest frame of 60 images at 10 Hz, and some retries
 POLL_S = 0.05  # the object with the outcome sends no events: it is polled
 
@@ -273,7 +275,7 @@ class Finger:
 def read_upload(file: Path | str | bytes) -> bytes:
     """A calibration file's bytes. Raises UsageError: no such file, or obviously not a calibration."""
     try:
-        data = file if isinstance(file, bytes) else Path(file).read_bytes()
+        data = file if isinstance(file, bytes) else read_bounded(file, UPLOAD_BYTES)
     except OSError as error:
         raise UsageError(f"{file!s}: cannot be read: {error.strerror}") from None
     try:

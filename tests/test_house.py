@@ -23,6 +23,7 @@ SHARED_WITH_EDGE = (
     "hostlink.cli_types",
     "hostlink.clock",
     "hostlink.command_group",
+    "hostlink.input_file",
     "hostlink.interrupt",
     "hostlink.link_guard",
     "hostlink.mcap_chunk",
@@ -32,7 +33,7 @@ SHARED_WITH_EDGE = (
 #: Which of the project's own packages a package may import.
 MAY_IMPORT = {
     "hostlink/wire": ("hostlink.wire",),
-    "hostlink/web": ("hostlink.web",),
+    "hostlink/web": ("hostlink.web", "hostlink.input_file"),
     "hostlink": ("hostlink",),
     "edge": ("edge", "hostlink.wire", "hostlink.web", *SHARED_WITH_EDGE),
     "calib": ("calib", "edge", "hostlink"),

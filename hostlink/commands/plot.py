@@ -25,6 +25,7 @@ import click
 from hostlink.cli_types import WholeNumber, counted
 from hostlink.decoder import Sample
 from hostlink.errors import LogError, UsageError
+from hostlink.input_file import open_input
 from hostlink.mcap_chunk import UNPACKED_MAX, unpack_chunk
 from hostlink.output_file import check_output, writing
 from hostlink.recording import CAN_SUFFIXES, SERIAL_SUFFIX, check_suffix, decode_recording
@@ -165,7 +166,7 @@ def _mcap_samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]
     broken = (McapError, ZstdError, struct.error, RuntimeError, LookupError, OverflowError, MemoryError)
     samples_n = 0
     try:
-        with path.open("rb") as file:
+        with open_input(path) as file:
             # In the file's order, without its index: a truncated file has none.
             reader = StreamReader(file, emit_chunks=True, record_size_limit=UNPACKED_MAX)
             channels: dict[int, int] = {}

@@ -32,6 +32,7 @@ from edge.runtime.loop import Loop
 from edge.runtime.statistics import LoopStatistics
 from edge.sensors import load_sensor
 from edge.sources import open_source
+from hostlink.interrupt import ENDING
 from tests.support.waiting import SOON_S, until
 
 
@@ -558,7 +559,7 @@ def test_a_video_is_complete_before_it_replaces_another(data_dir: Path, tmp_path
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_ctrl_c_leaves_no_part_of_a_video(data_dir: Path, tmp_path: Path) -> None:
+def test_a_signal_leaves_no_part_of_a_video(data_dir: Path, tmp_path: Path) -> None:
     press = tmp_path / "frames"
     press.mkdir()
     frames_n = 0
@@ -570,15 +571,16 @@ def test_ctrl_c_leaves_no_part_of_a_video(data_dir: Path, tmp_path: Path) -> Non
     out = tmp_path / "out"
     out.mkdir()
     command = [sys.executable, "-m", "edge", "render", str(press), "-o", str(out / "a.mp4")]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        until(lambda: any(out.iterdir()) or process.poll() is not None, "it writes")
-        assert process.poll() is None
-        process.send_signal(signal.SIGINT)
-        assert process.stderr is not None
-        output = process.stderr.read()
-        assert process.wait() == 130
-    assert output.strip() == ""
-    assert list(out.iterdir()) == []
+    for number in ENDING:
+        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+            until(lambda: any(out.iterdir()) or process.poll() is not None, "it writes")
+            assert process.poll() is None
+            process.send_signal(number)
+            assert process.stderr is not None
+            output = process.stderr.read()
+            assert process.wait() == 128 + number
+        assert output.strip() == ""
+        assert list(out.iterdir()) == []
 
 
 @pytest.mark.parametrize("more", [[], ["--loop"]], ids=["once", "loop"])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import resource
-import signal
 import struct
 import subprocess
 import sys
@@ -22,6 +21,7 @@ import pytest
 from edge.link.node import Node
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, Sample, decode_recording
 from hostlink.commands.cli import COMMANDS, cli, main
+from hostlink.interrupt import ENDING
 from hostlink.output_file import find_unfinished
 from hostlink.recording import read_log
 from hostlink.wire import VERSION
@@ -327,7 +327,7 @@ def test_record_on_a_full_disk_is_one_line_and_keeps_what_it_has(
         assert next(read_log(file))
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", ENDING)
 def test_record_ended_by_a_signal_is_whole(finger: Application, tmp_path: Path, number: int) -> None:
     file = tmp_path / "press.log"
     child = program("record", HOST, str(file))
