@@ -47,7 +47,7 @@ _CANDUMP: Final = re.compile(
     (?: \#(?: R(?P<dlc>\d?) | \#(?P<flags>[\dA-F])(?P<fd>(?:[\dA-F]{2}){0,64})
              | (?P<classic>(?:[\dA-F]{2}){0,8}) )
         (?:_[9A-F])? (?:\s+(?P<end>[RT]))?
-    |   \s+\[(?P<size>\d{1,2})\] (?:(?P<remote>\s+remote\ request) | (?P<plain>(?:\s[\dA-F]{2}){0,64}))
+    |   \s+\[(?P<size>\d{1,2})\] (?:(?P<remote>\s+remote\ request) | (?P<plain>(?:\s+[\dA-F]{2}){0,64}))
         (?:\s+(?:ERRORFRAME|'.{0,8}'))?
     )\s*""",
     _TEXT,
