@@ -16,7 +16,7 @@ Rules
 - Time never runs backwards in a log: a message stamped earlier than the previous one gets that one's time (as
   candump's format does by itself; here for both formats), and `LogWriter.stepped_n` counts it.
 - Formats that would lose time or data are refused, with the reason. (6,000 FD frames each, python-can 4.6)
-- A line that is no frame costs that line; a warning counts them. Other damage ends the reading where it is: then
+- A line that is no frame costs that line; a warning counts them. Other damage costs what follows it, and then
   LogError names the place. A record cut off by a loss of power ends a `.serial` file.
 - Fingers with one number on several channels of a log are several fingers: UsageError lists the channels, of
   which one must be chosen.
@@ -63,7 +63,7 @@ _FORMATS: Final = {".log": read_candump, ".blf": read_blf, ".asc": read_asc}
 READ_SUFFIXES: Final = (*CAN_SUFFIXES, SERIAL_SUFFIX, ".asc")
 
 REFUSED: Final = {
-    ".asc": "absolute time is lost when it is read back",
+    ".asc": "absolute time is lost when other tools read it back",
     ".csv": "FD flags are lost",
     ".db": "rows may be missing right after it was closed",
     ".trc": "it has no CAN FD",

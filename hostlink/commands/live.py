@@ -102,7 +102,7 @@ def record(address: str, file: Path, seconds: float | None, overwrite: bool) -> 
     """
     place = parse_address(address)
     suffixes = CAN_SUFFIXES if place.is_can else (SERIAL_SUFFIX,)
-    if check_suffix(file).suffix.lower() not in suffixes:
+    if check_suffix(file, (*CAN_SUFFIXES, SERIAL_SUFFIX)).suffix.lower() not in suffixes:
         raise ConnectError(f"{file}: a bus is recorded as .log or .blf, a serial line as .serial")
     path = check_output(file, suffixes, overwrite=overwrite)
     # `timeout` and systemd end a program with SIGTERM: as with Ctrl-C, the recording up to then is kept.
