@@ -235,7 +235,8 @@ class CanDecoder(_Decoder):
 
     def __init__(self, ids: CanIds | None = None, *, late_s: float = LATE_S) -> None:
         super().__init__(late_s)
-        self._table = (ids or CanIds()).table
+        self.ids = ids or CanIds()
+        self._table = self.ids.table
         self.unknown_n = 0
 
     def receive(

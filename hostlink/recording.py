@@ -269,7 +269,7 @@ def decoder_for(path: Path | str) -> CanDecoder | SerialDecoder:
 def decode_recording(
     path: Path | str,
     decoder: CanDecoder | SerialDecoder | None = None,
-    channel: str | None = None,
+    channel: str | int | None = None,
     finger: int | None = None,
 ) -> Iterator[Event]:
     """The events in a recording of any of the formats, arrival times as recorded (NaN: the log has none).
@@ -295,21 +295,24 @@ def decode_recording(
         yield from _wanted(decoder.receive(data, time_s), finger)
 
 
-def _decode_log(path: Path, decoder: CanDecoder, channel: str | None, finger: int | None) -> Iterator[Event]:
-    if channel is None and _on_several(path, finger, HEAD_N):  # the buses of a log mostly begin together
-        raise _choose(path, finger)
+def _decode_log(
+    path: Path, decoder: CanDecoder, channel: str | int | None, finger: int | None
+) -> Iterator[Event]:
+    # The buses of a log mostly begin together: the choice is asked for before anything is given.
+    if channel is None and _on_several(path, decoder, finger, HEAD_N):
+        raise _choose(path, decoder, finger)
     heard: dict[int, str] = {}
     channels: dict[str, None] = {}
     for message in read_log(path):
         on = str(message.channel)
         channels[on] = None
-        if channel not in (None, on):
+        if channel is not None and on != str(channel):
             continue
         for event in _wanted(_receive(decoder, message), finger):
             if isinstance(event, Sample) and heard.setdefault(event.finger, on) != on:
-                raise _choose(path, finger)
+                raise _choose(path, decoder, finger)
             yield event
-    if channel is not None and channel not in channels:
+    if channel is not None and str(channel) not in channels:
         raise UsageError(f"{path}: no channel {channel}; it has {', '.join(channels) or 'none'}")
 
 
@@ -323,9 +326,11 @@ def _wanted(events: Iterable[Event], finger: int | None) -> Iterator[Event]:
     return (e for e in events if finger is None or not isinstance(e, Sample) or e.finger == finger)
 
 
-def _on_several(path: Path, finger: int | None, messages_n: int | None) -> dict[int, list[str]]:
+def _on_several(
+    path: Path, like: CanDecoder, finger: int | None, messages_n: int | None
+) -> dict[int, list[str]]:
     """The fingers with samples on several channels in so many messages, and these."""
-    decoder = CanDecoder()
+    decoder = CanDecoder(like.ids)
     found: dict[int, dict[str, None]] = {}
     with suppress(LogError):
         for message in islice(_read(path, Skipped()), messages_n):
@@ -336,9 +341,9 @@ def _on_several(path: Path, finger: int | None, messages_n: int | None) -> dict[
     return {number: list(channels) for number, channels in found.items() if len(channels) > 1}
 
 
-def _choose(path: Path, finger: int | None) -> UsageError:
+def _choose(path: Path, like: CanDecoder, finger: int | None) -> UsageError:
     """The error where several fingers have one number."""
-    several = _on_several(path, finger, None)
+    several = _on_several(path, like, finger, None)
     channels = ", ".join(sorted({name for names in several.values() for name in names}))
     fingers = ", ".join(map(str, sorted(several)))
     return UsageError(

@@ -80,12 +80,12 @@ def row_of(sample: Sample) -> Row:
     return (*_OF_SAMPLE(sample), *_OF_STATE(sample.state), *contacts)
 
 
-def _rows(source: Source, channel: str | None) -> Iterator[Row]:
+def _rows(source: Source, channel: str | int | None) -> Iterator[Row]:
     events = decode_recording(source, channel=channel) if isinstance(source, str | Path) else source
     return (row_of(event) for event in events if isinstance(event, Sample))
 
 
-def to_arrays(source: Source, channel: str | None = None) -> dict[str, np.ndarray]:
+def to_arrays(source: Source, channel: str | int | None = None) -> dict[str, np.ndarray]:
     """Columns by name, each (samples,), int64 or float64.
 
     source   a recording's path, or events of which the samples are taken
@@ -104,7 +104,7 @@ def to_arrays(source: Source, channel: str | None = None) -> dict[str, np.ndarra
     }
 
 
-def to_pandas(source: Source, channel: str | None = None) -> pd.DataFrame:
+def to_pandas(source: Source, channel: str | int | None = None) -> pd.DataFrame:
     """One row a sample; `frame.attrs["units"]` has the unit of each column. Arguments: `to_arrays`.
 
     Raises  UsageError: pandas is not installed, or a channel must be chosen; LogError: as there

@@ -262,11 +262,15 @@ def test_an_old_stamp_of_the_kernel_is_kept(age_s: float) -> None:
     """As after a halt of the host on a bus: the first that is read is old, and its stamp says so."""
     channel = f"waited-{age_s}"
     with hostlink.connect(f"virtual:{channel}") as hand:
+
+        def read(n: int) -> bool:
+            return 3 in hand.fingers and hand.finger(3).statistics.received_n == n
+
         bus = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
         for k, waited_s in enumerate((age_s, age_s / 2, 0.0)):
             data, stamp_s = pack_state(state(k, waited_s), k), time.time() - waited_s
             bus.send(can.Message(stamp_s, 0x183, is_extended_id=False, data=data, is_fd=True))
-            until(lambda n=k + 1: hand.fingers and hand.finger(3).statistics.received_n == n, "it is read")
+            until(partial(read, k + 1), "it is read")
             fresh, (row,), sample = hand.latest(), Board(hand).rows(), hand.latest(max_age_s=None)
             assert sample is not None
             assert sample.age_s >= waited_s
