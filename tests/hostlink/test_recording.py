@@ -310,13 +310,13 @@ def test_fingers_with_one_number_on_two_channels_are_two(tmp_path: Path, suffix:
         next(events)
 
 
-def write_buses(path: Path, finger_of: dict[int, int], late: int = 0) -> None:
-    """40 samples of a finger on each channel, whose depth tells which; the second may begin late."""
+def write_buses(path: Path, finger_of: dict[int, int], late: int = 0, samples_n: int = 40) -> None:
+    """Samples of a finger on each channel, whose depth tells which; the second may begin late."""
     writer = can.ASCWriter(path) if path.suffix == ".asc" else LogWriter(path)
     write = writer.on_message_received if isinstance(writer, can.ASCWriter) else writer.write
-    order = [(k, c) for k in range(40) for c in finger_of]
+    order = [(k, c) for k in range(samples_n) for c in finger_of]
     if late:
-        order = [(k, 0) for k in range(late)] + [(k, 1) for k in range(40)]
+        order = [(k, 0) for k in range(late)] + [(k, 1) for k in range(samples_n)]
     for n, (k, channel) in enumerate(order):
         state = State(sample=k, capture_time_us=k * 4000, displacement_mm=channel + 1)
         write(
@@ -454,10 +454,10 @@ def test_random_damage_is_read_up_to_or_refused(tmp_path: Path, name: str) -> No
             for i in range(20):
                 serial.write(encode_frame(Message.STATE, pack_state(State(sample=i), i)), i / 10)
     elif name == "plain.log":
-        lines = [f"can0 181 {pack_state(State(sample=k), k).hex()}" for k in range(40)]
-        path.write_text(as_candump([k / 100 for k in range(40)], lines, "d"))
+        lines = [f"can0 181 {pack_state(State(sample=k), k).hex()}" for k in range(12)]
+        path.write_text(as_candump([k / 100 for k in range(12)], lines, "d"))
     else:
-        write_buses(path, {0: 1, 1: 2})
+        write_buses(path, {0: 1, 1: 2}, samples_n=6)
     good, is_text = path.read_bytes(), path.suffix in (".log", ".asc")
     lengths = [0, 1, 16, 32, 0xFFFF, 1 << 24, (1 << 31) - 1, 1 << 31, (1 << 32) - 1]
     refused: list[str] = []
