@@ -301,7 +301,7 @@ def _decode_log(
     # The buses of a log mostly begin together: the choice is asked for before anything is given.
     if channel is None and _on_several(path, decoder, finger, HEAD_N):
         raise _choose(path, decoder, finger)
-    heard: dict[int, str] = {}
+    channel_of: dict[int, str] = {}
     channels: dict[str, None] = {}
     for message in read_log(path):
         on = str(message.channel)
@@ -309,7 +309,7 @@ def _decode_log(
         if channel is not None and on != str(channel):
             continue
         for event in _wanted(_receive(decoder, message), finger):
-            if isinstance(event, Sample) and heard.setdefault(event.finger, on) != on:
+            if isinstance(event, Sample) and channel_of.setdefault(event.finger, on) != on:
                 raise _choose(path, decoder, finger)
             yield event
     if channel is not None and str(channel) not in channels:
