@@ -151,7 +151,7 @@ class Connection:
         return f"finger{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))} heard"
 
     def latest(self, node: int | None = None, max_age_s: float | None = STALE_S) -> Sample | None:
-        """The newest sample of a finger (or of any); None if there is none, or it is older than `max_age_s`.
+        """The newest sample of a finger (or of any); None: there is none, or its `age_s` is over `max_age_s`.
 
         Raises VersionMismatch: that finger is of another version
         """
@@ -162,7 +162,7 @@ class Connection:
         samples = [s for f in fingers if (s := f.latest(max_age_s)) is not None]
         if not samples and (error := self._mismatched()) is not None:
             raise error
-        return max(samples, key=lambda s: s.arrival_s, default=None)
+        return max(samples, key=lambda s: s.host_time_s, default=None)
 
     def _mismatched(self) -> VersionMismatch | None:
         """The error of a finger of another version, if no other finger sends samples."""

@@ -102,16 +102,16 @@ class Finger:
         self.mismatch: VersionMismatch | None = None
 
     def latest(self, max_age_s: float | None = STALE_S) -> Sample | None:
-        """The newest sample, or None if it is older than `max_age_s` (None: any age) or there was none.
+        """The newest sample; None: there was none, or its `age_s` is over `max_age_s` (None: any age).
 
         Raises VersionMismatch
         """
         if self.mismatch is not None:
             raise self.mismatch
         sample = self.newest
-        if sample is None or (max_age_s is not None and time.monotonic() - sample.arrival_s > max_age_s):
-            return None
-        return sample
+        # Not by the arrival: after a halt of the host, what had waited arrives only now.
+        fresh = sample is not None and (max_age_s is None or sample.age_s <= max_age_s)
+        return sample if fresh else None
 
     @property
     def clock(self) -> ClockMap:

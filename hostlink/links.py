@@ -1,8 +1,9 @@
 """Open links on the host: a thread that reads, and reopens the medium when it fails.
 
 Rules
-- Received data go to one callable, from the link's thread, with their arrival on the monotonic clock. The
-  kernel's or the driver's time stamp is used if there is one: it does not depend on Python's scheduling.
+- Received data go to one callable, from the link's thread, with their arrival on the monotonic clock: the
+  kernel's time stamp if there is one, however old. A host that was stopped must not take for new what waited.
+- Other drivers' stamps are of an adapter's clock, which drifts: there the arrival is the moment of reading.
 - A medium that fails, in whatever way, is closed and reopened every RETRY_S until it is back or the link is
   closed. Nothing that is raised ends the thread (`hostlink.link_guard`).
 - python-can and pyserial are imported when a link is opened, not before.
@@ -26,7 +27,7 @@ from hostlink.link_guard import LinkGuard
 from hostlink.wire.address import Address
 from hostlink.wire.open_errors import cannot_open, message_of
 
-__all__ = ["CanLink", "Link", "SerialLink", "arrival_s", "open_link"]
+__all__ = ["CanLink", "Link", "SerialLink", "open_link"]
 
 log = logging.getLogger(__name__)
 
@@ -35,9 +36,31 @@ READ_S = 0.1  # how soon the thread notices that the link is to be closed
 WRITE_S = 0.2
 READ_CHUNK = 4096
 SOCKETS = frozenset({"socketcan", "udp_multicast"})
+SYSTEM_CLOCK = SOCKETS | {"virtual"}  # interfaces whose stamps are times of this system
 RECEIVE_BUFFER = 8 << 20  # bytes; a frame takes about 1 kB of it: 6 s of five fingers at 250 Hz
 SO_RCVBUFFORCE = 33  # linux/asm-generic/socket.h; Python does not name it
-STAMP_MAX_S = 1.0  # a stamp further from the present is on another clock than the system's
+STEP_S = 0.1  # the system's clock is set, not slewed, by more than that (chrony, ntpd, timesyncd)
+
+
+class Arrival:
+    """When received data arrived, on the monotonic clock.
+
+    trusted  whether stamps are times of the system's clock
+    """
+
+    def __init__(self, trusted: bool) -> None:
+        self._trusted = trusted
+        self._ahead_s: float | None = None  # the system's clock before the monotonic one, at the data before
+
+    def time_s(self, data: Any) -> float:
+        """Arrival of data that were just read."""
+        wall_s, now_s = time.time(), time.monotonic()
+        before_s, self._ahead_s = self._ahead_s, wall_s - now_s
+        stamp_s = getattr(data, "timestamp", 0.0)
+        was_set = before_s is not None and abs(self._ahead_s - before_s) > STEP_S
+        if not self._trusted or was_set or not 0.0 < stamp_s <= wall_s:
+            return now_s
+        return now_s - (wall_s - stamp_s)
 
 
 class Link(ABC):
@@ -52,6 +75,7 @@ class Link(ABC):
         self.reconnects = 0
         self.guard = LinkGuard(str(address))
         self._on_data = on_data
+        self._arrival = Arrival(trusted=address.interface in SYSTEM_CLOCK)
         self._medium: Any = self._open_or_say_why()
         self._failed: Any = None  # the medium at which a write failed as nobody foresaw
         self._writing = threading.Lock()
@@ -109,7 +133,7 @@ class Link(ABC):
             self._recover()
             return
         if data is not None:
-            self.guard.call(self._on_data, data, arrival_s(data))
+            self.guard.call(self._on_data, data, self._arrival.time_s(data))
 
     def _recover(self) -> None:
         """Lose the medium; one that opens and fails at once must not be reopened without a pause."""
@@ -218,14 +242,6 @@ def open_link(address: Address, on_data: Callable[[Any, float], None]) -> Link:
     if address.scheme == "memory":
         raise ConnectError("memory: has no other end; use can:, slcan:, virtual:, udp: or serial:")
     return CanLink(address, on_data) if address.is_can else SerialLink(address, on_data)
-
-
-def arrival_s(data: Any) -> float:
-    """Arrival of received data, on the monotonic clock."""
-    now_s = time.monotonic()
-    stamp_s = getattr(data, "timestamp", 0.0)
-    age_s = time.time() - stamp_s
-    return now_s - age_s if 0.0 <= age_s < STAMP_MAX_S else now_s
 
 
 def _widen(number: int) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 
 import click
 
-from hostlink.cli_types import WholeNumber, counted, seconds_option
+from hostlink.cli_types import WholeNumber, channel_option, counted, seconds_option
 from hostlink.client import Connection, connect
 from hostlink.commands.monitor import Board, line, screen
 from hostlink.decoder import SERIAL_NODE, CanDecoder, Event, Sample, SerialDecoder
@@ -102,7 +102,7 @@ def record(address: str, file: Path, seconds: float | None, overwrite: bool) -> 
     """
     place = parse_address(address)
     suffixes = CAN_SUFFIXES if place.is_can else (SERIAL_SUFFIX,)
-    if check_suffix(file).suffix.lower() not in suffixes:
+    if check_suffix(file, (*CAN_SUFFIXES, SERIAL_SUFFIX)).suffix.lower() not in suffixes:
         raise ConnectError(f"{file}: a bus is recorded as .log or .blf, a serial line as .serial")
     path = check_output(file, suffixes, overwrite=overwrite)
     try:
@@ -179,6 +179,7 @@ def _until_ended(
 )
 @click.option("--overwrite", is_flag=True, help="Replace that file if it exists.")
 @click.option("--finger", type=WholeNumber(1, 127), help="Only this finger.")
+@channel_option
 @click.option("--summary", is_flag=True, help="Counts of each finger on stderr at the end.")
 def decode(
     file: Path,
@@ -187,16 +188,15 @@ def decode(
     parquet_file: Path | None,
     overwrite: bool,
     finger: int | None,
+    channel: str | None,
     summary: bool,
 ) -> None:
-    """Print the samples in FILE (.log, .blf, .serial), one line each, or write them as a table."""
+    """Print the samples in FILE (.log, .blf, .asc, .serial), one line each, or write them as a table."""
     if csv_file is not None and parquet_file is not None:
         raise UsageError("--csv and --parquet: give one of them")
     decoder = decoder_for(file)
     samples = (
-        event
-        for event in decode_recording(file, decoder)
-        if isinstance(event, Sample) and finger in (None, event.finger)
+        event for event in decode_recording(file, decoder, channel, finger) if isinstance(event, Sample)
     )
     shown_n = 0
     if csv_file is not None:
@@ -258,7 +258,11 @@ def _damaged_n(decoder: CanDecoder | SerialDecoder) -> int:
 
 def _json(event: Sample) -> str:
     """One sample as a JSON object; NaN is null, status bits are names."""
-    values: dict[str, Any] = {"finger": event.node, "arrival_s": event.arrival_s, "lost_n": event.lost_n}
+    values: dict[str, Any] = {
+        "finger": event.node,
+        "arrival_s": _plain(event.arrival_s),
+        "lost_n": event.lost_n,
+    }
     for name, value in asdict(event.state).items():
         values[name] = _plain(value)
     values["status"] = [bit.name for bit in Status if bit in event.state.status]
