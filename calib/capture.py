@@ -271,7 +271,9 @@ def read_rows(path: Path) -> list[dict[str, str]]:
             number(row.cells[name], f"{table}: line {row.line}, column {name}")
     # Frames come in the order of the recordings; a spreadsheet may have sorted the table otherwise.
     parts_in_order = list(dict.fromkeys(part for part, _ in places))
-    in_order = sorted(zip(places, found.rows, strict=True), key=lambda p: (parts_in_order.index(p[0][0]), p[0][1]))
+    in_order = sorted(
+        zip(places, found.rows, strict=True), key=lambda p: (parts_in_order.index(p[0][0]), p[0][1])
+    )
     return [row.cells for _, row in in_order]
 
 

@@ -18,12 +18,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib.errors import TableError
-from edge.limits import read_bounded
+from edge.limits import quote, read_bounded
 
 __all__ = ["Row", "StrictTable", "number", "read_table", "shown"]
 
 BYTES_MAX = 1 << 28  # a million rows of a capture; more would fill the memory
-SHOWN_MAX = 60  # characters of a cell in a message
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+")
@@ -96,8 +95,7 @@ def number(text: str, where: str) -> float:
 
 def shown(text: str) -> str:
     """A cell as it stands in a message: in one line, and not long."""
-    text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[: SHOWN_MAX + 1])
-    return text if len(text) <= SHOWN_MAX else f"{text[:SHOWN_MAX]}..."
+    return quote(text)[1:-1]
 
 
 def _bytes_of(path: Path) -> bytes:

@@ -28,7 +28,7 @@ from calib.errors import TableError
 from calib.table import number, read_table, shown
 from edge.types import Array
 
-__all__ = ["COLUMNS", "Targets", "join", "read_targets", "targets_of_capture"]
+__all__ = ["COLUMNS", "MOST", "Targets", "join", "read_targets", "targets_of_capture"]
 
 #: Column of the table -> calibrated value, and the column's unit.
 COLUMNS: dict[str, tuple[str, str]] = {
@@ -49,7 +49,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
 }
 _IMAGE = "sensor_image"
 #: By unit: largest plausible truth of a fingertip; a depth that never exceeds the smallest is not in mm.
-_MOST = {"mm": 100.0, "deg": 180.0, "N": 1000.0, "Nmm": 1e4, "mm2": 1e4}
+MOST = {"mm": 100.0, "deg": 180.0, "N": 1000.0, "Nmm": 1e4, "mm2": 1e4}
 _LEAST_DEPTH_MM = 0.05
 #: Columns that an arm may give as its position, and how far an arm reaches.
 _DEPTHS = {"pose_z", "contact_depth"}
@@ -147,7 +147,7 @@ def read_targets(table: str | Path, folder: str | Path) -> Targets:
 def _possible(text: str, where: str, name: str) -> float:
     """A number that a fingertip, or for a depth the arm that presses it, can give."""
     value, unit = number(text, where), COLUMNS[name][1]
-    if abs(value) > (_MOST_REACH_MM if name in _DEPTHS else _MOST[unit]):
+    if abs(value) > (_MOST_REACH_MM if name in _DEPTHS else MOST[unit]):
         raise TableError(f"{where}: {value:g} {unit} is not possible")
     return value
 
@@ -156,8 +156,10 @@ def _check_depths(table: Path, columns: Mapping[str, list[float]]) -> None:
     """Depths may be positions of the arm, from wherever it counts; their differences are a fingertip's."""
     for name in _DEPTHS & columns.keys():
         span = float(np.ptp(columns[name]))
-        if span > _MOST["mm"]:
-            raise TableError(f"{table}: column {name} spans {span:g} mm; that is not possible, its unit is mm")
+        if span > MOST["mm"]:
+            raise TableError(
+                f"{table}: column {name} spans {span:g} mm; that is not possible, its unit is mm"
+            )
     if "pose_z" in columns and max(map(abs, columns["pose_z"])) < _LEAST_DEPTH_MM:
         raise TableError(f"{table}: column pose_z never exceeds {_LEAST_DEPTH_MM} mm; its unit is mm")
 
