@@ -1,11 +1,13 @@
 """The rig's z: which way it counts, and where it is when the tip is first touched.
 
-The deeper the press, the further the pins move apart (their divergence, `c10`), whatever else the touch does. So a depth
-or a force that falls meanwhile is counted the other way: z points up, or the gauge gives what the tip does to it.
+The deeper the press, the further the pins move apart (their divergence, `c10`), whatever else the touch does.
+So a depth or a force that falls meanwhile is counted the other way: z points up, or the gauge gives what the
+tip does to it.
 
-An arm gives positions, of which only differences are depths. Frames on both sides of the first touch show where it is.
-Where all are pressed, the volume of deformation bounds it, which grows between linearly and with the square of
-the depth. The bounds are a millimetre or two apart: they tell a position from a depth, and do not make one of it.
+An arm gives positions, of which only differences are depths. Frames on both sides of the first touch show
+where it is. Where all are pressed, the volume of deformation bounds it, which grows between linearly and with
+the square of the depth. The bounds are a millimetre or two apart: they tell a position from a depth, and make
+no depth of it.
 """
 
 from __future__ import annotations
@@ -63,24 +65,23 @@ class PressAxis:
         column = COLUMNS[self.name]
         text = f"{'-' if self.sign < 0 else ''}{column}"
         if self.zero:
-            text = f"{-self.zero:g} - {column}" if self.sign < 0 else f"{column} - {self.zero:g}"
+            text = f"{-self.zero:g} - {column}" if self.sign < 0 else f"{column} {-self.zero:+g}"
         return f"{self.name} = {text}" + (f" (first touch at {self._at_touch})" if self.touch else "")
 
     @property
     def fault(self) -> str:
         """Why the column is not the value as it stands; "": it is."""
         column = f"column {COLUMNS[self.name]} ({self.name})"
+        why = f"{column} falls as the pins move apart; "
         if self.sign < 0 and self.name == "force_n":
-            return f"{column} falls as the pins move apart; a press pushes: is it what the tip does to the gauge? negate it"
+            return f"{why}a press pushes: is it what the tip does to the gauge? negate it"
         if self.sign < 0:
-            text = f"{column} falls as the pins move apart; a depth grows: does z point up? negate it"
+            text = f"{why}a depth grows: does z point up? negate it"
             return text if self.from_zero else f"{text}, and count from the first touch, at {self._at_touch}"
         if self.from_zero:
             return ""
-        return (
-            f"{column} is {self._at_touch} at the first touch; a depth is 0 there: is it the arm's position? subtract "
-            "its reading there"
-        )
+        where = f"{column} is {self._at_touch} at the first touch; "
+        return f"{where}a depth is 0 there: is it the arm's position? subtract its reading there"
 
     @property
     def _at_touch(self) -> str:
@@ -104,7 +105,7 @@ def recognise_press(targets: Targets, extract: Extract) -> list[PressAxis]:
 
 
 def check_press(targets: Targets, extract: Extract) -> None:
-    """Raises FitError: a depth or force that does not grow with the press, or does not count from the first touch."""
+    """Raises FitError: a depth or force that falls with the press, or a depth not 0 at the first touch."""
     for axis in recognise_press(targets, extract):
         if axis.fault:
             raise FitError(f"{targets.where}: {axis.fault}")
@@ -125,6 +126,8 @@ def along_press(
         if captured and depth:
             continue
         counted = axis.sign * column - axis.zero if axis.sign else column
+        if depth and axis.fault:  # before the first touch nothing is pressed
+            counted = np.where(counted < 0.0, 0.0, counted)
         if axis.fault and not rest_given and (depth or not (column == 0.0).any()):
             raise TableError(f"{targets.where}: {axis.fault}, and give --rest an image of the untouched tip")
         if depth and ((not axis.from_zero and not axis.seen) or (axis.sign < 0 and axis.touch is None)):
@@ -134,8 +137,8 @@ def along_press(
             )
         if depth and np.nanmax(np.abs(counted)) > MOST["mm"]:
             raise TableError(
-                f"{targets.where}: column {COLUMNS[axis.name]}: over {MOST['mm']:g} mm is no depth, and the frames do "
-                "not show how it changes with the press; give depths from the first touch on"
+                f"{targets.where}: column {COLUMNS[axis.name]}: over {MOST['mm']:g} mm is no depth, and the "
+                "frames do not show how it changes with the press; give depths from the first touch on"
             )
         values[axis.name] = counted
         if axis.sign:

@@ -3,8 +3,8 @@
 A table is read whole or refused in one line that says which line is wrong and what would be right. Nothing is
 guessed: a decimal comma makes a cell too many, and two columns of one name would make a value of either.
 
-Some things are taken, as spreadsheets and pandas write them: a byte order mark, any line ends, blank lines, quoted
-cells, spaces round headings and numbers, empty cells behind the last heading, columns without a heading.
+Some forms that spreadsheets and pandas write are taken: a byte order mark, any line ends, blank lines, quoted
+cells, spaces round headings and numbers, empty cells behind the last heading, columns without one.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ def read_table(path: Path, needed: Collection[str], once: Collection[str] = ()) 
         beyond = [cell for cell in cells[len(names) :] if cell.strip()]
         if beyond:
             raise TableError(
-                f"{path}: line {line}: {len(cells)} cells for {len(names)} headings; write decimals with a point, "
-                "and a cell with a comma within quotes"
+                f"{path}: line {line}: {len(cells)} cells for {len(names)} headings; write "
+                "decimals with a point, and a cell with a comma within quotes"
             )
         named = dict.fromkeys(names, "") | dict(zip(names, cells, strict=False))
         found.append(Row(line, named, len(cells) >= len(names)))
