@@ -302,8 +302,8 @@ def _paired(path: Path, rows: Sequence[dict[str, str]]) -> Iterator[tuple[Frame,
         by_part.setdefault(row["recording"], {})[int(row["sequence"])] = row
     for name, wanted in by_part.items():
         for frame in RecordingSource(path.parent / name):
-            if (row := wanted.pop(frame.sequence, None)) is not None:
-                yield frame, row
+            if frame.sequence in wanted:
+                yield frame, wanted.pop(frame.sequence)
         if wanted:
             table = path.with_suffix(".csv")
             raise CaptureError(f"{table}: frame {min(wanted)} is not in {name}; leave out its row")

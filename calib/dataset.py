@@ -125,8 +125,8 @@ def _without_rest(table: Path, targets: Targets, lens: Lens | None) -> Dataset:
     """With a rest frame from the table's frames: those without load, or else what they were without it."""
     load = load_of(targets.values)
     # Exactly 0 where there is such a frame: a load below it may be one that is counted the other way.
-    without = [] if load is None else np.flatnonzero(load == 0 if (load == 0).any() else load <= 0)
-    without_load = [int(k) for k in without[:RESTS_MAX]]
+    none = None if load is None else (load == 0 if (load == 0).any() else load <= 0)
+    without_load = [] if none is None else np.flatnonzero(none)[:RESTS_MAX].tolist()
     try:
         if without_load:
             rest = take_rest([read_image(targets.frames[k]) for k in without_load], lens=lens)

@@ -197,14 +197,18 @@ def fit(
         raise FitError(refused[0] if refused else nothing)
     order = [group.outputs for group in GROUPS]
     choices.sort(key=lambda choice: order.index(choice.outputs))
-    data = Data(
+    scale = mm_per_px or _scale(targets, extract, rest)
+    return _checked(sensor, scale, [choice.model for choice in choices], _data(targets, usable)), choices
+
+
+def _data(targets: Targets, usable: Mask) -> Data:
+    """What the file says of the frames."""
+    return Data(
         source=", ".join(Path(part).name for part in targets.where.split(", "))[:SOURCE_MAX],
         sha256=targets.sha256,
         n_frames=int(usable.sum()),
         created=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
     )
-    scale = mm_per_px or _scale(targets, extract, rest)
-    return _checked(sensor, scale, [choice.model for choice in choices], data), choices
 
 
 @dataclass(frozen=True, slots=True)

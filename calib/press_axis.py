@@ -172,11 +172,11 @@ def _first_touch(z: Array, volume: Array, touched: Mask) -> tuple[tuple[float, f
         return None, False
     bounds = []
     for power in (0.5, 1.0):
-        grown = np.maximum(volume, 0.0) ** power
-        r = float(np.corrcoef(z, grown)[0, 1])
+        growth = np.maximum(volume, 0.0) ** power
+        r = float(np.corrcoef(z, growth)[0, 1])
         if r <= 0.0:
             return None, False
         # Either may have the errors: the line through z over the growth, and that through the growth over z.
-        steps = r * z.std() / grown.std(), z.std() / (r * grown.std())
-        bounds += [float(z.mean() - step * grown.mean()) for step in steps]
+        steps = r * z.std() / growth.std(), z.std() / (r * growth.std())
+        bounds += [float(z.mean() - step * growth.mean()) for step in steps]
     return (min(bounds), max(bounds)), False

@@ -20,7 +20,7 @@ from pathlib import Path
 from calib.errors import TableError
 from edge.limits import quote, read_bounded
 
-__all__ = ["Row", "StrictTable", "number", "read_table", "shown"]
+__all__ = ["StrictTable", "TableRow", "number", "read_table", "shown"]
 
 BYTES_MAX = 1 << 28  # a million rows of a capture; more would fill the memory
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
@@ -30,7 +30,7 @@ _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class TableRow:
     """One row.
 
     line   in the file, from 1, where it begins
@@ -48,7 +48,7 @@ class StrictTable:
     """A table. names: its headings, without surrounding spaces; raw: the file's bytes."""
 
     names: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[TableRow, ...]
     raw: bytes
 
 
@@ -78,7 +78,7 @@ def read_table(path: Path, needed: Collection[str], once: Collection[str] = ()) 
                 "decimals with a point, and a cell with a comma within quotes"
             )
         named = dict.fromkeys(names, "") | dict(zip(names, cells, strict=False))
-        found.append(Row(line, named, len(cells) >= len(names)))
+        found.append(TableRow(line, named, len(cells) >= len(names)))
     return StrictTable(names, tuple(found), raw)
 
 

@@ -163,7 +163,7 @@ def _check_outputs_of(model: Polynomial | Process, where: str) -> None:
 
 
 def _check_positive(output: str, most: float, where: str) -> None:
-    """A press is a positive depth and force: a hand that is told otherwise drives on into what it touches."""
+    """A press is a positive depth and force: of another sign they drive a hand into what it touches."""
     if output in _POSITIVE and most <= 0:
         raise BadContent(
             f"{where}: '{output}' is never above 0; a press is positive: is the truth's sign wrong?"

@@ -131,14 +131,14 @@ def test_any_bytes_are_one_line_or_a_table_of_numbers_that_stand_in_it(tmp_path:
             k = rng.randrange(len(raw) + 1)
             raw[k : k + rng.randrange(3)] = rng.choice([b"", bytes([rng.randrange(256)]), rng.choice(parts)])
         table = write(tmp_path, bytes(raw))
-        said = ""
+        message = ""
         try:
             targets = read_targets(table, tmp_path)
         except TableError as error:
-            said = str(error)
-        if said:
-            assert said.startswith(str(table))
-            assert said.isprintable()
+            message = str(error)
+        if message:
+            assert message.startswith(str(table))
+            assert message.isprintable()
             continue
         taken += 1
         cells = {float(cell) for cell in re.findall(rb"[-+.0-9eE]+", bytes(raw)) if _is_number(cell)}
