@@ -172,11 +172,11 @@ def _first_touch(z: Array, volume: Array, touched: Mask) -> tuple[tuple[float, f
         return None, False
     bounds = []
     for power in (0.5, 1.0):
-        deformed = np.maximum(volume, 0.0) ** power
-        r = float(np.corrcoef(z, deformed)[0, 1])
+        extent = np.maximum(volume, 0.0) ** power
+        r = float(np.corrcoef(z, extent)[0, 1])
         if r <= 0.0:
             return None, False
         # Either may have the errors: the line through z over the volume, and that through the volume over z.
-        steps = r * z.std() / deformed.std(), z.std() / (r * deformed.std())
-        bounds += [float(z.mean() - step * deformed.mean()) for step in steps]
+        steps = r * z.std() / extent.std(), z.std() / (r * extent.std())
+        bounds += [float(z.mean() - step * extent.mean()) for step in steps]
     return (min(bounds), max(bounds)), False
