@@ -31,6 +31,7 @@ from calib.designs import GROUPS, MEAN_MOTION, Group, designs, is_round, went_al
 from calib.errors import FitError
 from calib.extract import Extract
 from calib.fit_params import PARAMS
+from calib.press_axis import check_press
 from calib.process_fit import FittedProcess, fit_process
 from calib.ridge import (
     Candidate,
@@ -165,12 +166,14 @@ def fit(
     search     what is tried, and which of several sufficient models is taken
     pool       where processes are fitted, a job for each group; None: here
     Returns    the calibration, and how each model was chosen
-    Raises     FitError: nothing could be fitted; the message says what the data lack, naming the rows.
+    Raises     FitError: nothing could be fitted; the message says what the data lack, naming the rows. Or a
+               depth or force does not grow with the press (`calib.press_axis`).
                CalibrationError: the rest frame is not a plausible tip
     """
     sensor = sensor_of(rest, serial)
     _checked(sensor, mm_per_px, [], Data("", "", 0, ""))
     usable = _usable_frames(targets, extract, PARAMS.known_rows_min if search.known else PARAMS.rows_min)
+    check_press(targets, extract)
     choices: list[Choice] = []
     refused: list[str] = []
     problems = list(_problems(rest, targets, extract, usable))
@@ -194,14 +197,18 @@ def fit(
         raise FitError(refused[0] if refused else nothing)
     order = [group.outputs for group in GROUPS]
     choices.sort(key=lambda choice: order.index(choice.outputs))
-    data = Data(
+    scale = mm_per_px or _scale(targets, extract, rest)
+    return _checked(sensor, scale, [choice.model for choice in choices], _data(targets, usable)), choices
+
+
+def _data(targets: Targets, usable: Mask) -> Data:
+    """What the file says of the frames."""
+    return Data(
         source=", ".join(Path(part).name for part in targets.where.split(", "))[:SOURCE_MAX],
         sha256=targets.sha256,
         n_frames=int(usable.sum()),
         created=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
     )
-    scale = mm_per_px or _scale(targets, extract, rest)
-    return _checked(sensor, scale, [choice.model for choice in choices], data), choices
 
 
 @dataclass(frozen=True, slots=True)

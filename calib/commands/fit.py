@@ -88,7 +88,7 @@ def fit_command(
     check_output(output, (".json",), [*given.inputs, *([prior] if prior else [])], overwrite)
     search = Search(Prefer(prefer), known={} if prior is None else _known_models(prior))
     data = given.open()
-    targets, extract = data.targets, given.extract(data)
+    targets, extract = given.extract(data)
     held_out_errors = None
     with executor(given.dask, given.workers) as pool, progress_bar(given.quiet) as bar:
         if hold_out is not None:
