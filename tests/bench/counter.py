@@ -16,15 +16,17 @@ import collections
 import os
 import platform
 import re
+import shutil
 import subprocess
 import sys
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 
+from edge.errors import EdgeError
 from tests.bench.output import ROOT
 
-__all__ = ["ENVIRONMENT", "Counts", "counted", "name_of", "of_callgrind"]
+__all__ = ["ENVIRONMENT", "Counts", "NoCounter", "counted", "name_of", "of_callgrind"]
 
 #: First-level instruction and data caches and the last level of a small board: bytes, ways, bytes of a line.
 CACHES = ("--cache-sim=yes", "--I1=49152,12,64", "--D1=32768,8,64", "--LL=1048576,16,64")
@@ -38,6 +40,10 @@ ENVIRONMENT = {
 if platform.machine() == "x86_64":
     ENVIRONMENT |= {"OPENBLAS_CORETYPE": "Nehalem", "OPENCV_CPU_DISABLE": "AVX2,FMA3"}
 Functions = collections.Counter[tuple[str, str]]
+
+
+class NoCounter(EdgeError):
+    """What counts is not installed."""
 
 
 @dataclass(frozen=True)
@@ -74,9 +80,13 @@ def counted(child: list[str], frames: int, folder: Path, *, caches: bool = True)
 
     child   the module, and its arguments
     frames  that it processes between them
-    folder  where callgrind's files go; empty
+    folder  where callgrind's files go; it is made
     caches  False: instructions alone, in less time; no misses
+    Raises  NoCounter
     """
+    if shutil.which("valgrind") is None:
+        raise NoCounter("valgrind counts instructions, and is not installed (Debian package valgrind)")
+    folder.mkdir(exist_ok=True)
     plain = ("--compress-strings=no", "--compress-pos=no", "--instr-atstart=no")
     out = folder / "callgrind"
     command = [

@@ -28,6 +28,7 @@ from rich.table import Table
 
 from edge.runtime.loop import LoopConfig
 from edge.types import Feature
+from tests.bench.arm64 import Board
 from tests.bench.counter import ENVIRONMENT, Counts, counted, run
 from tests.bench.frames import GRASP, NARROW, PINS, REST_FRAMES, SIZES, calibration_of, scene
 from tests.bench.output import writes_results
@@ -88,18 +89,24 @@ class Step:
         """Instructions on this machine, and misses with `caches`."""
         return counted([*self._child, "instructions"], COUNTED, self._folder, caches=caches)
 
+    def emulated(self, board: Board) -> Counts:
+        """Instructions on an emulated board."""
+        return board.counted([*self._child, "instructions"], COUNTED, self._folder)
+
     def calls(self) -> dict[str, dict[str, float]]:
         """Calls of a frame, by function: `python` ours, `kernel` those that are compiled."""
         printed = json.loads(run([sys.executable, "-m", *self._child, "calls"], ENVIRONMENT))
         return {kind: {name: n / COUNTED for name, n in found.items()} for kind, found in printed.items()}
 
 
-def measure(name: str) -> dict[str, Any]:
-    """The figures of one variant."""
+def measure(name: str, board: Board | None = None) -> dict[str, Any]:
+    """The figures of one variant, on this machine and on an emulated board."""
     with tempfile.TemporaryDirectory() as folder:
         step = Step(VARIANTS[name], Path(folder))
         counts = {platform.machine(): step.native()}
         calls = step.calls()
+        if board is not None:
+            counts["aarch64"] = step.emulated(board)
     native = counts[platform.machine()]
     return {
         **{machine: counts[machine].instructions if machine in counts else None for machine in MACHINES},
@@ -137,9 +144,12 @@ def growth(variant: str) -> dict[str, list[dict[str, Any]]]:
     help="Count this one alone; may be repeated.",
 )  # fmt: skip
 @click.option("--top", type=click.IntRange(min=0), default=0, help="Show so many functions, parts and calls.")
+@click.option("--arch", type=click.Choice(["arm64"]), help="Count on an emulated board, too.")
 @click.option("--growth", "grows", is_flag=True, help="Count over pins and pixels, by default in contact.")
 @writes_results
-def command(as_json: bool, names: tuple[str, ...], top: int, grows: bool, out: Path) -> None:
+def command(
+    as_json: bool, names: tuple[str, ...], top: int, arch: str | None, grows: bool, out: Path
+) -> None:
     """Instructions, cache misses and calls of one step of the loop, from the image to the CAN FD frame."""
     if grows:
         costs = growth((names or ("contact",))[0])
@@ -147,9 +157,11 @@ def command(as_json: bool, names: tuple[str, ...], top: int, grows: bool, out: P
         if not as_json:
             show_growth(costs)
         return
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:  # threads wait for valgrind alone
-        wanted = names or tuple(VARIANTS)
-        found = dict(zip(wanted, pool.map(measure, wanted), strict=True))
+    wanted = names or tuple(VARIANTS)
+    workers = ThreadPoolExecutor(len(os.sched_getaffinity(0)))  # they wait for valgrind alone
+    with tempfile.TemporaryDirectory() as folder, workers as pool:
+        board = Board(Path(folder)) if arch else None
+        found = dict(zip(wanted, pool.map(lambda name: measure(name, board), wanted), strict=True))
     details = {name: {kind: row.pop(kind) for kind in ("functions", "calls")} for name, row in found.items()}
     write({f"step_{name}": found.get(name) for name in VARIANTS}, out / "step.json", as_json)
     if not as_json:

@@ -24,7 +24,7 @@ WAIT_S = 1e3  # much longer than any counting takes
 SIZE = 72  # bytes of a frame of the kernel, `canfd_frame`
 _now = [1_000_000_000_000, 1e3]  # ns, s; read without a call of Python code
 time.monotonic_ns = partial(_now.__getitem__, 0)  # type: ignore[assignment]  # before anything takes it
-time.monotonic = partial(_now.__getitem__, 1)  # type: ignore[assignment]
+time.monotonic = partial(_now.__getitem__, 1)
 
 import gc  # noqa: E402
 import json  # noqa: E402
