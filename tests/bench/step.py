@@ -11,6 +11,7 @@ depend on where it begins.
 
 from __future__ import annotations
 
+import collections
 import json
 import os
 import platform
@@ -116,10 +117,7 @@ def measure(name: str, board: Board | None = None) -> dict[str, Any]:
         "libraries": {machine: found.libraries for machine, found in counts.items()},
         "ll_misses": round(native.ll_misses),
         **{f"{kind}_calls": round(sum(found.values())) for kind, found in calls.items()},
-        "functions": {
-            machine: sorted(([*of, round(n)] for of, n in found.functions.items()), key=lambda row: -row[2])
-            for machine, found in counts.items()
-        },
+        "counts": counts,
         "calls": calls,
     }
 
@@ -154,6 +152,8 @@ def command(
     as_json: bool, names: tuple[str, ...], top: int, arch: str | None, grows: bool, out: Path
 ) -> None:
     """Instructions, cache misses and calls of one step of the loop, from the image to the CAN FD frame."""
+    if grows and (arch or top or len(names) > 1):
+        raise click.UsageError("--growth counts one variant on this machine; leave out --arch and --top")
     if grows:
         costs = growth((names or ("contact",))[0])
         write(costs, out / "step_growth.json", as_json)
@@ -165,7 +165,7 @@ def command(
     with tempfile.TemporaryDirectory() as folder, workers as pool:
         board = Board(Path(folder)) if arch else None
         found = dict(zip(wanted, pool.map(lambda name: measure(name, board), wanted), strict=True))
-    details = {name: {kind: row.pop(kind) for kind in ("functions", "calls")} for name, row in found.items()}
+    details = {name: {kind: row.pop(kind) for kind in ("counts", "calls")} for name, row in found.items()}
     write({f"step_{name}": found.get(name) for name in VARIANTS}, out / "step.json", as_json)
     if not as_json:
         show(found)
@@ -183,7 +183,7 @@ def write(result: dict[str, Any], path: Path, as_json: bool) -> None:
 def show(found: dict[str, dict[str, Any]]) -> None:
     """A table on the terminal."""
     table = Table("a step", title="331 pins at 640x480, from the image to the CAN FD frame")
-    for column in (*found,):
+    for column in found:
         table.add_column(column, justify="right")
     for machine in next(iter(found.values()))["libraries"]:
         table.add_row(f"instructions, {machine}", *(f"{row[machine]:,}" for row in found.values()))
@@ -197,19 +197,16 @@ def show(found: dict[str, dict[str, Any]]) -> None:
 
 def show_top(name: str, details: dict[str, Any], top: int) -> None:
     """The parts, functions and calls that count most."""
-    for machine, functions in details["functions"].items():
-        parts: dict[str, int] = {}
-        for part, _, n in functions:
-            parts[part] = parts.get(part, 0) + n
+    for machine, counts in details["counts"].items():
         table = Table("part", "function", "instructions", title=f"{name}, {machine}")
-        for part, n in sorted(parts.items(), key=lambda item: -item[1])[:top]:
-            table.add_row(part, "", f"{n:,}")
-        for part, function, n in functions[:top]:
-            table.add_row(part, function[:70], f"{n:,}")
+        for part, n in list(counts.parts().items())[:top]:
+            table.add_row(part, "", f"{n:,.0f}")
+        for (part, function), n in collections.Counter(counts.functions).most_common(top):
+            table.add_row(part, function[:70], f"{n:,.0f}")
         Console().print(table)
     for kind, calls in details["calls"].items():
         table = Table("function", f"{kind} calls", title=name)
-        for function, n in sorted(calls.items(), key=lambda item: -item[1])[:top]:
+        for function, n in collections.Counter(calls).most_common(top):
             table.add_row(function, f"{n:g}")
         Console().print(table)
 
