@@ -55,6 +55,7 @@ VARIANTS = {
     "two": Variant("two", 10),
     "grasp": Variant("press", 10, GRASP),
 }
+PINS_N = 331
 IMAGES = 6  # that are shown forwards and backwards
 WARM, COUNTED = 10, 20
 #: Only a start uses OpenCV; valgrind takes a hundred times as long for its fused multiply-add.
@@ -73,7 +74,7 @@ class Step:
         self,
         variant: Variant,
         folder: Path,
-        pins: int = 331,
+        pins: int = PINS_N,
         size_px: tuple[int, int] = (640, 480),
         radius_px: float = 0.0,
     ) -> None:
@@ -83,7 +84,7 @@ class Step:
         images, calibration = folder / "images.npz", folder / "tip.json"
         np.savez(
             images, images=np.stack([frame.image for frame in frames[: first + IMAGES]]), first=first,
-            warm=WARM, counted=COUNTED, features=sorted(variant.demand),
+            warm=WARM, counted=COUNTED, features=sorted(variant.demand), faultless=pins == PINS_N,
         )  # fmt: skip
         calibration_of(frames).save(calibration)
         self._child = ["tests.bench.step_child", str(images), str(calibration)]
@@ -122,11 +123,11 @@ def measure(name: str, board: Board | None = None) -> dict[str, Any]:
     }
 
 
-def growth(variant: str) -> dict[str, list[dict[str, Any]]]:
+def scaling(variant: str) -> dict[str, list[dict[str, Any]]]:
     """Instructions of a step over the pins, and over the pixels around the same tip."""
     cases: dict[str, list[tuple[int, tuple[int, int], float]]] = {
         "pins": [(n, (640, 480), 0.0) for n in PINS],
-        "pixels, same tip": [(331, size, NARROW) for size in SIZES],
+        "pixels, same tip": [(PINS_N, size, NARROW) for size in SIZES],
     }
 
     def row(case: tuple[int, tuple[int, int], float]) -> dict[str, Any]:
@@ -155,10 +156,10 @@ def command(
     if grows and (arch or top or len(names) > 1):
         raise click.UsageError("--growth counts one variant on this machine; leave out --arch and --top")
     if grows:
-        costs = growth((names or ("contact",))[0])
+        costs = scaling((names or ("contact",))[0])
         write(costs, out / "step_growth.json", as_json)
         if not as_json:
-            show_growth(costs)
+            show_scaling(costs)
         return
     wanted = names or tuple(VARIANTS)
     workers = ThreadPoolExecutor(len(os.sched_getaffinity(0)))  # they wait for valgrind alone
@@ -211,7 +212,7 @@ def show_top(name: str, details: dict[str, Any], top: int) -> None:
         Console().print(table)
 
 
-def show_growth(costs: dict[str, list[dict[str, Any]]]) -> None:
+def show_scaling(costs: dict[str, list[dict[str, Any]]]) -> None:
     """Tables on the terminal."""
     for name, rows in costs.items():
         table = Table("pins", "pixels", "instructions a step", title=f"growth with {name}")

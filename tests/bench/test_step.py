@@ -86,7 +86,7 @@ def test_a_block_counts_for_the_function_that_it_lies_in(tmp_path: Path) -> None
     }
 
 
-def test_what_is_missing_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_missing_counter_is_named_with_its_package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.raises(NoCounter, match="Debian package valgrind"):
         counted(["tests.bench.step_child"], 1, tmp_path)
