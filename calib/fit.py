@@ -34,13 +34,13 @@ from calib.fit_params import PARAMS
 from calib.process_fit import FittedProcess, fit_process
 from calib.ridge import (
     Candidate,
+    Terms,
     cross_validate,
     folds_of,
     input_noise,
     ridge_weights,
     rounded,
     spread_factor,
-    term_values,
 )
 from calib.targets import Targets
 from edge.calibration import Calibration
@@ -60,7 +60,7 @@ from edge.calibration.file import (
     encode,
     sensor_of,
 )
-from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, term_columns
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, evaluate_terms, term_columns
 from edge.types import Array, Complex, Index, Mask, Rest
 
 __all__ = [
@@ -325,6 +325,9 @@ class _Problem:
         """Whether each group is one real output; else two, as x + i y."""
         return len(self.groups[0].outputs) == 1
 
+    def terms(self, names: list[list[str]]) -> Terms:
+        return Terms(self.inputs, self.noise, term_columns(names, self.names), self.real)
+
     def in_the_image(self, axes: Axes) -> _Problem:
         """The same problem with the truth of mirrored vectors mirrored."""
         mirrored = [axes.mirrored.get(group.outputs, False) for group in self.groups]
@@ -452,8 +455,7 @@ def _choose(
             terms = [*terms, []]  # preload: the paper's offset at zero shear
         if n < max(PARAMS.rows_min, len(terms) * PARAMS.rows_per_term) or _kind_of(name) not in search.kinds:
             continue
-        psi, moved = term_values(problem.inputs, problem.noise, term_columns(terms, problem.names))
-        results = cross_validate(name, psi, moved, problem.y, problem.fold, real=problem.real)
+        results = cross_validate(name, problem.terms(terms), problem.y, problem.fold)
         for known, (candidate, predicted) in zip(tried, results, strict=True):
             known.append((candidate, terms, predicted))
     for i, (group, known, jobs) in enumerate(zip(problem.groups, tried, processes, strict=True)):
@@ -520,9 +522,10 @@ def _polynomial(
 ) -> Polynomial:
     """The chosen model of group i on all frames, with its range, sigma and spread."""
     outputs, y = problem.groups[i].outputs, problem.y[:, i]
-    psi, moved = term_values(problem.inputs, problem.noise, term_columns(terms, problem.names))
-    weights = ridge_weights(psi, moved, y, ridge, real=problem.real)
-    spread = spread_factor(psi, moved, ridge)
+    values = problem.terms(terms)
+    weights = ridge_weights(values, y, ridge)
+    spread = spread_factor(values, ridge)
+    psi = evaluate_terms(problem.inputs, values.columns)
     widening = np.sqrt(1.0 + (np.abs(psi @ spread.T) ** 2).sum(axis=1))
     errors = np.abs([(held_out - y).real, (held_out - y).imag][: len(outputs)]) / widening
     sigma = [max(1e-6, rounded(float(np.quantile(e, 0.6827)))) for e in errors]
