@@ -150,7 +150,7 @@ def fit(
     *,
     serial: str = "unnamed",
     mm_per_px: float | None,
-    on_group: Callable[[str], None] = lambda text: None,
+    on_part: Callable[[float], None] = lambda groups: None,
     on_refused: Callable[[str], None] = lambda text: None,
     on_axes: Callable[[Axes], None] = lambda axes: None,
     search: Search = EVERYTHING,
@@ -159,7 +159,8 @@ def fit(
     """Fit everything that the table has columns for.
 
     mm_per_px  scale on the tip; None: from contacts in known places, if there are any
-    on_group   called when a model was chosen for a group of outputs
+    on_part    called with what was done since the last call, a part of a group of outputs; each that varies
+               adds up to 1
     on_refused called with the reason why a group was skipped: its values will be sent as invalid
     on_axes    called with the orientation of the rig's axes in the image
     search     what is tried, and which of several sufficient models is taken
@@ -179,8 +180,8 @@ def fit(
     problems = [problem.in_the_image(axes) for problem in problems]
     started = [_start_processes(problem, search, pool) for problem in problems]
     for problem, processes in zip(problems, started, strict=True):
-        for group, result in _choose(problem, processes, search):
-            on_group(", ".join(group.outputs))
+        for result in _choose(problem, processes, search, on_part):
+            on_part(0.5)
             if isinstance(result, FitError):
                 refused.append(str(result))
                 on_refused(str(result))
@@ -445,12 +446,14 @@ _Tried = tuple[Candidate, list[list[str]], Complex]
 
 
 def _choose(
-    problem: _Problem, processes: Sequence[_Jobs], search: Search
-) -> Iterator[tuple[Group, Choice | FitError]]:
+    problem: _Problem, processes: Sequence[_Jobs], search: Search, on_part: Callable[[float], None]
+) -> Iterator[Choice | FitError]:
     """One model for each group."""
     n = len(problem.inputs)
     tried: list[list[_Tried]] = [[] for _ in problem.groups]
-    for name, terms in designs(problem.groups[0], problem.all_round):
+    candidates = list(designs(problem.groups[0], problem.all_round))
+    for name, terms in candidates:
+        on_part(0.5 * len(problem.groups) / len(candidates))
         if [] not in terms:
             terms = [*terms, []]  # preload: the paper's offset at zero shear
         if n < max(PARAMS.rows_min, len(terms) * PARAMS.rows_per_term) or _kind_of(name) not in search.kinds:
@@ -461,9 +464,9 @@ def _choose(
     for i, (group, known, jobs) in enumerate(zip(problem.groups, tried, processes, strict=True)):
         if n < PARAMS.rows_min and not jobs:
             why = f"{n} usable frames, {PARAMS.rows_min} are needed"
-            yield group, FitError(f"{problem.where}: {' and '.join(group.outputs)}: {why}")
+            yield FitError(f"{problem.where}: {' and '.join(group.outputs)}: {why}")
         else:
-            yield group, _best(problem, i, known, {kind: run() for kind, run in jobs.items()}, search)
+            yield _best(problem, i, known, {kind: run() for kind, run in jobs.items()}, search)
 
 
 def _best(

@@ -168,7 +168,9 @@ def cross_validate(name: str, terms: Terms, y: Complex, fold: Index) -> list[tup
         rms = float(np.sqrt(means[r]))
         # Standard error of a root of a mean of squares, by the delta method.
         error = float(squares[r, :, j].std() / np.sqrt(len(y)) / (2 * rms)) if rms else 0.0
-        found.append((Candidate(name, len(terms.columns), rms, error, RIDGES[r]), predicted[r, :, j]))
+        found.append(
+            (Candidate(name, len(terms.columns), rms, error, RIDGES[r]), predicted[r, :, j].copy())
+        )  # not all ridges'
     return found
 
 

@@ -111,6 +111,16 @@ def test_the_paper_s_curve_wins_where_depth_follows_the_volume() -> None:
     assert outputs == sorted(outputs)
 
 
+def test_progress_is_reported_from_the_first_model_tried() -> None:
+    extract, values = make(30, noise=0.02)
+    parts: list[float] = []
+    search = Search(kinds=frozenset({ModelKind.POLYNOMIAL}))
+    _, choices = fit(REST, targets(values), extract, mm_per_px=None, search=search, on_part=parts.append)
+    assert sum(parts) == pytest.approx(len(choices))
+    assert len(parts) > 10 * len(choices)
+    assert parts[0] < 0.2
+
+
 def test_turning_tip_and_touch_turns_the_shear() -> None:
     extract, _, calibration, _ = _fitted()
     turned = extract.inputs.copy()
