@@ -476,11 +476,11 @@ class _Posterior:
     def held_out(self, rows: Mask) -> tuple[Complex, Array]:
         """Prediction of these rows by weights that have not seen them; what the weights leave open of it."""
         design = self._features.rows(self._inputs[rows])
-        root = cholesky(self._precision - design.conj().T @ design, lower=True)
+        others = self._precision - design.conj().T @ design
         right = self._right - design.conj().T @ self._y[rows]
-        whitened = solve_triangular(root, np.column_stack([design.conj().T, right]), lower=True)
-        left: Complex = whitened[:, :-1].conj().T
-        return left @ whitened[:, -1], self._noise * (np.abs(left) ** 2).sum(axis=1)
+        solved = np.linalg.solve(others, np.column_stack([design.conj().T, right]))
+        left = self._noise * (design * solved[:, :-1].T).sum(axis=1).real
+        return design @ solved[:, -1], np.maximum(left, 0.0)
 
     def root(self) -> Complex:
         """(f, f) of the weights' covariance: root root^H."""

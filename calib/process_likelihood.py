@@ -189,9 +189,8 @@ class Likelihood:
                 of_even[0] += unturned
                 of_odd[0] += unturned
             for p, (half, x, turned) in zip((of_even, of_odd), self._halves, strict=True):
-                of_weight[half] += ((p @ turned[:, : block.rows.stop]).sum(axis=0) * x[block.rows]).sum(
-                    axis=0
-                )
+                along = (p @ turned[:, : block.rows.stop]).sum(axis=0)
+                of_weight[half] += (along * x[block.rows]).sum(axis=0)
         weight = 2.0 * s.weight**2 * (of_weight[:k] + of_weight[k:])
         return np.concatenate([weight, of_a * a, of_m * m[:2], [noise]])
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.support import kernels
-from tests.support.changed import ALWAYS, tests_of
+from tests.support.changed import ALWAYS, paths_for
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("edge", "hostlink", "calib", "tests")
@@ -213,6 +213,6 @@ def test_coverage_leaves_out_the_kernels_and_nothing_else() -> None:
     ],
 )
 def test_a_change_asks_for_the_tests_beside_it(file: str, tests: str) -> None:
-    found = tests_of([file])
+    found = paths_for([file])
     assert tests in found
     assert set(found) - {tests} <= set(ALWAYS)

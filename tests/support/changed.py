@@ -26,7 +26,7 @@ def changed_files(since: str) -> list[str]:
     return "".join(listed).splitlines()
 
 
-def tests_of(files: Iterable[str]) -> list[str]:
+def paths_for(files: Iterable[str]) -> list[str]:
     """The nearest folder of tests of each file; of a module in a package's own folder its own tests."""
     found = set(ALWAYS)
     for file in map(Path, files):
@@ -43,4 +43,4 @@ def tests_of(files: Iterable[str]) -> list[str]:
 
 
 if __name__ == "__main__":
-    print(*tests_of(changed_files(sys.argv[1] if len(sys.argv) > 1 else "HEAD")))
+    print(*paths_for(changed_files(sys.argv[1] if len(sys.argv) > 1 else "HEAD")))
