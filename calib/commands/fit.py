@@ -102,7 +102,7 @@ def fit_command(
             extract,
             serial=serial,
             mm_per_px=mm_per_px or scale_of(sensor_name, data.rest),
-            on_group=lambda names: bar.advance(task),
+            on_part=lambda groups: bar.advance(task, groups),
             on_refused=lambda why: click.echo(f"not fitted: {why}", err=True),
             on_axes=_print_axes,
             search=search,
