@@ -12,8 +12,12 @@ SOURCES := pyproject.toml constraints.txt setup.py $(wildcard edge/*/*.pxd \
 	$(shell sed -n 's|^ *"\(edge\.[a-z_.]*\)": .*|\1|p' setup.py | tr . / | sed 's|$$|.py|'))
 SECONDS ?= 60
 UNIT ?= unit
+# One process a core; tests of one file stay together, since what one has prepared serves the others.
+PARALLEL ?= -n auto --dist loadscope
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest
+BASE ?= HEAD
 
-.PHONY: demo test bench lint types unit coverage kernels sanitize slow test-browser stability fuzz soak sbc-test docs generate clean help
+.PHONY: demo test check check-tests bench lint types unit coverage kernels sanitize slow test-browser stability fuzz soak sbc-test docs generate clean help
 
 help:
 	@sed -n 's/^## //p' Makefile
@@ -23,7 +27,16 @@ demo: $(USABLE)
 	$(BIN)/python -m calib demo --out out/demo --overwrite
 
 ## make test       lint, types and tests; UNIT=coverage counts the lines that run
-test: lint types $(UNIT) kernels
+test: $(READY)
+	$(MAKE) --no-print-directory -j2 -O lint types
+	$(MAKE) --no-print-directory $(UNIT) kernels
+
+## make check      after changing a line: lint, types, tests of the folders changed; BASE=main since a branch
+check: $(READY)
+	$(MAKE) --no-print-directory -j2 -O lint types check-tests
+
+check-tests: $(READY)
+	$(PYTEST) $(PARALLEL) $$($(BIN)/python -m tests.support.changed $(BASE))
 
 ## make lint       style, duplicates, workflow files
 lint: $(READY)
@@ -38,33 +51,33 @@ types: $(READY)
 
 ## make unit       tests alone
 unit: $(READY)
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest
+	$(PYTEST) $(PARALLEL)
 
 ## make coverage   as unit, counting the lines that run, in child processes too
 coverage: $(READY)
 	rm -rf build/coverage
-	OMP_NUM_THREADS=1 $(BIN)/python -m coverage run -m pytest
+	OMP_NUM_THREADS=1 $(BIN)/python -m coverage run -m pytest $(PARALLEL)
 	$(BIN)/python -m coverage combine -q
 	$(BIN)/python -m coverage report
 
 ## make kernels    the kernels' tests again: with every index checked, and uncompiled
 kernels: $(READY) build/checked/.ready
-	OMP_NUM_THREADS=1 VORONOI_TOUCH_KERNELS=checked $(BIN)/python -m pytest -m kernels \
+	VORONOI_TOUCH_KERNELS=checked $(PYTEST) $(PARALLEL) -m kernels \
 		-W error::pytest.PytestUnraisableExceptionWarning
-	OMP_NUM_THREADS=1 VORONOI_TOUCH_KERNELS=python $(BIN)/python -m pytest -m "kernels and not compiled"
+	VORONOI_TOUCH_KERNELS=python $(PYTEST) $(PARALLEL) -m "kernels and not compiled"
 
 ## make sanitize   the kernels' tests and fuzzer under the sanitizers of addresses and undefined behaviour
 sanitize: $(READY) build/sanitized/.ready
 	LD_PRELOAD="$$($(or $(CC),cc) -print-file-name=libasan.so) $$($(or $(CC),cc) -print-file-name=libstdc++.so.6)" ASAN_OPTIONS=detect_leaks=0 PYTHONMALLOC=malloc \
 		OMP_NUM_THREADS=1 VORONOI_TOUCH_KERNELS=sanitized $(BIN)/python -m pytest -m kernels -p no:cacheprovider
 
-## make slow       tests that take minutes: a wheel without a compiler, instructions of a frame
+## make slow       tests that take minutes: a wheel without a compiler, instructions of a step
 slow: $(READY)
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m slow
+	$(PYTEST) -m slow
 
 ## make test-browser  the live pages in headless Chromium; part of `make test`, skipped where there is none
 test-browser: $(READY)
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/browser
+	$(PYTEST) tests/browser
 
 ## make bench      time per frame and stage, against the reference and the floor
 bench: $(READY)

@@ -84,10 +84,10 @@ def recognise_handedness(
     psi = psi[:, size > 0] / size[size > 0]
     by = psi if expected is None else expected[:, None] / np.sqrt((np.abs(expected) ** 2).mean())
     gram = by.conj().T @ by + RIDGE * len(y) * np.eye(by.shape[1])
-    hat = by @ np.linalg.solve(gram, by.conj().T)
+    solved = np.linalg.solve(gram, by.conj().T)
     # Errors of each row by weights fitted without it.
-    left_out = 1.0 - np.minimum(np.diag(hat).real, 0.99)
-    straight, mirrored = ((target - hat @ target) / left_out for target in (y, y.conj()))
+    left_out = 1.0 - np.minimum((by * solved.T).sum(axis=1).real, 0.99)
+    straight, mirrored = ((target - by @ (solved @ target)) / left_out for target in (y, y.conj()))
     squares = np.abs(straight) ** 2, np.abs(mirrored) ** 2
     # A share, from -1 to 1: a few frames that all agree are certain, whatever their sizes.
     gain = (squares[0] - squares[1]) / np.maximum(squares[0] + squares[1], 1e-300)

@@ -16,16 +16,21 @@ Rules
 from __future__ import annotations
 
 import csv
+import io
+import os
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from calib.errors import CaptureError
+from calib.errors import CaptureError, TableError
 from calib.protocols import AnyPlan, Step
 from calib.rig.base import Pose, Rig
+from calib.table import number, read_table, shown
 from edge.recording import TOPICS, Recorder, RecordingSource, read_messages, read_metadata
 from edge.types import Frame
+from hostlink.input_file import open_input
 from hostlink.output_file import writing
 
 # column of the table: field of the pose
@@ -44,6 +49,7 @@ COLUMNS = (
     "tool", "tool_radius_mm", "tool_angle_deg", "tool_distance_mm",
     "force_n", "area_mm2", "place_x", "place_y", "force_x_n", "force_y_n", "torque_z_nmm",
 )  # fmt: skip
+_SEQUENCE = re.compile("[0-9]{1,18}")
 QUEUE_MB = 1024.0  # the recorder drops what does not fit; a calibration must not lose a frame
 
 
@@ -179,8 +185,8 @@ def _refuse_other_table(table: Path, resume: bool) -> None:
     """Raise CaptureError where the capture's table would replace a file that is not its own."""
     if not table.exists():
         return
-    with table.open(newline="", encoding="utf-8", errors="replace") as file:
-        own = next(csv.reader(file), []) == list(COLUMNS)
+    with io.TextIOWrapper(open_input(table), "utf-8", "replace") as file:
+        own = file.readline(1000).rstrip() == ",".join(COLUMNS)
     if not (resume and own):
         raise CaptureError(f"{table}: exists, and the capture's table goes there; give another name to -o")
 
@@ -246,28 +252,38 @@ def _row(recording: str, sequence: int, truth: dict[str, Any]) -> dict[str, Any]
 def read_rows(path: Path) -> list[dict[str, str]]:
     """The table of a capture. Raises CaptureError: there is none, or it is no capture's."""
     table = path.with_suffix(".csv")
+    if not table.exists():
+        raise CaptureError(_why_no_table(path, table))
     try:
-        with table.open(newline="", encoding="utf-8") as file:
-            reader = csv.DictReader(file)
-            rows, names = list(reader), set(reader.fieldnames or ())
-    except OSError as error:
-        raise CaptureError(_why_no_table(path, table, str(error.strerror))) from None
-    except (UnicodeDecodeError, csv.Error):
-        raise CaptureError(f"{table}: not a table; make it anew with --resume of the capture") from None
-    missing = {"recording", "sequence", "role", *POSE_COLUMNS} - names
-    if missing:
-        raise CaptureError(f"{table}: no column {sorted(missing)[0]}; not the table of a capture")
-    for line, row in enumerate(rows, 2):
-        if not (row["sequence"] or "").isdecimal() or None in row.values():
-            raise CaptureError(f"{table}: line {line} is not one of a capture's table")
-    return rows
+        found = read_table(table, sorted(("recording", "sequence", "role", *POSE_COLUMNS)), once=COLUMNS)
+    except TableError as error:
+        raise CaptureError(f"{error}; not a table of a capture, make it anew with --resume") from None
+    places: dict[tuple[str, int], int] = {}
+    for row in found.rows:
+        part, sequence = row.cells["recording"], row.cells["sequence"]
+        if not row.whole or not _SEQUENCE.fullmatch(sequence):
+            raise CaptureError(f"{table}: line {row.line} is not one of a capture's table")
+        if not os.path.isfile(path.parent / part):
+            raise CaptureError(f"{table}: line {row.line}: no recording {shown(part)} beside it")
+        place = part, int(sequence)
+        if place in places:
+            raise CaptureError(f"{table}: line {row.line}: its frame is in line {places[place]} already")
+        places[place] = row.line
+        for name in POSE_COLUMNS:
+            number(row.cells[name], f"{table}: line {row.line}, column {name}")
+    # Frames come in the order of the recordings; a spreadsheet may have sorted the table otherwise.
+    parts_in_order = list(dict.fromkeys(part for part, _ in places))
+    in_order = sorted(
+        zip(places, found.rows, strict=True), key=lambda p: (parts_in_order.index(p[0][0]), p[0][1])
+    )
+    return [row.cells for _, row in in_order]
 
 
-def _why_no_table(path: Path, table: Path, reason: str) -> str:
+def _why_no_table(path: Path, table: Path) -> str:
     if not path.is_file():
         return f"{path}: no such recording"
     if "capture" in read_metadata(path):
-        return f"{table}: {reason}; finish the capture with --resume"
+        return f"{table}: no such file; finish the capture with --resume"
     return (
         f"{path}: a recording, but no capture: it has no table of truth; give one that `calib capture` made, "
         "or TARGETS.csv with --frames DIR"
@@ -289,7 +305,10 @@ def _paired(path: Path, rows: Sequence[dict[str, str]]) -> Iterator[tuple[Frame,
     for name, wanted in by_part.items():
         for frame in RecordingSource(path.parent / name):
             if frame.sequence in wanted:
-                yield frame, wanted[frame.sequence]
+                yield frame, wanted.pop(frame.sequence)
+        if wanted:
+            table = path.with_suffix(".csv")
+            raise CaptureError(f"{table}: frame {min(wanted)} is not in {name}; leave out its row")
 
 
 def pose_of(row: dict[str, str]) -> Pose:

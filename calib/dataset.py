@@ -124,7 +124,9 @@ def open_dataset(
 def _without_rest(table: Path, targets: Targets, lens: Lens | None) -> Dataset:
     """With a rest frame from the table's frames: those without load, or else what they were without it."""
     load = load_of(targets.values)
-    without_load = [] if load is None else np.flatnonzero(load <= 0)[:RESTS_MAX].tolist()
+    # Exactly 0 where there is such a frame: a load below it may be one that is counted the other way.
+    none = None if load is None else (load == 0 if (load == 0).any() else load <= 0)
+    without_load = [] if none is None else np.flatnonzero(none)[:RESTS_MAX].tolist()
     try:
         if without_load:
             rest = take_rest([read_image(targets.frames[k]) for k in without_load], lens=lens)

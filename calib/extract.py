@@ -32,6 +32,7 @@ from edge.errors import EdgeError
 from edge.pipeline import Pipeline
 from edge.sources import read_image
 from edge.types import Array, Complex, Feature, Frame, Image, Index, Mask, Pins, Rest, Tracks
+from hostlink.interrupt import ENDING
 
 __all__ = ["DEMAND", "Extract", "Measured", "executor", "extract", "gather", "join_extracts", "measure"]
 
@@ -304,13 +305,13 @@ def _end_with_parent() -> None:
 
 
 def _start_without_interrupts(pool: Executor, count: int) -> None:
-    """Start the processes with SIGINT blocked, which they inherit.
+    """Start the processes with the terminal's signals blocked, which they inherit.
 
-    Ctrl-C reaches all processes of a terminal. This one ends the others; otherwise each of them would print a
-    traceback, also one that is just starting.
+    Ctrl-C and a lost terminal reach all processes of it. This one ends the others; otherwise each of them
+    would print a traceback, also one that is just starting.
     """
     resource_tracker.ensure_running()  # started later, it would unblock the signal
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, set(ENDING) - {signal.SIGTERM})
     try:
         forkserver.ensure_running()
         for _ in range(count):  # a process is started for a task if none is idle

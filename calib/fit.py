@@ -31,16 +31,17 @@ from calib.designs import GROUPS, MEAN_MOTION, Group, designs, is_round, went_al
 from calib.errors import FitError
 from calib.extract import Extract
 from calib.fit_params import PARAMS
+from calib.press_axis import check_press
 from calib.process_fit import FittedProcess, fit_process
 from calib.ridge import (
     Candidate,
+    Terms,
     cross_validate,
     folds_of,
     input_noise,
     ridge_weights,
     rounded,
     spread_factor,
-    term_values,
 )
 from calib.targets import Targets
 from edge.calibration import Calibration
@@ -60,7 +61,7 @@ from edge.calibration.file import (
     encode,
     sensor_of,
 )
-from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, term_columns
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, evaluate_terms, term_columns
 from edge.types import Array, Complex, Index, Mask, Rest
 
 __all__ = [
@@ -150,7 +151,7 @@ def fit(
     *,
     serial: str = "unnamed",
     mm_per_px: float | None,
-    on_group: Callable[[str], None] = lambda text: None,
+    on_part: Callable[[float], None] = lambda groups: None,
     on_refused: Callable[[str], None] = lambda text: None,
     on_axes: Callable[[Axes], None] = lambda axes: None,
     search: Search = EVERYTHING,
@@ -159,18 +160,21 @@ def fit(
     """Fit everything that the table has columns for.
 
     mm_per_px  scale on the tip; None: from contacts in known places, if there are any
-    on_group   called when a model was chosen for a group of outputs
+    on_part    called with what was done since the last call, a part of a group of outputs; each that varies
+               adds up to 1
     on_refused called with the reason why a group was skipped: its values will be sent as invalid
     on_axes    called with the orientation of the rig's axes in the image
     search     what is tried, and which of several sufficient models is taken
     pool       where processes are fitted, a job for each group; None: here
     Returns    the calibration, and how each model was chosen
-    Raises     FitError: nothing could be fitted; the message says what the data lack, naming the rows.
+    Raises     FitError: nothing could be fitted; the message says what the data lack, naming the rows. Or a
+               depth or force does not grow with the press (`calib.press_axis`).
                CalibrationError: the rest frame is not a plausible tip
     """
     sensor = sensor_of(rest, serial)
     _checked(sensor, mm_per_px, [], Data("", "", 0, ""))
     usable = _usable_frames(targets, extract, PARAMS.known_rows_min if search.known else PARAMS.rows_min)
+    check_press(targets, extract)
     choices: list[Choice] = []
     refused: list[str] = []
     problems = list(_problems(rest, targets, extract, usable))
@@ -179,8 +183,8 @@ def fit(
     problems = [problem.in_the_image(axes) for problem in problems]
     started = [_start_processes(problem, search, pool) for problem in problems]
     for problem, processes in zip(problems, started, strict=True):
-        for group, result in _choose(problem, processes, search):
-            on_group(", ".join(group.outputs))
+        for result in _choose(problem, processes, search, on_part):
+            on_part(0.5)
             if isinstance(result, FitError):
                 refused.append(str(result))
                 on_refused(str(result))
@@ -194,14 +198,18 @@ def fit(
         raise FitError(refused[0] if refused else nothing)
     order = [group.outputs for group in GROUPS]
     choices.sort(key=lambda choice: order.index(choice.outputs))
-    data = Data(
+    scale = mm_per_px or _scale(targets, extract, rest)
+    return _checked(sensor, scale, [choice.model for choice in choices], _data(targets, usable)), choices
+
+
+def _data(targets: Targets, usable: Mask) -> Data:
+    """What the file says of the frames."""
+    return Data(
         source=", ".join(Path(part).name for part in targets.where.split(", "))[:SOURCE_MAX],
         sha256=targets.sha256,
         n_frames=int(usable.sum()),
         created=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
     )
-    scale = mm_per_px or _scale(targets, extract, rest)
-    return _checked(sensor, scale, [choice.model for choice in choices], data), choices
 
 
 @dataclass(frozen=True, slots=True)
@@ -325,6 +333,9 @@ class _Problem:
         """Whether each group is one real output; else two, as x + i y."""
         return len(self.groups[0].outputs) == 1
 
+    def terms(self, names: list[list[str]]) -> Terms:
+        return Terms(self.inputs, self.noise, term_columns(names, self.names), self.real)
+
     def in_the_image(self, axes: Axes) -> _Problem:
         """The same problem with the truth of mirrored vectors mirrored."""
         mirrored = [axes.mirrored.get(group.outputs, False) for group in self.groups]
@@ -442,26 +453,27 @@ _Tried = tuple[Candidate, list[list[str]], Complex]
 
 
 def _choose(
-    problem: _Problem, processes: Sequence[_Jobs], search: Search
-) -> Iterator[tuple[Group, Choice | FitError]]:
+    problem: _Problem, processes: Sequence[_Jobs], search: Search, on_part: Callable[[float], None]
+) -> Iterator[Choice | FitError]:
     """One model for each group."""
     n = len(problem.inputs)
     tried: list[list[_Tried]] = [[] for _ in problem.groups]
-    for name, terms in designs(problem.groups[0], problem.all_round):
+    candidates = list(designs(problem.groups[0], problem.all_round))
+    for name, terms in candidates:
+        on_part(0.5 * len(problem.groups) / len(candidates))
         if [] not in terms:
             terms = [*terms, []]  # preload: the paper's offset at zero shear
         if n < max(PARAMS.rows_min, len(terms) * PARAMS.rows_per_term) or _kind_of(name) not in search.kinds:
             continue
-        psi, moved = term_values(problem.inputs, problem.noise, term_columns(terms, problem.names))
-        results = cross_validate(name, psi, moved, problem.y, problem.fold, real=problem.real)
+        results = cross_validate(name, problem.terms(terms), problem.y, problem.fold)
         for known, (candidate, predicted) in zip(tried, results, strict=True):
             known.append((candidate, terms, predicted))
     for i, (group, known, jobs) in enumerate(zip(problem.groups, tried, processes, strict=True)):
         if n < PARAMS.rows_min and not jobs:
             why = f"{n} usable frames, {PARAMS.rows_min} are needed"
-            yield group, FitError(f"{problem.where}: {' and '.join(group.outputs)}: {why}")
+            yield FitError(f"{problem.where}: {' and '.join(group.outputs)}: {why}")
         else:
-            yield group, _best(problem, i, known, {kind: run() for kind, run in jobs.items()}, search)
+            yield _best(problem, i, known, {kind: run() for kind, run in jobs.items()}, search)
 
 
 def _best(
@@ -520,9 +532,10 @@ def _polynomial(
 ) -> Polynomial:
     """The chosen model of group i on all frames, with its range, sigma and spread."""
     outputs, y = problem.groups[i].outputs, problem.y[:, i]
-    psi, moved = term_values(problem.inputs, problem.noise, term_columns(terms, problem.names))
-    weights = ridge_weights(psi, moved, y, ridge, real=problem.real)
-    spread = spread_factor(psi, moved, ridge)
+    values = problem.terms(terms)
+    weights = ridge_weights(values, y, ridge)
+    spread = spread_factor(values, ridge)
+    psi = evaluate_terms(problem.inputs, values.columns)
     widening = np.sqrt(1.0 + (np.abs(psi @ spread.T) ** 2).sum(axis=1))
     errors = np.abs([(held_out - y).real, (held_out - y).imag][: len(outputs)]) / widening
     sigma = [max(1e-6, rounded(float(np.quantile(e, 0.6827)))) for e in errors]

@@ -18,7 +18,7 @@ import numpy as np
 
 from calib.designs import terms_of_spin
 from calib.process_fit import INPUTS, FittedProcess
-from calib.ridge import cross_validate, ridge_weights
+from calib.ridge import Terms, cross_validate, ridge_weights
 from edge.calibration.inputs import evaluate_terms, term_columns
 from edge.types import Array, Complex, Index
 
@@ -99,11 +99,11 @@ def predict_inputs(
         ours = [names.index(one.name) for one in INPUTS if one.spin == spin]
         if not terms:
             continue
-        psi = evaluate_terms(known / size, term_columns(terms, columns))
-        found = cross_validate("", psi, psi[:0], inputs[:, ours], fold, real=False)
-        there = evaluate_terms(wanted / size, term_columns(terms, columns))
+        values = Terms(known / size, None, term_columns(terms, columns), real=False)
+        found = cross_validate("", values, inputs[:, ours], fold)
+        there = evaluate_terms(wanted / size, values.columns)
         for column, (candidate, _) in zip(ours, found, strict=True):
-            weights = ridge_weights(psi, psi[:0], inputs[:, column], candidate.ridge, real=False)
+            weights = ridge_weights(values, inputs[:, column], candidate.ridge)
             result[:, column] = there @ weights
     real = [names.index(one.name) for one in INPUTS if one.real]
     result[:, real] = result[:, real].real

@@ -34,6 +34,7 @@ from scipy.linalg import cholesky, solve_triangular
 from calib.carry_over import KnownModel, changed
 from calib.process_likelihood import Settings, Symmetry, fit_settings
 from calib.process_noise import NoiseModel, fit_lost, fit_noise, scale_of
+from calib.ridge import blocks
 from edge.calibration.file import TERMS_MAX, Lost
 from edge.calibration.inputs import evaluate_terms, term_columns
 from edge.types import Array, Complex, Index, Mask
@@ -161,7 +162,7 @@ def fit_process(
     factor = posterior.factor()
     group = fold % _n_groups(fold)
     unseen, learnt = _held_out(partial(find, start=prior.start), inputs, moved, target, fold, group)
-    learnt *= posterior.share_held(features.rows(inputs), factor)
+    learnt *= posterior.share_held(inputs, factor)
     if features.turning:  # the variance of a complex weight is that of its two parts together
         factor, learnt = factor / math.sqrt(2.0), learnt / 2.0
     errors = _Errors(inputs, names, unseen, target, learnt, symmetry, all_round=all_round, known=known)
@@ -203,10 +204,8 @@ def _n_groups(fold: Index) -> int:
 
 def _posterior(prior: _Prior, inputs: Complex, moved: Sequence[Complex], target: Complex) -> _Posterior:
     features = prior.features
-    design = features.rows(inputs)
-    off = [(features.rows(inputs + d) - features.rows(inputs - d)) / 2.0 for d in moved]
     left = target - features.values(inputs, prior.mean)
-    return _Posterior(design, _mean_square(design, off), left if features.turning else left.real, prior.noise)
+    return _Posterior(features, inputs, moved, left if features.turning else left.real, prior.noise)
 
 
 def _held_out(
@@ -226,9 +225,10 @@ def _held_out(
     for k in range(int(group.max()) + 1):
         unseen = group == k
         prior = find(inputs[~unseen], target=target[~unseen])
-        found, left = _posterior(prior, inputs, moved, target).held_out(fold)
-        found = found + prior.features.values(inputs, prior.mean)
-        predicted[unseen], learnt[unseen] = found[unseen], left[unseen]
+        posterior = _posterior(prior, inputs, moved, target)
+        for j in np.unique(fold[unseen]):
+            predicted[fold == j], learnt[fold == j] = posterior.held_out(fold == j)
+        predicted[unseen] += prior.features.values(inputs[unseen], prior.mean)
     return predicted, learnt
 
 
@@ -295,14 +295,6 @@ class _Errors:
         share = self._direction[rows].real ** 2
         yield error.real / np.sqrt(learnt + share * one + (1.0 - share) * other)
         yield error.imag / np.sqrt(learnt + share * other + (1.0 - share) * one)
-
-
-def _mean_square(design: Complex, off: Sequence[Complex]) -> Complex:
-    """(features, features) sum over the rows of what the features are off, squared; the mean of the draws."""
-    square = np.zeros((design.shape[1],) * 2, dtype=design.dtype)
-    for rows in off:
-        square += rows.conj().T @ rows / len(off)
-    return square
 
 
 @dataclass(frozen=True, slots=True)
@@ -379,7 +371,9 @@ def _not_negligible(
     names: Sequence[str], terms: list[list[str]], deviation: Array, inputs: Complex, noise: float, most: int
 ) -> Index:
     """Which terms have a prior variance that is not far below the noise's. The constant stays first."""
-    size = (np.abs(evaluate_terms(inputs, term_columns(terms, names))) ** 2).mean(axis=0)
+    columns = term_columns(terms, names)
+    parts = [(np.abs(evaluate_terms(inputs[rows], columns)) ** 2).sum(axis=0) for rows in blocks(len(inputs))]
+    size = np.sum(parts, axis=0) / len(inputs)
     share = (deviation**2).max(axis=1) * size / noise
     share[0] = np.inf
     kept = np.sort(np.argsort(-share, kind="stable")[:most])
@@ -443,7 +437,8 @@ class _Features:
 
     def values(self, inputs: Complex, weights: Complex) -> Complex:
         """(n,) of these weights of the terms."""
-        value: Complex = evaluate_terms(inputs, self._columns) @ weights
+        parts = [evaluate_terms(inputs[rows], self._columns) @ weights for rows in blocks(len(inputs))]
+        value: Complex = np.concatenate([np.empty(0, np.complex128), *parts])
         if not self.turning:
             value.imag = 0.0
         return value
@@ -457,34 +452,35 @@ class _Features:
 class _Posterior:
     """Bayesian linear regression with unit prior variances.
 
-    design  (n, f) features of the rows
-    off     (f, f) sum over the rows of what the features may be off, squared
+    y  (n,) what the features explain
     """
 
-    def __init__(self, design: Any, off: Any, y: Any, noise: float) -> None:
-        self._noise, self._y = noise, y
-        # Features in which the prior, and what may be off, together have unit precision.
-        root = cholesky(np.eye(design.shape[1]) + off / noise, lower=True)
-        self._design = design
-        self._whitened = solve_triangular(root, design.conj().T, lower=True).conj().T
-        gram = design.conj().T @ design
+    def __init__(
+        self, features: _Features, inputs: Complex, moved: Sequence[Complex], y: Any, noise: float
+    ) -> None:
+        self._features, self._inputs, self._y, self._noise = features, inputs, y, noise
+        gram: Any = 0.0
+        off: Any = 0.0  # what the features may be off, squared
+        self._right: Any = 0.0
+        for rows in blocks(len(y)):
+            design = features.rows(inputs[rows])
+            gram = gram + design.conj().T @ design
+            self._right = self._right + design.conj().T @ y[rows]
+            for d in moved:
+                change = features.rows(inputs[rows] + d[rows]) - features.rows(inputs[rows] - d[rows])
+                off = off + change.conj().T @ change / (4.0 * len(moved))
         self._precision = gram + off + noise * np.eye(len(gram))
-        self._second_moment = gram / len(design)
-        self.weights: Complex = np.linalg.solve(self._precision, design.conj().T @ y)
+        self._second_moment = gram / len(y)
+        self.weights: Complex = np.linalg.solve(self._precision, self._right)
 
-    def held_out(self, fold: Index) -> tuple[Complex, Array]:
-        """Prediction of each row by weights that have not seen its fold; what they leave open of it."""
-        a = self._whitened
-        inverse = np.linalg.inv(a @ a.conj().T + self._noise * np.eye(len(a)))
-        alpha = inverse @ self._y
-        error: Any = np.zeros_like(alpha)
-        variance = np.zeros(len(a))
-        for k in range(int(fold.max()) + 1):
-            rows = np.flatnonzero(fold == k)
-            covariance = np.linalg.inv(inverse[np.ix_(rows, rows)])
-            error[rows] = covariance @ alpha[rows]
-            variance[rows] = np.diag(covariance).real
-        return (self._y - error).astype(np.complex128), np.maximum(variance - self._noise, 0.0)
+    def held_out(self, rows: Mask) -> tuple[Complex, Array]:
+        """Prediction of these rows by weights that have not seen them; what the weights leave open of it."""
+        design = self._features.rows(self._inputs[rows])
+        others = self._precision - design.conj().T @ design
+        right = self._right - design.conj().T @ self._y[rows]
+        solved = np.linalg.solve(others, np.column_stack([design.conj().T, right]))
+        left = self._noise * (design * solved[:, :-1].T).sum(axis=1).real
+        return design @ solved[:, -1], np.maximum(left, 0.0)
 
     def root(self) -> Complex:
         """(f, f) of the weights' covariance: root root^H."""
@@ -511,8 +507,13 @@ class _Posterior:
         result: Complex = ((inverse_root @ u[:, rows]) * np.sqrt(s[rows])).T
         return result
 
-    def share_held(self, design: Complex, factor: Complex) -> Array:
+    def share_held(self, inputs: Complex, factor: Complex) -> Array:
         """(n,) of what the weights leave open of these rows, the share that the factor's rows hold."""
-        whole = self._noise * (design * np.linalg.solve(self._precision, design.conj().T).T).sum(axis=1).real
-        held: Array = (np.abs(design @ factor.T) ** 2).sum(axis=1) / np.maximum(whole, 1e-300)
-        return np.minimum(held, 1.0)
+        covariance = self._noise * np.linalg.inv(self._precision)
+        shares = []
+        for rows in blocks(len(inputs)):
+            design = self._features.rows(inputs[rows])
+            whole = (design @ covariance * design.conj()).sum(axis=1).real
+            held = (np.abs(design @ factor.T) ** 2).sum(axis=1)
+            shares.append(np.minimum(held / np.maximum(whole, 1e-300), 1.0))
+        return np.concatenate(shares)

@@ -25,7 +25,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from scipy.linalg import LinAlgError, cholesky
+from scipy.linalg import LinAlgError, cho_solve, cholesky
+from scipy.linalg.blas import dsyr, zher
 from scipy.linalg.lapack import dpotri, zpotri
 from scipy.optimize import minimize
 
@@ -48,9 +49,8 @@ class LikelihoodParams:
 
     turns: int = 8  # in the mean: spins that differ by so many count as equal while settings are fitted
     rows_first: int = 200  # for each of the starts
-    steps_first: int = 40
     rows: int = 480  # for the best of them; more change the settings by less than their own uncertainty
-    steps: int = 60
+    steps: int = 40  # of both: more change no error by 1 %
     prior: float = 2e-4  # weight of squared logarithms of the settings against their start: keeps them finite
     bound: float = 12.0  # of those logarithms
     jitter: float = 1e-9  # of the output's variance: the least noise
@@ -58,6 +58,7 @@ class LikelihoodParams:
 
 
 PARAMS = LikelihoodParams()
+ROWS = 32  # at a time: the matrices of all turns take a megabyte
 #: (scale of the weights, noise's share of the variance, a1, a2, a3): where the search starts.
 STARTS = ((0.18, 1e-3, 1.0, 1.0, 1.0), (0.5, 0.02, 1.0, 0.3, 0.1))
 
@@ -87,6 +88,16 @@ class Likelihood:
     spins       (k,) int
     y           (n,) complex128; real but for turning outputs
     asymmetric  whether the part without symmetry is there
+
+    Matrices of all turns are computed for some rows at a time, which a processor's cache holds, and up to
+    the diagonal only. A scalar product g = u + v is the sum of two halves, of which one changes its sign in
+    the mirror (the imaginary parts), or by half a turn (odd spins): both products come from the same halves.
+    Their powers are added, or subtracted if the output changes its sign too:
+
+        (u + v)^n + (u - v)^n = 2 u,  2 (u^2 + v^2),  2 u (u^2 + 3 v^2)
+        (u + v)^n - (u - v)^n = 2 v,  4 u v,          2 v (v^2 + 3 u^2)
+
+    The half that stands alone at n = 1 is called `even` below, the other one `odd`.
     """
 
     def __init__(self, x: Complex, spins: Array, y: Complex, symmetry: Symmetry, *, asymmetric: bool) -> None:
@@ -94,10 +105,18 @@ class Likelihood:
         self._turning = symmetry is Symmetry.TURNING
         self._asymmetric = asymmetric
         self._y = y if self._turning else y.real
-        self._x = np.hstack([x.real, x.imag])
-        self._parts = [
-            (np.hstack([z.real, z.imag]), factor, phase) for z, factor, phase in _parts(x, spins, symmetry)
-        ]
+        angles = 2.0 * np.pi / PARAMS.turns * np.arange(PARAMS.turns // (1 + self._turning))
+        turned = _parts(x * np.exp(1j * angles[:, None, None] * spins))
+        odd = np.tile(spins % 2 == 0, 2) if self._turning else np.arange(2 * self._k) >= self._k
+        self._added = symmetry is Symmetry.EVEN
+        if symmetry is Symmetry.ODD:
+            odd = ~odd
+        self._halves = [(half, _parts(x)[:, half], turned[..., half]) for half in (~odd, odd)]
+        phases = [np.cos(angles), np.sin(angles)] if self._turning else [np.ones(len(angles))]
+        self._phases = 2.0 / PARAMS.turns * np.stack(phases)
+        # Kept from call to call: fresh memory would cost as much time as the numbers in it.
+        self._covariance = np.zeros((self._n, self._n), dtype=self._y.dtype, order="F")
+        self._blocks = [_Block.empty(rows, *self._phases.shape[::-1]) for rows in _blocks(self._n)]
 
     def settings(self, logs: Array, start: int = 0) -> Settings:
         """From what the search moves: logarithms of w, a1..a3, m1, m2, noise."""
@@ -107,63 +126,101 @@ class Likelihood:
 
     def __call__(self, logs: Array) -> tuple[float, Array]:
         s = self.settings(logs)
-        scaled = self._x * np.tile(s.weight**2, 2)
-        products = [scaled @ z.T for z, _, _ in self._parts]
-        a, m = s.symmetric, s.asymmetric
-        covariance = np.zeros((self._n, self._n), dtype=self._y.dtype)
-        for g, (_, factor, phase) in zip(products, self._parts, strict=True):
-            b = factor * (g * (a[0] + g * (a[1] + g * a[2])))
-            covariance += phase * b if self._turning else b
-        # Turns by t and by -t are each other's transposes: half of them are summed, twice.
-        covariance = 0.5 * (covariance + covariance.conj().T)
-        g = products[0]
-        covariance += g * (m[0] + g * m[1])
+        covariance = self._covariance
+        for block in self._blocks:
+            self._fill(block, s)
+            part = np.tensordot(s.symmetric, block.powers, 1)
+            g = block.even[0] + block.odd[0]
+            part[0] += g * (s.asymmetric[0] + g * s.asymmetric[1])
+            covariance[block.rows, : block.rows.stop] = part[0] + 1j * part[1] if self._turning else part[0]
         covariance[np.diag_indices(self._n)] += s.noise + PARAMS.jitter
-        try:
+        try:  # in place, and up to the diagonal; zeros beyond it
             root = cholesky(covariance, lower=True, overwrite_a=True, check_finite=False)
         except LinAlgError:
             return 1e10, np.zeros_like(logs)
-        log_det = 2.0 * float(np.log(np.diag(root).real).sum())
-        inverse = (zpotri if self._turning else dpotri)(root, lower=1, overwrite_c=1)[0]
-        inverse = np.tril(inverse)
-        inverse += np.tril(inverse, -1).conj().T
-        alpha = inverse @ self._y
+        alpha = cho_solve((root, True), self._y, check_finite=False)
         half = 1.0 if self._turning else 0.5
-        value = half * (float((self._y.conj() @ alpha).real) + log_det)
-        return value, self._gradient(s, half * (inverse - np.outer(alpha, alpha.conj())), products)
+        value = half * (float((self._y.conj() @ alpha).real) + 2.0 * float(np.log(np.diag(root).real).sum()))
+        inverse = (zpotri if self._turning else dpotri)(root, lower=1, overwrite_c=1)[0]
+        slope = (zher if self._turning else dsyr)(-1.0, alpha, a=inverse, lower=1, overwrite_a=1)
+        slope *= half
+        return value, self._gradient(s, slope)
 
-    def _gradient(self, s: Settings, slope: Complex, products: list[Array]) -> Array:
-        """slope: of the value in the covariance."""
+    def _fill(self, block: _Block, s: Settings) -> None:
+        weight = np.tile(s.weight**2, 2)
+        for products, (half, x, turned) in zip((block.even, block.odd), self._halves, strict=True):
+            z = turned[:, : block.rows.stop].transpose(0, 2, 1)
+            np.matmul(x[block.rows] * weight[half], z, out=products)
+        even, odd = block.even, block.odd
+        squares, other = even * even, odd * odd
+        second = squares + other if self._added else 2.0 * even * odd
+        other *= 3.0
+        other += squares
+        other *= even
+        for mean, power in zip(block.powers, (even, second, other), strict=True):
+            mean[:] = np.tensordot(self._phases, power, 1)
+
+    def _gradient(self, s: Settings, slope: Complex) -> Array:
+        """slope: of the value in the covariance, up to the diagonal."""
         k, a, m = self._k, s.symmetric, s.asymmetric
-        of_weight, of_a, of_m = np.zeros(2 * k), np.zeros(3), np.zeros(2)
-        for i, (g, (z, factor, phase)) in enumerate(zip(products, self._parts, strict=True)):
-            q = factor * (slope.real * phase.real + slope.imag * phase.imag if self._turning else slope)
-            g2 = g * g
-            of_a += (q * g).sum(), (q * g2).sum(), (q * g2 * g).sum()
-            p = q * (a[0] + 2.0 * a[1] * g + 3.0 * a[2] * g2)
-            if i == 0 and self._asymmetric:
-                of_m += (slope.real * g).sum(), (slope.real * g2).sum()
-                p += slope.real * (m[0] + 2.0 * m[1] * g)
-            of_weight += ((p @ z) * self._x).sum(axis=0)
-        weight = 2.0 * s.weight**2 * (of_weight[:k] + of_weight[k:])
         noise = float(np.trace(slope).real) * s.noise
+        slope *= 2.0  # what is beyond the diagonal counts alike
+        slope[np.diag_indices(self._n)] /= 2.0
+        of_weight, of_a, of_m = np.zeros(2 * k), np.zeros(3), np.zeros(2)
+        for block in self._blocks:
+            here, even, odd = slope[block.rows, : block.rows.stop], block.even, block.odd
+            parts = np.stack([here.real, here.imag] if self._turning else [here])
+            of_a += np.tensordot(block.powers, parts, 3)
+            of_even = even * even
+            of_even += odd * odd
+            of_even *= 3.0 * a[2]
+            of_even += 2.0 * a[1] * (even if self._added else odd)
+            of_even += a[0]
+            of_odd = 6.0 * a[2] * even
+            of_odd *= odd
+            of_odd += 2.0 * a[1] * (odd if self._added else even)
+            q = np.tensordot(self._phases.T, parts, 1) if self._turning else self._phases[0, 0] * parts
+            of_even *= q
+            of_odd *= q
+            if self._asymmetric:
+                g = even[0] + odd[0]
+                of_m += (parts[0] * g).sum(), (parts[0] * g * g).sum()
+                unturned = parts[0] * (m[0] + 2.0 * m[1] * g)
+                of_even[0] += unturned
+                of_odd[0] += unturned
+            for p, (half, x, turned) in zip((of_even, of_odd), self._halves, strict=True):
+                along = (p @ turned[:, : block.rows.stop]).sum(axis=0)
+                of_weight[half] += (along * x[block.rows]).sum(axis=0)
+        weight = 2.0 * s.weight**2 * (of_weight[:k] + of_weight[k:])
         return np.concatenate([weight, of_a * a, of_m * m[:2], [noise]])
 
 
-def _parts(x: Complex, spins: Array, symmetry: Symmetry) -> Iterator[tuple[Complex, float, complex]]:
-    """Turned (and mirrored) inputs, the share of each in the mean, and the phase of a turning output.
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """Some rows of the kernel, up to the diagonal.
 
-    Turns by t and -t stand for each other.
+    even, odd  (turns, rows, columns) halves of the scalar products
+    powers     (3, 1 or 2, rows, columns) means of their powers, of a turning output the imaginary part too
     """
-    turns = PARAMS.turns
-    for i in range(turns // 2 + 1):
-        t = 2.0 * np.pi * i / turns
-        twice = 1.0 if 2 * i in (0, turns) else 2.0
-        yield x * np.exp(1j * spins * t), twice / turns, np.exp(1j * t)
-    if symmetry is not Symmetry.TURNING:
-        sign = 1.0 if symmetry is Symmetry.EVEN else -1.0
-        for i in range(turns):
-            yield (x * np.exp(2j * np.pi * spins * i / turns)).conj(), sign / turns, 1.0
+
+    rows: slice
+    even: Array
+    odd: Array
+    powers: Array
+
+    @classmethod
+    def empty(cls, rows: slice, turns: int, parts: int) -> _Block:
+        size = rows.stop - rows.start, rows.stop
+        return cls(rows, np.empty((turns, *size)), np.empty((turns, *size)), np.empty((3, parts, *size)))
+
+
+def _blocks(n: int) -> Iterator[slice]:
+    for start in range(0, n, ROWS):
+        yield slice(start, min(n, start + ROWS))
+
+
+def _parts(z: Complex) -> Array:
+    return np.concatenate([z.real, z.imag], axis=-1)
 
 
 def fit_settings(
@@ -182,7 +239,7 @@ def fit_settings(
     start    the only one of STARTS, at once on more rows; None: all are tried
     """
 
-    def search(first: Array, rows: int, steps: int) -> tuple[float, Array]:
+    def search(first: Array, rows: int) -> tuple[float, Array]:
         likelihood = Likelihood(x[:rows], spins, y[:rows], symmetry, asymmetric=asymmetric)
 
         def penalised(logs: Array) -> tuple[float, Array]:
@@ -193,17 +250,17 @@ def fit_settings(
         bounds = [(-PARAMS.bound, PARAMS.bound)] * len(first)
         found = minimize(
             penalised, first, jac=True, method="L-BFGS-B", bounds=bounds,
-            options={"maxiter": steps, "maxcor": 20},
+            options={"maxiter": PARAMS.steps, "maxcor": 20},
         )  # fmt: skip
         return float(found.fun), found.x
 
     if start is None:
-        tried = [search(_start(degrees, *one), PARAMS.rows_first, PARAMS.steps_first) for one in STARTS]
+        tried = [search(_start(degrees, *one), PARAMS.rows_first) for one in STARTS]
         start = min(range(len(tried)), key=lambda i: tried[i][0])
         best = tried[start][1]
     else:
         best = _start(degrees, *STARTS[start])
-    best = search(best, PARAMS.rows, PARAMS.steps)[1]
+    best = search(best, PARAMS.rows)[1]
     return Likelihood(x[:1], spins, y[:1], symmetry, asymmetric=asymmetric).settings(best, start)
 
 

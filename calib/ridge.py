@@ -8,7 +8,8 @@ that explain clean frames well and others badly.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from edge.types import Array, Complex, Index
 
 __all__ = [
     "Candidate",
+    "Terms",
+    "blocks",
     "cross_validate",
     "cross_validated_terms",
     "folds_of",
@@ -27,7 +30,6 @@ __all__ = [
     "ridge_weights",
     "rounded",
     "spread_factor",
-    "term_values",
 ]
 
 
@@ -42,6 +44,7 @@ class Candidate:
     ridge: float
 
 
+ROWS = 256  # frames at a time: a megabyte or two for some hundred terms
 #: Penalties on the squares of the weights of terms of unit mean square.
 RIDGES = tuple(10.0 ** (k / 2) for k in range(-8, 7))
 
@@ -68,41 +71,94 @@ def input_noise(inputs: Complex, coefficient: float) -> Complex:
     return noise
 
 
-def term_values(inputs: Complex, noise: Complex | None, columns: list[list[int]]) -> tuple[Complex, Complex]:
-    """The terms of each frame (n, n_terms), and their change by the noise (draws * n, n_terms)."""
-    psi = evaluate_terms(inputs, columns)
-    if noise is None:
-        return psi, psi[:0]
-    off = [evaluate_terms(inputs + d, columns) - evaluate_terms(inputs - d, columns) for d in noise]
-    return psi, np.concatenate(off) / (2.0 * np.sqrt(len(noise)))
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """Products of inputs, evaluated for some rows at a time: the memory does not grow with the frames.
+
+    inputs   (n, k) complex128
+    noise    (draws, n, k) complex128, possible errors of the inputs; None: not considered
+    columns  of each term, of `term_columns`
+    real     of a real output Re(psi w) = Re psi Re w - Im psi Im w: columns for both
+    """
+
+    inputs: Complex
+    noise: Complex | None
+    columns: list[list[int]]
+    real: bool
+
+    def rows(self, rows: Any, scale: Array | float = 1.0) -> Any:
+        """(rows, terms, or twice as many) values over the scale."""
+        return self._split(evaluate_terms(self.inputs[rows], self.columns)) / scale
+
+    def sums(self, y: Complex) -> _Sums:
+        """Sums over the rows, of terms of unit mean square."""
+        size = len(self.columns) * (1 + self.real)
+        draws = np.empty((0, *self.inputs.shape), np.complex128) if self.noise is None else self.noise
+        kind = np.float64 if self.real else np.complex128
+        gram, noise = np.zeros((size, size), kind), np.zeros((size, size), kind)
+        right = np.zeros((size, y.shape[1]), kind)
+        for rows in blocks(len(self.inputs)):
+            a = self.rows(rows)
+            gram += a.conj().T @ a
+            right += a.conj().T @ (y[rows].real if self.real else y[rows])
+            for d in draws[:, rows]:
+                above, below = (evaluate_terms(self.inputs[rows] + e, self.columns) for e in (d, -d))
+                off = self._split(above - below)
+                noise += off.conj().T @ off / (4.0 * len(draws))
+        power = np.diag(gram).real.reshape(1 + self.real, -1).sum(axis=0)
+        scale = np.tile(np.sqrt(power / len(self.inputs)), 1 + self.real)
+        scale[scale < 1e-14] = np.inf  # a term that never occurs gets weight 0
+        square = np.outer(scale, scale)
+        return _Sums(scale, gram / square, noise / square, right / scale[:, None])
+
+    def _split(self, psi: Complex) -> Any:
+        return np.hstack([psi.real, -psi.imag]) if self.real else psi
 
 
-def cross_validate(
-    name: str, psi: Complex, moved: Complex, y: Complex, fold: Index, *, real: bool
-) -> list[tuple[Candidate, Complex]]:
+@dataclass(frozen=True, slots=True)
+class _Sums:
+    """scale of the terms; gram, noise (terms, terms); right (terms, outputs) with the truth."""
+
+    scale: Array
+    gram: Any
+    noise: Any
+    right: Any
+
+    def directions(self) -> tuple[Array, Any]:
+        """(terms,) squared sizes of the terms' independent directions with noise, and these as columns.
+
+        Penalties from 1e-4 of a row up keep the squared condition number harmless.
+        """
+        e, v = np.linalg.eigh(self.gram + self.noise)
+        return np.maximum(e, 0.0), v
+
+
+def blocks(n: int) -> Iterator[slice]:
+    """Some rows of n at a time."""
+    return (slice(start, start + ROWS) for start in range(0, n, ROWS))
+
+
+def cross_validate(name: str, terms: Terms, y: Complex, fold: Index) -> list[tuple[Candidate, Complex]]:
     """Held-out predictions with the best ridge, and their error, for each column of y.
 
-    The error is that of the frame as it is, and that of the noise `moved` on top.
+    The error is that of the frame as it is, and that of the terms' noise on top.
 
     The normal matrix of all rows is computed once; that of a fold is this less its own rows. One eigenvalue
-    decomposition then serves every ridge and every column: penalties from 1e-4 of a row up keep the
-    squared condition number harmless.
+    decomposition then serves every ridge and every column.
     """
-    a, off = _scaled(psi, moved, real=real)[:2]
-    target: Any = y.real if real else y
-    noise = off.conj().T @ off
-    gram, right = a.conj().T @ a, a.conj().T @ target
+    sums = terms.sums(y)
+    target: Any = y.real if terms.real else y
     predicted = np.zeros((len(RIDGES), *y.shape), dtype=np.complex128)
     blown_up = np.zeros((len(RIDGES), y.shape[1]))
     folds = int(fold.max()) + 1
     for k in range(folds):
-        test = a[fold == k]
+        test = terms.rows(fold == k, sums.scale)
         left = test.conj().T
-        e, v = np.linalg.eigh(gram - left @ test + noise)
-        along, coordinates = test @ v, v.conj().T @ (right - left @ target[fold == k])
-        noise_along = v.conj().T @ noise @ v
+        e, v = replace(sums, gram=sums.gram - left @ test).directions()
+        along, coordinates = test @ v, v.conj().T @ (sums.right - left @ target[fold == k])
+        noise_along = v.conj().T @ sums.noise @ v
         for r, ridge in enumerate(RIDGES):
-            w = coordinates / (np.maximum(e, 0.0) + ridge)[:, None]
+            w = coordinates / (e + ridge)[:, None]
             predicted[r, fold == k] = along @ w
             blown_up[r] += (w.conj() * (noise_along @ w)).sum(axis=0).real / (folds * len(y))
     squares = np.abs(predicted - y) ** 2
@@ -112,7 +168,9 @@ def cross_validate(
         rms = float(np.sqrt(means[r]))
         # Standard error of a root of a mean of squares, by the delta method.
         error = float(squares[r, :, j].std() / np.sqrt(len(y)) / (2 * rms)) if rms else 0.0
-        found.append((Candidate(name, psi.shape[1], rms, error, RIDGES[r]), predicted[r, :, j]))
+        found.append(
+            (Candidate(name, len(terms.columns), rms, error, RIDGES[r]), predicted[r, :, j].copy())
+        )  # not all ridges'
     return found
 
 
@@ -124,39 +182,27 @@ def cross_validated_terms(psi: Complex, y: Complex, poses: Array) -> Complex:
     poses    (n, any): equal rows stay together
     Returns  (n,) complex128
     """
-    return cross_validate("", psi, psi[:0], y[:, None], folds_of(poses), real=False)[0][1]
+    terms = Terms(psi, None, [[i] for i in range(psi.shape[1])], real=False)
+    return cross_validate("", terms, y[:, None], folds_of(poses))[0][1]
 
 
-def _scaled(psi: Complex, moved: Complex, *, real: bool) -> tuple[Any, Any, Array]:
-    """Terms of unit mean square, their noise in the same measure, and the scale.
-
-    For a real output Re(psi w) = Re psi Re w - Im psi Im w: columns for both.
-    """
-    scale: Array = np.sqrt((np.abs(psi) ** 2).mean(axis=0))
-    scale[scale < 1e-14] = np.inf  # a term that never occurs gets weight 0
-    a, off = psi / scale, moved / scale
-    if real:
-        return np.hstack([a.real, -a.imag]), np.hstack([off.real, -off.imag]), scale
-    return a, off, scale
-
-
-def ridge_weights(psi: Complex, moved: Complex, y: Complex, ridge: float, *, real: bool) -> Complex:
-    """Ridge weights of scaled terms: rows of noise have the target 0."""
-    a, off, scale = _scaled(psi, moved, real=real)
-    u, s, vh = np.linalg.svd(np.concatenate([a, off]), full_matrices=False)
-    w: Any = vh.conj().T @ (s / (s**2 + ridge) * (u[: len(a)].conj().T @ (y.real if real else y)))
-    result: Complex = (w[: len(scale)] + 1j * w[len(scale) :] if real else w) / scale
+def ridge_weights(terms: Terms, y: Complex, ridge: float) -> Complex:
+    """(terms,) ridge weights: rows of noise have the target 0."""
+    sums = terms.sums(y[:, None])
+    e, v = sums.directions()
+    w: Any = v @ ((v.conj().T @ sums.right[:, 0]) / (e + ridge)) / sums.scale
+    n = len(terms.columns)
+    result: Complex = w[:n] + 1j * w[n:] if terms.real else w
     return result
 
 
-def spread_factor(psi: Complex, moved: Complex, ridge: float) -> Complex:
+def spread_factor(terms: Terms, ridge: float) -> Complex:
     """Factor L with |L psi|^2 = psi^H (A^H A + noise + ridge)^-1 psi: largest directions, (r, n_terms)."""
-    a, off, scale = _scaled(psi, moved, real=False)
-    _, s, vh = np.linalg.svd(np.concatenate([a, off]), full_matrices=False)
-    root = 1.0 / np.sqrt(s**2 + ridge)
-    # How much each direction matters for frames like these: its variance times its uncertainty.
-    rows = np.argsort(-root * s)[-PARAMS.spread_rows :] if len(s) > PARAMS.spread_rows else np.arange(len(s))
-    result: Complex = root[rows, None] * vh[rows] / scale
+    sums = replace(terms, real=False).sums(np.empty((len(terms.inputs), 0), np.complex128))
+    e, v = sums.directions()
+    # How much each direction matters for frames like these, its variance times its uncertainty, grows with e.
+    rows = slice(0, PARAMS.spread_rows)
+    result: Complex = v.conj().T[rows] / np.sqrt(e[rows] + ridge)[:, None] / sums.scale
     return result
 
 

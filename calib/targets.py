@@ -14,8 +14,8 @@ meaningful or not, so some of its truth is dropped (NaN):
 
 from __future__ import annotations
 
-import csv
 import hashlib
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,9 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import TableError
+from calib.table import number, read_table, shown
 from edge.types import Array
 
-__all__ = ["COLUMNS", "Targets", "join", "read_targets", "targets_of_capture"]
+__all__ = ["COLUMNS", "MOST", "Targets", "join", "read_targets", "targets_of_capture"]
 
 #: Column of the table -> calibrated value, and the column's unit.
 COLUMNS: dict[str, tuple[str, str]] = {
@@ -48,8 +49,11 @@ COLUMNS: dict[str, tuple[str, str]] = {
 }
 _IMAGE = "sensor_image"
 #: By unit: largest plausible truth of a fingertip; a depth that never exceeds the smallest is not in mm.
-_MOST = {"mm": 100.0, "deg": 180.0, "N": 1000.0, "Nmm": 1e4, "mm2": 1e4}
+MOST = {"mm": 100.0, "deg": 180.0, "N": 1000.0, "Nmm": 1e4, "mm2": 1e4}
 _LEAST_DEPTH_MM = 0.05
+#: Columns that an arm may give as its position, and how far an arm reaches.
+_DEPTHS = {"pose_z", "contact_depth"}
+_MOST_REACH_MM = 1e4
 #: Of a capture's table; `pose_z` is the contact's depth too, as it is the tool's.
 _OF_CAPTURE: dict[str, str] = {
     "pose_z": "displacement_mm",
@@ -111,58 +115,53 @@ def read_targets(table: str | Path, folder: str | Path) -> Targets:
     Raises  TableError: one message with file, line and column
     """
     table, folder = Path(table), Path(folder)
-    try:
-        raw = table.read_bytes()
-        lines = raw.decode("utf-8-sig").splitlines()
-    except OSError as error:
-        raise TableError(f"{table}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise TableError(f"{table}: not a text file; a CSV table with a column {_IMAGE} is needed") from None
-    if not folder.is_dir():
+    content = read_table(table, [_IMAGE], once=COLUMNS)
+    if not os.path.isdir(folder):
         raise TableError(f"{folder}: no such folder of frames")
-    reader = csv.DictReader(lines)
-    names = reader.fieldnames or []
-    if _IMAGE not in names:
-        raise TableError(f"{table}: no column {_IMAGE}; it names each row's frame")
-    known = [name for name in names if name in COLUMNS]
+    known = [name for name in content.names if name in COLUMNS]
     if not known:
         raise TableError(f"{table}: none of the columns {', '.join(COLUMNS)}; nothing could be fitted")
     frames: list[Path] = []
-    columns: dict[str, list[float]] = {name: [] for name in known}
     seen: dict[str, int] = {}
-    for row in reader:
-        at = f"{table}: line {reader.line_num}"
-        image = row[_IMAGE] or ""
-        if image in seen:
-            raise TableError(f"{at}: {image} is in line {seen[image]} already")
-        seen[image] = reader.line_num
-        path = folder / image
-        if not path.is_file():
-            raise TableError(f"{at}: no frame {image or '(empty)'} in {folder}")
-        frames.append(path)
+    columns: dict[str, list[float]] = {name: [] for name in known}
+    for row in content.rows:
+        at, image = f"{table}: line {row.line}", row.cells[_IMAGE]
+        once = os.path.normpath(image)
+        if once in seen:
+            raise TableError(f"{at}: {shown(image)} is in line {seen[once]} already")
+        seen[once] = row.line
+        if not os.path.isfile(folder / image):  # `Path.is_file` raises where the name is too long
+            raise TableError(f"{at}: no frame {shown(image) or '(empty)'} in {folder}")
+        frames.append(folder / image)
         for name in known:
-            unit = COLUMNS[name][1]
-            value = _number(row[name], f"{at}, column {name}")
-            if abs(value) > _MOST[unit]:
-                raise TableError(f"{at}, column {name}: {value:g} {unit} is not possible")
-            columns[name].append(value)
+            columns[name].append(_possible(row.cells[name], f"{at}, column {name}", name))
     if not frames:
         raise TableError(f"{table}: no rows")
+    values = {COLUMNS[name][0]: np.array(column) for name, column in columns.items()}
+    _check_depths(table, columns)
+    unknown = tuple(shown(name) or "(no heading)" for name in content.names if name not in (*COLUMNS, _IMAGE))
+    digest = hashlib.sha256(content.raw).hexdigest()
+    return Targets(str(table), tuple(frames), values, digest, unknown)
+
+
+def _possible(text: str, where: str, name: str) -> float:
+    """A number that a fingertip, or for a depth the arm that presses it, can give."""
+    value, unit = number(text, where), COLUMNS[name][1]
+    if abs(value) > (_MOST_REACH_MM if name in _DEPTHS else MOST[unit]):
+        raise TableError(f"{where}: {value:g} {unit} is not possible")
+    return value
+
+
+def _check_depths(table: Path, columns: Mapping[str, list[float]]) -> None:
+    """Depths may be positions of the arm, from wherever it counts; their differences are a fingertip's."""
+    for name in _DEPTHS & columns.keys():
+        span = float(np.ptp(columns[name]))
+        if span > MOST["mm"]:
+            raise TableError(
+                f"{table}: column {name} spans {span:g} mm; that is not possible, its unit is mm"
+            )
     if "pose_z" in columns and max(map(abs, columns["pose_z"])) < _LEAST_DEPTH_MM:
         raise TableError(f"{table}: column pose_z never exceeds {_LEAST_DEPTH_MM} mm; its unit is mm")
-    values = {COLUMNS[name][0]: np.array(column) for name, column in columns.items()}
-    unknown = tuple(name for name in names if name not in COLUMNS and name != _IMAGE)
-    return Targets(str(table), tuple(frames), values, hashlib.sha256(raw).hexdigest(), unknown)
-
-
-def _number(text: str | None, where: str) -> float:
-    try:
-        value = float(text or "")
-    except ValueError:
-        raise TableError(f"{where}: '{text or ''}' is not a number") from None
-    if not np.isfinite(value):
-        raise TableError(f"{where}: {text} is not a finite number")
-    return value
 
 
 def targets_of_capture(where: str, rows: Sequence[Mapping[str, str]]) -> Targets:
@@ -175,14 +174,14 @@ def targets_of_capture(where: str, rows: Sequence[Mapping[str, str]]) -> Targets
     for row in rows:
         at = f"{where}: {row['recording']}#{row['sequence']}"
         cells = {
-            name: _number(row[column], f"{at}, column {column}") if row.get(column) else nan
+            name: number(row[column], f"{at}, column {column}") if row.get(column) else nan
             for column, name in _OF_CAPTURE.items()
         }
         tool, depth = row.get("tool", "flat"), cells["displacement_mm"]
         curved = tool == "sphere"
         if tool == "sphere" and not row.get("place_x"):  # on a real rig this is the commanded place
-            cells["contact_x_mm"] = _number(row["pose_x"], f"{at}, column pose_x")
-            cells["contact_y_mm"] = _number(row["pose_y"], f"{at}, column pose_y")
+            cells["contact_x_mm"] = number(row["pose_x"], f"{at}, column pose_x")
+            cells["contact_y_mm"] = number(row["pose_y"], f"{at}, column pose_y")
         if depth <= 0 or curved:
             cells["tilt_x_deg"] = cells["tilt_y_deg"] = nan
         if depth <= 0 or not curved:

@@ -40,10 +40,12 @@ class UnloadedParams:
 
     frames_min    with fewer there is no estimate
     frames_terms  frames for each unknown of a pin: with fewer the rest of the truth is not used
+    reach         of the span of the loads: how far below the least of them no load may be
     """
 
     frames_min: int = 12
     frames_terms: int = 4
+    reach: float = 5.0
 
 
 PARAMS = UnloadedParams()
@@ -61,7 +63,7 @@ def unloaded(
 
     rest    of one of the images, to identify the pins
     values  truth by name, (n,) of each image
-    Returns None: the table has no load, or too few frames show the pins
+    Returns None: the table has no load, too few frames show the pins, or no load is too far from them all
     """
     load = load_of(values)
     if load is None:
@@ -73,7 +75,7 @@ def unloaded(
         if tracks.confidence >= Tracks.LOW_CONFIDENCE:
             places[k] = tracks.xy_img
     known = np.isfinite(places).any(axis=(1, 2)) & (load > 0)
-    if known.sum() < params.frames_min:
+    if known.sum() < params.frames_min or load[known].min() > params.reach * np.ptp(load[known]):
         return None
     xy = _at_no_load(places[known], load[known], _others(values, known, params))
     mean = _mean(places[known], load[known])

@@ -126,12 +126,16 @@ def check_config(table: dict[str, object], where: str) -> Config:
     try:
         return msgspec.convert(table, Config)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{where}: {_explain(str(error), table)}") from None
+        try:
+            what = _explain(str(error), table)
+        except LookupError:  # a key that looks like a place in msgspec's message
+            what = limits.explain(str(error))
+        raise ConfigError(f"{where}: {what}") from None
 
 
 def _explain(message: str, table: dict[str, object]) -> str:
     """msgspec's message in terms of the file: table, key, value, and what would be right."""
-    path = message.partition("`$")[2].rstrip("`").lstrip(".")
+    path = message.rpartition(" - at `$")[2].rstrip("`").lstrip(".") if " - at `$" in message else ""
     if "unknown field" in message:
         place = f"[{path}]" if path else "the top level"
         key = message.partition("`")[2].partition("`")[0]

@@ -21,6 +21,8 @@ from typing import Annotated, Any, TypeVar
 
 import msgspec
 
+from hostlink import input_file
+
 __all__ = [
     "CALIBRATION_BYTES",
     "CONFIG_BYTES",
@@ -60,6 +62,10 @@ POINTS_MAX = 1_000_000  # a plane's; of a triangulation, every index of a half-e
 
 T = TypeVar("T")
 
+#: A key of as many parts: the parser's time grows with their square, to a minute for 64 KiB.
+_LONG_KEY = re.compile(rb"(?:[^\s.,=\[\]{}]+[ \t]*\.[ \t]*){%d}" % input_file.DEPTH_MAX)
+_TOO_DEEP = "lists and tables are nested too deeply"
+
 #: Any number of a file that has no narrower range.
 NUMBER_MAX = 1e15
 Number = Annotated[float, msgspec.Meta(ge=-NUMBER_MAX, le=NUMBER_MAX)]
@@ -78,13 +84,12 @@ def read_bounded(path: Path, bytes_max: int) -> bytes:
 
     Raises  BadContent: it is larger, or not an ordinary file; OSError: it cannot be read
     """
-    if path.exists() and not path.is_file():  # reading a device or a pipe might never end
-        raise BadContent("a folder or a device; give a file")
-    with path.open("rb") as file:
-        raw = file.read(bytes_max + 1)
-    if len(raw) > bytes_max:
-        raise BadContent(f"larger than {bytes_max >> 10} KiB")
-    return raw
+    try:
+        return input_file.read_bounded(path, bytes_max)
+    except IsADirectoryError:
+        raise BadContent("a folder or a device; give a file") from None
+    except input_file.InputFileError as error:
+        raise BadContent(f"{error.strerror}; give a file") from None
 
 
 def decode_json(raw: bytes, kind: type[T]) -> T:
@@ -99,20 +104,40 @@ def decode_json(raw: bytes, kind: type[T]) -> T:
     except UnicodeDecodeError as error:
         raise BadContent(f"no JSON: byte {error.start} is not UTF-8 text") from None
     except RecursionError:
-        raise BadContent("lists and tables are nested too deeply") from None
+        raise BadContent(_TOO_DEEP) from None
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """A TOML file's table. Raises BadContent; OSError: it cannot be read."""
     raw = read_bounded(path, CONFIG_BYTES)
+    if _LONG_KEY.search(raw):
+        raise BadContent(_TOO_DEEP)
     try:
-        return tomllib.loads(raw.decode())
+        table = tomllib.loads(raw.decode())
     except tomllib.TOMLDecodeError as error:
-        raise BadContent(f"not TOML: {error}") from None
+        raise BadContent(f"not TOML: {quote(str(error), 200)[1:-1]}") from None
     except UnicodeDecodeError as error:
         raise BadContent(f"not TOML: byte {error.start} is not UTF-8 text") from None
+    except ValueError:  # the interpreter's own limit: 4300 digits
+        raise BadContent("not TOML: a number has too many digits") from None
     except RecursionError:
-        raise BadContent("lists and tables are nested too deeply") from None
+        raise BadContent(_TOO_DEEP) from None
+    _check_size(table)
+    return table
+
+
+def _check_size(table: dict[str, Any]) -> None:
+    """Raises BadContent: deeper than any file is, or with an integer that no message could hold."""
+    below: list[tuple[Any, int]] = [(table, 0)]
+    while below:
+        value, depth = below.pop()
+        if depth > input_file.DEPTH_MAX:
+            raise BadContent(_TOO_DEEP)
+        if isinstance(value, int) and value.bit_length() > 64:
+            raise BadContent(f"a number of {value.bit_length()} bits; give one of 64 at most")
+        if isinstance(value, dict | list):
+            inside = value.values() if isinstance(value, dict) else value
+            below += [(one, depth + 1) for one in inside]
 
 
 def read_toml_as(path: Path, kind: type[T], **added: object) -> tuple[dict[str, Any], T]:
@@ -145,9 +170,9 @@ def check_numbers(value: object, place: str = "") -> None:
         raise BadContent(f"{place} = {value:g}: give a finite number, at most {NUMBER_MAX:g}")
 
 
-def quote(text: str) -> str:
+def quote(text: str, most: int = 40) -> str:
     """Text from a file for a message: printable, in quotes, shortened if long."""
-    text = text if len(text) <= 40 else text[:37] + "..."
+    text = text if len(text) <= most else text[: most - 3] + "..."
     return repr(text) if text.isprintable() else ascii(text)
 
 

@@ -17,7 +17,7 @@
     LinkError and its children  `hostlink.errors`; a user's mistake is a UsageError, one line
 
 Values, units and ranges: WIRE.md. `python -m hostlink --help` for the tools.
-Names are imported when they are first used, so that programs start quickly; python-can, pyserial and canopen
+Names are imported when they are first used, so that programs start quickly; python-can and pyserial
 when a link is opened, numpy by `to_arrays` alone.
 """
 

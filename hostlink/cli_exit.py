@@ -3,7 +3,7 @@
     0    done; also if the reader of stdout stopped (`... | head -1`) or there is no stdout (`>&-`)
     1    a failure that is not the user's: a link, a sensor, a full disk
     2    the user's mistake: "error: what, where, what would be right" on stderr, and nothing else
-    130  Ctrl-C, as in a shell for SIGINT
+    130  Ctrl-C; 129, 131 and 143 for SIGHUP, SIGQUIT and SIGTERM, as in a shell
 
 Only a defect ends in a traceback.
 """
@@ -17,13 +17,15 @@ from collections.abc import Sequence
 
 import click
 
-from hostlink.interrupt import INTERRUPTED
+from hostlink.input_file import InputFileError
+from hostlink.interrupt import exit_code, interrupting
 from hostlink.output_file import OutputError, WriteError
 
 __all__ = ["print_error", "program_name", "run_command"]
 
 Kinds = tuple[type[Exception], ...]
 
+_NO_NAME = frozenset({errno.ENAMETOOLONG, errno.ELOOP})  # no file could have it
 _STDOUT_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 
 
@@ -47,11 +49,12 @@ def run_command(
     mistakes   errors of the user; failures: other errors. A class in both is a mistake
     arguments  None: those of the process
     """
-    wrong: Kinds = (OutputError, *mistakes)
+    wrong: Kinds = (OutputError, InputFileError, *mistakes)
     _replace_closed_streams()
     stdout = sys.stdout
     try:
-        code = command.main(args=arguments, prog_name=name, standalone_mode=False)
+        with interrupting():
+            code = command.main(args=arguments, prog_name=name, standalone_mode=False)
         sys.stdout.flush()  # here, and not at the interpreter's end, where it would be a traceback
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
@@ -64,8 +67,10 @@ def run_command(
         return print_error(str(error))
     except failures as error:
         return print_error(str(error), 1)
-    except (KeyboardInterrupt, click.Abort):
-        return INTERRUPTED
+    except KeyboardInterrupt as interrupt:
+        return exit_code(interrupt)
+    except click.Abort as abort:  # made by click of KeyboardInterrupt
+        return exit_code(abort.__cause__)
     except BrokenPipeError:
         return _stdout_ended()
     except SystemExit:  # shell completion ends like this, and click with a broken pipe, whose stdout it wraps
@@ -74,7 +79,9 @@ def run_command(
         return _stdout_ended()
     except OSError as error:
         if error.filename is not None:
-            return print_error(f"{os.fsdecode(error.filename)}: {error.strerror}", 1)
+            return print_error(
+                f"{os.fsdecode(error.filename)}: {error.strerror}", 2 if error.errno in _NO_NAME else 1
+            )
         if error.errno not in _STDOUT_FULL:
             raise
         _stdout_ended()

@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-__all__ = ["FiniteFloat", "WholeNumber", "counted", "seconds_option"]
+__all__ = ["FiniteFloat", "WholeNumber", "channel_option", "counted", "seconds_option"]
 
 
 class FiniteFloat(click.FloatRange):
@@ -55,6 +55,10 @@ seconds_option = click.option(
     "--seconds",
     type=FiniteFloat(min=0, min_open=True, max=TIMEOUT_MAX),  # the longest that Python can wait
     help="Stop after this time; else at Ctrl-C.",
+)
+
+channel_option = click.option(
+    "--channel", help="The bus, in a log of several: its name, or its number from 0 in .blf and .asc."
 )
 
 

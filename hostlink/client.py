@@ -10,7 +10,9 @@ Rules
 - `latest` gives None rather than an old sample.
 - A sensor of another version raises VersionMismatch where its samples are requested, and where all samples
   are requested while no other finger sends any. It is logged in any case.
-- No message ends the link's thread: unexpected errors are counted, logged once, and skipped.
+- Neither a message nor a callback ends the link's thread: unexpected errors are counted, logged once, and
+  skipped.
+- Callbacks run in the link's thread. One that asks a finger, or waits for one, gets a UsageError at once.
 - The link reconnects by itself; meanwhile there are no samples, and `up` is False.
 """
 
@@ -38,6 +40,7 @@ from hostlink.events import (
     SecondSender,
 )
 from hostlink.finger import STALE_S, Finger, Info
+from hostlink.link_guard import LinkGuard
 from hostlink.links import CanLink, Link, open_link
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
 from hostlink.sequence import LinkStatistics
@@ -73,6 +76,8 @@ class Connection:
         self._can = CanDecoder(self._ids)
         self._serial = SerialDecoder(self._line_node)
         self._is_can = address.is_can
+        self._clients: dict[int, SdoObjects | SerialObjects] = {}
+        self._guard = LinkGuard(f"a callback of {address}")
         self._link: Link = open_link(address, self._receive)
 
     # ---- samples ----------------------------------------------------------------------------------
@@ -103,6 +108,7 @@ class Connection:
             )
         end_s = time.monotonic() + timeout_s
         if node not in self._fingers and timeout_s > 0:
+            self._link.may_wait()
             self._ask(node)
         with self._changed:
             self._changed.wait_for(lambda: node in self._fingers, max(0.0, end_s - time.monotonic()))
@@ -145,7 +151,7 @@ class Connection:
         return f"finger{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))} heard"
 
     def latest(self, node: int | None = None, max_age_s: float | None = STALE_S) -> Sample | None:
-        """The newest sample of a finger (or of any); None if there is none, or it is older than `max_age_s`.
+        """The newest sample of a finger (or of any); None: there is none, or its `age_s` is over `max_age_s`.
 
         Raises VersionMismatch: that finger is of another version
         """
@@ -156,7 +162,7 @@ class Connection:
         samples = [s for f in fingers if (s := f.latest(max_age_s)) is not None]
         if not samples and (error := self._mismatched()) is not None:
             raise error
-        return max(samples, key=lambda s: s.arrival_s, default=None)
+        return max(samples, key=lambda s: s.host_time_s, default=None)
 
     def _mismatched(self) -> VersionMismatch | None:
         """The error of a finger of another version, if no other finger sends samples."""
@@ -171,6 +177,7 @@ class Connection:
         timeout_s  longest wait for a sample; None: for ever
         Raises     LinkTimeout, VersionMismatch
         """
+        self._link.may_wait()
         subscription = self._subscribe()
         try:
             while True:
@@ -206,7 +213,10 @@ class Connection:
             self._subscriptions.remove(subscription)
 
     def on_sample(self, callback: Callable[[Sample], None]) -> Callable[[], None]:
-        """Call this with every sample, from the link's thread; returns a function that ends it."""
+        """Call this with every sample, from the link's thread; returns a function that ends it.
+
+        It must not ask a finger: that raises UsageError. What it raises is logged, and the link goes on.
+        """
         return _add(self._callbacks, callback)
 
     def on_detail(self, callback: Callable[[DetailFrame], None]) -> Callable[[], None]:
@@ -234,8 +244,8 @@ class Connection:
 
     @property
     def unforeseen_n(self) -> int:
-        """Messages that led to an unexpected error; the first of each kind is logged."""
-        return self._link.unforeseen_n
+        """Unexpected errors of messages, drivers and callbacks; the first of each kind is logged."""
+        return self._link.guard.unforeseen_n + self._guard.unforeseen_n
 
     @property
     def statistics(self) -> Mapping[int, LinkStatistics]:
@@ -276,10 +286,10 @@ class Connection:
     # ---- the link's thread ------------------------------------------------------------------------
 
     def _receive(self, data: Any, arrival_s: float) -> None:
-        _call(self._raw, data, arrival_s)
+        self._call(self._raw, data, arrival_s)
         try:
             if self._is_can:
-                if data.is_extended_id:
+                if data.is_extended_id or not data.is_rx:
                     return
                 events = self._can.receive(data.arbitration_id, data.data, arrival_s)
             else:
@@ -294,18 +304,19 @@ class Connection:
         # On a bus, any CANopen device has heartbeats, emergencies and SDO.
         anyone = self._is_can and isinstance(event, Heartbeat | Emergency | SdoFrame)
         finger = self._other(event.node) if anyone else self._sender(event.node)
+        client = self._clients[event.node]
         if isinstance(event, Sample):
             self._deliver(finger, event)
-        elif isinstance(event, SdoFrame) and isinstance(finger.objects, SdoObjects):
-            finger.objects.answer(event.data)
-        elif isinstance(event, ObjectAnswer) and isinstance(finger.objects, SerialObjects):
-            finger.objects.answer(event.counter, event.reply)
+        elif isinstance(event, SdoFrame) and isinstance(client, SdoObjects):
+            (client.overhear if event.request else client.answer)(event.data)
+        elif isinstance(event, ObjectAnswer) and isinstance(client, SerialObjects):
+            client.answer(event.counter, event.reply)
         elif isinstance(event, Heartbeat):
             self._note_state(finger, event.state)
         elif isinstance(event, Emergency):
             finger.take_emergency(event)
         elif isinstance(event, DetailFrame):
-            _call(self._on_detail, event)
+            self._call(self._on_detail, event)
         elif isinstance(event, SecondSender):
             finger.second_sender = True
             log.warning(
@@ -327,10 +338,13 @@ class Connection:
         for subscription in list(self._subscriptions):
             subscription.put(sample)
         for callback in list(self._callbacks):
-            try:
-                callback(sample)
-            except Exception:
-                log.exception("callback for finger %d", sample.finger)
+            self._guard.call(callback, sample)
+
+    def _call(self, callbacks: list[Any], *what: Any) -> None:
+        """Call all; one that fails is removed."""
+        for callback in list(callbacks):
+            if not self._guard.call(callback, *what) and callback in callbacks:  # removed meanwhile
+                callbacks.remove(callback)
 
     def _mismatch(self, error: VersionMismatch) -> None:
         self._sender(error.node).mismatch = error
@@ -368,13 +382,18 @@ class Connection:
         return (self._can if self._is_can else self._serial).clock(node)
 
     def _objects(self, node: int) -> ObjectClient:
+        self._clients[node] = client = self._make_client(node)
+        return _FromOutside(client, lambda: self._link.may_wait())
+
+    def _make_client(self, node: int) -> SdoObjects | SerialObjects:
         if not self._is_can:
             return SerialObjects(lambda frame: self._link.write(frame))
         try:
             request, response = self._ids.of(Kind.SDO_REQUEST, node), self._ids.of(Kind.SDO_RESPONSE, node)
         except ValueError as error:
             raise UsageError(str(error)) from None
-        return SdoObjects(node, request, response, self._send_can)
+        echoes = self.address.interface == "udp_multicast"  # python-can's socket hears itself
+        return SdoObjects(node, request, response, self._send_can, echoes)
 
     def _send_can(self, can_id: int, data: bytes) -> None:
         if not isinstance(self._link, CanLink):
@@ -390,6 +409,24 @@ class Connection:
         return subscription
 
 
+class _FromOutside:
+    """Access to a node's objects that is refused in the link's own thread, where no answer would come.
+
+    may_wait  raises UsageError in that thread
+    """
+
+    def __init__(self, client: ObjectClient, may_wait: Callable[[], None]) -> None:
+        self._client, self._may_wait = client, may_wait
+
+    def read(self, index: int, sub: int) -> bytes:
+        self._may_wait()
+        return self._client.read(index, sub)
+
+    def write(self, index: int, sub: int, data: bytes) -> None:
+        self._may_wait()
+        self._client.write(index, sub, data)
+
+
 def connect(address: str, *, ids: CanIds | None = None) -> Connection:
     """Open a bus or line: `can:can0`, `serial:/dev/ttyACM0?baud=921600`, ... (`hostlink.wire.address`).
 
@@ -399,17 +436,6 @@ def connect(address: str, *, ids: CanIds | None = None) -> Connection:
         return Connection(parse_address(address), ids)
     except AddressError as error:
         raise ConnectError(str(error)) from None
-
-
-def _call(callbacks: list[Any], *what: Any) -> None:
-    """Call all; one that fails is removed, and the link's thread goes on."""
-    for callback in list(callbacks):
-        try:
-            callback(*what)
-        except Exception:
-            log.exception("a callback raised an error; it is removed")
-            if callback in callbacks:  # it may have been removed meanwhile
-                callbacks.remove(callback)
 
 
 def _wake(loop: asyncio.AbstractEventLoop, arrived: asyncio.Event) -> None:

@@ -20,7 +20,7 @@ Rules
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from math import inf, nan
 from typing import Final
 
@@ -194,23 +194,27 @@ class _Decoder:
     """Common to both decoders: nodes, statistics, and events held back by an error."""
 
     def __init__(self, late_s: float) -> None:
-        self._nodes: dict[int, _Node] = {}
+        self._nodes: dict[tuple[Hashable, int], _Node] = {}
         self._late_s = late_s
         self._held: list[Event] = []
 
     @property
     def statistics(self) -> dict[int, LinkStatistics]:
-        """By node number; live objects."""
-        return {number: node.statistics for number, node in list(self._nodes.items())}
+        """By node number, the sum of all channels; live objects where there is one."""
+        total: dict[int, LinkStatistics] = {}
+        for (_, number), node in list(self._nodes.items()):
+            total[number] = total[number] + node.statistics if number in total else node.statistics
+        return total
 
     def clock(self, node: int) -> ClockMap:
-        """The mapping of this node's clock; for round trips."""
-        return self._node(node).clock
+        """The mapping of this node's clock; for round trips. With several channels: of the first."""
+        found = next((n for (_, number), n in list(self._nodes.items()) if number == node), None)
+        return (found or self._node(node)).clock
 
-    def _node(self, node: int) -> _Node:
-        if node not in self._nodes:
-            self._nodes[node] = _Node(node, self._late_s)
-        return self._nodes[node]
+    def _node(self, node: int, channel: Hashable = None) -> _Node:
+        if (channel, node) not in self._nodes:
+            self._nodes[channel, node] = _Node(node, self._late_s)
+        return self._nodes[channel, node]
 
     def _finish(self, events: list[Event], error: VersionMismatch | None) -> list[Event]:
         if error is not None:
@@ -222,7 +226,7 @@ class _Decoder:
 
 
 class CanDecoder(_Decoder):
-    """CAN frames of any number of nodes on one bus, FD and classic, in any mixture.
+    """CAN frames of any number of nodes, FD and classic, in any mixture.
 
     ids        identifiers; must be those that the sensors use
     late_s     limit above which a sample counts as late
@@ -231,12 +235,16 @@ class CanDecoder(_Decoder):
 
     def __init__(self, ids: CanIds | None = None, *, late_s: float = LATE_S) -> None:
         super().__init__(late_s)
-        self._table = (ids or CanIds()).table
+        self.ids = ids or CanIds()
+        self._table = self.ids.table
         self.unknown_n = 0
 
-    def receive(self, can_id: int, data: bytes | bytearray, arrival_s: float = nan) -> list[Event]:
+    def receive(
+        self, can_id: int, data: bytes | bytearray, arrival_s: float = nan, channel: Hashable = None
+    ) -> list[Event]:
         """The events that this frame completes; mostly one or none.
 
+        channel  the bus that it came on, if there are several: the same number on another is another finger
         Raises VersionMismatch: once a node; TypeError, ValueError: not a CAN frame
         """
         if not 0 <= can_id < 1 << 29 or len(data) > STATE_SIZE:
@@ -246,7 +254,7 @@ class CanDecoder(_Decoder):
             self.unknown_n += 1
             return self._finish([], None)
         kind, number = found
-        node = self._node(number)
+        node = self._node(number, channel)
         data = bytes(data)
         tpdo = _TPDO.get(kind)
         error: VersionMismatch | None = None
@@ -269,6 +277,8 @@ class CanDecoder(_Decoder):
                 if len(data) != PART_SIZE:
                     raise CorruptFrame(f"{kind.name} of {len(data)} bytes")
                 events = [SdoFrame(number, data, arrival_s)]
+            elif kind is Kind.SDO_REQUEST and len(data) == PART_SIZE:
+                events = [SdoFrame(number, data, arrival_s, request=True)]
         except CorruptFrame:
             if tpdo is not None and len(data) == PART_SIZE:
                 error = node.corrupt_p11(tpdo, data)

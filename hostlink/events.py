@@ -87,11 +87,15 @@ class Emergency:
 
 @dataclass(frozen=True, slots=True)
 class SdoFrame:
-    """A response of the node's SDO server, for an SDO client such as `canopen`'s."""
+    """A message from a node's SDO server, or of another host to it.
+
+    request  it is another host's
+    """
 
     node: int
     data: bytes
     arrival_s: float
+    request: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from hostlink.errors import (
     VersionMismatch,
 )
 from hostlink.events import Emergency, Sample
+from hostlink.input_file import read_bounded
 from hostlink.objects import ObjectClient
 from hostlink.sequence import LinkStatistics
 from hostlink.wire import (
@@ -43,6 +44,7 @@ _EXPLAINED = frozenset({Abort.VALUE_RANGE, Abort.NOT_NOW, Abort.NOT_STORED, Abor
 _REASONS = frozenset(RestFrameReason)
 _NOT_THERE = frozenset({Abort.NO_OBJECT, Abort.NO_SUB})  # an older release
 STALE_S = 0.1  # default age above which `latest` gives nothing
+UPLOAD_BYTES = 2 << 20  # a finger takes no more
 TARE_S = 15.0  # a rest frame of 60 images at 10 Hz, and some retries
 POLL_S = 0.05  # the object with the outcome sends no events: it is polled
 
@@ -100,16 +102,16 @@ class Finger:
         self.mismatch: VersionMismatch | None = None
 
     def latest(self, max_age_s: float | None = STALE_S) -> Sample | None:
-        """The newest sample, or None if it is older than `max_age_s` (None: any age) or there was none.
+        """The newest sample; None: there was none, or its `age_s` is over `max_age_s` (None: any age).
 
         Raises VersionMismatch
         """
         if self.mismatch is not None:
             raise self.mismatch
         sample = self.newest
-        if sample is None or (max_age_s is not None and time.monotonic() - sample.arrival_s > max_age_s):
-            return None
-        return sample
+        # Not by the arrival: after a halt of the host, what had waited arrives only now.
+        fresh = sample is not None and (max_age_s is None or sample.age_s <= max_age_s)
+        return sample if fresh else None
 
     @property
     def clock(self) -> ClockMap:
@@ -273,7 +275,7 @@ class Finger:
 def read_upload(file: Path | str | bytes) -> bytes:
     """A calibration file's bytes. Raises UsageError: no such file, or obviously not a calibration."""
     try:
-        data = file if isinstance(file, bytes) else Path(file).read_bytes()
+        data = file if isinstance(file, bytes) else read_bounded(file, UPLOAD_BYTES)
     except OSError as error:
         raise UsageError(f"{file!s}: cannot be read: {error.strerror}") from None
     try:

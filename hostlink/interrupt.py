@@ -1,32 +1,111 @@
-"""Ctrl-C while a program starts: it ends at once, with exit code 130 and without a traceback.
+"""Signals that end a program: Ctrl-C, the end of a session or of a service, a lost terminal.
 
-Python's own handler raises KeyboardInterrupt wherever the program is. In the middle of an import that is a
-traceback, or another error: compiled modules turn it into an ImportError.
+All of them do what Ctrl-C does: they raise KeyboardInterrupt in the main thread, so that files are completed
+or removed. Its argument is the signal's number, if it was not Ctrl-C.
+
+    while a program starts      it ends at once, without a traceback: `exit_on_interrupt`
+    while a command runs        KeyboardInterrupt: `interrupting`, in `hostlink.cli_exit`
+    while a file gets its name  the signal waits until that is done: `interrupts_held`
+    in a loop of its own        a function is called instead: `calling_on_signals`, `call_on_signals`
+
+Where a signal is ignored (SIGINT in a background job, SIGHUP under `nohup`) or handled by the program itself,
+it stays so.
 """
 
 from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
+from typing import Any
 
-__all__ = ["INTERRUPTED", "exit_on_interrupt"]
+__all__ = [
+    "ENDING",
+    "call_on_signals",
+    "calling_on_signals",
+    "exit_code",
+    "exit_on_interrupt",
+    "interrupting",
+    "interrupts_held",
+]
 
-INTERRUPTED = 130  # as in a shell for SIGINT
+_SHELL = 128  # a shell adds the number of the signal
+#: `timeout` and service managers send SIGTERM; SIGHUP: the terminal has gone; SIGQUIT: Ctrl-\\.
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+
+
+def _interrupt(number: int, _frame: FrameType | None) -> None:
+    if number in (
+        signal.SIGHUP,
+        signal.SIGTERM,
+    ):  # the shell and the kernel both report a lost terminal
+        signal.signal(number, signal.SIG_IGN)
+    raise KeyboardInterrupt(number)
+
+
+def exit_code(interrupt: BaseException | None) -> int:
+    """Of a program that ends by this KeyboardInterrupt."""
+    number = interrupt.args[0] if interrupt is not None and interrupt.args else signal.SIGINT
+    return _SHELL + int(number)
+
+
+@contextmanager
+def _handling(numbers: list[signal.Signals], handler: Any) -> Iterator[None]:
+    """Handle these signals so until the block ends; Python allows it in the main thread alone."""
+    here = threading.current_thread() is threading.main_thread()
+    before = {number: signal.signal(number, handler) for number in numbers if here}
+    try:
+        yield
+    finally:
+        for number, earlier in before.items():
+            signal.signal(number, earlier)
+
+
+def _of_ours() -> list[signal.Signals]:
+    """The signals that raise KeyboardInterrupt now."""
+    return [n for n in ENDING if signal.getsignal(n) in (signal.default_int_handler, _interrupt)]
 
 
 @contextmanager
 def exit_on_interrupt() -> Iterator[None]:
-    """Until the block ends, Ctrl-C ends the process. For imports: no file is open that must be closed.
+    """Until the block ends, these signals end the process. For imports: no file is open that must be closed.
 
-    Where SIGINT is ignored (a background job) or handled by the program itself, it stays so.
+    In the middle of an import, KeyboardInterrupt is a traceback, or another error: compiled modules turn it
+    into an ImportError.
     """
-    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+    with _handling(_of_ours(), lambda number, _: os._exit(_SHELL + number)):
         yield
-        return
-    signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
-    try:
+
+
+@contextmanager
+def interrupting() -> Iterator[None]:
+    """All ending signals raise KeyboardInterrupt, until the block ends."""
+    with _handling([n for n in ENDING if signal.getsignal(n) == signal.SIG_DFL], _interrupt):
         yield
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """A signal that comes within the block raises KeyboardInterrupt at its end. For what takes no time."""
+    held: list[int] = []
+    with _handling(_of_ours(), lambda number, _: held.append(number)):
+        yield
+    if held:
+        raise KeyboardInterrupt(*(number for number in held[:1] if number != signal.SIGINT))
+
+
+@contextmanager
+def calling_on_signals(end: Callable[[], object]) -> Iterator[None]:
+    """Ending signals call `end` until the block ends: an exception would cut off what is being written."""
+    with _handling([n for n in ENDING if signal.getsignal(n) != signal.SIG_IGN], lambda *_: end()):
+        yield
+
+
+def call_on_signals(end: Callable[[], object]) -> None:
+    """The same until the program ends. SIGINT and SIGTERM are heard by a background job, too."""
+    for number in ENDING:
+        if number in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, lambda *_: end())

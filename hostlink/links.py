@@ -1,9 +1,11 @@
 """Open links on the host: a thread that reads, and reopens the medium when it fails.
 
 Rules
-- Received data go to one callable, from the link's thread, with their arrival on the monotonic clock. The
-  kernel's or the driver's time stamp is used if there is one: it does not depend on Python's scheduling.
-- A medium that fails is closed and reopened every RETRY_S until it is back or the link is closed.
+- Received data go to one callable, from the link's thread, with their arrival on the monotonic clock: the
+  kernel's time stamp if there is one, however old. A host that was stopped must not take for new what waited.
+- Other drivers' stamps are of an adapter's clock, which drifts: there the arrival is the moment of reading.
+- A medium that fails, in whatever way, is closed and reopened every RETRY_S until it is back or the link is
+  closed. Nothing that is raised ends the thread (`hostlink.link_guard`).
 - python-can and pyserial are imported when a link is opened, not before.
 """
 
@@ -20,12 +22,12 @@ from contextlib import suppress
 from typing import Any
 
 from hostlink.can_bus import open_can_bus
-from hostlink.errors import ConnectError, LinkDown
+from hostlink.errors import ConnectError, LinkDown, UsageError
+from hostlink.link_guard import LinkGuard
 from hostlink.wire.address import Address
-from hostlink.wire.open_errors import cannot_open, is_junk, message_of
-from hostlink.wire.port_lock import PortLock
+from hostlink.wire.open_errors import cannot_open, message_of
 
-__all__ = ["CanLink", "Link", "SerialLink", "arrival_s", "open_link"]
+__all__ = ["CanLink", "Link", "SerialLink", "open_link"]
 
 log = logging.getLogger(__name__)
 
@@ -34,28 +36,54 @@ READ_S = 0.1  # how soon the thread notices that the link is to be closed
 WRITE_S = 0.2
 READ_CHUNK = 4096
 SOCKETS = frozenset({"socketcan", "udp_multicast"})
+SYSTEM_CLOCK = SOCKETS | {"virtual"}  # interfaces whose stamps are times of this system
 RECEIVE_BUFFER = 8 << 20  # bytes; a frame takes about 1 kB of it: 6 s of five fingers at 250 Hz
 SO_RCVBUFFORCE = 33  # linux/asm-generic/socket.h; Python does not name it
-STAMP_MAX_S = 1.0  # a stamp further from the present is on another clock than the system's
+STEP_S = 0.1  # the system's clock is set, not slewed, by more than that (chrony, ntpd, timesyncd)
+
+
+class Arrival:
+    """When received data arrived, on the monotonic clock.
+
+    trusted  whether stamps are times of the system's clock
+    """
+
+    def __init__(self, trusted: bool) -> None:
+        self._trusted = trusted
+        self._ahead_s: float | None = None  # the system's clock before the monotonic one, at the data before
+
+    def time_s(self, data: Any) -> float:
+        """Arrival of data that were just read."""
+        wall_s, now_s = time.time(), time.monotonic()
+        before_s, self._ahead_s = self._ahead_s, wall_s - now_s
+        stamp_s = getattr(data, "timestamp", 0.0)
+        was_set = before_s is not None and abs(self._ahead_s - before_s) > STEP_S
+        if not self._trusted or was_set or not 0.0 < stamp_s <= wall_s:
+            return now_s
+        return now_s - (wall_s - stamp_s)
 
 
 class Link(ABC):
     """One open medium and its thread; base of CAN and serial.
 
-    on_data       called with (data, arrival s) from the link's thread
-    unforeseen_n  unexpected exceptions; the first of each kind is logged
+    on_data  called with (data, arrival s) from the link's thread
+    guard    counts unexpected exceptions
     """
 
     def __init__(self, address: Address, on_data: Callable[[Any, float], None]) -> None:
         self.address = address
         self.reconnects = 0
-        self.unforeseen_n = 0
-        self._unforeseen: set[tuple[type[Exception], int]] = set()
+        self.guard = LinkGuard(str(address))
         self._on_data = on_data
-        self._medium: Any = self._open()
+        self._arrival = Arrival(trusted=address.interface in SYSTEM_CLOCK)
+        self._medium: Any = self._open_or_say_why()
+        self._failed: Any = None  # the medium at which a write failed as nobody foresaw
         self._writing = threading.Lock()
         self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"hostlink {address}", daemon=True)
+        loop = (self._read_or_reopen, self._closing.is_set, self._recover, self._close_medium)
+        self._thread = threading.Thread(
+            target=self.guard.run, args=loop, name=f"hostlink {address}", daemon=True
+        )
         self._thread.start()
 
     @property
@@ -76,57 +104,58 @@ class Link(ABC):
                 raise LinkDown(f"{self.address}: the link is down")
             try:
                 self._write(medium, item)
-            except _broken() as error:
+            except Exception as error:
+                if not isinstance(error, _broken()):
+                    self.guard.note(error)
+                    self._failed = medium
                 raise LinkDown(f"{self.address}: {message_of(error)}") from error
 
-    def _run(self) -> None:
-        while not self._closing.is_set():
-            try:
-                self._read_or_reopen()
-            except Exception as error:  # noqa: BLE001 - whatever it is: reading must go on
-                self._note(error)
-        self._close_medium()
+    def may_wait(self) -> None:
+        """Raises UsageError in the link's own thread: what it waits for would never come."""
+        if self._thread is threading.current_thread():
+            raise UsageError(
+                f"{self.address}: a callback cannot wait for the finger, for it runs in the thread that "
+                "receives; ask from another thread, or loop over `samples()` instead"
+            )
 
     def _read_or_reopen(self) -> None:
         """Read once, or reopen the medium."""
         medium = self._medium
         if medium is None:
-            try:
-                self._reopen()
-            except Exception:
-                self._closing.wait(RETRY_S)
-                raise
+            self._reopen()
             return
         try:
+            if medium is self._failed:
+                raise OSError("a write has failed")
             data = self._read(medium)
-        except Exception as error:
+        except _broken() as error:
             log.warning("%s: %s", self.address, message_of(error))
-            self._close_medium()
-            if not isinstance(error, _broken()):
-                raise
+            self._recover()
             return
         if data is not None:
-            self._on_data(data, arrival_s(data))
+            self.guard.call(self._on_data, data, self._arrival.time_s(data))
 
-    def _note(self, error: Exception) -> None:
-        """Count an unexpected error, and log each kind once."""
-        self.unforeseen_n += 1
-        trace = error.__traceback__
-        while trace is not None and trace.tb_next is not None:
-            trace = trace.tb_next
-        kind = (type(error), trace.tb_lineno if trace else 0)
-        if kind not in self._unforeseen:
-            self._unforeseen.add(kind)
-            log.error("%s: unforeseen; the link goes on", self.address, exc_info=error)
+    def _recover(self) -> None:
+        """Lose the medium; one that opens and fails at once must not be reopened without a pause."""
+        self._close_medium()
+        self._closing.wait(RETRY_S)
+
+    def _open_or_say_why(self) -> Any:
+        """Open the medium. Raises ConnectError, whatever its driver raises."""
+        try:
+            return self._open()
+        except Exception as error:
+            raise ConnectError(f"{self.address}: {cannot_open(self.address, error)}") from error
 
     def _reopen(self) -> None:
         try:
-            self._medium = self._open()
+            self._medium = self._open_or_say_why()
             self.reconnects += 1
         except ConnectError:
             self._closing.wait(RETRY_S)
 
     def _close_medium(self) -> None:
+        """Close the medium, if one is open."""
         with self._writing:
             medium, self._medium = self._medium, None
             if medium is not None:
@@ -137,7 +166,7 @@ class Link(ABC):
 
     @abstractmethod
     def _open(self) -> Any:
-        """Open it. Raises ConnectError."""
+        """Open it. Raises whatever its driver raises."""
 
     @abstractmethod
     def _read(self, medium: Any) -> Any:
@@ -155,36 +184,21 @@ class Link(ABC):
 class CanLink(Link):
     """A bus through python-can; messages are can.Message."""
 
-    _port_lock: PortLock | None = None  # of a serial-line adapter
-
     def _open(self) -> Any:
-        try:
-            bus, self._port_lock = open_can_bus(self.address)
-        except _broken() as error:
-            raise ConnectError(f"{self.address}: {cannot_open(self.address, error)}") from error
+        bus = open_can_bus(self.address)
         if self.address.interface in SOCKETS:
             _widen(bus.fileno())
         return bus
 
     def _read(self, medium: Any) -> Any:
-        try:
-            message = medium.recv(READ_S)
-        except Exception as error:
-            if is_junk(error):
-                return None
-            raise
+        message = medium.recv(READ_S)
         return None if message is None or message.is_error_frame or message.is_remote_frame else message
 
     def _write(self, medium: Any, item: Any) -> None:
         medium.send(item, timeout=WRITE_S)
 
     def _close(self, medium: Any) -> None:
-        lock, self._port_lock = self._port_lock, None
-        try:
-            medium.shutdown()
-        finally:
-            if lock is not None:
-                lock.close()
+        medium.shutdown()
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send a classic message with an 11-bit identifier. Raises LinkDown."""
@@ -199,19 +213,16 @@ class SerialLink(Link):
     def _open(self) -> Any:
         import serial
 
-        try:
-            port = serial.serial_for_url(
-                self.address.channel,
-                baudrate=self.address.baud,
-                timeout=READ_S,
-                write_timeout=WRITE_S,
-                exclusive=True,  # two readers would steal each other's bytes
-            )
-        except _broken() as error:
-            raise ConnectError(f"{self.address}: {cannot_open(self.address, error)}") from error
+        port = serial.serial_for_url(
+            self.address.channel,
+            baudrate=self.address.baud,
+            timeout=READ_S,
+            write_timeout=WRITE_S,
+            exclusive=True,  # two readers would steal each other's bytes
+        )
         # FTDI adapters otherwise hold bytes back for 16 ms. Other ports do not have this mode (the driver
         # refuses, or pyserial's class lacks it) and do not need it; a broken port fails at the first read.
-        with suppress(*_broken(), NotImplementedError):
+        with suppress(Exception):
             port.set_low_latency_mode(True)
         return port
 
@@ -233,14 +244,6 @@ def open_link(address: Address, on_data: Callable[[Any, float], None]) -> Link:
     return CanLink(address, on_data) if address.is_can else SerialLink(address, on_data)
 
 
-def arrival_s(data: Any) -> float:
-    """Arrival of received data, on the monotonic clock."""
-    now_s = time.monotonic()
-    stamp_s = getattr(data, "timestamp", 0.0)
-    age_s = time.time() - stamp_s
-    return now_s - age_s if 0.0 <= age_s < STAMP_MAX_S else now_s
-
-
 def _widen(number: int) -> None:
     """Ask for a larger receive buffer: a host that is delayed for half a second must not lose samples."""
     with socket.socket(fileno=os.dup(number)) as same:
@@ -250,9 +253,9 @@ def _widen(number: int) -> None:
                 return
 
 
-def _broken() -> tuple[type[BaseException], ...]:
+def _broken() -> tuple[type[Exception], ...]:
     """All errors with which python-can and pyserial report a lost medium."""
     import can
 
-    # serial.SerialException is an OSError; the last three are python-can without a driver's own library.
-    return (can.CanError, OSError, ValueError, TypeError, ImportError, AttributeError, NameError)
+    # serial.SerialException is an OSError; ValueError and TypeError are of closed handles.
+    return (can.CanError, OSError, ValueError, TypeError)

@@ -10,7 +10,9 @@ Rules
   with the suffix of another format. `check_output` checks that before any work is done, and
   also whether the folder is writable.
 - A file appears under its name when it is complete: it is written beside it, as `.STEM.XXXXXXXX.part.SUFFIX`,
-  synced to the disk and then renamed. On an error or Ctrl-C it is removed, unless a partial file is useful.
+  synced to the disk and then renamed. On an error or a signal it is removed, unless a partial file is useful.
+- Only a regular file is replaced. A link to one stays a link, where the user named it; a file whose name the
+  program chose (a store's) replaces the link, so that nobody leads it elsewhere.
 - `cli_exit.run_command` turns OutputError into one line and exit code 2, WriteError into exit code 1.
 """
 
@@ -18,9 +20,12 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from hostlink.interrupt import interrupts_held
 
 __all__ = ["OutputError", "WriteError", "check_output", "find_unfinished", "writing"]
 
@@ -51,6 +56,15 @@ def check_output(
     path = Path(path)
     if suffixes and path.suffix.lower() not in suffixes:
         raise OutputError(f"{path}: the name must end in {' or '.join(suffixes)}")
+    try:
+        _check_place(path, inputs, overwrite)
+    except OSError as error:  # a name that is too long, a folder that may not be looked into
+        raise _cannot(path, error) from None
+    _try_folder(path)
+    return path
+
+
+def _check_place(path: Path, inputs: Iterable[str | Path], overwrite: bool) -> None:
     if path.is_dir():
         raise OutputError(f"{path}: is a folder; give the name of a file")
     if path.exists() and not path.is_file():
@@ -64,31 +78,35 @@ def check_output(
         raise OutputError(f"{path}: {path.parent} is no folder; give a name in one")
     if not path.parent.is_dir():
         raise OutputError(f"{path}: there is no folder {path.parent}")
-    _try_folder(path)
-    return path
 
 
 @contextmanager
-def writing(path: str | Path, overwrite: bool = False, keep_partial: bool = False) -> Iterator[Path]:
+def writing(
+    path: str | Path, overwrite: bool = False, keep_partial: bool = False, through_link: bool = True
+) -> Iterator[Path]:
     """The name to write under; when the block ends without an error, the file gets the name `path`.
 
     overwrite     replace an existing file; else a file that another program made meanwhile stays, and this
                   one is kept beside it
     keep_partial  a file that is incomplete after an error is useful, like a recording: it gets its name, too
-    Raises     OutputError: the folder is not writable; WriteError: the disk is full or broken (also if code
-               within the block raised it)
+    through_link  replace what a link of this name leads to, not the link
+    Raises     OutputError: the folder is not writable, or no file has this name; WriteError: the disk is full
+               or broken (also if code within the block raised it)
     """
     path = Path(path)
-    target = Path(os.path.realpath(path))  # a link stays a link
+    target = Path(os.path.realpath(path)) if through_link else path
+    if _is_special(target):
+        raise OutputError(f"{path}: is a folder, a device or a pipe; give the name of a file")
     unfinished = _unfinished_name(target)
     try:
         os.close(os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, _mode(target)))
-        if target.exists():  # the mode above went through the umask
+        if _is_file(target):  # the mode above went through the umask
             unfinished.chmod(_mode(target))
         yield unfinished
-        _force_to_disk(unfinished)
-        _rename(unfinished, target, overwrite)
-        _force_to_disk(target.parent)
+        with interrupts_held():
+            _force_to_disk(unfinished)
+            _rename(unfinished, target, overwrite)
+            _force_to_disk(target.parent)
     except OSError as error:
         _give_up(unfinished, target, overwrite, keep_partial)
         if error.errno in _DISK or error.filename in (str(unfinished), str(target.parent)):
@@ -114,10 +132,23 @@ def _unfinished_name(path: Path) -> Path:
 
 
 def _mode(path: Path) -> int:
-    try:
-        return path.stat().st_mode & 0o777
-    except OSError:
-        return 0o666
+    """Of the file that is replaced; of a new one what the umask leaves."""
+    return path.stat().st_mode & 0o777 if _is_file(path) else 0o666
+
+
+def _is_file(path: Path) -> bool:
+    """Whether it is a regular file itself, and no link to one."""
+    with suppress(OSError):
+        return stat.S_ISREG(path.lstat().st_mode)
+    return False
+
+
+def _is_special(path: Path) -> bool:
+    """Whether something is there that is neither a file nor a link."""
+    with suppress(OSError):
+        mode = path.lstat().st_mode
+        return not (stat.S_ISREG(mode) or stat.S_ISLNK(mode))
+    return False
 
 
 def _is_same(path: Path, other: Path) -> bool:
@@ -168,11 +199,12 @@ def _rename(unfinished: Path, target: Path, overwrite: bool) -> None:
 
 def _give_up(unfinished: Path, target: Path, overwrite: bool, keep: bool) -> None:
     """After an error, remove the partial file or give it its name."""
-    if not keep:
-        _remove(unfinished)
-    elif unfinished.exists():
-        with suppress(OSError, WriteError):  # it stays beside the target
-            _rename(unfinished, target, overwrite)
+    with interrupts_held():
+        if not keep:
+            _remove(unfinished)
+        elif unfinished.exists():
+            with suppress(OSError, WriteError):  # it stays beside the target
+                _rename(unfinished, target, overwrite)
 
 
 def _remove(path: Path) -> None:

@@ -6,34 +6,46 @@
                                   finger on the line is not 1), then records of
                                   8 bytes time (us, little-endian), 4 bytes length, the bytes
 
+Read only:
+
+    .log     all else that `candump` prints: plain, with any -t
+    .asc     ASCII log of Vector's tools
+
 Rules
 - "Exact" is to the microsecond, the resolution of `.log`; times are rounded to it when written.
 - Time never runs backwards in a log: a message stamped earlier than the previous one gets that one's time (as
   candump's format does by itself; here for both formats), and `LogWriter.stepped_n` counts it.
 - Formats that would lose time or data are refused, with the reason. (6,000 FD frames each, python-can 4.6)
-- A damaged file is read up to the damage; then LogError names the place. A record cut off by a loss of power
-  at the end of a `.serial` file ends it.
+- A line that is no frame costs that line; a warning counts them. Other damage costs what follows it, and then
+  LogError names the place. A record cut off by a loss of power ends a `.serial` file.
+- Fingers with one number on several channels of a log are several fingers: UsageError lists the channels, of
+  which one must be chosen.
 """
 
 from __future__ import annotations
 
+import logging
 import re
 import struct
-import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from copy import copy
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
-from hostlink.decoder import SERIAL_NODE, CanDecoder, Event, SerialDecoder
-from hostlink.errors import LogError
-from hostlink.log_checks import LogLines, WholePart, find_blf_damage
+from hostlink.decoder import SERIAL_NODE, CanDecoder, Event, Sample, SerialDecoder
+from hostlink.errors import LogError, UsageError, VersionMismatch
+from hostlink.log_formats import HEAD_N, Skipped, read_asc, read_blf, read_candump
 
 if TYPE_CHECKING:
     import can
 
 __all__ = [
+    "CAN_SUFFIXES",
+    "READ_SUFFIXES",
+    "SERIAL_SUFFIX",
     "LogWriter",
     "SerialWriter",
     "check_suffix",
@@ -43,11 +55,15 @@ __all__ = [
     "read_serial",
 ]
 
-CAN_SUFFIXES: Final = (".log", ".blf")
+log = logging.getLogger(__name__)
+
+CAN_SUFFIXES: Final = (".log", ".blf")  # those that are written
 SERIAL_SUFFIX: Final = ".serial"
+_FORMATS: Final = {".log": read_candump, ".blf": read_blf, ".asc": read_asc}
+READ_SUFFIXES: Final = (*CAN_SUFFIXES, SERIAL_SUFFIX, ".asc")
 
 REFUSED: Final = {
-    ".asc": "absolute time is lost when it is read back",
+    ".asc": "absolute time is lost when other tools read it back",
     ".csv": "FD flags are lost",
     ".db": "rows may be missing right after it was closed",
     ".trc": "it has no CAN FD",
@@ -62,7 +78,7 @@ _RECORD: Final = struct.Struct("<QI")
 _RECORD_MAX: Final = 1 << 24  # a larger length is damage, not a chunk of a serial port
 
 
-def check_suffix(path: Path | str, allowed: tuple[str, ...] = (*CAN_SUFFIXES, SERIAL_SUFFIX)) -> Path:
+def check_suffix(path: Path | str, allowed: tuple[str, ...] = READ_SUFFIXES) -> Path:
     """The path, if its format keeps everything. Raises LogError: it does not, or it is unknown."""
     path = Path(path)
     suffix = path.suffix.lower()
@@ -140,51 +156,34 @@ def _with_time(message: can.Message, time_s: float) -> can.Message:
 
 
 def read_log(path: Path | str) -> Iterator[can.Message]:
-    """The messages of a `.log` or `.blf` file, in order, times in whole microseconds.
+    """The messages of a `.log`, `.blf` or `.asc` file, in order, times in whole microseconds.
 
-    Raises LogError: no such file, format refused, or damaged (after the messages before the damage)
+    A warning of `logging` counts the lines that were skipped because they are no frames.
+    Raises LogError: no such file, no frame in it, format refused, or damaged (after the messages before)
     """
-    path = check_suffix(path, CAN_SUFFIXES)
+    path, skipped, read_n = Path(path), Skipped(), 0
+    for message in _read(path, skipped):
+        yield message
+        read_n += 1
+    if skipped.lines_n and not read_n:
+        raise LogError(f"{path}: no line is a frame as candump or Vector's tools write it: {skipped.first}")
+    if skipped.lines_n:
+        log.warning("%s: skipped lines that are no CAN frames: %d; %s", path, skipped.lines_n, skipped.first)
+
+
+def _read(path: Path, skipped: Skipped) -> Iterator[can.Message]:
+    check_suffix(path, tuple(_FORMATS))
     if not path.is_file():
         raise LogError(f"{path}: no such file")
     read_n = 0
     try:
-        for message in _read_blf(path) if path.suffix.lower() == ".blf" else _read_candump(path):
-            yield _with_time(message, round(message.timestamp, 6))
+        for message in _FORMATS[path.suffix.lower()](path, skipped):
+            message.timestamp = round(message.timestamp, 6)
+            yield message
             read_n += 1
-    except (ValueError, LookupError, OverflowError, struct.error, zlib.error, OSError) as error:
+    except (ValueError, OSError) as error:
         messages = "message" if read_n == 1 else "messages"
-        raise LogError(f"{path}: damaged after {read_n} {messages}: {_why(error)}") from None
-
-
-def _read_candump(path: Path) -> Iterator[can.Message]:
-    import can
-
-    lines: Any = LogLines(path)
-    with can.CanutilsLogReader(lines) as reader:
-        yield from reader
-
-
-def _read_blf(path: Path) -> Iterator[can.Message]:
-    """Raises ValueError: damaged."""
-    import can
-    from can.io.blf import BLFParseError
-
-    end, wrong = find_blf_damage(path)
-    if end:
-        whole: Any = WholePart(path, end)
-        try:
-            with can.BLFReader(whole) as reader:
-                yield from reader
-        except BLFParseError:
-            wrong = wrong or "no message where one should begin"
-    if wrong:
-        raise ValueError(wrong)
-
-
-def _why(error: Exception) -> str:
-    """The reason as text; messages of a library's internal checks mean nothing to a user."""
-    return str(error) if type(error) in (ValueError, OSError) else "it is not what its format has there"
+        raise LogError(f"{path}: damaged after {read_n} {messages}: {error}") from None
 
 
 class SerialWriter:
@@ -267,24 +266,87 @@ def decoder_for(path: Path | str) -> CanDecoder | SerialDecoder:
         return SerialDecoder(_read_node(path, file))
 
 
-def decode_recording(path: Path | str, decoder: CanDecoder | SerialDecoder | None = None) -> Iterator[Event]:
-    """The events in a recording of any of the formats, arrival times as recorded.
+def decode_recording(
+    path: Path | str,
+    decoder: CanDecoder | SerialDecoder | None = None,
+    channel: str | int | None = None,
+    finger: int | None = None,
+) -> Iterator[Event]:
+    """The events in a recording of any of the formats, arrival times as recorded (NaN: the log has none).
 
     decoder  to use; the caller can then read its statistics. It must fit the kind of recording.
-    Raises   LogError; VersionMismatch: recorded from a sensor of another version; TypeError: wrong decoder
+    channel  name or number of the bus in the log whose events are wanted; None: all
+    finger   number of the finger whose samples are wanted; None: all
+    Raises   LogError; VersionMismatch: recorded from a sensor of another version; TypeError: wrong decoder;
+             UsageError: a finger is on several channels, or the log has no such channel
     """
     path = check_suffix(path)
     is_serial = path.suffix.lower() == SERIAL_SUFFIX
     if decoder is None:
         decoder = decoder_for(path)
-    if isinstance(decoder, SerialDecoder):
-        if not is_serial:
-            raise TypeError("a CAN log needs a CanDecoder")
-        for time_s, data in read_serial(path):
-            yield from decoder.receive(data, time_s)
+    if isinstance(decoder, SerialDecoder) is not is_serial:
+        raise TypeError(f"{path}: needs a {'SerialDecoder' if is_serial else 'CanDecoder'}")
+    if isinstance(decoder, CanDecoder):
+        yield from _decode_log(path, decoder, channel, finger)
         return
-    if is_serial:
-        raise TypeError("a serial recording needs a SerialDecoder")
+    if channel is not None:
+        raise UsageError(f"{path}: a serial line has no channels")
+    for time_s, data in read_serial(path):
+        yield from _wanted(decoder.receive(data, time_s), finger)
+
+
+def _decode_log(
+    path: Path, decoder: CanDecoder, channel: str | int | None, finger: int | None
+) -> Iterator[Event]:
+    # The buses of a log mostly begin together: the choice is asked for before anything is given.
+    if channel is None and _on_several(path, decoder, finger, HEAD_N):
+        raise _choose(path, decoder, finger)
+    channel_of: dict[int, str] = {}
+    channels: dict[str, None] = {}
     for message in read_log(path):
-        if not (message.is_error_frame or message.is_remote_frame or message.is_extended_id):
-            yield from decoder.receive(message.arbitration_id, message.data, message.timestamp)
+        on = str(message.channel)
+        channels[on] = None
+        if channel is not None and on != str(channel):
+            continue
+        for event in _wanted(_receive(decoder, message), finger):
+            if isinstance(event, Sample) and channel_of.setdefault(event.finger, on) != on:
+                raise _choose(path, decoder, finger)
+            yield event
+    if channel is not None and str(channel) not in channels:
+        raise UsageError(f"{path}: no channel {channel}; it has {', '.join(channels) or 'none'}")
+
+
+def _receive(decoder: CanDecoder, message: can.Message) -> list[Event]:
+    if message.is_error_frame or message.is_remote_frame or message.is_extended_id:
+        return []
+    return decoder.receive(message.arbitration_id, message.data, message.timestamp, message.channel)
+
+
+def _wanted(events: Iterable[Event], finger: int | None) -> Iterator[Event]:
+    return (e for e in events if finger is None or not isinstance(e, Sample) or e.finger == finger)
+
+
+def _on_several(
+    path: Path, like: CanDecoder, finger: int | None, messages_n: int | None
+) -> dict[int, list[str]]:
+    """The fingers with samples on several channels in so many messages, and these."""
+    decoder = CanDecoder(like.ids)
+    found: dict[int, dict[str, None]] = {}
+    with suppress(LogError):
+        for message in islice(_read(path, Skipped()), messages_n):
+            with suppress(VersionMismatch):
+                for event in _wanted(_receive(decoder, message), finger):
+                    if isinstance(event, Sample):
+                        found.setdefault(event.finger, {})[str(message.channel)] = None
+    return {number: list(channels) for number, channels in found.items() if len(channels) > 1}
+
+
+def _choose(path: Path, like: CanDecoder, finger: int | None) -> UsageError:
+    """The error where several fingers have one number."""
+    several = _on_several(path, like, finger, None)
+    channels = ", ".join(sorted({name for names in several.values() for name in names}))
+    fingers = ", ".join(map(str, sorted(several)))
+    return UsageError(
+        f"{path}: finger {fingers} is on several channels: {channels}; "
+        "choose one by --channel (channel= in Python)"
+    )

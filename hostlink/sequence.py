@@ -7,7 +7,8 @@ Evidence      frames with a wrong CRC -> noise, or another version?
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
+from operator import add
 from typing import Final
 
 __all__ = ["EVIDENCE_P5", "EVIDENCE_P11", "Evidence", "LinkStatistics", "SenderWatch", "Sequence"]
@@ -49,6 +50,9 @@ class LinkStatistics:
     second_sender_n: int = 0
     detail_n: int = 0
     detail_lost_n: int = 0
+
+    def __add__(self, other: LinkStatistics) -> LinkStatistics:
+        return LinkStatistics(*map(add, astuple(self), astuple(other)))
 
 
 class Sequence:

@@ -80,20 +80,22 @@ def row_of(sample: Sample) -> Row:
     return (*_OF_SAMPLE(sample), *_OF_STATE(sample.state), *contacts)
 
 
-def _rows(source: Source) -> Iterator[Row]:
-    events = decode_recording(source) if isinstance(source, str | Path) else source
+def _rows(source: Source, channel: str | int | None) -> Iterator[Row]:
+    events = decode_recording(source, channel=channel) if isinstance(source, str | Path) else source
     return (row_of(event) for event in events if isinstance(event, Sample))
 
 
-def to_arrays(source: Source) -> dict[str, np.ndarray]:
+def to_arrays(source: Source, channel: str | int | None = None) -> dict[str, np.ndarray]:
     """Columns by name, each (samples,), int64 or float64.
 
-    source  a recording's path, or events of which the samples are taken
-    Raises  UsageError: NumPy is not installed; LogError: the recording is unreadable or damaged
+    source   a recording's path, or events of which the samples are taken
+    channel  of a recording of several buses: the one whose samples are wanted
+    Raises   UsageError: NumPy is not installed, or a channel must be chosen; LogError: the recording is
+             unreadable or damaged
     """
     numpy = require("numpy", "data")
     columns: list[array[Any]] = [array("q" if c.whole else "d") for c in COLUMNS]
-    for row in _rows(source):
+    for row in _rows(source, channel):
         for column, value in zip(columns, row, strict=True):
             column.append(value)
     return {
@@ -102,12 +104,12 @@ def to_arrays(source: Source) -> dict[str, np.ndarray]:
     }
 
 
-def to_pandas(source: Source) -> pd.DataFrame:
+def to_pandas(source: Source, channel: str | int | None = None) -> pd.DataFrame:
     """One row a sample; `frame.attrs["units"]` has the unit of each column. Arguments: `to_arrays`.
 
-    Raises  UsageError: pandas is not installed; LogError: the recording is unreadable or damaged
+    Raises  UsageError: pandas is not installed, or a channel must be chosen; LogError: as there
     """
-    frame: pd.DataFrame = require("pandas", "data").DataFrame(to_arrays(source))
+    frame: pd.DataFrame = require("pandas", "data").DataFrame(to_arrays(source, channel))
     frame.attrs["units"] = {c.name: c.unit for c in COLUMNS}
     return frame
 

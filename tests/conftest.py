@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -42,13 +43,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.filterwarnings("error::RuntimeWarning"))
 
 
-@pytest.hookimpl(trylast=True)
-def pytest_sessionfinish(session: pytest.Session) -> None:
+@pytest.fixture(scope="session", autouse=True)
+def _sources_are_closed() -> Iterator[None]:
     """No source is left open: a thread that decodes an image when the interpreter ends aborts it."""
+    yield
     left = [thread.name for thread in threading.enumerate() if _is_of_a_source(thread)]
-    if left:
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED
-        print(f"\nsources that no test closed: {', '.join(left)}")
+    assert not left, f"sources that no test closed: {', '.join(left)}"
 
 
 def _is_of_a_source(thread: threading.Thread) -> bool:

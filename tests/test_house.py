@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.support import kernels
+from tests.support.changed import ALWAYS, paths_for
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("edge", "hostlink", "calib", "tests")
@@ -23,7 +24,9 @@ SHARED_WITH_EDGE = (
     "hostlink.cli_types",
     "hostlink.clock",
     "hostlink.command_group",
+    "hostlink.input_file",
     "hostlink.interrupt",
+    "hostlink.link_guard",
     "hostlink.mcap_chunk",
     "hostlink.output_file",
     "hostlink.topics",
@@ -31,7 +34,7 @@ SHARED_WITH_EDGE = (
 #: Which of the project's own packages a package may import.
 MAY_IMPORT = {
     "hostlink/wire": ("hostlink.wire",),
-    "hostlink/web": ("hostlink.web",),
+    "hostlink/web": ("hostlink.web", "hostlink.input_file"),
     "hostlink": ("hostlink",),
     "edge": ("edge", "hostlink.wire", "hostlink.web", *SHARED_WITH_EDGE),
     "calib": ("calib", "edge", "hostlink"),
@@ -216,3 +219,23 @@ def test_coverage_leaves_out_the_kernels_and_nothing_else() -> None:
         "report"
     ]
     assert settings["omit"] == [f"{name.replace('.', '/')}.py" for name in kernels.table().KERNELS]
+
+
+@pytest.mark.parametrize(
+    ("file", "tests"),
+    [
+        ("edge/cells/mesh.py", "tests/edge/cells"),
+        ("edge/features/peaks.pxd", "tests/edge/features"),
+        ("calib/sim/tip.py", "tests/calib"),
+        ("calib/fit.py", "tests/calib/test_fit.py"),
+        ("calib/ridge.py", "tests/calib"),
+        ("edge/pipeline.py", "tests/edge/test_pipeline.py"),
+        ("tests/edge/cells/test_mesh.py", "tests/edge/cells"),
+        ("tests/test_wheel.py", "tests/test_wheel.py"),
+        ("docs/numbers.md", "tests/test_docs.py"),
+    ],
+)
+def test_a_change_asks_for_the_tests_beside_it(file: str, tests: str) -> None:
+    found = paths_for([file])
+    assert tests in found
+    assert set(found) - {tests} <= set(ALWAYS)

@@ -31,7 +31,7 @@ def evaluate_command(calibration_path: Path, as_json: bool, **frames: Any) -> No
     given = Frames(**frames)
     calibration = Calibration.load(calibration_path)
     data = given.open().seen_by(calibration)
-    report = evaluate(calibration, data.targets, given.extract(data))
+    report = evaluate(calibration, *given.extract(data))
     if as_json:
         click.echo(json.dumps(report))
     else:

@@ -88,7 +88,7 @@ def fit_command(
     check_output(output, (".json",), [*given.inputs, *([prior] if prior else [])], overwrite)
     search = Search(Prefer(prefer), known={} if prior is None else _known_models(prior))
     data = given.open()
-    targets, extract = data.targets, given.extract(data)
+    targets, extract = given.extract(data)
     held_out_errors = None
     with executor(given.dask, given.workers) as pool, progress_bar(given.quiet) as bar:
         if hold_out is not None:
@@ -102,7 +102,7 @@ def fit_command(
             extract,
             serial=serial,
             mm_per_px=mm_per_px or scale_of(sensor_name, data.rest),
-            on_group=lambda names: bar.advance(task),
+            on_part=lambda groups: bar.advance(task, groups),
             on_refused=lambda why: click.echo(f"not fitted: {why}", err=True),
             on_axes=_print_axes,
             search=search,

@@ -14,7 +14,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from calib.dataset import Dataset, open_dataset
 from calib.extract import Extract, executor
-from calib.targets import COLUMNS
+from calib.press_axis import along_press
+from calib.targets import COLUMNS, Targets
 from edge.sources.lens_file import load_lens
 from hostlink.cli_types import WholeNumber
 
@@ -95,11 +96,20 @@ class Frames:
             click.echo(f"columns ignored: {columns}; known are {', '.join(COLUMNS)}", err=True)
         return data
 
-    def extract(self, data: Dataset) -> Extract:
-        """Run the edge over all frames, with a progress bar."""
+    def extract(self, data: Dataset) -> tuple[Targets, Extract]:
+        """Run the edge over all frames, with a progress bar.
+
+        Returns  the truth, depths and forces positive into the tip, and the edge's results
+        Raises   TableError: a column of the table cannot be made one
+        """
         with executor(self.dask, self.workers) as pool, progress_bar(self.quiet) as bar:
             task = bar.add_task("frames", total=len(data))
-            return data.extract(pool, lambda n: bar.advance(task, n))
+            extract = data.extract(pool, lambda n: bar.advance(task, n))
+        captured, rest_given = bool(data.rows), not data.rest_message
+        targets, lines = along_press(data.targets, extract, captured=captured, rest_given=rest_given)
+        for line in lines:
+            click.echo(f"axes: {line}", err=True)
+        return targets, extract
 
 
 @contextmanager

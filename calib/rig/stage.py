@@ -15,6 +15,7 @@ Sources  GRBL v1.1 interface and its error and alarm code tables; Marlin G28, M4
 
 from __future__ import annotations
 
+import re
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -204,7 +205,9 @@ class GcodeStage:
             kind, _, rest = line.partition(":")
             if kind in ("error", "ALARM"):
                 table = GRBL_ERRORS if kind == "error" else GRBL_ALARMS
-                known = table.get(int(rest), "see GRBL's code table") if rest.isdigit() else rest
+                known = (
+                    table.get(int(rest), "see GRBL's code table") if re.fullmatch(r"\d{1,9}", rest) else rest
+                )
                 raise RigError(f"stage {port}: {text!r} answered {line}: {known}")
             if kind == "Error":
                 raise RigError(f"stage {port}: {text!r} answered {line}")

@@ -47,6 +47,7 @@ class TipLimits:
 LIMITS = TipLimits()
 #: Area of a pin's cell, in squared pitches: hexagons.
 _CELL_AREA = 0.866
+_POSITIVE = {"displacement_mm", "force_n", "contact_area_mm2", "contact_depth_mm", "joint_depth_mm"}
 
 
 def check(content: CalibrationFile) -> None:
@@ -97,6 +98,7 @@ def _check_curve(model: Curve, where: str) -> None:
         raise BadContent(f"{where}.knots[{k}]: the input must increase from knot to knot")
     if np.any(steps[:, 1] < 0) and np.any(steps[:, 1] > 0):
         raise BadContent(f"{where}.knots: the output must be monotone: only increase or only decrease")
+    _check_positive(model.output, max(y for _, y in model.knots), f"{where}.knots")
 
 
 def _check_polynomial(model: Polynomial, where: str) -> None:
@@ -157,6 +159,15 @@ def _check_outputs_of(model: Polynomial | Process, where: str) -> None:
         raise BadContent(f"{where}.valid: give a range [low, high] for each of {outputs} outputs")
     if len(model.sigma) != outputs:
         raise BadContent(f"{where}.sigma: give one for each of {outputs} outputs")
+    _check_positive(model.outputs[0], model.valid[0][1], f"{where}.valid")
+
+
+def _check_positive(output: str, most: float, where: str) -> None:
+    """A press is a positive depth and force: of another sign they drive a hand into what it touches."""
+    if output in _POSITIVE and most <= 0:
+        raise BadContent(
+            f"{where}: '{output}' is never above 0; a press is positive: is the truth's sign wrong?"
+        )
 
 
 def _check_sensor(sensor: Sensor) -> None:

@@ -248,13 +248,14 @@ def encode(content: CalibrationFile) -> bytes:
     return msgspec.json.encode(content) + b"\n"
 
 
-def save(path: Path, encoded: bytes) -> None:
+def save(path: Path, encoded: bytes, through_link: bool = True) -> None:
     """Replace the file so that a reader, or a loss of power, finds either the old file or the new one,
     complete.
 
+    through_link  as of `hostlink.output_file.writing`
     Raises  hostlink.output_file.OutputError: cannot be written
     """
-    with writing(path, overwrite=True) as unfinished:
+    with writing(path, overwrite=True, through_link=through_link) as unfinished:
         unfinished.write_bytes(encoded)
 
 

@@ -174,13 +174,14 @@ class Calibration:
             raise CalibrationError(f"{where}: {error}") from None
         return cls(content)
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, through_link: bool = True) -> None:
         """Write the file so that a reader, or a loss of power, finds either the old file or the new one,
         complete.
 
+        through_link  as of `hostlink.output_file.writing`
         Raises  hostlink.output_file.OutputError: cannot be written
         """
-        save(Path(path), self.encoded)
+        save(Path(path), self.encoded, through_link)
 
     def needed(self, demand: frozenset[Feature]) -> frozenset[Feature]:
         """The demand, and the other features that its models take their inputs from."""

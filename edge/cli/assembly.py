@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
-import signal
+import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from edge.errors import ConfigError
+from hostlink.interrupt import call_on_signals
 
 if TYPE_CHECKING:
     from edge.calibration import Calibration
@@ -123,8 +124,7 @@ def make_loop(
         monitor.storage.append(lambda: free_space_problem(state_dir))
     for spec in sink_specs or config.link.sinks:
         _add_sink(stack, loop, spec, device, settings, config.sensor.node_id)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: loop.stop())
+    call_on_signals(loop.stop)
     return loop
 
 
@@ -149,7 +149,7 @@ def _state_directory(config: Config) -> Path | None:
     if not config.state.directory:
         return None
     folder = Path(config.state.directory)
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise ConfigError(f"[state] directory: {folder} is no folder; create it, or omit the key")
     return folder
 

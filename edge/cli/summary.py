@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import cmath
 import json
 import math
+from bisect import bisect_left
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -70,24 +74,29 @@ _DAMAGE = {"truncated": "cut off at its end"}
 
 
 class Summary:
-    """Collects a few numbers a frame. `add` is a result callback of the loop."""
+    """Numbers over all frames; its memory does not grow with them. `add` is a result callback of the loop."""
 
     def __init__(self) -> None:
-        self._held: list[int] = []
-        self._confidence: list[float] = []
-        self._shear_px: list[tuple[float, float]] = []
-        self._contacts: list[int] = []
-        self._displacement_mm: list[float] = []
+        self._held: Counter[int] = Counter()
+        self._confidence: Counter[float] = Counter()  # rounded as it is shown
+        self._shear_n = 0
+        self._shear_sum = self._shear_peak = 0j
+        self._contacts_max = 0
+        self._displacement_mm = -math.inf
 
     def add(self, result: Result, state: State) -> None:
         """Note one frame."""
-        self._held.append(result.tracks.n_seen)
-        self._confidence.append(result.tracks.confidence)
+        self._held[result.tracks.n_seen] += 1
+        self._confidence[round(result.tracks.confidence, 3)] += 1
         features = result.features
         if features is not None and features.shear_px is not None:
-            self._shear_px.append((float(features.shear_px[0]), float(features.shear_px[1])))
-            self._contacts.append(state.contact_n)
-        self._displacement_mm.append(state.displacement_mm)
+            shear = complex(*features.shear_px)
+            self._shear_n += 1
+            self._shear_sum += shear
+            self._shear_peak = max(self._shear_peak, shear, key=abs)
+            self._contacts_max = max(self._contacts_max, state.contact_n)
+        if state.displacement_mm > self._displacement_mm:  # not of NaN: there is no calibration
+            self._displacement_mm = state.displacement_mm
 
     def report(self) -> dict[str, Any]:
         """Numbers over all frames. Shear is the pins' mean motion, px; its angle from x right to y down.
@@ -95,29 +104,29 @@ class Summary:
         shear_mean_px, shear_mean_deg    mean over the frames, and its direction
         shear_peak_px, shear_peak_deg    in the frame with the largest
         """
-        import numpy as np
-
         if not self._held:
             return {"pins_held_median": 0}
         table: dict[str, Any] = {
             "pins_held_min": min(self._held),
-            "pins_held_median": int(np.median(self._held)),
-            "confidence_min": round(min(self._confidence), 3),
-            "confidence_median": round(float(np.median(self._confidence)), 3),
-            "contacts_max": max(self._contacts, default=0),
+            "pins_held_median": int(_median(self._held)),
+            "confidence_min": min(self._confidence),
+            "confidence_median": round(_median(self._confidence), 3),
+            "contacts_max": self._contacts_max,
         }
-        if self._shear_px:
-            shear = np.array(self._shear_px)
-            for name, vector in (
-                ("mean", shear.mean(axis=0)),
-                ("peak", shear[np.argmax(np.hypot(*shear.T))]),
-            ):
-                table[f"shear_{name}_px"] = [round(float(v), 3) for v in vector]
-                table[f"shear_{name}_deg"] = round(float(np.degrees(np.arctan2(vector[1], vector[0]))), 1)
-        depth = np.array(self._displacement_mm)
-        if np.isfinite(depth).any():
-            table["displacement_max_mm"] = round(float(np.nanmax(depth)), 3)
+        if self._shear_n:
+            for name, shear in (("mean", self._shear_sum / self._shear_n), ("peak", self._shear_peak)):
+                table[f"shear_{name}_px"] = [round(shear.real, 3), round(shear.imag, 3)]
+                table[f"shear_{name}_deg"] = round(math.degrees(cmath.phase(shear)), 1)
+        if math.isfinite(self._displacement_mm):
+            table["displacement_max_mm"] = round(self._displacement_mm, 3)
         return table
+
+
+def _median(counted: Counter[Any]) -> float:
+    """The median of the counted values."""
+    values, numbers = zip(*sorted(counted.items()), strict=True)
+    ends, n = list(accumulate(numbers)), counted.total()
+    return float(values[bisect_left(ends, (n + 1) // 2)] + values[bisect_left(ends, n // 2 + 1)]) / 2
 
 
 def print_summary(

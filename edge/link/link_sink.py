@@ -15,7 +15,8 @@ Rules
 - A write that cannot block (SocketCAN, virtual bus, UDP) happens in the caller's thread: a hand-over to
   another thread costs up to a switch interval of the interpreter. All others happen in the worker thread.
 - A full buffer (ENOBUFS, bus-off, nobody listening) drops and keeps the medium. Any other error closes it,
-  and the worker reopens it, at most every `retry_s`; it counts as up with the first frame sent.
+  foreseen or not, and the worker reopens it, at most every `retry_s`; it counts as up with the first frame
+  sent. What nobody foresaw is counted too, and no thread ends by it (`hostlink.link_guard`).
 - Only the worker opens and closes, after the reader has left the medium: a file descriptor that is closed
   under a waiting reader may be reused for another file.
 - At start-up a medium that cannot be opened is the user's mistake: SinkError. Later it is counted.
@@ -35,13 +36,14 @@ from itertools import count
 from typing import Any
 
 from edge.errors import SinkError
-from edge.link.media import Medium, MediumError, MediumFull
+from edge.link.medium import Medium, MediumError, MediumFull
 from edge.link.medium_keeper import MediumKeeper
 from edge.link.params import PARAMS, LinkParams
 from edge.link.read_budget import ReadBudget
 from edge.link.send_queue import SendQueue
 from edge.link.sink import SinkCounters
 from edge.link.stall_watch import StallWatch
+from hostlink.link_guard import LinkGuard
 from hostlink.wire import FaultCode, State
 
 __all__ = ["LinkSink"]
@@ -55,12 +57,14 @@ class LinkSink(ABC):
     open_medium  opens the medium; raises MediumError with a line for the user
     on_message   called with each message that comes in, from the reader's thread
     on_faults    called when `faults` may have changed, from a thread of its own
+    guard        counts the exceptions that nobody foresaw
     """
 
     def __init__(self, name: str, open_medium: Callable[[], Medium], params: LinkParams = PARAMS) -> None:
         self.name = name
         self.on_message: Callable[[Any], None] | None = None
         self.on_faults: Callable[[], None] | None = None
+        self.guard = LinkGuard(name)
         self._params = params
         try:
             self._medium = MediumKeeper(open_medium, params.retry_s)
@@ -74,12 +78,18 @@ class LinkSink(ABC):
         self._closing = False
         self._numbers = count()
         self._counters = SinkCounters()
+        self._budget: ReadBudget | None = None
         self._threads = [
-            threading.Thread(target=loop, name=f"{name} {what}", daemon=True)
-            for what, loop in (
-                ("writer", self._write_loop),
-                ("reader", self._read_loop),
-                ("watch", self._watch_loop),
+            threading.Thread(
+                target=self.guard.run,
+                args=(step, lambda: self._closing, self._recover, finish),
+                name=f"{name} {what}",
+                daemon=True,
+            )
+            for what, step, finish in (
+                ("writer", self._write_or_reopen, self._close_current),
+                ("reader", self._read, None),
+                ("watch", self._watch, None),
             )
         ]
         for thread in self._threads:
@@ -194,7 +204,7 @@ class LinkSink(ABC):
         except MediumFull:
             self._stall.refused(began_s)
             return False
-        except MediumError as error:
+        except Exception as error:  # noqa: BLE001 - of a driver: whatever it is, the medium has failed
             self._lose(medium, error)
             return False
         finally:
@@ -207,6 +217,8 @@ class LinkSink(ABC):
         return True
 
     def _lose(self, medium: Medium, error: Exception) -> None:
+        if not isinstance(error, MediumError):
+            self.guard.note(error)
         with self._changed:
             was_lost = self._medium.lost
             if not self._medium.lose(medium):
@@ -218,21 +230,33 @@ class LinkSink(ABC):
         self._stall.wake()
         self._count(dropped=dropped_n)
 
-    def _write_loop(self) -> None:
-        while not self._closing:
-            if self._medium.current is None:
-                self._reopen()
-                continue
-            items = self._next_items()
-            if items is None:
-                continue
-            medium = self._medium.current
+    def _recover(self) -> None:
+        """A thread's step has failed as nobody foresaw: begin anew with another medium, after a pause."""
+        medium = self._medium.current
+        if medium is not None:
+            self._lose(medium, MediumError("unforeseen error"))
+        self._pause(self._params.retry_s)
+
+    def _pause(self, seconds: float) -> None:
+        """Wait, unless the link is closed."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closing, seconds)
+
+    def _write_or_reopen(self) -> None:
+        if self._medium.current is None:
+            self._reopen()
+            return
+        items = self._next_items()
+        if items is None:
+            return
+        medium, written = self._medium.current, False
+        try:
             with self._writing:
                 written = medium is not None and self._write(medium, items)
+        finally:
             with self._changed:
                 self._count(**self._queue.done(written))
                 self._changed.notify_all()
-        self._close_medium(self._medium.current)
 
     def _next_items(self) -> Sequence[Any] | None:
         """Wait for something to send; returns the most urgent."""
@@ -250,16 +274,17 @@ class LinkSink(ABC):
         with self._changed:
             failed = self._medium.take_failed()
         self._close_medium(failed)
-        with self._changed:
-            if self._changed.wait_for(lambda: self._closing, self._medium.pause_s):
-                return
-        medium = self._medium.try_open()
+        self._pause(self._medium.pause_s)
+        medium = None if self._closing else self._medium.try_open()
         if medium is None:
             return
         self._stall.reopened()
         with self._changed:
             self._medium.current = medium
             self._changed.notify_all()
+
+    def _close_current(self) -> None:
+        self._close_medium(self._medium.current)
 
     def _close_medium(self, medium: Medium | None) -> None:
         if medium is not None:
@@ -268,42 +293,34 @@ class LinkSink(ABC):
 
     # ---- fault watch ------------------------------------------------------------------------------
 
-    def _watch_loop(self) -> None:
-        while True:
-            self._stall.wait()
-            if self._closing:
-                return
-            if self.on_faults is not None:
-                try:
-                    self.on_faults()
-                except Exception:
-                    log.exception("%s: its faults cannot be reported", self.name)
+    def _watch(self) -> None:
+        self._stall.wait()
+        if not self._closing and self.on_faults is not None and not self.guard.call(self.on_faults):
+            self._pause(self._params.retry_s)
+            self._stall.wake()  # they must be reported some time
 
     # ---- the reader -------------------------------------------------------------------------------
 
-    def _read_loop(self) -> None:
-        budget = ReadBudget(time.thread_time(), time.monotonic(), self._params)
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._closing or self._medium.current is not None)
-                medium = self._medium.current
-            if self._closing or medium is None:
-                return
-            with self._reading:
-                message, bus_off = None, medium.bus_off
-                try:
-                    if medium is self._medium.current:
-                        message = medium.read(self._params.read_s)
-                except MediumError as error:
-                    self._lose(medium, error)
-            if medium.bus_off != bus_off:
-                self._stall.wake()
-            if message is not None and self.on_message is not None:
-                try:
-                    self.on_message(message)
-                except Exception:
-                    log.exception("%s: message %r", self.name, message)
-            pause_s = budget.pause_s(time.thread_time(), time.monotonic())
-            if pause_s:  # messages meanwhile wait in the driver, or are lost there
-                with self._changed:
-                    self._changed.wait_for(lambda: self._closing, pause_s)
+    def _read(self) -> None:
+        """Wait for a medium and read once."""
+        if self._budget is None:  # made in the thread whose time it counts
+            self._budget = ReadBudget(time.thread_time(), time.monotonic(), self._params)
+        with self._changed:
+            self._changed.wait_for(lambda: self._closing or self._medium.current is not None)
+            medium = self._medium.current
+        if self._closing or medium is None:
+            return
+        with self._reading:
+            message, bus_off = None, medium.bus_off
+            try:
+                if medium is self._medium.current:
+                    message = medium.read(self._params.read_s)
+            except Exception as error:  # noqa: BLE001 - the same
+                self._lose(medium, error)
+        if medium.bus_off != bus_off:
+            self._stall.wake()
+        if message is not None and self.on_message is not None:
+            self.guard.call(self.on_message, message)
+        pause_s = self._budget.pause_s(time.thread_time(), time.monotonic())
+        if pause_s:  # messages meanwhile wait in the driver, or are lost there
+            self._pause(pause_s)

@@ -1,46 +1,16 @@
-"""Open buses and lines, and the meaning of their failures: MediumFull (drop, go on), MediumError (reopen).
-
-Each kind is a module of its own, loaded when the first of it is opened: their libraries take a part of the
-start and of the memory.
+"""Opens buses and lines: each kind is a module of its own, loaded when the first of it is opened, for their
+libraries take a part of the start and of the memory.
 """
 
 from __future__ import annotations
 
-import errno
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
 
+from edge.link.medium import Medium, MediumError, MediumFull
 from hostlink.wire.address import Address
 from hostlink.wire.open_errors import cannot_open
 
-__all__ = ["FULL", "Medium", "MediumError", "MediumFull", "open_bus", "open_line"]
-
-FULL = frozenset({errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK})
-
-
-class MediumError(Exception):
-    """The medium failed and must be reopened."""
-
-
-class MediumFull(Exception):
-    """The medium accepts nothing now; it may in a moment."""
-
-
-class Medium(Protocol):
-    """An open bus or line. What it carries: `CanFrame` on a bus, bytes on a line."""
-
-    instant: bool  # whether a write always returns at once
-    bus_off: bool
-
-    def write(self, item: Any) -> None:
-        """Raises MediumFull, MediumError."""
-        ...
-
-    def read(self, timeout_s: float) -> Any:
-        """What came in, or None. Raises MediumError."""
-        ...
-
-    def close(self) -> None: ...
+__all__ = ["Medium", "MediumError", "MediumFull", "open_bus", "open_line"]
 
 
 def open_bus(address: Address, wanted: Sequence[int]) -> Callable[[], Medium]:
@@ -49,27 +19,36 @@ def open_bus(address: Address, wanted: Sequence[int]) -> Callable[[], Medium]:
     wanted  identifiers of the messages that must be received; others may be
     """
 
-    def opener() -> Medium:
+    def open_it() -> Medium:
         if address.interface == "socketcan":
             from edge.link.socketcan import open_socket
 
-            try:
-                return open_socket(address.channel, address.fd, wanted)
-            except OSError as error:
-                raise MediumError(cannot_open(address, error)) from error
+            return open_socket(address.channel, address.fd, wanted)
         from edge.link.python_can import open_python_can
 
         return open_python_can(address)
 
-    return opener
+    return _opener(address, open_it)
 
 
 def open_line(address: Address) -> Callable[[], Medium]:
     """A function that opens the serial port of an address, again and again. It raises MediumError."""
 
-    def opener() -> Medium:
+    def open_it() -> Medium:
         from edge.link.serial_line import open_port
 
         return open_port(address)
+
+    return _opener(address, open_it)
+
+
+def _opener(address: Address, open_it: Callable[[], Medium]) -> Callable[[], Medium]:
+    """The same, with one line for the user, whatever a driver raises."""
+
+    def opener() -> Medium:
+        try:
+            return open_it()
+        except Exception as error:
+            raise MediumError(cannot_open(address, error)) from error
 
     return opener

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from edge.link.media import Medium, MediumError
+from edge.link.medium import Medium, MediumError
 
 __all__ = ["MediumKeeper"]
 

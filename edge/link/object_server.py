@@ -35,7 +35,7 @@ from hostlink.wire.objects import TYPES
 if TYPE_CHECKING:
     from edge.link.settings import SettingsFile
 
-__all__ = ["Aborted", "Device", "ObjectServer", "RequestRefused"]
+__all__ = ["Aborted", "Device", "ObjectServer", "RequestRefused", "size_of"]
 
 log = logging.getLogger(__name__)
 Value = int | float | str | bytes
@@ -192,8 +192,8 @@ class ObjectServer:
         if isinstance(value, int | float) and obj.low is not None and obj.high is not None:
             if not value >= obj.low:
                 raise Aborted(Abort.VALUE_LOW)
-            if not value <= obj.high:
-                raise Aborted(Abort.VALUE_HIGH)
+            if not value <= obj.high:  # CiA 301 has a code of its own for the error history
+                raise Aborted(Abort.VALUE_RANGE if obj.name == "error_n" else Abort.VALUE_HIGH)
         self._described_s = -math.inf  # the description may have changed
         try:
             self._apply(obj, value)
@@ -295,6 +295,14 @@ def _find(index: int, sub: int) -> Object:
         return object_at(index, sub)
     except KeyError:
         raise Aborted(Abort.NO_SUB if index in _INDICES else Abort.NO_OBJECT) from None
+
+
+def size_of(index: int, sub: int) -> int:
+    """Bytes of a number; 4, as many as a frame has, of anything else."""
+    try:
+        return struct.calcsize(TYPES[_find(index, sub).type][1]) or 4
+    except Aborted:
+        return 4
 
 
 def _encode(obj: Object, value: Value) -> bytes:

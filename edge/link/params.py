@@ -19,7 +19,7 @@ class LinkParams:
 
     # --- send queue
     samples_n: int = 4  # older ones are not worth sending
-    control_n: int = 256  # answers
+    control_n: int = 256  # answers, also those that are kept for repetitions
 
     # --- a medium's data
     chunk_bytes: int = 4096  # read from a serial port at once
@@ -29,7 +29,7 @@ class LinkParams:
     detail_rel: float = 0.3  # share of the link's time for the detail stream, at most
     errors_n: int = 8  # that object 0x1003 holds
     described_s: float = 0.1  # a description is made anew after this; each one costs the loop some time
-    idle_s: float = 1.0  # a long transfer without a segment for so long gives way to another
+    idle_s: float = 1.0  # a client that is silent for so long is gone: its transfer and repetitions, too
 
     # --- reading
     read_s: float = 0.05  # how soon a reader leaves a failed medium

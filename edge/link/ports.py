@@ -6,6 +6,7 @@ serial  heartbeat, emergency, NMT and SYNC have message types of their own; obje
 
 from __future__ import annotations
 
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 from edge.link.can_frame import CanFrame
 from edge.link.nmt import Nmt, NmtCommand, NmtState
 from edge.link.object_server import Aborted, ObjectServer
+from edge.link.params import PARAMS
 from edge.link.sdo_server import DOWNLOAD_MAX, TOO_LONG, SdoServer
 from edge.link.sinks import CanSink, LinkSink, SerialSink
 from hostlink.wire import Abort, CorruptFrame, Kind, Message, ObjectReply, ObjectRequest, Op
@@ -103,6 +105,7 @@ class SerialPort(_Port):
         self._line = sink
         self._counters = {Message.HEARTBEAT: 0, Message.EMERGENCY: 0}
         self._answered: tuple[int, bytes] | None = None
+        self._answered_s = 0.0
         self._answer = b""
         self._upload = bytearray()
         self._upload_to: tuple[int, int] | None = None
@@ -125,13 +128,15 @@ class SerialPort(_Port):
             self._on_sync()
         elif kind is Message.REQUEST and self.nmt.state is not NmtState.STOPPED:
             # A request repeated because its answer was lost gets the same answer; the action (a tare, a
-            # reboot) is not repeated.
-            if self._answered != (counter, body):
+            # reboot) is not repeated. After a while it is another program's, whose counter has begun anew.
+            now_s = time.monotonic()
+            if self._answered != (counter, body) or now_s - self._answered_s > PARAMS.idle_s:
                 try:
                     request = ObjectRequest.unpack(body)
                 except CorruptFrame:
                     return
                 self._answered, self._answer = (counter, body), self._serve(request).pack()
+            self._answered_s = now_s
             self._line.post_frame(Message.REPLY, self._answer, counter)
 
     def _serve(self, ask: ObjectRequest) -> ObjectReply:

@@ -1,7 +1,7 @@
 """Buses that python-can drives: all but the kernel's own.
 
 python-can reports a dead bus in many ways: its own errors, OSError, ValueError for a closed file descriptor,
-TypeError for a handle that became None. All of them are translated here.
+TypeError for a handle that became None. They are translated here; the link's guard takes all others.
 """
 
 from __future__ import annotations
@@ -13,12 +13,11 @@ import can
 import serial
 
 from edge.link.can_frame import CanFrame, is_off_after
-from edge.link.media import FULL, MediumError, MediumFull
+from edge.link.medium import FULL, MediumError, MediumFull
 from edge.link.params import PARAMS
-from hostlink.can_bus import open_can_bus
+from hostlink.can_bus import OpenBus, open_can_bus
 from hostlink.wire.address import Address
-from hostlink.wire.open_errors import cannot_open, is_junk, message_of
-from hostlink.wire.port_lock import PortLock
+from hostlink.wire.open_errors import message_of
 
 __all__ = ["CanMedium", "open_python_can"]
 
@@ -26,7 +25,6 @@ INSTANT = frozenset({"virtual", "udp_multicast"})  # interfaces whose send(timeo
 # python-can also logs what it raises: that would be a second line on stderr.
 logging.getLogger("can").propagate = False
 
-_NO_DRIVER = (ImportError, AttributeError, NameError)  # without a driver's own library
 _BROKEN = (can.CanError, OSError, ValueError, TypeError)
 
 
@@ -34,15 +32,12 @@ class CanMedium:
     """A python-can bus.
 
     instant  whether its `send(timeout=0)` returns at once
-    lock     of a serial-line adapter's port
     """
 
-    def __init__(self, bus: can.BusABC, instant: bool, lock: PortLock | None = None) -> None:
+    def __init__(self, bus: can.BusABC | OpenBus, instant: bool) -> None:
         self.instant = instant
         self.bus_off = False
-        self.junk_n = 0  # datagrams that were no frames
         self._bus = bus
-        self._lock = lock
         self._timeout_s = 0.0 if instant else PARAMS.write_s
 
     def write(self, item: CanFrame) -> None:
@@ -65,9 +60,6 @@ class CanMedium:
         try:
             message = self._bus.recv(timeout_s)
         except _BROKEN as error:
-            if is_junk(error):
-                self.junk_n += 1
-                return None
             raise MediumError(message_of(error)) from error
         if message is None:
             return None
@@ -81,17 +73,11 @@ class CanMedium:
     def close(self) -> None:
         with suppress(*_BROKEN):  # a dead bus fails to close
             self._bus.shutdown()
-        if self._lock is not None:
-            self._lock.close()
 
 
 def open_python_can(address: Address) -> CanMedium:
-    """Open the bus of an address. Raises MediumError."""
-    try:
-        bus, lock = open_can_bus(address)
-    except (*_BROKEN, *_NO_DRIVER) as error:
-        raise MediumError(cannot_open(address, error)) from error
-    return CanMedium(bus, address.interface in INSTANT, lock)
+    """Open the bus of an address. Raises whatever its driver raises."""
+    return CanMedium(open_can_bus(address), address.interface in INSTANT)
 
 
 def _means_full(error: BaseException) -> bool:

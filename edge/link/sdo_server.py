@@ -10,38 +10,47 @@ Rules
 - A segment must belong to the transfer: the same direction, the expected toggle bit, not beyond the announced
   size. Any other ends the transfer. An abort for its object, or for none, ends it too.
 - A segment that comes again just as it was (its answer was late or lost) gets the same answer again, and
-  moves nothing. CiA 301 has no repetition; `canopen`'s client repeats after a timeout.
-- Block transfer is not offered: a block upload is answered as a plain one, as CiA 301 allows.
+  moves nothing. CiA 301 has no repetition; a host repeats after a timeout.
+- So does the write of a short value, if it was done. Our hosts number these in the bytes behind the value,
+  which CiA 301 leaves open. Another client's counts as repeated where the client had time to give up waiting
+  and no other request came between. What was refused is judged anew.
+- Block transfer is not offered, for its bursts of 127 frames would hold the samples up: a block download is
+  refused, and so is a block upload, but where it allows a plain one by a size of its own (pst).
 """
 
 from __future__ import annotations
 
-import struct
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from edge.limits import CALIBRATION_BYTES
-from edge.link.object_server import Aborted, ObjectServer
+from edge.link.object_server import Aborted, ObjectServer, size_of
 from edge.link.params import PARAMS
 from hostlink.wire import Abort
+from hostlink.wire.sdo import (
+    ANSWER_TO,
+    EXPEDITED,
+    HEAD,
+    LAST,
+    SEGMENT,
+    SEGMENTS,
+    SIZE_GIVEN,
+    SPECIFIER,
+    TOGGLE,
+    Sdo,
+    expedited,
+    goes_on,
+    pack_abort,
+    pack_segment,
+    segment_data,
+)
 
 __all__ = ["DOWNLOAD_MAX", "TOO_LONG", "SdoServer"]
 
 DOWNLOAD_MAX = CALIBRATION_BYTES  # bounds the memory that a client can take
 TOO_LONG = f"longer than {DOWNLOAD_MAX >> 20} MiB, so no calibration"
-
-# Command specifiers, upper three bits of the first byte (CiA 301, 7.2.4.3).
-DOWNLOAD_SEGMENT, DOWNLOAD, UPLOAD, UPLOAD_SEGMENT, ABORT, BLOCK_UPLOAD = 0x00, 0x20, 0x40, 0x60, 0x80, 0xA0
-UPLOAD_RESPONSE, DOWNLOAD_RESPONSE, UPLOAD_SEGMENT_RESPONSE, DOWNLOAD_SEGMENT_RESPONSE = (
-    0x40,
-    0x60,
-    0x00,
-    0x20,
-)
-EXPEDITED, SIZE_GIVEN, TOGGLE, LAST = 0x02, 0x01, 0x10, 0x01
-_HEAD = struct.Struct("<BHB")
-_SEGMENT = 7
 _NO_REPEAT = (b"", b"")  # the last segment and its answer; none
 
 
@@ -81,13 +90,15 @@ class SdoServer:
         self._objects, self._send, self._clock_s = objects, send, clock_s
         self._transfer: _Transfer | None = None
         self._repeated = _NO_REPEAT
+        self._written: dict[bytes, float] = {}  # short writes that were done, and when last asked for
+        self._newest = b""
         self._handlers = {
-            DOWNLOAD_SEGMENT: self._download_segment,
-            DOWNLOAD: self._download,
-            UPLOAD: self._upload,
-            UPLOAD_SEGMENT: self._upload_segment,
-            ABORT: self._aborted,
-            BLOCK_UPLOAD: self._upload,
+            Sdo.DOWNLOAD_SEGMENT: self._download_segment,
+            Sdo.DOWNLOAD: self._download,
+            Sdo.UPLOAD: self._upload,
+            Sdo.UPLOAD_SEGMENT: self._upload_segment,
+            Sdo.ABORT: self._aborted,
+            Sdo.BLOCK_UPLOAD: self._block_upload,
         }
 
     @property
@@ -101,47 +112,77 @@ class SdoServer:
 
     def request(self, data: bytes) -> None:
         """Handle the 8 bytes of a request."""
+        data = bytes(data)
         segment, answer = self._repeated
         if data == segment:
             self._send(answer)
             return
-        command, index, sub = _HEAD.unpack_from(data)
-        handler = self._handlers.get(command & 0xE0)
+        command, index, sub = HEAD.unpack_from(data)
+        handler = self._handlers.get(command & SPECIFIER)
         try:
             if handler is None:
-                raise Aborted(Abort.GENERAL)
+                raise Aborted(Abort.COMMAND)
             handler(command, index, sub, data)
         except Aborted as error:
-            if command & 0xE0 in (DOWNLOAD_SEGMENT, UPLOAD_SEGMENT):  # has no object of its own
+            if command & SPECIFIER in SEGMENTS:
                 transfer = self._transfer
                 self.reset()
                 index, sub = (transfer.index, transfer.sub) if transfer else (0, 0)
-            self._send(struct.pack("<BHBL", ABORT, index, sub, error.code))
+            elif goes_on(command):
+                index, sub = 0, 0
+            self._send(pack_abort(index, sub, error.code))
+        self._newest = data
 
     # ---- starting -----------------------------------------------------------------------------------
 
     def _upload(self, command: int, index: int, sub: int, data: bytes) -> None:
+        self._answer_upload(index, sub, self._read(index, sub))
+
+    def _block_upload(self, command: int, index: int, sub: int, data: bytes) -> None:
+        """Change to a plain upload where the client allows it: pst, byte 5, is the largest size for that."""
+        if goes_on(command):
+            raise Aborted(Abort.COMMAND)
+        value = self._read(index, sub)
+        if len(value) > data[5]:
+            raise Aborted(Abort.COMMAND)
+        self._answer_upload(index, sub, value)
+
+    def _read(self, index: int, sub: int) -> bytes:
         value = self._objects.read(index, sub)
         if not value:
             raise Aborted(Abort.NO_DATA)
-        head = UPLOAD_RESPONSE | SIZE_GIVEN
+        return value
+
+    def _answer_upload(self, index: int, sub: int, value: bytes) -> None:
         if len(value) <= 4:
-            head |= EXPEDITED | (4 - len(value)) << 2
-            self._send(_HEAD.pack(head, index, sub) + value.ljust(4, b"\0"))
+            self._send(expedited(ANSWER_TO[Sdo.UPLOAD], index, sub, value))
             return
         self._begin(_Transfer(index, sub, False, bytearray(value), len(value), last_used_s=self._clock_s()))
-        self._send(_HEAD.pack(head, index, sub) + len(value).to_bytes(4, "little"))
+        head = HEAD.pack(ANSWER_TO[Sdo.UPLOAD] | SIZE_GIVEN, index, sub)
+        self._send(head + len(value).to_bytes(4, "little"))
 
     def _download(self, command: int, index: int, sub: int, data: bytes) -> None:
         if command & EXPEDITED:
-            size = 4 - (command >> 2 & 3) if command & SIZE_GIVEN else 4
-            self._objects.write(index, sub, data[4 : 4 + size])
+            size = 4 - (command >> 2 & 3) if command & SIZE_GIVEN else size_of(index, sub)
+            self._write_once(index, sub, data, size)
         else:
             size = int.from_bytes(data[4:8], "little")
             self._check_length(size if command & SIZE_GIVEN else 0)
             announced = size if command & SIZE_GIVEN else None
             self._begin(_Transfer(index, sub, True, bytearray(), announced, last_used_s=self._clock_s()))
-        self._send(_HEAD.pack(DOWNLOAD_RESPONSE, index, sub) + bytes(4))
+        self._send(HEAD.pack(ANSWER_TO[Sdo.DOWNLOAD], index, sub) + bytes(4))
+
+    def _write_once(self, index: int, sub: int, data: bytes, size: int) -> None:
+        """Write a short value, but not again where the request is a repetition."""
+        now_s = self._clock_s()
+        ago_s = now_s - self._written.pop(data, -math.inf)
+        # No client waits for less than a quarter of the time after which it counts as gone.
+        repeats = any(data[4 + size :]) or (data == self._newest and ago_s > PARAMS.idle_s / 4)
+        if not repeats or ago_s >= PARAMS.idle_s:
+            self._objects.write(index, sub, data[4 : 4 + size])
+        self._written[data] = now_s
+        if len(self._written) > PARAMS.control_n:
+            del self._written[next(iter(self._written))]
 
     def _begin(self, transfer: _Transfer) -> None:
         other = self._transfer
@@ -167,17 +208,17 @@ class SdoServer:
 
     def _upload_segment(self, command: int, index: int, sub: int, data: bytes) -> None:
         transfer = self._current(command, writes=False)
-        part = bytes(transfer.data[:_SEGMENT])
-        del transfer.data[:_SEGMENT]
-        head = UPLOAD_SEGMENT_RESPONSE | command & TOGGLE | (_SEGMENT - len(part)) << 1
+        part = bytes(transfer.data[:SEGMENT])
+        del transfer.data[:SEGMENT]
+        head = ANSWER_TO[Sdo.UPLOAD_SEGMENT] | command & TOGGLE
         if not transfer.data:
             head |= LAST
             self._transfer = None
-        self._answer_segment(data, bytes((head,)) + part.ljust(_SEGMENT, b"\0"))
+        self._answer_segment(data, pack_segment(head, part))
 
     def _download_segment(self, command: int, index: int, sub: int, data: bytes) -> None:
         transfer = self._current(command, writes=True)
-        transfer.data += data[1 : 8 - (command >> 1 & 7)]
+        transfer.data += segment_data(data)
         size = len(transfer.data)
         self._check_length(size)
         last = bool(command & LAST)
@@ -186,10 +227,12 @@ class SdoServer:
         if last:
             self._objects.write(transfer.index, transfer.sub, bytes(transfer.data))
             self._transfer = None
-        self._answer_segment(data, bytes((DOWNLOAD_SEGMENT_RESPONSE | command & TOGGLE,)) + bytes(_SEGMENT))
+        self._answer_segment(
+            data, bytes((ANSWER_TO[Sdo.DOWNLOAD_SEGMENT] | command & TOGGLE,)) + bytes(SEGMENT)
+        )
 
     def _answer_segment(self, segment: bytes, answer: bytes) -> None:
-        self._repeated = (bytes(segment), answer)
+        self._repeated = (segment, answer)
         self._send(answer)
 
     def _check_length(self, size: int) -> None:

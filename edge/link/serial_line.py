@@ -7,10 +7,10 @@ from typing import Any
 
 import serial
 
-from edge.link.media import MediumError, MediumFull
+from edge.link.medium import MediumError, MediumFull
 from edge.link.params import PARAMS
 from hostlink.wire.address import Address
-from hostlink.wire.open_errors import cannot_open, message_of
+from hostlink.wire.open_errors import message_of
 
 __all__ = ["SerialMedium", "open_port"]
 
@@ -40,7 +40,8 @@ class SerialMedium:
 
     def read(self, timeout_s: float) -> bytes | None:
         try:
-            self._port.timeout = timeout_s
+            if self._port.timeout != timeout_s:  # to set it takes system calls, which can fail
+                self._port.timeout = timeout_s
             first = self._port.read(1)
             if not first:
                 return None
@@ -54,14 +55,12 @@ class SerialMedium:
 
 
 def open_port(address: Address) -> SerialMedium:
-    """Open the serial port of an address. Raises MediumError."""
-    try:
-        port = serial.serial_for_url(
-            address.channel,
-            baudrate=address.baud,
-            write_timeout=PARAMS.write_s,
-            exclusive=True,  # two readers would steal each other's bytes
-        )
-    except _BROKEN as error:
-        raise MediumError(cannot_open(address, error)) from error
+    """Open the serial port of an address. Raises whatever its driver raises."""
+    port = serial.serial_for_url(
+        address.channel,
+        baudrate=address.baud,
+        timeout=PARAMS.read_s,
+        write_timeout=PARAMS.write_s,
+        exclusive=True,  # two readers would steal each other's bytes
+    )
     return SerialMedium(port)

@@ -60,13 +60,15 @@ class SettingsFile:
 
     def load(self) -> NodeSettings:
         """The file's settings; defaults if it cannot be used."""
-        if self._path is None or not self._path.exists():
+        if self._path is None:
             return self._defaults
         try:
             raw = limits.read_bounded(self._path, limits.SETTINGS_BYTES)
             table = limits.decode_json(raw, dict[str, int | float])
             values: dict[str, Any] = {name: checked(name, value) for name, value in table.items()}
             return replace(self._defaults, **values)
+        except FileNotFoundError:
+            return self._defaults
         except (OSError, ValueError) as error:
             log.warning("%s: settings cannot be used (%s); starting with defaults", self._path, error)
             return self._defaults
@@ -95,7 +97,7 @@ class SettingsFile:
             return
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            with writing(self._path, overwrite=True) as unfinished:
+            with writing(self._path, overwrite=True, through_link=False) as unfinished:
                 unfinished.write_bytes(msgspec.json.format(msgspec.json.encode(asdict(values))) + b"\n")
         except OutputError as error:
             self._failed = (str(error), time.monotonic())
@@ -113,6 +115,8 @@ def checked(name: str, value: float) -> float:
         raise ValueError(f"no setting is called {limits.quote(name)}; known: {', '.join(_STORED)}")
     if isinstance(value, bool) or (obj.type != "real32" and not isinstance(value, int)):
         raise ValueError(f"{name} is {value!r}, not a whole number")
+    if isinstance(value, int) and value.bit_length() > 64:  # too long to be printed
+        raise ValueError(f"{name} is a number of {value.bit_length()} bits")
     if obj.low is not None and obj.high is not None and not obj.low <= value <= obj.high:
         raise ValueError(f"{name} is {value:g}, possible is {obj.low:g} to {obj.high:g}")
     if name == "rate_hz" and 0 < value < limits.RATE_MIN_HZ:

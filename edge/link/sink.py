@@ -51,7 +51,7 @@ class Sink(Protocol):
 
 
 class MemorySink:
-    """Keeps the newest samples in a list: for tests and for measuring without a bus."""
+    """Keeps the newest samples: for tests and for measuring without a bus."""
 
     def __init__(self, name: str = "memory:", keep: int = 100_000) -> None:
         self.name = name

@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 from edge.errors import SinkError
 from edge.link.can_frame import CanFrame
 from edge.link.link_sink import LinkSink
-from edge.link.media import Medium, MediumError, MediumFull, open_bus, open_line
+from edge.link.media import open_bus, open_line
+from edge.link.medium import Medium, MediumError, MediumFull
 from edge.link.params import PARAMS, LinkParams
 from edge.link.sink import MemorySink, Sink, SinkCounters
 from hostlink.wire import (
@@ -156,7 +157,7 @@ def open_sink(spec: str, node: int | None = None, ids: CanIds | None = None) -> 
     except AddressError as error:
         raise SinkError(str(error)) from None
     if address.scheme == "memory":
-        return MemorySink()
+        return MemorySink(keep=1000)  # 1 MB
     if not address.is_can:
         line = SerialSink(str(address), open_line(address))
         line.baud = address.baud

@@ -15,9 +15,10 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 from edge.errors import SourceError
+from hostlink.input_file import open_input
 from hostlink.mcap_chunk import UNPACKED_MAX, unpack_chunk
 
 __all__ = ["RawMessage", "attachments_in", "damage", "image_count", "metadata_in", "raw_messages"]
@@ -51,7 +52,7 @@ class _Bounded:
     Raises ValueError: more is read than there is
     """
 
-    def __init__(self, file: io.BufferedIOBase) -> None:
+    def __init__(self, file: BinaryIO) -> None:
         self._file = file
         self.size = file.seek(0, io.SEEK_END)
         file.seek(0)
@@ -95,7 +96,7 @@ class _Bounded:
 def _opened(path: Path) -> Iterator[_Bounded]:
     """The file, opened after its magic bytes. Raises SourceError: does not exist, not MCAP."""
     try:
-        file = path.open("rb")
+        file = open_input(path)
     except OSError as error:
         raise SourceError(f"recording {path}: {error.strerror}; give an existing MCAP file") from error
     with file:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
+from edge.limits import CALIBRATION_BYTES, BadContent, read_bounded
 from hostlink.output_file import find_unfinished, writing
 
 __all__ = ["CalibrationStore"]
@@ -34,10 +35,11 @@ class CalibrationStore:
         """The files that can be read, the newest first: what a start tries in turn."""
         found = []
         for path in (self.path, self.previous):
-            if not path.is_file():
-                continue
             try:
-                found.append(Calibration.load(path))
+                if path.is_file():
+                    found.append(Calibration.load(path))
+            except OSError as error:
+                log.error("stored calibration: %s: %s; check whose folder it is", path, error.strerror)
             except CalibrationError as error:
                 log.error("stored calibration: %s; upload the calibration of this tip again", error)
         return found
@@ -48,20 +50,20 @@ class CalibrationStore:
         Raises OSError, hostlink.output_file.OutputError: not stored, the one before is still in its place
         """
         try:
-            good = self.path.read_bytes() if Calibration.load(self.path) else b""
-        except (CalibrationError, OSError):
+            good = read_bounded(self.path, CALIBRATION_BYTES) if Calibration.load(self.path) else b""
+        except (CalibrationError, OSError, BadContent):
             good = b""  # none, or one that must not replace the last good one
         if good:
-            with writing(self.previous, overwrite=True) as unfinished:
+            with writing(self.previous, overwrite=True, through_link=False) as unfinished:
                 unfinished.write_bytes(good)
-        calibration.save(self.path)
+        calibration.save(self.path, through_link=False)
 
     def clear_leftovers(self) -> None:
         """Remove the temporary files of interrupted writes; at the start, before another write."""
         for name in ("calibration.json", "calibration.previous.json", "settings.json"):
             for path in find_unfinished(self.directory / name):
-                if path.is_file() and not path.is_symlink():
-                    try:
+                try:
+                    if path.is_file() and not path.is_symlink():
                         path.unlink()
-                    except OSError as error:  # harmless but for the space it takes
-                        log.warning("%s: %s", path, error.strerror)
+                except OSError as error:  # harmless but for the space it takes
+                    log.warning("%s: %s", path, error.strerror)

@@ -25,6 +25,7 @@ from edge.errors import SourceError
 from edge.limits import RATE_MAX_HZ
 from edge.sources.image_header import check_image_header, check_size
 from edge.types import Clock, Frame, Image, Lens, Polarity
+from hostlink.input_file import read_bounded
 
 __all__ = ["IMAGE_SUFFIXES", "FolderSource", "VideoSource", "quiet_opencv", "read_image", "to_grey"]
 
@@ -77,13 +78,13 @@ def to_grey(image: np.ndarray[Any, Any]) -> Image:
 def _natural(path: Path) -> list[tuple[int, int, str]]:
     """frame_2 before frame_10."""
     parts = re.split(r"(\d+)", path.name.lower())
-    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts if part]
+    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts if part]
 
 
 def _read_image(path: Path) -> Image:
     """Raises ValueError: not an image."""
     try:
-        data = np.fromfile(path, np.uint8)
+        data = np.frombuffer(read_bounded(path), np.uint8)
     except IsADirectoryError:
         raise ValueError("is a folder; give the images in it, one by one") from None
     except FileNotFoundError:
@@ -212,6 +213,7 @@ class VideoSource:
     def _open(self) -> Any:
         if not self.path.is_file():
             what = "a folder" if self.path.is_dir() else "no such file"
+            what = "a pipe or a device" if what != "a folder" and self.path.exists() else what
             raise SourceError(f"{self.name}: {what}; give a video file or a recording")
         with quiet_opencv():
             # absolute: FFmpeg takes the start of a name with a colon for a protocol

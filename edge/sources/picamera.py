@@ -286,7 +286,7 @@ def _grey(pixels: np.ndarray[Any, Any], bits: int, size_px: tuple[int, int]) -> 
 
 def open_picamera(where: str, options: Options) -> PiCameraSource:
     """The scheme `picamera:`; `picamera:1` is the second camera."""
-    if where and not where.isdecimal():
+    if where and not (where.isdecimal() and len(where) < 10):
         raise SourceError(f"source picamera:{where}: no such camera; give a number: picamera:0, picamera:1")
     number = int(where or 0)
     options = options.without_extra(f"picamera:{where}")

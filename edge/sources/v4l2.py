@@ -80,7 +80,7 @@ def list_cameras(sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -
     """Video nodes that give images; a UVC camera's second node gives metadata and is skipped."""
     found = []
     nodes = (sys_root / "class/video4linux").glob("video*")
-    for node in sorted(nodes, key=lambda n: int("0" + "".join(filter(str.isdigit, n.name)))):
+    for node in sorted(nodes, key=lambda n: int("0" + "".join(filter(str.isdecimal, n.name)))):
         if _text(node / "index") not in ("", "0"):
             continue
         # .../video0/device is the USB interface; the device above it has the serial number.
@@ -92,7 +92,7 @@ def list_cameras(sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -
 def find_device(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -> str:
     """Path of the video node. Raises SourceError: does not exist, or may not be opened."""
     cameras = list_cameras(sys_root, dev_root)
-    if where.isdigit():
+    if where.isdecimal():
         path = str(dev_root / f"video{where}")
     elif where.startswith("/"):
         path = where

@@ -50,6 +50,7 @@ from edge.worker.messages import (  # noqa: E402
 )
 from edge.worker.params import PARAMS  # noqa: E402
 from edge.worker.shared_memory import Inbox, receive  # noqa: E402
+from hostlink.interrupt import ENDING  # noqa: E402
 from hostlink.web import CommandRefused  # noqa: E402
 
 log = logging.getLogger("edge.worker")
@@ -246,7 +247,7 @@ def step_back() -> None:
 
 def main() -> None:
     """Serve and record until the loop's process ends."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
     data, control, memory = (int(text) for text in sys.argv[1:4])
     inbox = Inbox(socket.socket(fileno=data), memory)

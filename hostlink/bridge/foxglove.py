@@ -6,8 +6,9 @@
     finger_1.rate_hz ..        parameters: what can be set, by the names of WIRE.md
 
 Rules
-- The protocol has no passwords: everybody who can reach the server may watch. Only on a loopback address may
-  viewers tare and set.
+- The protocol has no passwords: everybody who can reach the server may watch, also any page in a browser.
+- Viewers may tare and set only where the user allows it, on a loopback address; pages in a browser only if
+  the user named them (`front_door.py`).
 - A message is made only while somebody watches its topic, or a file is written.
 """
 
@@ -17,14 +18,15 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from hostlink.bridge.foxglove_camera import CameraChannels
+from hostlink.bridge.front_door import FrontDoor, hidden_address
 from hostlink.bridge.page_camera import PageAddress
-from hostlink.bridge.values import stamp_ns, tare
+from hostlink.bridge.values import TareDesk, stamp_ns
 from hostlink.errors import LinkError, UsageError
 from hostlink.events import Sample
 from hostlink.extras import require
@@ -40,6 +42,7 @@ from hostlink.topics import (
     tip_transforms,
 )
 from hostlink.web import Listen
+from hostlink.web.limits import SparseLog, WebLimits
 
 __all__ = ["LAYOUT", "PARAMETERS", "FoxgloveOutlet"]
 
@@ -57,37 +60,55 @@ _TRIGGERED = {"type": "object", "properties": {"success": {"type": "boolean"}, "
 class FoxgloveOutlet:
     """A server for viewers, and a recording where `record` names a file (which must not exist).
 
-    listen  address; on a loopback address viewers may tare and set
-    pages   live pages of fingers, for their cameras
-    Raises  UsageError: extra not installed, or the address is taken
+    listen   address
+    pages    live pages of fingers, for their cameras
+    control  origins of the pages that may tare and set, as this machine's programs then may; None: nobody
+    Raises   UsageError: extra not installed, the address is taken, or others could reach it with `control`
     """
 
-    def __init__(self, listen: Listen, record: Path | None = None, pages: Sequence[PageAddress] = ()) -> None:
+    def __init__(
+        self,
+        listen: Listen,
+        record: Path | None = None,
+        pages: Sequence[PageAddress] = (),
+        control: Collection[str] | None = None,
+    ) -> None:
         self._sdk = require("foxglove", EXTRA)
         self._channels = require("foxglove.channels", EXTRA)
         self._messages = require("foxglove.messages", EXTRA)
         websocket = require("foxglove.websocket", EXTRA)
+        require("aiohttp", EXTRA)
         self._context = self._sdk.Context()
         self._fingers: dict[str, Finger] = {}
         self._samples: dict[int, Any] = {}
         self._scenes: dict[int, Any] = {}
         self._cameras: list[CameraChannels] = []
-        self._control = listen.loopback
+        self._desks: list[TareDesk] = []
+        _quiet_sdk()
+        inner = hidden_address()
+        self._control = control is not None
+        if self._control and not (listen.loopback and inner != "127.0.0.1"):
+            raise UsageError(
+                f"--allow-control: {listen} is no place for it; give --listen 127.0.0.1, on Linux"
+            )
         listener = _Parameters(self._sdk, self._fingers) if self._control else _Listener()
         listener.cameras = self._cameras
         capabilities = [websocket.Capability.Parameters, websocket.Capability.Services]
+        self._behind = self._sdk.start_server(
+            name="voronoi-touch",
+            host=inner,
+            port=0,
+            capabilities=capabilities if self._control else [],
+            server_listener=listener,
+            supported_encodings=["json"],
+            context=self._context,
+        )
         try:
-            self.server = self._sdk.start_server(
-                name="voronoi-touch",
-                host=listen.host,
-                port=listen.port,
-                capabilities=capabilities if self._control else [],
-                server_listener=listener,
-                supported_encodings=["json"],
-                context=self._context,
-            )
-        except RuntimeError as error:
-            raise UsageError(f"--listen {listen}: {error}; give another port") from None
+            self.server = FrontDoor(listen, (inner, self._behind.port), control)
+        except OSError as error:
+            self._behind.stop()
+            why = error.strerror or error
+            raise UsageError(f"--listen {listen}: {why}; give another address or port") from None
         self._file = None if record is None else self._sdk.open_mcap(record, context=self._context)
         self._tf = self._channels.FrameTransformsChannel("/tf", context=self._context)
         self._diagnostics = self._json_channel("/diagnostics", DIAGNOSTICS)
@@ -111,7 +132,8 @@ class FoxgloveOutlet:
             f"/{name}/contacts", context=self._context
         )
         if self._control:
-            self.server.add_services([_tare_service(self._sdk, name, finger)])
+            self._desks.append(TareDesk(finger))
+            self._behind.add_services([_tare_service(self._sdk, name, self._desks[-1])])
 
     def publish(self, sample: Sample) -> None:
         """Publish it with the capture time of the image."""
@@ -136,7 +158,10 @@ class FoxgloveOutlet:
 
     def close(self) -> None:
         """End the server, and complete the file."""
-        self.server.stop()
+        self.server.close()
+        for desk in self._desks:
+            desk.close()
+        self._behind.stop()
         cameras, self._cameras[:] = list(self._cameras), []
         for camera in cameras:
             camera.close()
@@ -144,9 +169,9 @@ class FoxgloveOutlet:
             self._file.close()
 
 
-def _tare_service(sdk: Any, name: str, finger: Finger) -> Any:
+def _tare_service(sdk: Any, name: str, desk: TareDesk) -> Any:
     def answer(_: Any) -> bytes:
-        success, message = tare(finger)
+        success, message = desk.ask().result()
         return json.dumps({"success": success, "message": message}).encode()
 
     def schema(title: str, content: dict[str, Any]) -> Any:
@@ -159,6 +184,27 @@ def _tare_service(sdk: Any, name: str, finger: Finger) -> Any:
         response=schema("std_srvs/Trigger_Response", _TRIGGERED),
     )
     return sdk.Service(f"/{name}/tare", schema=kind, handler=answer)
+
+
+class _SparseHandler(logging.Handler):
+    """The SDK logs a line for each message of a viewer that it does not understand; one in ten seconds is
+    logged here.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._logs: dict[str, SparseLog] = {}
+
+    def emit(self, record: logging.LogRecord) -> None:
+        sparse = self._logs.setdefault(record.name, SparseLog(log, WebLimits().log_s))
+        sparse.write(f"{record.name}: {record.getMessage()[:200]!a}", level=record.levelno)
+
+
+def _quiet_sdk() -> None:
+    """Limit the lines of the SDK's own log."""
+    sdk = logging.getLogger("foxglove")
+    sdk.propagate = False
+    sdk.handlers[:] = [_SparseHandler()]
 
 
 class _Listener:
@@ -183,20 +229,26 @@ class _Parameters(_Listener):
         super().__init__()
         self._sdk, self._fingers = sdk, fingers
         self._asking = threading.Lock()
+        self._failures = SparseLog(log, WebLimits().log_s)
 
     def on_get_parameters(self, _client: Any, names: Sequence[str], _request_id: Any = None) -> list[Any]:
         wanted = names or [f"{name}.{key}" for name in list(self._fingers) for key in PARAMETERS]
         with self._asking:
-            return [p for p in map(self._read, wanted) if p is not None]
+            return self._read_all(wanted)
 
     def on_set_parameters(
         self, _client: Any, parameters: Sequence[Any], _request_id: Any = None
     ) -> list[Any]:
         """The values afterwards; a refused one is unchanged."""
         with self._asking:
-            for parameter in parameters:
-                self._write(parameter.name, parameter.get_value())
-            return [p for p in (self._read(parameter.name) for parameter in parameters) if p is not None]
+            wanted = {parameter.name: parameter for parameter in parameters}
+            for name, parameter in wanted.items():
+                self._write(name, parameter.get_value())
+            return self._read_all(wanted)
+
+    def _read_all(self, names: Iterable[str]) -> list[Any]:
+        """Each once, however often it is named: each asks a finger."""
+        return [p for p in map(self._read, dict.fromkeys(names)) if p is not None]
 
     def _finger(self, name: str) -> tuple[Finger | None, str]:
         finger, _, key = name.partition(".")
@@ -209,7 +261,7 @@ class _Parameters(_Listener):
         try:
             value = finger.get(key)
         except LinkError as error:
-            log.warning("%s cannot be read: %s", name, error)
+            self._failures.write(f"{name} cannot be read: {error}")
             return None
         return self._sdk.Parameter(name, value=value)
 
@@ -220,4 +272,4 @@ class _Parameters(_Listener):
         try:
             finger.set(key, value)
         except LinkError as error:
-            log.warning("%s = %r: %s", name, value, error)
+            self._failures.write(f"{name} = {value!a:.80}: {error}")

@@ -26,6 +26,7 @@ from urllib.parse import parse_qs, urlsplit
 from hostlink.errors import UsageError
 from hostlink.extras import require
 from hostlink.web import TOKEN_VARIABLE, unpack_packet
+from hostlink.web.limits import SparseLog, WebLimits
 from hostlink.wire.canid import NODES_MAX
 
 __all__ = ["PageAddress", "PageCamera", "Picture", "parse_page"]
@@ -83,12 +84,14 @@ class Picture:
     """
 
     def __init__(self, header: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
-        """Raises LookupError, TypeError, ValueError: header and arrays are not those of a page's image."""
+        """Raises LookupError, TypeError, ValueError, ArithmeticError: these are not a page's image."""
         self._arrays = arrays
         self.capture_us = int(header["capture_us"])
         self.jpeg: bytes = arrays["image"]
         (shown_x, shown_y), (x, y) = header["image_px"], header["size_px"]
         self._scale = shown_x / x, shown_y / y
+        if not all(map(isfinite, self._scale)):
+            raise ValueError("an image of no size")
 
     def pins(self) -> list[Place]:
         """Places of the pins seen, px of `jpeg` from the corner of its first pixel."""
@@ -127,6 +130,7 @@ class PageCamera:
         self._socket: Any = None
         self._following: asyncio.Task[None] | None = None
         self._reported = ""
+        self._failures = SparseLog(log, WebLimits().log_s)
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="page camera", daemon=True)
         self._thread.start()
@@ -161,18 +165,18 @@ class PageCamera:
                 why = await self._visit()
             except (self._aiohttp.ClientError, OSError, TimeoutError) as error:
                 why = str(error) or type(error).__name__
-            except (ValueError, LookupError, TypeError) as error:
+            except Exception as error:  # whatever a page sends, the camera comes back
                 log.debug("a message of the page", exc_info=error)
                 why = "not the page of a finger; give the address that `voronoi-touch-edge run --view` prints"
             if why != self._reported:
                 self._reported = why
-                log.warning("--view %s: %s; trying again", self._address.url, why)
+                self._failures.write(f"--view {self._address.url}: {why}; trying again")
             await asyncio.sleep(RETRY_S)
 
     async def _visit(self) -> str:
         """Read the page until it ends; returns why.
 
-        Raises  ValueError, LookupError, TypeError: another page; errors of the network
+        Raises  errors of the network, or any other: it is another page
         """
         binary, text = self._aiohttp.WSMsgType.BINARY, self._aiohttp.WSMsgType.TEXT
         async with (

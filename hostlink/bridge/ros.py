@@ -25,13 +25,14 @@ import struct
 import threading
 import time
 from collections.abc import Sequence
+from concurrent.futures import Future
 from hashlib import blake2b
 from itertools import count
 from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any, Final
 
-from hostlink.bridge.values import stamp_ns, tare
+from hostlink.bridge.values import TareDesk, stamp_ns
 from hostlink.errors import LinkTimeout, UsageError
 from hostlink.events import Sample
 from hostlink.extras import require
@@ -141,6 +142,7 @@ class RosOutlet:
         self._tokens = [declare(f"{self._token_head}/0/NN/{self._token_tail}")]
         self._topics: dict[str, _Topic] = {}
         self._services: list[Any] = []
+        self._desks: list[TareDesk] = []
         self._declare(DIAGNOSTICS, "/diagnostics")
         self._fields = [
             self._types.make(
@@ -194,28 +196,15 @@ class RosOutlet:
             self._declare(kind, f"/{name}/{topic}")
         service = f"{self._namespace}/{name}/tare"
         self._declare_token("SS", TRIGGER, service)
+        desk = TareDesk(finger)
+        self._desks.append(desk)
         self._services.append(
             self._session.declare_queryable(
-                self._key(TRIGGER, service), lambda query: self._answer(finger, query), complete=True
+                self._key(TRIGGER, service),
+                lambda query: desk.ask().add_done_callback(lambda done: _answer(query, done)),
+                complete=True,
             )
         )
-
-    def _answer(self, finger: Finger, query: Any) -> None:
-        """A request for a rest frame; it takes longer than the session's thread may be held."""
-
-        def work() -> None:
-            success, message = tare(finger)
-            with query:
-                asked = bytes(query.attachment or b"")
-                known = len(asked) == _ATTACHMENT.size
-                number, _, size, client = _ATTACHMENT.unpack(asked) if known else (0, 0, 16, bytes(16))
-                query.reply(
-                    query.key_expr,
-                    _triggered(success, message),
-                    attachment=_ATTACHMENT.pack(number, time.time_ns(), size, client),
-                )
-
-        threading.Thread(target=work, daemon=True).start()
 
     def publish(self, sample: Sample) -> None:
         """Stamped with when the image was taken; only what somebody subscribes to is made."""
@@ -284,6 +273,8 @@ class RosOutlet:
 
     def close(self) -> None:
         """Take the node from the graph."""
+        for desk in self._desks:
+            desk.close()
         self._session.close()
 
 
@@ -302,6 +293,21 @@ class _Topic:
     def put(self, payload: bytes) -> None:
         attachment = _ATTACHMENT.pack(next(self._numbers), time.time_ns(), len(self._sender), self._sender)
         self._publisher.put(payload, attachment=attachment)
+
+
+def _answer(query: Any, outcome: Future[tuple[bool, str]]) -> None:
+    """Reply to a request for a rest frame; one that was given up with the bridge has no reply."""
+    with query:
+        if outcome.cancelled():
+            return
+        asked = bytes(query.attachment or b"")
+        known = len(asked) == _ATTACHMENT.size
+        number, _, size, client = _ATTACHMENT.unpack(asked) if known else (0, 0, 16, bytes(16))
+        query.reply(
+            query.key_expr,
+            _triggered(*outcome.result()),
+            attachment=_ATTACHMENT.pack(number, time.time_ns(), size, client),
+        )
 
 
 def _mangled(name: str) -> str:

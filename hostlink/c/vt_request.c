@@ -63,6 +63,9 @@ void vt_request_sdo(const vt_request_t *request, uint8_t data[8])
     put(data, (request->size == 0u) ? SDO_READ : (SDO_WRITE | (unused << 2)), 1u);
     put_object(&data[1], request->object);
     put(&data[4], (request->size == 0u) ? 0u : request->value, VALUE_MAX);
+    if ((request->size > 0u) && (request->size < VALUE_MAX)) {
+        data[SDO_SIZE - 1u] = request->number; /* behind the value, in bytes that hold no data */
+    }
 }
 
 bool vt_answer_sdo(vt_answer_t *answer, const uint8_t *data, size_t size)
@@ -125,6 +128,7 @@ static void ask(vt_tare_t *tare, uint8_t step, uint32_t object)
 void vt_tare_begin(vt_tare_t *tare, bool force)
 {
     ask(tare, STEP_WRITE, VT_OBJECT_TARE);
+    tare->request.number = (tare->request.number < UINT8_MAX) ? (uint8_t)(tare->request.number + 1u) : 1u;
     tare->request.size = 1u;
     tare->request.value = 1u;
     if (force) {

@@ -34,6 +34,8 @@ typedef struct {
     uint32_t object; /* VT_OBJECT_...: index << 8 | sub-index */
     uint8_t size;    /* bytes to write, 1..4; 0: read */
     uint32_t value;
+    uint8_t number;  /* SDO: of a write of 1 to 3 bytes, another one each time, not 0. By it a node tells the same
+                      * request sent again from a new one, and does it once. On a serial line the counter serves. */
 } vt_request_t;
 
 typedef struct {

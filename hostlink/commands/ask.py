@@ -118,7 +118,7 @@ def set_object(address: str, name: str, value: str, finger: int | None) -> None:
     try:
         number = float(value) if obj.type == "real32" else int(value, 0)
     except ValueError:
-        raise UsageError(f"{name} takes {_range_of(obj)}, not {value!r}") from None
+        raise UsageError(f"{name} takes {_range_of(obj)}, not {value!r:.40}") from None
     try:
         pack_value(obj, number)
     except ValueError as error:  # before a bus is opened for it

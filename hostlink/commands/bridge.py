@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
 
 import click
 
+from hostlink.bridge.front_door import normal_origin
 from hostlink.bridge.page_camera import PageAddress, parse_page
 from hostlink.bridge.run import Bridge, Outlet
 from hostlink.cli_types import WholeNumber, seconds_option
@@ -26,7 +26,19 @@ from hostlink.web import Listen, WebError, parse_listen
     default="127.0.0.1:8765",
     show_default=True,
     metavar="HOST:PORT",
-    help="With --foxglove: where. Viewers may tare and set on a loopback address alone.",
+    help="With --foxglove: where. Whoever can reach it may look.",
+)
+@click.option(
+    "--allow-control",
+    is_flag=True,
+    help="With --foxglove: let viewers on this machine tare and set; pages in a browser only with --origin.",
+)
+@click.option(
+    "--origin",
+    "origins",
+    multiple=True,
+    metavar="SCHEME://HOST[:PORT]",
+    help="With --allow-control: a viewer's page that may do so too, e.g. http://localhost:8080; repeatable.",
 )
 @click.option(
     "--record", type=click.Path(path_type=Path), help="With --foxglove: the same topics into this .mcap file."
@@ -56,6 +68,8 @@ def bridge(
     address: str,
     foxglove: bool,
     listen: str,
+    allow_control: bool,
+    origins: tuple[str, ...],
     record: Path | None,
     pages: tuple[str, ...],
     overwrite: bool,
@@ -70,31 +84,31 @@ def bridge(
         raise UsageError("bridge: where to? give --foxglove, --ros DISTRIBUTION or both")
     if record is not None and not foxglove:
         raise UsageError("--record: the topics of --foxglove are what is recorded; give it too")
+    if (allow_control or origins) and not (foxglove and allow_control):
+        raise UsageError(
+            "--allow-control, --origin: give --foxglove --allow-control, and --origin if you need it"
+        )
     if pages and not foxglove:
         raise UsageError("--view: cameras are shown by --foxglove; give it too")
     path = None if record is None else check_output(record, (".mcap",), overwrite=overwrite)
     where, cameras = _listen(listen), _cameras(pages)
-    # `timeout` and systemd end a program with SIGTERM: as with Ctrl-C, the recording up to then is kept.
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with ExitStack() as stack:
-            # First, so that a wrong address is reported at once: a router may take its time.
-            hand = stack.enter_context(connect(address))
-            file = stack.enter_context(nullcontext() if path is None else writing(path, overwrite))
-            outlets: list[Outlet] = []
-            if foxglove:
-                outlets.append(_foxglove(where, file, cameras))
-                stack.callback(outlets[-1].close)
-            if ros is not None:
-                outlets.append(_ros(ros, router, domain, namespace, seconds))
-                stack.callback(outlets[-1].close)
-            carrier = Bridge(hand, outlets)
-            try:
-                carrier.run(seconds)
-            except KeyboardInterrupt:  # the normal end
-                click.echo("", err=True)
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    control = {normal_origin(text) for text in origins} if allow_control else None
+    with ExitStack() as stack:
+        # First, so that a wrong address is reported at once: a router may take its time.
+        hand = stack.enter_context(connect(address))
+        file = stack.enter_context(nullcontext() if path is None else writing(path, overwrite))
+        outlets: list[Outlet] = []
+        if foxglove:
+            outlets.append(_foxglove(where, file, cameras, control))
+            stack.callback(outlets[-1].close)
+        if ros is not None:
+            outlets.append(_ros(ros, router, domain, namespace, seconds))
+            stack.callback(outlets[-1].close)
+        carrier = Bridge(hand, outlets)
+        try:
+            carrier.run(seconds)
+        except KeyboardInterrupt:  # the normal end
+            click.echo("", err=True)
     if carrier.left_out_n:
         click.echo(f"{carrier.left_out_n} samples left out: slower than the fingers", err=True)
 
@@ -115,12 +129,14 @@ def _cameras(pages: Sequence[str]) -> list[PageAddress]:
     return cameras
 
 
-def _foxglove(listen: Listen, file: Path | None, cameras: Sequence[PageAddress]) -> Outlet:
+def _foxglove(
+    listen: Listen, file: Path | None, cameras: Sequence[PageAddress], control: Collection[str] | None
+) -> Outlet:
     from hostlink.bridge.foxglove import LAYOUT, FoxgloveOutlet
 
     if file is not None:
         file.unlink()  # an empty one made by `writing`; the SDK creates its own
-    outlet = FoxgloveOutlet(listen, file, cameras)
+    outlet = FoxgloveOutlet(listen, file, cameras, control)
     click.echo(f"foxglove: {outlet.url}; layout to import: {LAYOUT}", err=True)
     return outlet
 

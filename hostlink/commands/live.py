@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 import logging
 import queue
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import asdict
 from itertools import chain
 from math import isnan
@@ -18,11 +17,12 @@ from typing import Any
 
 import click
 
-from hostlink.cli_types import WholeNumber, counted, seconds_option
+from hostlink.cli_types import WholeNumber, channel_option, counted, seconds_option
 from hostlink.client import Connection, connect
 from hostlink.commands.monitor import Board, line, screen
 from hostlink.decoder import SERIAL_NODE, CanDecoder, Event, Sample, SerialDecoder
 from hostlink.errors import ConnectError, LinkTimeout, LogError, UsageError, VersionMismatch
+from hostlink.interrupt import calling_on_signals
 from hostlink.output_file import WriteError, check_output, writing
 from hostlink.recording import (
     CAN_SUFFIXES,
@@ -102,11 +102,9 @@ def record(address: str, file: Path, seconds: float | None, overwrite: bool) -> 
     """
     place = parse_address(address)
     suffixes = CAN_SUFFIXES if place.is_can else (SERIAL_SUFFIX,)
-    if check_suffix(file).suffix.lower() not in suffixes:
+    if check_suffix(file, (*CAN_SUFFIXES, SERIAL_SUFFIX)).suffix.lower() not in suffixes:
         raise ConnectError(f"{file}: a bus is recorded as .log or .blf, a serial line as .serial")
     path = check_output(file, suffixes, overwrite=overwrite)
-    # `timeout` and systemd end a program with SIGTERM: as with Ctrl-C, the recording up to then is kept.
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with connect(address) as hand, writing(path, overwrite, keep_partial=True) as unfinished:
             written_n, samples_n = _record(hand, unfinished, seconds)
@@ -116,8 +114,6 @@ def record(address: str, file: Path, seconds: float | None, overwrite: bool) -> 
     except LogError as error:  # it names the temporary file, which the user does not know
         why = message_of(error.__cause__ or error)
         raise WriteError(f"{path}: cannot be written: {why}; the recording ends there") from None
-    finally:
-        signal.signal(signal.SIGTERM, before)
     what = "frame" if place.is_can else "chunk"
     click.echo(f"{path}: {counted(written_n, what)}, {counted(samples_n, 'sample')}", err=True)
 
@@ -133,7 +129,7 @@ def _record(hand: Connection, path: Path, seconds: float | None) -> tuple[int, i
     written_n = samples_n = 0
     # A signal is one more thing that arrives: as an exception it could cut off what is being written.
     with (
-        _calling_on_signals(lambda: arrived.put(None)),
+        calling_on_signals(lambda: arrived.put(None)),
         LogWriter(path) if is_can else SerialWriter(path, node) as writer,
     ):
         # Wall clock: logs are compared with other logs.
@@ -152,18 +148,6 @@ def _record(hand: Connection, path: Path, seconds: float | None) -> tuple[int, i
             written_n += 1
             samples_n += sum(isinstance(event, Sample) for event in events)
     return written_n, samples_n
-
-
-@contextmanager
-def _calling_on_signals(end: Callable[[], None]) -> Iterator[None]:
-    """Ctrl-C and SIGTERM call `end`, in the main thread, instead of raising KeyboardInterrupt."""
-    active = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) != signal.SIG_IGN]
-    before = {number: signal.signal(number, lambda *_: end()) for number in active}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _until_ended(
@@ -195,6 +179,7 @@ def _until_ended(
 )
 @click.option("--overwrite", is_flag=True, help="Replace that file if it exists.")
 @click.option("--finger", type=WholeNumber(1, 127), help="Only this finger.")
+@channel_option
 @click.option("--summary", is_flag=True, help="Counts of each finger on stderr at the end.")
 def decode(
     file: Path,
@@ -203,16 +188,15 @@ def decode(
     parquet_file: Path | None,
     overwrite: bool,
     finger: int | None,
+    channel: str | None,
     summary: bool,
 ) -> None:
-    """Print the samples in FILE (.log, .blf, .serial), one line each, or write them as a table."""
+    """Print the samples in FILE (.log, .blf, .asc, .serial), one line each, or write them as a table."""
     if csv_file is not None and parquet_file is not None:
         raise UsageError("--csv and --parquet: give one of them")
     decoder = decoder_for(file)
     samples = (
-        event
-        for event in decode_recording(file, decoder)
-        if isinstance(event, Sample) and finger in (None, event.finger)
+        event for event in decode_recording(file, decoder, channel, finger) if isinstance(event, Sample)
     )
     shown_n = 0
     if csv_file is not None:
@@ -274,7 +258,11 @@ def _damaged_n(decoder: CanDecoder | SerialDecoder) -> int:
 
 def _json(event: Sample) -> str:
     """One sample as a JSON object; NaN is null, status bits are names."""
-    values: dict[str, Any] = {"finger": event.node, "arrival_s": event.arrival_s, "lost_n": event.lost_n}
+    values: dict[str, Any] = {
+        "finger": event.node,
+        "arrival_s": _plain(event.arrival_s),
+        "lost_n": event.lost_n,
+    }
     for name, value in asdict(event.state).items():
         values[name] = _plain(value)
     values["status"] = [bit.name for bit in Status if bit in event.state.status]

@@ -1,7 +1,7 @@
 """`python -m hostlink plot`: a recording's values over time, as a picture for print.
 
 Rules
-- A recording of the bus (.log, .blf), of a line (.serial) or with Foxglove's topics (.mcap,
+- A recording of the bus (.log, .blf, .asc), of a line (.serial) or with Foxglove's topics (.mcap,
   `/finger_1/sample`) gives the same picture, because it holds the same samples.
 - One panel a quantity with its unit, one line a finger; an unknown value leaves a gap, a known one between
   two gaps is a dot, and a quantity that is never known has no panel.
@@ -22,12 +22,13 @@ from typing import Any
 
 import click
 
-from hostlink.cli_types import WholeNumber, counted
+from hostlink.cli_types import WholeNumber, channel_option, counted
 from hostlink.decoder import Sample
 from hostlink.errors import LogError, UsageError
+from hostlink.input_file import open_input
 from hostlink.mcap_chunk import UNPACKED_MAX, unpack_chunk
 from hostlink.output_file import check_output, writing
-from hostlink.recording import CAN_SUFFIXES, SERIAL_SUFFIX, check_suffix, decode_recording
+from hostlink.recording import READ_SUFFIXES, check_suffix, decode_recording
 
 __all__ = ["PANELS", "Series", "draw", "plot", "read_series"]
 
@@ -116,34 +117,37 @@ class Series:
         return not all(isnan(value) for value in self.values[name])
 
 
-def read_series(path: Path) -> dict[int, Series]:
+def read_series(path: Path, channel: str | None = None) -> dict[int, Series]:
     """Each finger's samples in a recording.
 
-    Raises  LogError: unreadable, unknown format, or without samples
+    Raises  LogError: unreadable, unknown format, or without samples; UsageError: a channel must be chosen
     """
     series: dict[int, Series] = {}
     start_us: dict[int, int] = {}
     first_s: float | None = None
-    for node, arrival_s, capture_us, values in _samples(path):
+    for node, arrival_s, capture_us, values in _samples(path, channel):
         if node not in series:
-            # Fingers have separate clocks; they are aligned by the arrival of their first samples.
+            # Fingers have separate clocks; they are aligned by the arrival of their first samples, if known.
             first_s = arrival_s if first_s is None else first_s
-            series[node], start_us[node] = Series(), capture_us - round((arrival_s - first_s) * 1e6)
+            later_us = 0 if isnan(arrival_s) else round((arrival_s - first_s) * 1e6)
+            series[node], start_us[node] = Series(), capture_us - later_us
         series[node].add(capture_us, start_us[node], values)
     if not series:
         raise LogError(f"{path}: holds no samples of a fingertip; {_WITH_SAMPLES}")
     return series
 
 
-def _samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]]:
+def _samples(path: Path, channel: str | None) -> Iterator[tuple[int, float, int, dict[str, Any]]]:
     """(finger, arrival s, capture us, values by field)."""
     if path.suffix.lower() == MCAP_SUFFIX:
+        if channel is not None:
+            raise UsageError(f"{path}: has no channels; leave --channel out")
         yield from _mcap_samples(path)
         return
-    check_suffix(path, (*CAN_SUFFIXES, SERIAL_SUFFIX, MCAP_SUFFIX))
+    check_suffix(path, (*READ_SUFFIXES, MCAP_SUFFIX))
     samples_n = 0
     try:
-        for event in decode_recording(path):
+        for event in decode_recording(path, channel=channel):
             if isinstance(event, Sample):
                 values = {name: getattr(event.state, name) for name in _COLUMNS}
                 samples_n += 1
@@ -165,7 +169,7 @@ def _mcap_samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]
     broken = (McapError, ZstdError, struct.error, RuntimeError, LookupError, OverflowError, MemoryError)
     samples_n = 0
     try:
-        with path.open("rb") as file:
+        with open_input(path) as file:
             # In the file's order, without its index: a truncated file has none.
             reader = StreamReader(file, emit_chunks=True, record_size_limit=UNPACKED_MAX)
             channels: dict[int, int] = {}
@@ -293,16 +297,23 @@ def _list(numbers: Iterable[int]) -> str:
 @click.option(
     "--finger", "fingers", type=WholeNumber(1, 127), multiple=True, help="Only this one; may be given again."
 )
+@channel_option
 @click.option("--json", "as_json", is_flag=True, help="Say what was drawn as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing.")
 def plot(
-    file: Path, out: Path | None, overwrite: bool, fingers: Sequence[int], as_json: bool, quiet: bool
+    file: Path,
+    out: Path | None,
+    overwrite: bool,
+    fingers: Sequence[int],
+    channel: str | None,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     """Draw what FILE holds over time.
 
-    FILE is a recording of a bus (.log, .blf), of a serial line (.serial) or of the edge (.mcap).
+    FILE is a recording of a bus (.log, .blf, .asc), of a serial line (.serial) or of the edge (.mcap).
     """
-    series = _only(read_series(file), fingers, file)
+    series = _only(read_series(file, channel), fingers, file)
     out = check_output(out or file.with_suffix(".png"), PICTURES, inputs=(file,), overwrite=overwrite)
     with writing(out, overwrite) as unfinished:
         panels = draw(series, unfinished, file.name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from pathlib import Path
 
@@ -68,7 +69,7 @@ def view(
 def _nodes(hand: str) -> list[int]:
     """The numbers, each one of a node and named once. Raises UsageError."""
     numbers = hand.split(",")
-    if not all(number.strip().isdecimal() and 1 <= int(number) <= 127 for number in numbers):
+    if not all(re.fullmatch(r"\s*\d{1,9}\s*", number) and 1 <= int(number) <= 127 for number in numbers):
         raise UsageError(f"--hand {hand}: give node numbers from 1 to 127, e.g. 1,2,3,4,5")
     nodes = [int(number) for number in numbers]
     twice = [node for node in nodes if nodes.count(node) > 1]

@@ -99,10 +99,10 @@ class HandView:
         if now_s - self._updated_s >= UPDATE_S:
             self._updated_s = now_s
             self._update()
-        newest_s = max((series[-1][0] for series in list(self._series.values())), default=now_s)
+        newest = [f.newest for f in self._connection.fingers.values() if f.newest is not None]
         header: dict[str, Any] = {
             "now_s": now_s,
-            "age_s": now_s - newest_s,
+            "age_s": min((sample.age_s for sample in newest), default=0.0),
             "rate_hz": sum(row.rate_hz for row in self._rows.values()),
             "faults": [] if self._connection.up else ["the link is down; it comes back by itself"],
             "fingers": [],

@@ -13,6 +13,9 @@ import os
 import socket
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import urlsplit
+
+from hostlink.input_file import open_input
 
 __all__ = ["DEFAULT", "TOKEN_VARIABLE", "Listen", "WebError", "find_token", "parse_listen"]
 
@@ -20,7 +23,7 @@ DEFAULT = "127.0.0.1:8765"
 PORT = 8765
 TOKEN_MIN = 8  # characters; generated ones have 22
 TOKEN_VARIABLE = "VORONOI_TOUCH_VIEW_TOKEN"
-_FILE_MAX = 1024  # characters of a token's file that are read
+_FILE_MAX = 1024  # bytes of a token's file that are read
 
 
 class WebError(ValueError):
@@ -55,6 +58,14 @@ def is_loopback(host: str) -> bool:
         return False
 
 
+def is_own_host(host: str) -> bool:
+    """Whether a request's `Host` is this machine's own name, and no other that leads here (DNS rebinding)."""
+    try:
+        return is_loopback(urlsplit(f"//{host}").hostname or "")
+    except ValueError:
+        return False
+
+
 def find_token(given: str | None, path: Path | None, option: str) -> str | None:
     """The token: given, in a file, or in the environment; a command line is seen by all users of a machine.
 
@@ -67,11 +78,13 @@ def find_token(given: str | None, path: Path | None, option: str) -> str | None:
     if given is not None:
         raise WebError(f"{option}: the token is given twice; give it once")
     try:
-        with path.open(encoding="utf-8") as file:
-            token = file.readline(_FILE_MAX).strip()
+        with open_input(path) as file:
+            token = file.readline(_FILE_MAX).decode().strip()
     except (OSError, UnicodeDecodeError) as error:
         why = error.strerror if isinstance(error, OSError) else "not text"
         raise WebError(f"{option} {path}: {why}; give a file whose first line is the token") from None
+    if not token.isprintable():
+        raise WebError(f"{option} {path}: not text; give a file whose first line is the token")
     if not token:
         raise WebError(f"{option} {path}: its first line is empty; write the token there")
     return token
@@ -108,7 +121,7 @@ def _check_host(text: str, host: str) -> None:
 
 
 def _split(text: str) -> tuple[str, int]:
-    if text.isdigit():
+    if text.isdecimal():
         host, port_text = "", text
     elif text.startswith("["):
         host, _, port_text = text[1:].partition("]")
@@ -118,6 +131,6 @@ def _split(text: str) -> tuple[str, int]:
     else:
         host, _, port_text = text.partition(":")
     port_text = port_text or str(PORT)
-    if not port_text.isdigit() or int(port_text) > 65535:
+    if not port_text.isdecimal() or len(port_text) > 5 or int(port_text) > 65535:
         raise WebError(f"{text}: {port_text!r} is no port; give HOST:PORT, e.g. {DEFAULT}")
     return host or "127.0.0.1", int(port_text)

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from hostlink.web.limits import SparseLog, WebLimits
-from hostlink.web.listen import Listen, WebError
+from hostlink.web.listen import Listen, WebError, is_own_host
 from hostlink.web.packet import plain
 from hostlink.web.viewer import Viewer, parse_message, wishes_in
 
@@ -202,7 +202,7 @@ class PageServer:
         from aiohttp import web
 
         origin = request.headers.get("Origin")
-        if self.listen.loopback and _host(request.host) not in ("localhost", "127.0.0.1", "::1"):
+        if self.listen.loopback and not is_own_host(request.host):
             return web.Response(status=403, text="this page is served to this machine only")
         if origin is not None and _place(origin) != request.host:
             return web.Response(status=403, text="this is not your page")
@@ -399,14 +399,6 @@ class PageServer:
         if wants != self._wanted:
             self._wanted = wants
             self._on_wants(wants)
-
-
-def _host(host: str) -> str:
-    """Host without its port; "" if it is not valid."""
-    try:
-        return urlsplit(f"//{host}").hostname or ""
-    except ValueError:
-        return ""
 
 
 def _place(origin: str) -> str:

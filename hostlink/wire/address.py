@@ -48,6 +48,7 @@ _RANGES: dict[str, tuple[int, int]] = {
     "port": (1, 65_535),
     "ttl": (0, 255),
 }
+_DIGITS_MAX = 9
 DEFAULT_BAUD = 921_600  # a 64-byte frame at 240 Hz takes a fifth of it
 DEFAULT_UDP_PORT = 43_113  # python-can's own
 NOMINAL_DEFAULT = 1_000_000  # CiA 601-3: 1 and 5 Mbit/s
@@ -171,7 +172,7 @@ def _read_options(text: str, scheme: str, query: str) -> dict[str, Any]:
             options[name] = value
             continue
         low, high = _RANGES[name]
-        if not value.isdecimal() or not low <= int(value) <= high:
-            raise AddressError(f"{text!r}: {name} must be a whole number in {low}..{high}, not {value!r}")
+        if not value.isdecimal() or len(value) > _DIGITS_MAX or not low <= int(value) <= high:
+            raise AddressError(f"{text!r}: {name} must be a whole number in {low}..{high}, not {value!r:.40}")
         options[name] = int(value)
     return options

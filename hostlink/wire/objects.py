@@ -1,7 +1,7 @@
 """The object table: what can be read and set on a node, over SDO and over serial alike.
 
-The node implements it, the EDS and the documentation are generated from it, `canopen` and the serial
-requests use it. Values: little-endian, as in CiA 301; `pack_value` / `unpack_value`.
+The node implements it, the EDS and the documentation are generated from it, the host reads and writes by
+it. Values: little-endian, as in CiA 301; `pack_value` / `unpack_value`.
 
 Rules
 - 0x1000..0x1FFF are CiA 301's, 0x2000..0x2FFF ours.
@@ -17,6 +17,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
+from math import isfinite
 from typing import Final
 
 from hostlink.wire.errors import CorruptFrame
@@ -42,6 +43,7 @@ __all__ = [
 ]
 
 Value = int | float | str | bytes
+_BITS_MAX: Final = 128  # of an integer; a real32 ends below that
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +108,7 @@ class Abort:
     NOT_NOW = 0x08000022
     NO_DATA = 0x08000024
     TIMEOUT = 0x05040000
+    COMMAND = 0x05040001
     TOGGLE = 0x05030000
 
 
@@ -125,6 +128,7 @@ ABORTS: Final = {
     Abort.NOT_NOW: "not in the present state of the device (a tare needs an untouched tip, or force)",
     Abort.NO_DATA: "no data available",
     Abort.TIMEOUT: "the node did not answer in time",
+    Abort.COMMAND: "no such command: block transfer is not offered",
     Abort.TOGGLE: "segments out of step",
 }
 
@@ -333,18 +337,24 @@ def pack_value(obj: Object, value: Value) -> bytes:
         if not isinstance(value, str):
             raise TypeError(f"{obj.name}: text expected, not {type(value).__name__}")
         return value.encode("utf-8")
-    if not isinstance(value, int | float) or (obj.type != "real32" and value != int(value)):
-        raise TypeError(f"{obj.name}: a number ({obj.type}) expected, not {value!r}")
+    if not isinstance(value, int | float) or (isinstance(value, bool) and obj.type != "boolean"):
+        raise TypeError(f"{obj.name}: a number ({obj.type}) expected, not {value!a:.40}")
+    if isinstance(value, int) and value.bit_length() > _BITS_MAX:  # too long to be printed
+        raise ValueError(f"{obj.name}: a number ({obj.type}) expected, not one of {value.bit_length()} bits")
+    if obj.type != "real32" and not isfinite(value):
+        raise ValueError(f"{obj.name}: a whole number ({obj.type}) expected, not {value}")
+    if obj.type != "real32" and value != int(value):
+        raise TypeError(f"{obj.name}: a whole number ({obj.type}) expected, not {value}")
     if obj.low is not None and obj.high is not None and not obj.low <= value <= obj.high:
         raise ValueError(f"{obj.name} = {_text(obj, value)}: give {_range(obj.low, obj.high, obj)}")
     try:
         return struct.pack("<" + TYPES[obj.type][1], value if obj.type == "real32" else int(value))
-    except struct.error as error:
+    except (struct.error, OverflowError) as error:
         raise ValueError(f"{obj.name} {value!r}: {error}") from None
 
 
 def _text(obj: Object, value: float) -> str:
-    number = f"{value:g}" if obj.type == "real32" else str(int(value))
+    number = f"{value:g}" if obj.type == "real32" or isinstance(value, float) else str(value)
     return f"{number} {obj.unit}".rstrip()
 
 

@@ -13,7 +13,7 @@ from typing import Final
 
 from hostlink.wire.address import Address
 
-__all__ = ["cannot_open", "is_junk", "message_of"]
+__all__ = ["cannot_open", "message_of"]
 
 _ARPHRD_CAN: Final = "280"  # linux/if_arp.h
 _TAKEN: Final = frozenset({errno.EBUSY, errno.EAGAIN})
@@ -88,15 +88,3 @@ def _is_can(path: Path) -> bool:
         return path.read_text().strip() == _ARPHRD_CAN
     except OSError:  # gone meanwhile
         return False
-
-
-def is_junk(error: BaseException) -> bool:
-    """A datagram that is no CAN frame (`udp:`), as python-can reports it.
-
-    Caused by its sender, and no reason to reopen the bus: a bus that failed has an OSError as its cause, or
-    none.
-    """
-    cause = error.__cause__
-    return (
-        type(error).__name__ == "CanOperationError" and cause is not None and not isinstance(cause, OSError)
-    )

@@ -16,7 +16,6 @@ from hostlink.command_group import CommandGroup, CommandRow
 
 COMMANDS = {
     "accuracy": "Time of a frame against its error, for every kind of model.",
-    "axes": "Errors on the published recordings, with eight forms of the rig's axes.",
     "bridge": "Fingers through the ROS 2 bridge to a peer: losses and latency.",
     "carry_over": "Another tip with few frames: alone, and with a first tip's calibration.",
     "contacts": "Contacts on a second, independent simulator, against their bounds.",
@@ -36,7 +35,6 @@ COMMANDS = {
     "step": "Instructions, misses and calls of one step, from the image to the CAN FD frame.",
     "videos": "Identities held and contacts found in the published videos.",
     "viewers": "Viewers of the live page: what they cost the loop.",
-    "wire": "Coding of frames: processor time of one.",
 }
 DEFAULT = "speed"
 HELP = ("-h", "--help")

@@ -5,8 +5,7 @@ callgrind counts (Debian package valgrind), on request with the caches of a smal
 
 Rules
 - The program gets a short environment, always the same: places in memory, and so misses, depend on it.
-- BLAS and OpenCV, which only a start uses, compute without fused multiply-add: valgrind needs a hundred times
-  as long for it.
+- BLAS, which only a start uses, computes without fused multiply-add, for which valgrind takes long.
 - A function belongs to the library that holds it: C that is inlined into a kernel has no name of ours.
 """
 
@@ -16,15 +15,18 @@ import collections
 import os
 import platform
 import re
+import shutil
 import subprocess
 import sys
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from edge.errors import EdgeError
 from tests.bench.output import ROOT
 
-__all__ = ["ENVIRONMENT", "Counts", "counted", "name_of", "of_callgrind"]
+__all__ = ["ENVIRONMENT", "Counts", "NoCounter", "counted", "name_of", "of_callgrind"]
 
 #: First-level instruction and data caches and the last level of a small board: bytes, ways, bytes of a line.
 CACHES = ("--cache-sim=yes", "--I1=49152,12,64", "--D1=32768,8,64", "--LL=1048576,16,64")
@@ -36,8 +38,12 @@ ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
 }
 if platform.machine() == "x86_64":
-    ENVIRONMENT |= {"OPENBLAS_CORETYPE": "Nehalem", "OPENCV_CPU_DISABLE": "AVX2,FMA3"}
+    ENVIRONMENT["OPENBLAS_CORETYPE"] = "Nehalem"
 Functions = collections.Counter[tuple[str, str]]
+
+
+class NoCounter(EdgeError):
+    """What counts is not installed."""
 
 
 @dataclass(frozen=True)
@@ -69,14 +75,25 @@ class Counts:
         return dict(sorted(total.items(), key=lambda item: -item[1]))
 
 
-def counted(child: list[str], frames: int, folder: Path, *, caches: bool = True) -> Counts:
+def counted(
+    child: list[str],
+    frames: int,
+    folder: Path,
+    *,
+    caches: bool = True,
+    environment: Mapping[str, str] = ENVIRONMENT,
+) -> Counts:
     """Count what a module does between its marks, on this machine.
 
     child   the module, and its arguments
     frames  that it processes between them
-    folder  where callgrind's files go; empty
+    folder  where callgrind's files go; it is made
     caches  False: instructions alone, in less time; no misses
+    Raises  NoCounter
     """
+    if shutil.which("valgrind") is None:
+        raise NoCounter("valgrind counts instructions, and is not installed (Debian package valgrind)")
+    folder.mkdir(exist_ok=True)
     plain = ("--compress-strings=no", "--compress-pos=no", "--instr-atstart=no")
     out = folder / "callgrind"
     command = [
@@ -86,7 +103,7 @@ def counted(child: list[str], frames: int, folder: Path, *, caches: bool = True)
         *(CACHES if caches else ()),
         f"--callgrind-out-file={out}",
     ]
-    run([*command, sys.executable, "-m", *child], ENVIRONMENT)
+    run([*command, sys.executable, "-m", *child], environment)
     functions, misses = Functions(), 0
     for n in range(
         2, 1 + len(list(folder.glob("callgrind.*"))), 2
@@ -97,7 +114,7 @@ def counted(child: list[str], frames: int, folder: Path, *, caches: bool = True)
     return Counts({name: n / frames for name, n in functions.items()}, misses / frames)
 
 
-def run(command: list[str], environment: dict[str, str], where: Path = ROOT) -> str:
+def run(command: list[str], environment: Mapping[str, str], where: Path = ROOT) -> str:
     """What a command prints. Raises RuntimeError with the end of its messages."""
     done = subprocess.run(command, cwd=where, env=environment, capture_output=True, text=True)
     if done.returncode:

@@ -11,7 +11,7 @@ from contextlib import suppress
 
 __all__ = ["Marks"]
 
-#: An argument of a system call that the emulator's plugin (`counter_arm64.c`) knows: off; one more is on.
+#: A number that the emulator's plugin knows (`deploy/sbc/count_blocks.c`): off; one more is on.
 SWITCH = 0x7700000
 
 

@@ -12,7 +12,8 @@ Promises
 - no wrong sample leaves unflagged: displacement and shear are those of an undisturbed run, or a status bit
   forbids their use; and the host decodes what was sent
 - the link delivers within 1 s after its fault
-- memory is flat: the median of the last third is that of the second, give or take `FLAT_MB`
+- memory does not grow with the samples, of this process and of an `edge replay --loop` beside it: its slope
+  over the last two thirds is below `SLOPE_BYTES` a sample
 - hostile viewers of the live page, all the time, cost its process a bounded memory, and an honest one still
   gets its pictures
 - SIGTERM ends cleanly within 1 s; after kill -9, at any moment of an upload too, settings and calibration are
@@ -109,7 +110,9 @@ ANNOUNCED_S = 0.1
 CLEARED_S = 1.0
 BACK_S = 1.0
 ENDED_S = 1.0
-FLAT_MB = 4.0
+SLOPE_BYTES = 40.0  # a sample; a tuple of two numbers in a list takes 112
+MEMORY_LEAST_N = 20  # values, one a second
+NOISE_MB = 4.0  # by which the first minutes differ; 160 bytes a sample exceed it within a quarter of an hour
 PAGE_MB = 300.0  # of the page's process: 130 MB, and up to 16 viewers with two packets each
 WRONG_MM = 0.4  # of displacement and shear, against the undisturbed run; its own noise is 0.05 mm
 UNUSABLE = (
@@ -236,6 +239,7 @@ class Outcome:
     violations: list[str] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
     memory_mb: list[float] = field(default_factory=list)
+    slopes_bytes: dict[str, float] = field(default_factory=dict)  # a sample, of each process
     machine_held_up_ms: float = 0.0
     heartbeat_late_ms: tuple[float, float] = (0.0, 0.0)  # 99.9 %, worst
     sigterm_s: list[float] = field(default_factory=list)
@@ -243,6 +247,21 @@ class Outcome:
 
     def fail(self, message: str) -> None:
         self.violations.append(message)
+
+    def check_memory(self, what: str, memory_mb: Sequence[float], samples_n: int) -> None:
+        """Check the slope of a process's memory, noted at even times while so many samples were made."""
+        kept = np.array(memory_mb[len(memory_mb) // 3 :])
+        if len(kept) < MEMORY_LEAST_N:
+            return
+        i, j = np.triu_indices(len(kept), 1)
+        slopes_mb = (kept[j] - kept[i]) / (
+            j - i
+        )  # of all pairs: their median, Theil and Sen's, knows no steps
+        grown_mb = float(np.median(slopes_mb)) * len(kept)
+        slope = 1e6 * grown_mb / (samples_n * len(kept) / len(memory_mb))
+        self.slopes_bytes[what] = round(slope, 1)
+        if slope > SLOPE_BYTES and grown_mb > NOISE_MB:
+            self.fail(f"memory of {what} grew by {grown_mb:.1f} MB, {slope:.0f} bytes a sample")
 
 
 def rss_mb(pid: int | str = "self") -> float:
@@ -504,12 +523,8 @@ class Soak:
         if self.error is not None:
             self.outcome.fail(f"the loop died: {self.error!r}")
         self.check(done_s)
-        memory = self.outcome.memory_mb
-        if len(memory) >= 30:
-            third = len(memory) // 3
-            growth = float(np.median(memory[-third:]) - np.median(memory[third : 2 * third]))
-            if growth > FLAT_MB:
-                self.outcome.fail(f"memory grew by {growth:.1f} MB from the second third to the last")
+        frames_n = self.loop.frames_n
+        self.outcome.check_memory("the soaked process", self.outcome.memory_mb, frames_n)
         self.outcome.machine_held_up_ms = 1e3 * self.metronome.worst_s
         late_ms = self.heartbeat.late_ms
         self.outcome.heartbeat_late_ms = (float(np.quantile(late_ms, 0.999)), max(late_ms))
@@ -570,6 +585,30 @@ class Process:
         with self.process.stderr as pipe:
             message = pipe.read().decode(errors="replace")
         return code, took_s, message
+
+
+class Replay:
+    """`edge replay --loop` in a process of its own: the whole command's memory."""
+
+    def __init__(self) -> None:
+        self.memory_mb: list[float] = []
+        recording = str(ROOT / "tests" / "data" / "nothing.mcap")
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "edge", "replay", recording, "--loop", "--speed", "4", "--json"],
+            cwd=ROOT, env=dict(os.environ, OMP_NUM_THREADS="1"), stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+
+    def look(self) -> None:
+        self.memory_mb.append(rss_mb(self._process.pid))
+
+    def end(self, outcome: Outcome) -> None:
+        self._process.send_signal(signal.SIGTERM)
+        summary = self._process.communicate()[0]
+        if self._process.returncode:
+            outcome.fail(f"edge replay --loop: exit status {self._process.returncode}")
+            return
+        outcome.check_memory("edge replay --loop", self.memory_mb, json.loads(summary)["frames_n"])
 
 
 def end_cleanly(outcome: Outcome, random: Random, metronome: Metronome, folder: Path) -> None:
@@ -810,14 +849,19 @@ def soak(
         endings = threading.Thread(
             target=_endings, args=(outcome, endings_every_s, over), name="endings", daemon=True
         )
+        replay = Replay() if endings_every_s else None
         if endings_every_s:
             endings.start()
         with HostileViewers(run.page.port, seed) as attack:
             while run.clock() < seconds and run.thread.is_alive():
                 run.thread.join(1.0)
                 outcome.memory_mb.append(round(rss_mb(), 1))
+                if replay is not None:
+                    replay.look()
                 run.look()
         run.check_page(attack)
+        if replay is not None:
+            replay.end(outcome)
         over.set()
         if endings_every_s:
             endings.join(180.0)
@@ -850,6 +894,8 @@ def tell(outcome: Outcome, console: Console) -> None:
             f"memory MB: median of the second third {np.median(memory[third : 2 * third] or [0]):.1f}, "
             f"of the last {np.median(memory[-third:] or [0]):.1f}, most {max(memory):.1f}"
         )
+    for what, slope in outcome.slopes_bytes.items():
+        console.print(f"memory of {what}: {slope:+.0f} bytes a sample")
     console.print(f"SIGTERM to end, s: {', '.join(map(str, outcome.sigterm_s)) or 'not tried'}")
     console.print(f"longest time the machine ran nothing of one process: {outcome.machine_held_up_ms:.0f} ms")
     typical_ms, worst_ms = outcome.heartbeat_late_ms

@@ -30,7 +30,7 @@ POSES = PARAMS.poses_first + 5  # a whole batch is 6
 @pytest.fixture(autouse=True)
 def quick_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is chosen need not be the best here."""
-    quick = replace(process_likelihood.PARAMS, turns=4, steps_first=1, steps=2)
+    quick = replace(process_likelihood.PARAMS, turns=4, steps=2)
     monkeypatch.setattr(process_likelihood, "PARAMS", quick)
     few_groups = replace(process_fit.PARAMS, groups_min=2, rows_groups=2)
     monkeypatch.setattr(process_fit, "PARAMS", few_groups)

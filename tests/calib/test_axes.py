@@ -1,18 +1,33 @@
-"""Axes of rigs: all eight orientations in the image, and frames that leave it open."""
+"""Axes of rigs: all eight orientations in the image, any z, and frames that leave it open."""
 
 from __future__ import annotations
 
+import json
+from dataclasses import dataclass
 from itertools import product
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from calib.axes import Axes, recognise_axes, recognise_handedness
+from calib.commands.cli import cli
+from calib.errors import FitError, TableError
 from calib.evaluate import evaluate
-from calib.extract import Extract
-from calib.fit import fit
+from calib.extract import DEMAND, Extract, gather, measure
+from calib.fit import ModelKind, Search, fit
+from calib.press_axis import along_press
+from calib.sim import Simulator, Tip
+from calib.sim.camera import Camera
+from calib.sim.mechanics import ToolPose
+from calib.targets import Targets
+from edge.calibration import Calibration
 from edge.calibration.inputs import FRAME_INPUTS
-from edge.types import Array
+from edge.pins import take_rest
+from edge.pipeline import Pipeline
+from edge.types import Array, Image, Index, Rest
 from tests.support.synthetic import REST, make, targets
 
 SHEAR = ("shear_x_mm", "shear_y_mm")
@@ -96,3 +111,122 @@ def test_groups_that_disagree_are_reported() -> None:
     (warning,) = axes[0].warnings
     assert "do not agree" in warning
     assert "tilt_x_deg" in warning
+
+
+@dataclass(frozen=True, slots=True)
+class Pressed:
+    """A rendered tip, tilted and pressed, 60 frames from 1 mm above the first touch to 3 mm beyond."""
+
+    rest_image: Image
+    images: list[Image]
+    rest: Rest
+    extract: Extract
+    depth: Array
+    force: Array
+
+    @property
+    def every(self) -> Index:
+        return np.arange(len(self.depth), dtype=np.int32)
+
+    @property
+    def touched(self) -> Index:
+        return self.every[self.depth > 0.8]
+
+    def table(self, rows: Index, **values: Array) -> tuple[Targets, Extract]:
+        return targets(values).rows(rows), self.extract.rows(rows)
+
+
+@pytest.fixture(scope="module")
+def pressed() -> Pressed:
+    sim = Simulator(Camera(tip=Tip(n_pins=127, kind="hex"), size_px=(320, 320)))
+    rest_image = sim.frame().image
+    depth = np.round(np.linspace(-1.0, 3.0, 60), 3)
+    tilts = np.random.default_rng(0).uniform(-8.0, 8.0, (60, 2))
+    poses = [ToolPose(depth_mm=d, tilt_x_deg=a, tilt_y_deg=b) for d, (a, b) in zip(depth, tilts, strict=True)]
+    images = [sim.frame((pose,) if pose.depth_mm > 0 else ()).image for pose in poses]
+    rest = take_rest([rest_image])
+    pipeline = Pipeline(rest, demand=DEMAND)
+    extract = gather([measure(pipeline, image) for image in images])
+    return Pressed(rest_image, images, rest, extract, depth, np.maximum(depth, 0.0) ** 1.5)
+
+
+#: What a rig writes for a depth (sign, reading at the first touch), and the relation that is found.
+RIGS = [
+    (1, 0.0, "displacement_mm = pose_z ("),
+    (-1, 0.0, "displacement_mm = -pose_z ("),
+    (1, 50.0, "displacement_mm = pose_z -50."),
+    (-1, 412.3, "displacement_mm = 412."),
+    (-1, -80.0, "displacement_mm = -80."),
+    (1, -5.0, "displacement_mm = pose_z +4."),
+]
+
+
+@pytest.mark.parametrize(("sign", "at_touch", "relation"), RIGS)
+def test_any_rig_s_z_becomes_a_depth(pressed: Pressed, sign: int, at_touch: float, relation: str) -> None:
+    table, extract = pressed.table(pressed.every, displacement_mm=sign * pressed.depth + at_touch)
+    found, (line,) = along_press(table, extract, captured=False, rest_given=True)
+    assert line.startswith(relation)
+    depth = found.values["displacement_mm"]
+    if (sign, at_touch) == (1, 0.0):
+        np.testing.assert_array_equal(depth, pressed.depth)
+    else:  # a fit that is not told takes no such table
+        np.testing.assert_allclose(depth, np.maximum(pressed.depth, 0.0), atol=0.25 if at_touch else 0.0)
+        with pytest.raises(FitError, match=r"table\.csv: column pose_z \(displacement_mm\) (falls|is )"):
+            fit(pressed.rest, table, extract, mm_per_px=None)
+    fit(pressed.rest, found, extract, mm_per_px=None, search=Search(kinds=frozenset({ModelKind.PLAIN})))
+
+
+@pytest.mark.parametrize(("sign", "at_touch"), [(1, 50.0), (-1, 412.3), (-1, -80.0), (1, -20.0)])
+def test_a_position_whose_first_touch_no_frame_shows_is_refused(
+    pressed: Pressed, sign: int, at_touch: float
+) -> None:
+    table, extract = pressed.table(pressed.touched, displacement_mm=sign * pressed.depth + at_touch)
+    with pytest.raises(TableError, match=r"pose_z .* first touch.*, or add frames every 0\.1 mm") as caught:
+        along_press(table, extract, captured=False, rest_given=True)
+    assert ("z point up?" in str(caught.value)) == (sign < 0)
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_depth_or_a_force_that_is_all_pressed_is_taken_either_way(pressed: Pressed, sign: int) -> None:
+    values = {"displacement_mm": sign * pressed.depth, "force_n": sign * pressed.force}
+    table, extract = pressed.table(pressed.touched, **values)
+    found, lines = along_press(table, extract, captured=False, rest_given=True)
+    np.testing.assert_array_equal(found.values["displacement_mm"], pressed.depth[pressed.touched])
+    np.testing.assert_array_equal(found.values["force_n"], pressed.force[pressed.touched])
+    assert lines[1] == ("force_n = force_z" if sign > 0 else "force_n = -force_z")
+    if sign < 0:
+        force, _ = pressed.table(pressed.touched, force_n=values["force_n"])
+        with pytest.raises(FitError, match=r"column force_z \(force_n\) falls .* a press pushes"):
+            fit(pressed.rest, force, extract, mm_per_px=None)
+        with pytest.raises(TableError, match="give --rest an image of the untouched tip"):
+            along_press(table, extract, captured=False, rest_given=False)
+
+
+def test_a_depth_that_the_frames_do_not_follow_stays_as_it_is(pressed: Pressed) -> None:
+    shuffled = np.random.default_rng(1).permutation(pressed.depth)
+    table, extract = pressed.table(pressed.every, displacement_mm=shuffled)
+    found, lines = along_press(table, extract, captured=False, rest_given=True)
+    np.testing.assert_array_equal(found.values["displacement_mm"], shuffled)
+    assert not lines
+    table, extract = pressed.table(pressed.every, displacement_mm=shuffled + 400.0)
+    with pytest.raises(TableError, match="column pose_z: over 100 mm is no depth"):
+        along_press(table, extract, captured=False, rest_given=True)
+
+
+def test_a_rig_whose_z_points_up_is_calibrated_by_one_command(pressed: Pressed, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "rest.png"), pressed.rest_image)
+    rows = ["sensor_image,pose_z"]
+    for i, (image, depth) in enumerate(zip(pressed.images, pressed.depth, strict=True)):
+        cv2.imwrite(str(tmp_path / f"{i}.png"), image)
+        rows.append(f"{i}.png,{412.3 - depth:.3f}")
+    (tmp_path / "targets.csv").write_text("\n".join(rows))
+    here, out = str(tmp_path), tmp_path / "tip.json"
+    given = [f"{here}/targets.csv", "--frames", here, "--rest", f"{here}/rest.png", "-q", "--workers", "1"]
+    done = CliRunner().invoke(cli, ["fit", *given, "-o", str(out)], catch_exceptions=False)
+    assert done.exit_code == 0
+    assert "axes: displacement_mm = 412." in done.stderr
+    table, extract = pressed.table(pressed.every, displacement_mm=np.maximum(pressed.depth, 0.0))
+    assert evaluate(Calibration.load(out), table, extract)["displacement_mae_mm"] < 0.25
+    done = CliRunner().invoke(cli, ["evaluate", str(out), *given, "--json"])
+    assert json.loads(done.stdout)["displacement_mae_mm"] < 0.1

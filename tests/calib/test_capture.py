@@ -18,6 +18,7 @@ from calib.rig import Pose, Rig
 from calib.rig.base import CLEAR
 from calib.rig.simulated import CameraTable, SimulatedRig, Simulation
 from calib.sim import Tip, Tool
+from edge.errors import InputError
 from edge.recording import RecordingSource
 from edge.types import Frame
 
@@ -259,11 +260,36 @@ def test_a_table_that_is_not_the_capture_s_own_is_kept(
         (b"recording,sequence,role\n", "no column pose_Rx"),
         (b"HEAD\nshort.mcap,many,rest" + b",0" * 8 + b"\n", "line 2 is not one"),
         (b"HEAD\nshort.mcap,3\n", "line 2 is not one"),
+        (b"HEAD\nshort.mcap," + b"9" * 5000 + b",rest" + b",0" * 8 + b"\n", "line 2 is not one"),
+        ("HEAD\nshort.mcap,\u0663,rest".encode() + b",0" * 8 + b"\n", "line 2 is not one"),
+        (b"HEAD\nshort.mcap,3,rest" + b",0" * 9 + b"\n", "line 2: 12 cells for 11 headings"),
+        (
+            b"HEAD\nshort.mcap,3,rest" + b",0" * 7 + b",1_0\n",
+            "line 2, column shear_Rz: '1_0' is not a number",
+        ),
+        (b"HEAD\nother.mcap,3,rest" + b",0" * 8 + b"\n", "line 2: no recording other.mcap beside it"),
+        (b"HEAD" + 2 * (b"\nshort.mcap,3,rest" + b",0" * 8), "line 3: its frame is in line 2 already"),
+        (b'HEAD\n"short.mcap,3,rest' + b",0" * 8 + b"\n", "line 2: no row of a table"),
+        (b"HEAD,pose_z\nshort.mcap,3,rest" + b",0" * 9 + b"\n", "line 1: 2 columns pose_z"),
     ],
 )
 def test_a_damaged_table_is_one_line(tmp_path: Path, content: bytes, message: str) -> None:
     head = ",".join(("recording", "sequence", "role", *POSE_COLUMNS)).encode()
     (tmp_path / "short.csv").write_bytes(content.replace(b"HEAD", head))
     (tmp_path / "short.mcap").write_bytes(b"")
-    with pytest.raises(CaptureError, match=message):
+    with pytest.raises(InputError, match=message) as caught:
         read_rows(tmp_path / "short.mcap")
+    assert str(caught.value).isprintable()
+
+
+def test_rows_that_were_sorted_otherwise_keep_their_frames(tmp_path: Path) -> None:
+    path = tmp_path / "short.mcap"
+    capture(simulated, PLAN, path)
+    before = [(frame.sequence, row) for frame, row in read_capture(path)]
+    head, *lines = path.with_suffix(".csv").read_text().splitlines()
+    path.with_suffix(".csv").write_text("\n".join([head, *lines[::-1]]))
+    assert read_rows(path) == [row for _, row in before]
+    assert [(frame.sequence, row) for frame, row in read_capture(path)] == before
+    path.with_suffix(".csv").write_text("\n".join([head, *lines, lines[-1].replace(",8,", ",999,", 1)]))
+    with pytest.raises(CaptureError, match=r"frame 999 is not in short\.mcap; leave out its row"):
+        list(read_capture(path))

@@ -74,10 +74,9 @@ def assert_same(a: Extract, b: Extract) -> None:
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_processes_give_the_same_bits(recording: Path, seen_here: Extract, workers: int) -> None:
+def test_processes_give_the_same_bits(recording: Path, seen_here: Extract) -> None:
     done: list[int] = []
-    with executor(workers=workers) as pool:
+    with executor(workers=2) as pool:
         seen = open_dataset([recording], None, None).extract(pool, done.append)
     assert_same(seen, seen_here)
     assert sum(done) == len(seen.trusted) == 36
@@ -146,9 +145,15 @@ def run(*arguments: str | Path) -> str:
     return done.stdout
 
 
-def test_fit_and_evaluate_a_capture(recording: Path, tmp_path: Path) -> None:
-    path = tmp_path / "cal.json"
-    out = run("fit", recording, "-o", path, "--workers", "1", "-q", "--json", "--serial", "A1")
+@pytest.fixture(scope="module")
+def fitted(recording: Path) -> tuple[Path, str]:
+    """The capture's calibration, and what the command printed."""
+    path = recording.with_name("cal.json")
+    return path, run("fit", recording, "-o", path, "--workers", "1", "-q", "--json", "--serial", "A1")
+
+
+def test_fit_and_evaluate_a_capture(recording: Path, fitted: tuple[Path, str]) -> None:
+    path, out = fitted
     assert {tuple(m["outputs"]) for m in json.loads(out)["models"]} >= {("displacement_mm",), ("force_n",)}
     calibration = Calibration.load(path)
     assert calibration.mm_per_px is not None
@@ -170,18 +175,18 @@ def test_fit_and_evaluate_a_table(recording: Path, tmp_path: Path) -> None:
     assert report["tilt_mae_deg"] == [None, None]
 
 
-def test_fit_is_evaluated_on_held_out_frames(recording: Path, tmp_path: Path) -> None:
+def test_fit_is_evaluated_on_held_out_frames(
+    recording: Path, fitted: tuple[Path, str], tmp_path: Path
+) -> None:
     """The file is the same as without, and the errors are in evaluate's table."""
-    path, plain = tmp_path / "cal.json", tmp_path / "plain.json"
-    out = run("fit", recording, "-o", path, "--workers", "1", "-q", "--hold-out", "0.25")
+    path = tmp_path / "cal.json"
+    words = "fit", recording, "-o", path, "--workers", "1", "-q", "--hold-out", "0.25"
+    out = run(*words)
     assert "9 frames; 0 refused" in out
     assert "is fitted to all frames" in out
-    run("fit", recording, "-o", plain, "--workers", "1", "-q")
-    assert Calibration.load(path).content.models == Calibration.load(plain).content.models
-    reported = run(
-        "fit", recording, "-o", path, "--overwrite", "--workers", "1", "-q", "--json", "--hold-out", "0.25"
-    )
-    assert json.loads(reported)["held_out"]["n_frames"] == 9
+    models = Calibration.load(path).content.models
+    assert models == Calibration.load(fitted[0]).content.models
+    assert json.loads(run(*words, "--overwrite", "--json"))["held_out"]["n_frames"] == 9
 
 
 @pytest.mark.parametrize(
@@ -250,14 +255,12 @@ def test_workers_end_with_a_program_that_was_killed() -> None:
     until(lambda: not worker.exists(), "the end of the worker")
 
 
-def test_another_tip_s_frames_are_refused(recording: Path, tmp_path: Path) -> None:
-    path = tmp_path / "cal.json"
-    run("fit", recording, "-o", path, "--workers", "1", "-q")
+def test_another_tip_s_frames_are_refused(recording: Path, fitted: tuple[Path, str], tmp_path: Path) -> None:
     other = tmp_path / "other.mcap"
     tip = Simulation(tip=Tip(91, "hex"), camera=CameraTable(size_px=(240, 240)))
     capture(lambda first: SimulatedRig(tip, first), plan(2), other)
     with pytest.raises(Exception, match=r"another tip|pins") as caught:
-        run("evaluate", path, other, "--workers", "1", "-q")
+        run("evaluate", fitted[0], other, "--workers", "1", "-q")
     assert "\n" not in str(caught.value)
     with pytest.raises(TableError, match="shows another tip than"):
         open_dataset([recording, other], None, None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,13 +12,20 @@ from calib.designs import letters, terms_of_spin
 from calib.errors import FitError
 from calib.evaluate import predict
 from calib.extract import Extract
-from calib.fit import ModelKind, Prefer, Search, fit
+from calib.fit import Choice, ModelKind, Prefer, Search, fit
 from calib.fit_params import PARAMS
 from edge.calibration import Calibration
 from edge.calibration.file import Curve, Polynomial
 from edge.calibration.inputs import FRAME_INPUTS, MODES
 from edge.types import Array
 from tests.support.synthetic import REST, make, of_inputs, targets
+
+
+@cache
+def _fitted() -> tuple[Extract, dict[str, Array], Calibration, list[Choice]]:
+    """Frames, their truth, and what was fitted to them: for tests that only look at it."""
+    extract, values = make(200, noise=0.01)
+    return extract, values, *fit(REST, targets(values), extract, mm_per_px=0.12, serial="A7")
 
 
 def test_terms_have_the_spin_that_was_asked_for() -> None:
@@ -30,8 +38,7 @@ def test_terms_have_the_spin_that_was_asked_for() -> None:
 
 
 def test_known_laws_are_found_on_frames_that_were_not_fitted() -> None:
-    extract, values = make(300, noise=0.01)
-    calibration, choices = fit(REST, targets(values), extract, mm_per_px=None)
+    _, _, calibration, choices = _fitted()
     fresh, true = make(200, seed=1)
     read, _ = predict(calibration, fresh)
     for name, column in true.items():
@@ -45,11 +52,11 @@ def test_known_laws_are_found_on_frames_that_were_not_fitted() -> None:
 
 
 def test_the_smallest_of_equally_good_models_is_taken() -> None:
-    extract, values = make(300, noise=0.02)
+    extract, values = make(100, noise=0.02)
     mean = extract.inputs[:, 1]  # the paper's: linear in the mean motion
     values["shear_x_mm"], values["shear_y_mm"] = 40 * mean.real + 0.2, 40 * mean.imag
     rng = np.random.default_rng(3)
-    values["shear_x_mm"] = values["shear_x_mm"] + 0.05 * rng.normal(size=300)
+    values["shear_x_mm"] = values["shear_x_mm"] + 0.05 * rng.normal(size=100)
     _, choices = fit(REST, targets(values), extract, mm_per_px=None)
     shear = next(c for c in choices if c.outputs[0] == "shear_x_mm")
     assert shear.chosen.name == "mean motion"
@@ -60,7 +67,7 @@ def test_the_smallest_of_equally_good_models_is_taken() -> None:
 
 
 def test_the_choice_says_what_it_rests_on() -> None:
-    extract, values = make(100, noise=0.02)
+    extract, values = make(50, noise=0.02)
     for prefer in Prefer:
         _, choices = fit(REST, targets(values), extract, mm_per_px=None, search=Search(prefer))
         for choice in choices:
@@ -104,9 +111,18 @@ def test_the_paper_s_curve_wins_where_depth_follows_the_volume() -> None:
     assert outputs == sorted(outputs)
 
 
+def test_progress_is_reported_from_the_first_model_tried() -> None:
+    extract, values = make(30, noise=0.02)
+    parts: list[float] = []
+    search = Search(kinds=frozenset({ModelKind.POLYNOMIAL}))
+    _, choices = fit(REST, targets(values), extract, mm_per_px=None, search=search, on_part=parts.append)
+    assert sum(parts) == pytest.approx(len(choices))
+    assert len(parts) > 10 * len(choices)
+    assert parts[0] < 0.2
+
+
 def test_turning_tip_and_touch_turns_the_shear() -> None:
-    extract, values = make(300, noise=0.01)
-    calibration, _ = fit(REST, targets(values), extract, mm_per_px=None)
+    extract, _, calibration, _ = _fitted()
     turned = extract.inputs.copy()
     angle = np.exp(1j * np.radians(50.0))
     turned[:, 1] *= angle
@@ -134,7 +150,7 @@ def test_a_sweep_along_x_calibrates_every_direction() -> None:
 
 
 def test_sigma_is_that_of_held_out_frames() -> None:
-    extract, values = make(500, noise=0.1)
+    extract, values = make(200, noise=0.1)
     calibration, _ = fit(REST, targets(values), extract, mm_per_px=None)
     fresh, true = make(400, seed=9, noise=0.1)
     read, sigma = predict(calibration, fresh)
@@ -143,9 +159,8 @@ def test_sigma_is_that_of_held_out_frames() -> None:
         assert np.median(sigma[name]) == pytest.approx(0.1, rel=0.35)
 
 
-def test_the_file_comes_back_as_it_was(tmp_path: object) -> None:
-    extract, values = make(100, noise=0.01)
-    calibration, _ = fit(REST, targets(values), extract, mm_per_px=0.12, serial="A7")
+def test_the_file_comes_back_as_it_was() -> None:
+    extract, _, calibration, _ = _fitted()
     again = Calibration.parse(calibration.encoded, "cal.json")
     assert again.content == calibration.content
     assert again.content.sensor.serial == "A7"
@@ -156,7 +171,7 @@ def test_the_file_comes_back_as_it_was(tmp_path: object) -> None:
 
 
 def test_untouched_and_uncertain_frames_are_not_fitted() -> None:
-    extract, values = make(100, noise=0.01)
+    extract, values = make(60, noise=0.01)
     spoilt = {name: column.copy() for name, column in values.items()}
     for column in spoilt.values():
         column[:20] = 1e3
@@ -166,7 +181,7 @@ def test_untouched_and_uncertain_frames_are_not_fitted() -> None:
     calibration, _ = fit(
         REST, targets(spoilt), replace(extract, trusted=trusted, in_contact=touched), mm_per_px=None
     )
-    assert calibration.content.data.n_frames == 80
+    assert calibration.content.data.n_frames == 40
     read, _ = predict(calibration, extract)
     assert np.abs(read["displacement_mm"] - values["displacement_mm"])[20:].mean() < 0.05
 
@@ -227,7 +242,7 @@ def test_no_spread() -> None:
 
 
 def test_shuffled_labels() -> None:
-    _, values = make(200)
+    _, values = make(100)
     rng = np.random.default_rng(0)
     text = refused({"displacement_mm": rng.permutation(values["displacement_mm"])})
     assert "displacement_mm cannot be predicted from these frames" in text
@@ -248,7 +263,7 @@ def test_depth_that_rises_and_falls_with_the_volume_gets_no_curve() -> None:
 
 
 def test_one_bad_column_does_not_affect_the_others() -> None:
-    extract, values = make(200)
+    extract, values = make(100)
     values["torsion_deg"] = np.random.default_rng(0).permutation(values["torsion_deg"])
     reported: list[str] = []
     calibration, _ = fit(REST, targets(values), extract, mm_per_px=None, on_refused=reported.append)
@@ -261,11 +276,11 @@ def test_a_faint_mode_that_explains_everything_is_not_trusted() -> None:
     """Exact but tiny as a pin's noise, against slightly off and large: with noise the second is better."""
 
     def frames(seed: int) -> tuple[Extract, Array]:
-        extract, _ = make(300, seed=seed)
+        extract, _ = make(120, seed=seed)
         rng = np.random.default_rng(seed)
-        depth = 3.0 + rng.uniform(-1.0, 1.0, 300)
+        depth = 3.0 + rng.uniform(-1.0, 1.0, 120)
         inputs = extract.inputs * 1e-6
-        inputs[:, FRAME_INPUTS.index("c10")] += 0.02 * (depth + 0.02 * rng.normal(size=300))
+        inputs[:, FRAME_INPUTS.index("c10")] += 0.02 * (depth + 0.02 * rng.normal(size=120))
         inputs[:, FRAME_INPUTS.index("c21")] += 1e-4 * depth
         return replace(extract, inputs=inputs), depth
 

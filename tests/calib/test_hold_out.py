@@ -32,16 +32,16 @@ def test_the_same_poses_are_held_out_in_other_axes() -> None:
 
 
 def test_the_errors_are_those_of_frames_that_were_not_fitted() -> None:
-    extract, values = make(200, noise=0.01)
+    extract, values = make(120, noise=0.01)
     table = targets(values)
     held = held_out_rows(table, 0.2, seed=3)
     report = evaluate_held_out(REST, table, extract, 0.2, seed=3)
     kept, held_out = np.flatnonzero(~held), np.flatnonzero(held)
     calibration, _ = fit(REST, table.rows(kept), extract.rows(kept), mm_per_px=None)
-    assert calibration.content.data.n_frames == 160
+    assert calibration.content.data.n_frames == 96
     assert report == evaluate(calibration, table.rows(held_out), extract.rows(held_out))
-    assert report["n_frames"] == 40
-    assert report["displacement_mae_mm"] < 0.05
+    assert report["n_frames"] == 24
+    assert report["displacement_mae_mm"] < 0.1
 
 
 def test_too_few_poses_to_hold_out_are_refused() -> None:

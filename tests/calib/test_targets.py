@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import random
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +12,14 @@ import pytest
 
 from calib.errors import TableError
 from calib.targets import join, read_targets, targets_of_capture
+from tests.support.seeds import SEED
 
 
-def write(folder: Path, text: str, frames: tuple[str, ...] = ("a.png", "b.png")) -> Path:
+def write(folder: Path, text: str | bytes, frames: tuple[str, ...] = ("a.png", "b.png")) -> Path:
     for name in frames:
         (folder / name).touch()
     table = folder / "targets.csv"
-    table.write_text(text, encoding="utf-8")
+    table.write_bytes(text.encode() if isinstance(text, str) else text)
     return table
 
 
@@ -28,9 +32,30 @@ def test_columns_become_values_and_missing_ones_do_not_exist(tmp_path: Path) -> 
     assert targets.rows([1]).frames == targets.frames[1:]
 
 
-def test_a_byte_order_mark_is_not_part_of_a_name(tmp_path: Path) -> None:
-    table = write(tmp_path, "\ufeffsensor_image,pose_z\na.png,1\n")
-    assert len(read_targets(table, tmp_path)) == 1
+LONG = "x" * 300
+TAKEN = [
+    "sensor_image,pose_z\na.png,1.5\nb.png,+25e-1\n",
+    "\ufeffsensor_image,pose_z\na.png,1.5\nb.png,2.5\n",
+    "sensor_image,pose_z\ra.png,1.50\rb.png,2.5",
+    "sensor_image,pose_z\r\n\r\na.png,1.5\r\n\r\nb.png,2.5\r\n\r\n",
+    "sensor_image, pose_z \na.png, 1.5 \nb.png,\t2.5\n",
+    '"sensor_image","pose_z"\n"a.png","1.5"\n"b.png","2.5"\n',
+    "sensor_image,pose_z,,\na.png,1.5,,\nb.png,2.5,, ,\n",  # as a spreadsheet leaves emptied columns
+    ",sensor_image,pose_z\n0,a.png,1.5\n1,b.png,2.5\n",  # as pandas writes an index
+    "sensor_image,pose_z,note\na.png,1.5\nb.png,2.5,ok\n",
+    "sensor_image,note,note,pose_z\na.png,x,y,1.5\nb.png,x,y,2.5\n",
+    'sensor_image,note,pose_z\na.png,"two\nlines, ""quoted""",1.5\nb.png,,2.5\n',
+    f"sensor_image,{LONG},pose_z\na.png,1,1.5\nb.png,{LONG},2.5\n",
+    "pose_z,sensor_image\n1.5,a.png\n2.5,b.png\n",
+    "sensor_image,pose_z\na.png,01.5\nb.png,2.5E0\n",
+]
+
+
+@pytest.mark.parametrize("text", TAKEN)
+def test_tables_that_differ_in_form_alone_are_the_same(tmp_path: Path, text: str) -> None:
+    targets = read_targets(write(tmp_path, text), tmp_path)
+    assert [path.name for path in targets.frames] == ["a.png", "b.png"]
+    np.testing.assert_array_equal(targets.values["displacement_mm"], [1.5, 2.5])
 
 
 @pytest.mark.parametrize(
@@ -46,15 +71,89 @@ def test_a_byte_order_mark_is_not_part_of_a_name(tmp_path: Path) -> None:
         ("sensor_image,pose_z\na.png,1\nc.png,1\n", "line 3: no frame c.png"),
         ("sensor_image,pose_z\n,1\n", "line 2: no frame (empty)"),
         ("sensor_image,pose_z\na.png,1\nb.png,1\na.png,2\n", "line 4: a.png is in line 2 already"),
+        ("sensor_image,pose_z\na.png,1\n./a.png,2\n", "line 3: ./a.png is in line 2 already"),
+        ("sensor_image,pose_z\na.png,1,29\n", "line 2: 3 cells for 2 headings; write decimals with a point"),
+        ("sensor_image,pose_z,shear_x\na.png,1,29,0,5\n", "line 2: 5 cells for 3 headings"),
+        ('sensor_image,pose_z\na.png,"1,29"\n', "'1,29' is not a number; write 1.29"),
+        ('sensor_image,pose_z\na.png,"1,234.5"\n', "'1,234.5' is not a number"),
+        ("sensor_image;pose_z\na.png;1,29\n", "its cells have semicolons between them, write commas"),
+        ("sensor_image\tpose_z\na.png\t1.29\n", "its cells have tabs between them, write commas"),
+        *(
+            (f"sensor_image,pose_z\na.png,{text}\n", f"line 2, column pose_z: '{text}' is not a number")
+            for text in ["1_0", "١", "１", "0x10", "1e", "--1", "1 5", "1.5 mm", "1e5_0", "-", "."]
+        ),
+        ("sensor_image,pose_z\na.png,1\u00a0000\n", "'1\\xa0000' is not a number"),
+        ("sensor_image,pose_z\na.png,1e999\n", "1e999 is not a finite number"),
+        ("sensor_image,pose_z\na.png," + "9" * 5000 + "\n", "... is not a finite number"),
+        ("sensor_image,pose_z\na.png,-Infinity\n", "-Infinity is not a finite number"),
+        ("sensor_image,pose_z,pose_z\na.png,1,2\n", "line 1: 2 columns pose_z; leave one of them"),
+        ("sensor_image,pose_z,sensor_image\na.png,1,b.png\n", "line 1: 2 columns sensor_image"),
+        ("sensor_image,pose_z, pose_z\na.png,1,2\n", "line 1: 2 columns pose_z"),
+        (f"sensor_image,pose_z\n{LONG},1\n", "line 2: no frame xxx"),
+        (f"sensor_image,pose_z\na.png,{LONG}\n", "...' is not a number"),
+        (f"sensor_image,pose_z\na.png,{'1' * 140_000}\n", "line 2: no row of a table: field larger"),
+        ('sensor_image,pose_z\na.png,1\n"b.png,1\na.png,2\n', "line 3: no row of a table: unexpected end"),
+        ('sensor_image,pose_z\n"a.png"x,1\n', "line 2: no row of a table: ',' expected after"),
+        ('sensor_image,pose_z\n"a\n.png",1\n', "line 2: no frame a"),
+        ('sensor_image,pose_z\n\na.png,1\nb.png,"d\neep"\n', "line 4, column pose_z: 'd"),
+        ("sensor_image,pose_z\n\x1b[2J,1\n", "line 2: no frame"),
+        ("sensor_image,pose_z\na.png,1\x00\n", "line 2 has a NUL byte"),
+        ("sensor_image,pose_z\na.png,1\n".encode("utf-16"), "UTF-16, not UTF-8"),
+        ("sensor_image,pose_z\na.png,1\n".encode("utf-16-le"), "line 1 has a NUL byte"),
+        (b"sensor_image,pose_z,gr\xf6sse\na.png,1,1\n", "not a text file, line 1 is not UTF-8"),
+        ("sensor_image,pose_z\na.png,0\nb.png,412\n", "column pose_z spans 412 mm"),
+        ("", "no column sensor_image"),
+        ("\n\n", "no column sensor_image"),
     ],
 )
-def test_mistakes_are_one_line_with_row_and_column(tmp_path: Path, text: str, expected: str) -> None:
+def test_mistakes_are_one_line_with_row_and_column(tmp_path: Path, text: str | bytes, expected: str) -> None:
     table = write(tmp_path, text)
     with pytest.raises(TableError) as caught:
         read_targets(table, tmp_path)
     assert str(caught.value).startswith(str(table))
     assert expected in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < len(str(table)) + 300
+
+
+@pytest.mark.generative
+@pytest.mark.parametrize("seed", range(4))
+def test_any_bytes_are_one_line_or_a_table_of_numbers_that_stand_in_it(tmp_path: Path, seed: int) -> None:
+    """Whatever a byte became: no other exception, and no value that is not written in the file as it is."""
+    rng = random.Random(4 * SEED + seed)
+    parts = [
+        part.encode() for part in (",", ";", '"', "\n", "\r", "\0", "1_0", "\u0661", "nan", "pose_z", LONG)
+    ]
+    taken = 0
+    for _ in range(300):
+        raw = bytearray(rng.choice(TAKEN).encode())
+        for _ in range(rng.choice([0, 1, 1, 2, 5])):
+            k = rng.randrange(len(raw) + 1)
+            raw[k : k + rng.randrange(3)] = rng.choice([b"", bytes([rng.randrange(256)]), rng.choice(parts)])
+        table = write(tmp_path, bytes(raw))
+        message = ""
+        try:
+            targets = read_targets(table, tmp_path)
+        except TableError as error:
+            message = str(error)
+        if message:
+            assert message.startswith(str(table))
+            assert message.isprintable()
+            continue
+        taken += 1
+        cells = {float(cell) for cell in re.findall(rb"[-+.0-9eE]+", bytes(raw)) if _is_number(cell)}
+        for column in targets.values.values():
+            assert len(column) == len(targets)
+            assert set(column.tolist()) <= cells
+    assert 0 < taken < 300
+
+
+def _is_number(cell: bytes) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def test_files_that_are_no_tables(tmp_path: Path) -> None:
@@ -63,8 +162,19 @@ def test_files_that_are_no_tables(tmp_path: Path) -> None:
     (tmp_path / "picture.csv").write_bytes(b"\x89PNG\r\n\x1a\n\xff\xfe")
     with pytest.raises(TableError, match="not a text file"):
         read_targets(tmp_path / "picture.csv", tmp_path)
-    with pytest.raises(TableError, match="no such folder"):
-        read_targets(write(tmp_path, "sensor_image\n"), tmp_path / "none")
+    for folder in ("none", LONG):
+        with pytest.raises(TableError, match="no such folder"):
+            read_targets(write(tmp_path, "sensor_image\n"), tmp_path / folder)
+    with pytest.raises(TableError, match="cannot be read: File name too long"):
+        read_targets(tmp_path / LONG, tmp_path)
+    os.mkfifo(tmp_path / "pipe.csv")
+    for name in ("pipe.csv", "."):
+        with pytest.raises(TableError, match="a folder or a device; give a file"):
+            read_targets(tmp_path / name, tmp_path)
+    with (tmp_path / "huge.csv").open("wb") as file:
+        file.truncate(30 << 30)
+    with pytest.raises(TableError, match=r"huge\.csv: larger than .* KiB"):
+        read_targets(tmp_path / "huge.csv", tmp_path)
 
 
 def row(**changed: str) -> dict[str, str]:

@@ -53,6 +53,12 @@ def error_px(rest: Rest, true: Rest) -> float:
     return float(np.sqrt(np.mean(np.sum((tracks.xy_img - true.xy_img) ** 2, axis=1))))
 
 
+def test_no_load_is_not_extrapolated_from_afar(pressed: list[Image]) -> None:
+    chosen = take_rest([pressed[int(np.argmin(TRUTH["displacement_mm"]))]])
+    for load in (TRUTH["displacement_mm"] + 50.0, np.full(N, 3.0)):  # an arm's position; one depth alone
+        assert unloaded(chosen, pressed, {"displacement_mm": load}) is None
+
+
 def test_the_estimate_is_nearer_to_the_truth_than_any_frame(pressed: list[Image]) -> None:
     true = take_rest([tip().frame().image])
     chosen = take_rest([pressed[int(np.argmin(TRUTH["displacement_mm"]))]])

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
 import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_limits
+from hypothesis import strategies as st
 from msgspec import inspect
 
+from calib.errors import ProtocolError, RigError
+from calib.protocols import load_protocol
+from calib.rig.simulated import load_simulation
+from calib.rig.stage import load_stage
 from edge import limits
 from edge.calibration import CalibrationFile
-from edge.config import Config
+from edge.config import Config, load_config
+from edge.errors import ConfigError, SourceError
 from edge.limits import BadContent, Name, Number
+from edge.sensors import load_sensor
+from edge.sources.lens_file import load_lens
+from tests.support.nasty import NASTY
 
 
 class Item(msgspec.Struct, forbid_unknown_fields=True):
@@ -68,6 +79,63 @@ def test_quoted_text_is_one_short_line() -> None:
     assert limits.quote("smell") == "'smell'"
     assert limits.quote("a\nb\x1b[2J") == r"'a\nb\x1b[2J'"
     assert len(limits.quote("x" * 1000)) == 42
+
+
+#: Sections and keys of all our TOML files, and values that no file should have.
+PLACES = sorted(
+    {f"{s.name}.{k.name}" for s in msgspec.structs.fields(Config) for k in msgspec.structs.fields(s.type)}
+    | {"size_px", "k", "model", "pins.count", "tip.n_pins", "camera.size_px", "look.noise", "steps", "step",
+       "stage.port", "stage.feed_mm_min", "axes.X", "axes.X.sign", "rest", "seed", "rate_hz", "truth.pins",
+       "a.b.c", ".".join("a" * 1000), '"$.`x`"', '" - at `$.sensor`"', '""'}
+)  # fmt: skip
+VALUES = (
+    *NASTY, "nan", "-inf", "0x" + "f" * 5000, "1979-05-27", "07:32:00", '["a", nan]', "[" * 3000, "{a = 1}",
+    "", "[[" + "9" * 4000 + "]]", '"""', "'" + "x" * 6000 + "'",
+)  # fmt: skip
+LOADERS = (load_config, load_lens, lambda path: load_sensor(str(path)), load_simulation,
+           lambda path: load_stage(str(path)), lambda path: load_protocol(str(path)))  # fmt: skip
+ONE_LINE = (ConfigError, SourceError, RigError, ProtocolError)
+
+
+def refusal(load: Callable[[Path], object], path: Path) -> str:
+    """Why it is refused; the file's name if it is read."""
+    try:
+        load(path)
+    except ONE_LINE as error:
+        return str(error)
+    return path.name
+
+
+@pytest.mark.generative
+@hypothesis_limits(max_examples=100, deadline=None)
+@given(st.lists(st.tuples(st.sampled_from(PLACES), st.sampled_from(VALUES)), min_size=1, max_size=3))
+def test_any_toml_is_read_or_refused_in_one_line(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[str, str]]
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "fuzzed.toml"
+    path.write_text("".join(f"{place} = {value}\n" for place, value in rows))
+    for load in LOADERS:
+        why = refusal(load, path)
+        assert "fuzzed.toml" in why
+        assert len(why) < 700
+        assert why.isprintable()
+
+
+def test_a_key_of_many_parts_takes_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "dotted.toml"
+    for text in (".".join("a" * 30_000) + " = 1", "a = {" + ".".join("b" * 30_000) + " = 1}"):
+        path.write_text(text)
+        with pytest.raises(BadContent, match="nested too deeply"):
+            limits.read_toml(path)
+
+
+@pytest.mark.parametrize("text", [f"[limits]\nload_pitches = {value}" for value in ("9" * 4301, "9" * 4000)])
+def test_a_number_without_end_is_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "long.toml"
+    path.write_text(text)
+    for load in LOADERS:
+        with pytest.raises(ONE_LINE, match="a number"):
+            load(path)
 
 
 def unbounded(kind: inspect.Type, where: str) -> Iterator[str]:

@@ -12,7 +12,9 @@ import time
 import tty
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
+from itertools import count
 from pathlib import Path
 
 import can
@@ -27,6 +29,8 @@ from edge.link.sinks import CanClassicSink, CanSink, SerialSink, open_sink
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, objects
 from hostlink.commands.monitor import Board
 from hostlink.decoder import DetailFrame
+from hostlink.finger import STALE_S
+from hostlink.links import Arrival
 from hostlink.subscription import QUEUE
 from hostlink.wire import CanIds, FaultCode, Kind, State, pack_state, unpack_state
 from hostlink.wire.e2e import protect_p5
@@ -96,8 +100,8 @@ class Application:
     def report(self, code: FaultCode, active: bool, message: str = "") -> None: ...
 
 
-def state(sample: int) -> State:
-    now_us = time.monotonic_ns() // 1000
+def state(sample: int, age_s: float = 0.0) -> State:
+    now_us = time.monotonic_ns() // 1000 - round(age_s * 1e6)
     return State(
         sample=sample, capture_time_us=now_us - 3000, latency_us=3000.0, displacement_mm=sample / 100
     )
@@ -210,12 +214,13 @@ def test_iterator_and_latest(pair: Pair) -> None:
     assert hand.latest() is None
     stop = threading.Event()
 
+    sent: list[State] = []
+
     def feed() -> None:
-        k = 0
         while not stop.wait(0.002):
-            node.send(state(k))
+            sent.append(state(len(sent)))
+            node.send(sent[-1])
             node.drain(SOON_S)  # a line that is slower would take the newest only
-            k += 1
 
     feeder = threading.Thread(target=feed)
     feeder.start()
@@ -227,10 +232,65 @@ def test_iterator_and_latest(pair: Pair) -> None:
     assert newest.age_s < SOON_S
     stop.set()
     feeder.join()
+    until(lambda: hand.finger().statistics.received_n == len(sent), "all that was sent")
     until(lambda: hand.latest(max_age_s=0.01) is None, "the newest is too old")
     assert hand.latest(max_age_s=None) is not None
     with pytest.raises(hostlink.LinkTimeout):
         next(hand.samples(timeout_s=0.05))
+
+
+def test_a_sample_that_waited_is_not_fresh_when_it_is_read(pair: Pair) -> None:
+    """As after a halt of the host: what waited comes in now, and no stamp says that it is old."""
+    node, _, hand = pair
+    first = state(0)
+    node.send(first)
+    until(lambda: hand.latest(max_age_s=None), "the first")
+    until(lambda: hand.latest() is None, "it is old by now")
+    node.send(replace(first, sample=1, capture_time_us=first.capture_time_us + 4000))
+    until(lambda: hand.finger().statistics.received_n == 2, "the second")
+    assert hand.latest() is None
+    assert hand.latest(hand.finger().node) is None
+    waited = hand.latest(max_age_s=None)
+    assert waited is not None
+    assert waited.state.sample == 1
+    numbers = count(2)
+    until(lambda: node.send(state(next(numbers))) and hand.latest(), "one that is new")
+
+
+@pytest.mark.parametrize("age_s", [0.5, 3.0, 20.0, 86_400.0])
+def test_an_old_stamp_of_the_kernel_is_kept(age_s: float) -> None:
+    """As after a halt of the host on a bus: the first that is read is old, and its stamp says so."""
+    channel = f"waited-{age_s}"
+    with hostlink.connect(f"virtual:{channel}") as hand:
+
+        def read(n: int) -> bool:
+            return 3 in hand.fingers and hand.finger(3).statistics.received_n == n
+
+        bus = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
+        for k, waited_s in enumerate((age_s, age_s / 2, 0.0)):
+            data, stamp_s = pack_state(state(k, waited_s), k), time.time() - waited_s
+            bus.send(can.Message(stamp_s, 0x183, is_extended_id=False, data=data, is_fd=True))
+            until(partial(read, k + 1), "it is read")
+            fresh, (row,), sample = hand.latest(), Board(hand).rows(), hand.latest(max_age_s=None)
+            assert sample is not None
+            assert sample.age_s >= waited_s
+            assert sample.age_s == pytest.approx(waited_s, abs=SOON_S)
+            assert fresh is None or waited_s < STALE_S
+            assert row.state is None or waited_s < Board.STALE_S
+        bus.shutdown()
+
+
+@pytest.mark.parametrize("step_s", [-3600.0, 3600.0])
+def test_a_clock_that_is_set_makes_no_sample_old(step_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A message stamped before the step is read after it."""
+    arrival, message = Arrival(trusted=True), can.Message(timestamp=time.time())
+    before_s = time.monotonic()
+    assert before_s - SOON_S < arrival.time_s(message) <= time.monotonic()
+    monkeypatch.setattr("hostlink.links.time.time", partial(lambda now: now() + step_s, time.time))
+    assert arrival.time_s(message) >= before_s
+    message.timestamp = time.time() - 5.0
+    assert arrival.time_s(message) == pytest.approx(time.monotonic() - 5.0, abs=1.0)
+    assert Arrival(trusted=False).time_s(message) >= before_s, "stamped by an adapter's clock"
 
 
 def test_async_iterator_ends_with_the_link(pair: Pair) -> None:

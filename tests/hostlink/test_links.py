@@ -1,4 +1,6 @@
-"""slcan adapters over ptys, classic and FD; addresses; modules that `import hostlink` does not load."""
+"""slcan adapters over ptys, classic and FD, with noise; drivers and callbacks that raise anything; addresses;
+modules that `import hostlink` does not load.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +11,23 @@ import sys
 import threading
 import tty
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
+import can
 import pytest
+from can.interfaces.virtual import VirtualBus
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import hostlink
 from edge.errors import SinkError
 from edge.link.sinks import open_sink
+from hostlink import can_bus, links
+from hostlink.can_bus import open_can_bus
 from hostlink.wire import pack_state, unpack_state
-from hostlink.wire.address import AddressError, parse_address
+from hostlink.wire.address import Address, AddressError, parse_address
+from tests.edge.link.test_node import UNFORESEEN
 from tests.hostlink.test_client import make_node, state
 from tests.support.waiting import SOON_S, until
 
@@ -58,6 +68,11 @@ class Adapters:
                     else:
                         self.commands[k].append(text.decode())
 
+    def noise(self, data: bytes) -> None:
+        """Both adapters give these bytes."""
+        for master in self._masters:
+            os.write(master, data)
+
     def close(self) -> None:
         os.close(self._stop)
         self._thread.join()
@@ -92,6 +107,151 @@ def test_slcan_carries_samples_and_objects(adapters: Adapters, options: str, rep
     node.close()
     for commands in adapters.commands:
         assert [c for c in commands if c[:1] in ("S", "Y")] == reported
+
+
+NOISE = [
+    b"\xff", b"\xff\r", b"\x80\xfe\r\x07\r\r", b"t", b"t1\r", b"t18", b"tzzz8\r", b"t1018AB\r", b"tFFF0\r",
+    b"t-010\r", b"t1019" + b"00" * 9 + b"\r", b"T1FFFF\r", b"TFFFFFFFF0\r", b"b183F\r", b"bxF\r", b"d101?\r",
+    b"r\r", b"x\r", b"R1\r", b"z" * 3000, b"\xc3" * 3000, bytes(range(256)) * 8,
+]  # fmt: skip
+
+
+def test_noise_of_an_adapter_costs_its_line_alone(adapters: Adapters) -> None:
+    edge, host = (f"slcan:{path}?fd=1&dbitrate=5000000&node=9" for path in adapters.paths)
+    node, application = make_node(edge)
+    received: list[int] = []
+    with hostlink.connect(host) as hand:
+        hand.on_sample(lambda sample: received.append(sample.state.sample))
+
+        def both_hear(sample: int) -> bool:
+            node.send(state(sample))
+            return received[-1:] == [sample]
+
+        for k, noise in enumerate(NOISE):
+            adapters.noise(noise)
+            until(partial(both_hear, k), f"a sample after {noise!r}")
+            hand.sync()  # the edge's line that the noise began ends here
+            assert hand.finger(9).get("serial_number") == application.serial, noise
+        assert (hand.reconnects, node.counters.reconnects, hand.unforeseen_n) == (0, 0, 0)
+        adapters.noise(b"t1018A\r" * can_bus.JUNK_LINES)
+        until(lambda: both_hear(99) and hand.reconnects and node.counters.reconnects, "both reopened")
+        assert hand.finger(9).get("serial_number") == application.serial
+    node.close()
+
+
+hexadecimal = st.text("0123456789ABCDEFg- _", max_size=30)
+lines = st.one_of(
+    st.binary(max_size=300),
+    st.builds(lambda kind, rest: (kind + rest).encode(), st.sampled_from("tTrRdDbBxVNzZ"), hexadecimal),
+)
+
+
+@pytest.mark.generative
+@given(st.lists(lines, max_size=20))
+@settings(max_examples=200)
+def test_any_lines_of_an_adapter_are_frames_or_are_counted(noise: list[bytes]) -> None:
+    bus = open_can_bus(parse_address("slcan:loop://"))
+    port = bus._bus.serialPortOrig
+    for line in noise:
+        port.write(line + b"\r")
+        while port.in_waiting:
+            message = bus.recv(0.0)
+            assert message is None or message.is_remote_frame or len(message.data) == message.dlc
+    port.write(b"\rt1232AB01\r")
+    found = [bus.recv(0.0) for _ in range(3)]
+    assert [(m.arbitration_id, bytes(m.data)) for m in found if m] == [(0x123, b"\xab\x01")]
+    bus.shutdown()
+
+
+class Troubled(VirtualBus):
+    """A bus with a driver that raises anything, once, in one of its calls."""
+
+    def __init__(self, channel: str, trouble: dict[str, BaseException]) -> None:
+        super().__init__(channel=channel)
+        self._trouble = trouble
+
+    def _call(self, where: str) -> None:
+        if where in self._trouble:
+            raise self._trouble.pop(where)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        self._call("recv")
+        return super().recv(timeout)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self._call("send")
+        super().send(msg, timeout)
+
+    def shutdown(self) -> None:
+        super().shutdown()
+        self._call("shutdown")
+
+
+@pytest.mark.parametrize("where", ["recv", "send", "open", "shutdown"])
+@pytest.mark.parametrize("error", [*UNFORESEEN, SystemExit(1)], ids=repr)
+def test_whatever_a_driver_raises_the_link_comes_back(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, where: str, error: BaseException
+) -> None:
+    if where == "send" and isinstance(error, SystemExit):
+        pytest.skip("the user's own thread sends, and may end")
+    channel, trouble = request.node.name, dict[str, BaseException]()
+
+    def opener(address: Address) -> can_bus.OpenBus:
+        if "open" in trouble:
+            raise trouble.pop("open")
+        return can_bus.OpenBus(Troubled(channel, trouble), "virtual")
+
+    monkeypatch.setattr(links, "open_can_bus", opener)
+    node, application = make_node(f"virtual:{channel}?node=9")
+    with hostlink.connect(f"virtual:{channel}") as hand:
+        if where in ("open", "shutdown"):
+            trouble["recv"] = OSError("unplugged")
+        trouble[where] = error
+        if where == "send":
+            with pytest.raises(hostlink.LinkDown):
+                hand.sync()
+        until(lambda: not trouble and hand.reconnects == 1, "the link is back")
+        until(lambda: node.send(state(1)) and hand.latest(9) is not None, "a sample")
+        assert hand.finger(9).get("serial_number") == application.serial
+        foreseen = where in ("open", "shutdown") and isinstance(error, Exception)
+        assert hand.unforeseen_n == (not foreseen)
+    node.close()
+
+
+@pytest.mark.parametrize("kind", ["on_sample", "on_raw", "on_detail"])
+def test_a_callback_may_exit_or_ask_and_the_link_goes_on(request: pytest.FixtureRequest, kind: str) -> None:
+    """`sys.exit()` ends nothing; what waits for the finger is refused at once, in one line."""
+    bus = f"virtual:{request.node.name}"
+    node, _ = make_node(f"{bus}?node=9")
+    refused: list[str] = []
+    received: list[hostlink.Sample] = []
+    with hostlink.connect(bus) as hand:
+
+        def ask(*what: object) -> None:
+            for wait in (
+                lambda: hand.finger(9).get("serial_number"),
+                lambda: hand.finger(9).tare(),
+                lambda: hand.finger(77),
+                lambda: next(hand.samples()),
+            ):
+                with pytest.raises(hostlink.UsageError) as caught:
+                    wait()
+                refused.append(str(caught.value))
+
+        getattr(hand, kind)(lambda *what: sys.exit("done"))
+        until(lambda: node.send(state(0)) and hand.latest(9) is not None, "the finger")
+        getattr(hand, kind)(ask)
+        hand.on_sample(received.append)
+        hand.finger(9).set("detail_divider", 1)
+        detail = [(0.0, 0.0, 0.0)]
+        until(lambda: node.send(state(1)) and node.send_detail(1, detail) and len(refused) >= 4, "asked")
+        received.clear()
+        until(lambda: node.send(state(2)) and received, "a sample")
+        assert hand.up
+        assert hand.reconnects == 0
+    node.close()
+    assert {message.count("\n") for message in refused} == {0}
+    assert "callback" in refused[0]
 
 
 @pytest.mark.parametrize(

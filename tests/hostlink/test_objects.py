@@ -1,16 +1,32 @@
-"""Objects over SDO, asked of a node whose answers are late."""
+"""Objects asked of a node whose answers are late or lost, while others ask on the same bus."""
 
 from __future__ import annotations
 
+import socket
+import threading
+from collections import deque
+from collections.abc import Callable
+from contextlib import closing, suppress
+from random import Random
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+import hostlink
+from edge.link.object_server import ObjectServer, RequestRefused
+from edge.link.ports import SerialPort
 from edge.link.sdo_server import SdoServer
+from edge.link.settings import SettingsFile
 from hostlink import objects
-from hostlink.errors import LinkTimeout
-from hostlink.objects import SdoObjects
-from hostlink.wire import CanIds, Kind
+from hostlink.errors import LinkTimeout, ObjectAborted
+from hostlink.finger import Finger
+from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
+from hostlink.wire import Abort, CanIds, Kind, Message, ObjectReply, unpack_message
+from hostlink.wire.serial import decode_frame
+from tests.hostlink.test_client import Application, make_node, need_multicast, state
+from tests.support.waiting import SOON_S
 
 NODE, INDEX = 5, 0x2030
 ABORT = 0x80
@@ -75,15 +91,292 @@ def test_an_answer_that_comes_after_its_transfer_is_not_taken_for_another(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(objects, "TIMEOUT_S", 0.01)
-    sent: list[bytes] = []
-    client = SdoObjects(NODE, 0x605, 0x585, lambda _, data: sent.append(data))
+    late: list[bytes] = []
 
-    def late(can_id: int, data: bytes) -> None:
-        client.answer(bytes((0x4B, 0x18, 0x10, 1, 7, 0, 0, 0)))  # of object 0x1018
-        client.answer(bytes((0x80, 0x18, 0x10, 1, 0, 0, 0, 6)))
+    def send(can_id: int, data: bytes) -> None:
+        for answer in late:
+            client.answer(answer)
 
+    client = SdoObjects(NODE, 0x605, 0x585, send)
     with pytest.raises(LinkTimeout):
         client.read(0x1018, 1)
-    client._client.network = objects._SendOnlyNetwork(late)
+    late += [bytes((0x4B, 0x18, 0x10, 1, 7, 0, 0, 0)), bytes((0x80, 0x18, 0x10, 1, 0, 0, 0, 6))]
     with pytest.raises(LinkTimeout):
         client.read(INDEX, 0)
+
+
+kinds = st.sampled_from([0x00, 0x01, 0x10, 0x20, 0x30, 0x41, 0x43, 0x4F, 0x60, 0x70, 0x80, 0xA0, 0xC0])
+frames = st.builds(
+    lambda kind, what, tail: bytes((kind,)) + what + tail,
+    st.one_of(kinds, st.integers(0, 255)),
+    st.one_of(st.sampled_from([b"\x30\x20\0", bytes(3)]), st.binary(min_size=3, max_size=3)),
+    st.one_of(st.just(b"\x09\0\0\0"), st.binary(min_size=4, max_size=4)),
+)
+
+
+@pytest.mark.generative
+@settings(max_examples=100, deadline=None)
+@given(
+    received=st.lists(st.lists(st.tuples(st.booleans(), frames), max_size=4), max_size=12),
+    size=st.integers(0, 9),
+)
+def test_a_transfer_ends_whatever_is_received(received: list[list[tuple[bool, bytes]]], size: int) -> None:
+    """Answers and others' requests of any content; each list is what comes after a request of ours."""
+    rounds = iter(received)
+
+    def send(can_id: int, data: bytes) -> None:
+        for another, frame in next(rounds, []):
+            (client.overhear if another else client.answer)(frame)
+
+    client = SdoObjects(NODE, 0x605, 0x585, send)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(objects, "TIMEOUT_S", 0.001)
+        for transfer in (lambda: client.read(INDEX, 0), lambda: client.write(INDEX, 0, bytes(size))):
+            with suppress(ObjectAborted, LinkTimeout):
+                transfer()
+
+
+# ---- lost answers ---------------------------------------------------------------------------------------
+
+
+class OneTare(Application):
+    """Takes one rest frame, for ever."""
+
+    def tare(self, force: bool) -> None:
+        if self.tares:
+            raise RequestRefused("a rest frame is being taken already")
+        super().tare(force)
+
+
+class Line:
+    """A finger's objects over a serial line or a bus, whose first answers are lost."""
+
+    def __init__(self, link: str, application: Application, lost_n: int = 0) -> None:
+        self.lost_n = lost_n
+        server = ObjectServer(application, SettingsFile(), NODE, CanIds(), lambda _: None, dict)
+        self.sdo = SdoServer(server, lambda data: self._answer(lambda: self.client.answer(data)))
+        self.port = SerialPort(self, NODE, server, lambda _: None, lambda: None)  # type: ignore[arg-type]
+        self.client: Any
+        self.link = link
+        self.connect()
+
+    def connect(self) -> None:
+        if self.link == "serial":
+            self.client = SerialObjects(self._write)
+        else:
+            self.client = SdoObjects(NODE, 0x605, 0x585, lambda _, data: self.sdo.request(data))
+
+    def _write(self, frame: bytes) -> None:
+        kind, payload = decode_frame(frame.strip(b"\0"))
+        self.port.receive(Message(kind), *unpack_message(Message(kind), payload))
+
+    def _answer(self, deliver: Callable[[], None]) -> None:
+        if self.lost_n:
+            self.lost_n -= 1
+        else:
+            deliver()
+
+    def post_frame(self, kind: Message, body: bytes, counter: int) -> None:
+        """The node replies."""
+        self._answer(lambda: self.client.answer(counter, ObjectReply.unpack(body)))
+
+
+TARE, SERIAL_NUMBER = (0x2010, 0), (0x2000, 3)
+links = pytest.mark.parametrize("link", ["can", "serial"])
+
+
+@links
+@pytest.mark.parametrize("lost_n", [1, 2])
+def test_a_lost_answer_does_not_turn_an_accepted_tare_into_a_refusal(
+    monkeypatch: pytest.MonkeyPatch, link: str, lost_n: int
+) -> None:
+    monkeypatch.setattr(objects, "TIMEOUT_S", 0.01)
+    monkeypatch.setattr(objects, "TRIES", 1000)  # on a busy machine
+    line = Line(link, application := OneTare("VT-1"))
+    line.client.read(*SERIAL_NUMBER)
+    line.lost_n = lost_n
+    line.client.write(*TARE, b"\1")
+    assert application.tares == [False]
+    with pytest.raises(ObjectAborted) as refused:  # this is no repetition
+        line.client.write(*TARE, b"\1")
+    assert refused.value.code == Abort.NOT_NOW
+
+
+@links
+def test_a_new_connection_gets_no_answers_of_the_one_before(
+    monkeypatch: pytest.MonkeyPatch, link: str
+) -> None:
+    monkeypatch.setattr("os.urandom", lambda n: bytes(n))  # every connection counts alike
+    line = Line(link, application := Application("VT-1"))
+    for n in range(1, 4):
+        if link == "serial":
+            line.connect()
+        line.client.write(*TARE, b"\1")
+        assert len(application.tares) == n
+
+
+@links
+def test_a_request_ends_in_time_whatever_else_arrives(monkeypatch: pytest.MonkeyPatch, link: str) -> None:
+    monkeypatch.setattr(objects, "TIMEOUT_S", 0.02)
+    line = Line(link, Application("VT-1"), lost_n=1000)
+    ended = threading.Event()
+
+    def chatter() -> None:
+        """Another's answers, one each millisecond, for far longer than a request may take."""
+        for k in range(3000):
+            if ended.wait(0.001):
+                return
+            if link == "serial":
+                line.client.answer(k & 0xFF, ObjectReply(0x2000, 4))
+            else:
+                line.client.overhear(b"\x40\x00\x20\x04" + bytes(4))
+                line.client.answer(b"\x43\x00\x20\x04" + bytes(4))
+
+    thread = threading.Thread(target=chatter)
+    thread.start()
+    with pytest.raises(LinkTimeout):
+        line.client.read(*SERIAL_NUMBER)
+    assert thread.is_alive()
+    ended.set()
+    thread.join()
+
+
+# ---- two hosts on one bus -------------------------------------------------------------------------------
+
+
+def test_a_finger_that_another_host_keeps_busy_gives_that_as_the_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(objects, "TIMEOUT_S", 0.01)
+    line = Line("can", Application("VT-0042"))
+    line.sdo.request(b"\x21\x30\x20\0" + (9).to_bytes(4, "little"))  # another host's, unheard
+    line.sdo.request(b"\x00{______")
+    with pytest.raises(ObjectAborted, match="serial_number: another host keeps the finger busy") as error:
+        line.client.read(*SERIAL_NUMBER)
+    assert error.value.code == Abort.NOT_NOW
+    line.client.write(*TARE, b"\1")  # a short value needs no turn
+
+
+class SharedBus:
+    """A finger and hosts on a bus. Whose frame comes next is random; the frames of each keep their order.
+
+    Host k loses a share of the answers.
+    """
+
+    def __init__(self, hosts_n: int, seed: int, lost: float) -> None:
+        self.application = Application("VT-0042 of the left hand")
+        self.application.touched = True
+        server = ObjectServer(self.application, SettingsFile(), NODE, CanIds(), lambda _: None, dict)
+        self._server = SdoServer(server, lambda data: self._put(0, data))
+        self._queues = [deque[bytes]() for _ in range(1 + hosts_n)]
+        self._changed = threading.Condition()
+        self._ended = False
+        self._rng, self._lost = Random(seed), lost
+        self.hosts = [self._host(k) for k in range(1, 1 + hosts_n)]
+        self._thread = threading.Thread(target=self._carry)
+        self._thread.start()
+
+    def _host(self, k: int) -> SdoObjects:
+        return SdoObjects(NODE, 0x605, 0x585, lambda _, data: self._put(k, data))
+
+    def _put(self, sender: int, data: bytes) -> None:
+        with self._changed:
+            self._queues[sender].append(data)
+            self._changed.notify()
+
+    def _carry(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._ended or any(self._queues))
+                if self._ended:
+                    return
+                sender = self._rng.choice([k for k, queue in enumerate(self._queues) if queue])
+                data = self._queues[sender].popleft()
+            for k, host in enumerate(self.hosts, 1):
+                if sender == 0 and self._rng.random() >= self._lost:
+                    host.answer(data)
+                elif sender not in (0, k):
+                    host.overhear(data)
+            if sender:
+                self._server.request(data)
+
+    def close(self) -> None:
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+        self._thread.join()
+
+
+def not_needed() -> Any:
+    raise AssertionError("nothing of a finger's samples is needed")
+
+
+def ask_often(finger: Finger, text: tuple[str, str], n: int, force: bool, wrong: list[str]) -> None:
+    """Read a text and tare, n times; notes what is not right. The tip is touched."""
+    name, expected = text
+    for _ in range(n):
+        try:
+            if (read := finger.get(name)) != expected:
+                wrong.append(f"read {read!r}")
+            if force:
+                finger.tare(force=True)
+                continue
+            with suppress(ObjectAborted):
+                finger.tare()
+                wrong.append("a tare of a touched tip was accepted")
+        except hostlink.LinkError as error:
+            wrong.append(repr(error))
+
+
+def ask_at_once(fingers: list[Finger], serial_number: str, n: int) -> list[str]:
+    """The first host forces its tares, so that they are accepted; the others' are refused."""
+    wrong: list[str] = []
+    texts = (("serial_number", serial_number), ("device_name", "voronoi-touch"))
+    threads = [
+        threading.Thread(target=ask_often, args=(finger, texts[k % 2], n, k == 0, wrong))
+        for k, finger in enumerate(fingers)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return wrong
+
+
+@pytest.mark.parametrize(
+    ("hosts_n", "lost", "n"), [(2, 0.0, 1000), (3, 0.0, 100), (2, 0.01, 30)], ids=["two", "three", "losses"]
+)
+def test_hosts_on_one_bus_read_and_tare_correctly(
+    monkeypatch: pytest.MonkeyPatch, hosts_n: int, lost: float, n: int
+) -> None:
+    if lost:
+        monkeypatch.setattr(objects, "TIMEOUT_S", 0.05)
+        monkeypatch.setattr(objects, "TRIES", 200)  # on a busy machine
+    with closing(SharedBus(hosts_n, 1, lost)) as bus:
+        clients: list[ObjectClient] = [*bus.hosts]
+        fingers = [Finger(NODE, client, not_needed, not_needed) for client in clients]
+        assert ask_at_once(fingers, bus.application.serial, n) == []
+        assert bus.application.tares == [True] * n
+
+
+@pytest.mark.parametrize(("kind", "n"), [("virtual", 100), ("udp", 20)])
+def test_two_connections_to_one_finger_read_and_tare_correctly(
+    request: pytest.FixtureRequest, kind: str, n: int
+) -> None:
+    if kind == "udp":
+        need_multicast()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("", 0))
+            port = probe.getsockname()[1]
+    bus = f"virtual:{request.node.name}?" if kind == "virtual" else f"udp:239.0.0.5?port={port}&"
+    node, application = make_node(f"{bus}node={NODE}")
+    application.touched = True
+    with (
+        closing(node),
+        hostlink.connect(bus.rstrip("?&")) as one,
+        hostlink.connect(bus.rstrip("?&")) as other,
+    ):
+        node.send(state(0))
+        fingers = [one.finger(NODE, SOON_S), other.finger(NODE, SOON_S)]
+        assert ask_at_once(fingers, application.serial, n) == []
+        assert application.tares == [True] * n

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import errno
+import os
 import resource
+import signal
+import socket
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from edge.calibration import Calibration
+from edge.link.settings import SettingsFile
+from edge.runtime.calibration_store import CalibrationStore
+from hostlink.interrupt import ENDING
 from hostlink.output_file import OutputError, WriteError, check_output, find_unfinished, writing
 from tests.support.environment import uncounted
 
@@ -137,6 +145,111 @@ def test_mode_of_the_file_replaced_is_kept_and_a_link_stays_a_link(tmp_path: Pat
     assert target.stat().st_mode & 0o777 == 0o640
 
 
+def link_to_a_file(place: Path) -> Path:
+    (place / "elsewhere").write_text("kept")
+    return place / "elsewhere"
+
+
+def link_to_nothing(place: Path) -> Path:
+    return place / "nowhere"
+
+
+def link_to_a_socket(place: Path) -> Path:
+    """In the place of a device: it would be lost for all, should the test fail."""
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(os.path.relpath(place / "socket"))  # the name may have 108 bytes
+    return place / "socket"
+
+
+def link_to_a_pipe(place: Path) -> Path:
+    os.mkfifo(place / "pipe")
+    return place / "pipe"
+
+
+@pytest.mark.parametrize("aim", [link_to_a_file, link_to_nothing, link_to_a_socket, link_to_a_pipe])
+def test_a_store_replaces_a_link_and_not_what_it_leads_to(
+    tmp_path: Path, aim: Callable[[Path], Path]
+) -> None:
+    """Whoever may write into the state folder must not lead the finger to another file."""
+    aim_at = aim(tmp_path)
+    folder = tmp_path / "state"
+    folder.mkdir()
+    store = CalibrationStore(folder)
+    calibration = Calibration.load(Path(__file__).parents[1] / "data" / "rings331_ball.json")
+    store.replace(calibration)
+    for name in ("settings.json", "calibration.json", "calibration.previous.json"):
+        (folder / name).unlink(missing_ok=True)
+        (folder / name).symlink_to(aim_at)
+    SettingsFile(folder / "settings.json").change(divider=3)
+    store.replace(calibration)
+    store.replace(calibration)
+    assert all(not path.is_symlink() and path.is_file() for path in folder.iterdir())
+    assert SettingsFile(folder / "settings.json").values.divider == 3
+    assert len(store.load()) == 2
+    if aim_at.is_file():
+        assert aim_at.read_text() == "kept"
+    assert not (tmp_path / "nowhere").exists()
+
+
+@pytest.mark.parametrize("aim", [link_to_a_socket, link_to_a_pipe])
+@pytest.mark.parametrize("overwrite", [True, False])
+def test_only_a_file_is_replaced(tmp_path: Path, aim: Callable[[Path], Path], overwrite: bool) -> None:
+    aim_at = aim(tmp_path)
+    link = tmp_path / "link.json"
+    link.symlink_to(aim_at)
+    for path in (link, aim_at):
+        with pytest.raises(OutputError, match="give the name of a file"), writing(path, overwrite):
+            pytest.fail("the work was begun")
+    assert not aim_at.is_file()
+
+
+def test_a_name_that_cannot_be_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="File name too long"):
+        check_output(tmp_path / ("x" * 300 + ".json"), (".json",))
+
+
+def test_a_folder_of_another_user_is_one_line(tmp_path: Path) -> None:
+    """As user nobody where the tests run as root, who may look into all."""
+    folder = tmp_path / "state"
+    folder.mkdir(mode=0o700)
+    (folder / "settings.json").write_text("{}")
+    for parent in (tmp_path, *tmp_path.parents):
+        if parent.stat().st_uid == os.geteuid() and parent != Path("/"):
+            parent.chmod(parent.stat().st_mode | 0o011)
+    if os.geteuid():
+        folder.chmod(0)
+    program = f"""
+import logging, os, sys
+from pathlib import Path
+from edge.cli.assembly import _state_directory
+from edge.config import Config, StateTable
+from edge.runtime.calibration_store import CalibrationStore
+from edge.link.settings import NodeSettings, SettingsFile
+from hostlink.interrupt import ENDING
+from hostlink.output_file import OutputError, check_output
+if not os.geteuid():
+    os.setresgid(65534, 65534, 65534)
+    os.setresuid(65534, 65534, 65534)
+logging.basicConfig(format="%(message)s")
+folder = Path({str(folder)!r})
+_state_directory(Config(state=StateTable(directory=str(folder))))
+settings, store = SettingsFile(folder / "settings.json"), CalibrationStore(folder)
+store.clear_leftovers()
+assert settings.values == NodeSettings() and store.load() == []
+for write in (lambda: settings.change(divider=2), lambda: check_output(folder / "x.json", ())):
+    try:
+        write()
+    except OutputError as error:
+        print(error, file=sys.stderr)
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, env=uncounted(), check=False
+    )
+    lines = run.stderr.splitlines()
+    assert (run.returncode, len(lines)) == (0, 5), run.stderr
+    assert all(str(folder) in line and "Permission denied" in line for line in lines), run.stderr
+
+
 PROGRAM = """
 import sys, click
 from hostlink.cli_exit import run_command
@@ -165,6 +278,51 @@ def test_command_on_a_full_disk_ends_with_one_line_and_code_1(tmp_path: Path) ->
     )
     assert (run.returncode, run.stderr) == (1, f"error: {path}: cannot be written: File too large\n")
     assert list(tmp_path.iterdir()) == []
+
+
+ENDED = """
+import os, sys, click
+import hostlink.output_file
+from hostlink.cli_exit import run_command
+from hostlink.output_file import writing
+
+@click.command()
+@click.argument("number", type=int)
+@click.argument("when")
+@click.argument("file")
+def make(number, when, file):
+    def end(*_):
+        os.kill(os.getpid(), number)
+        os.kill(os.getpid(), number)  # the shell and the kernel both report a terminal's end
+    if when == "while it gets its name":
+        hostlink.output_file._force_to_disk = end
+    with writing(file, keep_partial=when == "a recording") as unfinished:
+        unfinished.write_text("content")
+        if when != "while it gets its name":
+            end()
+
+sys.exit(run_command(make, "make", ()))
+"""
+
+
+@pytest.mark.parametrize("number", ENDING)
+@pytest.mark.parametrize("when", ["while it is written", "a recording", "while it gets its name"])
+def test_a_signal_leaves_a_whole_file_or_none(tmp_path: Path, number: signal.Signals, when: str) -> None:
+    path = tmp_path / "x.json"
+    run = subprocess.run(
+        [sys.executable, "-c", ENDED, str(int(number)), when, str(path)],
+        env=uncounted(), capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (run.returncode, run.stderr.strip()) == (128 + number, "")
+    kept = [] if when == "while it is written" else [path]
+    assert list(tmp_path.iterdir()) == kept
+    assert all(one.read_text() == "content" for one in kept)
+
+
+def test_a_program_under_nohup_goes_on(tmp_path: Path) -> None:
+    command = ["nohup", sys.executable, "-c", ENDED, str(int(signal.SIGHUP)), "", str(tmp_path / "x.json")]
+    assert subprocess.run(command, env=uncounted(), capture_output=True, check=False).returncode == 0
+    assert (tmp_path / "x.json").read_text() == "content"
 
 
 def test_command_with_a_wrong_name_ends_with_one_line_and_code_2(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ import pytest
 
 import hostlink
 from hostlink import Sample, decode_recording
-from hostlink.recording import LogWriter
+from hostlink.recording import LogWriter, read_log
 from hostlink.table import COLUMNS, ROWS_PER_PIECE, write_parquet
 from hostlink.wire import State, pack_state
 from tests.hostlink.commands.test_cli import run
@@ -112,10 +112,12 @@ def test_parquet_goes_on_beyond_one_piece(tmp_path: Path) -> None:
 def test_a_damaged_recording_is_read_up_to_the_damage(
     log: Path, kind: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with log.open("a") as file:
-        file.write("nonsense\n")
-    out = log.with_suffix(f".{kind}")
-    assert run("decode", str(log), f"--{kind}", str(out)) == 2
+    damaged, out = log.with_suffix(".blf"), log.with_suffix(f".{kind}")
+    with LogWriter(damaged) as writer:
+        for message in read_log(log):
+            writer.write(message)
+    damaged.write_bytes(damaged.read_bytes() + b"nonsense" * 2)
+    assert run("decode", str(damaged), f"--{kind}", str(out)) == 2
     assert f"damaged after {SAMPLES} messages" in capsys.readouterr().err
     assert len(pd.read_csv(out) if kind == "csv" else pd.read_parquet(out)) == SAMPLES
 

@@ -25,7 +25,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from edge.link.media import Medium, MediumError, MediumFull
+from edge.link.medium import Medium, MediumError, MediumFull
 from edge.sources.live import ThreadedSource, Watch
 from edge.types import Frame
 from hostlink.wire import FaultCode

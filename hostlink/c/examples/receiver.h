@@ -11,7 +11,8 @@
 #define NODE 1u /* the finger's number on the bus */
 #endif
 
-/* Call these when something came in. now_ms: any clock that counts milliseconds; it may wrap. */
+/* Call these when something came in. now_ms: any clock that counts milliseconds; it may wrap. Who reads a queue
+ * gives the time at which the frame came in, not that of the reading: after a halt, what waited is old. */
 void on_can(uint32_t id, const uint8_t *data, size_t size, uint32_t now_ms);
 void on_serial_byte(uint8_t byte, uint32_t now_ms);
 

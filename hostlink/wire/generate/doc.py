@@ -381,7 +381,38 @@ def _canopen() -> list[str]:
         "Abort codes:",
         "",
         *_table(("code", "meaning"), [(f"0x{code:08X}", text) for code, text in ABORTS.items()]),
+        *_several_hosts(),
         *_rest_frame(),
+    ]
+
+
+def _several_hosts() -> list[str]:
+    return [
+        "### Several hosts, and requests made again",
+        "",
+        "CANopen gives an SDO channel to one client: answers name the object, segments not even that, and none names",
+        "the client. A finger has one channel. On it",
+        "",
+        "- values of up to 4 bytes are read and written at any time, whatever else is under way;",
+        "- one longer value is transferred at a time. Another one is refused with 0x08000022 until its last segment, or",
+        "  until its client has been silent for 1 s: ask again;",
+        "- a segment with the wrong toggle bit or direction ends the transfer, with 0x05030000;",
+        "- block transfer is not offered. A block upload is answered as a plain one where its pst allows that",
+        "  (at least the value's size), and refused with 0x05040001 otherwise, as a block download is.",
+        "",
+        "Hosts that use `hostlink` may share a finger on a bus: each hears the others' requests, waits its turn, and asks",
+        "again where it cannot tell whose an answer is. Any other client (a PLC, `canopen`, the C files) must be the only",
+        "one that asks a finger; listening to samples takes no channel. A serial line has one host: its port is locked.",
+        "",
+        "A request may be sent again where no answer came; the finger does it once:",
+        "",
+        "- a segment that is equal to the last one gets the same answer;",
+        "- so does a write of up to 3 bytes that carries a number of the client's in the bytes behind its value (CiA 301",
+        "  leaves them open), for 1 s: another number each time, not 0. Without a number a write is taken as sent",
+        "  again if it comes 0.25 to 1 s after the same one, with no other request between. What was refused is tried anew;",
+        "- over a serial line: the same counter and content as the last request, for 1 s. A new connection begins with",
+        "  a request whose answer it does not need.",
+        "",
     ]
 
 

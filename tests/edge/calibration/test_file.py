@@ -58,6 +58,10 @@ DAMAGE = [
         damaged("models", 0, "knots", value=[[0, 0], [1, 2], [2, 1]]),
         "models[0].knots: the output must be monotone",
     ),
+    (
+        damaged("models", 0, "knots", value=[[0, 0], [1, -3]]),
+        "models[0].knots: 'displacement_mm' is never above 0; a press is positive",
+    ),
     (damaged("models", 0, "knots", value=[[0, 0], [0, 1]]), "models[0].knots[1]: the input must increase"),
     (damaged("models", 0, "knots", value=[[0, 0]]), "models[0].knots: must have at least 2 items"),
     (

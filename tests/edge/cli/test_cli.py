@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import re
@@ -12,6 +13,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import fields
 from importlib.metadata import version
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +28,11 @@ from calib.sim.tip import Tip
 from edge.__main__ import main
 from edge.cli.options import LoopOptions
 from edge.recording import Recorder, read_messages
+from edge.runtime.loop import Loop
+from edge.runtime.statistics import LoopStatistics
 from edge.sensors import load_sensor
 from edge.sources import open_source
+from hostlink.interrupt import ENDING
 from tests.support.waiting import SOON_S, until
 
 
@@ -123,6 +128,40 @@ def test_run_warns_of_fewer_pins_than_the_sensor_has(
         message for message in caplog.messages if "127 pins found, TacTip, 331 pins has 331" in message
     ]
     assert len(missing) == 1
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["replay {data}/nothing.mcap --loop --speed 100", "run --source sim:nothing?rate_hz=1000&{size}"],
+)
+def test_memory_does_not_grow_with_the_samples(
+    monkeypatch: pytest.MonkeyPatch, data_dir: Path, command: str
+) -> None:
+    early_n, late_n, window_n = 300, 1300, 200
+    blocks = dict[int, int]()  # by the number of the sample
+    run_loop = Loop.run
+
+    def watched(loop: Loop, frames_max: int | None = None) -> LoopStatistics:
+        numbers = count()
+
+        def look(*result: object) -> None:
+            n = next(numbers)
+            if n % 10 == 0:
+                gc.collect()
+                blocks[n] = sys.getallocatedblocks()
+            if n == late_n + window_n:
+                loop.stop()
+
+        loop.result_callbacks.append(look)
+        return run_loop(loop, frames_max)
+
+    def least(from_n: int) -> int:
+        return min(blocks[n] for n in range(from_n, from_n + window_n, 10))  # what other threads hold differs
+
+    monkeypatch.setattr(Loop, "run", watched)
+    line = command.format(data=data_dir, size="width=160&height=160")
+    assert run(monkeypatch, *line.split(), "--sink", "virtual:memory", "-q") == 0
+    assert least(late_n) - least(early_n) < 0.5 * (late_n - early_n)
 
 
 def test_replay_prints_what_was_held_and_sent(
@@ -520,7 +559,7 @@ def test_a_video_is_complete_before_it_replaces_another(data_dir: Path, tmp_path
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_ctrl_c_leaves_no_part_of_a_video(data_dir: Path, tmp_path: Path) -> None:
+def test_a_signal_leaves_no_part_of_a_video(data_dir: Path, tmp_path: Path) -> None:
     press = tmp_path / "frames"
     press.mkdir()
     frames_n = 0
@@ -532,15 +571,16 @@ def test_ctrl_c_leaves_no_part_of_a_video(data_dir: Path, tmp_path: Path) -> Non
     out = tmp_path / "out"
     out.mkdir()
     command = [sys.executable, "-m", "edge", "render", str(press), "-o", str(out / "a.mp4")]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        until(lambda: any(out.iterdir()) or process.poll() is not None, "it writes")
-        assert process.poll() is None
-        process.send_signal(signal.SIGINT)
-        assert process.stderr is not None
-        output = process.stderr.read()
-        assert process.wait() == 130
-    assert output.strip() == ""
-    assert list(out.iterdir()) == []
+    for number in ENDING:
+        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+            until(lambda: any(out.iterdir()) or process.poll() is not None, "it writes")
+            assert process.poll() is None
+            process.send_signal(number)
+            assert process.stderr is not None
+            output = process.stderr.read()
+            assert process.wait() == 128 + number
+        assert output.strip() == ""
+        assert list(out.iterdir()) == []
 
 
 @pytest.mark.parametrize("more", [[], ["--loop"]], ids=["once", "loop"])

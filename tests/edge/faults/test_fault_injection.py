@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edge.link.media import MediumError, MediumFull
+from edge.link.medium import MediumError, MediumFull
 from edge.sources import ThreadedSource
 from edge.types import Clock, Frame
 from hostlink.wire import FaultCode

@@ -97,6 +97,7 @@ identifiers = st.one_of(
 )
 
 
+@pytest.mark.generative
 @FEW
 @given(messages=st.lists(st.tuples(identifiers, frames), max_size=40))
 def test_can(on_can: tuple[Node, Finger, Wire], messages: list[tuple[int, bytes]]) -> None:
@@ -115,6 +116,7 @@ def test_can(on_can: tuple[Node, Finger, Wire], messages: list[tuple[int, bytes]
     assert [a[:4] for a in answers] == [b"\x43" + IDENTITY[1:4]]
 
 
+@pytest.mark.generative
 @FEW
 @given(
     chunks=st.lists(

@@ -5,11 +5,11 @@ from __future__ import annotations
 import can
 import pytest
 
-from edge.link.media import MediumError
+from edge.link.medium import MediumError
 from edge.link.params import PARAMS
 from edge.link.python_can import CanMedium
 from edge.link.read_budget import ReadBudget
-from hostlink.links import CanLink
+from hostlink.can_bus import OpenBus
 
 
 class Bus:
@@ -24,24 +24,28 @@ class Bus:
 
 def test_a_datagram_without_a_frame_is_counted_and_dropped() -> None:
     junk = Bus(can.CanOperationError("could not unpack received message"), ValueError("extra data"))
-    medium = CanMedium(junk, instant=True)  # type: ignore[arg-type]
-    assert [medium.read(0.0) for _ in range(20)] == [None] * 20
-    assert medium.junk_n == 20
+    bus = OpenBus(junk, "udp_multicast")  # type: ignore[arg-type]
+    medium = CanMedium(bus, instant=True)
+    assert [medium.read(0.0) for _ in range(1000)] == [None] * 1000
+    assert bus.junk_n == 1000
 
 
-def test_a_host_s_link_also_filters_junk() -> None:
-    link = CanLink.__new__(CanLink)  # as far as reading goes
-    junk = Bus(can.CanOperationError("could not unpack received message"), ValueError("extra data"))
-    assert link._read(junk) is None
-    with pytest.raises(can.CanOperationError):
-        link._read(Bus(can.CanOperationError("failed"), OSError("the interface went down")))
-
-
-@pytest.mark.parametrize("cause", [OSError("the interface went down"), None])
-def test_a_failed_bus_is_not_counted_as_junk(cause: Exception | None) -> None:
-    medium = CanMedium(Bus(can.CanOperationError("failed"), cause), instant=True)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("interface", "cause"),
+    [
+        ("udp_multicast", OSError("the interface went down")),
+        ("udp_multicast", None),
+        ("slcan", OSError("the adapter was unplugged")),
+        ("slcan", ValueError("the descriptor is closed")),
+        ("pcan", ValueError("a driver's own error, which no datagram caused")),
+        ("kvaser", IndexError("the same")),
+    ],
+)
+def test_a_failed_bus_is_not_counted_as_junk(interface: str, cause: Exception | None) -> None:
+    bus = OpenBus(Bus(can.CanOperationError("failed"), cause), interface)  # type: ignore[arg-type]
     with pytest.raises(MediumError):
-        medium.read(0.0)
+        CanMedium(bus, instant=True).read(0.0)
+    assert bus.junk_n == 0
 
 
 @pytest.mark.parametrize("cost_s", [20e-6, 100e-6, 1e-3])

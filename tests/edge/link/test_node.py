@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import termios
+import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 
@@ -14,7 +17,9 @@ import pytest
 from canopen.objectdictionary import ObjectDictionary
 
 from edge.errors import CalibrationError
+from edge.link.can_frame import CanFrame
 from edge.link.media import open_line
+from edge.link.medium import MediumError
 from edge.link.nmt import NmtState
 from edge.link.node import Node, RequestRefused
 from edge.link.object_server import Aborted
@@ -248,6 +253,7 @@ def test_tare_is_refused_under_load_unless_forced(bench: Bench) -> None:
         ("schema_hash", b"\0\0\0\0", Abort.READ_ONLY),
         ("reboot", b"\0\0\0\0", Abort.VALUE_LOW),
         ("tpdo1_transmission", b"\xf5", Abort.VALUE_RANGE),
+        ("error_n", b"\1", Abort.VALUE_RANGE),  # CiA 301, object 1003h
         ("calibration", b"no JSON at all", Abort.VALUE_RANGE),
     ],
 )
@@ -288,6 +294,15 @@ def test_segment_without_a_transfer_is_aborted(bench: Bench, command: int) -> No
     assert answer[0] == 0x80
     bench.remote.sdo.responses.get(timeout=SOON_S)  # the client received it too, and would take it as its own
     assert bench.read("divider") == 1
+
+
+def test_block_transfer_is_refused_and_a_plain_one_does(bench: Bench) -> None:
+    """`canopen`'s client asks for blocks and allows nothing else (pst 0)."""
+    row = object_named("serial_number")
+    for mode, size in (("rb", None), ("wb", 100)):
+        with refused(Abort.COMMAND):
+            bench.remote.sdo.open(row.index, row.sub, mode, block_transfer=True, size=size)
+    assert bench.read("serial_number") == "VT-0042"
 
 
 def test_calibration_goes_up_and_comes_back(bench: Bench) -> None:
@@ -412,6 +427,106 @@ def test_lost_link_is_a_fault_and_a_bit(bench: Bench) -> None:
     assert (first.sample, second.sample) == (2, 3)
     assert first.status == Status.LINK_FAULT
     assert second.status == Status(0)
+
+
+class Troubled:
+    """A bus with a driver that raises anything, once, in one of its calls."""
+
+    bus_off = False
+
+    def __init__(self, where: str, error: BaseException, instant: bool) -> None:
+        self._where, self._error, self.instant = where, error, instant
+        self.armed = False
+        self.items: list[CanFrame] = []
+
+    def _call(self, where: str) -> None:
+        if self.armed and where == self._where:
+            self.armed = False
+            raise self._error
+
+    def __call__(self) -> Troubled:
+        self._call("open")
+        return self
+
+    def write(self, item: CanFrame) -> None:
+        self._call("write")
+        self.items.append(item)
+
+    def read(self, timeout_s: float) -> None:
+        self._call("read")
+        threading.Event().wait(0.002)
+
+    def close(self) -> None:
+        self._call("close")
+
+
+UNFORESEEN = [
+    IndexError("list index"),
+    termios.error(5, "gone"),
+    MemoryError(),
+    AssertionError(),
+    KeyError(0),
+]
+
+
+@pytest.mark.parametrize("instant", [True, False])
+@pytest.mark.parametrize("error", [*UNFORESEEN, SystemExit(1)], ids=repr)
+@pytest.mark.parametrize("where", ["read", "write", "open", "close"])
+def test_whatever_a_driver_raises_is_a_lost_link_and_no_thread_ends(
+    where: str, error: BaseException, instant: bool
+) -> None:
+    if where == "write" and instant and isinstance(error, SystemExit):
+        pytest.skip("the loop itself writes, and nobody but the user may end it")
+    bus, finger = Troubled(where, error, instant), Finger()
+    sink = CanFdSink("troubled", bus, NODE)
+    node = Node(sink, finger)
+    sink.every(0.0, None)  # a heartbeat would show that the link is back
+    assert node.drain(SOON_S)
+    bus.armed = True
+    if where in ("open", "close"):
+        sink._lose(bus, MediumError("lost"))
+    if where == "write":
+        node.send(state(1))
+    until(lambda: finger.faults == {FaultCode.LINK_DOWN: True}, "the fault")
+    bus.items.clear()
+    until(lambda: node.send(state(2)) and node.drain(SOON_S) and node.up, "samples again")
+    until(lambda: finger.faults == {FaultCode.LINK_DOWN: False}, "the fault's end")
+    assert not bus.armed
+    assert sink.guard.unforeseen_n == 1
+    assert all(thread.is_alive() for thread in sink._threads)
+    first = next(unpack_state(frame.data) for frame in bus.items if frame.can_id == 0x180 + NODE)
+    assert first.status == Status.LINK_FAULT
+    node.close()
+    assert not any(thread.is_alive() for thread in sink._threads)
+
+
+@pytest.mark.parametrize("error", [*UNFORESEEN, SystemExit(1)], ids=repr)
+def test_whatever_a_handler_raises_costs_its_message_alone(
+    monkeypatch: pytest.MonkeyPatch, bench: Bench, error: BaseException
+) -> None:
+    sink = bench.node.sink
+    receive, report, raised = sink.on_message, sink.on_faults, [error]
+    assert receive is not None
+    assert report is not None
+
+    def fail_once(then: Callable[..., None], *arguments: object) -> None:
+        if raised:
+            raise raised.pop()
+        then(*arguments)
+
+    sink.on_message = partial(fail_once, receive)
+    bench.nmt(1)
+    until(lambda: not raised, "the message")
+    assert bench.read("serial_number") == "VT-0042"
+    raised.append(error)
+    monkeypatch.setattr(sink._medium, "try_open", lambda: None)
+    sink.on_faults = partial(fail_once, report)
+    medium = sink._medium.current
+    assert medium is not None
+    sink._lose(medium, MediumError("lost"))
+    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: True}, "the fault, in the second attempt")
+    assert all(thread.is_alive() for thread in sink._threads)
+    assert sink.guard.unforeseen_n == 2
 
 
 def test_detail_is_off_until_asked_for(bench: Bench) -> None:

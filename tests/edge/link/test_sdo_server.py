@@ -24,6 +24,7 @@ class Objects:
 
     def __init__(self) -> None:
         self.written: list[tuple[tuple[int, int], bytes]] = []
+        self.refused = False
 
     def read(self, index: int, sub: int) -> bytes:
         if (index, sub) not in CONTENT:
@@ -31,6 +32,8 @@ class Objects:
         return CONTENT[index, sub]
 
     def write(self, index: int, sub: int, data: bytes) -> None:
+        if self.refused:
+            raise Aborted(Abort.NOT_NOW)
         self.written.append(((index, sub), data))
 
 
@@ -151,6 +154,65 @@ def test_whole_values_pass(bench: Bench) -> None:
         if answer[0] & 1:
             break
     assert back == CONTENT[LONG]
+
+
+TARE = (0x2010, 0)
+
+
+@pytest.mark.parametrize(
+    ("again", "after_s", "between", "done_n"),
+    [
+        (b"\1\0\0\7", 0.0, False, 1),  # numbered behind the value, as our hosts do
+        (b"\1\0\0\7", 0.9, True, 1),
+        (b"\1\0\0\7", 1.0, True, 2),  # another program's, whose numbers began anew
+        (b"\1\0\0\x08", 0.5, False, 2),
+        (b"\1", 0.5, False, 1),  # of a client that does not number them: it waited for an answer
+        (b"\1", 0.1, False, 2),  # ... for no answer: it asks for another one
+        (b"\1", 0.5, True, 2),
+        (b"\1", 1.0, False, 2),
+        (b"\2", 0.5, False, 2),
+    ],
+)
+def test_a_short_write_repeated_because_its_answer_was_lost_is_done_once(
+    bench: Bench, again: bytes, after_s: float, between: bool, done_n: int
+) -> None:
+    first = b"\1\0\0\7" if len(again) == 4 else b"\1"
+    done = bench.ask(head(0x2F, TARE, first))
+    if between:  # another host reads
+        bench.ask(head(0x40, SHORT))
+    bench.now_s = after_s
+    assert bench.ask(head(0x2F, TARE, again)) == done
+    assert len(bench.objects.written) == done_n
+
+
+def test_a_refused_write_is_judged_anew(bench: Bench) -> None:
+    bench.objects.refused = True
+    request = head(0x2F, TARE, b"\1\0\0\7")
+    assert code(bench.ask(request)) == Abort.NOT_NOW
+    bench.objects.refused = False
+    assert bench.ask(request)[0] == 0x60
+
+
+@pytest.mark.parametrize(
+    ("request_", "answer"),
+    [
+        (head(0xA0, LONG, b"\x7f\0"), head(0x80, LONG, b"\1\0\4\5")),  # pst 0: no plain one instead
+        (head(0xA4, LONG, b"\x7f\x63"), head(0x80, LONG, b"\1\0\4\5")),  # ... for up to 99 bytes
+        (head(0xA4, LONG, b"\x7f\x64"), head(0x41, LONG, b"\x64\0\0\0")),
+        (head(0xA0, SHORT, b"\x7f\x02"), head(0x4B, SHORT, b"\1\2\0\0")),
+        (head(0xA0, (0x3000, 0), b"\x7f\0"), head(0x80, (0x3000, 0), b"\0\0\2\6")),
+        (head(0xC6, LONG, b"\x64\0\0\0"), head(0x80, LONG, b"\1\0\4\5")),
+        (b"\xa3", head(0x80, (0, 0), b"\1\0\4\5")),  # frames within a block transfer name no object
+        (b"\xa2\x7f\x7f", head(0x80, (0, 0), b"\1\0\4\5")),
+        (b"\xc5\x34\x12", head(0x80, (0, 0), b"\1\0\4\5")),
+        (head(0xE0, SHORT), head(0x80, SHORT, b"\1\0\4\5")),
+        (b"\x60", head(0x80, (0, 0), b"\0\0\3\5")),
+        (head(0x22, (0x2020, 2), b"\3\0"), head(0x60, (0x2020, 2), bytes(4))),  # no size: the object's
+    ],
+)  # fmt: skip
+def test_the_answer_is_what_cia_301_asks(bench: Bench, request_: bytes, answer: bytes) -> None:
+    assert bench.ask(request_) == answer
+    assert bench.objects.written in ([], [((0x2020, 2), b"\3\0")])
 
 
 COMMANDS = [0x21, 0x20, 0x40, 0x80, 0xA0, 0xC0, 0xE0, 0x22]

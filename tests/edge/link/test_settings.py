@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from edge.link.settings import NodeSettings, SettingsFile
 from hostlink.output_file import OutputError
 from hostlink.wire import OBJECTS
+from tests.support.nasty import NASTY
 
 JSON_LIKE = '{}[]":,0123456789eE-.truefalsnidvr_hz'
 STORED = [o for o in OBJECTS if o.stored and o.type != "domain"]
@@ -28,6 +29,8 @@ STORED = [o for o in OBJECTS if o.stored and o.type != "domain"]
         '{"speed": 1}',
         '{"rate_hz": "fast"}',
         '{"rate_hz": 1e-45}',
+        pytest.param('{"divider": ' + "9" * 4000 + "}", id="a number without end"),
+        pytest.param('{"rate_hz": ' + "9" * 4000 + "}", id="another"),
         '{"rate_hz": NaN}',
         '{"rate_hz": 1e400}',
         '{"divider": 2.5}',
@@ -54,6 +57,9 @@ def test_an_unusable_settings_file_gives_defaults(
     raw=st.one_of(
         st.binary(max_size=200),
         st.text('{}[]":,0123456789eE-.truefalsnidvr_hz', max_size=120).map(str.encode),
+        st.dictionaries(st.sampled_from([row.name for row in STORED]), st.sampled_from(NASTY))
+        .map(lambda table: "{" + ",".join(f'"{name}":{value}' for name, value in table.items()) + "}")
+        .map(str.encode),
     )
 )
 def test_any_bytes_give_values_within_limits(tmp_path_factory: pytest.TempPathFactory, raw: bytes) -> None:

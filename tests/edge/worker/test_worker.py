@@ -27,6 +27,7 @@ from edge.worker.client import WorkerClient, WorkerConfig
 from edge.worker.messages import Answer, Ask
 from edge.worker.params import WorkerParams
 from edge.worker.shared_memory import Inbox, Outbox, pair
+from hostlink.interrupt import ENDING
 from hostlink.wire import FaultCode
 from tests.support.finger import Finger
 from tests.support.viewing import Live
@@ -173,7 +174,7 @@ def test_a_blocked_recorder_is_a_slow_disk_and_the_gap_is_recorded(live: Live) -
 # ---- the loop's process ends ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGKILL, *ENDING])
 def test_the_worker_ends_with_the_loop_and_completes_its_file(
     data_dir: Path, tmp_path: Path, number: signal.Signals
 ) -> None:

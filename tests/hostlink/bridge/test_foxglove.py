@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 import struct
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Awaitable, Callable, Iterator
+from contextlib import suppress
 from math import nan
 from pathlib import Path
 from typing import Any
@@ -26,6 +29,7 @@ from hostlink.web import Listen
 from hostlink.wire import Contact, State, Status, pack_state, unpack_state
 from tests.hostlink.bridge.hand import Hand
 from tests.hostlink.commands.test_cli import run
+from tests.support.waiting import until
 
 WAIT_S = 20.0
 
@@ -112,6 +116,9 @@ class Viewer:
     async def say(self, **what: Any) -> None:
         await self._socket.send_str(json.dumps(what))
 
+    async def say_raw(self, text: str) -> None:
+        await self._socket.send_str(text)
+
     async def call(self, name: str) -> dict[str, Any]:
         await self.until(lambda: name in self.services, name)
         number = len(self.answers) + 1
@@ -192,7 +199,7 @@ def test_a_viewer_that_leaves_and_comes_back_sees_samples_again(hand: Hand) -> N
 
 
 def test_tare_is_a_service(hand: Hand) -> None:
-    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), control=())
     hand.bridge(outlet)
 
     async def visit(viewer: Viewer) -> None:
@@ -209,7 +216,7 @@ def test_tare_is_a_service(hand: Hand) -> None:
 
 
 def test_parameters_are_read_and_set(hand: Hand) -> None:
-    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), control=())
     hand.bridge(outlet)
 
     async def visit(viewer: Viewer) -> None:
@@ -242,6 +249,145 @@ def test_others_may_only_watch(hand: Hand) -> None:
         assert viewer.services == {}
 
     watch(outlet.url, visit)
+
+
+RATE = json.dumps(
+    {"op": "setParameters", "id": "1", "parameters": [{"name": "finger_1.rate_hz", "value": 50}]}
+)
+
+
+class Visit:
+    """How a client is received: HTTP's status, 0 if it was let in; what it has to read."""
+
+    def __init__(self, url: str, say: str = "", protocol: str = "foxglove.sdk.v1", **headers: str) -> None:
+        self.status, self.message = 0, ""
+        self.capabilities: list[str] = []
+
+        async def main() -> None:
+            async with aiohttp.ClientSession(headers=headers) as session:
+                try:
+                    async with session.ws_connect(url, protocols=[protocol]) as socket:
+                        greeting = json.loads((await socket.receive(WAIT_S)).data)
+                        self.capabilities, self.message = (
+                            greeting.get("capabilities", []),
+                            greeting.get("message", ""),
+                        )
+                        if say:
+                            await socket.send_str(say)
+                            while "parameterValues" not in str(message := await socket.receive(WAIT_S)):
+                                assert message.type != aiohttp.WSMsgType.CLOSED
+                except aiohttp.WSServerHandshakeError as error:
+                    self.status = error.status
+
+        asyncio.run(main())
+
+
+FOREIGN = [
+    ("403 for the page of another site", {"Origin": "https://example.org"}),
+    ("403 for a page of this machine that nobody named", {"Origin": "http://localhost:3000"}),
+    ("403 for a file, and for a frame without a name", {"Origin": "file://"}),
+    ("403 for a page without a name", {"Origin": "null"}),
+    ("403 for a page by the server's own name", {"Origin": "http://127.0.0.1:8765"}),
+    ("403 for another name of this machine", {"Host": "example.org:8765"}),
+    ("403 for another name in the place of the page's", {"Host": "evil.test", "Origin": "http://evil.test"}),
+    ("403 for no host", {"Host": ""}),
+]
+
+
+@pytest.mark.parametrize(("why", "headers"), FOREIGN)
+def test_foreign_pages_look_at_most(hand: Hand, why: str, headers: dict[str, str]) -> None:
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
+    hand.bridge(outlet)
+    seen = Visit(outlet.url, **headers)
+    assert (seen.status, seen.capabilities) == (0, []), why
+    outlet.close()
+    commanding = FoxgloveOutlet(Listen("127.0.0.1", 0), control=("http://localhost:8080",))
+    assert Visit(commanding.url, RATE, **headers).status == 403, why
+    commanding.close()
+    assert hand.connection.finger(1).get("rate_hz") == 0.0
+
+
+@pytest.mark.parametrize("headers", [{}, {"Origin": "http://localhost:8080"}, {"Host": "localhost:8765"}])
+def test_programs_and_pages_that_were_named_may_set(hand: Hand, headers: dict[str, str]) -> None:
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), control=("http://localhost:8080",))
+    hand.bridge(outlet)
+    until(lambda: 1 in hand.connection.fingers and "finger_1" in outlet._fingers, "the finger is known")
+    assert Visit(outlet.url, RATE, **headers).status == 0
+    assert hand.connection.finger(1).get("rate_hz") == 50.0
+
+
+def test_control_is_refused_where_others_could_reach_it(capsys: pytest.CaptureFixture[str]) -> None:
+    cases = {
+        ("--listen", "0.0.0.0:0", "--allow-control"): "no place for it",
+        ("--origin", "http://localhost:8080"): "--allow-control",
+        ("--allow-control", "--origin", "localhost"): "give scheme and host",
+        ("--allow-control", "--origin", "http://localhost:8080/panel"): "give scheme and host",
+    }
+    for arguments, message in cases.items():
+        assert run("bridge", "virtual:fox-refused", "--foxglove", *arguments) == 2
+        err = capsys.readouterr().err
+        assert err.count("\n") == 1
+        assert message in err
+
+
+def test_a_viewer_of_the_older_protocol_reads_which_release_it_needs(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
+    for _ in range(5):
+        assert "update it (Lichtblick 1.26" in Visit(outlet.url, protocol="foxglove.websocket.v1").message
+    assert Visit(outlet.url, protocol="chat").status == 400
+    outlet.close()
+    assert len(caplog.records) == 1, "one line, however often it tries"
+    assert "Lichtblick 1.26" in caplog.text
+
+
+BAD_REQUESTS = (
+    b"", b"\0" * 64, b"\xff" * 20_000, b"GET / HTTP/1.1\r\n", b"GET / HTTP/1.1\r\n\r\n", b"\r\n\r\n",
+    b"POST / HTTP/1.1\r\nUpgrade: websocket\r\n\r\n", b"GET / HTTP/1.1\r\nUpgrade : websocket\r\n\r\n",
+    b"GET / HTTP/1.1\r\n Origin: a\r\nUpgrade: websocket\r\n\r\n",
+    b"GET / HTTP/1.1\r\nUpgrade: websocket\r\nOrigin: a\r\nOrigin: b\r\n\r\n",
+    b"GET / HTTP/1.1\r\nUpgrade: websocket\r\nHost: [::1\r\nSec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n",
+)  # fmt: skip
+
+
+def test_requests_that_are_none_end_and_the_next_viewer_is_served(caplog: pytest.LogCaptureFixture) -> None:
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), control=())
+    for request in BAD_REQUESTS * 10:
+        place = ("127.0.0.1", outlet.server.port)
+        with socket.create_connection(place, WAIT_S) as client, suppress(ConnectionError):
+            client.sendall(request)
+            client.shutdown(socket.SHUT_WR)
+            answer = client.recv(1000)
+            assert not answer or answer.startswith(b"HTTP/1.1 4"), request
+    assert Visit(outlet.url).status == 0
+    outlet.close()
+    assert len(caplog.records) <= 1
+
+
+def test_messages_that_make_no_sense_are_one_line_in_the_log(
+    hand: Hand, caplog: pytest.LogCaptureFixture
+) -> None:
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), control=())
+    hand.bridge(outlet)
+    threads_n = threading.active_count()
+
+    async def visit(viewer: Viewer) -> None:
+        await viewer.until(lambda: "/finger_1/tare" in viewer.services, "the finger")
+        for text in ("{", "[]", '{"op":"nothing"}', "[" * 10_000, '{"op":"setParameters"}') * 200:
+            await viewer.say_raw(text)
+        for value in (1e300, -1, "\ud800" * 5000, [1], {"a": 1}, True, None, 2**63 - 1):
+            rate = [{"name": f"finger_1.{name}", "value": value} for name in (*PARAMETERS, "nothing")]
+            await viewer.say(op="setParameters", id="x", parameters=rate * 20)
+        await viewer.say(op="getParameters", id="end", parameterNames=["finger_1.divider"] * 1000)
+        values = await viewer.until(lambda: viewer.parameters.get("end"), "an answer")
+        assert [p["value"] for p in values] == [1]
+
+    watch(outlet.url, visit)
+    assert threading.active_count() < threads_n + 20
+    lines = [r for r in caplog.records if r.name == "hostlink.bridge.foxglove"]
+    assert 0 < len(lines) <= 4, "one for each kind of complaint"
+    assert all(len(r.getMessage()) < 400 for r in lines)
 
 
 def test_a_recording_has_the_same_topics_and_schemas(hand: Hand, tmp_path: Path) -> None:

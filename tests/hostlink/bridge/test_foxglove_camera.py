@@ -8,7 +8,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
 
@@ -44,12 +45,15 @@ ARRAYS = {
 class Page:
     """A finger's page that always shows the same picture."""
 
-    def __init__(self, port: int = 0, token: str | None = None, hello: str = "source") -> None:
+    def __init__(
+        self, port: int = 0, token: str | None = None, hello: str = "source", first: Iterable[bytes] = ()
+    ) -> None:
         self.wants: list[frozenset[str] | None] = []
+        packets = chain(first, repeat(pack_packet(HEADER, ARRAYS)))
         self.server = PageServer(
             parse_listen(f"127.0.0.1:{port}", token),
             "edge.view",
-            lambda wants: pack_packet(HEADER, ARRAYS),
+            lambda wants: next(packets),
             {hello: "a camera"},
             on_wants=self.wants.append,
             wishes=("image", "cells"),
@@ -258,6 +262,42 @@ def test_a_page_without_pictures_is_reported_once(
     assert pictures.all == []
     (report,) = reports(caplog)
     assert why in report.message
+
+
+def packet(text: bytes) -> bytes:
+    return len(text).to_bytes(4, "little") + text
+
+
+NO_TIMES: tuple[Any, ...] = ("", [], None, "1" * 5000)
+BAD_PACKETS = [
+    *(pack_packet(HEADER | {"size_px": px}, ARRAYS) for px in ([0, 0], [0.0, 1], [1e-320, 1], [1], None)),
+    *(pack_packet(HEADER | {"capture_us": us}, ARRAYS) for us in NO_TIMES),
+    packet(b'{"capture_us": 1e999, "arrays": {"image": ["jpeg", 1, 0]}}'),
+    packet(b"[" * 100_000),
+    packet(b'{"arrays": {"image": ["jpeg", 1, 1e999]}}'),
+    packet(b'{"arrays": {"image": ["f4", -8, 0]}}'),
+    pack_packet(HEADER, ARRAYS | {"corners_n": ("u2", b"\xff\xff" * 9)}),
+    b"", b"\0", b"\xff" * 100,
+]  # fmt: skip
+
+
+def test_whatever_a_page_sends_the_camera_comes_back(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hostlink.bridge.page_camera.RETRY_S", 0.01)
+    page = Page(first=BAD_PACKETS)
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), pages=[page.address])
+
+    async def visit(viewer: Viewer) -> None:
+        for topic in TOPICS:
+            await viewer.subscribe(topic)
+        await viewer.until(lambda: TOPICS[2] in viewer.messages, "the good picture")
+
+    watch(outlet.url, visit)
+    outlet.close()
+    page.server.close()
+    assert page.server.sent_n > len(BAD_PACKETS)
+    assert len(reports(caplog)) == 1
 
 
 def test_the_token_is_taken_from_the_address() -> None:

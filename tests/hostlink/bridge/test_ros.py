@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import queue
 import struct
 import subprocess
 import sys
@@ -20,7 +21,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from hostlink.bridge.ros import CLOUD, DISTRIBUTIONS, SAMPLE, TRIGGER, WRENCH, RosOutlet, Types
-from hostlink.wire import State, pack_state, unpack_state
+from hostlink.finger import Finger, RestFrameOutcome
+from hostlink.wire import RestFrameState, State, pack_state, unpack_state
 from hostlink.wire.fields import FIELDS
 from tests.hostlink.bridge.hand import Hand
 from tests.hostlink.bridge.ros_peer import (
@@ -34,7 +36,7 @@ from tests.hostlink.bridge.ros_peer import (
 )
 from tests.hostlink.bridge.test_foxglove import state as touched
 from tests.hostlink.commands.test_cli import run
-from tests.support.waiting import until
+from tests.support.waiting import SOON_S, until
 
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"  # design document
 
@@ -222,6 +224,33 @@ def test_it_waits_for_a_router(caplog: pytest.LogCaptureFixture) -> None:
     thread.join()
     made[0].close()
     router.close()
+
+
+def test_requests_without_end_take_no_threads(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One is served, three wait, the others are refused at once, whoever asks."""
+    let_go, served = threading.Event(), []
+
+    def tare(finger: Finger) -> Any:
+        served.append(finger.node)
+        assert let_go.wait(SOON_S)
+        return RestFrameOutcome(RestFrameState.ACCEPTED)
+
+    monkeypatch.setattr(Finger, "tare", tare)
+    until(lambda: any("%finger_3%tare" in t for t in scene.peer.tokens()), "the service")
+    threads_n = threading.active_count()
+    key = f"7/finger_3/tare/std_srvs::srv::dds_::Trigger_/{Types('jazzy').hash_of(TRIGGER)}"
+    replies: queue.SimpleQueue[bool] = queue.SimpleQueue()
+    for _ in range(300):
+        scene.peer.session.get(
+            key, lambda reply: replies.put(bytes(reply.ok.payload)[4] == 1), timeout=SOON_S
+        )
+    refused = [replies.get(timeout=SOON_S) for _ in range(296)]
+    more_n = threading.active_count() - threads_n
+    let_go.set()
+    assert refused == [False] * 296
+    assert more_n < 20, "one for the finger, some of the library's"
+    assert [replies.get(timeout=SOON_S) for _ in range(4)] == [True] * 4
+    assert served == [3] * 4
 
 
 def test_it_waits_for_a_router_as_long_as_it_runs(capsys: pytest.CaptureFixture[str]) -> None:

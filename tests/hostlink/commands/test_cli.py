@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import resource
-import signal
 import struct
 import subprocess
 import sys
@@ -22,10 +21,12 @@ import pytest
 from edge.link.node import Node
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, Sample, decode_recording
 from hostlink.commands.cli import COMMANDS, cli, main
+from hostlink.interrupt import ENDING
 from hostlink.output_file import find_unfinished
 from hostlink.recording import read_log
-from hostlink.wire import VERSION
+from hostlink.wire import VERSION, State, pack_state
 from tests.hostlink.test_client import Application, Pty, make_node, need_multicast, state
+from tests.hostlink.test_recording import as_candump, write_buses
 from tests.support.environment import uncounted
 from tests.support.waiting import SOON_S, size_of, until
 
@@ -327,7 +328,7 @@ def test_record_on_a_full_disk_is_one_line_and_keeps_what_it_has(
         assert next(read_log(file))
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", ENDING)
 def test_record_ended_by_a_signal_is_whole(finger: Application, tmp_path: Path, number: int) -> None:
     file = tmp_path / "press.log"
     child = program("record", HOST, str(file))
@@ -369,6 +370,38 @@ def test_damaged_frames_beside_samples_are_reported(
     out, err = capsys.readouterr()
     assert out
     assert err == f"{file}: 1 damaged frame not decoded\n"
+
+
+@pytest.mark.parametrize("command", [["decode"], ["decode", "--csv", "a.csv"], ["plot", "-o", "a.png"]])
+def test_a_channel_is_asked_for_where_two_fingers_have_one_number(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_buses(Path("bus.log"), {0: 1, 1: 1})
+    assert run(*command, "bus.log") == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("error: bus.log: finger 1 is on several channels: can0, can1; choose one by ")
+    assert list(Path().iterdir()) == [Path("bus.log")]
+    assert run(*command, "bus.log", "--channel", "can1") == 0
+    out, err = capsys.readouterr()
+    assert max(out.count("\n"), f"{out} {err}".count(" 40 samples")) in (1, 40)
+
+
+@pytest.mark.parametrize("command", [["decode"], ["decode", "--text"], ["plot", "-o", "a.png"]])
+def test_a_log_without_times_is_decoded(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lines = [
+        f"can0 18{1 + k % 2} {pack_state(State(sample=k // 2, displacement_mm=1.0), k // 2).hex()}"
+        for k in range(20)
+    ]
+    Path("bus.log").write_text(as_candump([0.0] * len(lines), lines, ""))
+    assert run(*command, "bus.log") == 0
+    out = capsys.readouterr().out
+    if command == ["decode"]:
+        assert [json.loads(text)["arrival_s"] for text in out.splitlines()] == [None] * 20
 
 
 def test_record_a_serial_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

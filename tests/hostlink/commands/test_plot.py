@@ -94,18 +94,18 @@ def write_edge(path: Path, n: int = 100, finger: int = 1) -> None:
 def test_the_readable_part_of_a_damaged_log_is_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
-    path = tmp_path / "a.log"
+    path = tmp_path / "a.blf"
     with LogWriter(path) as log:
         for k, state in enumerate(states(5)):
             data = pack_state(state, k)
             log.write(
                 can.Message(timestamp=k, arbitration_id=0x181, data=data, is_fd=True, is_extended_id=False)
             )
-    path.write_text(path.read_text() + "(9.0) can0 junk\n")
+    path.write_bytes(path.read_bytes() + b"nonsense" * 2)
     assert run("plot", str(path), "--json") == 0
     assert json.loads(capsys.readouterr().out)["samples"]["1"] == 5
     (warning,) = caplog.messages
-    assert warning.startswith(f"{path}: damaged after 5 messages: line ")
+    assert warning.startswith(f"{path}: damaged after 5 messages: no object at byte ")
     assert warning.endswith("; only the samples before that are drawn")
 
 

@@ -350,11 +350,17 @@ def test_tare_over_a_serial_line(
     node.close()
 
 
-@pytest.mark.parametrize("fd", ["1", "0"], ids=["fd", "classic"])
+@pytest.mark.parametrize(("fd", "lost_n"), [("1", 0), ("0", 0), ("1", 2)], ids=["fd", "classic", "lost"])
 @pytest.mark.parametrize(("outcome", "busy_n"), OUTCOMES)
 def test_tare_over_a_bus(
-    program: Path, request: pytest.FixtureRequest, fd: str, outcome: RestFrameOutcome, busy_n: int
+    program: Path,
+    request: pytest.FixtureRequest,
+    fd: str,
+    lost_n: int,
+    outcome: RestFrameOutcome,
+    busy_n: int,
 ) -> None:
+    """`lost_n` answers to the write are lost, and the tip is touched when it is sent again."""
     name = f"c-{request.node.name}"
     node, application = make_node(f"virtual:{name}?node=1&fd={fd}")
     application.outcome, application.busy_for_n = outcome, busy_n
@@ -364,12 +370,18 @@ def test_tare_over_a_bus(
             lambda _, data: bus.send(can.Message(arbitration_id=0x601, data=data, is_extended_id=False)),
         )
 
+        to_lose = [bytes((0x60, 0x10, 0x20, 0))] * lost_n
+
         def receive() -> str | None:
             message = bus.recv(0.05)
+            if message is not None and message.data[:4] in to_lose:
+                application.touched = bool(to_lose.pop())
+                return None
             return None if message is None else f"can {message.arbitration_id:x} {message.data.hex()}"
 
         assert answers(controller, receive) == outcome.state
         assert application.tares == [False]
+        assert not to_lose
         application.touched = True
         assert answers(controller, receive) == RestFrameState.REFUSED, "refused at once"
         controller.close()

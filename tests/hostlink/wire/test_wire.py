@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import dataclasses
 import sys
-from math import isnan, nan
+from math import inf, isnan, nan
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -233,13 +233,22 @@ def test_detail_holds_so_many_pins() -> None:
         ("divider", 0, ValueError),
         ("divider", 1.5, TypeError),
         ("divider", "2", TypeError),
+        ("divider", True, TypeError),
+        ("divider", None, TypeError),
+        *(("divider", value, ValueError) for value in (inf, -inf, nan, 1e300, 10**400, -(10**400))),
+        *(("rate_hz", value, ValueError) for value in (inf, -inf, nan, 1e300, 10**400, 1 << 127)),
+        ("reboot", 10**400, ValueError),
+        pytest.param("divider", 10**5000, ValueError, id="too long to print"),
+        pytest.param("divider", "9" * 5000, TypeError, id="long text"),
         ("serial_number", 5, TypeError),
         ("calibration", "text", TypeError),
     ],
 )
 def test_wrong_object_values(name: str, value: object, error: type[Exception]) -> None:
-    with pytest.raises(error, match=name):
+    with pytest.raises(error, match=name) as raised:
         wire.pack_value(wire.object_named(name), value)  # type: ignore[arg-type]
+    assert len(str(raised.value)) < 200
+    assert "\n" not in str(raised.value)
 
 
 def test_object_bytes_that_do_not_fit() -> None:

@@ -1,1 +1,0 @@
-"""Methods of `edge` in plain NumPy, readable and slow: oracles."""
