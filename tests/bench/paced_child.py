@@ -33,6 +33,7 @@ from edge.link.medium import MediumError  # noqa: E402
 from edge.link.node import Node  # noqa: E402
 from edge.link.sinks import CanFdSink, SinkCounters  # noqa: E402
 from edge.link.socketcan import SocketCanMedium  # noqa: E402
+from edge.runtime.device import LoopDevice  # noqa: E402
 from edge.runtime.loop import Loop  # noqa: E402
 from edge.sources.paced import Paced  # noqa: E402
 from edge.types import Clock, Frame, Lens, Polarity  # noqa: E402
