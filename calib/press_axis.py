@@ -157,17 +157,20 @@ def _sign(column: Array, apart: Array) -> int:
     return int(math.copysign(certain, r))
 
 
-def _first_touch(z: Array, volume: Array, touched: Mask) -> tuple[tuple[float, float] | None, bool]:
+def _first_touch(z: Array, volume: Array, in_contact: Mask) -> tuple[tuple[float, float] | None, bool]:
     """Least and largest z (n,) mm at the first touch, and whether frames on both sides of it show that."""
     order = np.argsort(z, kind="stable")
-    z, volume, touched = z[order], volume[order], touched[order]
+    z, volume, in_contact = z[order], volume[order], in_contact[order]
     # Frames on the wrong side, if the touch were before each of them, or after the last.
-    wrong = np.cumsum(np.concatenate([[0], touched])) + np.cumsum(np.concatenate([[0], ~touched[::-1]]))[::-1]
+    wrong = (
+        np.cumsum(np.concatenate([[0], in_contact]))
+        + np.cumsum(np.concatenate([[0], ~in_contact[::-1]]))[::-1]
+    )
     best = np.flatnonzero(wrong == wrong.min())
-    if best[0] > 0 and best[-1] < len(z) and 2 * wrong.min() < min(touched.sum(), (~touched).sum()):
+    if best[0] > 0 and best[-1] < len(z) and 2 * wrong.min() < min(in_contact.sum(), (~in_contact).sum()):
         low, high = float(z[best[0] - 1]), float(z[best[-1]])
         return (low, high), high - low <= TOUCH_MM
-    z, volume = z[touched], volume[touched]
+    z, volume = z[in_contact], volume[in_contact]
     if len(z) < PARAMS.known_rows_min or not np.ptp(volume) or not np.ptp(z):
         return None, False
     bounds = []
