@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edge.faults.frame_counts import PinCounts
-from edge.faults.image_quality import IMAGE_CHECKS, ImageQuality, common_step_px
+from edge.faults.image_quality import ImageQuality, common_step_px, image_checks
 from edge.faults.judge import Check, Facts, Judge
 from edge.faults.pin_visibility import PinVisibility
 from edge.faults.registry import FaultRegistry
@@ -39,9 +39,7 @@ class FaultParams:
 
 
 PARAMS = FaultParams()
-_STALLED_NS = stalled_after_s(None) * 1e9  # at the highest rate
 _NOWHERE = np.empty((0, 3))
-_NO_OFFSET = np.zeros(2)
 NO_CALIBRATION = "no calibration file was given"
 
 
@@ -53,7 +51,7 @@ def fault_checks(p: FaultParams = PARAMS) -> tuple[Check, ...]:
     return (
         Check(F.CAMERA_LOST, "camera_lost", 1.0, "yes or no", "{camera}"),
         Check(F.CAMERA_STALLED, "camera_stalled", 1.0, "yes or no", "{camera}"),
-        *IMAGE_CHECKS,
+        *image_checks(),
         Check(
             F.CLOCK_STEP, "clock_stepped", 1.0, "yes or no", "images' clock jumped by {clock_jump_s:+.3f} s"
         ),
@@ -104,13 +102,14 @@ class FaultDetector:
         self._live = source if isinstance(source, LiveSource) else None
         self._params = params
         self._facts = Facts()
+        self._gap_ns = stalled_after_s(None) * 1e9  # no camera's is shorter
         self._calibrated = False
         self._verdict = Judge(fault_checks(params), registry)
         self._image = ImageQuality()
         self._pins: PinVisibility | None = None
         self._pitch_px = 0.0
         self._motion_px: Array = np.empty((0, 2))  # of the last frame that gave it
-        self._offset_px: Array = _NO_OFFSET  # by which the camera moved, as last known
+        self._offset_px: Array = np.zeros(2)  # by which the camera moved, as last known
         self._skipped_n = 0
         self._least_age_ns = 0.0  # of an image when work on it begins, since the capture clock last stepped
         self.gaps_n = 0  # in the frames' numbers, since the start
@@ -128,7 +127,7 @@ class FaultDetector:
         """Take `rest`, seen in `frame`, as the untouched tip from now on."""
         self._pins = PinVisibility(rest)
         self._pitch_px = rest.pattern.pitch_px
-        self._motion_px, self._offset_px = np.zeros_like(rest.xy_img), _NO_OFFSET
+        self._motion_px, self._offset_px = np.zeros_like(rest.xy_img), np.zeros(2)
         self._image.learn(rest, frame)
         self._facts.forget_pins()
         self._calibrated = calibrated
@@ -172,7 +171,7 @@ class FaultDetector:
         facts.clock_jump_s = (step_ns - (passed_ns if live else 0)) / 1e9
         self._least_age_ns = float(age_ns) if stepped else min(self._least_age_ns, age_ns)
         gap_ns = passed_ns if stepped else step_ns
-        if gap_ns > _STALLED_NS:
+        if gap_ns > self._gap_ns:
             self.after_gap |= gap_ns > stalled_after_s(self._source.rate_hz) * 1e9
         self.gaps_n += max(0, frame.sequence - before.sequence - 1)
 
@@ -263,7 +262,7 @@ class FaultDetector:
         else:
             facts.off_px = counts.moved(motion_px, limit_px)[1]
             off = self._registry.holds(F.CAMERA_MOVED) or facts.off_px > limit_px
-            self._offset_px = np.nanmedian(motion_px, axis=0) if off else _NO_OFFSET
+            self._offset_px = np.nanmedian(motion_px, axis=0) if off else np.zeros(2)
         facts.off_pitches, facts.drifted_share = facts.off_px / self._pitch_px, drifted_share
 
     def status(self, result: Result | None, skipped_n: int) -> Status:

@@ -25,12 +25,12 @@ from edge.types import Array, Frame, Image, Rest
 from hostlink.wire import FaultCode as F
 
 __all__ = [
-    "IMAGE_CHECKS",
     "ONE_LEVEL",
     "PARAMS",
     "ImageParams",
     "ImageQuality",
     "common_step_px",
+    "image_checks",
     "level_of",
 ]
 
@@ -50,21 +50,6 @@ PARAMS = ImageParams()
 #: One grey level of 8 bits, of full scale: an image with a lower mean is black.
 ONE_LEVEL = 1 / 255
 _SAMPLE_N = RUNTIME.sample_n
-_DARK = "mean level {level:.1%} of full scale, {rest_level:.1%} at rest"
-#: Brightness, the camera's own "black", and focus.
-IMAGE_CHECKS = (
-    Check(F.IMAGE_DARK, "level", ONE_LEVEL, "full scale", _DARK, below=True),
-    Check(F.IMAGE_DARK, "level_rel", PARAMS.least_rel, "rest level", _DARK, below=True),
-    Check(F.IMAGE_DARK, "black", 1.0, "yes or no", "black"),
-    Check(
-        F.IMAGE_BRIGHT, "newly_saturated", 1.0 - PARAMS.half_rel, "of the others",
-        "{saturated:.0%} of the image is at full scale",
-    ),
-    Check(
-        F.IMAGE_BLURRED, "sharpness", PARAMS.half_rel, "that at rest",
-        "sharpness {sharpness:.0%} of that at rest", below=True,
-    ),
-)  # fmt: skip
 
 
 def level_of(image: Image, bits: int) -> tuple[float, float]:
@@ -76,7 +61,7 @@ def level_of(image: Image, bits: int) -> tuple[float, float]:
 
 
 class ImageQuality:
-    """Measures images against the rest frame, once there is one; `IMAGE_CHECKS` says what is a fault."""
+    """Measures images against the rest frame, once there is one; `image_checks` says what is a fault."""
 
     def __init__(self, params: ImageParams = PARAMS) -> None:
         self._params = params
@@ -104,7 +89,7 @@ class ImageQuality:
         self._due_ns = -1  # at once
 
     def brightness(self, frame: Frame, facts: Facts) -> None:
-        """Write what `IMAGE_CHECKS` names of the brightness. Changes no state of its own; for any thread."""
+        """Write what `image_checks` names of the brightness. Changes no state of its own; for any thread."""
         facts.level, facts.saturated = level_of(frame.image, frame.bits)
         below = 1.0 - self._saturated  # bright skin round dark pins may be saturated
         facts.rest_level = self._level
@@ -131,6 +116,24 @@ class ImageQuality:
         contrast = np.maximum(self._seen[:, 1], 1.0)
         energy = (self._seen[:, 0] - self._noise_energy) / contrast**2
         return float(np.median(energy)), float(np.median(contrast)), level
+
+
+def image_checks(p: ImageParams = PARAMS) -> tuple[Check, ...]:
+    """Brightness, the camera's own "black", and focus."""
+    dark = "mean level {level:.1%} of full scale, {rest_level:.1%} at rest"
+    return (
+        Check(F.IMAGE_DARK, "level", ONE_LEVEL, "full scale", dark, below=True),
+        Check(F.IMAGE_DARK, "level_rel", p.least_rel, "rest level", dark, below=True),
+        Check(F.IMAGE_DARK, "black", 1.0, "yes or no", "black"),
+        Check(
+            F.IMAGE_BRIGHT, "newly_saturated", 1.0 - p.half_rel, "of the others",
+            "{saturated:.0%} of the image is at full scale",
+        ),
+        Check(
+            F.IMAGE_BLURRED, "sharpness", p.half_rel, "that at rest",
+            "sharpness {sharpness:.0%} of that at rest", below=True,
+        ),
+    )  # fmt: skip
 
 
 def common_step_px(step_px: Array, params: ImageParams = PARAMS) -> Array | None:

@@ -57,7 +57,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/features/pin_noise.py:_SIGMA_OF_MAD", "edge/tracking/outliers.py:_SIGMA_OF_MAD",
         "edge/geometry/select.py:SIGMA_OF_MAD",
         "edge/features/pin_motion.py:_ELLIPSE", "edge/features/modes.py:MODE_POWERS",
-        "edge/features/slip.py:NO_SLIP", "edge/pins/blobs.py:_ANGLES", "edge/runtime/measurement.py:_NOTHING",
+        "edge/features/slip.py:NO_SLIP", "edge/pins/blobs.py:_ANGLES", "edge/faults/detector.py:_NOWHERE",
         "edge/geometry/lattice.py:N_RING", "edge/rest/layout_match.py:_SYMMETRY",
         "edge/rest/layout_match.py:CLEAR", "edge/pins/templates.py:FAR_PX",
         "edge/calibration/grip.py:_RADIUS", "edge/pins/rejection.py:_SLANT",
@@ -163,6 +163,6 @@ if __name__ == "__main__":
     if not sys.argv[1:]:
         for stage, names in sorted(found.items(), key=lambda row: -len(row[1])):
             print(f"{stage:12} {len(names):4}")
-        model = ("pins", "tracking", "features", "runtime", "shared")
+        model = ("pins", "tracking", "features", "faults", "rest", "runtime", "shared")
         n = sum(len(found[stage]) for stage in model)
         print(f"{'all':12} {sum(map(len, found.values())):4}; {', '.join(model)}: {n}")

@@ -7,9 +7,9 @@ import pytest
 
 from edge.faults.frame_counts import FocusWindows, PinCounts, sample_levels
 from edge.faults.image_quality import (
-    IMAGE_CHECKS,
     ImageQuality,
     common_step_px,
+    image_checks,
     level_of,
 )
 from edge.faults.judge import Facts, Judge
@@ -123,7 +123,7 @@ def test_overexposure_counts_only_pixels_not_saturated_at_rest(at_rest: float, b
         return Frame(image, 0, 0)
 
     quality, registry, facts = ImageQuality(), FaultRegistry(), Facts()
-    judge = Judge(IMAGE_CHECKS, registry)
+    judge = Judge(image_checks(), registry)
     quality.learn(rest_of(np.array([[320.0, 200.0], [340.0, 200.0], [330.0, 220.0]])), frame(at_rest))
     quality.brightness(frame(at_rest), facts)
     judge(facts)
