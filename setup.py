@@ -31,7 +31,6 @@ KERNELS = {
     "edge.calibration.gaussian_process": FAST,
     "edge.calibration.inputs": SMALL,
     "edge.calibration.outputs": SMALL,
-    "edge.cells.first_order": FAST,
     "edge.cells.mesh": EXACT,
     "edge.cells.points": EXACT,
     "edge.cells.predicates": EXACT,

@@ -18,13 +18,7 @@ import cython
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.geometry.memory import aligned, short_rows
 from edge.types import Array, Index
-
-if cython.compiled:
-    from cython.cimports.edge.features.row_products import row_products
-else:
-    from edge.features.row_products import row_products
 
 #: Largest weight, and largest value of a vector, in steps.
 _WEIGHT_MAX = 32767.0
@@ -34,7 +28,7 @@ _ROW_MAX = 65000.0
 #: Adding and subtracting it rounds a single-precision number below 2**22 to the nearest integer, ties to
 #: even.
 _ROUND = cython.declare(cython.float, 1.5 * 2.0**23)
-#: Columns that are kept or left out together, for the vector units.
+#: Columns that are kept or left out together, for long runs.
 BLOCK = 16
 
 
@@ -55,10 +49,10 @@ class QuantizedOperator:
         size = np.abs(matrix)
         least = np.maximum(size.max(axis=1) / _WEIGHT_MAX, size.sum(axis=1) / _ROW_MAX)
         step = np.where(least > 0.0, least, 1.0)
-        self._weights, self._start, self._block = _in_blocks(matrix, step)
+        self._weights, self._start, self._begin, self._ahead = _in_runs(matrix, step)
         self._row_step = step.astype(np.float32)
-        self._vector = aligned(np.zeros(-(-m // BLOCK) * BLOCK, np.int16))
-        self._sums, self._all = np.empty(k, np.int32), np.arange(k, dtype=np.int32)
+        self._vector = np.zeros(-(-m // BLOCK) * BLOCK, np.int16)
+        self._all = np.arange(k, dtype=np.int32)
         self.values = np.zeros(m, np.float32)
         self.result = np.empty(k, np.float32)
 
@@ -84,12 +78,24 @@ class QuantizedOperator:
     def _multiply(self, which: cython.const[cython.int][::1], n: cython.Py_ssize_t) -> cython.void:
         p: cython.Py_ssize_t
         step: cython.float = self._quantize()
-        sums: cython.int[::1] = self._sums
         row_step: cython.float[::1] = self._row_step
         result: cython.float[::1] = self.result
-        row_products(self._weights, self._start, self._block, which, n, self._vector, sums)
         for p in range(n):
-            result[p] = cython.cast(cython.float, sums[p]) * row_step[which[p]] * step
+            result[p] = cython.cast(cython.float, self._product(which[p])) * row_step[which[p]] * step
+
+    def _product(self, row: cython.Py_ssize_t) -> cython.int:
+        """A row times the vector, in whole steps, which fits 32 bits."""
+        weights: cython.short[::1] = self._weights
+        vector: cython.short[::1] = self._vector
+        r: cython.Py_ssize_t
+        i: cython.Py_ssize_t
+        ahead: cython.Py_ssize_t
+        total: cython.int = 0
+        for r in range(self._start[row], self._start[row + 1]):
+            ahead = self._ahead[r]
+            for i in range(self._begin[r], self._begin[r + 1]):
+                total += cython.cast(cython.int, weights[i]) * cython.cast(cython.int, vector[ahead + i])
+        return total
 
     def _quantize(self) -> cython.float:
         """The values in whole steps; returns the step."""
@@ -107,9 +113,12 @@ class QuantizedOperator:
         return highest / _VALUE_MAX
 
 
-def _in_blocks(matrix: Array, step: Array) -> tuple[NDArray[np.int16], Index, NDArray[np.uint16]]:
-    """The blocks of each row that are kept, in whole steps, row after row; where those of each row begin in
-    the next, and the end of the last; which these are.
+def _in_runs(matrix: Array, step: Array) -> tuple[NDArray[np.int16], Index, Index, Index]:
+    """The blocks of each row that are kept, in whole steps, those that follow each other as one run.
+
+    Returns  their weights, row after row; where each row's runs begin in the next two, and the last one's
+             end; where each run's weights begin, and the last one's end; how far ahead of them its
+             columns are
     """
     k, m = matrix.shape
     whole = np.zeros((k, -(-m // BLOCK) * BLOCK))
@@ -121,6 +130,8 @@ def _in_blocks(matrix: Array, step: Array) -> tuple[NDArray[np.int16], Index, ND
     left_out[:, -1] = False  # a row has one block at least
     kept = np.empty_like(left_out)
     np.put_along_axis(kept, smallest, ~left_out, axis=1)
-    start = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
-    weights, block = np.rint(blocks[kept]).ravel().astype(np.int16), np.nonzero(kept)[1]
-    return aligned(weights), start.astype(np.int32), short_rows(block.astype(np.int32))
+    first = kept & ~np.pad(kept, ((0, 0), (1, 0)))[:, :-1]
+    start = np.cumsum([0, *first.sum(axis=1)], dtype=np.int32)
+    begin = BLOCK * np.append(np.flatnonzero(first[kept]), kept.sum()).astype(np.int32)
+    ahead = BLOCK * np.nonzero(first)[1].astype(np.int32) - begin[:-1]
+    return np.rint(blocks[kept]).ravel().astype(np.int16), start, begin, ahead

@@ -1,6 +1,6 @@
 cdef class Separation:
     cdef Py_ssize_t n
-    cdef float[:, ::1] at
+    cdef double[:, ::1] at
     cdef double far2
 
     cdef bint holds(self, const double[:, ::1] xy) noexcept nogil

@@ -94,7 +94,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     "a processor's lanes and cache lines": frozenset({
         "edge/calibration/gaussian_process.py:BLOCK",
         "edge/pins/templates.py:LANES", "edge/pins/templates.py:BLOCK", "edge/pins/centroids.py:TOGETHER",
-        "edge/worker/shared_memory.py:ALIGN", "edge/geometry/memory.py:_LINE",
+        "edge/worker/shared_memory.py:ALIGN",
     }),
     "how memory is given out, of which no result depends": frozenset({
         "edge/runtime/process.py:_MMAP_THRESHOLD", "edge/runtime/process.py:_TRIM_THRESHOLD",
