@@ -38,7 +38,8 @@ from edge.calibration.inputs import FRAME_INPUTS
 from edge.pipeline import Pipeline
 from edge.sources import read_image
 from edge.types import Array, Feature, Frame, Image, Rest
-from tests.bench.instructions import count_child
+from tests.bench.counter import counted as count_between_marks
+from tests.bench.frames import GRASP
 from tests.bench.output import writes_results
 from tests.bench.plots import accuracy_plot
 from tests.bench.real import NETWORK, row, splits
@@ -54,7 +55,6 @@ ERRORS = {"depth mm": (0,), "tilt deg": (1, 2), "shear mm": (3, 4), "torsion deg
 PUBLISHED = {name: float(np.mean([NETWORK[i] or 0.0 for i in at])) for name, at in ERRORS.items()}
 PLAIN, POLYNOMIAL = frozenset({ModelKind.PLAIN}), frozenset({ModelKind.POLYNOMIAL})
 PROCESS = frozenset({ModelKind.PROCESS})
-GRASP = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
 PAPER = "the paper's method"
 
 
@@ -148,7 +148,7 @@ def instructions(calibrations: list[Calibration], stills: list[Image], rest: Ima
             names = ",".join(sorted(demand))
             child = ["tests.bench.accuracy_child", str(folder / "stills.npz"), path, names, str(ROUNDS)]
             frames = COUNTED * ROUNDS
-            return round(count_child(child, frames, folder / f"counts.{number}", caches=False).instructions)
+            return count_between_marks(child, frames, folder / f"counts.{number}", caches=False).instructions
 
         with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:  # threads wait for valgrind alone
             return list(track(pool.map(count, range(len(work))), "instructions", total=len(work)))

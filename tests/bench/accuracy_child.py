@@ -18,7 +18,7 @@ from edge.calibration import Calibration
 from edge.pins import take_rest
 from edge.pipeline import Pipeline
 from edge.types import Feature, Frame
-from tests.bench.instructions import Counter
+from tests.bench.marks import Marks
 from tests.bench.reference import Reference
 
 
@@ -31,7 +31,7 @@ def main(stills: str, calibration: str, demand: str, n: int) -> None:
     pipeline = Pipeline(rest, None if paper else Calibration.load(Path(calibration)), features)
     reference = Reference(rest_image, rest.pattern.pin_radius_px, rest_img=rest.xy_img) if paper else None
     gc.disable()
-    counter = Counter()
+    marks = Marks()
     for image in images:
         pipeline.forget()
         tracks = pipeline.process(Frame(image, 0, 0)).tracks
@@ -40,7 +40,7 @@ def main(stills: str, calibration: str, demand: str, n: int) -> None:
             reference.place(tracks.xy_img)
             step = partial(reference.step, image)
         step()
-        with counter:
+        with marks:
             for _ in range(n):
                 step()
 

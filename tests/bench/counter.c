@@ -1,6 +1,7 @@
-/* Marks what valgrind's callgrind is to count; without callgrind it does nothing. */
+/* Tells valgrind's callgrind when to begin, and when to write what it has counted since the last time and count anew.
+   The client request for the latter would take the calling thread alone; the monitor's command takes all threads. */
 #include <valgrind/callgrind.h>
 
-void start(void) { CALLGRIND_START_INSTRUMENTATION; }
+void begin(void) { CALLGRIND_START_INSTRUMENTATION; }
 
-void toggle(void) { CALLGRIND_TOGGLE_COLLECT; }
+void mark(void) { VALGRIND_MONITOR_COMMAND("dump"); }

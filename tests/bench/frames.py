@@ -13,10 +13,12 @@ from calib.sim.script import REST_FRAMES, SCENES, play
 from edge.calibration import Calibration
 from edge.calibration.file import sensor_of
 from edge.pins import take_rest
-from edge.types import Frame
+from edge.types import Feature, Frame
 
-__all__ = ["NARROW", "PINS", "REST_FRAMES", "SIZES", "back_and_forth", "calibration_of", "scene"]
+__all__ = ["GRASP", "NARROW", "PINS", "REST_FRAMES", "SIZES", "back_and_forth", "calibration_of", "scene"]
 
+#: What a grasp controller asks for.
+GRASP = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
 #: Tips and images over which the cost of a frame is measured.
 PINS = (61, 127, 331, 547, 721, 1027)  # whole rings; 1027 is the next one to 1000
 SIZES = ((320, 240), (640, 480), (1280, 800))

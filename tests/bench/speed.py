@@ -40,7 +40,16 @@ from edge.runtime.tare import tare
 from edge.types import Feature, Frame
 from hostlink.wire import Status, pack_state
 from tests.bench.floor import Floor
-from tests.bench.frames import NARROW, PINS, REST_FRAMES, SIZES, back_and_forth, calibration_of, scene
+from tests.bench.frames import (
+    GRASP,
+    NARROW,
+    PINS,
+    REST_FRAMES,
+    SIZES,
+    back_and_forth,
+    calibration_of,
+    scene,
+)
 from tests.bench.output import writes_results
 from tests.bench.paced import run_child
 from tests.bench.reference import Reference
@@ -50,8 +59,6 @@ __all__ = ["command"]
 HERE = Path(__file__).parent
 BLOCK = 8  # frames of each in turn
 WARM = 24  # frames before anything is counted
-#: Typical demands: untouched, a grasp controller, everything.
-GRASP = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
 #: The same demand without and with a contact.
 FREE, FULL = "nothing touches, all (a viewer watches)", "contact, all (a viewer watches)"
 

@@ -1,0 +1,220 @@
+"""One step of the loop, counted from the image to the CAN FD frame: `python -m tests.bench step [--json]`.
+
+Four steps of a tip with 331 pins in an image of 640x480: in contact, without, with two contacts, and in
+contact with displacement and shear alone. Counted are instructions of all threads, misses of a small board's
+last-level cache, calls of our own Python functions and calls from Python into our compiled ones.
+`tests.bench.counter` says how, `tests.bench.step_child` what.
+
+The images repeat after ten frames, and so does what the loop does now and then (focus): the mean does not
+depend on where it begins.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from edge.runtime.loop import LoopConfig
+from edge.types import Feature
+from tests.bench.arm64 import Board
+from tests.bench.counter import ENVIRONMENT, Counts, counted, run
+from tests.bench.frames import GRASP, NARROW, PINS, REST_FRAMES, SIZES, calibration_of, scene
+from tests.bench.output import writes_results
+
+__all__ = ["VARIANTS", "Step", "command"]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Frames of the simulator, and what is computed.
+
+    skipped  frames after the tip was untouched that do not count
+    """
+
+    scene: str
+    skipped: int
+    demand: frozenset[Feature] = LoopConfig().demand
+
+
+VARIANTS = {
+    "contact": Variant("press", 10),
+    "no_contact": Variant("nothing", 0),
+    "two": Variant("two", 10),
+    "grasp": Variant("press", 10, GRASP),
+}
+IMAGES = 6  # that are shown forwards and backwards
+WARM, COUNTED = 10, 20
+MACHINES = ("x86_64", "aarch64")
+
+
+class Step:
+    """The frames of one variant in files, and what is counted of them.
+
+    folder   an empty one
+    pins, size_px, radius_px  as of `scene`
+    """
+
+    def __init__(
+        self,
+        variant: Variant,
+        folder: Path,
+        pins: int = 331,
+        size_px: tuple[int, int] = (640, 480),
+        radius_px: float = 0.0,
+    ) -> None:
+        self._folder = folder
+        frames = scene(variant.scene, pins, size_px, radius_px)
+        first = REST_FRAMES + variant.skipped
+        images, calibration = folder / "images.npz", folder / "tip.json"
+        np.savez(
+            images, images=np.stack([frame.image for frame in frames[: first + IMAGES]]), first=first,
+            warm=WARM, counted=COUNTED, features=sorted(variant.demand),
+        )  # fmt: skip
+        calibration_of(frames).save(calibration)
+        self._child = ["tests.bench.step_child", str(images), str(calibration)]
+
+    def native(self, caches: bool = True) -> Counts:
+        """Instructions on this machine, and misses with `caches`."""
+        return counted([*self._child, "instructions"], COUNTED, self._folder, caches=caches)
+
+    def emulated(self, board: Board) -> Counts:
+        """Instructions on an emulated board."""
+        return board.counted([*self._child, "instructions"], COUNTED, self._folder)
+
+    def calls(self) -> dict[str, dict[str, float]]:
+        """Calls of a frame, by function: `python` ours, `kernel` those that are compiled."""
+        printed = json.loads(run([sys.executable, "-m", *self._child, "calls"], ENVIRONMENT))
+        return {kind: {name: n / COUNTED for name, n in found.items()} for kind, found in printed.items()}
+
+
+def measure(name: str, board: Board | None = None) -> dict[str, Any]:
+    """The figures of one variant, on this machine and on an emulated board."""
+    with tempfile.TemporaryDirectory() as folder:
+        step = Step(VARIANTS[name], Path(folder))
+        counts = {platform.machine(): step.native()}
+        calls = step.calls()
+        if board is not None:
+            counts["aarch64"] = step.emulated(board)
+    native = counts[platform.machine()]
+    return {
+        **{machine: counts[machine].instructions if machine in counts else None for machine in MACHINES},
+        "libraries": {machine: found.libraries for machine, found in counts.items()},
+        "ll_misses": round(native.ll_misses),
+        **{f"{kind}_calls": round(sum(found.values())) for kind, found in calls.items()},
+        "functions": {
+            machine: sorted(([*of, round(n)] for of, n in found.functions.items()), key=lambda row: -row[2])
+            for machine, found in counts.items()
+        },
+        "calls": calls,
+    }
+
+
+def growth(variant: str) -> dict[str, list[dict[str, Any]]]:
+    """Instructions of a step over the pins, and over the pixels around the same tip."""
+    cases: dict[str, list[tuple[int, tuple[int, int], float]]] = {
+        "pins": [(n, (640, 480), 0.0) for n in PINS],
+        "pixels, same tip": [(331, size, NARROW) for size in SIZES],
+    }
+
+    def row(case: tuple[int, tuple[int, int], float]) -> dict[str, Any]:
+        with tempfile.TemporaryDirectory() as folder:
+            n = Step(VARIANTS[variant], Path(folder), *case).native(caches=False).instructions
+        return {"pins": case[0], "size_px": case[1], "instructions": n}
+
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:  # threads wait for valgrind alone
+        return {name: list(pool.map(row, rows)) for name, rows in cases.items()}
+
+
+@click.command("step")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout, nothing else.")
+@click.option(
+    "--variant", "names", type=click.Choice(list(VARIANTS)), multiple=True,
+    help="Count this one alone; may be repeated.",
+)  # fmt: skip
+@click.option("--top", type=click.IntRange(min=0), default=0, help="Show so many functions, parts and calls.")
+@click.option("--arch", type=click.Choice(["arm64"]), help="Count on an emulated board, too.")
+@click.option("--growth", "grows", is_flag=True, help="Count over pins and pixels, by default in contact.")
+@writes_results
+def command(
+    as_json: bool, names: tuple[str, ...], top: int, arch: str | None, grows: bool, out: Path
+) -> None:
+    """Instructions, cache misses and calls of one step of the loop, from the image to the CAN FD frame."""
+    if grows:
+        costs = growth((names or ("contact",))[0])
+        write(costs, out / "step_growth.json", as_json)
+        if not as_json:
+            show_growth(costs)
+        return
+    wanted = names or tuple(VARIANTS)
+    workers = ThreadPoolExecutor(len(os.sched_getaffinity(0)))  # they wait for valgrind alone
+    with tempfile.TemporaryDirectory() as folder, workers as pool:
+        board = Board(Path(folder)) if arch else None
+        found = dict(zip(wanted, pool.map(lambda name: measure(name, board), wanted), strict=True))
+    details = {name: {kind: row.pop(kind) for kind in ("functions", "calls")} for name, row in found.items()}
+    write({f"step_{name}": found.get(name) for name in VARIANTS}, out / "step.json", as_json)
+    if not as_json:
+        show(found)
+        for name in found if top else ():
+            show_top(name, details[name], top)
+
+
+def write(result: dict[str, Any], path: Path, as_json: bool) -> None:
+    """Into a file, and to stdout if wanted."""
+    path.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    if as_json:
+        click.echo(json.dumps(result))
+
+
+def show(found: dict[str, dict[str, Any]]) -> None:
+    """A table on the terminal."""
+    table = Table("a step", title="331 pins at 640x480, from the image to the CAN FD frame")
+    for column in (*found,):
+        table.add_column(column, justify="right")
+    for machine in next(iter(found.values()))["libraries"]:
+        table.add_row(f"instructions, {machine}", *(f"{row[machine]:,}" for row in found.values()))
+        table.add_row(
+            "  interpreter, libraries", *(f"{row['libraries'][machine]:,}" for row in found.values())
+        )
+    for name in ("ll_misses", "python_calls", "kernel_calls"):
+        table.add_row(name, *(f"{row[name]:,}" for row in found.values()))
+    Console().print(table)
+
+
+def show_top(name: str, details: dict[str, Any], top: int) -> None:
+    """The parts, functions and calls that count most."""
+    for machine, functions in details["functions"].items():
+        parts: dict[str, int] = {}
+        for part, _, n in functions:
+            parts[part] = parts.get(part, 0) + n
+        table = Table("part", "function", "instructions", title=f"{name}, {machine}")
+        for part, n in sorted(parts.items(), key=lambda item: -item[1])[:top]:
+            table.add_row(part, "", f"{n:,}")
+        for part, function, n in functions[:top]:
+            table.add_row(part, function[:70], f"{n:,}")
+        Console().print(table)
+    for kind, calls in details["calls"].items():
+        table = Table("function", f"{kind} calls", title=name)
+        for function, n in sorted(calls.items(), key=lambda item: -item[1])[:top]:
+            table.add_row(function, f"{n:g}")
+        Console().print(table)
+
+
+def show_growth(costs: dict[str, list[dict[str, Any]]]) -> None:
+    """Tables on the terminal."""
+    for name, rows in costs.items():
+        table = Table("pins", "pixels", "instructions a step", title=f"growth with {name}")
+        for row in rows:
+            table.add_row(str(row["pins"]), "x".join(map(str, row["size_px"])), f"{row['instructions']:,}")
+        Console().print(table)
