@@ -100,6 +100,7 @@ def extensions(variant: Variant) -> list[Extension]:
             name,
             [name.replace(".", "/") + suffix],
             define_macros=LIMITED_API,
+            include_dirs=[str(Path(*name.split(".")[:-1]))],
             extra_compile_args=["-std=c11", "-g0", "-fno-plt", *flags, *variant.compile_args],
             extra_link_args=list(variant.link_args),
             py_limited_api=True,
@@ -161,7 +162,7 @@ class BuildKernels(build_ext):
                 made.with_suffix(".c").unlink(missing_ok=True)
                 note.parent.mkdir(parents=True, exist_ok=True)
                 note.write_text(settings)
-            extension.depends = [str(note)]
+            extension.depends = [str(note), *map(str, Path(*extension.name.split(".")[:-1]).glob("*.c"))]
         translated = cythonize(
             self.extensions,
             build_dir=str(folder),

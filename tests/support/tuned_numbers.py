@@ -93,7 +93,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     }),
     "a processor's lanes and cache lines": frozenset({
         "edge/calibration/gaussian_process.py:BLOCK",
-        "edge/pins/templates.py:LANES", "edge/pins/templates.py:BLOCK", "edge/pins/centroids.py:TOGETHER",
+        "edge/pins/templates.py:LANES", "edge/pins/templates.py:BLOCK",
         "edge/worker/shared_memory.py:ALIGN",
     }),
     "how memory is given out, of which no result depends": frozenset({
