@@ -25,21 +25,72 @@ from numpy.typing import NDArray
 
 from edge.calibration.file import Curve, Polynomial
 from edge.calibration.inputs import term_columns
-from edge.calibration.outputs import FIELDS
 from edge.types import Array, Mask
 
 if cython.compiled:
     from cython.cimports.edge.geometry.views import PointsView
-    from cython.cimports.libc.math import NAN, isnan, sqrt
+    from cython.cimports.libc.math import NAN, isfinite, isnan, sqrt
 else:
-    from math import isnan, sqrt
+    from math import isfinite, isnan, sqrt
     from math import nan as NAN  # noqa: N812
 
     from edge.geometry.views import PointsView
 
+#: Of each output: value, sigma, whether the model is out of its range (0 or 1).
+FIELDS = 3
+_NONE: frozenset[str] = frozenset()
 _FIELDS = cython.declare(cython.Py_ssize_t, FIELDS)
 #: Rows of a factor L that are summed together.
 ROWS = 4
+
+
+@cython.cclass
+class OutputRow:
+    """Outputs of models, in the same memory again and again.
+
+    A frame reads a dozen numbers of them one by one: an array's own reading and a call for each name would
+    cost more than the models do.
+
+    names  of the n outputs
+    rows   (n, FIELDS) float64, to be written by models
+    """
+
+    names = cython.declare(tuple, visibility="readonly")
+    rows = cython.declare(object, visibility="readonly")
+    _numbers: cython.double[:, ::1]  # the same memory
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+        self.rows = self._numbers = np.zeros((len(self.names), FIELDS))
+
+    def by_name(self) -> tuple[dict[str, float], dict[str, float], frozenset[str]]:
+        """Values and sigmas, and the names of the known values that are out of range; all new."""
+        values: dict[str, float] = {}
+        sigmas: dict[str, float] = {}
+        outside = _NONE
+        i: cython.Py_ssize_t
+        for i in range(self._numbers.shape[0]):
+            name = self.names[i]
+            values[name] = self._numbers[i, 0]
+            sigmas[name] = self._numbers[i, 1]
+            if self._numbers[i, 2] != 0.0 and isfinite(self._numbers[i, 0]):
+                outside |= {name}
+        return values, sigmas, outside
+
+    def write_into(self, numbers: list[float], places: Sequence[int]) -> None:
+        """Set the value of each output to its place in `numbers`.
+
+        Raises  ValueError: another number of places, or one beyond
+        """
+        i: cython.Py_ssize_t
+        place: cython.Py_ssize_t
+        if len(places) != self._numbers.shape[0]:
+            raise ValueError(f"places of {self._numbers.shape[0]} outputs are wanted, not of {len(places)}")
+        for i in range(self._numbers.shape[0]):
+            place = places[i]
+            if not 0 <= place < len(numbers):
+                raise ValueError(f"places of 0 to {len(numbers) - 1} are wanted, not {place}")
+            numbers[place] = self._numbers[i, 0]
 
 
 @cython.cclass

@@ -1,10 +1,11 @@
-"""Which points are near which, and weighted sums of the motion of those near. A kernel: compiled by Cython,
-and the same when it is not; other kernels import it through `neighbours.pxd`.
+"""Which points are near which, whether they still stand apart, and weighted sums of the motion of those near.
+
+A kernel: compiled by Cython, and the same when it is not; other kernels import it through `neighbours.pxd`.
 
 All distances are taken: for the points of one tip that is as fast as a search tree.
 """
 
-# mypy: disable-error-code="attr-defined,untyped-decorator,valid-type"
+# mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
 
 from __future__ import annotations
 
@@ -12,6 +13,7 @@ import cython
 import numpy as np
 from numpy.typing import NDArray
 
+from edge.limits import POINTS_MAX
 from edge.types import Array, Index
 
 if cython.compiled:
@@ -172,3 +174,42 @@ def _pairs(
                 pairs[counted, 1] = j
             counted += 1
     return counted
+
+
+@cython.cclass
+class Separation:
+    """Whether n moving points that were compared and stood apart still do.
+
+    Two of them approach each other by no more than both move: while none has moved by half of the smallest
+    gap, no pair need be compared.
+
+    Raises  ValueError: too many points
+    """
+
+    def __init__(self, n: int) -> None:
+        if not 0 <= n <= POINTS_MAX:
+            raise ValueError(f"n: 0 to {POINTS_MAX} are wanted, not {n}")
+        self.n = n
+        self.at = np.full((n, 2), np.nan)  # when they were compared
+        self.far2 = 0.0
+
+    def holds(self, xy: cython.const[cython.double][:, ::1]) -> cython.bint:
+        """Whether no two points can have come too near to each other.
+
+        xy       (n, 2) px; NaN: not there, near to none
+        Returns  False: they are to be compared; so is a point that was not there then
+        """
+        i: cython.Py_ssize_t
+        x: cython.double
+        y: cython.double
+        for i in range(self.n):
+            x = xy[i, 0] - self.at[i, 0]
+            y = xy[i, 1] - self.at[i, 1]
+            if not x * x + y * y < self.far2 and xy[i, 0] == xy[i, 0]:
+                return False
+        return True
+
+    def renew(self, xy: cython.const[cython.double][:, ::1], gap: cython.double) -> cython.void:
+        """They were compared; `gap`, px: the least distance of two, less what would be too near."""
+        self.at[:, :] = xy
+        self.far2 = 0.25 * gap * gap if gap > 0.0 else 0.0

@@ -420,17 +420,28 @@ class CentroidKernel:
         )
         self._xy[i, 0] = middle_x + ex
         self._xy[i, 1] = middle_y + ey
-        if goes_on or not first:  # a first step that is the last one is so short that it is within reach
-            length: cython.double = sqrt(square(ex, ey))
-            if length > self._norms[n, LONGEST]:
-                self._xy[i, 0] = middle_x + self._norms[n, LONGEST] / length * ex
-                self._xy[i, 1] = middle_y + self._norms[n, LONGEST] / length * ey
-            ex, ey = self._xy[i, 0] - self._predicted[i, 0], self._xy[i, 1] - self._predicted[i, 1]
-            if square(ex, ey) > self._reach2:
-                return False
+        # A first step that is the last one is so short that it is within reach.
+        if (goes_on or not first) and not self._is_within_reach(i, n, middle_x, middle_y, ex, ey):
+            return False
         self._amplitude[i] = a * self._norms[n, INV_D] * self._gain
         self._fit[i] = a2 / left if left > 0.0 else 0.0
         return goes_on
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _is_within_reach(
+        self, i: cython.Py_ssize_t, n: cython.Py_ssize_t, middle_x: cython.double, middle_y: cython.double,
+        ex: cython.double, ey: cython.double,
+    ) -> cython.bint:  # fmt: skip
+        """Shorten a step that is too long; whether it ends near enough to the prediction."""
+        length: cython.double = sqrt(square(ex, ey))
+        longest: cython.double = self._norms[n, LONGEST]
+        if length > longest:
+            self._xy[i, 0] = middle_x + longest / length * ex
+            self._xy[i, 1] = middle_y + longest / length * ey
+        ex = self._xy[i, 0] - self._predicted[i, 0]
+        ey = self._xy[i, 1] - self._predicted[i, 1]
+        return square(ex, ey) <= self._reach2
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -17,7 +17,8 @@ Shorts = NDArray[np.int16]
 
 #: Columns of `NORM`: `window_sums.pxd` numbers them alike.
 (
-    INV_D, X_D, Y_D, X_U, Y_V, D_U, TX_U, D_V, TY_V, FREEDOM, INV_FREEDOM, RADIUS, LONGEST, D2, UNIT_D, UNIT_T,
+    INV_D, X_D, Y_D, X_U, Y_V, D_U, TX_U, D_V, TY_V, FREEDOM, INV_FREEDOM, RADIUS, LONGEST, D2, UNIT_D,
+    UNIT_T,
 ) = map(NORM.index, NORM[NORM.index("inv_d") :])  # fmt: skip
 #: What is known of one kind of pins:
 #: half             px, half width of its window

@@ -29,8 +29,7 @@ from edge.tracking.params import TrackingParams
 from edge.types import Array, Mask
 
 if cython.compiled:
-    from cython.cimports.edge.geometry.neighbours import weighted_sums
-    from cython.cimports.edge.geometry.separation import Separation
+    from cython.cimports.edge.geometry.neighbours import Separation, weighted_sums
     from cython.cimports.edge.tracking.outliers import PhotometricFilter
     from cython.cimports.libc.math import HUGE_VAL, NAN, sqrt
 else:
@@ -38,8 +37,7 @@ else:
     from math import nan as NAN  # noqa: N812
     from math import sqrt
 
-    from edge.geometry.neighbours import weighted_sums
-    from edge.geometry.separation import Separation
+    from edge.geometry.neighbours import Separation, weighted_sums
     from edge.tracking.outliers import PhotometricFilter
 
 
