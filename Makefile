@@ -58,7 +58,7 @@ sanitize: $(READY) build/sanitized/.ready
 	LD_PRELOAD="$$($(or $(CC),cc) -print-file-name=libasan.so) $$($(or $(CC),cc) -print-file-name=libstdc++.so.6)" ASAN_OPTIONS=detect_leaks=0 PYTHONMALLOC=malloc \
 		OMP_NUM_THREADS=1 VORONOI_TOUCH_KERNELS=sanitized $(BIN)/python -m pytest -m kernels -p no:cacheprovider
 
-## make slow       tests that take minutes: a wheel without a compiler, instructions of a frame
+## make slow       tests that take minutes: a wheel without a compiler, instructions of a step
 slow: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m slow
 

@@ -5,8 +5,7 @@ callgrind counts (Debian package valgrind), on request with the caches of a smal
 
 Rules
 - The program gets a short environment, always the same: places in memory, and so misses, depend on it.
-- BLAS and OpenCV, which only a start uses, compute without fused multiply-add: valgrind needs a hundred times
-  as long for it.
+- BLAS, which only a start uses, computes without fused multiply-add, for which valgrind takes long.
 - A function belongs to the library that holds it: C that is inlined into a kernel has no name of ours.
 """
 
@@ -20,6 +19,7 @@ import shutil
 import subprocess
 import sys
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,7 +38,7 @@ ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
 }
 if platform.machine() == "x86_64":
-    ENVIRONMENT |= {"OPENBLAS_CORETYPE": "Nehalem", "OPENCV_CPU_DISABLE": "AVX2,FMA3"}
+    ENVIRONMENT["OPENBLAS_CORETYPE"] = "Nehalem"
 Functions = collections.Counter[tuple[str, str]]
 
 
@@ -75,7 +75,14 @@ class Counts:
         return dict(sorted(total.items(), key=lambda item: -item[1]))
 
 
-def counted(child: list[str], frames: int, folder: Path, *, caches: bool = True) -> Counts:
+def counted(
+    child: list[str],
+    frames: int,
+    folder: Path,
+    *,
+    caches: bool = True,
+    environment: Mapping[str, str] = ENVIRONMENT,
+) -> Counts:
     """Count what a module does between its marks, on this machine.
 
     child   the module, and its arguments
@@ -96,7 +103,7 @@ def counted(child: list[str], frames: int, folder: Path, *, caches: bool = True)
         *(CACHES if caches else ()),
         f"--callgrind-out-file={out}",
     ]
-    run([*command, sys.executable, "-m", *child], ENVIRONMENT)
+    run([*command, sys.executable, "-m", *child], environment)
     functions, misses = Functions(), 0
     for n in range(
         2, 1 + len(list(folder.glob("callgrind.*"))), 2
@@ -107,7 +114,7 @@ def counted(child: list[str], frames: int, folder: Path, *, caches: bool = True)
     return Counts({name: n / frames for name, n in functions.items()}, misses / frames)
 
 
-def run(command: list[str], environment: dict[str, str], where: Path = ROOT) -> str:
+def run(command: list[str], environment: Mapping[str, str], where: Path = ROOT) -> str:
     """What a command prints. Raises RuntimeError with the end of its messages."""
     done = subprocess.run(command, cwd=where, env=environment, capture_output=True, text=True)
     if done.returncode:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.bench.arm64 import Board, made, of_blocks, places_of
-from tests.bench.counter import name_of, of_callgrind
+from tests.bench.counter import NoCounter, counted, name_of, of_callgrind
 from tests.bench.step import VARIANTS, Step
 
 #: Of the step in contact then.
@@ -84,6 +84,14 @@ def test_a_block_counts_for_the_function_that_it_lies_in(tmp_path: Path) -> None
         ("program", "third"): 7,
         ("?", "?"): 3,
     }
+
+
+def test_a_missing_counter_is_named_with_its_package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(NoCounter, match="Debian package valgrind"):
+        counted(["tests.bench.step_child"], 1, tmp_path)
+    with pytest.raises(NoCounter, match=r"qemu-aarch64.* deploy/sbc/counting\.sh"):
+        Board(tmp_path)
 
 
 @pytest.mark.slow
