@@ -69,9 +69,7 @@ def imports(path: Path) -> set[str]:
 
 #: Longer functions, and constructors with more parameters, each with the reason why it is not cut.
 LINES_MAX, PARAMETERS_MAX = 60, 8
-LONG = {
-    "edge/pins/steps.py:take_steps": "one least-squares step, term after term, as its twin in C has them",
-}
+LONG = {}
 MANY_PARAMETERS: dict[str, str] = {}
 
 

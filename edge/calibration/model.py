@@ -44,8 +44,7 @@ from edge.calibration.file import (
 )
 from edge.calibration.gaussian_process import ProcessKernel, wanted_models
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS, InputRow
-from edge.calibration.outputs import OutputRow
-from edge.calibration.polynomial import ModelKernel
+from edge.calibration.polynomial import ModelKernel, OutputRow
 from edge.errors import CalibrationError
 from edge.limits import BadContent
 from edge.types import Array, Complex, ContactRegion, Feature, Features, PinPattern, Reading

@@ -17,8 +17,6 @@ class CellsParams:
         1.0  # Gaussian sigma: how far along the boundary a rim pin's own motion reaches
     )
     guard_reach: float = 16.0  # of the guard points from the middle, in half-widths of the point set
-    first_order_error: float = 2.5e-4  # largest error of an area taken as linear in the motion; rel
-    first_order_trials: int = 16  # random motions that measure how far it is
     collapsed_rel: float = 1e-6  # area of all cells over that at rest: the pins fell onto a line or a point
 
 

@@ -41,13 +41,12 @@ from edge.features.params import (
     FeatureParams,
     largest_noise,
 )
-from edge.geometry.lattice import N_RING, slope_stencil
-from edge.geometry.memory import short_rows
+from edge.geometry.lattice import slope_stencil
+from edge.geometry.neighbours import short_rows
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.types import Array, Rest
 
 if cython.compiled:
-    from cython.cimports.edge.features.ring_sums import highest_ring
     from cython.cimports.edge.geometry.select import median
     from cython.cimports.edge.geometry.views import NumbersView, PointsView
     from cython.cimports.libc.math import NAN, fabs, hypot, isfinite, isnan, sqrt
@@ -55,7 +54,6 @@ else:
     from math import fabs, hypot, isfinite, isnan, sqrt
     from math import nan as NAN  # noqa: N812
 
-    from edge.features.ring_sums import highest_ring
     from edge.geometry.select import median
     from edge.geometry.views import NumbersView, PointsView
 
@@ -90,7 +88,6 @@ class ContactDetector:
     _sorted_y: cython.double[::1]
     _values: cython.double[::1]
     _ring_values: cython.double[::1]
-    _highest: cython.double[::1]  # (1,), of `highest_ring`
     _cell_noise: cython.double
     _ring_noise: cython.double
     _median_noise: cython.double
@@ -117,7 +114,7 @@ class ContactDetector:
         self._middle = np.full((n, 2), np.nan)
         self._looked_up, self._n_looked_up = np.empty(n, np.int32), 0
         self._sorted_x, self._sorted_y = np.empty(width), np.empty(width)
-        self._values, self._ring_values, self._highest = np.empty(n), np.empty(n), np.empty(1)
+        self._values, self._ring_values = np.empty(n), np.empty(n)
         self._cell_noise, self._ring_noise, self._median_noise = CELL_NOISE, RING_NOISE, MEDIAN_NOISE
         self._clear_sigma = params.contact_sigma
         self._raise_sigma = hypot(params.contact_sigma, largest_noise(n))
@@ -221,20 +218,18 @@ class ContactDetector:
         total: cython.double
         highest: cython.double = 0.0  # times the pins of a ring
         nothing: cython.bint = True
-        i = highest_ring(self._ring, area_change, self._highest) if self._width == N_RING + 1 else -1
-        if i >= 0:  # all cells are known, and there are enough for whole rings
-            self._peak_row = i
-            return self._highest[0] / self._width
+        ring: cython.ushort[:, ::1] = self._ring
+        width: cython.Py_ssize_t = self._width
         self._peak_row = 0
         for i in range(self._n):
             total = 0.0
-            for k in range(self._width):
-                total += area_change[self._ring[i, k]]
+            for k in range(width):
+                total += area_change[ring[i, k]]
             if isnan(total):
                 total = 0.0
                 known = 0
-                for k in range(self._width):
-                    j = self._ring[i, k]
+                for k in range(width):
+                    j = ring[i, k]
                     if not isnan(area_change[j]):
                         total += area_change[j]
                         known += 1
