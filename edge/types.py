@@ -1,7 +1,8 @@
 """The types that flow between the stages; stages share nothing else.
 
     FrameSource -> Frame -> [pins] Pins -> [tracking] Tracks -> [cells] Cells
-                -> [features] Features -> [calibration] Reading -> [link] hostlink.wire.State
+                -> [features] Features -> [calibration] Reading; all in a Result
+                -> [link] hostlink.wire.State
 
 Rules
 - Row i is always pin i, from the rest frame on. A lost pin is NaN and `seen[i] == False`, never a
@@ -48,6 +49,7 @@ __all__ = [
     "Polarity",
     "Reading",
     "Rest",
+    "Result",
     "Tracks",
     "per_frame",
 ]
@@ -468,3 +470,20 @@ class Reading:
     contacts: Array
     saturated: frozenset[str] = frozenset()
     calibrated: bool = False
+
+
+@per_frame
+class Result:
+    """The result of one frame.
+
+    cells, features  None if identities are not trusted, or nothing in demand depends on them
+    reading          empty if nothing is calibrated or trusted
+    searched         True: the whole frame was searched, not only the windows
+    """
+
+    frame: Frame
+    tracks: Tracks
+    cells: Cells | None
+    features: Features | None
+    reading: Reading
+    searched: bool

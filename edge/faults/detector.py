@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import overload
 
 import numpy as np
 
@@ -17,9 +18,8 @@ from edge.faults.judge import Check, Facts, Judge
 from edge.faults.pin_visibility import PinVisibility
 from edge.faults.registry import FaultRegistry
 from edge.params import PARAMS as RUNTIME
-from edge.pipeline import Result
 from edge.sources.live import stalled_after_s
-from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Reading, Rest
+from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Reading, Rest, Result
 from hostlink.clock import DRIFT_MAX
 from hostlink.wire import FaultCode as F
 from hostlink.wire import Status
@@ -174,6 +174,12 @@ class FaultDetector:
         if gap_ns > self._gap_ns:
             self.after_gap |= gap_ns > stalled_after_s(self._source.rate_hz) * 1e9
         self.gaps_n += max(0, frame.sequence - before.sequence - 1)
+
+    @overload
+    def judge(self, frame: Frame, result: Result, drifted_share: float = 0.0) -> Result: ...
+
+    @overload
+    def judge(self, frame: Frame, result: None) -> None: ...
 
     def judge(self, frame: Frame, result: Result | None, drifted_share: float = 0.0) -> Result | None:
         """Judge a frame that was computed; returns what may be sent of its result: all, nothing but the

@@ -38,7 +38,7 @@ from edge.features.slip import Slip
 from edge.features.surface import Surface
 from edge.types import Array, Cells, ContactRegion, Feature, Features, Mask, Rest, Tracks, per_frame
 
-__all__ = ["NEEDS", "FeatureExtractor", "Quantity"]
+__all__ = ["NEEDS", "FeatureExtractor", "FeaturePlan", "Quantity"]
 
 
 class Quantity(Enum):
@@ -78,14 +78,24 @@ _NO_AREAS: _OfAreas = (None, None, None, None)
 _NO_PINS: _OfPins = (None, None, None)
 
 
-class _Plan:
-    """A demand, resolved once: an enum's hash is Python code, and 50 of them a frame cost 20 us. And what a
-    frame without contact has.
+class FeaturePlan:
+    """What is computed of a frame for a demand: `NEEDS`, resolved once. And what a frame without contact has.
+
+    moments        False: the contacts' moments are not wanted; they are NaN
+    fits           the contacts that are wanted as fitted to the pins' motion
+    modes_at_rest  False: modes are not wanted of an untouched tip
     """
 
-    def __init__(self, demand: frozenset[Feature]) -> None:
+    def __init__(
+        self,
+        demand: frozenset[Feature],
+        *,
+        moments: bool = True,
+        fits: Fits = Fits.ALL,
+        modes_at_rest: bool = True,
+    ) -> None:
         need: frozenset[Quantity] = frozenset().union(*(NEEDS[feature] for feature in demand))
-        self.demand = demand
+        self.moments, self.fits, self.modes_at_rest = moments, fits, modes_at_rest
         self.shear = Quantity.SHEAR in need
         self.modes = Quantity.MODES in need
         self.volume = Quantity.VOLUME in need
@@ -155,7 +165,7 @@ class FeatureExtractor:
         self._slip = Slip(rest, self._motion, params)
         self._surface: Surface | None = None  # made for the first contact
         self._finder: ContactFinder | None = None
-        self._plan = _Plan(frozenset())
+        self._plan = FeaturePlan(frozenset())
 
     @property
     def surface(self) -> Surface:
@@ -171,9 +181,9 @@ class FeatureExtractor:
             self._finder = ContactFinder(self.surface, self._params)
         return self._finder
 
-    def prepare(self, demand: frozenset[Feature]) -> None:
+    def prepare(self, plan: FeaturePlan) -> None:
         """Make now what otherwise the first contact would wait for (70 ms)."""
-        if Feature.CONTACTS in demand:
+        if plan.contacts:
             self.finder  # noqa: B018
 
     def forget_contacts(self) -> None:
@@ -189,26 +199,19 @@ class FeatureExtractor:
         self,
         tracks: Tracks,
         cells: Cells | None,
-        demand: frozenset[Feature],
+        plan: FeaturePlan,
         *,
         contact_holds: bool = False,
-        modes_at_rest: bool = True,
-        moments: bool = True,
-        fits: Fits = Fits.ALL,
     ) -> Features:
         """The features of one frame.
 
         cells          of the same frame; None when nobody asked for what needs areas
         contact_holds  of this frame, as `contact_holds` says; no cells are needed then
-        modes_at_rest  False: modes are not wanted of an untouched tip
-        moments        False: the contacts' moments are not wanted; they are NaN
-        fits           the contacts that are wanted as fitted to the pins' motion
-        Returns        Features; fields outside of the demand are None
+        Returns        Features; fields outside of the plan are None
         """
-        if demand is not self._plan.demand:
-            self._plan = _Plan(demand)
+        if plan is not self._plan:
+            self._plan = plan
             self.forget_contacts()
-        plan = self._plan
         motion = self._motion_of(tracks, cells)
         area_change, whole_change = self._area_changes(cells, motion.filled)
         if contact_holds:
@@ -219,13 +222,13 @@ class FeatureExtractor:
             in_contact = self._detector.by_area(whole_change, self._xy, motion.sigma_px)
         shear_px = motion.mean_px.copy() if plan.shear else None
         modes_px = None
-        if plan.modes and (in_contact or modes_at_rest):
+        if plan.modes and (in_contact or plan.modes_at_rest):
             modes_px = self._modes.fit(motion.whole_px, motion.known)
         kept = motion.px.copy(), area_change.copy()
         of_areas, of_pins = _NO_AREAS, _NO_PINS
         if in_contact:
             if cells is not None and plan.areas:
-                of_areas = self._of_areas(whole_change, tracks.seen, motion.sigma_px, moments, fits)
+                of_areas = self._of_areas(whole_change, tracks.seen, motion.sigma_px)
             if plan.contact_pins:
                 of_pins = self._of_contact_pins(motion, area_change, kept)
         else:
@@ -265,9 +268,7 @@ class FeatureExtractor:
             return self._change, self._whole_change
         return self._change, self._change
 
-    def _of_areas(
-        self, area_change: Array, seen: Mask, sigma_px: float, moments: bool, fits: Fits
-    ) -> _OfAreas:
+    def _of_areas(self, area_change: Array, seen: Mask, sigma_px: float) -> _OfAreas:
         """Those of a frame in contact."""
         plan, changes, xy_img = self._plan, self._area_change, self._xy
         volume = picture = grid = contacts = None
@@ -281,7 +282,7 @@ class FeatureExtractor:
                 picture, grid = surface.picture(), surface.grid_img
             if plan.contacts:
                 surface.field.find(xy_img)
-                contacts = self.finder.find(xy_img, seen, sigma_px, moments=moments, fits=fits)
+                contacts = self.finder.find(xy_img, seen, sigma_px, moments=plan.moments, fits=plan.fits)
         return volume, picture, grid, contacts
 
     def _of_contact_pins(self, motion: _Motion, area_change: Array, kept: tuple[Array, Array]) -> _OfPins:

@@ -7,9 +7,8 @@ import time
 from typing import Protocol
 
 from edge.faults.registry import FaultRegistry
-from edge.pipeline import Result
 from edge.recording.params import PARAMS
-from edge.types import Frame
+from edge.types import Frame, Result
 from hostlink.wire import FaultCode, State
 
 __all__ = ["Recording", "RecordingSession"]

@@ -18,8 +18,7 @@ import cv2
 import numpy as np
 
 from edge.cells import cell_polygons
-from edge.pipeline import Result
-from edge.types import Array, Frame, Rest
+from edge.types import Array, Frame, Rest, Result
 from edge.view.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
 from edge.view.params import PARAMS
 

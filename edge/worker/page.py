@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 
 from edge.errors import InputError
-from edge.pipeline import Result
-from edge.types import Frame, Rest
+from edge.types import Frame, Rest, Result
 from edge.view.scene import CHART, Arrays, camera, hello, touch
 from edge.worker.messages import Show
 from hostlink.web import Listen, PageServer, WebError, pack_packet

@@ -13,9 +13,8 @@ from edge.worker.params import PARAMS
 from hostlink.wire import FAULTS
 
 if TYPE_CHECKING:
-    from edge.pipeline import Result
     from edge.runtime.loop import Loop
-    from edge.types import Features, Frame, Rest
+    from edge.types import Features, Frame, Rest, Result
     from hostlink.wire import State
 
 __all__ = ["ViewFeed"]

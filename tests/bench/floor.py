@@ -6,8 +6,8 @@ import ctypes
 
 import numpy as np
 
+from edge.frame import Pipeline
 from edge.pins.templates import templates_of
-from edge.pipeline import Pipeline
 from tests.bench.compiled import compiled
 
 __all__ = ["Floor"]

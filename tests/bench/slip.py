@@ -26,8 +26,8 @@ from rich.console import Console
 from rich.table import Table
 
 from calib.sim import Camera, Simulator, Tip, Tool, ToolPose, deform
+from edge.frame import Pipeline
 from edge.pins import take_rest
-from edge.pipeline import Pipeline
 from edge.types import Array, Feature, Frame, Rest, Tracks
 from tests.bench.output import writes_results
 from tests.bench.recordings import REAL

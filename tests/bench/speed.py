@@ -34,10 +34,10 @@ from rich.console import Console
 from rich.table import Table
 
 from edge.calibration import Calibration
+from edge.frame import ALL, Pipeline
 from edge.link.sample import to_state
-from edge.pipeline import ALL, Pipeline, Result
 from edge.rest.tare import tare
-from edge.types import Feature, Frame
+from edge.types import Feature, Frame, Result
 from hostlink.wire import Status, pack_state
 from tests.bench.floor import Floor
 from tests.bench.frames import (
@@ -134,7 +134,7 @@ def stages(frames: list[Frame], pipeline: Pipeline, rounds: int) -> Series:
             tracks = timed(times["track"], pipeline.tracker.follow, pins)
             cells = timed(times["tessellate"], pipeline._tessellator.cells, tracks)
             extract, calibration = pipeline._extractor.extract, pipeline.calibration
-            features = timed(times["features"], extract, tracks, cells, pipeline.demand)
+            features = timed(times["features"], extract, tracks, cells, pipeline._plan.features)
             if calibration is not None:
                 reading = timed(times["calibrate"], calibration.apply, features, pipeline.rest.pattern)
                 timed(times["pack"], packed, Result(frame, tracks, cells, features, reading, False))

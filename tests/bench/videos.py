@@ -25,9 +25,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from edge.frame import Pipeline
 from edge.geometry.layout import affine_terms
 from edge.pins import CentroidRefiner, detect, take_rest
-from edge.pipeline import Pipeline
 from edge.tracking import Tracker
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Feature, Frame, Image, Rest, Tracks
