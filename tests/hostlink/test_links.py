@@ -224,6 +224,7 @@ def test_a_callback_may_exit_or_ask_and_the_link_goes_on(request: pytest.Fixture
     bus = f"virtual:{request.node.name}"
     node, _ = make_node(f"{bus}?node=9")
     refused: list[str] = []
+    ended: list[hostlink.Sample] = []
     received: list[hostlink.Sample] = []
     with hostlink.connect(bus) as hand:
 
@@ -239,7 +240,10 @@ def test_a_callback_may_exit_or_ask_and_the_link_goes_on(request: pytest.Fixture
                 refused.append(str(caught.value))
 
         getattr(hand, kind)(lambda *what: sys.exit("done"))
+        getattr(hand, kind)(lambda *what: 1 // 0)
+        end = hand.on_sample(ended.append)
         until(lambda: node.send(state(0)) and hand.latest(9) is not None, "the finger")
+        end()
         getattr(hand, kind)(ask)
         hand.on_sample(received.append)
         hand.finger(9).set("detail_divider", 1)
@@ -250,6 +254,7 @@ def test_a_callback_may_exit_or_ask_and_the_link_goes_on(request: pytest.Fixture
         assert hand.up
         assert hand.reconnects == 0
     node.close()
+    assert {sample.state.sample for sample in ended} == {0}, "after its end it is called no more"
     assert {message.count("\n") for message in refused} == {0}
     assert "callback" in refused[0]
 

@@ -8,19 +8,23 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
+from functools import partial
 from itertools import islice
 from math import nan
 from pathlib import Path
 from random import Random
 
 import can
+import numpy as np
 import pytest
 
+from edge.recording import Recorder
+from edge.types import Clock, Frame
 from hostlink.decoder import CanDecoder, Sample, SerialDecoder
 from hostlink.errors import LinkError, LogError, UsageError
 from hostlink.log_formats import HEAD_N
 from hostlink.recording import LogWriter, SerialWriter, decode_recording, read_log, read_serial
-from hostlink.wire import Message, State, encode_frame, pack_parts, pack_state
+from hostlink.wire import Message, State, encode_frame, pack_parts, pack_state, unpack_state
 from tests.support.seeds import SEED
 from tests.support.states import random_state
 
@@ -327,6 +331,14 @@ def write_buses(path: Path, finger_of: dict[int, int], late: int = 0, samples_n:
             )
         )  # fmt: skip
     writer.stop() if isinstance(writer, can.ASCWriter) else writer.close()
+
+
+def write_edge(path: Path, states: list[State], finger: int = 1) -> None:
+    """Samples 10 ms apart in a recording of the finger itself."""
+    with Recorder(path) as recorder:
+        for k, state in enumerate(states):
+            frame = Frame(np.zeros((4, 4), np.uint8), k * 10_000_000, k, Clock.HOST)
+            recorder.sample(frame, finger, partial(unpack_state, pack_state(state, k)))
 
 
 def blf_of(container: bytes, stated: int | None = None) -> bytes:

@@ -6,8 +6,6 @@ import asyncio
 import json
 import socket
 import struct
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Awaitable, Callable, Iterator
@@ -28,7 +26,8 @@ from hostlink.topics import DIAGNOSTICS, values_of
 from hostlink.web import Listen
 from hostlink.wire import Contact, State, Status, pack_state, unpack_state
 from tests.hostlink.bridge.hand import Hand
-from tests.hostlink.commands.test_cli import run
+from tests.support.commands import only_error
+from tests.support.commands import run_host as run
 from tests.support.waiting import until
 
 WAIT_S = 20.0
@@ -316,20 +315,6 @@ def test_programs_and_pages_that_were_named_may_set(hand: Hand, headers: dict[st
     assert hand.connection.finger(1).get("rate_hz") == 50.0
 
 
-def test_control_is_refused_where_others_could_reach_it(capsys: pytest.CaptureFixture[str]) -> None:
-    cases = {
-        ("--listen", "0.0.0.0:0", "--allow-control"): "no place for it",
-        ("--origin", "http://localhost:8080"): "--allow-control",
-        ("--allow-control", "--origin", "localhost"): "give scheme and host",
-        ("--allow-control", "--origin", "http://localhost:8080/panel"): "give scheme and host",
-    }
-    for arguments, message in cases.items():
-        assert run("bridge", "virtual:fox-refused", "--foxglove", *arguments) == 2
-        err = capsys.readouterr().err
-        assert err.count("\n") == 1
-        assert message in err
-
-
 def test_a_viewer_of_the_older_protocol_reads_which_release_it_needs(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
@@ -441,11 +426,9 @@ def test_the_layout_shows_what_is_there() -> None:
 
 def test_a_taken_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
-    port = outlet.server.port
-    assert run("bridge", "virtual:fox-taken", "--foxglove", "--listen", f"127.0.0.1:{port}") == 2
-    err = capsys.readouterr().err
-    assert err.count("\n") == 1
-    assert f"--listen 127.0.0.1:{port}: " in err
+    listen = f"127.0.0.1:{outlet.server.port}"
+    assert run("bridge", "virtual:fox-taken", "--foxglove", "--listen", listen) == 2
+    assert f"--listen {listen}: " in only_error(capsys)
     outlet.close()
 
 
@@ -460,14 +443,3 @@ def test_the_command_records_and_prints_the_path(tmp_path: Path, capsys: pytest.
     assert run(*arguments, "--record", str(path)) == 2
     assert "exists already" in capsys.readouterr().err
     hand.close()
-
-
-def test_without_the_extra_it_is_one_line() -> None:
-    program = (
-        "import sys; sys.modules['foxglove'] = None;"
-        "from hostlink.commands.cli import main; main(['bridge', 'virtual:none', '--foxglove'])"
-    )
-    refused = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert refused.returncode == 2
-    assert refused.stderr.count("\n") == 1
-    assert 'pip install "voronoi-touch[foxglove]"' in refused.stderr

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator
@@ -27,7 +25,8 @@ from hostlink.errors import UsageError
 from hostlink.web import Listen, PageServer, pack_packet, parse_listen, unpack_packet
 from tests.hostlink.bridge.hand import Hand
 from tests.hostlink.bridge.test_foxglove import Viewer, state, watch
-from tests.hostlink.commands.test_cli import run
+from tests.support.commands import only_error
+from tests.support.commands import run_host as run
 from tests.support.viewing import Live
 from tests.support.waiting import SOON_S, until
 
@@ -330,35 +329,7 @@ def test_bad_addresses_are_one_line(text: str, capsys: pytest.CaptureFixture[str
     with pytest.raises(UsageError, match="not the page of a finger"):
         parse_page(text)
     assert run("bridge", "virtual:none", "--foxglove", "--view", text) == 2
-    assert capsys.readouterr().err.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "why"),
-    [
-        (("--ros", "jazzy", "--view", "http://a"), "--view: cameras are shown by --foxglove"),
-        (("--foxglove", "--view", "http://a", "--view", "1=http://b"), "finger 1 is given twice"),
-    ],
-)
-def test_options_that_do_not_fit(
-    arguments: tuple[str, ...], why: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run("bridge", "virtual:none", *arguments) == 2
-    err = capsys.readouterr().err
-    assert why in err
-    assert err.count("\n") == 1
-
-
-def test_without_the_extra_it_is_one_line() -> None:
-    program = (
-        "import sys; sys.modules['aiohttp'] = None;"
-        "from hostlink.commands.cli import main;"
-        "main(['bridge', 'virtual:none', '--foxglove', '--listen', '127.0.0.1:0', '--view', 'http://a'])"
-    )
-    refused = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert refused.returncode == 2
-    assert refused.stderr.count("\n") == 1
-    assert 'pip install "voronoi-touch[foxglove]"' in refused.stderr
+    assert only_error(capsys)
 
 
 def test_the_layout_shows_the_camera() -> None:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import queue
 import struct
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -35,7 +33,7 @@ from tests.hostlink.bridge.ros_peer import (
     open_router,
 )
 from tests.hostlink.bridge.test_foxglove import state as touched
-from tests.hostlink.commands.test_cli import run
+from tests.support.commands import run_host as run
 from tests.support.waiting import SOON_S, until
 
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"  # design document
@@ -259,14 +257,6 @@ def test_it_waits_for_a_router_as_long_as_it_runs(capsys: pytest.CaptureFixture[
     assert f"error: --router {router}: no router was there for 0.2 s" in capsys.readouterr().err
 
 
-def test_a_wrong_bus_is_reported_without_a_router(capsys: pytest.CaptureFixture[str]) -> None:
-    router = f"tcp/127.0.0.1:{free_port()}"
-    assert run("bridge", "can:no-such-bus", "--ros", "jazzy", "--router", router) == 2
-    err = capsys.readouterr().err
-    assert "no-such-bus" in err
-    assert err.count("\n") == 1
-
-
 def test_two_hands_have_names_of_their_own() -> None:
     scene = Scene("left", namespace="/left_hand")
     scene.peer.subscribe("7/left_hand/**")
@@ -343,38 +333,3 @@ def test_own_message_has_every_field() -> None:
     defined = [name for name, _ in Types("jazzy").store.fielddefs[SAMPLE][1]]
     assert defined == names
     assert {f.name for f in FIELDS} <= set(names)
-
-
-# ---- mistakes ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ("", "where to? give --foxglove, --ros DISTRIBUTION or both"),
-        ("--ros noetic", "'noetic' is not one of"),
-        ("--ros jazzy --domain 300", "--domain"),
-        ("--ros jazzy --namespace left-hand", "--namespace left-hand: give names after slashes"),
-        ("--ros jazzy --router nowhere", "--router nowhere: give an endpoint"),
-        ("--ros jazzy --router tcp/127.0.0.1:99999", "--router tcp/127.0.0.1:99999: give an endpoint"),
-        ("--foxglove --seconds 1e300", "1e300 is out of range; give a number above 0"),
-        ("--ros jazzy --record x.mcap", "--record"),
-    ],
-)
-def test_mistakes_are_one_line(arguments: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("bridge", "virtual:none", *arguments.split()) == 2
-    out, err = capsys.readouterr()
-    assert message in err
-    assert (out, err.count("\n")) == ("", 1)
-
-
-@pytest.mark.parametrize("module", ["zenoh", "rosbags.typesys"])
-def test_without_the_extra_it_is_one_line(module: str) -> None:
-    program = (
-        f"import sys; sys.modules[{module!r}] = None;"
-        "from hostlink.commands.cli import main; main(['bridge', 'virtual:none', '--ros', 'jazzy'])"
-    )
-    refused = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert refused.returncode == 2
-    assert refused.stderr.count("\n") == 1
-    assert 'pip install "voronoi-touch[ros]"' in refused.stderr
