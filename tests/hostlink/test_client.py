@@ -5,11 +5,9 @@ from __future__ import annotations
 import asyncio
 import json
 import os
-import select
 import socket
 import threading
 import time
-import tty
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -34,6 +32,7 @@ from hostlink.subscription import QUEUE
 from hostlink.wire import CanIds, FaultCode, Kind, State, pack_state, unpack_state
 from hostlink.wire.fields import DATA_ID, VERSION
 from tests.support.bus import Wire, foreign_frame, message
+from tests.support.ptys import Ptys
 from tests.support.waiting import SOON_S, until
 
 
@@ -113,44 +112,6 @@ def make_node(address: str) -> tuple[Node, Application]:
     return Node(sink, application, SettingsFile()), application
 
 
-class Pty:
-    """Two ends of a serial line, at paths that stay the same; bytes are carried by a thread."""
-
-    def __init__(self, directory: Path) -> None:
-        self.paths = (directory / "edge", directory / "host")
-        self.open()
-
-    def open(self) -> None:
-        masters, slaves = [], []
-        for path in self.paths:
-            master, slave = os.openpty()
-            tty.setraw(slave)
-            path.unlink(missing_ok=True)
-            path.symlink_to(os.ttyname(slave))
-            masters.append(master)
-            slaves.append(slave)  # held open: a master without any slave cannot be read
-        self._wake, self._stop = os.pipe()
-        self._thread = threading.Thread(target=self._carry, args=(masters, slaves), daemon=True)
-        self._thread.start()
-
-    def _carry(self, masters: list[int], slaves: list[int]) -> None:
-        other = dict(zip(masters, reversed(masters), strict=True))
-        while True:
-            ready, _, _ = select.select([*masters, self._wake], [], [])
-            if self._wake in ready:
-                break
-            for master in ready:
-                os.write(other[master], os.read(master, 4096))
-        for number in (*masters, *slaves, self._wake):
-            os.close(number)
-
-    def close(self) -> None:
-        for path in self.paths:
-            path.unlink()
-        os.close(self._stop)
-        self._thread.join()
-
-
 Ends = tuple[str, str]  # addresses of edge and host
 
 
@@ -167,7 +128,7 @@ def ends(request: pytest.FixtureRequest, tmp_path: Path) -> Ends:
             port = 40_000 + os.getpid() % 20_000
             return f"udp:239.0.0.7?node=3&port={port}", f"udp:239.0.0.7?port={port}"
         case _:
-            pty = Pty(tmp_path)
+            pty = Ptys(tmp_path)
             return f"serial:{pty.paths[0]}", f"serial:{pty.paths[1]}"
 
 
@@ -245,7 +206,7 @@ def test_a_sample_that_waited_is_not_fresh_when_it_is_read(pair: Pair) -> None:
     node.send(first)
     until(lambda: hand.latest(max_age_s=None), "the first")
     until(lambda: hand.latest() is None, "it is old by now")
-    node.send(replace(first, sample=1, capture_time_us=first.capture_time_us + 4000))
+    node.send(replace(first, sample=1, capture_time_us=first.capture_time_us + 1))
     until(lambda: hand.finger().statistics.received_n == 2, "the second")
     assert hand.latest() is None
     assert hand.latest(hand.finger().node) is None
@@ -401,7 +362,7 @@ def test_five_fingers_on_one_bus(request: pytest.FixtureRequest, kind: str) -> N
 
 
 def test_line_lost_and_back(tmp_path: Path) -> None:
-    pty = Pty(tmp_path)
+    pty = Ptys(tmp_path)
     node, _ = make_node(f"serial:{pty.paths[0]}")
     received: list[hostlink.Sample] = []
     with hostlink.connect(f"serial:{pty.paths[1]}") as hand:
@@ -537,7 +498,7 @@ def test_a_stopped_finger_is_found(request: pytest.FixtureRequest, heartbeat_ms:
 
 
 def test_the_finger_on_a_line_has_one_number(tmp_path: Path) -> None:
-    pty = Pty(tmp_path)
+    pty = Ptys(tmp_path)
     node, application = make_node(f"serial:{pty.paths[0]}")
     with hostlink.connect(f"serial:{pty.paths[1]}?node=3") as hand:
         assert hand.finger(3).info().serial_number == application.serial
@@ -549,7 +510,7 @@ def test_the_finger_on_a_line_has_one_number(tmp_path: Path) -> None:
 
 
 def test_serial_port_is_for_one_program_alone(tmp_path: Path) -> None:
-    pty = Pty(tmp_path)
+    pty = Ptys(tmp_path)
     node, _ = make_node(f"serial:{pty.paths[0]}")
     with hostlink.connect(f"serial:{pty.paths[1]}"):
         for address in (f"serial:{pty.paths[1]}", f"slcan:{pty.paths[1]}"):

@@ -25,11 +25,12 @@ from hostlink.interrupt import ENDING
 from hostlink.output_file import find_unfinished
 from hostlink.recording import read_log
 from hostlink.wire import VERSION, State, pack_state
-from tests.hostlink.test_client import Application, Pty, make_node, need_multicast, state
+from tests.hostlink.test_client import Application, make_node, need_multicast, state
 from tests.hostlink.test_recording import as_candump, write_buses, write_edge
 from tests.support.commands import only_error, run_host_without
 from tests.support.commands import run_host as run
 from tests.support.environment import uncounted
+from tests.support.ptys import Ptys
 from tests.support.waiting import SOON_S, size_of, until
 
 PORT = 20_000 + os.getpid() % 20_000
@@ -460,7 +461,7 @@ def test_a_log_without_times_is_decoded(
 
 
 def test_record_a_serial_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pty = Pty(tmp_path)
+    pty = Ptys(tmp_path)
     feed = Feed(f"serial:{pty.paths[0]}")
     file = tmp_path / "press.serial"
     record(f"serial:{pty.paths[1]}", file)
