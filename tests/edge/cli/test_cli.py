@@ -228,14 +228,10 @@ def test_a_truncated_recording_is_reported_and_replayed(
 def test_without_a_sink_a_warning_is_logged(
     command: Command, caplog: pytest.LogCaptureFixture, tmp_path: Path
 ) -> None:
-    for options, warned in (
-        ((), True),
-        (("--sink", "memory:"), False),
-        (("--record", tmp_path / "a.mcap"), False),
-    ):
+    for options in ((), ("--sink", "memory:"), ("--record", tmp_path / "a.mcap")):
         caplog.clear()
         assert command(*RUN_ONE, *options).code == 0
-        assert ("no sink: samples are not sent; give --sink can:can0" in caplog.text) == warned
+        assert ("no sink: samples are not sent; give --sink can:can0" in caplog.text) == (not options)
 
 
 def test_inspect_shows_the_rest_frame_of_a_recording(
@@ -273,11 +269,9 @@ BLACK, WHITE = np.zeros((240, 320), np.uint8), np.full((240, 320), 255, np.uint8
 def test_inspect_reports_what_has_no_pins_and_goes_on(
     command: Command, tmp_path: Path, tip_image: Path
 ) -> None:
-    images = [
-        write(tmp_path / "black.png", BLACK),
-        write(tmp_path / "white.png", WHITE),
-        tmp_path / "absent.png",
-    ]
+    images = [tmp_path / name for name in ("black.png", "white.png", "absent.png")]
+    write(images[0], BLACK)
+    write(images[1], WHITE)
     done = command("inspect", *images, tip_image, "--json")
     assert done.code == 2
     assert [entry["n_pins"] for entry in json.loads(done.out)] == [0, 0, 0, 127]

@@ -70,7 +70,13 @@ def test_mistakes_are_reported(data_dir: Path, tmp_path: Path) -> None:
         (SourceError, "no such file", str(tmp_path / "none.mcap"), "a.mp4", None),
         (SinkError, r"give \.mp4", press, "a.gif", None),
         (SinkError, "cannot be written", press, "nowhere/a.mp4", None),
-        (CalibrationError, "", str(data_dir / "nothing.mcap"), "a.mp4", other),
+        (
+            CalibrationError,
+            "give the calibration of this tip",
+            str(data_dir / "nothing.mcap"),
+            "a.mp4",
+            other,
+        ),
     ):
         with pytest.raises(error, match=match):
             render_recording(recording, tmp_path / video, calibration)
