@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -20,6 +19,7 @@ from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink
 from hostlink.wire import OBJECTS, CanIds, Kind, Message, encode_frame, pack_message
 from tests.edge.link.test_node import Finger
+from tests.support.media import Wire
 from tests.support.waiting import SOON_S
 
 NODE = 3
@@ -31,27 +31,9 @@ FEW = settings(
 )
 
 
-class Wire:
-    """A medium that accepts everything, and receives nothing."""
-
-    instant, bus_off = False, False
-
-    def __init__(self) -> None:
-        self.items: list[Any] = []
-
-    def write(self, item: Any) -> None:
-        self.items.append(item)
-
-    def read(self, timeout_s: float) -> None:
-        return None
-
-    def close(self) -> None:
-        """Nothing to close."""
-
-
 @contextmanager
 def a_node(kind: type[CanFdSink] | type[SerialSink]) -> Iterator[tuple[Node, Finger, Wire]]:
-    wire, finger = Wire(), Finger()
+    wire, finger = Wire(instant=False), Finger()
     opener = lambda: wire  # noqa: E731
     sink = CanFdSink("wire", opener, NODE) if kind is CanFdSink else SerialSink("wire", opener)
     node = Node(sink, finger, SettingsFile(), NODE)
