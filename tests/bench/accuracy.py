@@ -228,7 +228,3 @@ def command(folder: Path, size: int, seed: int, counted: bool, out: Path) -> Non
     accuracy_plot(rows, PUBLISHED, out / "accuracy.png")
     Console().print(text_of(rows), soft_wrap=True)
     click.echo(f"{out / 'accuracy.json'}, {out / 'accuracy.png'}")
-
-
-if __name__ == "__main__":
-    command()

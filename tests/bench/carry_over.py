@@ -168,7 +168,3 @@ def command(on_real: bool, folder: Path, size: int, out: Path, workers: int | No
                 lines.append(text)
     path = out / f"carry_over_{'real' if on_real else 'simulated'}.md"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-if __name__ == "__main__":
-    command()

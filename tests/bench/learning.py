@@ -165,7 +165,3 @@ def command(folder: Path, others: Path | None, on_rig: bool, adaptive: bool, mos
     click.echo(text)
     path = out / f"learning_{'simulated' if on_rig else 'real'}.md"
     path.write_text(f"# Error over the number of frames fitted\n\n{text}\n", encoding="utf-8")
-
-
-if __name__ == "__main__":
-    command()

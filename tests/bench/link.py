@@ -140,7 +140,3 @@ def command(
     if json_file is not None:
         json_file.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
     sys.exit(1 if any(row["lost"] for row in rows) else 0)
-
-
-if __name__ == "__main__":
-    command()

@@ -107,7 +107,3 @@ def command(folder: Path, out: Path, workers: int | None) -> None:
         writer = csv.writer(file)
         writer.writerow(["", *COLUMNS])
         writer.writerows([name, *("" if v is None else f"{v:.4f}" for v in values)] for name, values in rows)
-
-
-if __name__ == "__main__":
-    command()

@@ -149,7 +149,3 @@ def command(folder: Path, out: Path, workers: int | None) -> None:
     ])  # fmt: skip
     click.echo(text)
     (out / "sigma.md").write_text(text, encoding="utf-8")
-
-
-if __name__ == "__main__":
-    command()

@@ -454,7 +454,7 @@ class Soak:
         if self.page_mb > PAGE_MB:
             self.outcome.fail(f"the page's process grew to {self.page_mb:.0f} MB")
         try:
-            seen_n = asyncio.run(asyncio.wait_for(look(f"http://127.0.0.1:{self.page.port}/live"), 10.0))
+            seen_n = asyncio.run(asyncio.wait_for(look(f"http://127.0.0.1:{self.page.port}/live", 2), 10.0))
         except (OSError, TimeoutError, aiohttp.ClientError) as error:
             self.outcome.fail(f"an honest viewer is not served: {error!r}")
         else:
@@ -807,7 +807,3 @@ def command(seconds: float, seed: int, rate_hz: float, out: Path) -> None:
         tell(outcome, Console(file=file, width=120, no_color=True))
         file.write("```\n")
     sys.exit(1 if outcome.violations else 0)
-
-
-if __name__ == "__main__":
-    command()

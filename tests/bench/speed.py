@@ -327,7 +327,3 @@ def command(as_json: bool, quick: bool, out: Path) -> None:
         click.echo(json.dumps(report))
     else:
         show(report)
-
-
-if __name__ == "__main__":
-    command()
