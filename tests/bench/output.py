@@ -61,7 +61,7 @@ def show(rows: Sequence[Mapping[str, object]], title: str = "", console: Console
         table.add_column(name, justify="left" if isinstance(value, str) else "right")
     for row in rows:
         table.add_row(*map(text_of, row.values()))
-    (console or Console()).print(table)
+    (console or Console(width=150)).print(table)
 
 
 def markdown(rows: Sequence[Mapping[str, object]]) -> str:

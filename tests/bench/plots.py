@@ -20,7 +20,7 @@ STAGES = ("pins", "track", "tessellate", "features")
 COLOURS = ("#3b6fb6", "#e08a3c", "#5a9e5a", "#b04a5a")
 
 
-def scaling_plots(scaling: dict[str, list[dict[str, Any]]], folder: Path) -> list[Path]:
+def scaling_plots(scaling: dict[str, list[dict[str, Any]]], path: Path) -> None:
     """One picture with a panel for pins and one for pixels."""
     figure, axes = plt.subplots(1, len(scaling), figsize=(4.2 * len(scaling), 3.6), sharey=False)
     for axis, (name, rows) in zip(axes, scaling.items(), strict=True):
@@ -41,10 +41,8 @@ def scaling_plots(scaling: dict[str, list[dict[str, Any]]], folder: Path) -> lis
             axis.spines[side].set_visible(False)
     axes[0].legend(frameon=False, loc="upper left")
     figure.tight_layout()
-    path = folder / "growth.png"
     figure.savefig(path, dpi=110)
     plt.close(figure)
-    return [path]
 
 
 def accuracy_plot(rows: list[dict[str, Any]], errors: dict[str, float], path: Path) -> None:

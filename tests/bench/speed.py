@@ -30,8 +30,6 @@ from typing import Any
 import click
 import cv2
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from edge.calibration import Calibration
 from edge.link.sample import to_state
@@ -50,13 +48,11 @@ from tests.bench.frames import (
     calibration_of,
     scene,
 )
-from tests.bench.output import writes_results
+from tests.bench.output import show, write_json, writes_results
 from tests.bench.paced import run_child
+from tests.bench.plots import scaling_plots
 from tests.bench.reference import Reference
 
-__all__ = ["command"]
-
-HERE = Path(__file__).parent
 BLOCK = 8  # frames of each in turn
 WARM = 24  # frames before anything is counted
 #: The same demand without and with a contact.
@@ -79,10 +75,10 @@ def spread(us: list[float]) -> dict[str, float]:
     return {"p50_us": float(p50), "p99_us": float(p99), "p999_us": float(p999), "n": len(us)}
 
 
-def timed(into: list[float], work: Callable[..., Any], *given: Any, **named: Any) -> Any:
+def timed(into: list[float], work: Callable[..., Any], *given: Any) -> Any:
     """The result; its time is appended, microseconds."""
     begun = time.perf_counter_ns()
-    answer = work(*given, **named)
+    answer = work(*given)
     into.append((time.perf_counter_ns() - begun) / 1e3)
     return answer
 
@@ -212,36 +208,25 @@ def allocations(frames: list[Frame], pipeline: Pipeline) -> dict[str, float]:
 
 def growth(rounds: int) -> dict[str, list[dict[str, Any]]]:
     """Time per frame over pins, and over pixels with a tip of constant size and of growing size."""
-    cases: dict[str, list[tuple[str, int, tuple[int, int], float]]] = {
-        "pins": [("pins", n, (640, 480), 0.0) for n in PINS],
-        "pixels, same tip": [("size", 331, size, NARROW) for size in SIZES],
-        "pixels, tip fills the image": [("size", 331, size, 0.0) for size in SIZES],
+    cases: dict[str, list[tuple[int, tuple[int, int], float]]] = {
+        "pins": [(n, (640, 480), 0.0) for n in PINS],
+        "pixels, same tip": [(331, size, NARROW) for size in SIZES],
+        "pixels, tip fills the image": [(331, size, 0.0) for size in SIZES],
     }
-    out: dict[str, list[dict[str, Any]]] = {}
-    for name, rows in cases.items():
-        out[name] = []
-        for _, pins, size, radius in rows:
-            shown = scene("press", pins, size, radius)
-            rest, frames = shown[:REST_FRAMES], back_and_forth(shown[REST_FRAMES:], 2 * WARM)
-            pipeline = started(rest + frames)
-            times = stages(rest + frames, pipeline, rounds)
-            out[name].append(
-                {
-                    "pins": pins,
-                    "pins_found": len(pipeline.rest),
-                    "size_px": list(size),
-                    "whole_us": float(np.sum([np.median(times[s]) for s in times if s != "floor"])),
-                    **{f"{stage}_us": float(np.median(series)) for stage, series in times.items()},
-                }
-            )
-    return out
 
+    def row(pins: int, size: tuple[int, int], radius: float) -> dict[str, Any]:
+        shown = scene("press", pins, size, radius)
+        frames = shown[:REST_FRAMES] + back_and_forth(shown[REST_FRAMES:], 2 * WARM)
+        pipeline = started(frames)
+        us = {name: float(np.median(series)) for name, series in stages(frames, pipeline, rounds).items()}
+        whole_us = sum(us[name] for name in us if name != "floor")
+        times = {f"{name}_us": median for name, median in us.items()}
+        return {
+            "pins": pins, "pins_found": len(pipeline.rest), "size_px": list(size), "whole_us": whole_us,
+            **times,
+        }  # fmt: skip
 
-def plot(scaling: dict[str, list[dict[str, Any]]], folder: Path) -> list[Path]:
-    """The scaling as plots."""
-    from tests.bench.plots import scaling_plots
-
-    return scaling_plots(scaling, folder)
+    return {name: [row(*case) for case in rows] for name, rows in cases.items()}
 
 
 def measure(quick: bool) -> dict[str, Any]:
@@ -279,38 +264,30 @@ def measure(quick: bool) -> dict[str, Any]:
     return report
 
 
-def show(report: dict[str, Any]) -> None:
+def tell_of(report: dict[str, Any]) -> None:
     """The report as tables."""
-    console = Console()
-    table = Table("331 pins, 640x480", "median us", "p99", "p99.9", "frames")
-    rows = {
+    times = {
         "whole frame, in turn with the reference": report["paired"]["pipeline"],
         "reference": report["paired"]["reference"],
         "whole frame, alone": report["alone"],
         **{f"  {name}": row for name, row in report["stages"].items()},
         **report["demands"],
     }
-    for name, row in rows.items():
-        table.add_row(name, *(f"{row[key]:,.0f}" for key in ("p50_us", "p99_us", "p999_us", "n")))
-    console.print(table)
+    show([{"331 pins, 640x480": name, **row} for name, row in times.items()])
     memory = report["allocations"]
-    for name, value in (
-        ("faster than the reference", f"{report['ratio_331']:.0f} times"),
-        ("window centroids over the floor", f"{report['pins_over_floor']:.1f} times"),
-        ("frame without contact over full one", f"{report['no_contact_share']:.0%}"),
-        ("memory of the running program", f"{report['rss_mb']:.0f} MB"),
-        ("start to first sample", f"{report['startup_s']:.2f} s"),
-        ("allocated at the peak of a frame", f"{memory['peak_kb']:.0f} kB"),
-        ("left over by a frame", f"{memory['growth_bytes_per_frame']:.1f} bytes"),
-        ("load of the machine", f"{report['load']:.1f}"),
-    ):
-        console.print(f"{name:38s} {value}")
+    figures = {
+        "times faster than the reference": report["ratio_331"],
+        "window centroids over the floor": report["pins_over_floor"],
+        "frame without contact over full one": report["no_contact_share"],
+        "memory of the running program, MB": report["rss_mb"],
+        "start to first sample, s": report["startup_s"],
+        "allocated at the peak of a frame, kB": memory["peak_kb"],
+        "left over by a frame, bytes": memory["growth_bytes_per_frame"],
+        "load of the machine": report["load"],
+    }
+    show([{"": name, "figure": value} for name, value in figures.items()])
     for name, scaling in report.get("growth", {}).items():
-        table = Table(f"growth with {name}", "size", "whole us", "pins", "track", "tessellate", "features")
-        for row in scaling:
-            cells = (f"{row[f'{s}_us']:,.0f}" for s in ("whole", "pins", "track", "tessellate", "features"))
-            table.add_row(str(row["pins_found"]), "x".join(map(str, row["size_px"])), *cells)
-        console.print(table)
+        show(scaling, f"growth with {name}")
 
 
 @click.command()
@@ -321,9 +298,9 @@ def command(as_json: bool, quick: bool, out: Path) -> None:
     """Time per frame and stage, against the reference and the floor."""
     report = measure(quick)
     if "growth" in report:
-        plot(report["growth"], out)
-        (out / "speed.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+        scaling_plots(report["growth"], out / "growth.png")
+        write_json(out / "speed.json", report)
     if as_json:
         click.echo(json.dumps(report))
     else:
-        show(report)
+        tell_of(report)
