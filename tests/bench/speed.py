@@ -1,8 +1,8 @@
-"""Time per frame, stage by stage: against the paper's method implemented directly, and against the floor.
+"""Time per frame, stage by stage, against the paper's method implemented directly.
 
-    python -m tests.bench            tables, and plots into out/bench
+    python -m tests.bench            tables
     python -m tests.bench --json     one JSON object on stdout, nothing else
-    python -m tests.bench --quick    without the scaling over pins and pixels
+    python -m tests.bench --quick    with fewer frames
 
 Rules
 - Pipeline and reference see the same frames in one process on one thread, alternating in blocks of eight
@@ -11,7 +11,6 @@ Rules
   pair is the thread's own processor time, so other programs do not count. All other
   times are wall-clock times.
 - A frame is everything from image to calibrated values, all features; packing is a separate stage.
-- The floor: every pixel of every pin's window read once, in place, by compiled code (`floor.c`).
 - Allocations are those that `tracemalloc` counts of one frame's Python and NumPy objects, at their peak; and
   those that remain after many frames.
 """
@@ -37,20 +36,9 @@ from edge.pipeline import ALL, Pipeline, Result
 from edge.rest.tare import tare
 from edge.types import Feature, Frame
 from hostlink.wire import Status, pack_state
-from tests.bench.floor import Floor
-from tests.bench.frames import (
-    GRASP,
-    NARROW,
-    PINS,
-    REST_FRAMES,
-    SIZES,
-    back_and_forth,
-    calibration_of,
-    scene,
-)
+from tests.bench.frames import GRASP, REST_FRAMES, back_and_forth, calibration_of, scene
 from tests.bench.output import show, write_json, writes_results
 from tests.bench.paced import run_child
-from tests.bench.plots import scaling_plots
 from tests.bench.reference import Reference
 
 BLOCK = 8  # frames of each in turn
@@ -118,10 +106,7 @@ def pair(frames: list[Frame], calibration: Calibration) -> tuple[Series, Pipelin
 
 def stages(frames: list[Frame], pipeline: Pipeline, rounds: int) -> Series:
     """Each stage of the pipeline's own objects, called as it calls them."""
-    times: Series = {
-        name: [] for name in ("pins", "track", "tessellate", "features", "calibrate", "pack", "floor")
-    }
-    floor = Floor(pipeline)
+    times: Series = {name: [] for name in ("pins", "track", "tessellate", "features", "calibrate", "pack")}
     for _ in range(rounds):
         for frame in back_again(frames):
             place = pipeline.tracker.predict()
@@ -134,7 +119,6 @@ def stages(frames: list[Frame], pipeline: Pipeline, rounds: int) -> Series:
             if calibration is not None:
                 reading = timed(times["calibrate"], calibration.apply, features, pipeline.rest.pattern)
                 timed(times["pack"], packed, Result(frame, tracks, cells, features, reading, False))
-            timed(times["floor"], floor.read, frame.image)
     return {name: series for name, series in times.items() if series}
 
 
@@ -195,38 +179,12 @@ def allocations(frames: list[Frame], pipeline: Pipeline) -> dict[str, float]:
             pipeline.process(frame)
             peaks.append(tracemalloc.get_traced_memory()[1] - base)
         after = tracemalloc.get_traced_memory()[0]
-        result = pipeline.process(frames[-1])
-        blocks = sum(s.count for s in tracemalloc.take_snapshot().statistics("filename")) if result else 0
     finally:
         tracemalloc.stop()
     return {
         "peak_kb": float(np.median(peaks)) / 1024,
         "growth_bytes_per_frame": (after - before) / len(run),
-        "blocks_held": float(blocks),
     }
-
-
-def growth(rounds: int) -> dict[str, list[dict[str, Any]]]:
-    """Time per frame over pins, and over pixels with a tip of constant size and of growing size."""
-    cases: dict[str, list[tuple[int, tuple[int, int], float]]] = {
-        "pins": [(n, (640, 480), 0.0) for n in PINS],
-        "pixels, same tip": [(331, size, NARROW) for size in SIZES],
-        "pixels, tip fills the image": [(331, size, 0.0) for size in SIZES],
-    }
-
-    def row(pins: int, size: tuple[int, int], radius: float) -> dict[str, Any]:
-        shown = scene("press", pins, size, radius)
-        frames = shown[:REST_FRAMES] + back_and_forth(shown[REST_FRAMES:], 2 * WARM)
-        pipeline = started(frames)
-        us = {name: float(np.median(series)) for name, series in stages(frames, pipeline, rounds).items()}
-        whole_us = sum(us[name] for name in us if name != "floor")
-        times = {f"{name}_us": median for name, median in us.items()}
-        return {
-            "pins": pins, "pins_found": len(pipeline.rest), "size_px": list(size), "whole_us": whole_us,
-            **times,
-        }  # fmt: skip
-
-    return {name: [row(*case) for case in rows] for name, rows in cases.items()}
 
 
 def measure(quick: bool) -> dict[str, Any]:
@@ -242,7 +200,7 @@ def measure(quick: bool) -> dict[str, Any]:
     frame_us, reference_us = (float(np.median(times[who])) for who in ("pipeline", "reference"))
     demand_us = {name: spread(us) for name, us in by_demand.items()}
     running = run_child(2.0 if quick else 5.0)
-    report: dict[str, Any] = {
+    return {
         "ratio_331": reference_us / frame_us,
         "frame_us_331": frame_us,
         "reference_us_331": reference_us,
@@ -250,7 +208,6 @@ def measure(quick: bool) -> dict[str, Any]:
         "rss_mb": running["rss_mb"],
         "startup_s": running["startup_s"],
         "no_contact_share": demand_us[FREE]["p50_us"] / demand_us[FULL]["p50_us"],
-        "pins_over_floor": float(np.median(by_stage["pins"]) / np.median(by_stage["floor"])),
         "load": os.getloadavg()[0],
         "paired": {who: spread(us) for who, us in times.items()},
         "alone": spread(alone),
@@ -259,9 +216,6 @@ def measure(quick: bool) -> dict[str, Any]:
         "allocations": allocations(frames, pipeline),
         "running": running,
     }
-    if not quick:
-        report["growth"] = growth(1)
-    return report
 
 
 def tell_of(report: dict[str, Any]) -> None:
@@ -277,7 +231,6 @@ def tell_of(report: dict[str, Any]) -> None:
     memory = report["allocations"]
     figures = {
         "times faster than the reference": report["ratio_331"],
-        "window centroids over the floor": report["pins_over_floor"],
         "frame without contact over full one": report["no_contact_share"],
         "memory of the running program, MB": report["rss_mb"],
         "start to first sample, s": report["startup_s"],
@@ -286,20 +239,16 @@ def tell_of(report: dict[str, Any]) -> None:
         "load of the machine": report["load"],
     }
     show([{"": name, "figure": value} for name, value in figures.items()])
-    for name, scaling in report.get("growth", {}).items():
-        show(scaling, f"growth with {name}")
 
 
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
-@click.option("--quick", is_flag=True, help="Fewer frames, no growth.")
+@click.option("--quick", is_flag=True, help="Fewer frames.")
 @writes_results
 def command(as_json: bool, quick: bool, out: Path) -> None:
-    """Time per frame and stage, against the reference and the floor."""
+    """Time per frame and stage, against the reference."""
     report = measure(quick)
-    if "growth" in report:
-        scaling_plots(report["growth"], out / "growth.png")
-        write_json(out / "speed.json", report)
+    write_json(out / "speed.json", report)
     if as_json:
         click.echo(json.dumps(report))
     else:

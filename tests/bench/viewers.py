@@ -4,9 +4,9 @@
 
 One process runs the loop at a camera's rate, its page is served by the second process (`edge.worker`), and
 the viewers are a third one, like browsers. Phases alternate with phases where nobody watches, round after
-round, so that the machine's other load affects all alike. Times are from the start of work on a frame: to the
-sample's hand-over, and to the end of the turn (with copying for viewers or recorder). Loads are
-processor time of the two processes; memory is their resident sets, the loop's after a collection.
+round, so that the machine's other load affects all alike. Times are from the start of work on a frame to the
+sample's hand-over. Loads are processor time of the two processes; memory is their resident sets, the loop's
+after a collection.
 
     nobody       the page is served, no viewer
     one, two     viewers with the camera's image
@@ -104,7 +104,6 @@ class _Meter:
         self._idle = threading.Event()
         self._begun_ns = 0
         self.sent_us: list[float] = []
-        self.turn_us: list[float] = []
         self._step, self._send, self._end_cycle = loop.step, loop._send, loop._end_cycle
         for name, timed in (("step", self._stepped), ("_send", self._sent), ("_end_cycle", self._ended)):
             setattr(loop, name, timed)
@@ -120,14 +119,12 @@ class _Meter:
 
     def _ended(self) -> None:
         self._end_cycle()
-        self.turn_us.append((time.perf_counter_ns() - self._begun_ns) / 1e3)
         if self.loop.last is not None and not self.worker.view.watched and not self.loop.session.recorder:
             self._idle.set()
 
     def begin(self) -> None:
         """Discard the times measured before."""
         self.sent_us.clear()
-        self.turn_us.clear()
 
     def wait_until_idle(self) -> None:
         """Wait for a turn with a rest frame and without viewers or recording."""
@@ -146,7 +143,6 @@ class _Phase:
     """
 
     sent_us: list[float] = field(default_factory=list)
-    turn_us: list[float] = field(default_factory=list)
     packets_n: int = 0
     skipped_n: int = 0
     lost_n: int = 0
@@ -158,11 +154,9 @@ class _Phase:
     def row(self, name: str, watched_s: float, base_us: float) -> dict[str, Any]:
         """The figures of a phase of this length, and its 99 % over that of the loop alone."""
         p50, p99, p999 = map(float, np.percentile(self.sent_us, (50, 99, 99.9)))
-        turn_p50, turn_p99 = map(float, np.percentile(self.turn_us, (50, 99)))
         viewers_n = PHASES[name]
         return {
             "phase": name, "frames": len(self.sent_us), "p50_us": p50, "p99_us": p99, "p99.9_us": p999,
-            "turn_p50_us": turn_p50, "turn_p99_us": turn_p99,
             "packets_hz": self.packets_n / viewers_n / watched_s if viewers_n > 0 else 0.0,
             "loop_load_%": 100 * self.loop_s / self.elapsed_s,
             "worker_load_%": 100 * self.worker_s / self.elapsed_s,
@@ -221,7 +215,6 @@ def _run_phase(name: str, phase: _Phase, meter: _Meter, seconds: float) -> None:
         meter.begin()
         time.sleep(seconds)
     phase.sent_us += meter.sent_us
-    phase.turn_us += meter.turn_us
     phase.elapsed_s += time.monotonic() - since_s
     phase.loop_s += cpu_s(ours) - loop_s
     phase.worker_s += cpu_s(theirs) - worker_s
