@@ -22,6 +22,7 @@ from hostlink.decoder import Sample as Decoded
 from hostlink.output_file import OutputError
 from hostlink.recording import LogWriter, decode_recording
 from hostlink.wire import State
+from tests.support.states import same
 from tests.support.waiting import SOON_S
 
 NODE = 5
@@ -44,11 +45,6 @@ def test_the_demo_needs_a_folder(data_dir: Path, tmp_path: Path) -> None:
     (file := tmp_path / "file").touch()
     with pytest.raises(OutputError, match="file: is no folder; give the name of one to --out"):
         demo(data_dir, file, Console())
-
-
-def same(a: State, b: State) -> bool:
-    """Equal in every field; NaN equals NaN."""
-    return repr(a) == repr(b)
 
 
 def send(
@@ -100,17 +96,6 @@ def check(computed: dict[int, State], received: dict[int, State]) -> None:
 def pressed(data_dir: Path) -> tuple[Path, Path]:
     """A recording with all kinds of values, and its calibration."""
     return data_dir / "press_shear.mcap", data_dir / RECORDINGS["press_shear"]
-
-
-def test_can_fd(pressed: tuple[Path, Path]) -> None:
-    bus = f"virtual:{uuid4()}"
-    check(*send(*pressed, bus, bus))
-
-
-def test_classic_can(pressed: tuple[Path, Path]) -> None:
-    bus = f"virtual:{uuid4()}?fd=0"
-    computed, received = send(*pressed, bus, bus)
-    check(computed, received)
 
 
 @pytest.mark.parametrize("suffix", [".log", ".blf"])

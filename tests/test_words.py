@@ -95,7 +95,6 @@ ALLOWED = {
     "hostlink/wire/generate/doc.py": {"room"},  # in a frame
     "tests/bench/hazards.py": {"unsure"},  # a column of its table
     "tests/bench/soak.py": {"growth", "tell"},  # of memory; of a report
-    "tests/bench/speed.py": {"growth"},  # of memory
     "tests/bench/videos.py": {"sure", "unsure"},  # a column of its table
     "tests/hostlink/wire/test_c_receiver.py": {"heard", "tell"},  # names of the C program
 }

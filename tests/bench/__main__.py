@@ -16,7 +16,6 @@ from hostlink.command_group import CommandGroup, CommandRow
 
 COMMANDS = {
     "accuracy": "Time of a frame against its error, for every kind of model.",
-    "bridge": "Fingers through the ROS 2 bridge to a peer: losses and latency.",
     "carry_over": "Another tip with few frames: alone, and with a first tip's calibration.",
     "contacts": "Contacts on a second, independent simulator, against their bounds.",
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
@@ -30,7 +29,7 @@ COMMANDS = {
     "sigma": "Share of the errors on the published recordings that is within sigma.",
     "slip": "Slip announced before it happens, and false alarms.",
     "soak": "The program under a random schedule of all faults, and its promises.",
-    "speed": "Time per frame and stage, against reference and floor (default).",
+    "speed": "Time per frame and stage, against the reference (default).",
     "stability": "Hard cases of the geometry against exact arithmetic.",
     "step": "Instructions, misses and calls of one step, from the image to the CAN FD frame.",
     "videos": "Identities held and contacts found in the published videos.",

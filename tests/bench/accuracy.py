@@ -13,7 +13,6 @@ Rules
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import statistics
@@ -26,7 +25,6 @@ from typing import Any
 import click
 import cv2
 import numpy as np
-from rich.console import Console
 from rich.progress import track
 
 from calib.evaluate import evaluate
@@ -40,7 +38,7 @@ from edge.sources import read_image
 from edge.types import Array, Feature, Frame, Image, Rest
 from tests.bench.counter import counted as count_between_marks
 from tests.bench.frames import GRASP
-from tests.bench.output import writes_results
+from tests.bench.output import show, write_json, writes_results
 from tests.bench.plots import accuracy_plot
 from tests.bench.real import NETWORK, row, splits
 from tests.bench.recordings import TIP_331, real_option, tip_331
@@ -180,19 +178,6 @@ def models(
     return [fitted[one.search] for one in CONFIGURATIONS], found
 
 
-def text_of(rows: list[dict[str, Any]]) -> str:
-    """As Markdown."""
-    counted = [name for name in ("instructions",) if name in rows[0]]
-    lines = ["| | us | paper's over it | " + " | ".join([*counted, *ERRORS]) + " |"]
-    lines.append("|---" * (3 + len(counted) + len(ERRORS)) + "|")
-    for one in rows:
-        cells = [one["name"], f"{one['us']:.0f}", f"{one['ratio']:.3g}"]
-        cells += [f"{one[name]:,}" for name in counted]
-        cells += ["-" if one[name] is None else f"{one[name]:.3g}" for name in ERRORS]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
 @click.command()
 @real_option
 @click.option("--frames", "size", type=click.IntRange(24, 480), default=480, help="To fit to.")
@@ -224,11 +209,6 @@ def command(folder: Path, size: int, seed: int, counted: bool, out: Path) -> Non
         for one, n in zip(rows, instructions(calibrations, stills, rest), strict=True):
             one["instructions"] = n
     result = {"frames_fitted": size, "frames_held_out": len(held_out), "seed": seed, "configurations": rows}
-    (out / "accuracy.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    write_json(out / "accuracy.json", result)
     accuracy_plot(rows, PUBLISHED, out / "accuracy.png")
-    Console().print(text_of(rows), soft_wrap=True)
-    click.echo(f"{out / 'accuracy.json'}, {out / 'accuracy.png'}")
-
-
-if __name__ == "__main__":
-    command()
+    show(rows)

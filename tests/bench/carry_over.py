@@ -10,7 +10,7 @@ length of their pins, in dome, gel, skin and friction, in the camera's distance,
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -99,42 +99,38 @@ def recorded(folder: Path, rest: Path | None, pool: Executor) -> Seen:
     return Seen(data.rest, data.targets, data.extract(pool))
 
 
-def fitted(seen: Seen, rows: list[int], search: Search, pool: Executor) -> Calibration | None:
-    """None: the frames are too few for anything."""
-    targets, inputs = seen.targets.rows(rows), seen.extract.rows(rows)
+def errors(
+    seen: Seen, rows: Sequence[int], search: Search, test_targets: Targets, test: Extract, pool: Executor
+) -> list[float | None]:
+    """Of a fit to some rows, on the frames that judge; None: too few of the rows can be used."""
     try:
-        return fit(seen.rest, targets, inputs, mm_per_px=None, search=search, pool=pool)[0]
+        return list(row(evaluate(fitted(seen, rows, search, pool), test_targets, test)))
     except FitError:
-        return None
+        return [None] * len(COLUMNS)
 
 
-def compared(prior: Calibration, name: str, other: Seen, held: int, pool: Executor) -> Iterator[str]:
-    """The other tip's table: rows as Markdown, each a mean over draws of the frames that are fitted."""
+def fitted(seen: Seen, rows: Sequence[int], search: Search, pool: Executor) -> Calibration:
+    targets, inputs = seen.targets.rows(rows), seen.extract.rows(rows)
+    return fit(seen.rest, targets, inputs, mm_per_px=None, search=search, pool=pool)[0]
+
+
+def compared(prior: Calibration, other: Seen, held: int, pool: Executor) -> str:
+    """The other tip's table as Markdown: each row a mean over draws of the frames that are fitted."""
     known = known_models(prior.content)
     ways = {"alone": Search(Prefer.ACCURACY), "with the first tip": Search(Prefer.ACCURACY, known=known)}
     n = len(other.targets)
-    orders = [np.random.default_rng(draw).permutation(n) for draw in range(DRAWS)]
-    rows: list[tuple[str, list[float | None]]] = []
-
-    def add(label: str, calibrations: list[Calibration | None]) -> None:
-        errors = []
-        for order, calibration in zip(orders, calibrations, strict=True):
-            judges = order[:held]
-            if calibration is None:
-                errors.append([float("nan")] * len(COLUMNS))
-            else:
-                errors.append(
-                    row(evaluate(calibration, other.targets.rows(judges), other.extract.rows(judges)))
-                )
-        rows.append((label, [float(v) for v in np.mean(errors, axis=0)]))  # NaN: not fitted in each draw
-
-    add("first tip's, unchanged", [prior] * DRAWS)
+    orders = [np.random.default_rng(draw).permutation(n).tolist() for draw in range(DRAWS)]
+    judges = [(other.targets.rows(order[:held]), other.extract.rows(order[:held])) for order in orders]
+    drawn: dict[str, list[list[float | None]]] = {}
+    drawn["first tip's, unchanged"] = [list(row(evaluate(prior, *judge))) for judge in judges]
     for size in (size for size in SIZES if size <= n - held):
         for way, search in ways.items():
-            draws = [order[held : held + size].tolist() for order in orders]
-            add(f"{size}, {way}", [fitted(other, draw, search, pool) for draw in draws])
-    yield f"\n{name}\n"
-    yield table(rows)
+            drawn[f"{size}, {way}"] = [
+                errors(other, order[held : held + size], search, *judge, pool)
+                for order, judge in zip(orders, judges, strict=True)
+            ]
+    means = {label: np.mean(np.array(found, float), axis=0) for label, found in drawn.items()}
+    return table([(label, list(mean)) for label, mean in means.items()])  # NaN: not fitted in each draw
 
 
 @click.command()
@@ -160,15 +156,8 @@ def command(on_real: bool, folder: Path, size: int, out: Path, workers: int | No
             }
         rows = np.random.default_rng(0).permutation(len(first.targets))[:size].tolist()
         prior = fitted(first, rows, Search(kinds=frozenset({ModelKind.PROCESS})), pool)
-        if prior is None:
-            raise click.ClickException("the first tip's frames are too few for a process")
         for name, other in others.items():
-            for text in compared(prior, name, other, TEST_REAL if on_real else TEST, pool):
-                click.echo(text)
-                lines.append(text)
+            lines.append(f"\n{name}\n\n{compared(prior, other, TEST_REAL if on_real else TEST, pool)}")
+            click.echo(lines[-1])
     path = out / f"carry_over_{'real' if on_real else 'simulated'}.md"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-if __name__ == "__main__":
-    command()

@@ -14,15 +14,12 @@ __all__ = ["compiled"]
 
 
 @lru_cache
-def compiled(name: str, *flags: str) -> ctypes.CDLL:
-    """A C file of this folder as a loaded library.
-
-    flags  of the compiler, besides -O3
-    """
+def compiled(name: str) -> ctypes.CDLL:
+    """A C file of this folder as a loaded library."""
     compiler = (sysconfig.get_config_var("CC") or "cc").split()[0]
     source = Path(__file__).with_name(name)
     with tempfile.TemporaryDirectory() as folder:
         library = Path(folder) / f"{source.stem}.so"
-        command = [shutil.which(compiler) or "cc", "-O3", *flags, "-shared", "-fPIC"]
+        command = [shutil.which(compiler) or "cc", "-O3", "-shared", "-fPIC"]
         subprocess.run([*command, str(source), "-o", str(library)], check=True)
         return ctypes.CDLL(str(library))

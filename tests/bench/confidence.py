@@ -8,8 +8,6 @@ confidence of the simulated jumps most likely.
 
 from __future__ import annotations
 
-import csv
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,21 +15,20 @@ from pathlib import Path
 import click
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 from scipy.optimize import minimize
 from scipy.special import expit
 
 from calib.sim import deform
 from edge.pins import detect, take_rest
+from edge.sources import read_image
 from edge.tracking.hypothesis import Hypothesis
 from edge.tracking.search import Identifier, Identity, best_of_two, found_evidence
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Rest, Tracks
-from tests.bench.identity import Hazard, grey, random_contact, simulated_rest, spoil
-from tests.bench.output import writes_results
-from tests.bench.recordings import REAL, TIP_331
+from tests.bench.identity import Hazard, random_contact, simulated_rest, spoil
+from tests.bench.output import show, write_json, writes_results
+from tests.bench.recordings import REAL, TIP_331, poses_of_stills
 from tests.support import layouts
 
 Owners = NDArray[np.int_]
@@ -119,12 +116,10 @@ def simulated(jumps: int, seed: int) -> Iterator[Outcome]:
 def masked(every: int, seed: int) -> Iterator[Outcome]:
     """Published stills with a side hidden."""
     rng, folder = np.random.default_rng(seed), REAL / TIP_331
-    rest: Rest = take_rest([grey(folder / "rest.png")])
+    rest: Rest = take_rest([read_image(folder / "rest.png")])
     recorder = Recorder(TrackedTip.of(rest))
-    with (folder / "targets.csv").open() as file:
-        names = [row["sensor_image"] for row in csv.DictReader(file)]
-    for name in track(names[::every], "masked stills", transient=True):
-        blobs = detect(grey(folder / "frames" / name), rest.pattern).xy_img
+    for name in track(list(poses_of_stills(folder))[::every], "masked stills", transient=True):
+        blobs = detect(read_image(folder / "frames" / name), rest.pattern).xy_img
         whole = recorder.identify(blobs)
         owner = np.full(len(blobs), -1)
         owner[whole.blob[whole.blob >= 0]] = np.flatnonzero(whole.blob >= 0)
@@ -182,22 +177,19 @@ def diagram(outcomes: list[Outcome]) -> list[dict[str, float]]:
 @click.option("--fit", is_flag=True, help="Print the weights that fit these jumps best.")
 @writes_results
 def command(jumps: int, every: int, seed: int, fit: bool, out: Path) -> None:
-    console = Console()
     kinds = {"simulated": list(simulated(jumps, seed))}
     if (REAL / TIP_331).is_dir():
         kinds["stills with a side hidden"] = list(masked(every, seed))
     else:
-        console.print(f"no recordings at {REAL / TIP_331}: published stills left out")
+        click.echo(f"no recordings at {REAL / TIP_331}: published stills left out")
     report = {}
     for kind, outcomes in kinds.items():
-        table = Table("jumps", "mean confidence", "right", title=kind)
-        for row in diagram(outcomes):
-            table.add_row(*(str(v) for v in row.values()))
-        console.print(table)
+        bins = diagram(outcomes)
+        show(bins, kind)
         used = [o for o in outcomes if o.confidence >= Tracks.LOW_CONFIDENCE]
         wrong_n = sum(not o.right for o in used)
         share = sum(o.held_n for o in used) / max(sum(o.in_view_n for o in used), 1)
-        console.print(
+        click.echo(
             f"{len(used)} of {len(outcomes)} are used (confidence {Tracks.LOW_CONFIDENCE} and more): "
             f"{wrong_n} of them wrong, {100 * share:.1f} % of the pins in view held"
         )
@@ -206,9 +198,8 @@ def command(jumps: int, every: int, seed: int, fit: bool, out: Path) -> None:
             "used": len(used),
             "used_wrong": wrong_n,
             "right": sum(o.right for o in outcomes),
-            "bins": diagram(outcomes),
+            "bins": bins,
         }
     if fit:
-        console.print("weights:", np.round(fitted(kinds["simulated"]), 2).tolist())
-    (out / "confidence.json").write_text(json.dumps(report, indent=1) + "\n")
-    console.print(f"written to {out / 'confidence.json'}")
+        click.echo(f"weights: {np.round(fitted(kinds['simulated']), 2).tolist()}")
+    write_json(out / "confidence.json", report)

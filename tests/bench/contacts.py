@@ -30,7 +30,6 @@ import click
 import numpy as np
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 
 from calib.extract import DEMAND, Measured, gather
 from calib.fit import ModelKind, Search, fit
@@ -42,7 +41,7 @@ from edge.rest.tare import tare
 from edge.types import Array, Feature, Frame, Rest, Result, Tracks
 from tests.bench.flat_gel import RADIUS_MM, FlatGel
 from tests.bench.half_space import Ball, Bar, own_depths_mm
-from tests.bench.output import writes_results
+from tests.bench.output import show, text_of, write_json, writes_results
 
 __all__ = ["SCENES", "Scene", "SecondTip", "measure", "read"]
 
@@ -54,7 +53,6 @@ CALIBRATION_N = 300
 CALIBRATION_DEPTH_MM, CALIBRATION_SHEAR_MM = (0.1, 3.5), 2.0
 CENTROID_PX = 0.04  # rms error of a cap's place in the pictures
 SHEAR_MM = 2.0
-HEADINGS = ("right", "place", "bias", "depth", "angle", "worst")
 Tools = tuple[Ball | Bar, ...]
 Maker = Callable[[float, np.random.Generator], Tools]
 
@@ -126,27 +124,14 @@ def _three(pitch_mm: float, rng: np.random.Generator) -> Tools:
     """Corners of a triangle of three pitches a side."""
     middle, turn = _somewhere(rng, 2.0), 2.0 * np.pi * rng.random()
     out = np.sqrt(3.0) * pitch_mm
-    return tuple(
-        _probe(
-            pitch_mm,
-            middle + out * complex(np.exp(1j * (turn + k * 2.0 * np.pi / 3.0))),
-            rng.uniform(0.5, 1.0),
-        )
-        for k in range(3)
-    )
+    corners = [middle + out * complex(np.exp(1j * (turn + k * 2.0 * np.pi / 3.0))) for k in range(3)]
+    return tuple(_probe(pitch_mm, corner, rng.uniform(0.5, 1.0)) for corner in corners)
 
 
 def _bar(pitch_mm: float, rng: np.random.Generator) -> Tools:
     place = _somewhere(rng, 4.0)
-    return (
-        Bar(
-            place.real,
-            place.imag,
-            rng.uniform(-np.pi / 2, np.pi / 2),
-            rng.uniform(0.5, 2.0),
-            rng.uniform(10.0, 16.0),
-        ),
-    )
+    angle, depth, length = rng.uniform(-np.pi / 2, np.pi / 2), rng.uniform(0.5, 2.0), rng.uniform(10.0, 16.0)
+    return (Bar(place.real, place.imag, angle, depth, length),)
 
 
 def _sheared(pitch_mm: float, rng: np.random.Generator) -> Tools:
@@ -354,18 +339,14 @@ def _mean(errors: Sequence[Errors], name: str) -> float:
     return float(np.mean(values)) if values else nan
 
 
-def _table(tip: str, rows: Sequence[Row]) -> Table:
-    bounds = {scene.name: asdict(scene.bounds) for scene in SCENES}
-    table = Table("scene", "n", *HEADINGS, "holds", title=f"{tip}; right: % of the scenes; mm, deg; (bound)")
-    for row in rows:
-        cells = []
-        for name, bound in bounds[row.scene].items():
-            scale, digits = (100.0, 1) if name == "right" else (1.0, 2)
-            value = scale * getattr(row.measured, name)
-            text = "" if value != value else f"{value:.{digits}f}"
-            cells.append(text + ("" if bound != bound else f" ({scale * bound:g})"))
-        table.add_row(row.scene, str(row.scenes), *cells, "yes" if row.holds else "no")
-    return table
+def _cells(row: Row) -> dict[str, object]:
+    """As the table has it: what was measured, its bound in brackets."""
+    bounds = asdict(next(scene.bounds for scene in SCENES if scene.name == row.scene))
+    cells: dict[str, object] = {"tip": row.tip, "scene": row.scene, "n": row.scenes}
+    for name, value in asdict(row.measured).items():
+        bound = text_of(bounds[name])
+        cells[name] = f"{text_of(round(value, 3))} ({bound})" if bound else value
+    return cells | {"holds": row.holds}
 
 
 @click.command(name="contacts", help="Contacts on a second, independent simulator, against their bounds.")
@@ -388,13 +369,12 @@ def command(n_scenes: int, n_bars: int, n_untouched: int, seed: int, as_json: bo
         tip = SecondTip.made(n_pins, seed)
         for i, scene in enumerate(track(SCENES, f"{n_pins} pins", console=console)):
             rows.append(measure(tip, scene, counts.get(scene.name, n_scenes), seed + i))
-    text = json.dumps([_plain(row) for row in rows], indent=1)
-    (out / "contacts.json").write_text(text + "\n", encoding="utf-8")
+    results = [_plain(row) for row in rows]
+    write_json(out / "contacts.json", results)
     if as_json:
-        click.echo(text)
+        click.echo(json.dumps(results, indent=1))
     else:
-        for name in dict.fromkeys(row.tip for row in rows):
-            console.print(_table(name, [row for row in rows if row.tip == name]))
+        show([_cells(row) for row in rows], "right: share of the scenes; mm, deg; (bound)", console)
     if not all(row.holds for row in rows):
         raise SystemExit(1)
 

@@ -7,6 +7,7 @@ from itertools import cycle, islice
 from pathlib import Path
 
 import msgspec
+import numpy as np
 
 from calib.sim import Camera, Simulator, Tip
 from calib.sim.script import REST_FRAMES, SCENES, play
@@ -15,7 +16,10 @@ from edge.calibration.file import sensor_of
 from edge.pins import take_rest
 from edge.types import Feature, Frame
 
-__all__ = ["GRASP", "NARROW", "PINS", "REST_FRAMES", "SIZES", "back_and_forth", "calibration_of", "scene"]
+__all__ = [
+    "GRASP", "NARROW", "PINS", "REST_FRAMES", "SIZES", "back_and_forth", "calibration_of", "scene",
+    "there_and_back",
+]  # fmt: skip
 
 #: What a grasp controller asks for.
 GRASP = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
@@ -42,6 +46,13 @@ def scene(
 def back_and_forth(frames: list[Frame], n: int) -> list[Frame]:
     """The frames forwards and backwards, without a jump, until there are n."""
     return list(islice(cycle(frames + frames[-2:0:-1]), n))
+
+
+def there_and_back(name: str) -> tuple[np.ndarray, int]:
+    """Images of the untouched tip, how many these are, and of a scene to its end and back."""
+    images = [frame.image for frame in scene(name)]
+    touched = images[REST_FRAMES:]
+    return np.stack([*images[:REST_FRAMES], *touched, *touched[-2:0:-1]]), REST_FRAMES
 
 
 def calibration_of(frames: list[Frame]) -> Calibration:

@@ -14,17 +14,14 @@ A hazard passes with no pin swapped, no touch raised, and errors within 1.5 of t
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 import click
 import numpy as np
-from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 
 from calib.sim import Appearance, Blob, Camera, Simulator, Tip, Tool, ToolPose, deform
 from calib.sim.mechanics import Deformation
@@ -34,12 +31,12 @@ from edge.calibration import Calibration
 from edge.frame import Pipeline
 from edge.rest.tare import tare
 from edge.types import Array, Feature, Frame, Image, Tracks
-from tests.bench.output import writes_results
+from tests.bench.output import show, write_json, writes_results
 
 RATE_HZ = 60.0
 TARE_N, DOWN_N, HOLD_N, SHEAR_N = 8, 20, 6, 12
 SPOILED_FROM = TARE_N + 4  # disturbances begin when the tip is known and followed
-DARK = (20, 32)  # frames without light, or behind a hand: a fifth of a second here
+DARK = range(20, 32)  # frames without light, or behind a hand: a fifth of a second here
 BALL = ToolPose(Tool("sphere", radius_mm=3.0), x_mm=3.0, y_mm=-2.0)
 APPEARANCE = Appearance(rim=120.0, leds=4)
 TIMES_CLEAN = 1.5
@@ -48,100 +45,61 @@ LEAST_MM = 0.01
 CALIBRATION_FRAMES = 150
 
 
-@dataclass(frozen=True)
-class Scene:
-    """Appearance of one frame: light, and share of the frame's time that the shutter is open."""
-
-    appearance: Appearance
-    exposure: float = 0.0
-
-
-Spoil = Callable[[Camera, int, Array, np.random.Generator], Scene]
+BLUR = "motion blur, shutter open all the time"
+HAZARDS = (
+    "clean", "30 % of the pins dark", "30 % blinking", "50 false blobs", "30 % dark, 50 false blobs",
+    "10 pairs merged", BLUR, "gain doubles in half a second", "a reflection runs across", "dark for a while",
+    "a hand over the lens",
+)  # fmt: skip
 
 
-def _clean(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
-    return Scene(APPEARANCE)
+def spoiled(hazard: str, camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Appearance:
+    """How frame k of a press looks under a hazard.
 
-
-def _dropped(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
+    xy  (n, 2) px: the pins
+    """
     n = len(xy)
-    dead = np.random.default_rng(n).permutation(n)[: round(0.3 * n)]
-    return Scene(replace(APPEARANCE, dead=frozenset(dead.tolist())))
+    match hazard:
+        case "30 % of the pins dark":
+            return replace(APPEARANCE, dead=_dark_pins(n))
+        case "30 % blinking":
+            return replace(APPEARANCE, dead=frozenset(np.flatnonzero(rng.random(n) < 0.3).tolist()))
+        case "50 false blobs":
+            return replace(APPEARANCE, blobs=_false_blobs(camera))
+        case "30 % dark, 50 false blobs":
+            return replace(APPEARANCE, blobs=_false_blobs(camera), dead=_dark_pins(n))
+        case "10 pairs merged":  # light between ten pins and their neighbours joins them to one blob
+            gap = np.hypot(*(xy[:, None] - xy).transpose(2, 0, 1)) + 1e9 * np.eye(n)
+            chosen = np.random.default_rng(10).permutation(n)[:10]
+            middle = (xy[chosen] + xy[gap[chosen].argmin(1)]) / 2
+            return replace(APPEARANCE, blobs=_blobs(middle, 0.8 * _pin_radius(camera)))
+        case "gain doubles in half a second":
+            gain = float(np.clip(0.7 * 2 ** ((k - SPOILED_FROM) / RATE_HZ * 2), 0.7, 1.4))
+            return replace(APPEARANCE, gain=gain)
+        case "a reflection runs across":  # a bright patch as wide as two pins runs over the tip
+            at = camera.centre_img + camera.radius_px * np.array([-1 + 2 * (k - SPOILED_FROM) / 34, 0.15])
+            return replace(APPEARANCE, blobs=_blobs(at[None], 2.5 * _pin_radius(camera), 220.0))
+        case "dark for a while" if k in DARK:
+            return replace(APPEARANCE, gain=0.002)
+        case "a hand over the lens" if k in DARK:  # bright and near, out of focus, over all but a corner
+            at = camera.centre_img + np.array([0.2, 0.1]) * camera.radius_px
+            return replace(APPEARANCE, pin=12.0, blobs=_blobs(at[None], camera.radius_px, 180.0))
+    return APPEARANCE
 
 
-def _blinking(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
-    dead = np.flatnonzero(rng.random(len(xy)) < 0.3)
-    return Scene(replace(APPEARANCE, dead=frozenset(dead.tolist())))
+def _dark_pins(n: int) -> frozenset[int]:
+    return frozenset(np.random.default_rng(n).permutation(n)[: round(0.3 * n)].tolist())
 
 
-def _spurious(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
+def _false_blobs(camera: Camera) -> tuple[Blob, ...]:
     place = np.random.default_rng(50)
     angle, far = place.uniform(0, 2 * np.pi, 50), camera.radius_px * np.sqrt(place.random(50))
     at = camera.centre_img + far[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    size = 0.8 * _pin_radius(camera)
-    return Scene(
-        replace(APPEARANCE, blobs=tuple(Blob((float(x), float(y)), size, APPEARANCE.pin) for x, y in at))
-    )
+    return _blobs(at, 0.8 * _pin_radius(camera))
 
 
-def _dropped_spurious(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
-    appearance = _spurious(camera, k, xy, rng).appearance
-    return Scene(replace(appearance, dead=_dropped(camera, k, xy, rng).appearance.dead))
-
-
-def _merged(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
-    """Light between ten pins and their neighbours joins them to one blob."""
-    gap = np.hypot(*(xy[:, None] - xy).transpose(2, 0, 1)) + 1e9 * np.eye(len(xy))
-    chosen = np.random.default_rng(10).permutation(len(xy))[:10]
-    middle = (xy[chosen] + xy[gap[chosen].argmin(1)]) / 2
-    size = 0.8 * _pin_radius(camera)
-    return Scene(
-        replace(APPEARANCE, blobs=tuple(Blob((float(x), float(y)), size, APPEARANCE.pin) for x, y in middle))
-    )
-
-
-def _motion_blur(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
-    return Scene(APPEARANCE, exposure=1.0)
-
-
-def _gain(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
-    return Scene(
-        replace(APPEARANCE, gain=float(np.clip(0.7 * 2 ** ((k - SPOILED_FROM) / RATE_HZ * 2), 0.7, 1.4)))
-    )
-
-
-def _reflection(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
-    """A bright patch as wide as two pins runs over the tip."""
-    x, y = camera.centre_img + camera.radius_px * np.array([-1 + 2 * (k - SPOILED_FROM) / 34, 0.15])
-    return Scene(replace(APPEARANCE, blobs=(Blob((float(x), float(y)), 2.5 * _pin_radius(camera), 220.0),)))
-
-
-def _dark(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
-    return Scene(replace(APPEARANCE, gain=0.002) if DARK[0] <= k < DARK[1] else APPEARANCE)
-
-
-def _hand(camera: Camera, k: int, xy: Array, rng: np.random.Generator) -> Scene:
-    """Something bright and near, out of focus, covers all but a corner."""
-    if not DARK[0] <= k < DARK[1]:
-        return Scene(APPEARANCE)
-    x, y = camera.centre_img + np.array([0.2, 0.1]) * camera.radius_px
-    cover = Blob((float(x), float(y)), camera.radius_px, 180.0)
-    return Scene(replace(APPEARANCE, pin=12.0, blobs=(cover,)))
-
-
-HAZARDS: dict[str, Spoil] = {
-    "clean": _clean,
-    "30 % of the pins dark": _dropped,
-    "30 % blinking": _blinking,
-    "50 false blobs": _spurious,
-    "30 % dark, 50 false blobs": _dropped_spurious,
-    "10 pairs merged": _merged,
-    "motion blur, shutter open all the time": _motion_blur,
-    "gain doubles in half a second": _gain,
-    "a reflection runs across": _reflection,
-    "dark for a while": _dark,
-    "a hand over the lens": _hand,
-}
+def _blobs(at: Array, radius_px: float, level: float = APPEARANCE.pin) -> tuple[Blob, ...]:
+    return tuple(Blob((float(x), float(y)), radius_px, level) for x, y in at)
 
 
 def _pin_radius(camera: Camera) -> float:
@@ -191,7 +149,7 @@ class Shown:
     depth_mm: float
 
 
-def play(camera: Camera, spoil: Spoil, seed: int, touched: bool) -> tuple[list[Image], Iterator[Shown]]:
+def play(camera: Camera, hazard: str, seed: int, touched: bool) -> tuple[list[Image], Iterator[Shown]]:
     """Images for the tare, and the frames after it."""
     rng = np.random.default_rng(seed)
 
@@ -199,12 +157,12 @@ def play(camera: Camera, spoil: Spoil, seed: int, touched: bool) -> tuple[list[I
         before, depth_before = _deformed(camera.tip, ()), 0.0
         for k, contacts in enumerate(poses(2.5, touched)):
             now = _deformed(camera.tip, contacts)
-            scene = (
-                spoil(camera, k, camera.project(now.tips_mm), rng) if k >= SPOILED_FROM else Scene(APPEARANCE)
-            )
-            image, xy = Renderer(camera, scene.appearance).image(now, rng, before, scene.exposure, k)
+            spoils = k >= SPOILED_FROM
+            looks = spoiled(hazard, camera, k, camera.project(now.tips_mm), rng) if spoils else APPEARANCE
+            exposure = 1.0 if spoils and hazard == BLUR else 0.0  # share of the frame's time
+            image, xy = Renderer(camera, looks).image(now, rng, before, exposure, k)
             depth = contacts[0].depth_mm if contacts else 0.0
-            middle = depth - (depth - depth_before) * scene.exposure / 2
+            middle = depth - (depth - depth_before) * exposure / 2
             before, depth_before = now, depth
             place = now.places_mm[0] if depth > 0 else None
             yield Shown(k, Frame(image, round(k * 1e9 / RATE_HZ), k), xy, place, middle)
@@ -226,7 +184,7 @@ def swaps(tracks: Tracks, rest_xy: Array, start_xy: Array, xy: Array) -> int:
 def measure(camera: Camera, calibration: Calibration | None, name: str, seed: int) -> Outcome:
     """One hazard: the press, then as long untouched. Without a calibration place and depth are NaN."""
     start = camera.project(_deformed(camera.tip, ()).tips_mm)
-    images, frames = play(camera, HAZARDS[name], seed, touched=True)
+    images, frames = play(camera, name, seed, touched=True)
     pipeline = Pipeline(tare(images, 0.5, calibration), calibration)
     unsure = swapped = count = 0
     place_error, depth_error = [], []
@@ -242,7 +200,7 @@ def measure(camera: Camera, calibration: Calibration | None, name: str, seed: in
         depth_error.append(abs(result.reading.values["displacement_mm"] - shown.depth_mm))
         if len(result.reading.contacts):
             place_error.append(float(np.hypot(*(result.reading.contacts[0, :2] - shown.place_mm))))
-    images, frames = play(camera, HAZARDS[name], seed + 1, touched=False)
+    images, frames = play(camera, name, seed + 1, touched=False)
     pipeline = Pipeline(tare(images, 0.5), demand=frozenset({Feature.CONTACTS}))
     touches = 0
     for shown in frames:
@@ -276,12 +234,9 @@ def outcomes(n_pins: int, seed: int) -> Iterator[Outcome]:
 @writes_results
 def command(seed: int, out: Path) -> None:
     """Exit code 1 if a hazard does not pass."""
-    console = Console()
     got = [o for n in (127, 331) for o in track(outcomes(n, seed), f"{n} pins", total=len(HAZARDS))]
-    table = Table("tip", "hazard", "frames", "unsure", "swapped", "place mm", "depth mm", "touches", "holds")
-    for o in got:
-        table.add_row(*(f"{v:.3f}" if isinstance(v, float) else str(v) for v in asdict(o).values()))
-    console.print(table)
-    (out / "hazards.json").write_text(json.dumps([asdict(o) for o in got], indent=1) + "\n")
+    rows = [asdict(o) for o in got]
+    show(rows)
+    write_json(out / "hazards.json", rows)
     if not all(o.holds for o in got):
         raise SystemExit(1)

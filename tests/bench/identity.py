@@ -7,8 +7,6 @@ mean motion is compared with a smooth function of the robot's pose too.
 
 from __future__ import annotations
 
-import csv
-import json
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
@@ -16,20 +14,18 @@ from itertools import combinations_with_replacement
 from pathlib import Path
 
 import click
-import cv2
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 from scipy.spatial import Delaunay
 
 from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.pins import detect, take_rest
+from edge.sources import read_image
 from edge.tracking import Tracker
-from edge.types import Array, Image, Mask, PinPattern, Pins, Rest, Tracks
-from tests.bench.output import writes_results
-from tests.bench.recordings import REAL, TIP_331
+from edge.types import Array, Mask, PinPattern, Pins, Rest, Tracks
+from tests.bench.output import show, write_json, writes_results
+from tests.bench.recordings import REAL, TIP_331, poses_of_stills
 
 AGREE_PX = 4.0
 
@@ -84,37 +80,19 @@ def consistent(motion: Array, around: list[Array]) -> Mask:
     return good
 
 
-def real_jumps(folder: Path, every: int) -> Iterator[tuple[Jump, Image, Rest, Tracks]]:
-    rest = take_rest([grey(folder / "rest.png")])
+def real_jumps(folder: Path, every: int) -> Iterator[Jump]:
+    rest = take_rest([read_image(folder / "rest.png")])
     around = neighbours(rest.xy_img)
-    with (folder / "targets.csv").open() as f:
-        names = [row["sensor_image"] for row in csv.DictReader(f)]
-    for name in track(names[::every], "real frames", transient=True):
-        image = grey(folder / "frames" / name)
-        blobs = detect(image, rest.pattern)
+    for name in track(list(poses_of_stills(folder))[::every], "real frames", transient=True):
+        blobs = detect(read_image(folder / "frames" / name), rest.pattern)
         tracker = Tracker(rest)
         began = time.process_time()
         tracks = tracker.identify(blobs)
         ms = (time.process_time() - began) * 1e3
         motion = tracks.xy_img - rest.xy_img
-        mean = np.nanmean(motion, axis=0) if tracks.n_seen else np.zeros(2)
-        jump = Jump(
-            frame=name,
-            n_blobs=len(blobs),
-            n_matched=tracks.n_seen,
-            n_consistent=int(consistent(motion, around).sum()),
-            confidence=tracks.confidence,
-            ms=ms,
-            mean_motion_px=(float(mean[0]), float(mean[1])),
-        )
-        yield jump, image, rest, tracks
-
-
-def grey(path: Path) -> Image:
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-    if image is None:
-        raise click.ClickException(f"{path}: no such image; set VORONOI_TOUCH_REAL to the recordings' folder")
-    return np.asarray(image, np.uint8)
+        x, y = np.nanmean(motion, axis=0).tolist() if tracks.n_seen else (0.0, 0.0)
+        n_consistent = int(consistent(motion, around).sum())
+        yield Jump(name, len(blobs), tracks.n_seen, n_consistent, tracks.confidence, ms, (x, y))
 
 
 def off_the_pose(jumps: list[Jump], folder: Path) -> Array:
@@ -122,12 +100,8 @@ def off_the_pose(jumps: list[Jump], folder: Path) -> Array:
 
     A slip of the whole lattice by one step would stand out with a pitch, 18 px.
     """
-    with (folder / "targets.csv").open() as f:
-        rows = {
-            row["sensor_image"]: [float(v) for k, v in row.items() if k != "sensor_image"]
-            for row in csv.DictReader(f)
-        }
-    pose = np.array([rows[j.frame] for j in jumps])
+    poses = poses_of_stills(folder)
+    pose = np.array([poses[j.frame] for j in jumps])
     pose = (pose - pose.mean(0)) / pose.std(0)
     columns = [np.ones(len(pose))]
     for degree in (1, 2, 3):
@@ -141,20 +115,6 @@ def off_the_pose(jumps: list[Jump], folder: Path) -> Array:
     residual = moved - basis @ (inverse @ (basis.T @ moved))
     off: Array = np.hypot(*(residual / (1 - leverage)[:, None]).T)
     return off
-
-
-def picture(image: Image, rest: Rest, tracks: Tracks, text: str) -> Image:
-    """Motion of each pin on its frame: yellow found, red lost."""
-    scale = 2
-    out = cv2.cvtColor(cv2.resize(image, None, fx=scale, fy=scale), cv2.COLOR_GRAY2BGR) // 2
-    for a, b, seen in zip(rest.xy_img * scale, tracks.xy_img * scale, tracks.seen, strict=True):
-        foot = tuple(int(v) for v in np.rint(a))
-        if seen:
-            cv2.arrowedLine(out, foot, tuple(int(v) for v in np.rint(b)), (0, 255, 255), 1, cv2.LINE_AA)
-        else:
-            cv2.drawMarker(out, foot, (80, 80, 255), cv2.MARKER_TILTED_CROSS, 9, 2)
-    cv2.putText(out, text, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.55, (255, 255, 255), 1, cv2.LINE_AA)
-    return np.asarray(out, np.uint8)
 
 
 def _pins(xy: Array) -> Pins:
@@ -280,71 +240,40 @@ def evaluate(tracks: Tracks, blob: Array, owner: NDArray[np.int_]) -> tuple[int,
 @click.option("--every", default=1, show_default=True, help="Take each n-th real frame.")
 @click.option("--frames", default=60, show_default=True, help="Simulated presses of each tip.")
 @click.option("--seed", default=1, show_default=True)
-@click.option(
-    "--pictures", type=click.Path(file_okay=False, path_type=Path), help="Folder for the ten worst."
-)
 @writes_results
-def command(every: int, frames: int, seed: int, pictures: Path | None, out: Path) -> None:
+def command(every: int, frames: int, seed: int, out: Path) -> None:
     """Exit code 1 if a wrong match has a high confidence."""
-    console = Console()
     report: dict[str, object] = {}
     folder = REAL / TIP_331
     if folder.is_dir():
-        report["real"] = _real(console, folder, every, pictures)
+        report["real"] = _real(folder, every)
     else:
-        console.print(f"no recordings at {folder}: real frames left out")
-    outcomes = [o for n in (127, 331) for o in simulated(n, frames, seed)]
-    table = Table(
-        "tip", "hazard", "frames", "trusted", "silent", "flagged", "swapped", "false", "missed", "ms"
-    )
-    for o in outcomes:
-        table.add_row(*(f"{v:.1f}" if isinstance(v, float) else str(v) for v in asdict(o).values()))
-    console.print(table)
-    report["simulated"] = [asdict(o) for o in outcomes]
-    (out / "identity.json").write_text(json.dumps(report, indent=1) + "\n")
-    console.print(f"written to {out / 'identity.json'}")
-    if any(o.silent for o in outcomes):
+        click.echo(f"no recordings at {folder}: real frames left out")
+    outcomes = [asdict(o) for n in (127, 331) for o in simulated(n, frames, seed)]
+    show(outcomes)
+    report["simulated"] = outcomes
+    write_json(out / "identity.json", report)
+    if any(o["silent"] for o in outcomes):
         raise SystemExit(1)
 
 
-def _real(console: Console, folder: Path, every: int, pictures: Path | None) -> dict[str, object]:
-    results = list(real_jumps(folder, every))
-    jumps = [r[0] for r in results]
+def _real(folder: Path, every: int) -> dict[str, object]:
+    jumps = list(real_jumps(folder, every))
     count = np.array([j.n_consistent for j in jumps])
     ms = np.array([j.ms for j in jumps])
     away = off_the_pose(jumps, folder) if len(jumps) > 200 else np.zeros(len(jumps))
-    table = Table("consistent pins", "worst", "1 %", "5 %", "median", "best")
-    table.add_row(f"{len(jumps)} frames", *(f"{v:.0f}" for v in np.percentile(count, [0, 1, 5, 50, 100])))
-    console.print(table)
-    console.print(
+    quantiles = np.percentile(count, [0, 1, 5, 50, 100]).tolist()
+    show([dict(zip(("worst", "1 %", "5 %", "median", "best"), quantiles, strict=True))], "consistent pins")
+    click.echo(
         f"confidence {min(j.confidence for j in jumps):.2f}..{max(j.confidence for j in jumps):.2f}; "
         f"CPU ms: median {np.median(ms):.1f}, 95 % {np.percentile(ms, 95):.1f}, worst {ms.max():.1f}\n"
         f"mean motion off the pose's cubic: median {np.median(away):.1f} px, worst {away.max():.1f} px"
     )
     worst = np.argsort(count, kind="stable")[:10]
-    detail = Table("worst frames", "blobs", "matched", "consistent", "confidence", "off the pose, px")
-    for k in worst:
-        j = jumps[k]
-        detail.add_row(
-            j.frame,
-            str(j.n_blobs),
-            str(j.n_matched),
-            str(j.n_consistent),
-            f"{j.confidence:.2f}",
-            f"{away[k]:.1f}",
-        )
-    console.print(detail)
-    if pictures is not None:
-        pictures.mkdir(parents=True, exist_ok=True)
-        for place, k in enumerate(worst):
-            j, image, rest, tracks = results[k]
-            text = f"{j.frame}: {j.n_consistent} of {j.n_blobs} blobs, confidence {j.confidence:.2f}"
-            cv2.imwrite(str(pictures / f"worst_{place}.png"), picture(image, rest, tracks, text))
+    show([asdict(jumps[k]) | {"off_the_pose_px": float(away[k])} for k in worst], "worst frames")
     return {
         "frames": len(jumps),
-        "consistent": dict(
-            zip(("worst", "1 %", "5 %", "median"), np.percentile(count, [0, 1, 5, 50]).tolist(), strict=True)
-        ),
+        "consistent": dict(zip(("worst", "1 %", "5 %", "median"), quantiles, strict=False)),
         "least_confidence": min(j.confidence for j in jumps),
         "cpu_ms": {"median": round(float(np.median(ms)), 1), "worst": round(float(ms.max()), 1)},
         "off_the_pose_px": {"median": round(float(np.median(away)), 1), "worst": round(float(away.max()), 1)},

@@ -9,21 +9,21 @@ reached when every tick was served; a late tick is sent late, never skipped.
 
 from __future__ import annotations
 
-import json
 import multiprocessing
+import queue
 import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 import hostlink
 from edge.link.sinks import CanFdSink, open_sink
 from hostlink.wire import Contact, State
+from tests.bench.output import show, write_json, writes_results
 
 PORT = 43_999
 BUSES = {"virtual": "virtual:bench", "udp": f"udp:239.0.0.5?port={PORT}"}
@@ -46,8 +46,8 @@ def sample(number: int) -> State:
     )
 
 
-def feed(address: str, fingers: int, rate_hz: float, seconds: float, report: list[int] | None = None) -> None:
-    """Send as that many fingers; put (sent, dropped) into `report`, or on stdout as JSON."""
+def feed(address: str, fingers: int, rate_hz: float, seconds: float, report: Any) -> None:
+    """Send as that many fingers; put what was sent and what was dropped into `report`."""
     option = "&" if "?" in address else "?"
     sinks = [open_sink(f"{address}{option}node={k + 1}") for k in range(fingers)]
     assert all(isinstance(sink, CanFdSink) for sink in sinks)
@@ -60,8 +60,7 @@ def feed(address: str, fingers: int, rate_hz: float, seconds: float, report: lis
             sink.send(sample(number))
     for sink in sinks:
         sink.close()
-    if report is not None:
-        report += [sum(s.counters.sent for s in sinks), sum(s.counters.dropped for s in sinks)]
+    report.put((sum(s.counters.sent for s in sinks), sum(s.counters.dropped for s in sinks)))
 
 
 def measure(bus: str, fingers: int, rate_hz: float, seconds: float) -> dict[str, float | str]:
@@ -78,21 +77,13 @@ def measure(bus: str, fingers: int, rate_hz: float, seconds: float) -> dict[str,
     arrived, awaited_n = threading.Event(), sys.maxsize
     with hostlink.connect(address) as hand:
         hand.on_sample(receive)
-        if bus == "virtual":
-            report: list[int] = []
-            sender = threading.Thread(target=feed, args=(address, fingers, rate_hz, seconds, report))
-            sender.start()
-            sender.join()
-        else:
-            manager = multiprocessing.get_context("spawn").Manager()
-            shared = manager.list()
-            child = multiprocessing.get_context("spawn").Process(
-                target=_start_feeding, args=(address, fingers, rate_hz, seconds, shared)
-            )
-            child.start()
-            child.join()
-            report = list(shared)
-        sent_n, dropped_n = report
+        context = multiprocessing.get_context("spawn")
+        report: Any = queue.Queue() if bus == "virtual" else context.Queue()
+        make: Any = threading.Thread if bus == "virtual" else context.Process
+        sender = make(target=feed, args=(address, fingers, rate_hz, seconds, report))
+        sender.start()
+        sent_n, dropped_n = report.get()
+        sender.join()
         awaited_n = sent_n
         if len(late_us) < sent_n:
             arrived.wait(SETTLE_S)  # samples that have not arrived by then are lost
@@ -116,31 +107,15 @@ def measure(bus: str, fingers: int, rate_hz: float, seconds: float) -> dict[str,
     }
 
 
-def _start_feeding(address: str, fingers: int, rate_hz: float, seconds: float, shared: list[int]) -> None:
-    report: list[int] = []
-    feed(address, fingers, rate_hz, seconds, report)
-    shared.extend(report)
-
-
 @click.command()
 @click.option("--seconds", type=click.FloatRange(min=0.1), default=10.0, show_default=True)
 @click.option("--fingers", type=click.IntRange(1, 127), default=5, show_default=True)
 @click.option("--rate", type=click.FloatRange(1, 2000), default=250.0, show_default=True)
 @click.option("--bus", "buses", type=click.Choice(sorted(BUSES)), multiple=True, help="Default: all.")
-@click.option("--json", "json_file", type=click.Path(path_type=Path), help="Write the figures there too.")
-def command(
-    seconds: float, fingers: int, rate: float, buses: tuple[str, ...], json_file: Path | None
-) -> None:  # fmt: skip
+@writes_results
+def command(seconds: float, fingers: int, rate: float, buses: tuple[str, ...], out: Path) -> None:
     """Fingers on one bus: losses, and latency of samples. Exit code 1: something was lost."""
     rows = [measure(bus, fingers, rate, seconds) for bus in buses or sorted(BUSES)]
-    table = Table("", *(str(row["bus"]) for row in rows))
-    for name in list(rows[0])[1:]:
-        table.add_row(name, *(f"{row[name]:,.0f}" for row in rows))
-    Console().print(table)
-    if json_file is not None:
-        json_file.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+    show(rows)
+    write_json(out / "link.json", rows)
     sys.exit(1 if any(row["lost"] for row in rows) else 0)
-
-
-if __name__ == "__main__":
-    command()

@@ -25,49 +25,42 @@ from typing import Any
 
 import click
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
-from tests.bench.frames import REST_FRAMES, calibration_of, scene
-from tests.bench.output import ROOT
+from tests.bench.frames import calibration_of, scene, there_and_back
+from tests.bench.output import ROOT, show
 
 __all__ = ["command", "run_child"]
 
 
-def run_child(
-    seconds: float, rate_hz: float = 240.0, every_s: float = 0.0, name: str = "press", realtime: bool = False
-) -> dict[str, Any]:
+#: Keys of a report that are shown.
+SHOWN = (
+    "frames_offered", "dropped_at_tare", "dropped_after", "frames_accepted", "samples_sent",
+    "samples_received", "gaps", "lost", "p50_us", "p99_us", "p999_us", "max_us", "over_2ms", "over_3ms",
+    "cpu_share", "startup_s", "startup_cpu_s", "values_s", "rss_mb", "rss_first_mb", "pss_mb", "frames_mb",
+)  # fmt: skip
+
+
+def run_child(seconds: float, **options: Any) -> dict[str, Any]:
     """Run the loop in its own process; returns the report of `paced_child`."""
-    return run_children(1, seconds, rate_hz, every_s, name, realtime)[0]
+    return run_children(1, seconds, **options)[0]
 
 
-def run_children(
-    fingers_n: int,
-    seconds: float,
-    rate_hz: float = 240.0,
-    every_s: float = 0.0,
-    name: str = "press",
-    realtime: bool = False,
-) -> list[dict[str, Any]]:
-    """The same with several at once, a process each, as fingers on one board; begun together."""
-    frames = scene(name)
-    images = np.stack([frame.image for frame in frames])
-    touched = images[REST_FRAMES:]
-    images = np.concatenate([images[:REST_FRAMES], touched, touched[-2:0:-1]])
+def run_children(fingers_n: int, seconds: float, **options: Any) -> list[dict[str, Any]]:
+    """The same with several at once, a process each, as fingers on one board; begun together.
+
+    options  of `paced_child`
+    """
+    images, rest_n = there_and_back("press")
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "frames.npy"
+        file, tip = Path(folder) / "frames.npy", Path(folder) / "tip.json"
         np.save(file, images)
-        calibration_of(frames).save(Path(folder) / "tip.json")
+        calibration_of(scene("press")).save(tip)
         environment = _with_bytecode()
-        options = {
-            "frames": str(file), "rest_n": REST_FRAMES, "seconds": seconds, "rate_hz": rate_hz,
-            "realtime": realtime, "calibration": str(Path(folder) / "tip.json"),
-            "started_s": time.monotonic(),
-        } | ({"every_s": every_s} if every_s else {})  # fmt: skip
-        arguments = [sys.executable, "-m", "tests.bench.paced_child"]
+        options |= {"frames": str(file), "rest_n": rest_n, "seconds": seconds, "calibration": str(tip)}
+        options["started_s"] = time.monotonic()
         runs = [
             subprocess.Popen(
-                [*arguments, json.dumps(options | {"node": node})],
+                [sys.executable, "-m", "tests.bench.paced_child", json.dumps(options | {"node": node})],
                 cwd=ROOT,
                 env=environment,
                 stdout=subprocess.PIPE,
@@ -79,7 +72,10 @@ def run_children(
         for run in runs:
             if run.returncode:
                 raise subprocess.CalledProcessError(run.returncode, run.args)
-    return [dict(json.loads(text.splitlines()[-1])) for text in printed]
+    reports = [dict(json.loads(text.splitlines()[-1])) for text in printed]
+    for report in reports:
+        report["lost"] = report["frames_accepted"] + report["keepalives"] - report["samples_received"]
+    return reports
 
 
 def _with_bytecode() -> dict[str, str]:
@@ -106,47 +102,27 @@ def _burn() -> None:
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
 def command(minutes: float, rate: float, busy: bool, realtime: bool, fingers: int, as_json: bool) -> None:
     """The running program at a camera's rate. Exit code 1: a frame that it accepted was lost."""
-    burner = multiprocessing.get_context("spawn").Process(target=_burn, daemon=True) if busy else None
-    if burner is not None:
+    burner = multiprocessing.get_context("spawn").Process(target=_burn, daemon=True)
+    if busy:
         burner.start()
     load = [os.getloadavg()[0]]
-    every_s = 0.0 if as_json or fingers > 1 else max(1.0, minutes * 60.0 / 20.0)
     try:
-        reports = run_children(fingers, 60.0 * minutes, rate, every_s, realtime=realtime)
+        reports = run_children(fingers, 60.0 * minutes, rate_hz=rate, realtime=realtime)
     finally:
-        if burner is not None:
+        if busy:
             burner.terminate()
     load.append(os.getloadavg()[0])
-    for report in reports:
-        report["lost"] = report["frames_accepted"] + report["keepalives"] - report["samples_received"]
     if as_json:
-        report = reports[0] | {"load": load}
-        click.echo(json.dumps(report if fingers == 1 else {"fingers": reports, "load": load}))
+        made = reports[0] | {"load": load}
+        click.echo(json.dumps(made if fingers == 1 else {"fingers": reports, "load": load}))
     else:
-        _print(reports, f"{minutes:g} minutes at {rate:g} frames/s", load)
+        show(
+            [{"": key, **{f"finger {k + 1}": r[key] for k, r in enumerate(reports)}} for key in SHOWN],
+            f"{minutes:g} minutes at {rate:g} frames/s",
+        )
+        pss_mb, cpu = (sum(report[key] for report in reports) for key in ("pss_mb", "cpu_share"))
+        click.echo(
+            f"together {pss_mb:.0f} MB, {reports[0]['frames_mb']:.0f} MB of them the images; "
+            f"{cpu:.2f} of a core; load before {load[0]:.1f}, after {load[1]:.1f}"
+        )
     sys.exit(1 if any(report["lost"] or report["gaps"] for report in reports) else 0)
-
-
-def _print(reports: list[dict[str, Any]], title: str, load: list[float]) -> None:
-    table = Table(title, *(f"finger {k + 1}" if len(reports) > 1 else "" for k in range(len(reports))))
-    for key in (
-        "frames_offered", "dropped_at_tare", "dropped_after", "frames_accepted", "samples_sent",
-        "samples_received", "gaps", "lost", "p50_us", "p99_us", "p999_us", "max_us", "over_2ms",
-        "over_3ms", "cpu_share", "startup_s", "startup_cpu_s", "values_s", "rss_mb", "pss_mb", "frames_mb",
-    ):  # fmt: skip
-        values = [report[key] for report in reports]
-        table.add_row(key, *(f"{value:,}" if isinstance(value, int) else f"{value:,.2f}" for value in values))
-    over_time = [report["rss_over_time_mb"] for report in reports]
-    if all(over_time):
-        table.add_row("rss first, last", *(f"{mb[0]:.1f}, {mb[-1]:.1f}" for mb in over_time))
-    Console().print(table)
-    images_mb, pss_mb = reports[0]["frames_mb"], sum(report["pss_mb"] for report in reports)
-    cpu = sum(report["cpu_share"] for report in reports)
-    Console().print(
-        f"together {pss_mb:.0f} MB, {images_mb:.0f} MB of them the images; {cpu:.2f} of a core; "
-        f"load before {load[0]:.1f}, after {load[1]:.1f}"
-    )
-
-
-if __name__ == "__main__":
-    command()

@@ -4,8 +4,7 @@
 
 Frames come from a file of images through the paced source, samples leave through a CANopen node as CAN FD
 frames of the kernel. In place of a CAN interface, which few machines for benchmarks have, a local socket
-takes them, and a listener counts them. One JSON object on stdout at the end; with "every_s" a line of
-progress on stderr that often.
+takes them, and a listener counts them. One JSON object on stdout at the end.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +36,7 @@ from edge.runtime.loop import Loop  # noqa: E402
 from edge.sources.paced import Paced  # noqa: E402
 from edge.types import Clock, Frame, Lens, Polarity  # noqa: E402
 from hostlink.wire import State, unpack_state  # noqa: E402
+from tests.bench.usage import memory_mb  # noqa: E402
 
 NO_CARRIER = Path("/sys/class/net/paced/carrier")  # looked at when a bus is off; ours never is
 LISTEN_S = 0.05
@@ -152,42 +151,22 @@ class Listener:
         self._bus.close()
 
 
-def weight() -> dict[str, float]:
-    """Resident memory of this process, MB, and its parts; Pss: what is shared counts by its share."""
-    out = {}
-    for file in ("status", "smaps_rollup"):
-        for line in Path("/proc/self", file).read_text(encoding="ascii").splitlines():
-            name, _, rest = line.partition(":")
-            if name in ("VmRSS", "VmHWM", "RssAnon", "RssFile", "Pss"):
-                out[name] = int(rest.split()[0]) / 1024
-    return out
-
-
 class Weights:
-    """Resident memory over time, MB, and a line of progress on stderr.
+    """Resident memory over time, MB."""
 
-    every_s  None: every 5 s, and no lines
-    """
+    EVERY_S = 5.0
 
-    def __init__(self, meter: Meter, every_s: float | None, rate_hz: float) -> None:
+    def __init__(self) -> None:
         self.mb: list[float] = []
         self.pss_mb = 0.0  # last measured
-        self._meter, self._every_s, self._rate_hz = meter, every_s, rate_hz
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def _run(self) -> None:
-        every_s, meter = self._every_s or 5.0, self._meter
-        while not self._done.wait(every_s):
-            heavy = weight()
-            self.mb.append(heavy["VmRSS"])
-            self.pss_mb = heavy["Pss"]
-            if self._every_s:
-                recent = meter.age_us[max(0, meter.n - round(every_s * self._rate_hz)) : meter.n]
-                p50, p99 = np.percentile(recent, (50, 99)) if len(recent) else (0.0, 0.0)
-                line = f"{meter.n} frames, {self.mb[-1]:.1f} MB, p50 {p50:.0f} us, p99 {p99:.0f} us"
-                print(line, file=sys.stderr, flush=True)
+        while not self._done.wait(self.EVERY_S):
+            self.mb.append(memory_mb())
+            self.pss_mb = memory_mb(kind="Pss")
 
     def close(self) -> None:
         self._done.set()
@@ -217,47 +196,38 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
     node, listener = on_a_bus(loop, options.get("node", 1))
     meter = Meter(n, loop)
     loop.sinks += [node, meter]
-    weights = Weights(meter, options.get("every_s"), rate_hz)
+    weights = Weights()
     statistics = loop.run()
     ended_s, cpu_s = time.monotonic(), time.process_time()
     weights.close()
-    heavy = weight()
+    rss_mb = memory_mb()
     node.close()
     listener.close()
     age_us = meter.age_us[1 : meter.n]  # the first one was delayed by freeing the tare's memory
     p50, p99, p999 = np.percentile(age_us, (50, 99, 99.9))
     return {
-        "seconds": ended_s - meter.since_s,
         "frames_offered": source.received_n,
         "dropped_at_tare": meter.tare_dropped_n,
         "dropped_after": statistics.dropped_n - meter.tare_dropped_n,
         "frames_accepted": statistics.frames_n,
         "keepalives": statistics.keepalives_n,
         "samples_sent": node.counters.sent,
-        "samples_refused": node.counters.dropped,
         "samples_received": listener.samples_n,
         "gaps": listener.gaps_n,
-        "searched": statistics.full_searches_n,
-        "unsure": statistics.unidentified_n,
-        "pins": statistics.pins_n,
         "p50_us": float(p50),
         "p99_us": float(p99),
         "p999_us": float(p999),
         "max_us": float(age_us.max()),
         "over_2ms": int(np.count_nonzero(age_us > 2000)),
         "over_3ms": int(np.count_nonzero(age_us > 3000)),
-        "compute_us": list(statistics.compute_us),
         "cpu_share": (cpu_s - listener.cpu_s - meter.cpu_s) / (ended_s - meter.since_s),
         "startup_s": meter.first_s - options["started_s"],
         "startup_cpu_s": meter.first_cpu_s,
         "values_s": meter.values_s - options["started_s"],
-        "rss_mb": heavy["VmRSS"],
-        "rss": heavy,
-        "rss_over_time_mb": weights.mb,
+        "rss_mb": rss_mb,
+        "rss_first_mb": weights.mb[0] if weights.mb else rss_mb,
         "pss_mb": weights.pss_mb,
         "frames_mb": images.nbytes / 2**20,
-        "modules_n": len(sys.modules),
-        "statistics": asdict(statistics),
     }
 
 

@@ -1,13 +1,11 @@
 """`python -m tests.bench real`: fit on part of the published recordings, evaluate on the rest.
 
 Five random splits of 480 frames to fit and 120 to evaluate, and a learning curve: the same 120 with only
-50, 100, 200 frames to fit. Printed, and written as Markdown and CSV. Frames are processed once; the splits
-only select among the results.
+50, 100, 200 frames to fit. Frames are processed once; the splits only select among the results.
 """
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +17,7 @@ from calib.extract import Extract, executor
 from calib.fit import fit
 from calib.targets import Targets
 from edge.types import Index, Rest
-from tests.bench.output import writes_results
+from tests.bench.output import markdown, writes_results
 from tests.bench.recordings import real_option, tip_331
 
 SPLITS = 5
@@ -65,11 +63,7 @@ def splits(n: int, seed: int) -> tuple[Index, Index]:
 
 def table(rows: list[tuple[str, list[float | None]]]) -> str:
     """As Markdown."""
-    lines = ["| | " + " | ".join(COLUMNS) + " |", "|---" * (len(COLUMNS) + 1) + "|"]
-    for name, values in rows:
-        cells = ["-" if v is None or v != v else f"{v:.3g}" for v in values]
-        lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+    return markdown([{"": name, **dict(zip(COLUMNS, values, strict=True))} for name, values in rows])
 
 
 @click.command()
@@ -103,11 +97,3 @@ def command(folder: Path, out: Path, workers: int | None) -> None:
     )
     click.echo(text)
     (out / "real.md").write_text(text, encoding="utf-8")
-    with (out / "real.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["", *COLUMNS])
-        writer.writerows([name, *("" if v is None else f"{v:.4f}" for v in values)] for name, values in rows)
-
-
-if __name__ == "__main__":
-    command()

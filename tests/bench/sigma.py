@@ -25,7 +25,7 @@ from calib.fit import fit
 from calib.targets import Targets
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array, Index, Rest
-from tests.bench.output import writes_results
+from tests.bench.output import markdown, writes_results
 from tests.bench.recordings import real_option, tip_331
 
 FOLDS = 5
@@ -80,31 +80,29 @@ def _length(table: Table) -> Array:
     return np.hypot(*(table[name] for name in SHEAR))
 
 
-def whole_table(truth: Table, values: Table, sigmas: Table) -> list[str]:
-    """Markdown rows: a value each."""
-    lines = [
-        "| % within sigma | one | two | thirds of depth read | of true depth | of shear read "
-        "| of true shear | of sigma | correlation of sigma with the error |",
-        "|---" * 9 + "|",
-    ]
+def whole_table(truth: Table, values: Table, sigmas: Table) -> list[dict[str, object]]:
+    """A row for each value."""
+    rows: list[dict[str, object]] = []
     for name in sorted(truth.keys() & values.keys()):
         error = np.abs(values[name] - truth[name])
         z = error / sigmas[name]
         known = np.isfinite(z)
-        by = (values[DEPTH], truth[DEPTH], _length(values), _length(truth), sigmas[name])
-        cells = [_share(z[known] <= 1.0), _share(z[known] <= 2.0), *(_in_thirds(z, one) for one in by)]
-        correlation = np.corrcoef(sigmas[name][known], error[known])[0, 1]
-        lines.append(f"| {name} | " + " | ".join(cells) + f" | {correlation:.2f} |")
-    return lines
+        by = {
+            "thirds of depth read": values[DEPTH], "of true depth": truth[DEPTH],
+            "of shear read": _length(values), "of true shear": _length(truth), "of sigma": sigmas[name],
+        }  # fmt: skip
+        rows.append({
+            "% within sigma": name, "one": _share(z[known] <= 1.0), "two": _share(z[known] <= 2.0),
+            **{what: _in_thirds(z, one) for what, one in by.items()},
+            "correlation of sigma with the error":
+                round(float(np.corrcoef(sigmas[name][known], error[known])[0, 1]), 2),
+        })  # fmt: skip
+    return rows
 
 
-def loss_table(truth: Table, seen: Extract, found: list[tuple[Table, Table]]) -> list[str]:
-    """Markdown rows: a value, a kind of loss and a third of the gap each."""
-    lines = [
-        "| pins lost | gap in the tip's circle | value | mean error over that of the whole tip "
-        "| % within one | two | % without a value |",
-        "|---" * 7 + "|",
-    ]
+def loss_table(truth: Table, seen: Extract, found: list[tuple[Table, Table]]) -> list[dict[str, object]]:
+    """A row for each value, kind of loss and third of the gap."""
+    table: list[dict[str, object]] = []
     for one_sided in (False, True):
         which = [k for k, side in enumerate(ONE_SIDED) if side is one_sided]
         gap = np.concatenate([seen.lossy[:, k, GAP].real for k in which])
@@ -117,12 +115,15 @@ def loss_table(truth: Table, seen: Extract, found: list[tuple[Table, Table]]) ->
                 known = np.isfinite(z)
                 if not known.any():
                     continue
-                lines.append(
-                    f"| {'one side' if one_sided else 'anywhere'} | {100 * low:.0f} to {100 * high:.0f} % "
-                    f"| {name} | {error[known].mean() / whole[known].mean():.2f} | {_share(z[known] <= 1.0)} "
-                    f"| {_share(z[known] <= 2.0)} | {_share(~known)} |"
-                )
-    return lines
+                table.append({
+                    "pins lost": "one side" if one_sided else "anywhere",
+                    "gap in the tip's circle": f"{100 * low:.0f} to {100 * high:.0f} %", "value": name,
+                    "mean error over that of the whole tip":
+                        round(float(error[known].mean() / whole[known].mean()), 2),
+                    "% within one": _share(z[known] <= 1.0), "two": _share(z[known] <= 2.0),
+                    "% without a value": _share(~known),
+                })  # fmt: skip
+    return table
 
 
 @click.command()
@@ -136,20 +137,11 @@ def command(folder: Path, out: Path, workers: int | None) -> None:
         seen = data.extract(pool)
         found = held_out(data.rest, data.targets, seen, pool)
     truth = data.targets.values
-    text = "\n".join([
-        "# Errors within sigma, held-out frames of a published 331-pin tip",
-        "",
+    text = (
+        "# Errors within sigma, held-out frames of a published 331-pin tip\n\n"
         f"`python -m tests.bench sigma`: {len(data.targets)} frames, each read by a model of four fifths "
-        "of the others. 68 and 95 % are wanted; a third of the frames tells a share to 3 %.",
-        "",
-        *whole_table(truth, *found[0]),
-        "",
-        *loss_table(truth, seen, found),
-        "",
-    ])  # fmt: skip
+        "of the others. 68 and 95 % are wanted; a third of the frames tells a share to 3 %.\n\n"
+        f"{markdown(whole_table(truth, *found[0]))}\n\n{markdown(loss_table(truth, seen, found))}\n"
+    )
     click.echo(text)
     (out / "sigma.md").write_text(text, encoding="utf-8")
-
-
-if __name__ == "__main__":
-    command()

@@ -13,7 +13,6 @@ slides.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -22,16 +21,14 @@ from pathlib import Path
 import click
 import cv2
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from calib.sim import Camera, Simulator, Tip, Tool, ToolPose, deform
 from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.types import Array, Feature, Frame, Rest, Tracks
-from tests.bench.output import writes_results
+from tests.bench.output import show, write_json, writes_results
 from tests.bench.recordings import REAL
-from tests.bench.videos import TARE_FRAMES, untouched
+from tests.bench.videos import TARE_FRAMES, read, untouched
 
 RATE_HZ = 60.0
 NOISE_PX = 0.05
@@ -182,11 +179,8 @@ class Watched:
 
 def watch(path: Path) -> Watched:
     """Play a recording; its rest frame is where it stays most of the time."""
-    video = cv2.VideoCapture(str(path))
-    rate_hz = video.get(cv2.CAP_PROP_FPS)
-    images = []
-    while (got := video.read())[0]:
-        images.append(np.asarray(cv2.cvtColor(got[1], cv2.COLOR_BGR2GRAY), np.uint8))
+    rate_hz = cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FPS)
+    images = read(path)
     pipeline = Pipeline(untouched(images), demand=DEMAND)
     frames = {False: 0, True: 0}
     alarms = {False: 0, True: 0}
@@ -228,22 +222,15 @@ def summary(announced: Sequence[Announced]) -> dict[str, float]:
 @writes_results
 def command(number: int, setting: bool, out: Path) -> None:
     """A table each for simulated drags and recordings."""
-    console, bench, seed = Console(), Bench(), SETTING if setting else JUDGING
+    bench, seed = Bench(), SETTING if setting else JUDGING
     announced = [bench.announced(drag, (seed, k)) for k, drag in enumerate(drags(seed, number))]
     rows = {"all": summary(announced)}
     for kind in dict.fromkeys(a.tool for a in announced):
         rows[kind] = summary([a for a in announced if a.tool == kind])
-    columns = list(rows["all"])
-    table = Table("tool", *columns)
-    for kind, figures in rows.items():
-        table.add_row(kind, *(f"{figures.get(name, math.nan):g}" for name in columns))
-    console.print(table)
+    show([{"tool": kind, **figures} for kind, figures in rows.items()])
     found = sorted(REAL.glob("video/*.avi")) + sorted(REAL.glob("gelsight_mini/*.avi"))
     watched = [asdict(watch(path)) for path in found]
     if watched:
-        table = Table(*watched[0])
-        for row in watched:
-            table.add_row(*(v if isinstance(v, str) else f"{v:.3g}" for v in row.values()))
-        console.print(table)
+        show(watched)
     report = {"seed": seed, "simulated": rows, "recordings": watched}
-    (out / "slip.json").write_text(json.dumps(report, indent=1) + "\n")
+    write_json(out / "slip.json", report)

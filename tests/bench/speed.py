@@ -1,8 +1,8 @@
-"""Time per frame, stage by stage: against the paper's method implemented directly, and against the floor.
+"""Time per frame, stage by stage, against the paper's method implemented directly.
 
-    python -m tests.bench            tables, and plots into out/bench
+    python -m tests.bench            tables
     python -m tests.bench --json     one JSON object on stdout, nothing else
-    python -m tests.bench --quick    without the scaling over pins and pixels
+    python -m tests.bench --quick    with fewer frames
 
 Rules
 - Pipeline and reference see the same frames in one process on one thread, alternating in blocks of eight
@@ -11,7 +11,6 @@ Rules
   pair is the thread's own processor time, so other programs do not count. All other
   times are wall-clock times.
 - A frame is everything from image to calibrated values, all features; packing is a separate stage.
-- The floor: every pixel of every pin's window read once, in place, by compiled code (`floor.c`).
 - Allocations are those that `tracemalloc` counts of one frame's Python and NumPy objects, at their peak; and
   those that remain after many frames.
 """
@@ -30,8 +29,6 @@ from typing import Any
 import click
 import cv2
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from edge.calibration import Calibration
 from edge.frame import ALL, Pipeline
@@ -39,24 +36,11 @@ from edge.link.sample import to_state
 from edge.rest.tare import tare
 from edge.types import Feature, Frame, Result
 from hostlink.wire import Status, pack_state
-from tests.bench.floor import Floor
-from tests.bench.frames import (
-    GRASP,
-    NARROW,
-    PINS,
-    REST_FRAMES,
-    SIZES,
-    back_and_forth,
-    calibration_of,
-    scene,
-)
-from tests.bench.output import writes_results
+from tests.bench.frames import GRASP, REST_FRAMES, back_and_forth, calibration_of, scene
+from tests.bench.output import show, write_json, writes_results
 from tests.bench.paced import run_child
 from tests.bench.reference import Reference
 
-__all__ = ["command"]
-
-HERE = Path(__file__).parent
 BLOCK = 8  # frames of each in turn
 WARM = 24  # frames before anything is counted
 #: The same demand without and with a contact.
@@ -79,10 +63,10 @@ def spread(us: list[float]) -> dict[str, float]:
     return {"p50_us": float(p50), "p99_us": float(p99), "p999_us": float(p999), "n": len(us)}
 
 
-def timed(into: list[float], work: Callable[..., Any], *given: Any, **named: Any) -> Any:
+def timed(into: list[float], work: Callable[..., Any], *given: Any) -> Any:
     """The result; its time is appended, microseconds."""
     begun = time.perf_counter_ns()
-    answer = work(*given, **named)
+    answer = work(*given)
     into.append((time.perf_counter_ns() - begun) / 1e3)
     return answer
 
@@ -122,10 +106,7 @@ def pair(frames: list[Frame], calibration: Calibration) -> tuple[Series, Pipelin
 
 def stages(frames: list[Frame], pipeline: Pipeline, rounds: int) -> Series:
     """Each stage of the pipeline's own objects, called as it calls them."""
-    times: Series = {
-        name: [] for name in ("pins", "track", "tessellate", "features", "calibrate", "pack", "floor")
-    }
-    floor = Floor(pipeline)
+    times: Series = {name: [] for name in ("pins", "track", "tessellate", "features", "calibrate", "pack")}
     for _ in range(rounds):
         for frame in back_again(frames):
             place = pipeline.tracker.predict()
@@ -138,7 +119,6 @@ def stages(frames: list[Frame], pipeline: Pipeline, rounds: int) -> Series:
             if calibration is not None:
                 reading = timed(times["calibrate"], calibration.apply, features, pipeline.rest.pattern)
                 timed(times["pack"], packed, Result(frame, tracks, cells, features, reading, False))
-            timed(times["floor"], floor.read, frame.image)
     return {name: series for name, series in times.items() if series}
 
 
@@ -199,49 +179,12 @@ def allocations(frames: list[Frame], pipeline: Pipeline) -> dict[str, float]:
             pipeline.process(frame)
             peaks.append(tracemalloc.get_traced_memory()[1] - base)
         after = tracemalloc.get_traced_memory()[0]
-        result = pipeline.process(frames[-1])
-        blocks = sum(s.count for s in tracemalloc.take_snapshot().statistics("filename")) if result else 0
     finally:
         tracemalloc.stop()
     return {
         "peak_kb": float(np.median(peaks)) / 1024,
         "growth_bytes_per_frame": (after - before) / len(run),
-        "blocks_held": float(blocks),
     }
-
-
-def growth(rounds: int) -> dict[str, list[dict[str, Any]]]:
-    """Time per frame over pins, and over pixels with a tip of constant size and of growing size."""
-    cases: dict[str, list[tuple[str, int, tuple[int, int], float]]] = {
-        "pins": [("pins", n, (640, 480), 0.0) for n in PINS],
-        "pixels, same tip": [("size", 331, size, NARROW) for size in SIZES],
-        "pixels, tip fills the image": [("size", 331, size, 0.0) for size in SIZES],
-    }
-    out: dict[str, list[dict[str, Any]]] = {}
-    for name, rows in cases.items():
-        out[name] = []
-        for _, pins, size, radius in rows:
-            shown = scene("press", pins, size, radius)
-            rest, frames = shown[:REST_FRAMES], back_and_forth(shown[REST_FRAMES:], 2 * WARM)
-            pipeline = started(rest + frames)
-            times = stages(rest + frames, pipeline, rounds)
-            out[name].append(
-                {
-                    "pins": pins,
-                    "pins_found": len(pipeline.rest),
-                    "size_px": list(size),
-                    "whole_us": float(np.sum([np.median(times[s]) for s in times if s != "floor"])),
-                    **{f"{stage}_us": float(np.median(series)) for stage, series in times.items()},
-                }
-            )
-    return out
-
-
-def plot(scaling: dict[str, list[dict[str, Any]]], folder: Path) -> list[Path]:
-    """The scaling as plots."""
-    from tests.bench.plots import scaling_plots
-
-    return scaling_plots(scaling, folder)
 
 
 def measure(quick: bool) -> dict[str, Any]:
@@ -257,7 +200,7 @@ def measure(quick: bool) -> dict[str, Any]:
     frame_us, reference_us = (float(np.median(times[who])) for who in ("pipeline", "reference"))
     demand_us = {name: spread(us) for name, us in by_demand.items()}
     running = run_child(2.0 if quick else 5.0)
-    report: dict[str, Any] = {
+    return {
         "ratio_331": reference_us / frame_us,
         "frame_us_331": frame_us,
         "reference_us_331": reference_us,
@@ -265,7 +208,6 @@ def measure(quick: bool) -> dict[str, Any]:
         "rss_mb": running["rss_mb"],
         "startup_s": running["startup_s"],
         "no_contact_share": demand_us[FREE]["p50_us"] / demand_us[FULL]["p50_us"],
-        "pins_over_floor": float(np.median(by_stage["pins"]) / np.median(by_stage["floor"])),
         "load": os.getloadavg()[0],
         "paired": {who: spread(us) for who, us in times.items()},
         "alone": spread(alone),
@@ -274,60 +216,40 @@ def measure(quick: bool) -> dict[str, Any]:
         "allocations": allocations(frames, pipeline),
         "running": running,
     }
-    if not quick:
-        report["growth"] = growth(1)
-    return report
 
 
-def show(report: dict[str, Any]) -> None:
+def tell_of(report: dict[str, Any]) -> None:
     """The report as tables."""
-    console = Console()
-    table = Table("331 pins, 640x480", "median us", "p99", "p99.9", "frames")
-    rows = {
+    times = {
         "whole frame, in turn with the reference": report["paired"]["pipeline"],
         "reference": report["paired"]["reference"],
         "whole frame, alone": report["alone"],
         **{f"  {name}": row for name, row in report["stages"].items()},
         **report["demands"],
     }
-    for name, row in rows.items():
-        table.add_row(name, *(f"{row[key]:,.0f}" for key in ("p50_us", "p99_us", "p999_us", "n")))
-    console.print(table)
+    show([{"331 pins, 640x480": name, **row} for name, row in times.items()])
     memory = report["allocations"]
-    for name, value in (
-        ("faster than the reference", f"{report['ratio_331']:.0f} times"),
-        ("window centroids over the floor", f"{report['pins_over_floor']:.1f} times"),
-        ("frame without contact over full one", f"{report['no_contact_share']:.0%}"),
-        ("memory of the running program", f"{report['rss_mb']:.0f} MB"),
-        ("start to first sample", f"{report['startup_s']:.2f} s"),
-        ("allocated at the peak of a frame", f"{memory['peak_kb']:.0f} kB"),
-        ("left over by a frame", f"{memory['growth_bytes_per_frame']:.1f} bytes"),
-        ("load of the machine", f"{report['load']:.1f}"),
-    ):
-        console.print(f"{name:38s} {value}")
-    for name, scaling in report.get("growth", {}).items():
-        table = Table(f"growth with {name}", "size", "whole us", "pins", "track", "tessellate", "features")
-        for row in scaling:
-            cells = (f"{row[f'{s}_us']:,.0f}" for s in ("whole", "pins", "track", "tessellate", "features"))
-            table.add_row(str(row["pins_found"]), "x".join(map(str, row["size_px"])), *cells)
-        console.print(table)
+    figures = {
+        "times faster than the reference": report["ratio_331"],
+        "frame without contact over full one": report["no_contact_share"],
+        "memory of the running program, MB": report["rss_mb"],
+        "start to first sample, s": report["startup_s"],
+        "allocated at the peak of a frame, kB": memory["peak_kb"],
+        "left over by a frame, bytes": memory["growth_bytes_per_frame"],
+        "load of the machine": report["load"],
+    }
+    show([{"": name, "figure": value} for name, value in figures.items()])
 
 
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
-@click.option("--quick", is_flag=True, help="Fewer frames, no growth.")
+@click.option("--quick", is_flag=True, help="Fewer frames.")
 @writes_results
 def command(as_json: bool, quick: bool, out: Path) -> None:
-    """Time per frame and stage, against the reference and the floor."""
+    """Time per frame and stage, against the reference."""
     report = measure(quick)
-    if "growth" in report:
-        plot(report["growth"], out)
-        (out / "speed.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    write_json(out / "speed.json", report)
     if as_json:
         click.echo(json.dumps(report))
     else:
-        show(report)
-
-
-if __name__ == "__main__":
-    command()
+        tell_of(report)

@@ -1,29 +1,23 @@
 """Numerical-stability report: every hard case of the tessellation, its error, its bound, a verdict.
 
 The truth is rational arithmetic (`tests.support.exact`), a triangulation from scratch, or an invariance.
-Everything comes from seeds; the table is the same on every run, the times are not.
+Everything comes from seeds; the table is the same on every run.
 """
 
 from __future__ import annotations
 
-import csv
-import statistics
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import click
 import numpy as np
-from rich.console import Console
 from rich.progress import track
-from rich.table import Table
-from scipy.spatial import Delaunay, Voronoi
 
 from edge.cells import Tessellator, cell_polygons
 from edge.cells.mesh import Mesh
 from edge.types import Cells
-from tests.bench.output import writes_results
+from tests.bench.output import markdown, show, writes_results
 from tests.support import exact
 from tests.support.cell_checks import (
     Points,
@@ -33,7 +27,7 @@ from tests.support.cell_checks import (
     random_walks,
     worst_relative,
 )
-from tests.support.layouts import HARD_SETS, TIPS, bounded, hexagonal, moved, pressed, rest_of, tracks_of
+from tests.support.layouts import HARD_SETS, TIPS, bounded, moved, pressed, rest_of, tracks_of
 
 SCALES = (1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)
 OFFSETS = (0.0, 1e6)
@@ -193,102 +187,30 @@ def walks(count: int) -> Iterator[Row]:
     yield Row(case, "kept against fresh triangulation", jumps.worst_difference, 1e-10)
 
 
-def median_us(call: Callable[[], object], repeats: int) -> float:
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return 1e6 * statistics.median(times)
-
-
-def cost() -> list[tuple[str, float]]:
-    """Median time of a call in us, 331 pins: (what, us)."""
-    rest = hexagonal()
-    now = rest + np.random.default_rng(0).normal(0, 1.0, rest.shape)
-    tessellator = Tessellator(rest_of(rest))
-    still = tracks_of(now)
-    points = points_of(tessellator.cells(still))
-    n = len(rest)
-    frames = [tracks_of(now + np.random.default_rng(k).normal(0, 0.3, rest.shape)) for k in range(64)]
-    endless = iter(frames * 40)
-    hidden = now.copy()
-    hidden[::20] = np.nan
-    blinking = tracks_of(hidden)
-    areas = np.empty(n)
-    kept = [
-        ("Tessellator.cells, nothing flips", median_us(lambda: tessellator.cells(still), 2000)),
-        ("Tessellator.cells, 0.3 px noise, flips", median_us(lambda: tessellator.cells(next(endless)), 2000)),
-        ("Tessellator.cells, 17 pins lost", median_us(lambda: tessellator.cells(blinking), 500)),
-    ]
-    return [
-        *kept,
-        ("Mesh from nothing", median_us(lambda: Mesh(n, len(points) - n).update(points, areas), 300)),
-        ("scipy.spatial.Delaunay", median_us(lambda: Delaunay(points), 200)),
-        ("scipy.spatial.Voronoi", median_us(lambda: Voronoi(points), 200)),
-    ]
-
-
-def write(rows: list[Row], costs: list[tuple[str, float]], folder: Path) -> None:
-    """The table as stability.csv and stability.md."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "stability.csv").open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["case", "measured", "error", "bound", "verdict"])
-        writer.writerows(
-            [r.case, r.measured, f"{r.error:.2e}", f"{r.bound:.0e}", "holds" if r.holds else "FAILS"]
-            for r in rows
-        )
-    lines = [
-        "# Numerical stability of the tessellation",
-        "",
-        "Made by `python -m tests.bench stability`. Errors are relative, the worst of all pins and seeds.",
-        "",
-        "| case | measured | error | bound | verdict |",
-        "|---|---|---|---|---|",
-        *(
-            f"| {r.case} | {r.measured} | {r.error:.1e} | {r.bound:.0e} | "
-            f"{'holds' if r.holds else '**FAILS**'} |"
-            for r in rows
-        ),
-        "",
-        "Cost in the same run, 331 pins with their boundary, median of one call:",
-        "",
-        "| call | us | of scipy's Voronoi |",
-        "|---|---|---|",
-        *(f"| {what} | {us:.0f} | 1/{costs[-1][1] / us:.0f} |" for what, us in costs),
-        "",
-    ]
-    (folder / "stability.md").write_text("\n".join(lines))
-
-
 @click.command(name="stability", help="Hard cases of the geometry against exact arithmetic.")
 @click.option("--walks", "n_walks", default=10_000, show_default=True, help="Random walks of 331 pins.")
 @click.option("--seeds", default=10, show_default=True, help="Random sets of each kind.")
 @writes_results
 def command(n_walks: int, seeds: int, out: Path) -> None:
     """Exit code 1 if a case fails."""
-    console = Console()
-    rows: list[Row] = []
-    for part in (
-        hard_sets(seeds),
-        degenerate_motion(seeds),
-        through_a_circle(seeds),
-        tips(),
-        lost_pins(seeds),
+    parts = (
+        hard_sets(seeds), degenerate_motion(seeds), through_a_circle(seeds), tips(), lost_pins(seeds),
         walks(n_walks),
-    ):
-        rows.extend(part)
-    costs = cost()
-    table = Table("case", "measured", "error", "bound", "verdict")
-    for r in rows:
-        verdict = "[green]holds" if r.holds else "[red]FAILS"
-        table.add_row(r.case, r.measured, f"{r.error:.1e}", f"{r.bound:.0e}", verdict)
-    console.print(table)
-    for what, us in costs:
-        console.print(f"{what:42s} {us:8.0f} us")
-    write(rows, costs, out)
-    failed = sum(not r.holds for r in rows)
-    console.print(f"{len(rows) - failed} of {len(rows)} cases hold; written to {out}")
+    )  # fmt: skip
+    rows = [row for part in parts for row in part]
+    failed = sum(not row.holds for row in rows)
+    cells: list[dict[str, object]] = [
+        {
+            "case": row.case, "measured": row.measured, "error": f"{row.error:.1e}",
+            "bound": f"{row.bound:.0e}", "verdict": "holds" if row.holds else "FAILS",
+        }
+        for row in rows
+    ]  # fmt: skip
+    show(cells, f"{len(rows) - failed} of {len(rows)} cases hold")
+    (out / "stability.md").write_text(
+        "# Numerical stability of the tessellation\n\n"
+        "Made by `python -m tests.bench stability`. Errors are relative, the worst of all pins and seeds.\n\n"
+        f"{markdown(cells)}\n"
+    )
     if failed:
         raise SystemExit(1)

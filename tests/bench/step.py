@@ -11,12 +11,12 @@ depend on where it begins.
 
 from __future__ import annotations
 
-import collections
 import json
 import os
 import platform
 import sys
 import tempfile
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,15 +24,13 @@ from typing import Any
 
 import click
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from edge.runtime.loop import LoopConfig
 from edge.types import Feature
 from tests.bench.arm64 import Board
 from tests.bench.counter import ENVIRONMENT, Counts, counted, run
 from tests.bench.frames import GRASP, NARROW, PINS, REST_FRAMES, SIZES, calibration_of, scene
-from tests.bench.output import writes_results
+from tests.bench.output import show, write_json, writes_results
 
 __all__ = ["VARIANTS", "Step", "command"]
 
@@ -157,9 +155,10 @@ def command(
         raise click.UsageError("--growth counts one variant on this machine; leave out --arch and --top")
     if grows:
         costs = scaling((names or ("contact",))[0])
-        write(costs, out / "step_growth.json", as_json)
-        if not as_json:
-            show_scaling(costs)
+        keep(costs, out / "step_growth.json", as_json)
+        for title, rows in costs.items():
+            if not as_json:
+                show(rows, f"instructions of a step, growth with {title}")
         return
     wanted = names or tuple(VARIANTS)
     workers = ThreadPoolExecutor(len(os.sched_getaffinity(0)))  # they wait for valgrind alone
@@ -167,55 +166,43 @@ def command(
         board = Board(Path(folder)) if arch else None
         found = dict(zip(wanted, pool.map(lambda name: measure(name, board), wanted), strict=True))
     details = {name: {kind: row.pop(kind) for kind in ("counts", "calls")} for name, row in found.items()}
-    write({f"step_{name}": found.get(name) for name in VARIANTS}, out / "step.json", as_json)
+    keep({f"step_{name}": found.get(name) for name in VARIANTS}, out / "step.json", as_json)
     if not as_json:
-        show(found)
+        show_steps(found)
         for name in found if top else ():
             show_top(name, details[name], top)
 
 
-def write(result: dict[str, Any], path: Path, as_json: bool) -> None:
+def keep(result: dict[str, Any], path: Path, as_json: bool) -> None:
     """Into a file, and to stdout if wanted."""
-    path.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    write_json(path, result)
     if as_json:
         click.echo(json.dumps(result))
 
 
-def show(found: dict[str, dict[str, Any]]) -> None:
-    """A table on the terminal."""
-    table = Table("a step", title="331 pins at 640x480, from the image to the CAN FD frame")
-    for column in found:
-        table.add_column(column, justify="right")
-    for machine in next(iter(found.values()))["libraries"]:
-        table.add_row(f"instructions, {machine}", *(f"{row[machine]:,}" for row in found.values()))
-        table.add_row(
-            "  interpreter, libraries", *(f"{row['libraries'][machine]:,}" for row in found.values())
-        )
-    for name in ("ll_misses", "python_calls", "kernel_calls"):
-        table.add_row(name, *(f"{row[name]:,}" for row in found.values()))
-    Console().print(table)
+def show_steps(found: dict[str, dict[str, Any]]) -> None:
+    """A row for each variant."""
+    show(
+        [
+            {
+                "a step": name,
+                **{f"instructions, {machine}": row[machine] for machine in row["libraries"]},
+                **{f"interpreter, libraries, {machine}": n for machine, n in row["libraries"].items()},
+                **{key: row[key] for key in ("ll_misses", "python_calls", "kernel_calls")},
+            }
+            for name, row in found.items()
+        ],
+        "331 pins at 640x480, from the image to the CAN FD frame",
+    )
 
 
 def show_top(name: str, details: dict[str, Any], top: int) -> None:
     """The parts, functions and calls that count most."""
     for machine, counts in details["counts"].items():
-        table = Table("part", "function", "instructions", title=f"{name}, {machine}")
-        for part, n in list(counts.parts().items())[:top]:
-            table.add_row(part, "", f"{n:,.0f}")
-        for (part, function), n in collections.Counter(counts.functions).most_common(top):
-            table.add_row(part, function[:70], f"{n:,.0f}")
-        Console().print(table)
+        parts = [("", part, n) for part, n in list(counts.parts().items())[:top]]
+        parts += [(f[:70], part, n) for (part, f), n in Counter(counts.functions).most_common(top)]
+        rows = [{"part": part, "function": f, "instructions": round(n)} for f, part, n in parts]
+        show(rows, f"{name}, {machine}")
     for kind, calls in details["calls"].items():
-        table = Table("function", f"{kind} calls", title=name)
-        for function, n in collections.Counter(calls).most_common(top):
-            table.add_row(function, f"{n:g}")
-        Console().print(table)
-
-
-def show_scaling(costs: dict[str, list[dict[str, Any]]]) -> None:
-    """Tables on the terminal."""
-    for name, rows in costs.items():
-        table = Table("pins", "pixels", "instructions a step", title=f"growth with {name}")
-        for row in rows:
-            table.add_row(str(row["pins"]), "x".join(map(str, row["size_px"])), f"{row['instructions']:,}")
-        Console().print(table)
+        rows = [{"function": f, f"{kind} calls": n} for f, n in Counter(calls).most_common(top)]
+        show(rows, name)

@@ -14,16 +14,14 @@ direction needs the untouched tip: the pose of most frames, found in a first pas
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import click
 import cv2
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from edge.frame import Pipeline
 from edge.geometry.layout import affine_terms
@@ -31,8 +29,7 @@ from edge.pins import CentroidRefiner, detect, take_rest
 from edge.tracking import Tracker
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Feature, Frame, Image, Rest, Tracks
-from tests.bench.identity import picture
-from tests.bench.output import writes_results
+from tests.bench.output import show, write_json, writes_results
 from tests.bench.recordings import REAL
 
 NAMES = ("Movement4", "north", "west", "flatSkin")
@@ -89,9 +86,8 @@ class Felt:
     false: int
 
 
-def read(name: str) -> list[Image]:
+def read(path: Path) -> list[Image]:
     """All frames, grey."""
-    path = REAL / "video" / f"{name}.avi"
     video = cv2.VideoCapture(str(path))
     frames: list[Image] = []
     while (got := video.read())[0]:
@@ -195,21 +191,17 @@ def direction(motion: Array) -> tuple[float, float]:
 
 
 @click.command(name="videos", help="Identities held and contacts found in the published videos.")
-@click.option("--pictures", type=click.Path(file_okay=False, path_type=Path), help="Folder for overlays.")
 @writes_results
-def command(pictures: Path | None, out: Path) -> None:
+def command(out: Path) -> None:
     """Exit code 1 if Movement4 does not end where it began."""
-    console = Console()
     plays: list[Play] = []
     contacts: list[Felt] = []
     pointing: dict[str, dict[str, tuple[float, float]]] = {}
     for name in NAMES:
-        images = read(name)
+        images = read(REAL / "video" / f"{name}.avi")
         rest = take_rest(images[:TARE_FRAMES])
         tracks, searched = run(images, rest)
         plays.append(evaluate(name, "start to end", rest, tracks, searched, back=False))
-        if pictures is not None:
-            _draw(pictures, name, images, rest, tracks)
         if name == "Movement4":
             for stride in STRIDES:
                 there = images[::stride]
@@ -225,30 +217,16 @@ def command(pictures: Path | None, out: Path) -> None:
                 "untouched": direction(shear(calm, at_ease)),
             }
         contacts.append(felt(name, images, calm))
-    table = Table("video", "way", "frames", "rest", "held", "unsure", "searched", "nearest", "leaps", "left")
-    for p in plays:
-        table.add_row(*("" if v is None else str(v) for v in asdict(p).values()))
-    console.print(table)
-    table = Table("video", "touched", "one contact", "more", "quiet", "with a contact", "untouched", "false")
-    for f in contacts:
-        table.add_row(*(str(v) for v in asdict(f).values()))
-    console.print(table)
-    for name, ways in pointing.items():
-        for tare, (angle, size) in ways.items():
-            console.print(f"{name}: shear points to {angle:.0f} deg (90: up), {size:.1f} px; tare: {tare}")
-    report = {
+    report: dict[str, Any] = {
         "plays": [asdict(p) for p in plays],
         "contacts": [asdict(f) for f in contacts],
         "shear_deg_px": pointing,
     }
-    (out / "videos.json").write_text(json.dumps(report, indent=1) + "\n")
+    for rows in ("plays", "contacts"):
+        show(report[rows])
+    for name, ways in pointing.items():
+        for tare, (angle, size) in ways.items():
+            click.echo(f"{name}: shear points to {angle:.0f} deg (90: up), {size:.1f} px; tare: {tare}")
+    write_json(out / "videos.json", report)
     if any(p.left for p in plays):
         raise SystemExit(1)
-
-
-def _draw(folder: Path, name: str, images: Sequence[Image], rest: Rest, tracks: list[Tracks]) -> None:
-    """Twelve frames evenly through the video, motion of each pin on them."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for k in np.linspace(0, len(images) - 1, 12).astype(int):
-        text = f"{name} {k}: {tracks[k].n_seen} of {len(rest)}, confidence {tracks[k].confidence:.2f}"
-        cv2.imwrite(str(folder / f"{name}_{k:04d}.png"), picture(images[k], rest, tracks[k], text))

@@ -4,9 +4,9 @@
 
 One process runs the loop at a camera's rate, its page is served by the second process (`edge.worker`), and
 the viewers are a third one, like browsers. Phases alternate with phases where nobody watches, round after
-round, so that the machine's other load affects all alike. Times are from the start of work on a frame: to the
-sample's hand-over, and to the end of the turn (with copying for viewers or recorder). Loads are
-processor time of the two processes; memory is their resident sets, the loop's after a collection.
+round, so that the machine's other load affects all alike. Times are from the start of work on a frame to the
+sample's hand-over. Loads are processor time of the two processes; memory is their resident sets, the loop's
+after a collection.
 
     nobody       the page is served, no viewer
     one, two     viewers with the camera's image
@@ -31,94 +31,46 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import aiohttp
 import click
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from edge.runtime.loop import Loop
-from edge.runtime.process import limit_resources
 from edge.sources import Paced
-from edge.types import Frame, Lens, Polarity
+from edge.types import Frame
 from edge.worker import WorkerClient, WorkerConfig
 from hostlink.web import parse_listen
 from hostlink.web.limits import WebLimits
 from hostlink.wire import State
-from tests.bench.frames import scene
+from tests.bench.frames import there_and_back
+from tests.bench.output import show, write_json, writes_results
+from tests.bench.paced_child import Images
+from tests.bench.usage import cpu_s, memory_mb
+from tests.support.hostile_viewer import look
 
 PHASES = {"nobody": 0, "one": 1, "two": 2, "crowd": WebLimits().viewers_n, "coming": -100, "recording": 0}
 TOKEN = "bench-token"
 IDLE_S = 60.0  # longer than it takes to notice that a viewer left
 
 
-class _Frames:
-    """Frames in memory as a recording; loops without a jump."""
-
-    live, dropped_n, name = False, 0, "bench"
-    polarity = Polarity.FOUND
-    lens: Lens | None = None
-
-    def __init__(self, rate_hz: float) -> None:
-        frames = scene("press")
-        self._frames = [*frames, *frames[-2:0:-1]]
-        height, width = frames[0].image.shape
-        self.size_px, self.rate_hz = (width, height), rate_hz
-
-    def __iter__(self) -> Any:
-        return iter(self._frames)
-
-    def close(self) -> None: ...
-
-
-async def _look(session: Any, url: str, until_s: float, packets_max: int = 0) -> int:
-    async with session.ws_connect(url, max_msg_size=0) as socket:
-        await socket.send_json({"want": ["image"]})
-        got_n = 0
-        async for message in socket:
-            if message.type is message.type.BINARY:
-                got_n += 1
-                await socket.send_json({"got": got_n})
-            if time.monotonic() > until_s or (packets_max and got_n == packets_max):
-                break
-        return got_n
-
-
 async def _watch(url: str, viewers_n: int, seconds: float) -> int:
     """Act as so many viewers; returns the packets received. Negative: they come and go, one never reads."""
-    import aiohttp
-
     until_s = time.monotonic() + seconds
-    async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as session:
-        if viewers_n > 0:
-            return sum(await asyncio.gather(*(_look(session, url, until_s) for _ in range(viewers_n))))
-        async with session.ws_connect(url, max_msg_size=0, autoping=False) as silent:
-            await silent.send_json({"want": ["image"]})
-            tasks = []
-            for _ in range(-viewers_n):
-                tasks.append(asyncio.create_task(_look(session, url, until_s, 5)))
-                await asyncio.sleep(seconds / -viewers_n * 0.9)
-            return sum(await asyncio.gather(*tasks))
+    if viewers_n > 0:
+        return sum(await asyncio.gather(*(look(url, until_s=until_s) for _ in range(viewers_n))))
+    async with aiohttp.ClientSession() as session, session.ws_connect(url, autoping=False) as silent:
+        await silent.send_json({"want": ["image"]})
+        tasks = []
+        for _ in range(-viewers_n):
+            tasks.append(asyncio.create_task(look(url, 5, until_s)))
+            await asyncio.sleep(seconds / -viewers_n * 0.9)
+        return sum(await asyncio.gather(*tasks))
 
 
-def _rss_mb(pid: int) -> float:
-    for line in Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines():
-        if line.startswith("VmRSS"):
-            return int(line.split()[1]) / 1024
-    return float("nan")
-
-
-def _cpu_s(pid: int) -> float:
-    """Processor time that a process has used, all its threads."""
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-async def _press(url: str, token: str, button: str) -> None:
+async def _press(url: str, button: str) -> None:
     """Run a command of the page, and wait for its answer."""
-    import aiohttp
-
     async with aiohttp.ClientSession() as session, session.ws_connect(url, max_msg_size=0) as socket:
-        await socket.send_json({"token": token, "want": []})
+        await socket.send_json({"token": TOKEN, "want": []})
         await socket.receive_json()
         await socket.send_json({"do": button})
         async for message in socket:
@@ -131,7 +83,7 @@ async def _press(url: str, token: str, button: str) -> None:
 
 def _be_watched(url: str, viewers_n: int, seconds: float, begin: Callable[[], None]) -> int:
     """Run the viewers in another process; `begin` is called when it is up and nobody watches yet."""
-    command = [sys.executable, "-m", "tests.bench.viewers", "--watch", url, str(viewers_n)]
+    command = [sys.executable, "-m", "tests.bench", "viewers", "--watch", url, str(viewers_n)]
     with subprocess.Popen(
         [*command, "--seconds", str(seconds)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as child:
@@ -152,7 +104,6 @@ class _Meter:
         self._idle = threading.Event()
         self._begun_ns = 0
         self.sent_us: list[float] = []
-        self.turn_us: list[float] = []
         self._step, self._send, self._end_cycle = loop.step, loop._send, loop._end_cycle
         for name, timed in (("step", self._stepped), ("_send", self._sent), ("_end_cycle", self._ended)):
             setattr(loop, name, timed)
@@ -168,14 +119,12 @@ class _Meter:
 
     def _ended(self) -> None:
         self._end_cycle()
-        self.turn_us.append((time.perf_counter_ns() - self._begun_ns) / 1e3)
         if self.loop.last is not None and not self.worker.view.watched and not self.loop.session.recorder:
             self._idle.set()
 
     def begin(self) -> None:
         """Discard the times measured before."""
         self.sent_us.clear()
-        self.turn_us.clear()
 
     def wait_until_idle(self) -> None:
         """Wait for a turn with a rest frame and without viewers or recording."""
@@ -188,59 +137,50 @@ class _Meter:
 class _Phase:
     """The measurements of a phase, over all rounds.
 
-    skipped_n      frames that the loop did not take; lost_n: messages that were not recorded
-    cpu_s, rss_mb  of the loop's process and of the worker
+    skipped_n            frames that the loop did not take; lost_n: messages that were not recorded
+    loop_s, worker_s     processor time of the two processes
+    rss_mb               memory of the two
     """
 
     sent_us: list[float] = field(default_factory=list)
-    turn_us: list[float] = field(default_factory=list)
     packets_n: int = 0
     skipped_n: int = 0
     lost_n: int = 0
     elapsed_s: float = 0.0
-    cpu_s: tuple[float, float] = (0.0, 0.0)
+    loop_s: float = 0.0
+    worker_s: float = 0.0
     rss_mb: tuple[float, float] = (0.0, 0.0)
 
-    def row(self, viewers_n: int, watched_s: float) -> dict[str, float]:
-        """The figures of a phase of this length."""
-        p50, p99, p999 = np.percentile(self.sent_us, (50, 99, 99.9))
-        packets_hz = self.packets_n / viewers_n / watched_s if viewers_n > 0 else 0.0
+    def row(self, name: str, watched_s: float, base_us: float) -> dict[str, Any]:
+        """The figures of a phase of this length, and its 99 % over that of the loop alone."""
+        p50, p99, p999 = map(float, np.percentile(self.sent_us, (50, 99, 99.9)))
+        viewers_n = PHASES[name]
         return {
-            "frames": len(self.sent_us),
-            "p50_us": float(p50),
-            "p99_us": float(p99),
-            "p99.9_us": float(p999),
-            "turn_p50_us": float(np.percentile(self.turn_us, 50)),
-            "turn_p99_us": float(np.percentile(self.turn_us, 99)),
-            "packets_hz": packets_hz,
-            "loop_load_%": 100 * self.cpu_s[0] / self.elapsed_s,
-            "worker_load_%": 100 * self.cpu_s[1] / self.elapsed_s,
-            "rss_mb": self.rss_mb[0],
-            "worker_rss_mb": self.rss_mb[1],
-        }
+            "phase": name, "frames": len(self.sent_us), "p50_us": p50, "p99_us": p99, "p99.9_us": p999,
+            "packets_hz": self.packets_n / viewers_n / watched_s if viewers_n > 0 else 0.0,
+            "loop_load_%": 100 * self.loop_s / self.elapsed_s,
+            "worker_load_%": 100 * self.worker_s / self.elapsed_s,
+            "rss_mb": self.rss_mb[0], "worker_rss_mb": self.rss_mb[1], "p99 / nobody's": p99 / base_us,
+        }  # fmt: skip
 
 
-def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> dict[str, Any]:
+def measure(seconds: float, rounds: int, rate_hz: float) -> dict[str, Any]:
     """Run all phases, with the processor shared like in operation.
 
     Returns  per phase the loop's compute quantiles, packets and memory
     """
-    limit_resources()
-    source = Paced(_Frames(rate_hz), rate_hz, loop=True)
+    images, rest_n = there_and_back("press")
+    shown = Images(images, rest_n, rate_hz, sys.maxsize)
+    source = Paced(shown, rate_hz)
     loop = Loop(source, [])
+    shown.tared = lambda: loop.last is not None
     phases = {name: _Phase() for name in PHASES}
-
-    def run() -> None:
-        if fifo:  # of this thread and of the camera's, which it starts
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
-        loop.run()
-
     with tempfile.TemporaryDirectory(prefix="viewers-") as folder:
         listen = parse_listen("127.0.0.1:0", TOKEN)
         worker = WorkerClient(loop, WorkerConfig(listen, recordings=Path(folder)))
         worker.start()
         meter = _Meter(loop, worker)
-        thread = threading.Thread(target=run)
+        thread = threading.Thread(target=loop.run)
         thread.start()
         for _ in range(rounds):
             for name, phase in phases.items():
@@ -253,82 +193,57 @@ def measure(seconds: float, rounds: int, rate_hz: float, fifo: bool = False) -> 
         source.close()
         thread.join()
         worker.close()
+    base_us, watched_s = float(np.percentile(phases["nobody"].sent_us, 99)), seconds * rounds
     return {
-        "rate_hz": rate_hz,
-        "rounds": rounds,
-        "seconds": seconds,
-        "phases": {name: phase.row(PHASES[name], seconds * rounds) for name, phase in phases.items()},
-        "cut_off_n": cut_off_n,
-        "recording_lost_n": phases["recording"].lost_n,
+        "rate_hz": rate_hz, "rounds": rounds, "seconds": seconds,
+        "phases": [phase.row(name, watched_s, base_us) for name, phase in phases.items()],
+        "cut_off_n": cut_off_n, "recording_lost_n": phases["recording"].lost_n,
         "recording_skipped_n": phases["recording"].skipped_n,
-    }
+    }  # fmt: skip
 
 
 def _run_phase(name: str, phase: _Phase, meter: _Meter, seconds: float) -> None:
     worker, source = meter.worker, meter.loop.source
     assert worker.process is not None
-    url, pids = f"http://127.0.0.1:{worker.port}/live", (os.getpid(), worker.process.pid)
-    before_s, since_s, before_n = [_cpu_s(pid) for pid in pids], time.monotonic(), source.dropped_n
+    url, ours, theirs = f"http://127.0.0.1:{worker.port}/live", os.getpid(), worker.process.pid
+    since_s, loop_s, worker_s, before_n = time.monotonic(), cpu_s(ours), cpu_s(theirs), source.dropped_n
     if PHASES[name]:
         phase.packets_n += _be_watched(url, PHASES[name], seconds, meter.begin)
     else:
         if name == "recording":
-            asyncio.run(_press(url, TOKEN, "record"))
+            asyncio.run(_press(url, "record"))
         meter.begin()
         time.sleep(seconds)
     phase.sent_us += meter.sent_us
-    phase.turn_us += meter.turn_us
     phase.elapsed_s += time.monotonic() - since_s
-    used_s = [_cpu_s(pid) - before for pid, before in zip(pids, before_s, strict=True)]
-    phase.cpu_s = (phase.cpu_s[0] + used_s[0], phase.cpu_s[1] + used_s[1])
+    phase.loop_s += cpu_s(ours) - loop_s
+    phase.worker_s += cpu_s(theirs) - worker_s
     phase.skipped_n += source.dropped_n - before_n
     if name == "recording":
         phase.lost_n += worker.recording.dropped_n
-        asyncio.run(_press(url, TOKEN, "record"))
+        asyncio.run(_press(url, "record"))
     gc.collect()
-    phase.rss_mb = (_rss_mb(pids[0]), _rss_mb(pids[1]))
+    phase.rss_mb = (memory_mb(ours), memory_mb(theirs))
 
 
 @click.command()
 @click.option("--seconds", type=click.FloatRange(min=1), default=10.0, show_default=True, help="Of a phase.")
 @click.option("--rounds", type=click.IntRange(1, 100), default=3, show_default=True)
-@click.option(
-    "--fifo", is_flag=True, help="Real-time priority, so that other load is not measured; needs root."
-)
 @click.option("--rate", type=click.FloatRange(1, 2000), default=240.0, show_default=True, help="Frames/s.")
-@click.option("--json", "json_file", type=click.Path(path_type=Path), help="Write the figures there too.")
 @click.option("--watch", nargs=2, hidden=True, help="Be the viewers: address, how many.")
-def command(
-    seconds: float,
-    rounds: int,
-    fifo: bool,
-    rate: float,
-    json_file: Path | None,
-    watch: tuple[str, str] | None,
-) -> None:
+@writes_results
+def command(seconds: float, rounds: int, rate: float, watch: tuple[str, str] | None, out: Path) -> None:
     """The cost of viewers of the live page for the loop."""
     if watch is not None:
-        import aiohttp  # noqa: F401  (so that its loading is over before the measurement begins)
-
         os.nice(19)  # browsers run on another machine: they must not take the loop's processor
         click.echo("ready")
         sys.stdin.readline()
         click.echo(asyncio.run(_watch(watch[0], int(watch[1]), seconds)))
         return
-    made = measure(seconds, rounds, rate, fifo)
-    table = Table("", *next(iter(made["phases"].values())), "p99 / nobody's")
-    base = made["phases"]["nobody"]["p99_us"]
-    for name, row in made["phases"].items():
-        table.add_row(name, *(f"{value:,.0f}" for value in row.values()), f"{row['p99_us'] / base:.2f}")
-    console = Console(width=160)
-    console.print(table)
-    console.print(
+    made = measure(seconds, rounds, rate)
+    show(made["phases"])
+    click.echo(
         f"cut off because they never read: {made['cut_off_n']}; while recording, messages lost: "
         f"{made['recording_lost_n']}, frames skipped by the loop: {made['recording_skipped_n']}"
     )
-    if json_file is not None:
-        json_file.write_text(json.dumps(made, indent=2) + "\n", encoding="utf-8")
-
-
-if __name__ == "__main__":
-    command()
+    write_json(out / "viewers.json", made)

@@ -279,34 +279,6 @@ def test_no_connection_leaves_this_machine(live: Live, page: Page) -> None:
     assert page.sockets == [own.replace("http", "ws") + "live"]
 
 
-def test_a_second_viewer_does_not_slow_the_loop(
-    live: Live, page: Page, chrome: Chrome, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The measured ratio is printed; the test asserts that both are served."""
-    compute_us: list[float] = []
-    live.loop.result_callbacks.append(lambda result, state: compute_us.append(state.latency_us))
-
-    def quantiles() -> np.ndarray:
-        compute_us.clear()
-        live.until(lambda: len(compute_us) >= 240, "four seconds of frames")
-        measured: np.ndarray = np.quantile(compute_us[:240], [0.5, 0.99])
-        return measured
-
-    live.until(lambda: live.worker.page.viewers_n == 1, "the first alone")
-    one = quantiles()
-    with closing(chrome.open(live.url)) as second:
-        second.until("Number(document.body.dataset.packets) > 30")
-        two = quantiles()
-        second.until("Number(document.body.dataset.packets) > 60")
-        assert live.worker.page.viewers_n == 2
-    live.loop.result_callbacks.pop()
-    live.until(lambda: live.worker.page.viewers_n == 1, "the second has left")
-    with capsys.disabled():
-        print(
-            f"\nlatency with two viewers over one: median x{two[0] / one[0]:.2f}, p99 x{two[1] / one[1]:.2f}"
-        )
-
-
 # ---- the program itself: a recording replayed, killed, started again -------------------------------------
 
 

@@ -8,8 +8,10 @@ attack.counts
 from __future__ import annotations
 
 import contextlib
+import math
 import socket
 import threading
+import time
 from collections import Counter
 from random import Random
 from types import TracebackType
@@ -40,17 +42,17 @@ def message_frame(text: str, opcode: int = 1) -> bytes:
     return bytes([0x80 | opcode]) + length + bytes(4) + data
 
 
-async def look(url: str, packets_n: int = 2) -> int:
-    """An honest viewer: connects, reads some packets, leaves; returns their number."""
-    async with aiohttp.ClientSession() as session, session.ws_connect(url) as connection:
+async def look(url: str, packets_n: int = 0, until_s: float = math.inf) -> int:
+    """An honest viewer: connects, reads some packets or for some time, leaves; returns their number."""
+    async with aiohttp.ClientSession() as session, session.ws_connect(url, max_msg_size=0) as connection:
         await connection.send_json({"want": ["image"]})
         got_n = 0
         async for message in connection:
             if message.type is aiohttp.WSMsgType.BINARY:
                 got_n += 1
                 await connection.send_json({"got": got_n})
-                if got_n == packets_n:
-                    break
+            if got_n == packets_n > 0 or time.monotonic() > until_s:
+                break
         return got_n
 
 
