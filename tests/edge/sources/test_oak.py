@@ -144,7 +144,7 @@ def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
     before_ns = time.monotonic_ns()
     frames = list(source)
     # depthai drops what is still queued at the end of a file; nothing before that is lost.
-    assert len(frames) + source.dropped_n >= 20 - oak.PARAMS.queue_n
+    assert len(frames) + source.dropped_n == 20
     for frame in frames:
         assert np.array_equal(frame.image, noise(frame.sequence))
         assert before_ns - 1_000_000_000 < frame.capture_ns <= time.monotonic_ns()
@@ -327,8 +327,7 @@ class FakeModule:
     def Pipeline(self, device: Any) -> Any:  # noqa: N802
         return self
 
-    def createOutputQueue(self, maxSize: int, blocking: bool) -> Any:  # noqa: N802
-        assert (maxSize, blocking) == (oak.PARAMS.queue_n, False)
+    def createOutputQueue(self) -> Any:  # noqa: N802
         self.n = 0
         return self
 
@@ -361,7 +360,7 @@ class FakeModule:
 def opened(module: FakeModule, monkeypatch: pytest.MonkeyPatch, **settings: Any) -> oak.OakSource:
     monkeypatch.setattr(oak, "load_depthai", lambda: module)
     monkeypatch.setattr(oak, "lens_of", lambda handler, socket, size, crop: None)
-    monkeypatch.setattr(oak, "PARAMS", replace(oak.PARAMS, retry_s=0.01))
+    monkeypatch.setattr(oak, "RUNTIME", replace(oak.RUNTIME, retry_s=0.01))
     return oak.OakSource(lambda pipeline: pipeline, Options(**settings), module=lambda: SimpleNamespace())  # type: ignore[arg-type,return-value]
 
 
@@ -389,7 +388,7 @@ def test_rate_is_measured_and_a_slow_module_refused(monkeypatch: pytest.MonkeyPa
     )  # frames may be skipped over
     source.close()
     module = FakeModule(60.0)
-    with pytest.raises(SourceError, match=r"at least 192 wanted"):
+    with pytest.raises(SourceError, match=r"at least 216 wanted"):
         opened(module, monkeypatch, rate_hz=240.0)
     assert not module.running
 
