@@ -34,7 +34,7 @@ class Tessellator:
         fence = make_fence(boundary, pitch_px, params)
         n, b, f = len(xy), len(boundary), len(fence)
         self._rest_img = xy
-        motion = rim_motion(xy, rim, boundary, fence, pitch_px, params)
+        motion = rim_motion(xy, rim, boundary, fence, pitch_px)
         self._frame_points = FramePoints(xy, motion, np.concatenate([boundary, fence]))
         self._n_boundary = b
         self._lost = LostPins(xy, pitch_px)
@@ -45,7 +45,7 @@ class Tessellator:
         self._rest_area_px2 = np.empty(n)
         self._mesh.update(self._points, self._rest_area_px2)
         self._rest_area_px2.flags.writeable = False
-        self._collapsed_px2 = params.collapsed_rel * float(self._rest_area_px2.sum())
+        self._collapsed_px2 = np.finfo(float).eps ** 0.5 * float(self._rest_area_px2.sum())
         self._last_counts = False  # whether `_points` are of the frame before
         self._gap = 0.0
         self._gap_img: Array | None = None

@@ -62,7 +62,7 @@ def _colours(palette: Palette) -> dict[str, Any]:
     """By name, red first; "cells" from fully expanded to fully compressed."""
     named = {name: list(getattr(palette, name)[::-1]) for name in Palette.__dataclass_fields__}
     steps = cell_colours(
-        np.linspace(-PARAMS.full_change, PARAMS.full_change, 2 * PARAMS.page_colour_steps + 1), palette
+        np.linspace(-PARAMS.full_change, PARAMS.full_change, 2 * PARAMS.colour_steps + 1), palette
     )
     return {**named, "cells": steps[:, ::-1].tolist()}
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from edge.worker.messages import Show
 from edge.worker.params import PARAMS
+from hostlink.web.limits import WebLimits
 from hostlink.wire import FAULTS
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["ViewFeed"]
 
 _MEANING = {fault.code: fault.meaning for fault in FAULTS}
+_PERIOD_S = 1.0 / WebLimits().rate_hz
 
 
 class ViewFeed:
@@ -37,7 +39,7 @@ class ViewFeed:
         self._result_s = time.monotonic()
         self._latest: tuple[Result, State] | None = None
         self._rows: deque[tuple[float, ...]] = deque(maxlen=PARAMS.recent_n)
-        self._due_s = 0.0
+        self._due_s = self._sent_s = 0.0
         self._shown: tuple[Frame | None, Result | None, Rest | None] = (None, None, None)
 
     @property
@@ -63,7 +65,7 @@ class ViewFeed:
         rest = loop.pipeline.rest if loop.pipeline else None
         frame_shown, result_shown, rest_shown = self._shown
         is_idle = frame is frame_shown and result is result_shown and not self._rows
-        if is_idle and now_s < self._due_s - PARAMS.show_s + PARAMS.keepalive_s:
+        if is_idle and now_s < self._sent_s + PARAMS.report_s:
             return
         is_new = result is not result_shown
         show = Show(
@@ -77,7 +79,9 @@ class ViewFeed:
             None if rest is rest_shown else rest,
             self._about(),
         )
-        self._due_s = now_s + PARAMS.show_s
+        # Due by the clock, not a period after this frame: so as many are sent as the page draws.
+        self._due_s = max(self._due_s, now_s - _PERIOD_S) + _PERIOD_S
+        self._sent_s = now_s
         if self._put(show):
             self._shown = (frame, result, rest)
             self._rows.clear()

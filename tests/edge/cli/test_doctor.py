@@ -23,6 +23,7 @@ from edge.cli.program import cli
 from edge.config import Config, LinkTable, SourceTable, StateTable
 from edge.errors import SourceError
 from edge.sources import open_source
+from edge.sources.live import PARAMS as LIVE
 from edge.types import Clock, Frame, Image, Lens, Polarity
 
 UP: dict[str, Any] = {
@@ -204,7 +205,7 @@ def test_a_slow_camera_and_a_touch(examined: Examined, rest: list[Image]) -> Non
 
 
 def test_a_camera_without_images(examined: Examined, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("edge.cli.doctor.LIMITS", replace(LIMITS, sample_s=0.05))
+    monkeypatch.setattr("edge.cli.doctor.LIVE", replace(LIVE, first_s=0.05))
     camera = Camera([])
     camera.condition = "stalled"
     found = examined(camera=camera)

@@ -13,11 +13,11 @@ from edge.link import sdo_server
 from edge.link.can_frame import CanFrame
 from edge.link.nmt import NmtState
 from edge.link.node import Node
-from edge.link.params import PARAMS
 from edge.link.ports import CanPort
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink
 from hostlink.wire import OBJECTS, CanIds, Kind, Message, encode_frame, pack_message
+from hostlink.wire.serial import FRAME_MAX
 from tests.edge.link.test_node import Finger
 from tests.support.media import Wire
 from tests.support.waiting import SOON_S
@@ -123,7 +123,7 @@ def test_serial(on_serial: tuple[Node, Finger, Wire], chunks: list[bytes]) -> No
     start = encode_frame(Message.NMT, pack_message(Message.NMT, bytes((1,)), 0))
     node.sink._split(b"\0" + start)
     assert node.state is NmtState.OPERATIONAL
-    assert len(node.sink._buffer) <= PARAMS.noise_bytes
+    assert len(node.sink._buffer) <= FRAME_MAX
 
 
 def test_an_endless_upload_is_refused(

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import settings as limits
 from hypothesis import strategies as st
 
+from edge.limits import FILE_BYTES
 from edge.link.settings import NodeSettings, SettingsFile
 from hostlink.output_file import OutputError
 from hostlink.wire import OBJECTS
@@ -37,7 +38,7 @@ STORED = [o for o in OBJECTS if o.stored and o.type != "domain"]
         "[" * 2000,
         '{"a":' * 500,
         "[" * 100_000,
-        '{"divider": 2' + " " * 5000 + "}",
+        '{"divider": 2' + " " * FILE_BYTES + "}",
         "\xff",
     ],
 )

@@ -137,7 +137,7 @@ def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
     with closing(oak.OakSource(oak.replay_output(path, 100.0), replace(HOST, rate_hz=100.0))) as source:
         frames = list(source)
         # depthai drops what is still queued at the end of a file; nothing before that is lost.
-        assert len(frames) + source.dropped_n >= 20 - oak.PARAMS.queue_n
+        assert len(frames) + source.dropped_n == 20
         assert source.ended
     for frame in frames:
         assert np.array_equal(frame.image, noise(frame.sequence))
@@ -300,8 +300,7 @@ class FakeModule:
     def Pipeline(self, device: Any) -> Any:  # noqa: N802
         return self
 
-    def createOutputQueue(self, maxSize: int, blocking: bool) -> Any:  # noqa: N802
-        assert (maxSize, blocking) == (oak.PARAMS.queue_n, False)
+    def createOutputQueue(self) -> Any:  # noqa: N802
         self.n = 0
         return self
 
@@ -334,7 +333,7 @@ class FakeModule:
 def opened(module: FakeModule, monkeypatch: pytest.MonkeyPatch, **settings: Any) -> oak.OakSource:
     monkeypatch.setattr(oak, "load_depthai", lambda: module)
     monkeypatch.setattr(oak, "lens_of", lambda handler, socket, size, crop: None)
-    monkeypatch.setattr(oak, "PARAMS", replace(oak.PARAMS, retry_s=0.01))
+    monkeypatch.setattr(oak, "RUNTIME", replace(oak.RUNTIME, retry_s=0.01))
     return oak.OakSource(lambda pipeline: pipeline, Options(**settings), module=lambda: SimpleNamespace())  # type: ignore[arg-type,return-value]
 
 
@@ -360,7 +359,7 @@ def test_rate_is_measured_and_a_slow_module_refused(monkeypatch: pytest.MonkeyPa
     with closing(opened(FakeModule(240.0), monkeypatch, rate_hz=240.0)) as source:
         assert source.rate_hz < 240 * 1.01  # frames may be skipped over
     module = FakeModule(60.0)
-    with pytest.raises(SourceError, match=r"at least 192 wanted"):
+    with pytest.raises(SourceError, match=r"at least 216 wanted"):
         opened(module, monkeypatch, rate_hz=240.0)
     assert not module.running
 

@@ -81,7 +81,7 @@ class Camera:
         return self.config
 
     def start(self) -> None:
-        self.epoch_ns = self.epoch_ns or time.monotonic_ns() - 1_000_000_000
+        self.epoch_ns = self.epoch_ns or time.monotonic_ns() - 100_000_000
         self.calls.append("start")
 
     def capture_request(self, wait: float | None = None) -> Request:
