@@ -37,6 +37,7 @@ from hashlib import sha256
 from struct import calcsize
 from typing import Final
 
+from hostlink.wire.shown import Shown
 from hostlink.wire.status import STATUS
 
 __all__ = [
@@ -84,6 +85,7 @@ class Field:
     bits       width on classic CAN
     meaning    quantity, frame of reference, sign
     why        why this type, scale and range
+    shown      how viewers show it; None: tables only
     """
 
     name: str
@@ -95,6 +97,7 @@ class Field:
     bits: int
     meaning: str
     why: str
+    shown: Shown | None = None
 
     @property
     def signed(self) -> bool:
@@ -129,6 +132,7 @@ class Field:
 
 
 _F = Field
+_S = Shown
 
 
 def _contact(i: int) -> tuple[Field, ...]:
@@ -162,50 +166,66 @@ LAYOUT: Final = (
        "more than are listed may exist, and a controller should know"),
     _F("displacement_mm", "h", 0.002, "mm", -16, 16, 14,
        "depth by which the skin is pressed in, along z; positive is into the tip",
-       "signed, so that noise about zero stays unbiased; 2 um is 1/20 of the sensor's noise"),
+       "signed, so that noise about zero stays unbiased; 2 um is 1/20 of the sensor's noise",
+       _S("displacement", "Depth", sigma="displacement_sigma_mm", least=0.5, always=True)),
     _F("displacement_sigma_mm", "B", 0.008, "mm", 0, 2.032, 8, "standard deviation of the displacement",
        "lets a filter weigh the value; above 2 mm its weight is nil"),
     _F("force_n", "h", 0.002, "N", -65, 65, 16, "normal force on the tip; positive presses the tip",
-       "needs a calibration with a force gauge"),
+       "needs a calibration with a force gauge",
+       _S("normal force", "Force", least=0.5)),
     _F("force_x_n", "h", 0.002, "N", -65, 65, 16,
        "friction force on the tip along x (tip frame): what drags the skin towards x is positive",
-       "as the normal force: a controller divides the two"),
+       "as the normal force: a controller divides the two",
+       _S("tangential force", "Force x", sigma="force_xy_sigma_n", least=0.2)),
     _F("force_y_n", "h", 0.002, "N", -65, 65, 16, "friction force on the tip along y (tip frame)",
-       "see force_x_n"),
+       "see force_x_n",
+       _S("tangential force", "Force y", sigma="force_xy_sigma_n", least=0.2)),
     _F("force_xy_sigma_n", "B", 0.01, "N", 0, 2.54, 8, "standard deviation of force_x_n and of force_y_n",
        "see displacement_sigma_mm"),
     _F("torque_z_nmm", "h", 0.02, "Nmm", -640, 640, 16,
        "torque of the friction on the tip about z, positive from x to y",
-       "10 N on a contact 8 mm in radius twist with some 50 N mm"),
+       "10 N on a contact 8 mm in radius twist with some 50 N mm",
+       _S("torque", "Torque", 1, sigma="torque_z_sigma_nmm")),
     _F("torque_z_sigma_nmm", "B", 0.1, "Nmm", 0, 25.4, 8, "standard deviation of the torque",
        "see displacement_sigma_mm"),
     _F("friction", "B", 0.02, "", 0, 5.08, 8,
        "largest tangential over normal load that this contact has held, its torque included",
-       "skin on most objects: 0.2..1.5; a lower bound until something slips"),
+       "skin on most objects: 0.2..1.5; a lower bound until something slips",
+       _S("friction", "Friction")),
     _F("slip_margin", "B", 0.004, "", 0, 1, 8,
        "1 less the present tangential over normal load in units of `friction`; 0: nothing more has been held",
-       "what a grasp controller regulates: grip harder when it falls"),
+       "what a grasp controller regulates: grip harder when it falls",
+       _S("slip margin", "Slip margin", least=1)),
     _F("pressure_kpa", "h", 0.05, "kPa", -1600, 1600, 16, "force over contact area",
-       "fingertips: 10..1000 kPa"),
+       "fingertips: 10..1000 kPa",
+       _S("pressure")),
     _F("contact_area_mm2", "H", 0.02, "mm2", 0, 1310, 16, "area of skin in contact, all contacts together",
-       "the whole face of a 40 mm tip is 1257 mm2"),
+       "the whole face of a 40 mm tip is 1257 mm2",
+       _S("contact area")),
     _F("shear_x_mm", "h", 0.002, "mm", -16, 16, 14, "motion of the contact along x (tip frame) since contact",
-       "same step as the displacement: a grasp controller compares the two"),
+       "same step as the displacement: a grasp controller compares the two",
+       _S("shear", "Shear x", sigma="shear_sigma_mm", least=0.2, always=True)),
     _F("shear_y_mm", "h", 0.002, "mm", -16, 16, 14, "motion of the contact along y (tip frame) since contact",
-       "see shear_x_mm"),
+       "see shear_x_mm",
+       _S("shear", "Shear y", sigma="shear_sigma_mm", least=0.2, always=True)),
     _F("shear_sigma_mm", "B", 0.008, "mm", 0, 2.032, 8, "standard deviation of each axis of the shear",
        "see displacement_sigma_mm"),
     _F("torsion_deg", "h", 0.01, "deg", -180, 180, 16, "twist of the contact about z, positive from x to y",
-       "one type for all angles"),
+       "one type for all angles",
+       _S("torsion", "Torsion", 1, least=2, always=True)),
     _F("tilt_x_deg", "h", 0.01, "deg", -180, 180, 16, "tilt of the touched surface about x, right-handed",
-       "what tactile servoing steers by"),
+       "what tactile servoing steers by",
+       _S("tilt", "Tilt x", 1)),
     _F("tilt_y_deg", "h", 0.01, "deg", -180, 180, 16, "tilt of the touched surface about y, right-handed",
-       "see tilt_x_deg"),
+       "see tilt_x_deg",
+       _S("tilt", "Tilt y", 1)),
     _F("slip_speed_mm_s", "H", 0.01, "mm/s", 0, 655, 16, "speed of the skin beyond what the load explains",
-       "holds an object falling for 67 ms"),
+       "holds an object falling for 67 ms",
+       _S("slip speed")),
     _F("slip_probability", "B", 0.004, "", 0, 1, 8,
        "probability that more than half of the contact's area slides, 0..1; it slides from the rim inwards",
-       "announces that all of it will slide; a threshold on it is the controller's choice"),
+       "announces that all of it will slide; a threshold on it is the controller's choice",
+       _S("slip probability", "Slip")),
     *_contact(0), *_contact(1),
     _F("orientation_deg", "h", 0.01, "deg", -90, 90, 16,
        "direction of the long axis of the contact (edge), from x towards y, in (-90, 90]",
