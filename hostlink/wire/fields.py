@@ -14,10 +14,10 @@
     +--------+--------+----+--------+--------+--------+--------+----+
     | shear x| shear y|sigm| torsion| tilt x | tilt y | slip   |prob|
     +--------+--------+----+--------+--------+--------+--------+----+
-    49          54          59       61   62       64
-    +-----------+-----------+--------+----+--------+
-    | contact 0 | contact 1 | orient.|temp| check  |
-    +-----------+-----------+--------+----+--------+
+    49          54          59   60   61   62       64
+    +-----------+-----------+----+----+----+--------+
+    | contact 0 | contact 1 |ori.|vibr|temp| check  |
+    +-----------+-----------+----+----+----+--------+
 
 Rules
 - A finite value saturates at the field's range. NaN is the type's most negative value, or the largest
@@ -27,14 +27,16 @@ Rules
 - The first four bytes (CRC, counter, version) stay where they are in every future version.
 - `check` is the low half of the CRC-32 (zlib) over version and fields: the CRC-16 alone would let one in
   33,000 of the frames with 4, 6 or 8 flipped bits pass.
+- Decoders take the version before too: `OLDER`.
 - A change of any table here changes `SCHEMA_HASH`, and with it the CRC of every frame.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from hashlib import sha256
-from struct import calcsize
+from struct import Struct, calcsize
 from typing import Final
 
 from hostlink.wire.shown import Shown
@@ -46,20 +48,24 @@ __all__ = [
     "CONTACTS_MAX",
     "DATA_ID",
     "DATA_ID_CLASSIC",
+    "FEATURES",
     "FIELDS",
     "HEADER_SIZE",
     "LAYOUT",
+    "OLDER",
     "PARTS",
+    "SCHEMA",
     "SCHEMA_HASH",
     "SCHEMA_TEXT",
     "STATE_SIZE",
     "VERSION",
     "Field",
     "Part",
+    "Schema",
     "field_named",
 ]
 
-VERSION: Final = 2  # of the layout; at most 255. Its low 4 bits travel in every classic part.
+VERSION: Final = 3  # of the layout; at most 255. Its low 4 bits travel in every classic part.
 HEADER_SIZE: Final = 4  # E2E profile 5 (3 bytes) and the version
 CHECK_SIZE: Final = 2  # at the end of the state frame
 STATE_SIZE: Final = 64  # the largest CAN FD frame
@@ -227,9 +233,13 @@ LAYOUT: Final = (
        "announces that all of it will slide; a threshold on it is the controller's choice",
        _S("slip probability", "Slip")),
     *_contact(0), *_contact(1),
-    _F("orientation_deg", "h", 0.01, "deg", -90, 90, 16,
+    _F("orientation_deg", "b", 0.75, "deg", -90, 90, 8,
        "direction of the long axis of the contact (edge), from x towards y, in (-90, 90]",
-       "an axis has no head: 180 degrees hold it all"),
+       "an axis has no head: 180 degrees hold it all; the step is a quarter of the direction's error"),
+    _F("vibration_mm", "B", 0.002, "mm", 0, 0.508, 8,
+       "rms motion of the contact's pins above 10 Hz, up to half the rate of images; 0: no contact",
+       "textures and stick-slip move skin by 0.01..0.3 mm; slower motion is shear",
+       _S("vibration", "Vibration", 3)),
     _F("temperature_degc", "b", 1.0, "degC", -40, 125, 8, "temperature of the board",
        "explains drift and faults; one degree is enough for that"),
 )  # fmt: skip
@@ -264,7 +274,7 @@ PARTS: Final = (
     Part(2, 3, 0, ("capture_time_us", "check"), always=True),
     Part(3, 3, 1, ("displacement_sigma_mm", "shear_sigma_mm", "latency_us", "temperature_degc"), always=True),
     Part(4, 3, 2, ("force_n", "pressure_kpa")),
-    Part(5, 3, 3, ("contact_area_mm2", "orientation_deg")),
+    Part(5, 3, 3, ("contact_area_mm2", "orientation_deg", "vibration_mm")),
     Part(6, 3, 4, ("tilt_x_deg", "tilt_y_deg")),
     Part(7, 3, 5, ("torsion_deg", "slip_speed_mm_s", "slip_probability")),
     Part(8, 3, 6, ("force_x_n", "force_y_n", "force_xy_sigma_n")),
@@ -278,30 +288,86 @@ PARTS: Final = (
 # Widths of fields of the classic layout only; plain integers.
 CLASSIC_BITS: Final = {"sample_high": 16 - SAMPLE_LOW_BITS, "part_n": 4, "check": 8}
 
+#: What can be asked for, by the bit of the object `features`; names of `edge.types.Feature`.
+FEATURES: Final = (
+    "displacement", "force", "pressure", "contact_area", "contacts", "shear", "torsion", "tilt", "slip",
+    "orientation", "vibration",
+)  # fmt: skip
+
 # Those that are attributes of `State`; the contacts are tuples there.
 FIELDS: Final = tuple(f for f in LAYOUT if not f.contact)
 
-_BY_NAME: Final = {f.name: f for f in LAYOUT}
+
+@dataclass(frozen=True, eq=False)
+class Schema:
+    """One version of the layout; fields and parts as `LAYOUT` and `PARTS` have them."""
+
+    version: int
+    layout: tuple[Field, ...]
+    parts: tuple[Part, ...]
+
+    @cached_property
+    def text(self) -> str:
+        """All that decides how bits become values, in a canonical form."""
+        lines = [f"version {self.version} size {STATE_SIZE} check {CHECK_SIZE}"]
+        lines += [
+            f"{f.name} {f.code} {f.scale!r} {f.unit} {f.low!r} {f.high!r} {f.bits}" for f in self.layout
+        ]
+        lines += [f"part {p.index} {p.tpdo} {p.page} {' '.join(p.fields)} {p.always}" for p in self.parts]
+        lines += [f"status {s.bit.value:#06x} {s.bit.name}" for s in STATUS]
+        return "\n".join(lines) + "\n"
+
+    @cached_property
+    def hash(self) -> int:
+        """32 bits of the text's."""
+        return int.from_bytes(sha256(self.text.encode()).digest()[:4], "big")
+
+    @cached_property
+    def data_id(self) -> int:
+        """E2E profile 5: 16 bits of the hash."""
+        return self.hash & 0xFFFF
+
+    @cached_property
+    def data_id_classic(self) -> int:
+        """Profile 11C: version (the nibble that is sent) and 8 bits of the hash, of which the low 4 are left
+        free for the part's index.
+        """
+        return (self.version & 0xF) << 8 | self.hash >> 16 & 0xF0
+
+    @cached_property
+    def body(self) -> Struct:
+        """Version and fields, as they lie in the state frame."""
+        return Struct("<B" + "".join(f.code for f in self.layout))
+
+    def field_named(self, name: str) -> Field:
+        """The row of the table with this name. Raises KeyError."""
+        return self._by_name[name]
+
+    @cached_property
+    def _by_name(self) -> dict[str, Field]:
+        return {f.name: f for f in self.layout}
 
 
-def field_named(name: str) -> Field:
-    """The row of the table with this name. Raises KeyError."""
-    return _BY_NAME[name]
+SCHEMA: Final = Schema(VERSION, LAYOUT, PARTS)
+field_named: Final = SCHEMA.field_named
 
 
-def _schema_text() -> str:
-    """All that decides how bits become values, in a canonical form."""
-    lines = [f"version {VERSION} size {STATE_SIZE} check {CHECK_SIZE}"]
-    lines += [f"{f.name} {f.code} {f.scale!r} {f.unit} {f.low!r} {f.high!r} {f.bits}" for f in LAYOUT]
-    lines += [f"part {p.index} {p.tpdo} {p.page} {' '.join(p.fields)} {p.always}" for p in PARTS]
-    lines += [f"status {s.bit.value:#06x} {s.bit.name}" for s in STATUS]
-    return "\n".join(lines) + "\n"
+def _version_2() -> Schema:
+    """The direction in 16 bits, and no vibration."""
+    new = "vibration_mm"
+    layout = tuple(
+        replace(f, code="h", scale=0.01, bits=16) if f.name == "orientation_deg" else f
+        for f in LAYOUT
+        if f.name != new
+    )
+    parts = tuple(replace(p, fields=tuple(name for name in p.fields if name != new)) for p in PARTS)
+    return Schema(2, layout, parts)
 
 
-SCHEMA_TEXT: Final = _schema_text()
-SCHEMA_HASH: Final = int.from_bytes(sha256(SCHEMA_TEXT.encode()).digest()[:4], "big")
+#: By version, what receivers still decode besides this one.
+OLDER: Final = {schema.version: schema for schema in (_version_2(),)}
 
-# E2E data ids. Profile 5: 16 bits of the hash. Profile 11C: version (the nibble that is sent) and 8 bits
-# of the hash, of which the low 4 are left free for the part's index.
-DATA_ID: Final = SCHEMA_HASH & 0xFFFF
-DATA_ID_CLASSIC: Final = (VERSION & 0xF) << 8 | SCHEMA_HASH >> 16 & 0xF0
+SCHEMA_TEXT: Final = SCHEMA.text
+SCHEMA_HASH: Final = SCHEMA.hash
+DATA_ID: Final = SCHEMA.data_id
+DATA_ID_CLASSIC: Final = SCHEMA.data_id_classic
