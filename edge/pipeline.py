@@ -21,9 +21,9 @@ from edge.tracking import Tracker
 from edge.types import Cells, Feature, Features, Frame, Image, Reading, Rest, Tracks, per_frame
 
 #: Features that need cell areas; the others need only the pins' motion.
-OF_CELLS = frozenset(Feature) - {Feature.SHEAR, Feature.TORSION}
+OF_CELLS = frozenset(f for f in Feature if f.cells)
 #: Those whose models may depend on the pins' motion alone: areas only say when a contact begins and ends.
-OF_MODES = frozenset({Feature.DISPLACEMENT, Feature.FORCE, Feature.TILT, Feature.SHEAR})
+OF_MODES = frozenset(f for f in Feature if not f.areas)
 ALL = frozenset(Feature)
 
 
@@ -97,6 +97,7 @@ class Pipeline:
             modes_at_rest=calibration is None,
             moments=self._moments,
             fits=self._fits,
+            capture_ns=frame.capture_ns,
         )
         if calibration is None:
             reading = uncalibrated(features)
