@@ -24,9 +24,9 @@ from edge.tracking import Tracker
 from edge.types import Feature, Features, Frame, Image, Reading, Rest, Result, Tracks
 
 #: Features that need cell areas; the others need only the pins' motion.
-OF_CELLS = frozenset(Feature) - {Feature.SHEAR, Feature.TORSION}
+OF_CELLS = frozenset(f for f in Feature if f.cells)
 #: Those whose models may depend on the pins' motion alone: areas only say when a contact begins and ends.
-OF_MODES = frozenset({Feature.DISPLACEMENT, Feature.FORCE, Feature.TILT, Feature.SHEAR})
+OF_MODES = frozenset(f for f in Feature if not f.areas)
 ALL = frozenset(Feature)
 
 
@@ -139,7 +139,9 @@ class Pipeline:
             cells = self._tessellator.cells(moved) if plan.cells and not holds else None
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
-        features = self._extractor.extract(moved, cells, plan.features, contact_holds=holds)
+        features = self._extractor.extract(
+            moved, cells, plan.features, contact_holds=holds, capture_ns=frame.capture_ns
+        )
         if self.calibration is None:
             reading = uncalibrated(features)
         else:

@@ -12,8 +12,9 @@ Rules
 - Without cells everything that depends on areas stays None, area change all NaN.
 - Who needs no areas needs no cells as long as the pins' motion alone shows that the contact goes on
   (`contact_holds`). Where and when one begins and ends is for the areas to decide.
-- State: the detector's bit and learnt noise, the last frames' motion for slip, and where the last frame's
-  fits of contacts ended, from which the next ones begin. Nothing else depends on the frame before.
+- State: the detector's bit and learnt noise, the last frames' motion for slip and vibration, and
+  where the last frame's fits of contacts ended, from which the next ones begin. Nothing else depends on the
+  frame before.
 - A lost pin is put where the seen ones predict it (`Cells.xy_img`), and its cell likewise, for the modes and
   the mean motion too: a polynomial fitted to the seen pins alone is different, and in a model of many terms
   the difference is 0.25 mm of depth (331 simulated pins, 30 % dark; 0.06 mm with predicted pins).
@@ -23,7 +24,7 @@ Rules
 from __future__ import annotations
 
 import math
-from enum import Enum, auto
+from enum import StrEnum
 
 import numpy as np
 
@@ -36,37 +37,27 @@ from edge.features.params import PARAMS, FeatureParams, largest_noise
 from edge.features.pin_motion import PinMotion
 from edge.features.slip import Slip
 from edge.features.surface import Surface
-from edge.types import Array, Cells, ContactRegion, Feature, Features, Mask, Rest, Tracks, per_frame
+from edge.features.vibration import NO_VIBRATION, Rms, Vibration
+from edge.types import Array, Cells, ContactRegion, Feature, Features, Index, Mask, Rest, Tracks, per_frame
 
 __all__ = ["NEEDS", "FeatureExtractor", "FeaturePlan", "Quantity"]
 
 
-class Quantity(Enum):
+class Quantity(StrEnum):
     """What can be computed, as opposed to what can be demanded."""
 
-    SHEAR = auto()
-    MODES = auto()
-    VOLUME = auto()
-    SURFACE = auto()
-    CONTACTS = auto()
-    TORSION = auto()
-    SLIP = auto()
+    SHEAR = "shear"
+    MODES = "modes"
+    VOLUME = "volume"
+    SURFACE = "surface"
+    CONTACTS = "contacts"
+    TORSION = "torsion"
+    SLIP = "slip"
+    VIBRATION = "vibration"
 
 
-#: The calibrated outputs are polynomials in modes and volume (`edge.calibration`).
-_LOAD = frozenset({Quantity.MODES, Quantity.VOLUME})
 NEEDS: dict[Feature, frozenset[Quantity]] = {
-    Feature.DISPLACEMENT: _LOAD,
-    Feature.FORCE: _LOAD,
-    Feature.PRESSURE: _LOAD | {Quantity.CONTACTS},
-    Feature.CONTACT_AREA: _LOAD | {Quantity.CONTACTS},
-    Feature.CONTACTS: frozenset({Quantity.CONTACTS}),
-    Feature.SHEAR: frozenset({Quantity.SHEAR, Quantity.MODES}),
-    Feature.TORSION: frozenset({Quantity.TORSION, Quantity.MODES}),
-    Feature.TILT: frozenset({Quantity.MODES}),
-    Feature.SLIP: frozenset({Quantity.SLIP}),
-    Feature.ORIENTATION: frozenset({Quantity.CONTACTS}),
-    Feature.SURFACE: frozenset({Quantity.SURFACE}),
+    feature: frozenset(map(Quantity, feature.needs)) for feature in Feature
 }
 
 
@@ -104,7 +95,8 @@ class FeaturePlan:
         self.torsion = Quantity.TORSION in need
         self.slip = Quantity.SLIP in need
         self.areas = self.volume or self.surface or self.contacts
-        self.contact_pins = self.torsion or self.slip
+        self.vibration = Quantity.VIBRATION in need
+        self.contact_pins = self.torsion or self.slip or self.vibration
         slip = 0.0 if self.slip else None
         self.untouched_areas: _OfAreas = (
             0.0 if self.volume else None,
@@ -112,6 +104,7 @@ class FeaturePlan:
             None,
             () if self.contacts else None,
         )
+        self.untouched_vibration: Rms = NO_VIBRATION if self.vibration else (None, None)
         self.untouched_pins: _OfPins = (0.0 if self.torsion else None, slip, slip)
 
 
@@ -124,6 +117,7 @@ class _Motion:
               finite; None: everywhere
     mean_px   (2,) mean of `whole_px`; good until the next frame
     sigma_px  noise of one coordinate of one pin's motion
+    now_px    the part of it that is this frame's
     filled    whether lost pins were predicted
     """
 
@@ -132,6 +126,7 @@ class _Motion:
     known: Mask | None
     mean_px: Array
     sigma_px: float
+    now_px: float
     filled: bool
 
 
@@ -163,6 +158,7 @@ class FeatureExtractor:
         self._xy = self._motion.xy
         self._modes = Modes(rest)
         self._slip = Slip(rest, self._motion, params)
+        self._vibration = Vibration(len(rest), params)
         self._surface: Surface | None = None  # made for the first contact
         self._finder: ContactFinder | None = None
         self._plan = FeaturePlan(frozenset())
@@ -202,11 +198,13 @@ class FeatureExtractor:
         plan: FeaturePlan,
         *,
         contact_holds: bool = False,
+        capture_ns: int = 0,
     ) -> Features:
         """The features of one frame.
 
         cells          of the same frame; None when nobody asked for what needs areas
         contact_holds  of this frame, as `contact_holds` says; no cells are needed then
+        capture_ns     when the frame was taken; 0: not known, and vibration neither
         Returns        Features; fields outside of the plan are None
         """
         if plan is not self._plan:
@@ -225,14 +223,18 @@ class FeatureExtractor:
         if plan.modes and (in_contact or plan.modes_at_rest):
             modes_px = self._modes.fit(motion.whole_px, motion.known)
         kept = motion.px.copy(), area_change.copy()
-        of_areas, of_pins = _NO_AREAS, _NO_PINS
+        of_areas, of_pins, vibration = _NO_AREAS, _NO_PINS, plan.untouched_vibration
         if in_contact:
             if cells is not None and plan.areas:
                 of_areas = self._of_areas(whole_change, tracks.seen, motion.sigma_px)
             if plan.contact_pins:
-                of_pins = self._of_contact_pins(motion, area_change, kept)
+                pins = self._contact_pins(motion, area_change)
+                of_pins = self._of_contact_pins(motion, area_change, kept, pins)
+                if plan.vibration:
+                    vibration = self._vibration.update(kept[0], pins, motion.now_px, capture_ns)
         else:
             self._slip.forget()
+            self._vibration.forget()
             self.forget_contacts()
             of_areas, of_pins = plan.untouched_areas if cells is not None else _NO_AREAS, plan.untouched_pins
         if cells is not None:
@@ -240,20 +242,22 @@ class FeatureExtractor:
         else:
             gap, gap_img = 0.0 if motion.known is None else math.nan, None
         # By place: names cost 3,000 instructions.
-        return Features(kept[1], kept[0], in_contact, shear_px, modes_px, *of_areas, *of_pins, gap, gap_img)
+        return Features(
+            kept[1], kept[0], in_contact, shear_px, modes_px, *of_areas, *of_pins, gap, gap_img, *vibration
+        )
 
     def _motion_of(self, tracks: Tracks, cells: Cells | None) -> _Motion:
         seen, px = tracks.seen, self._px
         now_px, n_seen = self._motion.since_rest(tracks.xy_img, tracks.sigma_px, px)
         sigma_px, mean_px = self._detector.sigma_px(now_px), self._motion.mean
         if n_seen == len(seen):
-            return _Motion(px, px, None, mean_px, sigma_px, False)
+            return _Motion(px, px, None, mean_px, sigma_px, now_px, False)
         if cells is not None:
             self._xy[:] = cells.xy_img
         if cells is None or 2 * n_seen < max(len(seen), 2):  # most are a guess
-            return _Motion(px, px, seen, mean_px, sigma_px, False)
+            return _Motion(px, px, seen, mean_px, sigma_px, now_px, False)
         whole = np.subtract(cells.xy_img, self._xy_rest, out=self._whole_px)
-        return _Motion(px, whole, None, whole.mean(axis=0), sigma_px, True)
+        return _Motion(px, whole, None, whole.mean(axis=0), sigma_px, now_px, True)
 
     def _area_changes(self, cells: Cells | None, filled: bool) -> tuple[Array, Array]:
         """Relative area changes, (n,), NaN where lost; and the same with lost pins' cells, if these are
@@ -285,13 +289,19 @@ class FeatureExtractor:
                 contacts = self.finder.find(xy_img, seen, sigma_px, moments=plan.moments, fits=plan.fits)
         return volume, picture, grid, contacts
 
-    def _of_contact_pins(self, motion: _Motion, area_change: Array, kept: tuple[Array, Array]) -> _OfPins:
-        """Those of a frame in contact."""
-        plan, params = self._plan, self._params
-        torsion = slip = probability = None
+    def _contact_pins(self, motion: _Motion, area_change: Array) -> Index:
+        """Rows of the pins in the contact; good until the next frame."""
+        params = self._params
         noise = self._detector.cell_noise(motion.sigma_px)
         least = max(params.contact_sigma * noise, params.min_area_change)
-        pins = self._motion.in_contact(area_change, least)
+        return self._motion.in_contact(area_change, least)
+
+    def _of_contact_pins(
+        self, motion: _Motion, area_change: Array, kept: tuple[Array, Array], pins: Index
+    ) -> _OfPins:
+        """Those of a frame in contact."""
+        plan = self._plan
+        torsion = slip = probability = None
         if plan.torsion:
             torsion = self._motion.torsion(motion.px, pins)
         if plan.slip:

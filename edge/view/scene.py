@@ -21,6 +21,8 @@ from edge.cells import cell_polygons
 from edge.types import Array, Frame, Rest, Result
 from edge.view.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
 from edge.view.params import PARAMS
+from hostlink.wire import FIELDS
+from hostlink.wire.shown import live_charts, live_fields, page_numbers
 
 __all__ = ["CHART", "Arrays", "camera", "hello", "touch"]
 
@@ -28,21 +30,7 @@ Arrays = dict[str, tuple[str, bytes]]
 
 
 #: What the charts show of every sample, in this order; the page finds them by name.
-CHART = (
-    "time_s",
-    "displacement_mm",
-    "shear_x_mm",
-    "shear_y_mm",
-    "torsion_deg",
-    "force_n",
-    "force_x_n",
-    "force_y_n",
-    "slip_margin",
-    "latency_ms",
-    "volume_px2",
-    "shear_x_px",
-    "shear_y_px",
-)
+CHART = ("time_s", *live_fields(FIELDS), "latency_ms", "volume_px2", "shear_x_px", "shear_y_px")
 
 
 def hello(source: str, serial: str) -> dict[str, Any]:
@@ -51,6 +39,8 @@ def hello(source: str, serial: str) -> dict[str, Any]:
         "source": source,
         "serial": serial,
         "chart": CHART,
+        "charts": live_charts(FIELDS),
+        "numbers": page_numbers(FIELDS),
         "palettes": {"paper": _colours(PAPER), "safe": _colours(SAFE)},
         "full_change": PARAMS.full_change,
         "local_gain": PARAMS.local_gain,

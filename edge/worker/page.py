@@ -27,33 +27,13 @@ from edge.view.scene import CHART, Arrays, camera, hello, touch
 from edge.worker.messages import Show
 from edge.worker.params import PARAMS
 from hostlink.web import Listen, PageServer, WebError, pack_packet
-from hostlink.wire import State
+from hostlink.wire import FIELDS, State
 
 __all__ = ["LivePage"]
 
 
-#: Numbers beside the picture; fields of the state frame.
-VALUES = (
-    "displacement_mm",
-    "displacement_sigma_mm",
-    "force_n",
-    "force_x_n",
-    "force_y_n",
-    "force_xy_sigma_n",
-    "torque_z_nmm",
-    "torque_z_sigma_nmm",
-    "friction",
-    "slip_margin",
-    "shear_x_mm",
-    "shear_y_mm",
-    "shear_sigma_mm",
-    "torsion_deg",
-    "tilt_x_deg",
-    "tilt_y_deg",
-    "slip_probability",
-    "contact_n",
-    "latency_us",
-)
+#: What the page has of a sample: the measured values.
+VALUES = tuple(f.name for f in FIELDS if not f.plain)
 
 
 class LivePage:
@@ -180,7 +160,6 @@ class LivePage:
 
     def _chart(self, now_s: float) -> Arrays:
         """The last rows: overlapping packets, so that a viewer that missed one has no gap."""
-        recent = [row for row in self._rows if now_s - row[0] < PARAMS.recent_s]
         recent = [row for row in self._rows if now_s - row[0] < PARAMS.recent_s]
         rows = np.array(recent).reshape(-1, len(CHART))
         rows[:, 0] -= now_s  # small numbers: float32 holds them to the microsecond

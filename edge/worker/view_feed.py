@@ -6,12 +6,14 @@ import time
 from collections import deque
 from collections.abc import Callable
 from math import nan
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from edge.worker.messages import Show
 from edge.worker.params import PARAMS
 from hostlink.web.limits import WebLimits
-from hostlink.wire import FAULTS
+from hostlink.wire import FAULTS, FIELDS
+from hostlink.wire.shown import live_fields
 
 if TYPE_CHECKING:
     from edge.runtime.loop import Loop
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ViewFeed"]
 
+_charted = attrgetter(*live_fields(FIELDS))
 _MEANING = {fault.code: fault.meaning for fault in FAULTS}
 _PERIOD_S = 1.0 / WebLimits().rate_hz
 
@@ -120,14 +123,7 @@ def _row(at_s: float, state: State, features: Features | None) -> tuple[float, .
     volume = None if features is None else features.volume_px2
     return (
         at_s,
-        state.displacement_mm,
-        state.shear_x_mm,
-        state.shear_y_mm,
-        state.torsion_deg,
-        state.force_n,
-        state.force_x_n,
-        state.force_y_n,
-        state.slip_margin,
+        *_charted(state),
         state.latency_us / 1e3,
         nan if volume is None else volume,
         *((nan, nan) if shear is None else shear.tolist()),
