@@ -154,6 +154,7 @@ class FeatureExtractor:
         self._change, self._whole_change = np.empty(len(rest)), np.empty(len(rest))
         self._detector = ContactDetector(rest, params)
         self._largest_noise = largest_noise(len(rest))
+        self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
         self._motion = PinMotion(rest)
         self._xy = self._motion.xy
         self._modes = Modes(rest)
@@ -218,6 +219,7 @@ class FeatureExtractor:
             in_contact = self._detector.by_motion(tracks.xy_img, motion.sigma_px)
         else:
             in_contact = self._detector.by_area(whole_change, self._xy, motion.sigma_px)
+        noise = self._detector.cell_noise(motion.sigma_px) if in_contact else 0.0
         shear_px = motion.mean_px.copy() if plan.shear else None
         modes_px = None
         if plan.modes and (in_contact or plan.modes_at_rest):
@@ -226,9 +228,9 @@ class FeatureExtractor:
         of_areas, of_pins, vibration = _NO_AREAS, _NO_PINS, plan.untouched_vibration
         if in_contact:
             if cells is not None and plan.areas:
-                of_areas = self._of_areas(whole_change, tracks.seen, motion.sigma_px)
+                of_areas = self._of_areas(whole_change, tracks.seen, motion.sigma_px, noise)
             if plan.contact_pins:
-                pins = self._contact_pins(motion, area_change)
+                pins = self._contact_pins(area_change, noise)
                 of_pins = self._of_contact_pins(motion, area_change, kept, pins)
                 if plan.vibration:
                     vibration = self._vibration.update(kept[0], pins, motion.now_px, capture_ns)
@@ -249,7 +251,7 @@ class FeatureExtractor:
     def _motion_of(self, tracks: Tracks, cells: Cells | None) -> _Motion:
         seen, px = tracks.seen, self._px
         now_px, n_seen = self._motion.since_rest(tracks.xy_img, tracks.sigma_px, px)
-        sigma_px, mean_px = self._detector.sigma_px(now_px), self._motion.mean
+        sigma_px, mean_px = math.sqrt(now_px * now_px + self._rest_variance), self._motion.mean
         if n_seen == len(seen):
             return _Motion(px, px, None, mean_px, sigma_px, now_px, False)
         if cells is not None:
@@ -272,13 +274,13 @@ class FeatureExtractor:
             return self._change, self._whole_change
         return self._change, self._change
 
-    def _of_areas(self, area_change: Array, seen: Mask, sigma_px: float) -> _OfAreas:
+    def _of_areas(self, area_change: Array, seen: Mask, sigma_px: float, noise: float) -> _OfAreas:
         """Those of a frame in contact."""
         plan, changes, xy_img = self._plan, self._area_change, self._xy
         volume = picture = grid = contacts = None
         changes.fill(area_change, xy_img)
         if plan.volume:
-            volume = changes.volume(self._largest_noise * self._detector.cell_noise(sigma_px))
+            volume = changes.volume(self._largest_noise * noise)
         if plan.surface or plan.contacts:
             surface = self.surface
             surface.field.set_area_change(self._changes)
@@ -289,10 +291,12 @@ class FeatureExtractor:
                 contacts = self.finder.find(xy_img, seen, sigma_px, moments=plan.moments, fits=plan.fits)
         return volume, picture, grid, contacts
 
-    def _contact_pins(self, motion: _Motion, area_change: Array) -> Index:
-        """Rows of the pins in the contact; good until the next frame."""
+    def _contact_pins(self, area_change: Array, noise: float) -> Index:
+        """Rows of the pins in the contact; good until the next frame.
+
+        noise  one sigma of a cell's area change
+        """
         params = self._params
-        noise = self._detector.cell_noise(motion.sigma_px)
         least = max(params.contact_sigma * noise, params.min_area_change)
         return self._motion.in_contact(area_change, least)
 
