@@ -372,7 +372,7 @@ class Feature(StrEnum):
     def __new__(
         cls,
         name: str,
-        needs: str,
+        needs: str = "",
         outputs: str = "",
         cells: bool = True,
         areas: bool = True,

@@ -133,6 +133,11 @@ class SteppingWorld:
 INSIDE = 2e-6  # the wire's microseconds
 
 
+def _announced_reboot(world: SteppingWorld) -> None:
+    world.reboot()
+    world.clock.restart()
+
+
 CHANGES: dict[str, Callable[[SteppingWorld], object]] = {
     **{
         f"step by {s} s": lambda world, s=s: world.step(s)  # type: ignore[misc]  # bound to this round
@@ -143,7 +148,7 @@ CHANGES: dict[str, Callable[[SteppingWorld], object]] = {
         for m in (1.0, 30.0, 37.0, 50.0, 67.0, 71.0, 72.5, 110.0)
     },
     "reboot": SteppingWorld.reboot,
-    "announced reboot": lambda world: (world.reboot(), world.clock.restart()),
+    "announced reboot": _announced_reboot,
 }
 
 

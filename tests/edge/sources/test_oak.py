@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from edge.errors import SourceError
+from edge.params import PARAMS as RUNTIME
 from edge.sources import oak, open_source
 from edge.sources.options import Options
 from edge.types import Clock, Frame
@@ -333,7 +334,7 @@ class FakeModule:
 def opened(module: FakeModule, monkeypatch: pytest.MonkeyPatch, **settings: Any) -> oak.OakSource:
     monkeypatch.setattr(oak, "load_depthai", lambda: module)
     monkeypatch.setattr(oak, "lens_of", lambda handler, socket, size, crop: None)
-    monkeypatch.setattr(oak, "RUNTIME", replace(oak.RUNTIME, retry_s=0.01))
+    monkeypatch.setattr(oak, "RUNTIME", replace(RUNTIME, retry_s=0.01))
     return oak.OakSource(lambda pipeline: pipeline, Options(**settings), module=lambda: SimpleNamespace())  # type: ignore[arg-type,return-value]
 
 
