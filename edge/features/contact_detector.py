@@ -73,7 +73,6 @@ class ContactDetector:
     _ring: cython.ushort[:, ::1]
     _slope: cython.double[:, :, ::1]
     _pitch_px: cython.double
-    _rest_variance: cython.double
     _noise_ratio: cython.double  # of a cell: measured over predicted noise
     _ring_noise_ratio: cython.double  # of a ring's mean
     _turn: cython.Py_ssize_t  # which rings it is learnt from next
@@ -105,7 +104,6 @@ class ContactDetector:
         self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
         self._ring, self._slope = short_rows(ring), slope
         self._pitch_px = rest.pattern.pitch_px
-        self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
         self._noise_ratio = self._ring_noise_ratio = 1.0
         self._turn = 0
         self._in_contact = False
@@ -122,10 +120,6 @@ class ContactDetector:
         self._noise_ratio_max = params.noise_ratio_max
         self._noise_frames_n = params.noise_frames_n
 
-    def sigma_px(self, now_px: cython.double) -> float:
-        """Noise of one coordinate of a pin's motion since rest, from its mean in this frame's positions."""
-        return sqrt(now_px * now_px + self._rest_variance)
-
     def cell_noise(self, sigma_px: cython.double) -> float:
         """One-sigma noise of a single cell's relative area change."""
         return self._cell_noise / self._pitch_px * sigma_px * self._noise_ratio
@@ -135,7 +129,7 @@ class ContactDetector:
 
         area_change  (n,) float64, relative; NaN where lost
         xy           (n, 2) float64, px, where the pins are; finite
-        sigma_px     of `sigma_px`
+        sigma_px     noise of one coordinate of a pin's motion since rest
         Raises       ValueError: sizes that do not fit
         """
         n: cython.Py_ssize_t = self._n
@@ -177,7 +171,7 @@ class ContactDetector:
         """Decide without areas: do pins move against each other beyond their noise?
 
         xy        (n, 2) float64, px, where the pins are; NaN where lost
-        sigma_px  of `sigma_px`
+        sigma_px  noise of one coordinate of a pin's motion since rest
         Raises    ValueError: sizes that do not fit
         """
         n: cython.Py_ssize_t = self._n

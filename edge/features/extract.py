@@ -149,6 +149,7 @@ class FeatureExtractor:
         self._change, self._whole_change = np.empty(len(rest)), np.empty(len(rest))
         self._detector = ContactDetector(rest, params)
         self._largest_noise = largest_noise(len(rest))
+        self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
         self._motion = PinMotion(rest)
         self._xy = self._motion.xy
         self._modes = Modes(rest)
@@ -217,6 +218,7 @@ class FeatureExtractor:
             in_contact = self._detector.by_motion(tracks.xy_img, motion.sigma_px)
         else:
             in_contact = self._detector.by_area(whole_change, self._xy, motion.sigma_px)
+        noise = self._detector.cell_noise(motion.sigma_px) if in_contact else 0.0
         shear_px = motion.mean_px.copy() if plan.shear else None
         modes_px = None
         if plan.modes and (in_contact or modes_at_rest):
@@ -225,9 +227,9 @@ class FeatureExtractor:
         of_areas, of_pins = _NO_AREAS, _NO_PINS
         if in_contact:
             if cells is not None and plan.areas:
-                of_areas = self._of_areas(whole_change, tracks.seen, motion.sigma_px, moments, fits)
+                of_areas = self._of_areas(whole_change, tracks.seen, motion.sigma_px, noise, moments, fits)
             if plan.contact_pins:
-                of_pins = self._of_contact_pins(motion, area_change, kept)
+                of_pins = self._of_contact_pins(motion, area_change, noise, kept)
         else:
             self._slip.forget()
             self.forget_contacts()
@@ -242,7 +244,7 @@ class FeatureExtractor:
     def _motion_of(self, tracks: Tracks, cells: Cells | None) -> _Motion:
         seen, px = tracks.seen, self._px
         now_px, n_seen = self._motion.since_rest(tracks.xy_img, tracks.sigma_px, px)
-        sigma_px, mean_px = self._detector.sigma_px(now_px), self._motion.mean
+        sigma_px, mean_px = math.sqrt(now_px * now_px + self._rest_variance), self._motion.mean
         if n_seen == len(seen):
             return _Motion(px, px, None, mean_px, sigma_px, False)
         if cells is not None:
@@ -266,14 +268,14 @@ class FeatureExtractor:
         return self._change, self._change
 
     def _of_areas(
-        self, area_change: Array, seen: Mask, sigma_px: float, moments: bool, fits: Fits
+        self, area_change: Array, seen: Mask, sigma_px: float, noise: float, moments: bool, fits: Fits
     ) -> _OfAreas:
         """Those of a frame in contact."""
         plan, changes, xy_img = self._plan, self._area_change, self._xy
         volume = picture = grid = contacts = None
         changes.fill(area_change, xy_img)
         if plan.volume:
-            volume = changes.volume(self._largest_noise * self._detector.cell_noise(sigma_px))
+            volume = changes.volume(self._largest_noise * noise)
         if plan.surface or plan.contacts:
             surface = self.surface
             surface.field.set_area_change(self._changes)
@@ -284,11 +286,12 @@ class FeatureExtractor:
                 contacts = self.finder.find(xy_img, seen, sigma_px, moments=moments, fits=fits)
         return volume, picture, grid, contacts
 
-    def _of_contact_pins(self, motion: _Motion, area_change: Array, kept: tuple[Array, Array]) -> _OfPins:
-        """Those of a frame in contact."""
+    def _of_contact_pins(
+        self, motion: _Motion, area_change: Array, noise: float, kept: tuple[Array, Array]
+    ) -> _OfPins:
+        """Those of a frame in contact; noise: one sigma of a cell's area change."""
         plan, params = self._plan, self._params
         torsion = slip = probability = None
-        noise = self._detector.cell_noise(motion.sigma_px)
         least = max(params.contact_sigma * noise, params.min_area_change)
         pins = self._motion.in_contact(area_change, least)
         if plan.torsion:

@@ -32,6 +32,7 @@ class Tracker:
         self._params, self._n = self._tip.params, len(self._tip)
         self._full_share_min = self._params.full_share_min
         self._follower = Follower(self._tip.lattice, self._tip.photometric, self._params)
+        self._expected = self._follower.predict()  # the follower's memory
         self._identifier = Identifier(self._tip)
         self.forget()
 
@@ -48,7 +49,7 @@ class Tracker:
 
     def predict(self) -> Array | None:
         """(n, 2) px, where each pin is expected in the next frame; None: identities are not held."""
-        return self._follower.predict() if self._held else None
+        return self._expected if self._held else None
 
     def follow(self, pins: Pins) -> Tracks:
         """Check what was found at the predicted places.
