@@ -714,7 +714,7 @@ class ContactFit:
             dx, dy = x - z * parameters[6], y - z * parameters[7]
             r2 = (dx * dx + dy * dy) * i2
             f = 1.0 / (1.0 + 0.5 * r2)
-            wf = f * self._weight[self._evenly, k]
+            wf = f * self._weight[1 if self._evenly else 0, k]
             g = f * wf
             gx, gy = g * dx, g * dy
             s[0] += wf
