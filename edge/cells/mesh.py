@@ -301,12 +301,12 @@ class Mesh:
         right: cython.double = -INFINITY
         top: cython.double = INFINITY
         bottom: cython.double = -INFINITY
-        zero: cython.double = 0.0  # NaN if a coordinate is not finite
+        zero: cython.double = 0.0  # NaN if a coordinate is not finite: 0 times it is
         for i in range(n):
             x, y = points[i, 0], points[i, 1]
             left, right = x if x < left else left, x if x > right else right
             top, bottom = y if y < top else top, y if y > bottom else bottom
-            zero += (x - x) + (y - y)
+            zero += 0.0 * x + 0.0 * y
         if zero != 0.0:
             return NOT_FINITE
         size: cython.double = max(right - left, bottom - top)
