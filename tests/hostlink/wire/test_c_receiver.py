@@ -16,7 +16,6 @@ from random import Random
 import can
 import pytest
 
-import hostlink
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState
 from hostlink.decoder import SerialDecoder
 from hostlink.errors import LinkError
@@ -37,10 +36,9 @@ from hostlink.wire import (
 from hostlink.wire.parts import Assembler, unpack_part
 from hostlink.wire.serial import BODY_MAX, decode_frame
 from tests.hostlink.test_client import make_node
+from tests.support.c_programs import C, compiled
 from tests.support.states import random_state, same
 
-C = Path(hostlink.__file__).parent / "c"
-STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", "-O1"]
 SANITIZED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 OWN = ("vt_e2e.c", "vt_parts.c", "vt_serial.c", "vt_request.c", "examples/receiver.c")
 # Advisory rules that the files do not keep: 15.5 one exit a function (guards read better), 2.5 unused macros
@@ -49,27 +47,19 @@ MISRA_LEFT_OUT = ("15.5", "2.5", "8.9")
 BUSY, UNKNOWN = RestFrameState.BUSY, RestFrameState.UNKNOWN
 
 
-def compiled(folder: Path, *options: str) -> Path:
-    compiler = shutil.which("gcc")
-    if compiler is None:
-        pytest.skip("no gcc")
-    program = folder / "receiver"
-    main = Path(__file__).parent / "receiver_main.c"
-    sources = [str(main), str(C / "vt_fd.c"), *(str(C / name) for name in OWN)]
-    subprocess.run(
-        [compiler, *STRICT, *SANITIZED, *options, f"-I{C}", *sources, "-lm", "-o", str(program)], check=True
-    )
-    return program
+def receiver(folder: Path, *options: str) -> Path:
+    sources = [Path(__file__).parent / "receiver_main.c", C / "vt_fd.c", *(C / name for name in OWN)]
+    return compiled(folder / "receiver", sources, "-Wconversion", *SANITIZED, *options)
 
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return compiled(tmp_path_factory.mktemp("c"))
+    return receiver(tmp_path_factory.mktemp("c"))
 
 
 @pytest.fixture(scope="module")
 def serial_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return compiled(tmp_path_factory.mktemp("serial"), "-DLINK_SERIAL")
+    return receiver(tmp_path_factory.mktemp("serial"), "-DLINK_SERIAL")
 
 
 def run(program: Path, commands: list[str]) -> list[list[str]]:
