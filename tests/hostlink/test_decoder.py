@@ -327,7 +327,7 @@ def test_bad_serial_line() -> None:
 
 
 def test_bad_fd_memory() -> None:
-    """State frames damaged *behind* CAN's own CRC, where the E2E CRC-16 and the check at the end stand alone."""
+    """State frames damaged *behind* CAN's own CRC, where the CRC-16 and the check at the end stand alone."""
     rng, ledger, decoder = Random(2), Ledger(), CanDecoder()
 
     def mix(frame: bytes, previous: bytes) -> bytes:
