@@ -28,6 +28,7 @@ from calib.sim import Tip, Tool
 from edge.calibration import Calibration
 from edge.errors import SourceError
 from hostlink.output_file import OutputError
+from tests.support.captures import write_table
 from tests.support.commands import only_error, run_calib
 from tests.support.images import read_grey
 from tests.support.waiting import SOON_S, until
@@ -131,19 +132,19 @@ def images(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Images:
     """The capture as a table beside a folder of images: table, folder, rest image."""
     folder = tmp_path_factory.mktemp("images")
     data = open_dataset([recording], None, None)
-    frames = folder / "frames"
-    frames.mkdir()
-    values = data.targets.values
-    lines = ["sensor_image,pose_z,shear_x,shear_y,force_z,contact_x,contact_y"]
-    names = ("displacement_mm", "shear_x_mm", "shear_y_mm", "force_n", "contact_x_mm", "contact_y_mm")
-    for i, image in enumerate(data.parts[0].frames()):
-        cv2.imwrite(str(frames / f"{i}.png"), np.asarray(image))
-        lines.append(",".join([f"{i}.png", *(repr(float(values[name][i])) for name in names)]))
+    names = {
+        "pose_z": "displacement_mm",
+        "shear_x": "shear_x_mm",
+        "shear_y": "shear_y_mm",
+        "force_z": "force_n",
+        "contact_x": "contact_x_mm",
+        "contact_y": "contact_y_mm",
+    }
+    columns = {column: data.targets.values[name] for column, name in names.items()}
+    table = write_table(folder, data.parts[0].frames(), columns)
     rest = folder / "rest.png"
     cv2.imwrite(str(rest), SimulatedRig(SMALL).frame().image)
-    table = folder / "targets.csv"
-    table.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return table, frames, rest
+    return table, folder, rest
 
 
 def run(*arguments: str | Path) -> str:
