@@ -78,8 +78,8 @@ def test_exact_round_trip(tmp_path: Path, suffix: str) -> None:
 @pytest.mark.parametrize("suffix", [".log", ".blf"])
 def test_time_never_runs_backwards(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"
-    times = (10.0, 12.0, 11.0, 13.0000004)
-    writer = write_log(path, [can.Message(START_S + time_s, 1, data=b"x") for time_s in times])
+    given = (10.0, 12.0, 11.0, 13.0000004)
+    writer = write_log(path, [can.Message(START_S + time_s, 1, data=b"x") for time_s in given])
     assert writer.stepped_n == 1
     times = [round(m.timestamp - START_S, 5) for m in read_log(path)]
     assert times == [10.0, 12.0, 12.0, 13.0]

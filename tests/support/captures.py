@@ -42,7 +42,7 @@ def breaking_after(n: int) -> Callable[[int], Rig]:
     return make
 
 
-def write_table(folder: Path, images: Iterable[Image], columns: dict[str, Array]) -> Path:
+def write_table(folder: Path, images: Iterable[Image | Path], columns: dict[str, Array]) -> Path:
     """Images 0.png, 1.png, ... and the table that names them, with these columns."""
     lines = [",".join(("sensor_image", *columns))]
     for k, (image, *values) in enumerate(zip(images, *columns.values(), strict=True)):

@@ -48,6 +48,7 @@ def _structs() -> dict[str, Any]:
     for line in DEFINITIONS.strip().splitlines():
         name, _, text = line.partition(": ")
         members.setdefault(name, []).extend(text.split(", "))
+    sequence: Any = types.sequence
     known: dict[str, Any] = {"string": str, "bool": bool} | {
         plain: getattr(types, plain) for plain in ("uint8", "uint16", "uint32", "int32", "float32", "float64")
     }
@@ -56,7 +57,7 @@ def _structs() -> dict[str, Any]:
         for text in texts:
             kind, member = text.split()
             one = known[kind.removesuffix("[]")]
-            fields.append((member, types.sequence[one] if kind.endswith("[]") else one))
+            fields.append((member, sequence[one] if kind.endswith("[]") else one))
         known[name] = make_dataclass(name, fields, bases=(IdlStruct,))
     return known
 
