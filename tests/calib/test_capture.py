@@ -170,16 +170,8 @@ def test_a_table_that_is_not_the_capture_s_own_is_kept(
     simulation, protocol = _write(tmp_path)
     table = tmp_path / "x.csv"
     table.write_text("sensor_image,pose_z\nmine.png,1.0\n")
-    given: tuple[str | Path, ...] = (
-        "--rig",
-        f"sim:{simulation}",
-        "--protocol",
-        protocol,
-        "-o",
-        tmp_path / "x.mcap",
-        *resume,
-    )
-    assert run_calib("capture", *given) == 2
+    rig, out = f"sim:{simulation}", tmp_path / "x.mcap"
+    assert run_calib("capture", "--rig", rig, "--protocol", protocol, "-o", out, *resume) == 2
     assert "x.csv: exists" in only_error(capsys)
     assert table.read_text() == "sensor_image,pose_z\nmine.png,1.0\n"
     assert not out.exists()
