@@ -131,9 +131,6 @@ def test_nothing_is_overwritten_and_no_other_protocol_s_recording_is_continued(t
     assert path.stat().st_size == size
 
 
-# -- the command --------------------------------------------------------------------------------
-
-
 def _write(tmp_path: Path) -> tuple[Path, Path]:
     simulation, protocol = tmp_path / "tip.toml", tmp_path / "tiny.toml"
     simulation.write_text('[tip]\nn_pins = 37\nkind = "hex"\n[camera]\nsize_px = [96, 96]\n')

@@ -121,9 +121,6 @@ def test_frames_are_evaluated_independently(recording: Path, seen_here: Extract)
     np.testing.assert_array_equal(backward.extract(Here()).inputs[::-1], seen_here.inputs)
 
 
-# -- from the command line -----------------------------------------------------------------------------
-
-
 Images = tuple[Path, Path, Path]
 
 

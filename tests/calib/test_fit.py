@@ -189,9 +189,6 @@ def test_the_scale_comes_from_known_places() -> None:
     assert calibration.mm_per_px == pytest.approx(0.12, rel=1e-4)
 
 
-# -- refusals: one line, naming the rows ---------------------------------------------------------------
-
-
 def _shuffled(n: int) -> dict[str, Array]:
     _, values = make(n)
     return {"displacement_mm": np.random.default_rng(0).permutation(values["displacement_mm"])}

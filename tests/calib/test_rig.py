@@ -82,9 +82,6 @@ def rig_on(config: StageFile) -> GcodeRig:
     return GcodeRig(GcodeStage(config), FakeCamera(step_ns=1 << 61, n=3), quiet)
 
 
-# -- simulated ----------------------------------------------------------------------------------
-
-
 def test_simulated_rig_shows_the_pose_it_was_moved_to() -> None:
     rig = open_rig("sim")
     rig.mount(Tool("sphere", 3.0))
@@ -169,9 +166,6 @@ def test_an_unknown_rig_is_answered_with_the_known_ones(spec: str) -> None:
         open_rig(spec)
 
 
-# -- a camera beside the rig --------------------------------------------------------------------
-
-
 def test_frames_before_the_skin_has_settled_are_discarded() -> None:
     now = 10_000_000
     camera = SettledCamera(FakeCamera(Clock.DRIVER), settle_s=0.005, now_ns=lambda: now)
@@ -195,9 +189,6 @@ def test_a_camera_that_ends_is_an_error_and_a_recording_is_refused() -> None:
     with pytest.raises(RigError, match="live"):
         SettledCamera(recording)
     assert recording.closed
-
-
-# -- G-code -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("boots", [True, False])
@@ -323,9 +314,6 @@ def test_poses_that_the_stage_cannot_reach_are_refused(stage_at: StageAt) -> Non
     rig = rig_on(StageFile(stage=config.stage, axes={"A": AxisTable()}))
     rig.move(Pose(depth_mm=1.0, twist_deg=5.0))
     rig.close()
-
-
-# -- manual -------------------------------------------------------------------------------------
 
 
 def test_the_manual_rig_gives_instructions_and_then_takes_an_image() -> None:

@@ -56,9 +56,6 @@ def area_change(*contacts: ToolPose) -> Array:
     return areas(REST + motion_of(*contacts)) / rest - 1
 
 
-# -- friction -----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("friction", [0.3, 0.8])
 @pytest.mark.parametrize("depth_mm", [1.0, 2.0, 3.0])
 def test_partial_slip_is_mindlins(friction: float, depth_mm: float) -> None:
@@ -93,9 +90,6 @@ def test_a_spinning_contact_carries_the_torque_of_a_round_one() -> None:
     assert one.torques_nmm[0] == pytest.approx(hertz, rel=0.12)
     assert other.torques_nmm[0] == pytest.approx(-one.torques_nmm[0], rel=1e-3)
     assert np.hypot(*one.drags_n[0]) < 0.02 * 0.4 * one.forces_n[0]
-
-
-# -- layouts ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -149,9 +143,6 @@ def test_what_cannot_be_is_refused_with_what_can(make: Callable[[], object], mes
     with pytest.raises((ValueError, SourceError)) as caught:
         make()
     assert message in str(caught.value)
-
-
-# -- mechanics ----------------------------------------------------------------------------------
 
 
 @settings(max_examples=15)
@@ -286,9 +277,6 @@ def test_mirrored_contacts_move_mirrored_pins() -> None:
     np.testing.assert_allclose(left[mirror] * [-1, 1], right, atol=0.02)
 
 
-# -- rendering ----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("blur_px", [0.5, 0.8, 1.5])
 @pytest.mark.parametrize(
     "camera", [SMALL, Camera(SMALL.tip), Camera(SMALL.tip, size_px=(1280, 800), roll_deg=20.0)]
@@ -391,9 +379,6 @@ def test_truth_is_json_and_complete() -> None:
     assert len(truth["pins_img"]) == len(truth["visible"]) == 127
 
 
-# -- scenes and the source ----------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("scene", SCENES)
 def test_scenes_start_untouched_and_move_no_pin_further_than_a_third_of_the_pitch(scene: str) -> None:
     frames = list(play(SCENES[scene]))
@@ -426,9 +411,6 @@ def test_paced_source_loops_at_its_rate() -> None:
         assert numbers[-1] >= n
     finally:
         source.close()
-
-
-# -- the bundled recordings, and the published ones ---------------------------------------------
 
 
 def test_bundled_recordings_are_what_their_recipe_makes(data_dir: Path, tmp_path: Path) -> None:

@@ -35,9 +35,6 @@ def test_without_a_message_there_is_no_host_time() -> None:
     assert ClockMap().to_host(5) is None
 
 
-# --- clocks that step: true host time of each sample is known, and must lie within the claimed error ---
-
-
 class SteppingWorld:
     """A sensor and a host whose clocks can be changed; `sample` gives a sample to the map and checks its
     error.

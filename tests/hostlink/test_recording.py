@@ -148,9 +148,6 @@ def test_a_channel_with_a_long_number_is_recorded(tmp_path: Path) -> None:
     assert (back.arbitration_id, bytes(back.data), back.channel) == (0x181, b"12345678", 0)
 
 
-# ---- damage of every kind ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     "line",
     [

@@ -126,9 +126,6 @@ def read_all(raw: socket.socket) -> bytes:
     return bytes(got)
 
 
-# ---- viewers ------------------------------------------------------------------------------------------
-
-
 def test_a_viewer_that_never_reads_is_disconnected() -> None:
     with serving(limits=WebLimits(patience_s=0.3)) as served:
         server = served.server
@@ -211,9 +208,6 @@ def test_a_hundred_viewers_come_and_go(served: Served) -> None:
             tracemalloc.stop()
     assert seen.count(3) == 100
     served.until(lambda: server.viewers_n == 0, "the last one has left")
-
-
-# ---- other clients ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("fields", ["", "G", "GET / HTTP/1.1\r\nHost: "])
@@ -349,9 +343,6 @@ def test_random_requests_and_messages_get_an_answer_and_leave_no_trace(
     assert all(record.exc_info is None for record in caplog.records), caplog.text
     assert len(caplog.records) < 10, "the log is not theirs to fill"
     assert asyncio.run(look(served.url)) == 2
-
-
-# ---- the parts ----------------------------------------------------------------------------------------
 
 
 def test_requests_are_limited_to_known_names() -> None:

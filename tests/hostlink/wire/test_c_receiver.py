@@ -82,9 +82,6 @@ def test_our_c_files_follow_misra_rules() -> None:
     assert checked.stderr == ""
 
 
-# ---- the parts of a sample ------------------------------------------------------------------------------
-
-
 def mostly_usable(rng: Random, i: int) -> State:
     """A random sample; most may move a hand."""
     state = random_state(rng, i)
@@ -128,9 +125,6 @@ def test_parts_are_assembled_as_in_python(program: Path) -> None:
     assert 2000 < len(expected) < 3000
     assert len(got) == len(expected)
     assert all(same(a, b) for a, b in zip(got, expected, strict=True))
-
-
-# ---- the serial line ------------------------------------------------------------------------------------
 
 
 def line_bytes(rng: Random, frames: int) -> bytes:
@@ -213,9 +207,6 @@ def test_receiver_follows_a_recorded_line(program: Path, tmp_path: Path) -> None
     assert int(rows[-1][1]) == lost_n
 
 
-# ---- a recorded bus -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("classic", [False, True], ids=["fd", "classic"])
 def test_receiver_follows_a_bus(program: Path, classic: bool) -> None:
     rng, commands, expected = Random(6), [], []
@@ -242,9 +233,6 @@ def test_receiver_follows_a_bus(program: Path, classic: bool) -> None:
     rows = run(program, commands)
     assert [float(row[0]) for row in rows] == pytest.approx(expected, abs=1e-5, nan_ok=True)
     assert int(rows[-1][1]) == dropped_n
-
-
-# ---- tare, answered by a real node ------------------------------------------------------------------------
 
 
 class Controller:

@@ -34,9 +34,6 @@ from tests.support.states import CONTACT_ROWS, MEASURED, any_state, expected, ra
 FOLDER = Path(wire.__file__).parent
 
 
-# --- the tables ---
-
-
 def test_the_tables_are_complete() -> None:
     names = [f.name for f in dataclasses.fields(State)]
     assert names == [*(f.name for f in FIELDS), "contacts"]
@@ -77,9 +74,6 @@ def test_standard_library_only() -> None:
         names += [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
         foreign = {name for name in names if name.split(".")[0] not in sys.stdlib_module_names}
         assert all(name.startswith("hostlink.wire") for name in foreign), f"{path.name}: {foreign}"
-
-
-# --- state frame and classic parts ---
 
 
 def through_parts(state: State, counter: int) -> State:
@@ -184,8 +178,6 @@ def test_more_contacts_or_pins_than_fit_are_misuse() -> None:
         wire.pack_detail(0, [(0.0, 0.0, 0.0)] * (PINS_MAX + 1), 0)
 
 
-# --- detail stream ---
-
 _pin = st.tuples(*[st.floats(allow_nan=True, allow_infinity=True)] * 3)
 
 
@@ -216,9 +208,6 @@ def test_detail_with_a_segment_missing_is_dropped_whole() -> None:
     got = [assembler.add(wire.unpack_segment(s)) for s in (*first[:1], *first[2:], *second)]
     assert [d.sample for d in got if d is not None] == [2]
     assert assembler.dropped_n == 1
-
-
-# --- objects, messages, identifiers ---
 
 
 @pytest.mark.parametrize(
