@@ -16,14 +16,11 @@ from calib.commands.cli import cli
 from calib.errors import CaptureError, RigError
 from calib.next_poses import choose
 from calib.protocols import SURFACE_HIGH, SURFACE_LOW
-from calib.rig import Pose, Rig
+from calib.rig import Pose
 from calib.rig.base import CLEAR
-from calib.rig.simulated import CameraTable, SimulatedRig, Simulation
-from calib.sim import Tip
 from edge.calibration.inputs import FRAME_INPUTS
-from edge.types import Frame
+from tests.support.captures import breaking_after, simulated
 
-SMALL = Simulation(tip=Tip(37, "hex"), camera=CameraTable(size_px=(96, 96)))
 POSES = PARAMS.poses_first + 5  # a whole batch is 6
 
 
@@ -34,22 +31,6 @@ def quick_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(process_likelihood, "PARAMS", quick)
     few_groups = replace(process_fit.PARAMS, groups_min=2, rows_groups=2)
     monkeypatch.setattr(process_fit, "PARAMS", few_groups)
-
-
-def simulated(first_sequence: int) -> Rig:
-    return SimulatedRig(SMALL, first_sequence)
-
-
-class Breaking(SimulatedRig):
-    """A camera whose cable is pulled after so many frames."""
-
-    left = 10 + PARAMS.poses_first + 2
-
-    def frame(self) -> Frame:
-        if self.left == 0:
-            raise RigError("rig: the cable is out")
-        self.left -= 1
-        return super().frame()
 
 
 def poses_of(path: Path) -> list[Pose]:
@@ -63,7 +44,7 @@ def test_resumed_within_a_batch_it_takes_the_same_frames(tmp_path: Path) -> None
     assert capture(simulated, plan, through) == 10 + POSES
     assert fitted == [PARAMS.poses_first]
     with pytest.raises(RigError, match="cable"):
-        capture(lambda first: Breaking(SMALL, first), AdaptivePlan(POSES), broken)
+        capture(breaking_after(10 + PARAMS.poses_first + 2), AdaptivePlan(POSES), broken)
     assert capture(simulated, AdaptivePlan(POSES), broken, resume=True) == 3
     for (a, _), (b, _) in zip(read_capture(through), read_capture(broken), strict=True):
         np.testing.assert_array_equal(a.image, b.image)

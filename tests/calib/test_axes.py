@@ -28,6 +28,7 @@ from edge.calibration.inputs import FRAME_INPUTS
 from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.types import Array, Image, Index, Rest
+from tests.support.captures import write_table
 from tests.support.synthetic import REST, make, targets
 
 SHEAR = ("shear_x_mm", "shear_y_mm")
@@ -216,11 +217,7 @@ def test_a_depth_that_the_frames_do_not_follow_stays_as_it_is(pressed: Pressed) 
 
 def test_a_rig_whose_z_points_up_is_calibrated_by_one_command(pressed: Pressed, tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "rest.png"), pressed.rest_image)
-    rows = ["sensor_image,pose_z"]
-    for i, (image, depth) in enumerate(zip(pressed.images, pressed.depth, strict=True)):
-        cv2.imwrite(str(tmp_path / f"{i}.png"), image)
-        rows.append(f"{i}.png,{412.3 - depth:.3f}")
-    (tmp_path / "targets.csv").write_text("\n".join(rows))
+    write_table(tmp_path, pressed.images, {"pose_z": 412.3 - pressed.depth})
     here, out = str(tmp_path), tmp_path / "tip.json"
     given = [f"{here}/targets.csv", "--frames", here, "--rest", f"{here}/rest.png", "-q", "--workers", "1"]
     done = CliRunner().invoke(cli, ["fit", *given, "-o", str(out)], catch_exceptions=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +13,14 @@ from calib.capture import POSE_COLUMNS, capture, parts, pose_of, progress_of, re
 from calib.commands.cli import COMMANDS, cli
 from calib.errors import CaptureError, RigError
 from calib.protocols import Plan, Step
-from calib.rig import Pose, Rig
+from calib.rig import Pose
 from calib.rig.base import CLEAR
-from calib.rig.simulated import CameraTable, SimulatedRig, Simulation
-from calib.sim import Tip, Tool
+from calib.sim import Tool
 from edge.errors import InputError
 from edge.recording import RecordingSource
-from edge.types import Frame
+from tests.support.captures import breaking_after, simulated
+from tests.support.commands import only_error, run_calib
 
-SMALL = Simulation(tip=Tip(37, "hex"), camera=CameraTable(size_px=(96, 96)))
 FLAT, BALL = Tool("flat"), Tool("sphere", 3.0)
 PLAN = Plan(
     "short",
@@ -34,31 +32,6 @@ PLAN = Plan(
         Step(Pose(x_mm=3.0, depth_mm=1.0), BALL, 2),
     ),
 )
-
-
-def simulated(first_sequence: int) -> Rig:
-    return SimulatedRig(SMALL, first_sequence)
-
-
-class Breaking(SimulatedRig):
-    """A camera whose cable is pulled after so many frames."""
-
-    left = 0
-
-    def frame(self) -> Frame:
-        if self.left == 0:
-            raise RigError("rig: the cable is out")
-        self.left -= 1
-        return super().frame()
-
-
-def breaking_after(n: int) -> Callable[[int], Rig]:
-    def make(first_sequence: int) -> Rig:
-        rig = Breaking(SMALL, first_sequence)
-        rig.left = n
-        return rig
-
-    return make
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
@@ -158,9 +131,6 @@ def test_nothing_is_overwritten_and_no_other_protocol_s_recording_is_continued(t
     assert path.stat().st_size == size
 
 
-# -- the command --------------------------------------------------------------------------------
-
-
 def _write(tmp_path: Path) -> tuple[Path, Path]:
     simulation, protocol = tmp_path / "tip.toml", tmp_path / "tiny.toml"
     simulation.write_text('[tip]\nn_pins = 37\nkind = "hex"\n[camera]\nsize_px = [96, 96]\n')
@@ -180,38 +150,6 @@ def test_command_captures_and_resumes(tmp_path: Path) -> None:
     assert "out.mcap: complete, 4 frames of protocol tiny (none of them now); table" in again.output
 
 
-@pytest.mark.parametrize(("change", "word"), [
-    ({"--rig": "robot"}, "manual"),
-    ({"--protocol": "dance"}, "displacement"),
-    ({"-o": "out.avi"}, "out.avi: give a name that ends in .mcap"),
-    ({"--colour": "red"}, "--colour"),
-    ({"--rig": "sim:none.toml"}, "none.toml"),
-])  # fmt: skip
-def test_wrong_use_is_one_line_and_exit_code_2(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    change: dict[str, str],
-    word: str,
-) -> None:
-    from calib.__main__ import main
-
-    simulation, protocol = _write(tmp_path)
-    options = {
-        "--rig": f"sim:{simulation}",
-        "--protocol": str(protocol),
-        "-o": str(tmp_path / "x.mcap"),
-    } | change
-    monkeypatch.setattr("sys.argv", ["calib", "capture", *(t for pair in options.items() for t in pair)])
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 2
-    (error,) = capsys.readouterr().err.splitlines()
-    assert error.startswith("error: ")
-    assert word in error
-
-
 def test_help_names_every_command_without_importing_them(monkeypatch: pytest.MonkeyPatch) -> None:
     place = "hostlink.command_group.import_module"
     monkeypatch.setattr(place, lambda name: pytest.fail(f"{name} was imported"))
@@ -224,32 +162,16 @@ def test_help_names_every_command_without_importing_them(monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize("resume", [(), ("--resume",)])
 def test_a_table_that_is_not_the_capture_s_own_is_kept(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    resume: tuple[str, ...],
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], resume: tuple[str, ...]
 ) -> None:
-    from calib.__main__ import main
-
     simulation, protocol = _write(tmp_path)
     table = tmp_path / "x.csv"
     table.write_text("sensor_image,pose_z\nmine.png,1.0\n")
-    given = [
-        "--rig",
-        f"sim:{simulation}",
-        "--protocol",
-        str(protocol),
-        "-o",
-        str(tmp_path / "x.mcap"),
-        *resume,
-    ]
-    monkeypatch.setattr("sys.argv", ["calib", "capture", *given])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 2
-    assert "x.csv: exists" in capsys.readouterr().err
+    rig, out = f"sim:{simulation}", tmp_path / "x.mcap"
+    assert run_calib("capture", "--rig", rig, "--protocol", protocol, "-o", out, *resume) == 2
+    assert "x.csv: exists" in only_error(capsys)
     assert table.read_text() == "sensor_image,pose_z\nmine.png,1.0\n"
-    assert not (tmp_path / "x.mcap").exists()
+    assert not out.exists()
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ import msgspec
 import numpy as np
 import pytest
 
-from calib.__main__ import main
 from calib.carry_over import known_models
 from calib.evaluate import predict
 from calib.extract import Extract
@@ -20,6 +19,7 @@ from edge.calibration import Calibration
 from edge.calibration.file import Curve, Lost, Process
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array
+from tests.support.commands import only_error, run_calib
 from tests.support.synthetic import REST, make, targets
 
 PROCESS = frozenset({ModelKind.PROCESS})
@@ -129,22 +129,17 @@ def test_the_same_frames_give_the_same_calibration() -> None:
     assert first.content.models == second.content.models
 
 
+@pytest.mark.parametrize(
+    ("prior", "expected"),
+    [("curve.json", "has no process and no polynomial"), ("absent.json", "cannot be read")],
+)
 def test_a_prior_of_curves_alone_is_refused_in_one_line(
-    tmp_path: Path, data_dir: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, data_dir: Path, capfd: pytest.CaptureFixture[str], prior: str, expected: str
 ) -> None:
     curve = Curve("displacement_mm", "volume", [(0.0, 0.0), (0.1, 3.0)], 0.1)
     content = msgspec.structs.replace(_first().content, models=[curve])
     Calibration.of(content, "curve").save(tmp_path / "curve.json")
-    words = ["fit", str(data_dir / "press.mcap"), "-o", str(tmp_path / "new.json"), "--prior"]
-    for prior, expected in (
-        ("curve.json", "has no process and no polynomial"),
-        ("absent.json", "cannot be read"),
-    ):
-        monkeypatch.setattr("sys.argv", ["calib", *words, str(tmp_path / prior)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        assert end.value.code == 2
-        (error,) = capfd.readouterr().err.splitlines()
-        assert error.startswith("error: ")
-        assert expected in error
+    words = ("fit", data_dir / "press.mcap", "-o", tmp_path / "new.json", "--prior", tmp_path / prior)
+    assert run_calib(*words) == 2
+    assert expected in only_error(capfd)
     assert [path.name for path in tmp_path.iterdir()] == ["curve.json"]

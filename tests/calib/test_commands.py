@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from calib.__main__ import main
 from calib.commands.fit import scale_of
 from calib.errors import TableError
 from calib.extract import executor
@@ -22,6 +21,7 @@ from edge.pins import take_rest
 from edge.rest.tip_match import in_order_of
 from edge.sensors import load_sensor
 from hostlink.output_file import WriteError
+from tests.support.commands import only_error, run_calib
 
 
 @pytest.mark.parametrize(
@@ -33,15 +33,9 @@ from hostlink.output_file import WriteError
         ("fit {out}/absent.mcap -o {out}/tip.json", "absent.mcap: no such recording"),
         ("fit {data}/press.mcap --frames {data} -o {out}/tip.json", "omit --frames and --rest"),
         ("evaluate {out}/absent.json {data}/press.mcap", "absent.json: cannot be read"),
-        (
-            "fit {data}/press.mcap -o {out}/tip.json --mm-per-px nan",
-            "'nan' is not a number; give",
-        ),
+        ("fit {data}/press.mcap -o {out}/tip.json --mm-per-px nan", "'nan' is not a number; give"),
         ("fit {data}/press.mcap -o {out}/tip.json --mm-per-px 1e300", "is out of range; give a"),
-        (
-            "fit {data}/press.mcap -o {out}/tip.json --mm-per-px inf",
-            "'inf' is not finite; give",
-        ),
+        ("fit {data}/press.mcap -o {out}/tip.json --mm-per-px inf", "'inf' is not finite; give"),
         ("capture --rig sim --protocol surface -o {out}/c.mcap --resume", "leave --resume out to begin one"),
         ("capture --rig gcode:/dev/absent --protocol surface -o {out}/c.mcap", "stage /dev/absent: "),
         ("fit {data}/README.md.mcap -o {out}/tip.json", "README.md.mcap: no such recording"),
@@ -52,30 +46,22 @@ from hostlink.output_file import WriteError
         ("fit {data}/press.mcap -o {data}/press.mcap", "press.mcap: the name must end in .json"),
         ("demo --data {data} --out {data}/pictures", "exists already; give another name, or --overwrite"),
         ("demo --data {out} --out {out}/demo", "no press.mcap in it; give --data"),
-        (
-            "simulate digitac -o {out}/tip.json",
-            "digitac cannot be simulated: its file has no pins.layout",
-        ),
+        ("simulate digitac -o {out}/tip.json", "digitac cannot be simulated: its file has no pins.layout"),
         ("simulate thumb -o {out}/tip.json", "sensor 'thumb' is unknown; one of digitac, "),
         ("demo --data {out}/absent --out {out}/demo", "no such folder of recordings"),
+        ("capture --rig robot --protocol surface -o {out}/c.mcap", "manual"),
+        ("capture --rig sim --protocol dance -o {out}/c.mcap", "displacement"),
+        ("capture --rig sim --protocol surface -o {out}/c.avi", "c.avi: give a name that ends in .mcap"),
+        ("capture --rig sim --protocol surface -o {out}/c.mcap --colour red", "--colour"),
+        ("capture --rig sim:none.toml --protocol surface -o {out}/c.mcap", "none.toml"),
+        ("report -o {out} --real {out}", "no targets.csv"),
     ],
 )
 def test_a_mistake_is_one_line(
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-    data_dir: Path,
-    tmp_path: Path,
-    arguments: str,
-    expected: str,
+    capfd: pytest.CaptureFixture[str], data_dir: Path, tmp_path: Path, arguments: str, expected: str
 ) -> None:
-    words = [word.format(data=data_dir, out=tmp_path) for word in arguments.split()]
-    monkeypatch.setattr("sys.argv", ["calib", *words])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 2
-    (error,) = capfd.readouterr().err.splitlines()
-    assert error.startswith("error: ")
-    assert expected in error
+    assert run_calib(*(word.format(data=data_dir, out=tmp_path) for word in arguments.split())) == 2
+    assert expected in only_error(capfd)
     assert not list(tmp_path.iterdir())
 
 
@@ -85,26 +71,20 @@ def test_an_invalid_cluster_address_is_refused_at_once(address: str) -> None:
         pass
 
 
-def test_version(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sys.argv", ["calib", "--version"])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 0
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_calib("--version") == 0
     assert capsys.readouterr().out.strip() == f"python -m calib {version('voronoi-touch')}"
 
 
 @pytest.mark.parametrize("option", ["--out", "--captures"])
 def test_a_file_is_no_folder_for_a_report(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], option: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str
 ) -> None:
     file = tmp_path / "text.png"
     file.write_text("mine")
-    given = {"--out": str(tmp_path / "out")} | {option: str(file)}
-    monkeypatch.setattr("sys.argv", ["calib", "report", *(text for pair in given.items() for text in pair)])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 2
-    assert capsys.readouterr().err.splitlines() == [f"error: {file}: is a file; give a folder"]
+    given = {"--out": tmp_path / "out"} | {option: file}
+    assert run_calib("report", *(text for pair in given.items() for text in pair)) == 2
+    assert only_error(capsys) == f"error: {file}: is a file; give a folder"
     assert file.read_text() == "mine"
 
 
@@ -139,15 +119,9 @@ def test_the_scale_of_a_fit_follows_from_the_pitch_of_the_sensor() -> None:
         scale_of("gelsight-mini", rest)
 
 
-def test_a_simulated_sensor_is_calibrated_by_one_command(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_simulated_sensor_is_calibrated_by_one_command(tmp_path: Path) -> None:
     path = tmp_path / "sim127.json"
-    arguments = ["simulate", "tactip-127", "-o", str(path), "--presses", "50", "-q"]
-    monkeypatch.setattr("sys.argv", ["calib", *arguments])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert not end.value.code
+    assert run_calib("simulate", "tactip-127", "-o", path, "--presses", "50", "-q") == 0
     calibration = Calibration.load(path)
     assert calibration.content.sensor.serial == "simulated tactip-127"
     tip = Simulator(camera_of(load_sensor("tactip-127")), seed=99)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,6 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from calib.__main__ import main
 from calib.capture import capture
 from calib.commands.cli import cli
 from calib.dataset import Dataset, open_dataset
@@ -27,6 +28,8 @@ from calib.sim import Tip, Tool
 from edge.calibration import Calibration
 from edge.errors import SourceError
 from hostlink.output_file import OutputError
+from tests.support.captures import write_table
+from tests.support.commands import only_error, run_calib
 from tests.support.images import read_grey
 from tests.support.waiting import SOON_S, until
 
@@ -118,25 +121,27 @@ def test_frames_are_evaluated_independently(recording: Path, seen_here: Extract)
     np.testing.assert_array_equal(backward.extract(Here()).inputs[::-1], seen_here.inputs)
 
 
-# -- from the command line -----------------------------------------------------------------------------
+Images = tuple[Path, Path, Path]
 
 
-def images_of(recording: Path, folder: Path) -> tuple[Path, Path, Path]:
+@pytest.fixture(scope="module")
+def images(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Images:
     """The capture as a table beside a folder of images: table, folder, rest image."""
+    folder = tmp_path_factory.mktemp("images")
     data = open_dataset([recording], None, None)
-    frames = folder / "frames"
-    frames.mkdir()
-    values = data.targets.values
-    lines = ["sensor_image,pose_z,shear_x,shear_y,force_z,contact_x,contact_y"]
-    names = ("displacement_mm", "shear_x_mm", "shear_y_mm", "force_n", "contact_x_mm", "contact_y_mm")
-    for i, image in enumerate(data.parts[0].frames()):
-        cv2.imwrite(str(frames / f"{i}.png"), np.asarray(image))
-        lines.append(",".join([f"{i}.png", *(repr(float(values[name][i])) for name in names)]))
+    names = {
+        "pose_z": "displacement_mm",
+        "shear_x": "shear_x_mm",
+        "shear_y": "shear_y_mm",
+        "force_z": "force_n",
+        "contact_x": "contact_x_mm",
+        "contact_y": "contact_y_mm",
+    }
+    columns = {column: data.targets.values[name] for column, name in names.items()}
+    table = write_table(folder, data.parts[0].frames(), columns)
     rest = folder / "rest.png"
     cv2.imwrite(str(rest), SimulatedRig(SMALL).frame().image)
-    table = folder / "targets.csv"
-    table.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return table, frames, rest
+    return table, folder, rest
 
 
 def run(*arguments: str | Path) -> str:
@@ -165,8 +170,8 @@ def test_fit_and_evaluate_a_capture(recording: Path, fitted: tuple[Path, str]) -
     assert report["contact_place_mean_mm"] < 0.5
 
 
-def test_fit_and_evaluate_a_table(recording: Path, tmp_path: Path) -> None:
-    table, frames, rest = images_of(recording, tmp_path)
+def test_fit_and_evaluate_a_table(images: Images, tmp_path: Path) -> None:
+    table, frames, rest = images
     path = tmp_path / "cal.json"
     place = ("--frames", frames, "--rest", rest, "--workers", "1", "-q")
     assert "displacement_mm" in run("fit", table, *place, "-o", path)
@@ -194,19 +199,19 @@ def test_fit_is_evaluated_on_held_out_frames(
     [
         ("targets.csv", "the name must end in .json"),
         ("picture.png", "the name must end in .json"),
-        ("table.json", "is an input of this command"),
+        ("given.json", "is an input of this command"),
         ("old.json", "exists already; give another name, or --overwrite"),
         ("absent/cal.json", "there is no folder"),
     ],
 )
 def test_a_forbidden_output_is_refused_before_the_work(
-    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, output: str, expected: str
+    images: Images, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, output: str, expected: str
 ) -> None:
-    table, frames, rest = images_of(recording, tmp_path)
-    table.rename(tmp_path / "table.json")
-    (tmp_path / "old.json").write_text("old")
+    table, frames, rest = images
+    for name, text in (("given.json", table.read_text()), ("targets.csv", "mine"), ("old.json", "old")):
+        (tmp_path / name).write_text(text)
     monkeypatch.setattr("calib.dataset.Dataset.extract", lambda *_: pytest.fail("the work was begun"))
-    inputs: list[str | Path] = [tmp_path / "table.json", "--frames", frames, "--rest", rest]
+    inputs: list[str | Path] = [tmp_path / "given.json", "--frames", frames, "--rest", rest]
     before = {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
     with pytest.raises(OutputError, match=expected):
         run("fit", *inputs, "-q", "-o", tmp_path / output)
@@ -280,49 +285,40 @@ def test_another_tip_s_frames_are_refused(recording: Path, fitted: tuple[Path, s
 )
 def test_mistakes_are_one_line_and_exit_code_2(
     recording: Path,
+    images: Images,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     arguments: list[str],
     expected: str,
 ) -> None:
-    table, frames, rest = images_of(recording, tmp_path)
     black = tmp_path / "black.png"
     cv2.imwrite(str(black), np.zeros((240, 240), np.uint8))
-    names = {
-        "table": table,
-        "frames": frames,
-        "rest": rest,
-        "capture": recording,
-        "black": black,
-        "none": "none",
-    }
+    names = dict(zip(("table", "frames", "rest"), images, strict=True))
+    names |= {"capture": recording, "black": black, "none": tmp_path / "none"}
     given = [argument.format(**names) for argument in arguments]
-    monkeypatch.setattr("sys.argv", ["calib", "fit", *given, "-q", "-o", str(tmp_path / "cal.json")])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 2
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1
-    assert expected in lines[0]
+    assert run_calib("fit", *given, "-q", "-o", tmp_path / "cal.json") == 2
+    assert expected in only_error(capsys)
     assert not (tmp_path / "cal.json").exists()
 
 
-def test_a_frame_that_is_no_image_is_named(recording: Path, tmp_path: Path) -> None:
-    table, frames, rest = images_of(recording, tmp_path)
-    (frames / "7.png").write_bytes(b"this is a letter")
-    with pytest.raises(SourceError, match=r"7\.png") as caught, executor(workers=1) as pool:
-        open_dataset([table], frames, rest).extract(pool)
-    assert "\n" not in str(caught.value)
-
-
-def test_a_frame_of_another_size_is_named(recording: Path, tmp_path: Path) -> None:
-    table, frames, rest = images_of(recording, tmp_path)
-    image = read_grey(frames / "7.png")
-    cv2.imwrite(str(frames / "7.png"), image[:-10])
-    output = r"7\.png: .* both must come from the same camera"
-    with pytest.raises(TableError, match=output) as caught, executor(workers=1) as pool:
-        open_dataset([table], frames, rest).extract(pool)
+@pytest.mark.parametrize(
+    ("spoil", "expected"),
+    [
+        (lambda path: path.write_bytes(b"this is a letter"), r"7\.png"),
+        (
+            lambda path: cv2.imwrite(str(path), read_grey(path)[:-10]),
+            r"7\.png: .* both must come from the same camera",
+        ),
+    ],
+)
+def test_a_frame_that_cannot_be_used_is_named(
+    images: Images, tmp_path: Path, spoil: Callable[[Path], object], expected: str
+) -> None:
+    table, frames, rest = images
+    spoilt = shutil.copytree(frames, tmp_path / "frames")
+    spoil(spoilt / "7.png")
+    with pytest.raises((SourceError, TableError), match=expected) as caught, executor(workers=1) as pool:
+        open_dataset([table], spoilt, rest).extract(pool)
     assert "\n" not in str(caught.value)
 
 

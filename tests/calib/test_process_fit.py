@@ -24,19 +24,10 @@ def _shear(inputs: Complex) -> Complex:
     return result
 
 
-def _noise(inputs: Complex, seed: int) -> Complex:
-    """Larger where the load is small."""
-    rng = np.random.default_rng(seed)
-    size = 0.3 * np.exp(-60.0 * inputs[:, 0].real)
-    noise = np.empty(len(inputs), complex)
-    noise.real, noise.imag = size * rng.normal(size=len(inputs)), size * rng.normal(size=len(inputs))
-    return noise
-
-
-def _stepped_noise(inputs: Complex, seed: int) -> Complex:
-    """Ten times as large below a certain load."""
-    rng = np.random.default_rng(seed)
-    size = np.where(inputs[:, 0].real < 0.012, 0.3, 0.03)
+def _noise(inputs: Complex, seed: int, *, stepped: bool = False) -> Complex:
+    """Larger where the load is small; stepped: ten times as large below a certain load."""
+    rng, load = np.random.default_rng(seed), inputs[:, 0].real
+    size = np.where(load < 0.012, 0.3, 0.03) if stepped else 0.3 * np.exp(-60.0 * load)
     noise = np.empty(len(inputs), complex)
     noise.real, noise.imag = size * rng.normal(size=len(inputs)), size * rng.normal(size=len(inputs))
     return noise
@@ -84,9 +75,9 @@ def test_a_law_is_found_and_sigma_follows_the_noise() -> None:
 def test_sigma_covers_fresh_frames_after_few_frames_and_with_noise_in_steps(seed: int) -> None:
     """Settings that may follow every frame, and a covariance cut to a few rows, gave 50 % (seed 20)."""
     inputs, fresh = _inputs(120, seed), _inputs(400, seed + 1)
-    fitted = _fitted(inputs, _shear(inputs) + _stepped_noise(inputs, seed + 2))
+    fitted = _fitted(inputs, _shear(inputs) + _noise(inputs, seed + 2, stepped=True))
     value, sigma = _predicted(fitted, fresh)
-    error = value - _shear(fresh) - _stepped_noise(fresh, seed + 3)
+    error = value - _shear(fresh) - _noise(fresh, seed + 3, stepped=True)
     assert 0.58 < _within(error, sigma) < 0.8
 
 

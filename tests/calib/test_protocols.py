@@ -26,10 +26,21 @@ def test_displacement_is_the_paper_s() -> None:
     assert {s.tool.kind for s in samples} == {"flat"}
 
 
-def test_shear_is_the_paper_s() -> None:
-    poses = sampled("shear")
+def test_shear_contacts_and_surface_hold_what_they_promise() -> None:
+    poses = sampled("shear")  # the paper's
     assert [p.shear_x_mm for p in poses] == [k / 10 for k in range(21)]
     assert {p.depth_mm for p in poses} == {3.0}
+    steps = [s for s in load_protocol("contacts").steps if s.frames and s.role == "sample"]
+    assert {s.tool.kind for s in steps} == {"sphere", "two"}
+    assert min(s.tool.distance_mm for s in steps if s.tool.kind == "two") == 4
+    assert max(math.hypot(s.pose.x_mm, s.pose.y_mm) for s in steps) == 12
+    poses = sampled("surface")
+    assert len(set(poses)) == 600
+    assert 1 <= min(p.depth_mm for p in poses) < 1.1
+    assert 4.9 < max(p.depth_mm for p in poses) <= 5
+    digests = [load_protocol(name).digest for name in PROTOCOLS]
+    assert len(set(digests)) == len(PROTOCOLS)
+    assert digests == [load_protocol(name).digest for name in PROTOCOLS], "the same each time"
 
 
 def test_direction_is_the_paper_s_and_every_shear_starts_from_a_fresh_press() -> None:
@@ -56,27 +67,6 @@ def test_every_protocol_starts_untouched_and_can_be_done(name: str) -> None:
     for step in plan.steps[:: max(1, len(plan.steps) // 12)]:
         fields = {n: getattr(step.pose, n) for n in Pose.__dataclass_fields__}
         deform(tip, (ToolPose(tool=step.tool, **fields),))
-
-
-def test_contacts_hold_single_places_and_pairs_from_4_mm_on() -> None:
-    steps = [s for s in load_protocol("contacts").steps if s.frames and s.role == "sample"]
-    assert {s.tool.kind for s in steps} == {"sphere", "two"}
-    assert min(s.tool.distance_mm for s in steps if s.tool.kind == "two") == 4
-    assert max(math.hypot(s.pose.x_mm, s.pose.y_mm) for s in steps) == 12
-
-
-def test_surface_is_random_but_always_the_same() -> None:
-    poses = sampled("surface")
-    assert len(set(poses)) == 600
-    assert poses == sampled("surface")
-    assert 1 <= min(p.depth_mm for p in poses) < 1.1
-    assert 4.9 < max(p.depth_mm for p in poses) <= 5
-
-
-def test_the_digest_distinguishes_protocols_and_is_stable() -> None:
-    digests = {name: load_protocol(name).digest for name in PROTOCOLS}
-    assert len(set(digests.values())) == len(PROTOCOLS)
-    assert digests == {name: load_protocol(name).digest for name in PROTOCOLS}
 
 
 def test_file_takes_every_combination_of_lists_and_ranges(tmp_path: Path) -> None:

@@ -6,10 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from calib.commands.cli import cli
-from calib.errors import TableError
 from calib.fit import fit
 from calib.report import plots, slip, study
 from calib.report.command import edges
@@ -107,13 +104,6 @@ def test_checks_compare_with_their_side_of_the_limit() -> None:
 def test_bars_lie_in_every_direction() -> None:
     angles = {step.tool.angle_deg for step in edges().steps if step.frames and step.role == "sample"}
     assert angles == set(np.arange(0.0, 180.0, 10.0))
-
-
-def test_a_folder_without_a_table_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(TableError, match=r"no targets\.csv"):
-        CliRunner().invoke(
-            cli, ["report", "-o", str(tmp_path), "--real", str(tmp_path)], catch_exceptions=False
-        )
 
 
 def test_resolution_is_the_smallest_distance_from_which_all_pairs_are_two() -> None:

@@ -82,9 +82,6 @@ def rig_on(config: StageFile) -> GcodeRig:
     return GcodeRig(GcodeStage(config), FakeCamera(step_ns=1 << 61, n=3), quiet)
 
 
-# -- simulated ----------------------------------------------------------------------------------
-
-
 def test_simulated_rig_shows_the_pose_it_was_moved_to() -> None:
     rig = open_rig("sim")
     rig.mount(Tool("sphere", 3.0))
@@ -118,45 +115,62 @@ def test_simulation_file_sets_tip_camera_and_look(tmp_path: Path) -> None:
     assert len(frame.truth["pins_img"]) == 127
 
 
-@pytest.mark.parametrize(("text", "parts"), [
-    ("[tip]\npins = 3", ["pins", "n_pins"]),
-    ("[look]\nbits = 9", ["bits", "12"]),
-    ("[look]\ndead = [400]", ["dead", "0..330"]),
-    ("[look]\nblur_px = 1e9", ["blur_px", "give 0 to 20"]),
-    ("[look]\nskin = -1", ["skin", "give 0 to 4095"]),
-    ("[look]\nvignetting = 1.5", ["vignetting", "give 0 to 1"]),
-    ("[tip]\npins_deg = 1", ["pin_radius_mm", "cover one another"]),
-    ("[camera]\npins_radius_px = 1e9", ["pins_radius_px", "give 0 to 640"]),
-    ("rate_hz = 0", ["rate_hz"]),
-    ("seed = -1", ["seed"]),
-    ("[tip]\nclosed = 0", ["closed"]),
-    ("[tip]\nskin_mm = -1", ["skin_mm"]),
-    ("[tip]\nrim_deg = 95", ["rim_deg"]),
-    ("[tip]\nn_pins = 100", ["91"]),
-    ("[tip]\nn_pins = 3997", ["3997 pins; give 12 to 2048"]),
-    ("[tip]\nskin_mm = nan", ["tip.skin_mm = nan: give a finite number"]),
-    ("[camera]\nsize_px = [100000, 100000]", ["100000x100000 pixels are too many"]),
-    ("[tip]\ncamera_distance_mm = 5", ["camera_distance_mm"]),
-    ("seed = 'x'", ["seed"]),
-    ("seed", ["="]),
+def stage_of(path: Path) -> StageFile:
+    return load_stage(str(path))
+
+
+@pytest.mark.parametrize(("load", "text", "parts"), [
+    (load_simulation, "[tip]\npins = 3", ["pins", "n_pins"]),
+    (load_simulation, "[look]\nbits = 9", ["bits", "12"]),
+    (load_simulation, "[look]\ndead = [400]", ["dead", "0..330"]),
+    (load_simulation, "[look]\nblur_px = 1e9", ["blur_px", "give 0 to 20"]),
+    (load_simulation, "[look]\nskin = -1", ["skin", "give 0 to 4095"]),
+    (load_simulation, "[look]\nvignetting = 1.5", ["vignetting", "give 0 to 1"]),
+    (load_simulation, "[tip]\npins_deg = 1", ["pin_radius_mm", "cover one another"]),
+    (load_simulation, "[camera]\npins_radius_px = 1e9", ["pins_radius_px", "give 0 to 640"]),
+    (load_simulation, "rate_hz = 0", ["rate_hz"]),
+    (load_simulation, "seed = -1", ["seed"]),
+    (load_simulation, "[tip]\nclosed = 0", ["closed"]),
+    (load_simulation, "[tip]\nskin_mm = -1", ["skin_mm"]),
+    (load_simulation, "[tip]\nrim_deg = 95", ["rim_deg"]),
+    (load_simulation, "[tip]\nn_pins = 100", ["91"]),
+    (load_simulation, "[tip]\nn_pins = 3997", ["3997 pins; give 12 to 2048"]),
+    (load_simulation, "[tip]\nskin_mm = nan", ["tip.skin_mm = nan: give a finite number"]),
+    (load_simulation, "[camera]\nsize_px = [100000, 100000]", ["100000x100000 pixels are too many"]),
+    (load_simulation, "[tip]\ncamera_distance_mm = 5", ["camera_distance_mm"]),
+    (load_simulation, "seed = 'x'", ["seed"]),
+    (load_simulation, "seed", ["="]),
+    (stage_of, "[stage]\nport='a'\nspeed=3", ["speed"]),
+    (stage_of, "[stage]\nport='a'\ndialect='klipper'", ["marlin"]),
+    (stage_of, "[stage]\nport='a'\n[axes.Q]\nat=1", ["axes.Q"]),
+    (stage_of, "[stage]\nbaud=9600", ["port"]),
+    (stage_of, "[stage]\nport='a'\nfeed_mm_min=inf", ["stage.feed_mm_min = inf: give a finite number"]),
+    (stage_of, "[stage]\nport='a'\nclear_mm=-5", ["stage.clear_mm: must be at least 0.1"]),
+    (stage_of, "[stage]\nport='a'\n[axes.X]\nsign=2", ["axes.X.sign = 2; give 1 or -1"]),
 ])  # fmt: skip
-def test_wrong_simulation_file_is_one_line_with_the_key(tmp_path: Path, text: str, parts: list[str]) -> None:
-    path = tmp_path / "tip.toml"
+def test_a_wrong_file_is_one_line_with_the_key(
+    tmp_path: Path, load: Callable[[Path], object], text: str, parts: list[str]
+) -> None:
+    path = tmp_path / "rig.toml"
     path.write_text(text)
     with pytest.raises(RigError) as error:
-        load_simulation(path)
+        load(path)
     message = str(error.value)
     assert "\n" not in message
     assert all(word in message for word in [str(path), *parts])
 
 
-@pytest.mark.parametrize("spec", ["simulator", "gcode:", "robot:1", ""])
-def test_an_unknown_rig_is_answered_with_the_known_ones(spec: str) -> None:
-    with pytest.raises(RigError, match=r"sim.*gcode.*manual"):
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        *((spec, r"sim.*gcode.*manual") for spec in ("simulator", "gcode:", "robot:1", "")),
+        ("sim:digitac", "sim:digitac: sensor digitac cannot be simulated: its file has no"),
+        ("gcode:/dev/nope", "^stage /dev/nope: No such file or directory; give the stage's serial port$"),
+    ],
+)
+def test_an_unknown_rig_is_answered_with_the_known_ones(spec: str, message: str) -> None:
+    with pytest.raises(RigError, match=message):
         open_rig(spec)
-
-
-# -- a camera beside the rig --------------------------------------------------------------------
 
 
 def test_frames_before_the_skin_has_settled_are_discarded() -> None:
@@ -184,9 +198,6 @@ def test_a_camera_that_ends_is_an_error_and_a_recording_is_refused() -> None:
     assert recording.closed
 
 
-# -- G-code -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("boots", [True, False])
 @pytest.mark.parametrize("dialect", ["grbl", "marlin"])
 def test_stage_homes_moves_and_waits_until_it_stands(stage_at: StageAt, dialect: str, boots: bool) -> None:
@@ -201,9 +212,7 @@ def test_stage_homes_moves_and_waits_until_it_stands(stage_at: StageAt, dialect:
     assert fake.moves[-1] == {"X": 1.5, "Y": -2.0, "Z": -0.25}
 
 
-def test_stage_axes_have_origin_sign_and_travel_that_is_checked_before_sending(
-    stage_at: StageAt,
-) -> None:
+def test_stage_axes_have_origin_sign_and_travel_that_is_checked_before_sending(stage_at: StageAt) -> None:
     fake, config = stage_at()
     axes = {"X": AxisTable(at=50.0, sign=-1.0, min=40.0, max=60.0)}
     stage = GcodeStage(StageFile(stage=config.stage, axes=axes))
@@ -216,31 +225,23 @@ def test_stage_axes_have_origin_sign_and_travel_that_is_checked_before_sending(
     stage.close()
 
 
-def test_an_alarm_of_the_stage_is_reported_with_its_text(
-    stage_at: StageAt,
-) -> None:
+def test_alarms_and_errors_are_reported_with_their_texts(stage_at: StageAt) -> None:
     _, config = stage_at(travel=(-5.0, 5.0))
     stage = GcodeStage(config)
+    with pytest.raises(RigError, match=r"G5\.1.*error:20.*unsupported"):
+        stage.command("G5.1")
     with pytest.raises(RigError, match=r"ALARM:2.*travel"):
         stage.go(X=6.0)
     with pytest.raises(RigError, match=r"error:9.*home"):
         stage.go(X=1.0)
     stage.close()
+    _, config = stage_at("marlin")
+    wrong = StageFile(stage=StageTable(port=config.stage.port, boot_s=0.3))
+    with pytest.raises(RigError, match="no grbl greeting"):
+        GcodeStage(wrong)
 
 
-def test_error_answer_names_the_line_and_the_reason(
-    stage_at: StageAt,
-) -> None:
-    _, config = stage_at()
-    stage = GcodeStage(config)
-    with pytest.raises(RigError, match=r"G5\.1.*error:20.*unsupported"):
-        stage.command("G5.1")
-    stage.close()
-
-
-def test_failed_homing_silence_and_a_restart_are_errors(
-    stage_at: StageAt,
-) -> None:
+def test_failed_homing_silence_and_a_restart_are_errors(stage_at: StageAt) -> None:
     fake, config = stage_at()
     fake.homing_fails = True
     with pytest.raises(RigError, match=r"ALARM:9.*no limit switch"):
@@ -259,39 +260,7 @@ def test_failed_homing_silence_and_a_restart_are_errors(
     stage.close()
 
 
-def test_a_stage_of_the_other_dialect_is_recognised(
-    stage_at: StageAt,
-) -> None:
-    _, config = stage_at("marlin")
-    wrong = StageFile(stage=StageTable(port=config.stage.port, boot_s=0.3))
-    with pytest.raises(RigError, match="no grbl greeting"):
-        GcodeStage(wrong)
-
-
-def test_no_such_port_is_one_line() -> None:
-    with pytest.raises(RigError, match="/dev/nowhere"):
-        GcodeStage(load_stage("/dev/nowhere"))
-
-
-@pytest.mark.parametrize(("text", "word"), [
-    ("[stage]\nport='a'\nspeed=3", "speed"),
-    ("[stage]\nport='a'\ndialect='klipper'", "marlin"),
-    ("[stage]\nport='a'\n[axes.Q]\nat=1", "axes.Q"),
-    ("[stage]\nbaud=9600", "port"),
-    ("[stage]\nport='a'\nfeed_mm_min=inf", "stage.feed_mm_min = inf: give a finite number"),
-    ("[stage]\nport='a'\nclear_mm=-5", "stage.clear_mm: must be at least 0.1"),
-    ("[stage]\nport='a'\n[axes.X]\nsign=2", "axes.X.sign = 2; give 1 or -1"),
-])  # fmt: skip
-def test_wrong_stage_file_names_the_key(tmp_path: Path, text: str, word: str) -> None:
-    path = tmp_path / "stage.toml"
-    path.write_text(text)
-    with pytest.raises(RigError, match=word):
-        load_stage(str(path))
-
-
-def test_every_new_place_is_reached_over_a_clear_tip_and_pressed_before_sheared(
-    stage_at: StageAt,
-) -> None:
+def test_every_new_place_is_reached_over_a_clear_tip_and_pressed_before_sheared(stage_at: StageAt) -> None:
     fake, config = stage_at()
     rig = rig_on(config)
     rig.mount(Tool("flat"))
@@ -306,9 +275,7 @@ def test_every_new_place_is_reached_over_a_clear_tip_and_pressed_before_sheared(
     assert fake.moves[-1]["Z"] == 5.0
 
 
-def test_deeper_and_further_poses_need_no_lifting(
-    stage_at: StageAt,
-) -> None:
+def test_deeper_and_further_poses_need_no_lifting(stage_at: StageAt) -> None:
     fake, config = stage_at()
     rig = rig_on(config)
     rig.mount(Tool("flat"))
@@ -342,9 +309,7 @@ def test_a_ball_comes_down_along_the_dome_s_normal() -> None:
         axes_of(Pose(x_mm=21.0), tool, r)
 
 
-def test_poses_that_the_stage_cannot_reach_are_refused(
-    stage_at: StageAt,
-) -> None:
+def test_poses_that_the_stage_cannot_reach_are_refused(stage_at: StageAt) -> None:
     _, config = stage_at()
     rig = rig_on(config)
     with pytest.raises(RigError, match="tilt"):
@@ -356,9 +321,6 @@ def test_poses_that_the_stage_cannot_reach_are_refused(
     rig = rig_on(StageFile(stage=config.stage, axes={"A": AxisTable()}))
     rig.move(Pose(depth_mm=1.0, twist_deg=5.0))
     rig.close()
-
-
-# -- manual -------------------------------------------------------------------------------------
 
 
 def test_the_manual_rig_gives_instructions_and_then_takes_an_image() -> None:
@@ -379,14 +341,6 @@ def test_every_field_of_a_pose_has_an_instruction() -> None:
         assert describe_pose(replace(pressed, **{name: 1.0})) != describe_pose(pressed)
 
 
-def test_a_stage_that_is_not_there_is_one_plain_line(tmp_path: Path) -> None:
-    with pytest.raises(RigError) as error:
-        open_rig(f"gcode:{tmp_path}/nope")
-    assert (
-        str(error.value) == f"stage {tmp_path}/nope: No such file or directory; give the stage's serial port"
-    )
-
-
 def test_a_known_sensor_is_a_simulated_rig() -> None:
     rig = open_rig("sim:gelsight-mini")
     rig.mount(Tool("sphere"))
@@ -399,8 +353,3 @@ def test_a_known_sensor_is_a_simulated_rig() -> None:
     assert pressed.truth["depth_mm"] == 1.0
     again = open_rig("sim:gelsight-mini")
     assert np.array_equal(again.frame().image, open_rig("sim:gelsight-mini").frame().image)
-
-
-def test_a_sensor_without_a_layout_is_no_rig() -> None:
-    with pytest.raises(RigError, match="sim:digitac: sensor digitac cannot be simulated: its file has no"):
-        open_rig("sim:digitac")

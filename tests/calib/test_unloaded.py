@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -20,6 +19,7 @@ from edge.pins import take_rest
 from edge.sources import read_image
 from edge.tracking import Tracker
 from edge.types import Array, Image, Rest
+from tests.support.captures import write_table
 
 N = 40
 RNG = np.random.default_rng(7)
@@ -76,18 +76,8 @@ def test_without_a_load_or_with_few_frames_there_is_none(pressed: list[Image]) -
     assert unloaded(chosen, pressed[:4], {name: column[:4] for name, column in TRUTH.items()}) is None
 
 
-def table(folder: Path, images: list[Image], depths: list[float]) -> Path:
-    lines = ["sensor_image,pose_z"]
-    for number, (image, depth) in enumerate(zip(images, depths, strict=True)):
-        cv2.imwrite(str(folder / f"{number}.png"), image)
-        lines.append(f"{number}.png,{depth:.4f}")
-    path = folder / "targets.csv"
-    path.write_text("\n".join(lines) + "\n")
-    return path
-
-
 def test_a_table_of_pressed_frames_gets_the_estimate(pressed: list[Image], tmp_path: Path) -> None:
-    path = table(tmp_path, pressed, TRUTH["displacement_mm"].tolist())
+    path = write_table(tmp_path, pressed, {"pose_z": TRUTH["displacement_mm"]})
     data = open_dataset([path], tmp_path, None)
     assert "in 40 frames extrapolated to no load" in data.rest_message
 
@@ -96,14 +86,16 @@ def test_frames_that_the_table_says_are_untouched_are_the_rest_frame(
     pressed: list[Image], tmp_path: Path
 ) -> None:
     untouched = tip().frame().image
-    path = table(tmp_path, [*pressed[:6], untouched, untouched], [*TRUTH["displacement_mm"][:6], 0.0, 0.0])
+    depths = np.append(TRUTH["displacement_mm"][:6], [0.0, 0.0])
+    path = write_table(tmp_path, [*pressed[:6], untouched, untouched], {"pose_z": depths})
     data = open_dataset([path], tmp_path, Path("auto"))
     assert "2 frames that the table says are without load" in data.rest_message
     assert error_px(data.rest, take_rest([untouched])) < 0.02
 
 
 def test_a_table_without_pins_is_one_line(tmp_path: Path) -> None:
-    path = table(tmp_path, [np.zeros((240, 320), np.uint8)] * 2, [1.0, 2.0])
+    images = [np.zeros((240, 320), np.uint8)] * 2
+    path = write_table(tmp_path, images, {"pose_z": np.array([1.0, 2.0])})
     with pytest.raises(TableError, match="give --rest an image of the untouched tip"):
         open_dataset([path], tmp_path, None)
 

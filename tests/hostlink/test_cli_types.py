@@ -24,7 +24,7 @@ WHOLE = "is not a whole number; give a whole number from 1 to 127"
         (WholeNumber(1, 3), "4", "out of range"),
     ],
 )
-def test_other_numbers_are_refused(kind: click.ParamType[float], text: str, message: str) -> None:
+def test_other_numbers_are_refused(kind: FiniteFloat | WholeNumber, text: str, message: str) -> None:
     with pytest.raises(click.BadParameter, match=message):
         kind.convert(text, None, None)
 

@@ -497,29 +497,21 @@ def test_a_stopped_finger_is_found(request: pytest.FixtureRequest, heartbeat_ms:
     node.close()
 
 
-def test_the_finger_on_a_line_has_one_number(tmp_path: Path) -> None:
+def test_a_line_is_for_one_program_and_its_finger_has_one_number(tmp_path: Path) -> None:
     pty = Ptys(tmp_path)
-    node, application = make_node(f"serial:{pty.paths[0]}")
-    with hostlink.connect(f"serial:{pty.paths[1]}?node=3") as hand:
+    edge, host = (f"serial:{path}" for path in pty.paths)
+    node, application = make_node(edge)
+    with hostlink.connect(f"{host}?node=3") as hand:
         assert hand.finger(3).info().serial_number == application.serial
         with pytest.raises(hostlink.UsageError, match=r"has number 3; \?node=1"):
             hand.finger(1)
         assert set(hand.fingers) == {3}
-    node.close()
-    pty.close()
-
-
-def test_serial_port_is_for_one_program_alone(tmp_path: Path) -> None:
-    pty = Ptys(tmp_path)
-    node, _ = make_node(f"serial:{pty.paths[0]}")
-    with hostlink.connect(f"serial:{pty.paths[1]}"):
-        for address in (f"serial:{pty.paths[1]}", f"slcan:{pty.paths[1]}"):
+        for kind in ("serial", "slcan"):
             with pytest.raises(hostlink.ConnectError, match="another program has it open; end that program"):
-                hostlink.connect(address)
-        for address in (f"serial:{pty.paths[0]}", f"slcan:{pty.paths[0]}"):
+                hostlink.connect(f"{kind}:{pty.paths[1]}")
             with pytest.raises(SinkError, match="another program has it open; end that program"):
-                open_sink(address)
-    hostlink.connect(f"serial:{pty.paths[1]}").close()  # free again
+                open_sink(f"{kind}:{pty.paths[0]}")
+    hostlink.connect(host).close()  # free again
     node.close()
     pty.close()
 

@@ -136,9 +136,6 @@ def test_a_transfer_ends_whatever_is_received(received: list[list[tuple[bool, by
                 transfer()
 
 
-# ---- lost answers ---------------------------------------------------------------------------------------
-
-
 class OneTare(Application):
     """Takes one rest frame, for ever."""
 
@@ -239,9 +236,6 @@ def test_a_request_ends_in_time_whatever_else_arrives(monkeypatch: pytest.Monkey
     assert thread.is_alive()
     ended.set()
     thread.join()
-
-
-# ---- two hosts on one bus -------------------------------------------------------------------------------
 
 
 def test_a_finger_that_another_host_keeps_busy_gives_that_as_the_reason(

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -230,32 +231,14 @@ for write in (lambda: settings.change(divider=2), lambda: check_output(folder / 
     assert all(str(folder) in line and "Permission denied" in line for line in lines), run.stderr
 
 
-PROGRAM = """
-import sys, click
-from hostlink.cli_exit import run_command
-from hostlink.output_file import check_output, writing
-
-@click.command()
-@click.argument("file")
-def make(file):
-    path = check_output(file, (".json",))
-    with writing(path) as unfinished:
-        unfinished.write_bytes(bytes(1 << 20))
-
-sys.exit(run_command(make, "make", ()))
-"""
+def make_in_a_process(path: Path, number: int, when: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", ENDED, str(number), when, str(path)]
+    return subprocess.run(command, env=uncounted(), capture_output=True, text=True, check=False, **options)
 
 
 def test_command_on_a_full_disk_ends_with_one_line_and_code_1(tmp_path: Path) -> None:
-    path = tmp_path / "x.json"
-    run = subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(path)],
-        env=uncounted(),
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 16, 1 << 16)),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    path, limit = tmp_path / "x.json", (3, 3)  # bytes; signal 0 is none
+    run = make_in_a_process(path, 0, "", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit))
     assert (run.returncode, run.stderr) == (1, f"error: {path}: cannot be written: File too large\n")
     assert list(tmp_path.iterdir()) == []
 
@@ -289,10 +272,7 @@ sys.exit(run_command(make, "make", ()))
 @pytest.mark.parametrize("when", ["while it is written", "a recording", "while it gets its name"])
 def test_a_signal_leaves_a_whole_file_or_none(tmp_path: Path, number: signal.Signals, when: str) -> None:
     path = tmp_path / "x.json"
-    run = subprocess.run(
-        [sys.executable, "-c", ENDED, str(int(number)), when, str(path)],
-        env=uncounted(), capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    run = make_in_a_process(path, number, when)
     assert (run.returncode, run.stderr.strip()) == (128 + number, "")
     kept = [] if when == "while it is written" else [path]
     assert list(tmp_path.iterdir()) == kept

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 import threading
 import time
@@ -11,7 +10,6 @@ from itertools import count
 from math import isnan, nan
 from pathlib import Path
 
-import can
 import pytest
 
 import hostlink
@@ -19,11 +17,12 @@ from hostlink.recording import LogWriter
 from hostlink.sequence import RESTART_RUN
 from hostlink.wire import NO_CONTROL, State, Status, pack_state
 from tests.hostlink.test_client import make_node
+from tests.support.bus import message
+from tests.support.c_programs import C, compiled
 from tests.support.waiting import SOON_S, until
 
 NONE = Status(0)
 ROOT = Path(hostlink.__file__).parents[1]
-STRICT = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-O1"]
 
 
 def code(heading: str, language: str) -> str:
@@ -90,11 +89,11 @@ def test_python_control_loop_moves_on_valid_live_samples_alone(
 
 def test_python_control_loop_without_a_finger_ends_in_one_line(request: pytest.FixtureRequest) -> None:
     program = code("Python: a control loop", "python")
-    for address, message in (
+    for address, expected in (
         ("can:no-such-bus", r"no-such-bus"),
         (f"virtual:{request.node.name}", r"no finger was heard for \d+ s"),
     ):
-        with pytest.raises(SystemExit, match=message) as end:
+        with pytest.raises(SystemExit, match=expected) as end:
             exec(program.replace("can:can0", address), {})
         assert "\n" not in str(end.value)
 
@@ -105,10 +104,7 @@ def test_python_loop_over_a_recording_finds_its_samples(
     monkeypatch.chdir(tmp_path)
     with LogWriter("press.log") as log:
         for k in range(5):
-            data = pack_state(State(sample=k, displacement_mm=k / 10), k)
-            log.write(
-                can.Message(timestamp=k, arbitration_id=0x183, data=data, is_fd=True, is_extended_id=False)
-            )
+            log.write(message(0x183, pack_state(State(sample=k, displacement_mm=k / 10), k), float(k)))
     exec(code("Record and decode", "python"), {})
     rows = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert [row[1] for row in rows] == ["3"] * 5
@@ -147,13 +143,8 @@ int main(void)
 
 
 def test_c_receive_interrupt_drops_old_invalid_and_replayed_samples(tmp_path: Path) -> None:
-    compiler = shutil.which("cc") or shutil.which("gcc")
-    assert compiler is not None
     (tmp_path / "main.c").write_text(code("C: a controller's receive interrupt", "c") + MAIN)
-    folder = ROOT / "hostlink" / "c"
-    sources = [str(tmp_path / "main.c"), str(folder / "vt_e2e.c"), str(folder / "vt_fd.c")]
-    program = tmp_path / "receive"
-    subprocess.run([compiler, *STRICT, f"-I{folder}", *sources, "-lm", "-o", str(program)], check=True)
+    program = compiled(tmp_path / "receive", [tmp_path / "main.c", C / "vt_e2e.c", C / "vt_fd.c"])
     good = State(displacement_mm=0.5)
     damaged = bytearray(pack_state(good, 9))
     damaged[20] ^= 1

@@ -55,22 +55,15 @@ def test_arrays_hold_each_sample_under_its_names(log: Path) -> None:
             assert len(column) == SAMPLES
             np.testing.assert_equal(float(column[i]), value_of(sample, name), err_msg=name)
     assert arrays["status"].dtype == np.int64
-
-
-def test_a_table_can_be_made_of_samples_too(log: Path) -> None:
-    np.testing.assert_equal(hostlink.to_arrays(samples_of(log)), hostlink.to_arrays(log))
-
-
-def test_pandas_has_units_and_whole_numbers(log: Path) -> None:
-    frame = hostlink.to_pandas(log)
-    assert frame.attrs["units"]["force_n"] == "N"
-    assert sorted(frame.finger.unique()) == [1, 2]
-    usable = frame[frame.status & int(hostlink.NO_CONTROL) == 0]
-    assert len(usable) == sum(not s.state.status & hostlink.NO_CONTROL for s in samples_of(log))
+    np.testing.assert_equal(hostlink.to_arrays(samples_of(log)), arrays)
 
 
 def test_csv_and_parquet_hold_what_pandas_does(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     expected = hostlink.to_pandas(log)
+    assert expected.attrs["units"]["force_n"] == "N"
+    assert sorted(expected.finger.unique()) == [1, 2]
+    usable = expected[expected.status & int(hostlink.NO_CONTROL) == 0]
+    assert len(usable) == sum(not s.state.status & hostlink.NO_CONTROL for s in samples_of(log))
     table, parquet = log.with_suffix(".csv"), log.with_suffix(".parquet")
     assert run("decode", str(log), "--csv", str(table)) == 0
     assert run("decode", str(log), "--parquet", str(parquet)) == 0

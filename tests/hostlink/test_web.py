@@ -126,23 +126,6 @@ def read_all(raw: socket.socket) -> bytes:
     return bytes(got)
 
 
-async def visit(session: aiohttp.ClientSession, url: str, packets_n: int) -> int:
-    """Connect, read some packets, leave; returns their number."""
-    async with session.ws_connect(url) as connection:
-        await connection.send_json({"want": ["image"]})
-        got_n = 0
-        async for message in connection:
-            if message.type is aiohttp.WSMsgType.BINARY:
-                got_n += 1
-                await connection.send_json({"got": got_n})
-                if got_n == packets_n:
-                    break
-        return got_n
-
-
-# ---- viewers ------------------------------------------------------------------------------------------
-
-
 def test_a_viewer_that_never_reads_is_disconnected() -> None:
     with serving(limits=WebLimits(patience_s=0.3)) as served:
         server = served.server
@@ -200,8 +183,7 @@ def test_a_hundred_viewers_come_and_go(served: Served) -> None:
     server = served.server
 
     async def wave(viewers_n: int) -> list[int]:
-        async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as session:
-            return await asyncio.gather(*(visit(session, served.url, 3) for _ in range(viewers_n)))
+        return await asyncio.gather(*(look(served.url, 3) for _ in range(viewers_n)))
 
     asyncio.run(wave(LIMITS.viewers_n))  # everything that is made once is made
     served.until(lambda: server.viewers_n == 0, "all have left")
@@ -226,9 +208,6 @@ def test_a_hundred_viewers_come_and_go(served: Served) -> None:
             tracemalloc.stop()
     assert seen.count(3) == 100
     served.until(lambda: server.viewers_n == 0, "the last one has left")
-
-
-# ---- other clients ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("fields", ["", "G", "GET / HTTP/1.1\r\nHost: "])
@@ -264,12 +243,17 @@ def test_a_request_that_takes_too_long_is_closed() -> None:
 
 def test_a_viewer_stays_longer_than_a_request_may_take() -> None:
     with serving(limits=WebLimits(request_s=1.0)) as served:
+        assert asyncio.run(look(served.url, 40)) == 40
 
-        async def stay() -> int:
-            async with aiohttp.ClientSession() as session:
-                return await visit(session, served.url, 40)
 
-        assert asyncio.run(stay()) == 40
+async def close_code(url: str, *texts: str) -> int | None:
+    """Why the server disconnects a viewer that says this."""
+    async with aiohttp.ClientSession() as session, session.ws_connect(url) as connection:
+        for text in texts:
+            await connection.send_str(text)
+        async for _ in connection:
+            pass
+        return connection.close_code
 
 
 HOSTS = ["[::1", "[", "::1]:80", "evil.example", "127.0.0.1.evil", "", "a\x80b", "[v1.x]"]
@@ -315,34 +299,18 @@ NONSENSE = [
 def test_an_invalid_message_disconnects_only_its_viewer(
     served: Served, text: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def talk(first: bool) -> int | None:
-        async with aiohttp.ClientSession() as session, session.ws_connect(served.url) as connection:
-            if not first:
-                await connection.send_json({"want": []})
-            await connection.send_str(text)
-            async for _ in connection:
-                pass
-            return connection.close_code
-
     with caplog.at_level(logging.DEBUG):
         if not text.startswith(('{"got"', '{"do": [')) or "1e400" in text or "NaN" in text:
-            assert asyncio.run(talk(first=True)) == 4401
-        assert asyncio.run(talk(first=False)) == 1008
+            assert asyncio.run(close_code(served.url, text)) == 4401
+        assert asyncio.run(close_code(served.url, '{"want": []}', text)) == 1008
     assert all(record.exc_info is None for record in caplog.records)
     assert asyncio.run(look(served.url)) == 2
 
 
 @pytest.mark.parametrize("token", ["\\ud800", "x" * 3000, "wrong"])
 def test_any_wrong_token_is_refused(token: str) -> None:
-    async def talk(served: Served) -> int | None:
-        async with aiohttp.ClientSession() as session, session.ws_connect(served.url) as connection:
-            await connection.send_str(f'{{"token": "{token}"}}')
-            async for _ in connection:
-                pass
-            return connection.close_code
-
     with serving(limits=WebLimits(wrong_token_s=0.0), token=TOKEN) as served:
-        assert asyncio.run(talk(served)) == 4401
+        assert asyncio.run(close_code(served.url, f'{{"token": "{token}"}}')) == 4401
 
 
 @pytest.mark.generative
@@ -375,9 +343,6 @@ def test_random_requests_and_messages_get_an_answer_and_leave_no_trace(
     assert all(record.exc_info is None for record in caplog.records), caplog.text
     assert len(caplog.records) < 10, "the log is not theirs to fill"
     assert asyncio.run(look(served.url)) == 2
-
-
-# ---- the parts ----------------------------------------------------------------------------------------
 
 
 def test_requests_are_limited_to_known_names() -> None:

@@ -48,16 +48,16 @@ def _structs() -> dict[str, Any]:
     for line in DEFINITIONS.strip().splitlines():
         name, _, text = line.partition(": ")
         members.setdefault(name, []).extend(text.split(", "))
+    sequence: Any = types.sequence
     known: dict[str, Any] = {"string": str, "bool": bool} | {
         plain: getattr(types, plain) for plain in ("uint8", "uint16", "uint32", "int32", "float32", "float64")
     }
-    sequence_of: Any = types.sequence  # generic as it runs, not as it is typed
     for name, texts in members.items():
         fields: list[tuple[str, Any]] = []
         for text in texts:
             kind, member = text.split()
             one = known[kind.removesuffix("[]")]
-            fields.append((member, sequence_of[one] if kind.endswith("[]") else one))
+            fields.append((member, sequence[one] if kind.endswith("[]") else one))
         known[name] = make_dataclass(name, fields, bases=(IdlStruct,))
     return known
 

@@ -282,9 +282,6 @@ def test_bags_are_read_by_rosbags(scene: Scene, tmp_path: Path) -> None:
     assert [m.displacement_mm for m in read] == pytest.approx([0.25] * len(read), abs=0.002)
 
 
-# ---- hashes ------------------------------------------------------------------------------------------
-
-
 def test_hash_of_the_service_follows_from_its_description() -> None:
     """REP 2016: a service is a type with a request, a response and an event; char is uint8 there."""
     assert Types("jazzy").store.hash_rihs01("std_msgs/msg/String") == STRING_HASH

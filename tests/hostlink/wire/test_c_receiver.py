@@ -16,7 +16,6 @@ from random import Random
 import can
 import pytest
 
-import hostlink
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState
 from hostlink.decoder import SerialDecoder
 from hostlink.errors import LinkError
@@ -37,10 +36,9 @@ from hostlink.wire import (
 from hostlink.wire.parts import Assembler, unpack_part
 from hostlink.wire.serial import BODY_MAX, decode_frame
 from tests.hostlink.test_client import make_node
+from tests.support.c_programs import C, compiled
 from tests.support.states import random_state, same
 
-C = Path(hostlink.__file__).parent / "c"
-STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", "-O1"]
 SANITIZED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 OWN = ("vt_e2e.c", "vt_parts.c", "vt_serial.c", "vt_request.c", "examples/receiver.c")
 # Advisory rules that the files do not keep: 15.5 one exit a function (guards read better), 2.5 unused macros
@@ -49,27 +47,19 @@ MISRA_LEFT_OUT = ("15.5", "2.5", "8.9")
 BUSY, UNKNOWN = RestFrameState.BUSY, RestFrameState.UNKNOWN
 
 
-def compiled(folder: Path, *options: str) -> Path:
-    compiler = shutil.which("gcc")
-    if compiler is None:
-        pytest.skip("no gcc")
-    program = folder / "receiver"
-    main = Path(__file__).parent / "receiver_main.c"
-    sources = [str(main), str(C / "vt_fd.c"), *(str(C / name) for name in OWN)]
-    subprocess.run(
-        [compiler, *STRICT, *SANITIZED, *options, f"-I{C}", *sources, "-lm", "-o", str(program)], check=True
-    )
-    return program
+def receiver(folder: Path, *options: str) -> Path:
+    sources = [Path(__file__).parent / "receiver_main.c", C / "vt_fd.c", *(C / name for name in OWN)]
+    return compiled(folder / "receiver", sources, "-Wconversion", *SANITIZED, *options)
 
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return compiled(tmp_path_factory.mktemp("c"))
+    return receiver(tmp_path_factory.mktemp("c"))
 
 
 @pytest.fixture(scope="module")
 def serial_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return compiled(tmp_path_factory.mktemp("serial"), "-DLINK_SERIAL")
+    return receiver(tmp_path_factory.mktemp("serial"), "-DLINK_SERIAL")
 
 
 def run(program: Path, commands: list[str]) -> list[list[str]]:
@@ -90,9 +80,6 @@ def test_our_c_files_follow_misra_rules() -> None:
     )  # fmt: skip
     assert checked.returncode == 0, checked.stderr
     assert checked.stderr == ""
-
-
-# ---- the parts of a sample ------------------------------------------------------------------------------
 
 
 def mostly_usable(rng: Random, i: int) -> State:
@@ -138,9 +125,6 @@ def test_parts_are_assembled_as_in_python(program: Path) -> None:
     assert 2000 < len(expected) < 3000
     assert len(got) == len(expected)
     assert all(same(a, b) for a, b in zip(got, expected, strict=True))
-
-
-# ---- the serial line ------------------------------------------------------------------------------------
 
 
 def line_bytes(rng: Random, frames: int) -> bytes:
@@ -191,11 +175,8 @@ def test_frames_are_packed_as_python_packs_them(program: Path) -> None:
         for i, body in enumerate(bodies)
     ]
     commands = [f"pack 2 {i & 0xFF} {body.hex() or '-'}" for i, body in enumerate(bodies)]
-    assert run(program, commands) == expected
-
-
-def test_too_long_a_body_is_refused(program: Path) -> None:
-    assert run(program, [f"pack 2 0 {bytes(BODY_MAX + 1).hex()}"]) == [["packed", ""]]
+    too_long = f"pack 2 0 {bytes(BODY_MAX + 1).hex()}"
+    assert run(program, [*commands, too_long]) == [*expected, ["packed", ""]]
 
 
 def usable_mm(state: State) -> float:
@@ -226,9 +207,6 @@ def test_receiver_follows_a_recorded_line(program: Path, tmp_path: Path) -> None
     assert int(rows[-1][1]) == lost_n
 
 
-# ---- a recorded bus -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("classic", [False, True], ids=["fd", "classic"])
 def test_receiver_follows_a_bus(program: Path, classic: bool) -> None:
     rng, commands, expected = Random(6), [], []
@@ -255,9 +233,6 @@ def test_receiver_follows_a_bus(program: Path, classic: bool) -> None:
     rows = run(program, commands)
     assert [float(row[0]) for row in rows] == pytest.approx(expected, abs=1e-5, nan_ok=True)
     assert int(rows[-1][1]) == dropped_n
-
-
-# ---- tare, answered by a real node ------------------------------------------------------------------------
 
 
 class Controller:

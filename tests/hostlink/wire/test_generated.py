@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import struct
 import subprocess
 from pathlib import Path
@@ -23,12 +22,12 @@ from hostlink.wire.fields import LAYOUT, PARTS, field_named
 from hostlink.wire.generate import generate
 from hostlink.wire.generate.dbc import classic_signals, state_signals
 from hostlink.wire.objects import TYPES
+from tests.support.c_programs import C, compiled
 from tests.support.states import random_state
 from tests.vectors.__main__ import FILE
 
 FOLDER = Path(hostlink.__file__).parent
 SAMPLES = 2_000
-STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror", "-O1"]
 
 
 def test_no_file_is_stale() -> None:
@@ -136,22 +135,13 @@ def _c_program(raws: dict[str, list[Signal]]) -> str:
 
 @pytest.fixture(scope="module")
 def c_decoder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shipped C, compiled with every warning an error."""
-    compiler = shutil.which("gcc")
-    if compiler is None:
-        pytest.skip("no gcc")
+    """The shipped codecs, and a program that prints what they decode."""
     folder = tmp_path_factory.mktemp("c")
     signals = {"state": state_signals(), **{f"part{i}": classic_signals(i) for i in range(1, 5)}}
     (folder / "main.c").write_text(_c_program(signals))
-    sources = sorted((FOLDER / "c").glob("*.c"))
-    program = folder / "decode"
-    subprocess.run([compiler, *STRICT, "-c", *map(str, sources)], check=True, cwd=folder)
-    objects = [str(folder / f"{source.stem}.o") for source in sources]
-    subprocess.run(
-        [compiler, *STRICT, f"-I{FOLDER / 'c'}", str(folder / "main.c"), *objects, "-o", str(program), "-lm"],
-        check=True,
-    )
-    return program
+    for source in C.glob("*.c"):
+        compiled(folder / f"{source.stem}.o", [source], "-Wconversion", "-c")
+    return compiled(folder / "decode", [folder / "main.c", *folder.glob("*.o")])
 
 
 def run_c(program: Path, records: list[tuple[int, bytes]]) -> list[dict[str, tuple[int, str]]]:

@@ -34,13 +34,16 @@ from tests.support.states import CONTACT_ROWS, MEASURED, any_state, expected, ra
 FOLDER = Path(wire.__file__).parent
 
 
-# --- the tables ---
-
-
-def test_state_has_the_fields_of_the_table_in_its_order() -> None:
+def test_the_tables_are_complete() -> None:
     names = [f.name for f in dataclasses.fields(State)]
     assert names == [*(f.name for f in FIELDS), "contacts"]
     assert 4 + sum(f.size for f in LAYOUT) + CHECK_SIZE == STATE_SIZE
+    in_parts = [name for p in PARTS for name in p.fields if name not in CLASSIC_BITS]
+    assert sorted(in_parts) == sorted(f.name for f in LAYOUT if f.name != "sample")
+    assert {s.bit for s in wire.STATUS} == set(Status)
+    assert [f.code for f in wire.FAULTS] == list(wire.FaultCode)
+    assert len({f.emcy for f in wire.FAULTS}) == len(wire.FAULTS)
+    assert all(f.register & 1 for f in wire.FAULTS)
 
 
 @pytest.mark.parametrize("f", LAYOUT, ids=lambda f: f.name)
@@ -50,18 +53,6 @@ def test_ranges_fit_both_representations(f: wire.Field) -> None:
         assert low <= f.raw_low <= f.raw_high <= high
         if not f.plain:
             assert not f.raw_low <= f.raw_nan(bits) <= f.raw_high, "NaN must lie outside of the range"
-
-
-def test_every_field_is_in_exactly_one_part() -> None:
-    names = [name for p in PARTS for name in p.fields if name not in CLASSIC_BITS]
-    assert sorted(names) == sorted(f.name for f in LAYOUT if f.name != "sample")
-
-
-def test_every_status_bit_and_fault_has_its_row() -> None:
-    assert {s.bit for s in wire.STATUS} == set(Status)
-    assert [f.code for f in wire.FAULTS] == list(wire.FaultCode)
-    assert len({f.emcy for f in wire.FAULTS}) == len(wire.FAULTS)
-    assert all(f.register & 1 for f in wire.FAULTS)
 
 
 def test_objects_are_well_formed() -> None:
@@ -83,9 +74,6 @@ def test_standard_library_only() -> None:
         names += [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
         foreign = {name for name in names if name.split(".")[0] not in sys.stdlib_module_names}
         assert all(name.startswith("hostlink.wire") for name in foreign), f"{path.name}: {foreign}"
-
-
-# --- state frame and classic parts ---
 
 
 def through_parts(state: State, counter: int) -> State:
@@ -190,8 +178,6 @@ def test_more_contacts_or_pins_than_fit_are_misuse() -> None:
         wire.pack_detail(0, [(0.0, 0.0, 0.0)] * (PINS_MAX + 1), 0)
 
 
-# --- detail stream ---
-
 _pin = st.tuples(*[st.floats(allow_nan=True, allow_infinity=True)] * 3)
 
 
@@ -222,9 +208,6 @@ def test_detail_with_a_segment_missing_is_dropped_whole() -> None:
     got = [assembler.add(wire.unpack_segment(s)) for s in (*first[:1], *first[2:], *second)]
     assert [d.sample for d in got if d is not None] == [2]
     assert assembler.dropped_n == 1
-
-
-# --- objects, messages, identifiers ---
 
 
 @pytest.mark.parametrize(
