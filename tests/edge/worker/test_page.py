@@ -280,7 +280,7 @@ def test_charts_get_every_sample_once(monkeypatch: pytest.MonkeyPatch) -> None:
         rows = packet["arrays"]["rows"].reshape(-1, len(CHART))
         assert packet["rows_n"] == n + 1
         assert rows[-1, 0] == 0.0  # seconds before the packet
-        assert rows[0, 0] > -PARAMS.overlap_s
+        assert rows[0, 0] >= np.float32(-PARAMS.overlap_s)
         if packets_n % 2:
             first = packet["rows_n"] - len(rows)
             assert first <= len(seen)
