@@ -75,6 +75,10 @@ class Finger:
         self.now_ns = captured_ns + late_n * PERIOD_NS
         return self.loop.step(Frame(image, captured_ns + self.jumped_ns, self.n, self.clock))
 
+    def show(self, *numbers: int) -> State:
+        """Give it these of its frames; returns the last sample."""
+        return [self.see(self.frames[number].image) for number in numbers][-1]
+
     @property
     def faults(self) -> set[FaultCode]:
         return set(self.registry.active)

@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import tracemalloc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,7 @@ from tests.support.calibrations import (
     parsed,
     touched_features,
 )
+from tests.support.refusals import one_line
 from tests.support.seeds import SEED
 
 
@@ -44,70 +47,65 @@ def test_saved_and_loaded_is_the_same(tmp_path: Path) -> None:
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-DAMAGE = [
-    (damaged("format", value="something"), "not a calibration file: its format is 'something'"),
-    (damaged("version", value=2), "has version 2, this program reads version 1"),
-    (damaged("mm_per_px", value=0), "mm_per_px: must be at least 0.0001"),
-    (damaged("mm_per_px", value="NaN"), "mm_per_px: must be a number or null, is text"),
-    (damaged("mm_per_px", value=1e300), "mm_per_px: must be at most 10"),
-    (damaged("extra", value=1), "unknown key 'extra'"),
-    (damaged("models", 0, "input", value="smell"), "models[0].input: unknown input 'smell'"),
-    (damaged("models", 0, "output", value="taste"), "models[0]: unknown output 'taste'"),
-    (damaged("models", 0, "type", value="network"), "models[0].type: unknown value 'network'"),
-    (
-        damaged("models", 0, "knots", value=[[0, 0], [1, 2], [2, 1]]),
-        "models[0].knots: the output must be monotone",
-    ),
-    (
-        damaged("models", 0, "knots", value=[[0, 0], [1, -3]]),
-        "models[0].knots: 'displacement_mm' is never above 0; a press is positive",
-    ),
-    (damaged("models", 0, "knots", value=[[0, 0], [0, 1]]), "models[0].knots[1]: the input must increase"),
-    (damaged("models", 0, "knots", value=[[0, 0]]), "models[0].knots: must have at least 2 items"),
-    (
-        damaged("models", 1, "weights", value=[[1.0, 0.0]]),
-        "models[1].weights: 1 pairs of numbers for 3",
-    ),
-    (damaged("models", 1, "spread", value=[[[1.0, 0.0]]]), "models[1].spread[0]: 1 pairs of numbers for 3"),
-    (damaged("models", 1, "terms", 2, value=["shear", "smell"]), "models[1].terms[2]: unknown input 'smell'"),
-    (damaged("models", 1, "outputs", value=["displacement_mm", "shear_y_mm"]), "second model for"),
-    (damaged("models", 1, "outputs", value=["shear_x_mm"] * 2), "models[1]: a second model for 'shear_x_mm'"),
-    (damaged("models", 1, "outputs", value=["shear_x_mm", "contact_x_mm"]), "unknown output 'contact_x_mm'"),
-    (damaged("models", 1, "valid", value=[[2, -2], [-2, 2]]), "models[1].valid: give a range [low, high]"),
-    (damaged("models", 1, "sigma", value=[0.1, -0.1]), "models[1].sigma[1]: must be at least 1e-09"),
-    (damaged("models", 1, "sigma", value=[0.1]), "models[1].sigma: give one for each of 2 outputs"),
-    (
-        damaged("models", 1, "weights", 0, value=["a", 0]),
-        "models[1].weights[0][0]: must be a number, is",
-    ),
-    (damaged("models", value={}), "models: must be a list, is a table"),
-    (damaged("sensor", "serial", value="a\nb"), "sensor.serial: "),
-    (damaged("sensor", "rest_xy_px", value=[]), "sensor.rest_xy_px: must have at least 12 items"),
+DAMAGE: list[tuple[str, Any, str]] = [
+    ("format", "something", "not a calibration file: its format is 'something'"),
+    ("version", 2, "has version 2, this program reads version 1"),
+    ("mm_per_px", 0, "mm_per_px: must be at least 0.0001"),
+    ("mm_per_px", "NaN", "mm_per_px: must be a number or null, is text"),
+    ("mm_per_px", 1e300, "mm_per_px: must be at most 10"),
+    ("extra", 1, "unknown key 'extra'"),
+    ("models.0.input", "smell", "models[0].input: unknown input 'smell'"),
+    ("models.0.output", "taste", "models[0]: unknown output 'taste'"),
+    ("models.0.type", "network", "models[0].type: unknown value 'network'"),
+    ("models.0.knots", [[0, 0], [1, 2], [2, 1]], "models[0].knots: the output must be monotone"),
+    ("models.0.knots", [[0, 0], [1, -3]], "models[0].knots: 'displacement_mm' is never above 0; a press is"),
+    ("models.0.knots", [[0, 0], [0, 1]], "models[0].knots[1]: the input must increase"),
+    ("models.0.knots", [[0, 0]], "models[0].knots: must have at least 2 items"),
+    ("models.1.weights", [[1.0, 0.0]], "models[1].weights: 1 pairs of numbers for 3"),
+    ("models.1.spread", [[[1.0, 0.0]]], "models[1].spread[0]: 1 pairs of numbers for 3"),
+    ("models.1.terms.2", ["shear", "smell"], "models[1].terms[2]: unknown input 'smell'"),
+    ("models.1.outputs", ["displacement_mm", "shear_y_mm"], "second model for"),
+    ("models.1.outputs", ["shear_x_mm"] * 2, "models[1]: a second model for 'shear_x_mm'"),
+    ("models.1.outputs", ["shear_x_mm", "contact_x_mm"], "unknown output 'contact_x_mm'"),
+    ("models.1.valid", [[2, -2], [-2, 2]], "models[1].valid: give a range [low, high]"),
+    ("models.1.sigma", [0.1, -0.1], "models[1].sigma[1]: must be at least 1e-09"),
+    ("models.1.sigma", [0.1], "models[1].sigma: give one for each of 2 outputs"),
+    ("models.1.weights.0", ["a", 0], "models[1].weights[0][0]: must be a number, is"),
+    ("models", {}, "models: must be a list, is a table"),
+    ("sensor.serial", "a\nb", "sensor.serial: "),
+    ("sensor.rest_xy_px", [], "sensor.rest_xy_px: must have at least 12 items"),
 ]
 
 
-@pytest.mark.parametrize(("table", "expected"), DAMAGE, ids=[expected for _, expected in DAMAGE])
-def test_damage_is_one_line_that_names_the_place(table: dict[str, Any], expected: str) -> None:
-    message = refusal(msgspec.json.encode(table))
+@pytest.mark.parametrize(("place", "value", "expected"), DAMAGE)
+def test_damage_is_one_line_that_names_the_place(place: str, value: Any, expected: str) -> None:
+    path = [int(key) if key.isdigit() else key for key in place.split(".")]
+    message = refusal(msgspec.json.encode(damaged(*path, value=value)))
     assert expected in message
     assert "$" not in message
 
 
 def refusal(raw: bytes) -> str:
     """The one line with which a file is refused."""
-    with pytest.raises(CalibrationError) as caught:
-        Calibration.parse(raw, "cal.json")
-    message = str(caught.value)
+    message = one_line(CalibrationError, Calibration.parse, raw, "cal.json")
     assert message.startswith("cal.json: ")
-    assert "\n" not in message
     assert len(message) < 400
     return message
 
 
-def _line_of_pins() -> dict[str, Any]:
-    pins = [[100.0 + 20.0 * k, 240.0 + 0.01 * (k % 3)] for k in range(20)]
-    sensor: dict[str, Any] = calibration_content()["sensor"]
-    return sensor | {"rest_xy_px": pins, "centre_px": [290.0, 240.0], "tip_radius_px": 190.0}
+@contextmanager
+def bounded_memory(most_bytes: int) -> Iterator[None]:
+    tracemalloc.start()
+    try:
+        yield
+        peak_bytes = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak_bytes < most_bytes
+
+
+def _line_of_pins() -> list[list[float]]:
+    return [[100.0 + 20.0 * k, 240.0 + 0.01 * (k % 3)] for k in range(20)]
 
 
 def _two_groups() -> dict[str, Any]:
@@ -117,101 +115,69 @@ def _two_groups() -> dict[str, Any]:
     return sensor | {"rest_xy_px": pins, "tip_radius_px": 196.0}
 
 
+REST = ("sensor", "rest_xy_px")
+TERMS = ("models", 1, "terms")
 #: Files that stopped a finger, or could have: all parse as JSON and have the right keys.
-HOSTILE = {
+HOSTILE: dict[str, tuple[tuple[str | int, ...], Any, str]] = {
     "empty terms and a long one": (
-        damaged("models", 1, "terms", value=[[]] * 14_999 + [["shear"] * 15_000]),
+        TERMS, [[]] * 14_999 + [["shear"] * 15_000],
         f"models[1].terms[14999]: must have at most {FACTORS_MAX} items",
     ),
-    "many terms": (
-        damaged("models", 1, "terms", value=[[]] * 100_000),
-        f"models[1].terms: must have at most {TERMS_MAX} items",
-    ),
+    "many terms": (TERMS, [[]] * 100_000, f"models[1].terms: must have at most {TERMS_MAX} items"),
     "a long term": (
-        damaged("models", 1, "terms", value=[[], ["shear"], ["shear"] * 15_000]),
+        TERMS, [[], ["shear"], ["shear"] * 15_000],
         f"models[1].terms[2]: must have at most {FACTORS_MAX} items",
     ),
     "pins far out": (
-        damaged("sensor", "rest_xy_px", value=[*PINS, [15_000.0, 15_000.0]]),
+        REST, [*PINS, [15_000.0, 15_000.0]],
         "sensor.rest_xy_px[19]: (15000, 15000) is outside of the image (640x480)",
     ),
     "pins farther out": (
-        damaged("sensor", "rest_xy_px", value=[*PINS, [30_000.0, 30_000.0]]),
-        "sensor.rest_xy_px[19][0]: must be at most 16384",
+        REST, [*PINS, [30_000.0, 30_000.0]], "sensor.rest_xy_px[19][0]: must be at most 16384",
     ),
-    "a pin at 1e9": (
-        damaged("sensor", "rest_xy_px", value=[*PINS, [1e9, 240.0]]),
-        "sensor.rest_xy_px[19][0]: must be at most 16384",
-    ),
-    "pins on a line": (
-        damaged("sensor", value=_line_of_pins()),
-        "most of the tip's pins missing, or all on one line?",
-    ),
-    "three pins": (damaged("sensor", "rest_xy_px", value=PINS[:3]), "must have at least 12 items"),
-    "too many pins": (
-        damaged("sensor", "rest_xy_px", value=[[0.1 * k, 0.0] for k in range(5000)]),
-        "must have at most 2048 items",
-    ),
-    "a pin twice": (
-        damaged("sensor", "rest_xy_px", value=[*PINS, PINS[4]]),
-        "0 px from another pin, where the others are 20 px apart",
-    ),
-    "one pin many times": (damaged("sensor", "rest_xy_px", value=[PINS[0]] * 19), "0 px from another pin"),
+    "a pin at 1e9": (REST, [*PINS, [1e9, 240.0]], "sensor.rest_xy_px[19][0]: must be at most 16384"),
+    "pins on a line": (REST, _line_of_pins(), "sensor.rest_xy_px: the pins are all on one line"),
+    "three pins": (REST, PINS[:3], "must have at least 12 items"),
+    "too many pins": (REST, [[0.1 * k, 0.0] for k in range(5000)], "must have at most 2048 items"),
+    "a pin twice": (REST, [*PINS, PINS[4]], "0 px from another pin, where the others are 20 px apart"),
+    "one pin many times": (REST, [PINS[0]] * 19, "0 px from another pin"),
     "an image of another world": (
-        damaged("sensor", "size_px", value=[100_000, 100_000]),
-        "sensor.size_px[0]: must be at most 8192",
+        ("sensor", "size_px"), [100_000, 100_000], "sensor.size_px[0]: must be at most 8192",
     ),
     "an image of too many pixels": (
-        damaged("sensor", "size_px", value=[8192, 8192]),
-        "sensor.size_px: 8192x8192 pixels are too many",
+        ("sensor", "size_px"), [8192, 8192], "sensor.size_px: 8192x8192 pixels are too many",
     ),
-    "no radius": (damaged("sensor", "pin_radius_px", value=1e-300), "sensor.pin_radius_px: must be at least"),
-    "a huge radius": (
-        damaged("sensor", "tip_radius_px", value=1e300),
-        "tip_radius_px: must be at most",
-    ),
-    "pins larger than their pitch": (
-        damaged("sensor", "pin_radius_px", value=40.0),
-        "pin_radius_px: 40",
-    ),
-    "another pitch": (
-        damaged("sensor", "pitch_px", value=60.0),
-        "pitch_px: 60, but the rest pins are 20",
-    ),
+    "no radius": (("sensor", "pin_radius_px"), 1e-300, "sensor.pin_radius_px: must be at least"),
+    "a huge radius": (("sensor", "tip_radius_px"), 1e300, "tip_radius_px: must be at most"),
+    "pins larger than their pitch": (("sensor", "pin_radius_px"), 40.0, "pin_radius_px: 40"),
+    "another pitch": (("sensor", "pitch_px"), 60.0, "pitch_px: 60, but the rest pins are 20"),
     "a tip larger than its pins": (
-        damaged("sensor", "tip_radius_px", value=460.0),
-        "sensor.tip_radius_px: 460, but the outermost pin is 40 px",
+        ("sensor", "tip_radius_px"), 460.0, "sensor.tip_radius_px: 460, but the outermost pin is 40 px",
     ),
     "most pins missing": (
-        damaged("sensor", value=_two_groups()),
-        "sensor.rest_xy_px: 38 pins 20 px apart cover 11% of the tip's circle",
+        ("sensor",), _two_groups(), "sensor.rest_xy_px: 38 pins 20 px apart cover 11% of the tip's circle",
     ),
     "weights beyond measure": (
-        damaged("models", 1, "weights", 1, value=[1e300, 0.0]),
-        "models[1].weights[1][0]: must be at most 9.0072e+15",
+        ("models", 1, "weights", 1), [1e300, 0.0], "models[1].weights[1][0]: must be at most 1e+15",
     ),
+    "a text of a megabyte": (("data", "source"), "x" * 1_000_000, "data.source: must have"),
     "an output of a megabyte": (
-        damaged("models", 0, "output", value="x" * 1_000_000),
-        "models[0].output: must have at most 64 characters",
+        ("models", 0, "output"), "x" * 1_000_000, "models[0].output: must have at most 64 characters",
     ),
     "many models": (
-        damaged("models", value=[calibration_content()["models"][0]] * 1000),
-        "models: must have at most 17 items",
+        ("models",), [calibration_content()["models"][0]] * 1000, "models: must have at most 17 items",
     ),
-}
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(("table", "expected"), HOSTILE.values(), ids=HOSTILE.keys())
-def test_a_hostile_file_is_refused_before_anything_is_built(table: dict[str, Any], expected: str) -> None:
-    raw = msgspec.json.encode(table)
-    tracemalloc.start()
-    try:
+@pytest.mark.parametrize(("path", "value", "expected"), HOSTILE.values(), ids=HOSTILE.keys())
+def test_a_hostile_file_is_refused_before_anything_is_built(
+    path: tuple[str | int, ...], value: Any, expected: str
+) -> None:
+    raw = msgspec.json.encode(damaged(*path, value=value))
+    with bounded_memory(2_000_000 + 40 * len(raw)):
         message = refusal(raw)
-        peak_bytes = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
     assert expected in message
-    assert peak_bytes < 2_000_000 + 40 * len(raw)
 
 
 @pytest.mark.parametrize(
@@ -226,7 +192,7 @@ def test_a_hostile_file_is_refused_before_anything_is_built(table: dict[str, Any
         (b"[" * 200_000, "not a calibration file: "),
         (b'{"a":' * 200_000, "not a calibration file: lists and tables are nested too deeply"),
         (b'{"format":"voronoi-touch-calibration","version":1,"sensor":' + b"[" * 200_000, "too deeply"),
-        (b" " * (limits.FILE_BYTES + 1), "larger than 2048 KiB"),
+        (b" " * (limits.CALIBRATION_BYTES + 1), "larger than 2048 KiB"),
     ],
     ids=["empty", "text", "list", "binary", "cut", "latin", "deep list", "deep table", "deep sensor", "long"],
 )
@@ -264,12 +230,12 @@ def test_no_number_of_a_file_is_nan_or_infinite(path: tuple[str | int, ...], num
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(CalibrationError, match=r"absent\.json: cannot be read: No such file"):
-        Calibration.load(tmp_path / "absent.json")
-    with pytest.raises(CalibrationError, match=r"a folder or a device; give a file"):
-        Calibration.load(tmp_path)
-    with pytest.raises(CalibrationError, match=r"a folder or a device; give a file"):
-        Calibration.load("/dev/zero")
+    for path, stated in (
+        (tmp_path / "absent.json", "absent.json: cannot be read: No such file"),
+        (tmp_path, "a folder or a device; give a file"),
+        (Path("/dev/zero"), "a folder or a device; give a file"),
+    ):
+        assert stated in one_line(CalibrationError, Calibration.load, path)
 
 
 def test_a_kill_while_writing_keeps_a_complete_file(tmp_path: Path) -> None:
@@ -349,11 +315,8 @@ def test_any_file_is_refused_in_one_line_or_gives_bounded_values(seed: int) -> N
             raw = raw[: rng.randrange(len(raw))]
         try:
             calibration = Calibration.parse(raw, "cal.json")
-        except CalibrationError as error:
-            message = str(error)
-            assert message.startswith("cal.json: ")
-            assert "\n" not in message
-            assert len(message) < 400
+        except CalibrationError:
+            refusal(raw)
             continue
         accepted += 1
         assert 12 <= len(calibration.rest) <= limits.PINS_MAX
@@ -382,12 +345,7 @@ def test_the_largest_file_that_is_accepted_runs_in_bounded_memory() -> None:
         }
         for output in ("displacement_mm", "force_n", "torsion_deg", "contact_area_mm2")
     ]
-    tracemalloc.start()
-    try:
+    with bounded_memory(64_000_000):
         calibration = parsed(content)
         calibration.apply(touched_features(0.05, (1.0, 0.0)), PATTERN)
-        peak_bytes = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
     assert np.isfinite(calibration.rest.xy_img).all()
-    assert peak_bytes < 64_000_000

@@ -16,6 +16,7 @@ from edge.calibration.gaussian_process import ProcessKernel, wanted_models
 from edge.errors import CalibrationError
 from edge.types import Array, Complex
 from tests.support.calibrations import calibration_content, parsed
+from tests.support.refusals import one_line
 
 pytestmark = pytest.mark.kernels
 
@@ -139,36 +140,28 @@ def test_features_not_in_demand_are_none_and_change_nothing() -> None:
     np.testing.assert_array_equal(out, everything)
 
 
-def test_more_lost_pins_than_the_fit_has_tried_give_no_value() -> None:
+def test_more_lost_pins_than_the_fit_has_tried_or_an_unknown_input_give_no_value() -> None:
     found = _run(MODELS, _frame(gap=2.5))
     assert np.isnan(found[:3, 0]).all()
     assert np.isfinite(found[3, 0])  # its fit has no model of lost pins
     assert np.isnan(_run(MODELS, _frame(gap=math.nan))[:3, 0]).all()
-
-
-def test_far_from_the_data_a_value_is_reported_as_out_of_range() -> None:
-    z = _frame()
-    near, beyond = _process(["s"], 11, 4, 2, far=1e6), _process(["s"], 11, 4, 2, far=1e-6)
-    assert _run([near], z)[0, 2] == 0
-    assert _run([beyond], z)[0, 2] == 1
-    assert _run([beyond], z)[0, 0] == _run([near], z)[0, 0]
-
-
-def test_a_value_beyond_the_range_is_set_to_its_end() -> None:
-    z = _frame()
-    value = _run([MODELS[1]], z)[0, 0]
-    low = msgspec.structs.replace(MODELS[1], valid=[(value + 1.0, value + 2.0)])
-    high = msgspec.structs.replace(MODELS[1], valid=[(value - 2.0, value - 1.0)])
-    np.testing.assert_allclose(_run([low], z)[0], [value + 1.0, _run([MODELS[1]], z)[0, 1], 1.0])
-    assert _run([high], z)[0, 0] == value - 1.0
-
-
-def test_an_unknown_input_gives_no_value() -> None:
     z = _frame()
     z[2] = math.nan
     found = _run(MODELS, z)
     assert np.isnan(found[:, 0]).all()
     assert not found[:, 2].any()
+
+
+def test_a_value_out_of_range_is_reported_and_set_to_the_range_s_end() -> None:
+    z = _frame()
+    near, beyond = (_run([_process(["s"], 11, 4, 2, far=far)], z)[0] for far in (1e6, 1e-6))
+    assert (near[2], beyond[2]) == (0, 1)  # far from the data
+    assert beyond[0] == near[0]
+    value, sigma, _ = _run([MODELS[1]], z)[0]
+    low = msgspec.structs.replace(MODELS[1], valid=[(value + 1.0, value + 2.0)])
+    high = msgspec.structs.replace(MODELS[1], valid=[(value - 2.0, value - 1.0)])
+    np.testing.assert_allclose(_run([low], z)[0], [value + 1.0, sigma, 1.0])
+    assert _run([high], z)[0, 0] == value - 1.0
 
 
 def test_sizes_that_do_not_fit_are_refused() -> None:
@@ -208,32 +201,32 @@ def _with_process(**changes: Any) -> dict[str, Any]:
     return table
 
 
-def test_a_file_with_a_process_is_read() -> None:
-    assert "shear_x_mm" in parsed(_with_process()).outputs
-
-
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"terms": [[], ["c00"], ["smell"]]}, "models[1].terms[2]: unknown input 'smell'"),
-        ({"noise_terms": [["smell"], []]}, "models[1].noise_terms[0]: unknown input 'smell'"),
-        ({"noise_weights": [0.1]}, "models[1].noise_weights: 1 numbers for 2 terms"),
-        ({"noise_range": [1.0, -1.0]}, "models[1].noise_range: give [low, high]"),
-        ({"factor": [[[1.0, 0.0]]]}, "models[1].factor[0]: 1 pairs of numbers for 3 terms"),
-        ({"weights": [[1.0, 0.0]]}, "models[1].weights: 1 pairs of numbers for 3 terms"),
-        ({"sigma": [0.1]}, "models[1].sigma: give one for each of 2 outputs"),
-        ({"far": -1.0}, "models[1].far: must be at least 0"),
-        ({"across_weights": [0.1]}, "models[1].across_weights: 1 numbers for 2 terms"),
-        ({"across_range": [1.0, -1.0]}, "models[1].across_range: give [low, high]"),
-        ({"lost": {"scale": 0.1}}, "models[1].lost: "),
-        ({"lost": LOST | {"terms": [["smell"]], "weights": [1.0]}}, "models[1].lost.terms[0]: unknown input"),
-        ({"lost": LOST | {"terms": [["gap"]]}}, "models[1].lost.weights: 0 numbers for 1 terms"),
-        ({"outputs": ["contact_x_mm", "contact_y_mm"]}, "only values of a frame can have one"),
-        ({"terms": [[]] * 513}, "models[1].terms: must have at most 512 items"),
+        ({"terms": [[], ["c00"], ["smell"]]}, "terms[2]: unknown input 'smell'"),
+        ({"noise_terms": [["smell"], []]}, "noise_terms[0]: unknown input 'smell'"),
+        ({"noise_weights": [0.1]}, "noise_weights: 1 numbers for 2 terms"),
+        ({"noise_range": [1.0, -1.0]}, "noise_range: give [low, high]"),
+        ({"factor": [[[1.0, 0.0]]]}, "factor[0]: 1 pairs of numbers for 3 terms"),
+        ({"weights": [[1.0, 0.0]]}, "weights: 1 pairs of numbers for 3 terms"),
+        ({"sigma": [0.1]}, "sigma: give one for each of 2 outputs"),
+        ({"far": -1.0}, "far: must be at least 0"),
+        ({"across_weights": [0.1]}, "across_weights: 1 numbers for 2 terms"),
+        ({"across_range": [1.0, -1.0]}, "across_range: give [low, high]"),
+        ({"lost": {"scale": 0.1}}, "lost: "),
+        ({"lost": LOST | {"terms": [["smell"]], "weights": [1.0]}}, "lost.terms[0]: unknown input"),
+        ({"lost": LOST | {"terms": [["gap"]]}}, "lost.weights: 0 numbers for 1 terms"),
+        ({"terms": [[]] * 513}, "terms: must have at most 512 items"),
     ],
 )
 def test_damage_to_a_process_is_one_line_that_names_the_place(changes: dict[str, Any], expected: str) -> None:
-    with pytest.raises(CalibrationError, match=r"cal\.json: ") as caught:
-        parsed(_with_process(**changes))
-    assert expected in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert "shear_x_mm" in parsed(_with_process()).outputs
+    message = one_line(CalibrationError, parsed, _with_process(**changes))
+    assert message.startswith("cal.json: ")
+    assert f"models[1].{expected}" in message
+
+
+def test_only_values_of_a_frame_have_a_process() -> None:
+    of_contacts = _with_process(outputs=["contact_x_mm", "contact_y_mm"])
+    assert "only values of a frame can have one" in one_line(CalibrationError, parsed, of_contacts)

@@ -30,7 +30,7 @@ def test_inputs_are_free_of_resolution() -> None:
     np.testing.assert_allclose(frame_inputs(f, PATTERN), frame_inputs(doubled, larger))
 
 
-def test_a_row_of_another_size_is_refused() -> None:
+def test_rows_and_modes_of_another_size_and_a_tip_without_a_radius_are_refused() -> None:
     f = touched_features(0.05, (4.0, -2.0))
     for names in ((), FRAME_INPUTS[1:], (*FRAME_INPUTS, "more")):
         with pytest.raises(ValueError, match="28 inputs are wanted"):
@@ -38,12 +38,11 @@ def test_a_row_of_another_size_is_refused() -> None:
     contact = ContactRegion(XY, 0.1, 9.0, 0.0, 1.0, XY[None], XY, XY, XY)
     with pytest.raises(ValueError, match="12 inputs are wanted"):
         InputRow(FRAME_INPUTS).write_contact(contact, f, PATTERN)
-
-
-def test_modes_of_another_number_are_refused() -> None:
-    f = replace(touched_features(0.05, (4.0, -2.0)), modes_px=np.zeros(20, np.complex128))
     with pytest.raises(ValueError, match=r"modes \(21,\) are wanted"):
-        frame_inputs(f, PATTERN)
+        frame_inputs(replace(f, modes_px=np.zeros(20, np.complex128)), PATTERN)
+    for radius_px in (0.0, -1.0, 1e-200, np.nan):
+        with pytest.raises(ValueError, match="tip_radius_px: above 0 is wanted"):
+            frame_inputs(f, replace(PATTERN, tip_radius_px=radius_px))
 
 
 def test_the_inputs_of_a_contact() -> None:
@@ -70,10 +69,3 @@ def test_a_row_holds_nothing_of_the_frame_before() -> None:
     row.write_frame(Features(touched.area_change, touched.displacement_px, in_contact=True), PATTERN)
     np.testing.assert_array_equal(row.values[:-2], np.full(len(FRAME_INPUTS) - 2, np.nan + 0j))
     assert not row.values[-2:].any()
-
-
-@pytest.mark.parametrize("radius_px", [0.0, -1.0, 1e-200, np.nan])
-def test_a_tip_without_a_radius_is_refused(radius_px: float) -> None:
-    f, pattern = touched_features(0.05, (4.0, -2.0)), replace(PATTERN, tip_radius_px=radius_px)
-    with pytest.raises(ValueError, match="tip_radius_px: above 0 is wanted"):
-        frame_inputs(f, pattern)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,8 @@ R = PATTERN.tip_radius_px / 200.0
 
 
 def test_values_follow_the_models() -> None:
-    reading = parsed(calibration_content()).apply(touched_features(0.05, (4.0 * R, -2.0 * R)), PATTERN)
+    calibration = parsed(calibration_content())
+    reading = calibration.apply(touched_features(0.05, (4.0 * R, -2.0 * R)), PATTERN)
     assert reading.calibrated
     assert reading.values["displacement_mm"] == pytest.approx(1.0)
     # 0.1 + 50 s + 3i conj(s) volume, with s = (4 - 2i)/200
@@ -29,55 +31,36 @@ def test_values_follow_the_models() -> None:
     assert reading.sigmas["displacement_mm"] == pytest.approx(0.02)
     assert reading.sigmas["shear_x_mm"] == pytest.approx(0.03 * math.sqrt(1 + 900 * (0.02**2 + 0.01**2)))
     assert reading.saturated == frozenset()
-
-
-def test_values_out_of_range_are_clipped_and_named() -> None:
-    reading = parsed(calibration_content()).apply(touched_features(0.9, (20.0, 0.0)), PATTERN)
-    assert reading.values["displacement_mm"] == 5.0
-    assert reading.values["shear_x_mm"] == 2.0
+    reading = calibration.apply(touched_features(0.9, (20.0, 0.0)), PATTERN)  # out of range: clipped
+    assert (reading.values["displacement_mm"], reading.values["shear_x_mm"]) == (5.0, 2.0)
     assert reading.saturated == {"displacement_mm", "shear_x_mm"}
 
 
-def test_a_missing_feature_is_invalid_not_zero() -> None:
+def test_a_missing_feature_is_invalid_and_untouched_reads_zero() -> None:
     bare = Features(area_change=np.zeros(4), displacement_px=np.zeros((4, 2)), in_contact=True)
-    reading = parsed(calibration_content()).apply(bare, PATTERN)
-    assert math.isnan(reading.values["displacement_mm"])
-    assert math.isnan(reading.values["shear_x_mm"])
-    assert reading.saturated == frozenset()
+    for touched, value in ((True, math.nan), (False, 0.0)):
+        reading = parsed(calibration_content()).apply(replace(bare, in_contact=touched), PATTERN)
+        found = [reading.values[name] for name in ("displacement_mm", "shear_x_mm", "shear_y_mm")]
+        np.testing.assert_array_equal(found, [value] * 3)
+        assert reading.saturated == frozenset()
 
 
-def test_untouched_reads_zero() -> None:
-    bare = Features(area_change=np.zeros(4), displacement_px=np.zeros((4, 2)), in_contact=False)
-    reading = parsed(calibration_content()).apply(bare, PATTERN)
-    assert reading.values == {"displacement_mm": 0.0, "shear_x_mm": 0.0, "shear_y_mm": 0.0}
-
-
-def test_contact_places_are_in_the_tip_frame() -> None:
-    contact = contact_region((340.0, 230.0), 0.3, 100.0, math.nan, 1.0)
-    reading = parsed(calibration_content()).apply(touched_features(0.1, (0.0, 0.0), (contact,)), PATTERN)
-    np.testing.assert_allclose(reading.contacts[0, :2], [2.0, -1.0])
-
-
-def test_the_depth_of_a_single_contact_is_the_frame_s() -> None:
+def test_contacts_have_places_in_the_tip_frame_and_a_single_one_the_frame_s_depth() -> None:
     spot = contact_region((340.0, 230.0), 0.3, 100.0, math.nan, 1.0)
-    one = parsed(calibration_content()).apply(touched_features(0.05, (0.0, 0.0), (spot,)), PATTERN)
-    two = parsed(calibration_content()).apply(touched_features(0.05, (0.0, 0.0), (spot, spot)), PATTERN)
+    calibration = parsed(calibration_content())
+    one, two = (calibration.apply(touched_features(0.05, (0.0, 0.0), (spot,) * n), PATTERN) for n in (1, 2))
+    np.testing.assert_allclose(one.contacts[0, :2], [2.0, -1.0])
     assert one.contacts[0, 2] == one.values["displacement_mm"] == pytest.approx(1.0)
     assert np.isnan(two.contacts[:, 2]).all()
+    assert "pressure_kpa" not in one.values  # there is no force gauge
+    assert math.isnan(one.values["orientation_deg"])
 
 
 def _forced() -> Calibration:
     """With a force model: 2 N at a volume of 0.05, and a scale of 0.1 mm/px."""
     table = calibration_content()
-    table["models"].append(
-        {
-            "type": "curve",
-            "output": "force_n",
-            "input": "volume",
-            "knots": [[0.0, 0.0], [0.1, 4.0]],
-            "sigma": 0.1,
-        }
-    )
+    force = {"type": "curve", "output": "force_n", "input": "volume", "sigma": 0.1}
+    table["models"].append(force | {"knots": [[0.0, 0.0], [0.1, 4.0]]})
     return parsed(table)
 
 
@@ -88,13 +71,6 @@ def test_pressure_is_force_over_the_contacts_area() -> None:
     assert reading.values["contact_area_mm2"] == pytest.approx(50.0)
     assert reading.values["pressure_kpa"] == pytest.approx(40.0)
     assert reading.values["orientation_deg"] == pytest.approx(30.0)
-
-
-def test_without_a_force_gauge_there_is_no_pressure() -> None:
-    spot = contact_region((340.0, 230.0), 0.3, 5000.0, math.nan, 1.0)
-    reading = parsed(calibration_content()).apply(touched_features(0.05, (0.0, 0.0), (spot,)), PATTERN)
-    assert "pressure_kpa" not in reading.values
-    assert math.isnan(reading.values["orientation_deg"])
 
 
 def test_slip_speed_needs_a_scale_and_the_time_between_two_frames() -> None:

@@ -353,6 +353,8 @@ def mistaken(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         (["inspect", "float.tiff"], "float.tiff: pixels of type float32; save it with 8 or 16 bits"),
         (["replay", "cut.mcap"], "cut.mcap: cut off before its first whole image; copy or record it again"),
         (["replay", "{press}", "--view-at", "no host"], "no host 'no host' is known; give HOST:PORT"),
+        (["replay", "{press}", "--view-at", "0.0.0.0:8765"], "give a token"),
+        (["replay", "{press}", "--view-at", "127.0.0.1:x"], "no port"),
         (
             ["render", "{press}", "-o", "a.mp4", "--calibration", "{other}"],
             "give the calibration of this tip",

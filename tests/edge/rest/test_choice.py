@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -62,26 +63,18 @@ def test_without_an_untouched_image_the_shallowest_is_taken_and_marked_untrusted
     assert choice.index == 4
     assert not choice.trusted
     assert "may show a touch" in choice.message
-
-
-def test_no_pins_no_choice() -> None:
     with pytest.raises(NoPins):
         choose_rest([np.zeros((100, 100), np.uint8)])
 
 
 def rest_of(data_dir: Path, how: str, calibration: Calibration | None = None) -> Rest:
-    source = open_source(str(data_dir / "press_shear.mcap"))
-    try:
+    with closing(open_source(str(data_dir / "press_shear.mcap"))) as source:
         return rest_of_source(source, how, calibration).rest
-    finally:
-        source.close()
 
 
 def test_a_calibration_s_rest_pins_are_moved_onto_a_touched_image(data_dir: Path) -> None:
     calibration = Calibration.load(data_dir / "hex127_flat.json")
-    source = open_source(str(data_dir / "press_shear.mcap"))
-    images = [frame.image for frame in source]
-    source.close()
+    images = [frame.image for frame in open_source(str(data_dir / "press_shear.mcap"))]
     true = in_order_of(calibration, take_rest(images[:8]))
     for rest in (rest_of(data_dir, "none", calibration), rest_of(data_dir, "0", calibration)):
         assert np.hypot(*(rest.xy_img - true.xy_img).T).max() < 0.3

@@ -6,6 +6,7 @@ import contextlib
 import json
 import threading
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -37,27 +38,19 @@ from tests.support.waiting import SOON_S
 ACCEPTED, REFUSED, FORCED = RestFrameState.ACCEPTED, RestFrameState.REFUSED, RestFrameState.FORCED
 
 
-@pytest.fixture(scope="module")
-def frames(data_dir: Path) -> list[Frame]:
-    """8 untouched, then a ball pressed in."""
-    return list(open_source(str(data_dir / "press.mcap")))
-
-
-@pytest.fixture(scope="module")
-def calibration(data_dir: Path) -> Calibration:
-    return Calibration.load(data_dir / "rings331_ball.json")
-
-
-@pytest.fixture
-def finger(frames: list[Frame], calibration: Calibration) -> Finger:
-    return Finger(frames, calibration)
-
-
 def changed(calibration: Calibration, **sensor: object) -> Calibration:
     """The same calibration with other values in its table [sensor]."""
     table = json.loads(calibration.encoded)
     table["sensor"].update(sensor)
     return Calibration.parse(json.dumps(table).encode(), "test")
+
+
+UNTOUCHED = tuple(range(8))
+
+
+def steady(k: int) -> list[int]:
+    """Eight images of one frame."""
+    return [k] * 8
 
 
 def images(frames: list[Frame], k: int) -> list[Image]:
@@ -154,18 +147,6 @@ def test_a_picture_without_pins_is_no_rest_frame(calibration: Calibration) -> No
     assert refused.value.reason is RestFrameReason.NO_PIN_PATTERN
 
 
-def test_a_calibration_with_few_of_the_pins_counts_as_another_tips(
-    frames: list[Frame], calibration: Calibration
-) -> None:
-    few = changed(calibration, rest_xy_px=calibration.content.sensor.rest_xy_px[:280])
-    with pytest.raises(TareRefused, match=r"has 280 pins, the camera sees 331|another tip") as refused:
-        take_rest_frame(images(frames, 0), calibration=few)
-    assert refused.value.reason is RestFrameReason.OTHER_TIP
-    finger = Finger(frames, few)
-    assert FaultCode.CALIBRATION_FOREIGN in finger.faults
-    assert Status.UNCALIBRATED in finger.see(frames[25].image).status
-
-
 def test_half_of_the_pins_covered_are_too_few(frames: list[Frame]) -> None:
     reference = take_rest(images(frames, 0))
     covered = images(frames, 0)
@@ -184,113 +165,90 @@ def test_an_accepted_rest_frame_is_used(finger: Finger) -> None:
     before = finger.loop.pipeline
     request = finger.loop.request_tare()
     assert finger.loop.tare_outcome.state is RestFrameState.BUSY
-    for k in range(8):
-        finger.see(finger.frames[k].image)
+    with pytest.raises(TareBusy):  # one at a time
+        finger.loop.request_tare()
+    finger.show(*UNTOUCHED)
     outcome = request.done.result(0)
     assert (outcome.number, outcome.state, outcome.message) == (1, ACCEPTED, "")
     assert finger.loop.tare_outcome is outcome
     assert finger.loop.pipeline is not before
     assert not finger.faults
+    assert finger.loop.request_tare().number == 2
+
+
+@pytest.mark.parametrize("ended", [False, True], ids=["no images", "the loop has ended"])
+def test_a_request_that_gets_no_images_is_refused(finger: Finger, ended: bool) -> None:
+    request = finger.loop.request_tare()
+    if ended:
+        finger.loop.stop()
+        finger.loop.run()
+    else:
+        finger.camera.condition = "lost"
+        finger.now_ns += 500_000_000
+        finger.loop._keep_alive()
+        assert not request.done.done()  # a short interruption
+        finger.now_ns += 600_000_000
+        finger.loop._keep_alive()
+        assert request.done.result(0).reason is RestFrameReason.NO_IMAGES
+    assert request.done.result(0).state is REFUSED
 
 
 def test_a_refused_rest_frame_changes_nothing_and_is_reported(finger: Finger) -> None:
-    true = finger.see(finger.frames[25].image).displacement_mm
+    true = finger.show(25).displacement_mm
     before = finger.loop.pipeline
     request = finger.loop.request_tare()
-    for _ in range(8):
-        state = finger.see(finger.frames[25].image)
-        assert state.displacement_mm == pytest.approx(true, abs=0.05)  # also while it is being taken
+    for k in steady(25):
+        assert finger.show(k).displacement_mm == pytest.approx(true, abs=0.05)  # also while it is being taken
     outcome = request.done.result(0)
     assert (outcome.state, outcome.reason) == (REFUSED, RestFrameReason.TOUCHED)
     assert "something touches the tip" in outcome.message
     assert finger.loop.pipeline is before
     assert finger.faults == {FaultCode.TARE_IMPLAUSIBLE}
-    assert Status.TARE_FAULT in finger.see(finger.frames[25].image).status
+    assert Status.TARE_FAULT in finger.show(25).status
     finger.loop.request_tare()
-    for _ in range(9):
-        last = finger.see(finger.frames[7].image)
+    assert finger.show(*steady(7), 7).status == Status(0)
     assert not finger.faults
-    assert last.status == Status(0)
 
 
-def test_a_forced_rest_frame_reports_its_fault_and_is_flagged(finger: Finger) -> None:
+@pytest.mark.parametrize(("calibrated", "k"), [(True, 20), (False, 25)])
+def test_a_forced_rest_frame_is_flagged_and_no_reference_for_an_untouched_tip(
+    frames: list[Frame], calibration: Calibration, calibrated: bool, k: int
+) -> None:
+    finger = Finger(frames, calibration if calibrated else None)
     request = finger.loop.request_tare(force=True)
-    for _ in range(8):
-        state = finger.see(finger.frames[20].image)
+    assert Status.TARE_FAULT in finger.show(*steady(k)).status
     outcome = request.done.result(0)
     assert (outcome.state, outcome.reason) == (FORCED, RestFrameReason.TOUCHED)
-    assert Status.TARE_FAULT in state.status
-    # The forced frame is no reference for an untouched tip.
-    again = finger.loop.request_tare()
-    for _ in range(8):
-        finger.see(finger.frames[7].image)
-    assert again.done.result(0).state is ACCEPTED
-    assert not finger.faults
-
-
-def test_a_forced_one_is_no_reference_without_a_calibration_either(frames: list[Frame]) -> None:
-    finger = Finger(frames, None)
-    finger.loop.request_tare(force=True)
-    for _ in range(8):
-        finger.see(frames[25].image)
     assert FaultCode.TARE_IMPLAUSIBLE in finger.faults
-    request = finger.loop.request_tare()
-    for _ in range(8):
-        finger.see(frames[7].image)
-    assert request.done.result(0).state is ACCEPTED
+    again = finger.loop.request_tare()
+    finger.show(*steady(7))
+    assert again.done.result(0).state is ACCEPTED
+    assert FaultCode.TARE_IMPLAUSIBLE not in finger.faults
 
 
 def test_a_frozen_image_is_no_evidence(finger: Finger) -> None:
     request = finger.loop.request_tare()
     finger.camera.frame_condition = "frozen"
-    for _ in range(20):
-        finger.see(finger.frames[0].image)
+    finger.show(*[0] * 20)
     assert not request.done.done()
     finger.camera.frame_condition = ""
-    for _ in range(8):
-        finger.see(finger.frames[0].image)
+    finger.show(*steady(0))
     assert request.done.result(0).state is ACCEPTED
-
-
-def test_without_images_it_is_refused(finger: Finger) -> None:
-    request = finger.loop.request_tare()
-    finger.camera.condition = "lost"
-    finger.now_ns += 500_000_000
-    finger.loop._keep_alive()
-    assert not request.done.done()  # a short interruption
-    finger.now_ns += 600_000_000
-    finger.loop._keep_alive()
-    outcome = request.done.result(0)
-    assert (outcome.state, outcome.reason) == (REFUSED, RestFrameReason.NO_IMAGES)
-
-
-def test_one_at_a_time(finger: Finger) -> None:
-    first = finger.loop.request_tare()
-    with pytest.raises(TareBusy):
-        finger.loop.request_tare()
-    for k in range(8):
-        finger.see(finger.frames[k].image)
-    assert first.done.done()
-    assert finger.loop.request_tare().number == first.number + 1
-
-
-def test_the_end_of_the_loop_answers_waiting_requests(finger: Finger) -> None:
-    request = finger.loop.request_tare()
-    finger.loop.stop()
-    finger.loop.run()
-    assert request.done.result(0).state is REFUSED
 
 
 def test_a_finger_that_starts_touched_waits_until_it_is_released(
     frames: list[Frame], calibration: Calibration
 ) -> None:
-    finger = Finger([frames[20]] * 8, calibration)
+    finger = Finger([], calibration)
+    finger.loop.measurement.fallbacks = (changed(calibration, serial="before"),)  # no reason to fall back
+    finger.frames = frames
+    finger.show(*steady(20))
     assert finger.faults == {FaultCode.TARE_IMPLAUSIBLE}
     assert finger.loop.pipeline is None
-    for k in range(8):
-        finger.see(frames[k].image)
+    finger.show(*UNTOUCHED)
     assert not finger.faults
     assert finger.loop.pipeline is not None
+    assert finger.loop.calibration is calibration
 
 
 def test_a_first_rest_frame_under_load_is_refused_without_knowing_the_tip() -> None:
@@ -314,10 +272,9 @@ def test_an_upload_while_something_touches_changes_nothing(
     store = CalibrationStore(tmp_path)
     device = LoopDevice(finger.loop, "T-1", store)
     other = changed(calibration, serial="another")
-    true = finger.see(finger.frames[25].image).displacement_mm
+    true = finger.show(25).displacement_mm
     device.upload_calibration(other.encoded)
-    for _ in range(8):
-        state = finger.see(finger.frames[25].image)
+    state = finger.show(*steady(25))
     assert device.rest_frame()["rest_frame_state"] == REFUSED
     assert device.rest_frame()["rest_frame_reason"] == RestFrameReason.TOUCHED
     assert device.describe()["calibration_id"] == f"{calibration.content_id:08x}"
@@ -326,41 +283,31 @@ def test_an_upload_while_something_touches_changes_nothing(
     device.upload_calibration(other.encoded)
     with pytest.raises(RequestRefused, match="already"):
         device.upload_calibration(other.encoded)
-    for k in range(8):
-        finger.see(finger.frames[k].image)
+    finger.show(*UNTOUCHED)
     assert device.rest_frame()["rest_frame_state"] == ACCEPTED
     assert device.describe()["calibration_id"] == f"{other.content_id:08x}"
     assert store.path.read_bytes() == other.encoded
 
 
-def test_another_tips_calibration_leaves_the_one_in_use(
+def test_another_tips_calibration_or_one_that_cannot_be_stored_leaves_the_one_in_use(
     finger: Finger, data_dir: Path, calibration: Calibration, tmp_path: Path
 ) -> None:
     foreign = Calibration.load(data_dir / "hex127_flat.json")
-    device = LoopDevice(finger.loop, "T-1", CalibrationStore(tmp_path))
+    there, gone = (LoopDevice(finger.loop, "T-1", CalibrationStore(tmp_path / name)) for name in ("", "gone"))
     with pytest.raises(CalibrationError, match="made at 280x210, the camera gives 320x320"):
-        device.upload_calibration(foreign.encoded)
-    device.upload_calibration(changed(foreign, size_px=[320, 320]).encoded)  # another tip of this camera
-    for k in range(8):
-        finger.see(finger.frames[k].image)
-    assert device.rest_frame()["rest_frame_reason"] == RestFrameReason.OTHER_TIP
-    assert not list(tmp_path.iterdir())
-    assert device.describe()["calibration_id"] == f"{calibration.content_id:08x}"
-    state = finger.see(finger.frames[25].image)
+        there.upload_calibration(foreign.encoded)
+    for device, upload, reason in (
+        (there, changed(foreign, size_px=[320, 320]), RestFrameReason.OTHER_TIP),
+        (gone, changed(calibration, serial="another"), RestFrameReason.NOT_STORED),
+    ):
+        device.upload_calibration(upload.encoded)
+        finger.show(*UNTOUCHED)
+        assert device.rest_frame()["rest_frame_reason"] == reason
+        assert not list(tmp_path.iterdir())
+        assert device.describe()["calibration_id"] == f"{calibration.content_id:08x}"
+    state = finger.show(25)
     assert state.displacement_mm == pytest.approx(3.0, abs=0.3)
     assert Status.UNCALIBRATED not in state.status
-
-
-def test_an_upload_that_cannot_be_stored_changes_nothing(
-    finger: Finger, calibration: Calibration, tmp_path: Path
-) -> None:
-    store = CalibrationStore(tmp_path / "gone")
-    device = LoopDevice(finger.loop, "T-1", store)
-    device.upload_calibration(changed(calibration, serial="another").encoded)
-    for k in range(8):
-        finger.see(finger.frames[k].image)
-    assert device.rest_frame()["rest_frame_reason"] == RestFrameReason.NOT_STORED
-    assert device.describe()["calibration_id"] == f"{calibration.content_id:08x}"
 
 
 def test_start_up_falls_back_to_the_last_good_file(calibration: Calibration, tmp_path: Path) -> None:
@@ -388,63 +335,50 @@ def test_a_start_with_another_tips_file_falls_back_to_the_one_before(
     foreign = changed(calibration, rest_xy_px=calibration.content.sensor.rest_xy_px[:280])
     finger = Finger([], foreign)
     finger.loop.measurement.fallbacks = (foreign, calibration)
-    for k in range(8):
-        finger.see(frames[k].image)
+    finger.frames = frames
+    finger.show(*UNTOUCHED)
     assert finger.loop.calibration is calibration
     assert finger.loop.tare_outcome.state is RestFrameState.UNKNOWN  # nobody asked
     assert not finger.faults
     assert f"using the calibration stored before, {calibration.content_id:08x}" in caplog.text
-    assert finger.see(frames[25].image).displacement_mm == pytest.approx(3.0, abs=0.3)
+    assert finger.show(25).displacement_mm == pytest.approx(3.0, abs=0.3)
 
 
-def test_a_touch_at_the_start_is_no_reason_to_fall_back(
+def test_a_calibration_with_few_of_the_pins_is_another_tips_and_reported_once(
     frames: list[Frame], calibration: Calibration
 ) -> None:
-    finger = Finger([], calibration)
-    finger.loop.measurement.fallbacks = (changed(calibration, serial="before"),)
-    for _ in range(8):
-        finger.see(frames[20].image)
-    assert finger.loop.pipeline is None
-    for k in range(8):
-        finger.see(frames[k].image)
-    assert finger.loop.calibration is calibration
-
-
-def test_a_foreign_calibration_is_reported_once_until_a_rest_frame_is_accepted(
-    frames: list[Frame], calibration: Calibration
-) -> None:
-    """Whatever else the images show meanwhile."""
+    """Whatever else the images show, until a rest frame is accepted."""
     foreign = changed(calibration, rest_xy_px=calibration.content.sensor.rest_xy_px[:280])
+    with pytest.raises(TareRefused, match=r"has 280 pins, the camera sees 331|another tip") as refused:
+        take_rest_frame(images(frames, 0), calibration=foreign)
+    assert refused.value.reason is RestFrameReason.OTHER_TIP
     finger = Finger(frames, foreign)
     for shown in ([frames[20].image] * 8, [np.zeros((320, 320), np.uint8)] * 8, images(frames, 0)) * 2:
-        for image in shown:
-            finger.see(image)
+        states = [finger.see(image) for image in shown]
         assert FaultCode.CALIBRATION_FOREIGN in finger.faults
+        assert Status.UNCALIBRATED in states[-1].status
     assert finger.registry.appeared[FaultCode.CALIBRATION_FOREIGN] == 1
 
 
 # ---- a loop that goes on meanwhile ------------------------------------------------------------------------
 
 
-def test_on_a_mostly_touched_recording_no_wrong_tare_is_accepted(
-    frames: list[Frame], calibration: Calibration
-) -> None:
+def test_on_a_mostly_touched_recording_no_wrong_tare_is_accepted(finger: Finger) -> None:
     """Requested at any time: an accepted rest frame gives the same depth, all others are refused."""
-    finger = Finger(frames, calibration)
 
     def depth_mm() -> float:
         assert finger.loop.pipeline is not None
         finger.loop.pipeline.forget()
-        return finger.see(frames[25].image).displacement_mm
+        return finger.show(25).displacement_mm
 
     true = depth_mm()
     outcomes = set()
-    for start in range(0, len(frames), 4):
+    for start in range(0, len(finger.frames), 4):
         request = finger.loop.request_tare()
-        k = start
-        while not request.done.done():
-            finger.see(frames[k % len(frames)].image)
-            k += 1
+        for k in count(start):
+            if request.done.done():
+                break
+            finger.show(k % len(finger.frames))
         outcomes.add(request.done.result(0).state)
         assert depth_mm() == pytest.approx(true, abs=0.03)
     assert outcomes == {ACCEPTED, REFUSED}

@@ -41,9 +41,13 @@ def test_another_tip_of_the_same_image_size_is_refused(hexagonal: Rest, other: T
         in_order_of(tip_of(hexagonal), rest_of(other))
 
 
-def test_another_image_size_is_refused(hexagonal: Rest) -> None:
+def test_another_image_size_or_pins_that_moved_together_are_refused(hexagonal: Rest) -> None:
     with pytest.raises(CalibrationError, match="made at 240x240, the images are 320x240"):
         in_order_of(tip_of(hexagonal), rest_of(Tip(127, "hex"), size=(320, 240)))
+    by_px = np.array([0.55 * hexagonal.pattern.pitch_px, 0.0])
+    moved = replace(hexagonal, pins=replace(hexagonal.pins, xy_img=hexagonal.xy_img + by_px))
+    with pytest.raises(CalibrationError, match=r"pins are \d+\.\d px from where|another tip"):
+        in_order_of(tip_of(hexagonal), moved)
 
 
 @pytest.mark.parametrize("known_n", [20, 60, 110])
@@ -60,10 +64,3 @@ def test_a_rest_frame_that_misses_a_few_pins_is_accepted(hexagonal: Rest) -> Non
     own = in_order_of(tip_of(hexagonal), fewer)
     assert len(own) == 127
     np.testing.assert_allclose(own.xy_img, hexagonal.xy_img, atol=0.01)
-
-
-def test_pins_that_moved_together_are_refused(hexagonal: Rest) -> None:
-    shift = 0.55 * hexagonal.pattern.pitch_px
-    moved = replace(hexagonal, pins=replace(hexagonal.pins, xy_img=hexagonal.xy_img + np.array([shift, 0.0])))
-    with pytest.raises(CalibrationError, match=r"pins are \d+\.\d px from where|another tip"):
-        in_order_of(tip_of(hexagonal), moved)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 from edge.runtime.calibration_store import CalibrationStore
-from tests.support.waiting import SOON_S
+from tests.support.processes import python
 
 #: Killed, like by a loss of power, when the new content is on the disk and the name does not point to it yet.
 CUT_OFF = """
@@ -35,8 +33,7 @@ def test_only_leftovers_of_interrupted_uploads_are_removed(tmp_path: Path) -> No
     (tmp_path / ".calibration.afolder_.part.json").mkdir()
     (tmp_path / ".calibration.linked__.part.json").symlink_to(calibration)
     kept = sorted(tmp_path.iterdir())
-    done = subprocess.run([sys.executable, "-c", CUT_OFF, str(calibration)], check=False, timeout=SOON_S)
-    assert done.returncode == -signal.SIGKILL
+    assert python("-c", CUT_OFF, calibration).returncode == -signal.SIGKILL
     assert len(list(tmp_path.iterdir())) == len(kept) + 1
     CalibrationStore(tmp_path).clear_leftovers()
     assert sorted(tmp_path.iterdir()) == kept

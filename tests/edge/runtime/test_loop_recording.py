@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from mcap.reader import make_reader
 
 from edge.calibration import Calibration
 from edge.link.sinks import open_sink
-from edge.recording import Recorder, RecordingSource, read_messages
+from edge.recording import Recorder, read_messages
 from edge.recording.frame_recorder import FrameRecorder
 from edge.recording.topics import proto
 from edge.runtime.loop import Loop
@@ -130,21 +129,3 @@ def test_cells_are_shaded_at_a_viewer_s_rate(recorded: tuple[Path, list[Sample]]
     assert strongest.fill_color.b < 0.3
     xs = [point.x for point in strongest.points]
     assert abs(sum(xs) / len(xs) - 183) < 25  # where the simulator pressed
-
-
-def test_a_truncated_file_yields_all_complete_chunks(
-    recorded: tuple[Path, list[Sample]], tmp_path: Path
-) -> None:
-    path, _ = recorded
-    whole = list(RecordingSource(path))
-    short = tmp_path / "short.mcap"
-    shutil.copy(path, short)
-    with short.open("r+b") as file:
-        file.truncate(path.stat().st_size * 2 // 3)
-    source = RecordingSource(short)
-    left = list(source)
-    assert source.truncated
-    assert source.frames_n == 0  # no index
-    assert 0 < len(left) < len(whole)
-    assert [f.sequence for f in left] == [f.sequence for f in whole[: len(left)]]
-    assert RecordingSource(path).frames_n == 26

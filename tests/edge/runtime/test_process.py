@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 
 import pytest
 
-from tests.support.waiting import SOON_S
+from tests.support.processes import python
 
 PROGRAM = """
 import atexit, sys, threading
@@ -57,35 +55,22 @@ print(full_mb - held_mb, held_mb - resident_mb())
     ],
 )
 def test_exit_status_and_last_output(end: str, status: int, output: str) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM.format(end=end, work="threading.Event().wait")],
-        capture_output=True,
-        text=True,
-        timeout=SOON_S,
-        check=False,
-    )
+    done = python("-c", PROGRAM.format(end=end, work="threading.Event().wait"))
     assert (done.returncode, done.stdout, done.stderr) == (status, "last words", output)
 
 
 def test_an_exception_is_not_hidden() -> None:
-    program = PROGRAM.format(end="raise ValueError('broken')", work="list")
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=SOON_S, check=False
-    )
+    done = python("-c", PROGRAM.format(end="raise ValueError('broken')", work="list"))
     assert done.returncode == 1
     assert done.stderr.startswith("Traceback")
 
 
 def test_numeric_libraries_have_one_thread() -> None:
     variables = {k: v for k, v in os.environ.items() if not k.endswith(("_NUM_THREADS", "_THREADS_NUM"))}
-    done = subprocess.run(
-        [sys.executable, "-c", THREADS], env=variables, capture_output=True, text=True, check=True
-    )
-    assert done.stdout == "1\n"
+    assert python("-c", THREADS, env=variables).stdout == "1\n"
 
 
 def test_freed_memory_is_kept_until_it_is_given_back() -> None:
-    done = subprocess.run([sys.executable, "-c", MEMORY], capture_output=True, text=True, check=True)
-    at_once_mb, given_back_mb = map(float, done.stdout.split())
+    at_once_mb, given_back_mb = map(float, python("-c", MEMORY).stdout.split())
     assert at_once_mb < 10.0
     assert given_back_mb > 50.0

@@ -11,6 +11,7 @@ import sys
 import threading
 import urllib.request
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -30,25 +31,22 @@ from edge.worker.shared_memory import Inbox, Outbox, pair
 from hostlink.interrupt import ENDING
 from hostlink.wire import FaultCode
 from tests.support.finger import Finger
+from tests.support.processes import python
 from tests.support.viewing import Live
 from tests.support.waiting import SOON_S, size_of
 
 # ---- the channel ----------------------------------------------------------------------------------------
 
 
-class Both:
-    """Both ends in one process."""
-
-    def __init__(self, size_bytes: int) -> None:
-        self.outbox = Outbox(size_bytes)
-        self.inbox = Inbox(self.outbox.far_end.dup(), os.dup(self.outbox.fd))
-        self.outbox.far_end.close()
-
-    def __enter__(self) -> Both:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.outbox.close()
+@contextmanager
+def both_ends(size_bytes: int = 4096) -> Iterator[tuple[Outbox, Inbox]]:
+    """Both ends of a channel, in one process."""
+    outbox = Outbox(size_bytes)
+    inbox = Inbox(outbox.far_end.dup(), os.dup(outbox.fd))
+    outbox.far_end.close()
+    yield outbox, inbox
+    with suppress(OSError):  # a test may have closed it
+        outbox.close()
 
 
 @settings(max_examples=60)
@@ -56,19 +54,19 @@ class Both:
 def test_messages_arrive_in_order_and_complete(data: st.DataObject) -> None:
     """For any sizes and any lag of the reader."""
     sizes = st.lists(st.integers(0, 1500), max_size=3)
-    with Both(4096) as both:
+    with both_ends() as (outbox, inbox):
         under_way: list[tuple[int, list[np.ndarray]]] = []
         for n in range(data.draw(st.integers(1, 60))):
             arrays = [np.full(size, (n + k) % 251, np.uint8) for k, size in enumerate(data.draw(sizes))]
-            if both.outbox.put((n, arrays)):
+            if outbox.put((n, arrays)):
                 under_way.append((n, arrays))
             else:
                 assert under_way or sum(a.nbytes for a in arrays) > 3000, "there was room"
             for _ in range(data.draw(st.integers(0, 2))):
                 if under_way:
-                    compare(both.inbox.get(), under_way.pop(0))
+                    compare(inbox.get(), under_way.pop(0))
         while under_way:
-            compare(both.inbox.get(), under_way.pop(0))
+            compare(inbox.get(), under_way.pop(0))
 
 
 def compare(got: Any, put: tuple[int, list[np.ndarray]]) -> None:
@@ -78,43 +76,36 @@ def compare(got: Any, put: tuple[int, list[np.ndarray]]) -> None:
 
 
 def test_a_full_channel_refuses_and_recovers() -> None:
-    with Both(4096) as both:
+    with both_ends() as (outbox, inbox):
         put_n = 0
-        while both.outbox.put(np.zeros(1000, np.uint8)):
+        while outbox.put(np.zeros(1000, np.uint8)):
             put_n += 1
         assert put_n == 3
-        both.inbox.get()
-        assert both.outbox.put(np.zeros(1000, np.uint8))
-        assert not both.outbox.put(np.zeros(1000, np.uint8))
-        assert not both.outbox.put(np.zeros(5000, np.uint8)), "larger than the memory"
+        inbox.get()
+        assert outbox.put(np.zeros(1000, np.uint8))
+        assert not outbox.put(np.zeros(1000, np.uint8))
+        assert not outbox.put(np.zeros(5000, np.uint8)), "larger than the memory"
 
 
-def test_messages_sent_before_the_end_are_received() -> None:
-    both = Both(4096)
-    both.outbox.put(np.arange(100))
-    both.outbox.put("last")
-    both.outbox.close()
-    np.testing.assert_array_equal(both.inbox.get(), np.arange(100))
-    assert both.inbox.get() == "last"
-    assert both.inbox.get() is None
-
-
-def test_messages_are_received_although_answers_were_not_read() -> None:
+@pytest.mark.parametrize("read_before_n", [0, 1])
+def test_messages_sent_before_the_end_are_received(read_before_n: int) -> None:
     """A side that closes with answers unread is reported as reset; what it sent must not be lost for that."""
-    both = Both(4096)
-    for n in range(3):
-        assert both.outbox.put((n, np.arange(10)))
-    assert both.inbox.get()[0] == 0
-    both.outbox.close()
-    assert [both.inbox.get()[0] for _ in range(2)] == [1, 2]
-    assert both.inbox.get() is None
+    with both_ends() as (outbox, inbox):
+        messages = [(n, [np.full(100, n, np.uint8)]) for n in range(3)]
+        for message in messages:
+            assert outbox.put(message)
+        for n, message in enumerate(messages):
+            if n == read_before_n:
+                outbox.close()
+            compare(inbox.get(), message)
+        assert inbox.get() is None
 
 
-def test_a_closed_stdout_is_no_error() -> None:
-    with Both(4096) as both:
-        both.inbox._socket.close()
-        assert not both.outbox.put(np.zeros(10))
-        assert not both.outbox.put("words")
+def test_a_reader_that_is_gone_is_no_error() -> None:
+    with both_ends() as (outbox, inbox):
+        inbox._socket.close()
+        assert not outbox.put(np.zeros(10))
+        assert not outbox.put("words")
 
 
 # ---- a process that dies or hangs -----------------------------------------------------------------------
@@ -137,6 +128,8 @@ def test_after_the_worker_s_death_the_page_is_served_again(live: Live) -> None:
     live.until(lambda: size_of(path) > 3_000_000, "some chunks")
     page, process = get(live.url), live.worker.process
     assert process is not None
+    mine = os.getpriority(os.PRIO_PROCESS, 0)  # the worker's priority is lower than the loop's
+    assert os.getpriority(os.PRIO_PROCESS, process.pid) >= max(5, mine)
     process.kill()
     live.until(lambda: live.worker.recording.fault, "it is noticed")
     assert "process ended" in live.loop.session.trouble()
@@ -152,6 +145,7 @@ def test_after_the_worker_s_death_the_page_is_served_again(live: Live) -> None:
 def test_a_blocked_recorder_is_a_slow_disk_and_the_gap_is_recorded(live: Live) -> None:
     process = live.worker.process
     assert process is not None
+    live.loop.faults.report(FaultCode.OVER_TEMPERATURE, True, "too warm for a test")
     process.send_signal(signal.SIGSTOP)
     try:
         live.until(lambda: live.worker.recording.dropped_n, "the memory is full")
@@ -164,8 +158,9 @@ def test_a_blocked_recorder_is_a_slow_disk_and_the_gap_is_recorded(live: Live) -
     live.worker.close()
     assert live.worker.recording.dropped_n == lost_n
     path = live.recordings / "all.mcap"
-    warnings = [m.message for _, _, m in read_messages(path, ["/events"]) if "dropped" in m.message]
-    assert sum(int(text.split()[0]) for text in warnings) == lost_n
+    events = [m.message for _, _, m in read_messages(path, ["/events"])]
+    assert any("OVER_TEMPERATURE on: too warm for a test" in text for text in events)
+    assert sum(int(text.split()[0]) for text in events if "dropped" in text) == lost_n
     sequences = [frame.sequence for frame in RecordingSource(path)]
     gaps = [b - a - 1 for a, b in pairwise(sequences) if b > a + 1]
     assert sum(gaps) >= lost_n
@@ -213,19 +208,6 @@ def test_the_worker_ends_with_the_loop_and_completes_its_file(
         get(url[0])
 
 
-def test_faults_are_lines_of_the_recording(live: Live) -> None:
-    live.loop.faults.report(FaultCode.OVER_TEMPERATURE, True, "too warm for a test")
-    live.worker.close()
-    texts = [m.message for _, _, m in read_messages(live.recordings / "all.mcap", ["/events"])]
-    assert any("OVER_TEMPERATURE on: too warm for a test" in text for text in texts)
-
-
-def test_the_worker_has_lower_priority_than_the_loop(live: Live) -> None:
-    process = live.worker.process
-    assert process is not None
-    assert os.getpriority(os.PRIO_PROCESS, process.pid) >= max(5, os.getpriority(os.PRIO_PROCESS, 0))
-
-
 def test_the_worker_leaves_real_time_and_the_loop_s_core_to_the_loop() -> None:
     """As under deploy/realtime.conf; skipped if that is not permitted."""
     code = (
@@ -241,7 +223,7 @@ def test_the_worker_leaves_real_time_and_the_loop_s_core_to_the_loop() -> None:
         "assert mine not in os.sched_getaffinity(0)\n"
         "assert os.getpriority(os.PRIO_PROCESS, 0) >= 5\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = python("-c", code)
     if done.returncode == 77:
         pytest.skip("needs the right to real-time scheduling, and two processors")
     assert done.returncode == 0, done.stderr
