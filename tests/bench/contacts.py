@@ -41,8 +41,6 @@ from tests.bench.flat_gel import RADIUS_MM, FlatGel
 from tests.bench.half_space import Ball, Bar, own_depths_mm
 from tests.bench.output import show, text_of, write_json, writes_results
 
-__all__ = ["SCENES", "Scene", "SecondTip", "measure", "read"]
-
 TARE_N = 8
 STEP_MM = 0.5
 REACH_MM = 0.6 * RADIUS_MM  # of places from the axis: further out half of a contact has no pins

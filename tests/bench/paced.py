@@ -29,9 +29,6 @@ import numpy as np
 from tests.bench.frames import calibration_of, scene, there_and_back
 from tests.bench.output import ROOT, show
 
-__all__ = ["command", "run_child"]
-
-
 #: Keys of a report that are shown.
 SHOWN = (
     "frames_offered", "dropped_at_tare", "dropped_after", "frames_accepted", "samples_sent",
